@@ -16,16 +16,15 @@ from matplotlib.ticker import MaxNLocator
 from gateway.domain.figures import Evaluation
 from gateway.domain.proposals import TableChange
 from gateway.domain.values import FloatArray
+from gateway.report.drawings.ruler import FAINT, INK, QUIET, Ruler
 from gateway.report.material import AxisMaterial
 from gateway.tooth import AxisOutlook
 
-INK = "#22282e"
-QUIET = "#6d757d"
 RULE = "#b4babf"
-FAINT = "#e4e7e9"
 OLD = "#8a9299"
 NEW = "#1f4e79"
 REVERSE = "#5f86ab"
+LABEL_AT = 27.0  # points left of both panels of a table
 SIGN = {"um": "µm", "arcsec": "arcsec"}
 
 
@@ -90,15 +89,13 @@ def plain_name(text: str) -> str:
     return "".join(letter if " " <= letter <= "~" or letter in "µ°" else "?" for letter in text)
 
 
-def calm(panel: Axes, *, zero: bool = True) -> None:
-    """Faint grid, no frame above and to the right, a line at zero deviation."""
-    panel.grid(True, color=FAINT, lw=0.5)
-    panel.set_axisbelow(True)
+def calm(panel: Axes, *, zero: bool = True, grid: str = "xy") -> Ruler:
+    """Faint grid, no frame above and to the right, a line at zero deviation; what draws the ticks is returned."""
     if zero:
         panel.axhline(0.0, color=RULE, lw=0.8, zorder=1)
     panel.spines[["top", "right"]].set_visible(False)
-    panel.tick_params(length=2.5, width=0.6, pad=2, labelsize=8)
     panel.margins(x=0.02)
+    return Ruler(panel, grid)
 
 
 def _legend() -> dict[str, Any]:
@@ -119,7 +116,7 @@ def table_change(figure: FigureBase, change: TableChange) -> None:
     figure.subplots_adjust(left=0.075, right=0.99, top=0.9, bottom=0.14, hspace=0.13)
     unit = SIGN[change.new.deviation_unit]
     for panel, label in ((top, f"table  {unit}"), (low, f"change  {unit}")):
-        calm(panel)
+        calm(panel).label_at = LABEL_AT
         panel.set_ylabel(label)
     points = change.new.positions
     old = np.asarray(change.old.deviations, dtype=np.float64)
@@ -132,7 +129,6 @@ def table_change(figure: FigureBase, change: TableChange) -> None:
     low.fill_between(points, difference, color=NEW, alpha=0.25, lw=0)
     low.plot(points, difference, color=NEW, lw=0.9)
     low.set_xlabel(f"{plain_name(change.new.input_axis)}  {change.new.input_unit}", labelpad=2)
-    figure.align_ylabels([top, low])
 
 
 def prediction(figure: FigureBase, axis: AxisMaterial, change: TableChange) -> None:

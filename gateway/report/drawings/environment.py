@@ -7,8 +7,9 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from gateway.domain.values import FloatArray
-from gateway.report.drawings.curves import INK, NEW, OLD, REVERSE, calm
+from gateway.report.drawings.curves import NEW, OLD, REVERSE, calm
 from gateway.report.drawings.plots import svg
+from gateway.report.drawings.ruler import INK
 from gateway.report.material import AmbientCourse
 
 SIZE_MM = (90.0, 34.0)
@@ -27,7 +28,6 @@ def _paint(figure: Figure, course: AmbientCourse) -> None:
     panel = figure.subplots()
     figure.subplots_adjust(left=0.14, right=0.86, top=0.95, bottom=0.28)
     calm(panel, zero=False)
-    panel.tick_params(labelsize=8)
     minutes = (course.time_s - course.time_s[0]) / 60.0
     found: list[tuple[str, FloatArray, str, str]] = [
         ("air", _row([one.air_degc for one in course.ambients]), INK, "--")

@@ -19,7 +19,8 @@ from gateway.domain.values import COVERAGE
 from gateway.model.components import is_periodic, motion_uncertainty, value
 from gateway.model.known import ErrorModel, Unknown
 from gateway.model.preset import MOTION_NAMES
-from gateway.report.drawings.curves import FAINT, INK, NEW, OLD, QUIET, RULE, calm, limits, plain_name
+from gateway.report.drawings.curves import NEW, OLD, RULE, calm, limits, plain_name
+from gateway.report.drawings.ruler import FAINT, INK, QUIET
 from gateway.report.sentences import number, signed
 from gateway.report.tooth.rows import CureRow
 from gateway.report.tooth.why import Tag, meaning
@@ -69,8 +70,8 @@ def motion_names(model: ErrorModel) -> list[str]:
 def _small(panel: Axes, title: str) -> None:
     calm(panel)
     panel.set_title(shown(plain_name(title)), loc="left", fontsize=8, color=INK, pad=3)
-    panel.tick_params(labelsize=8, length=2)
-    panel.xaxis.set_major_locator(MaxNLocator(3))
+    # Two numbers with a sign and three digits are as wide as the panel.
+    panel.xaxis.set_major_locator(MaxNLocator(2))
     panel.yaxis.set_major_locator(MaxNLocator(3))
 
 
@@ -104,8 +105,7 @@ def ranking(figure: Figure, rows: Sequence[CureRow]) -> None:
     used = [one for one in TAGS if any(row.tag == one for row in rows)]
     head = 0.3 if len(used) <= LEGEND_COLUMNS else 0.48
     figure.subplots_adjust(left=0.075, right=0.985, top=1.0 - head / height, bottom=0.42 / height)
-    calm(panel, zero=False)
-    panel.grid(False, axis="y")
+    calm(panel, zero=False, grid="x")
     y = np.arange(len(rows))
     size = np.array([one.mu_star_um for one in rows], dtype=np.float64)
     low = np.array([one.mu_low_um for one in rows], dtype=np.float64)
@@ -113,7 +113,7 @@ def ranking(figure: Figure, rows: Sequence[CureRow]) -> None:
     seen = size > SMALL * float(np.max(size, initial=0.0))
     panel.barh(y, size, color=[TAGS[one.tag] for one in rows], height=0.68)
     panel.hlines(y[seen], low[seen], high[seen], color=INK, lw=1.0)
-    panel.set_yticks(y, [plain_name(one.error) for one in rows], fontsize=8)
+    panel.set_yticks(y, [plain_name(one.error) for one in rows])
     panel.set_ylim(len(rows) - 0.4, -0.6)
     edge = float(np.max(high, initial=0.0)) or 1.0
     panel.set_xlim(0.0, 1.24 * edge)
@@ -174,8 +174,7 @@ def shares(figure: Figure, rows: Sequence[Bar]) -> None:
     panel = figure.subplots(1, 1)
     height = float(figure.get_size_inches()[1])
     figure.subplots_adjust(left=0.19, right=0.985, top=1.0 - 0.06 / height, bottom=0.4 / height)
-    calm(panel, zero=False)
-    panel.grid(False, axis="y")
+    calm(panel, zero=False, grid="x")
     y = np.arange(len(rows))
     panel.barh(y - 0.17, [taken for _, taken, _, _ in rows], height=0.36, color=NEW)
     panel.barh(y + 0.21, [left or 0.0 for _, _, left, _ in rows], height=0.28, color=OLD)
@@ -187,7 +186,7 @@ def shares(figure: Figure, rows: Sequence[Bar]) -> None:
         text += "" if right is None else f"; set right: {signed(right, 1)} %"
         panel.text(end + 0.012 * edge, place, text, va="center", fontsize=8, color=QUIET)
     panel.axvline(0.0, color=RULE, lw=0.8)
-    panel.set_yticks(y, [plain_name(name) for name, *_ in rows], fontsize=8)
+    panel.set_yticks(y, [plain_name(name) for name, *_ in rows])
     panel.invert_yaxis()
     panel.set_xlabel("% of the flank's mean square before: blue what it takes, grey what it leaves", labelpad=2)
 

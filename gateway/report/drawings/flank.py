@@ -17,7 +17,8 @@ from matplotlib.ticker import MaxNLocator
 
 from drivers.terms import shown
 from drivers.types.values import FloatArray
-from gateway.report.drawings.curves import INK, NEW, OLD, QUIET, RULE, calm, limits, plain_name
+from gateway.report.drawings.curves import NEW, OLD, RULE, calm, limits, plain_name
+from gateway.report.drawings.ruler import INK, QUIET, Ruler
 from gateway.report.tooth.flank import FlankState, Traces, top_of, traces
 from gateway.tooth import FlankMap
 
@@ -54,16 +55,15 @@ def unrolled(panel: Axes, flank: FlankMap, top: float) -> None:
     K, T, Z = flank.deviation_um.shape
     values = np.moveaxis(flank.deviation_um, -1, 0).reshape(Z, K * T)
     along = np.arange(K * T + 1) / T - 0.5
-    mesh = panel.pcolormesh(along, edges(flank.z_mm), values, cmap=MAP, norm=norm(top), rasterized=True)
-    mesh.set_edgecolor("face")
+    panel.pcolorfast(along, edges(flank.z_mm), values, cmap=MAP, norm=norm(top))
     panel.set_xlim(-0.5, K - 0.5)
     panel.xaxis.set_major_locator(MaxNLocator(MOST_TICKS, integer=True))
     panel.yaxis.set_major_locator(MaxNLocator(3))
-    panel.tick_params(labelsize=8, length=2.5, width=0.6, pad=2)
+    Ruler(panel, grid="")
     for spine in panel.spines.values():
         spine.set_color(RULE)
-    for k in range(1, K):
-        panel.axvline(k - 0.5, color=QUIET, lw=0.25, alpha=0.6)
+    between = np.arange(1, K) - 0.5
+    panel.vlines(between, 0.0, 1.0, transform=panel.get_xaxis_transform(), color=QUIET, lw=0.25, alpha=0.6)
 
 
 def norm(top: float) -> Normalize:

@@ -13,8 +13,9 @@ from matplotlib.patches import Circle
 
 from drivers.types.values import FloatArray
 from gateway.gear.cycloid import CycloidGear
-from gateway.report.drawings.curves import INK, NEW, QUIET, RULE
+from gateway.report.drawings.curves import NEW, RULE
 from gateway.report.drawings.flank import MAP, edges, norm
+from gateway.report.drawings.ruler import INK, QUIET
 from gateway.report.tooth.flank import FlankState, top_of
 from gateway.tooth import FlankMap
 
@@ -58,11 +59,12 @@ def _gear(panel: Axes, flank: FlankMap, gear: CycloidGear, top: float) -> None:
     panel.fill(*outline, facecolor=BODY, edgecolor=RULE, lw=0.6)
     panel.add_patch(Circle((0.0, 0.0), 0.56, facecolor="white", edgecolor=RULE, lw=0.8))
     out = 1.0 + FOLD * np.linspace(0.06, 1.0, flank.z_mm.size + 1)
-    for x, y, deviation in zip(spaces.x / radius, spaces.y / radius, flank.deviation_um, strict=True):
-        mesh = panel.pcolormesh(
-            x[:, None] * out, y[:, None] * out, deviation, cmap=MAP, norm=norm(top), rasterized=True
-        )
-        mesh.set_edgecolor("face")
+    x, y = outline[:, :, None] * out
+    # One net for all spaces; between two of them a column of it holds no value and is not drawn.
+    gap = ((0, 0), (0, 1), (0, 0))
+    deviation = np.pad(flank.deviation_um, gap, constant_values=np.nan).reshape(-1, flank.z_mm.size)[:-1]
+    mesh = panel.pcolormesh(x, y, deviation, cmap=MAP, norm=norm(top), rasterized=True)
+    mesh.set_edgecolor("face")
     for end in (out[0], out[-1]):
         panel.plot(*_closed(outline * end), color=QUIET, lw=0.5)
 

@@ -10,8 +10,9 @@ from matplotlib.figure import Figure
 from matplotlib.projections.polar import PolarAxes
 
 from gateway.domain.values import FloatArray
-from gateway.report.drawings.curves import INK, NEW, QUIET, REVERSE, RULE, calm
+from gateway.report.drawings.curves import NEW, REVERSE, RULE, calm
 from gateway.report.drawings.plots import png, svg_file
+from gateway.report.drawings.ruler import INK, QUIET
 
 COLOURS = (NEW, REVERSE, INK, QUIET)
 LINES = ("-", "--", "-.", ":")

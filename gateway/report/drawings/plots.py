@@ -15,6 +15,7 @@ from matplotlib.figure import Figure
 from drivers.local.ownfiles import opened
 from gateway.errors import StoreError
 from gateway.report.drawings import curves
+from gateway.report.drawings.ruler import INK, QUIET
 from gateway.report.material import AxisMaterial, ReportMaterial
 
 # One salt makes identical material give identical bytes; text stays text, so the page's own font is used.
@@ -26,12 +27,12 @@ _STYLE: dict[Any, Any] = {
     "font.size": 8.0,
     "axes.linewidth": 0.6,
     "axes.edgecolor": curves.RULE,
-    "axes.labelcolor": curves.INK,
+    "axes.labelcolor": INK,
     "axes.titlesize": 8.0,
-    "xtick.color": curves.QUIET,
-    "ytick.color": curves.QUIET,
-    "xtick.labelcolor": curves.INK,
-    "ytick.labelcolor": curves.INK,
+    "xtick.color": QUIET,
+    "ytick.color": QUIET,
+    "xtick.labelcolor": INK,
+    "ytick.labelcolor": INK,
     "path.simplify": True,
 }
 _STAMP: dict[str, Any] = {

@@ -15,8 +15,9 @@ from matplotlib.ticker import MaxNLocator
 from gateway.domain.captures import Capture
 from gateway.domain.figures import Evaluation
 from gateway.domain.values import FloatArray
-from gateway.report.drawings.curves import INK, NEW, QUIET, REVERSE, calm, limits, mean, plain_name
+from gateway.report.drawings.curves import NEW, REVERSE, calm, limits, mean, plain_name
 from gateway.report.drawings.plots import svg
+from gateway.report.drawings.ruler import INK, QUIET
 
 SIZE_MM = (88.0, 43.0)
 SMALLEST_PT = 8.0
@@ -35,7 +36,6 @@ def paint(figure: Figure, capture: Capture | None, found: Evaluation, letter: st
     panel = figure.subplots()
     figure.subplots_adjust(left=0.145, right=1.0 - MARGIN_OF_MARKS, top=0.94, bottom=0.19)
     calm(panel)
-    panel.tick_params(labelsize=SMALLEST_PT)
     order = np.argsort(found.targets, kind="stable")
     x = found.targets[order]
     if capture is not None:

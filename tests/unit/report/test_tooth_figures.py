@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from matplotlib.collections import QuadMesh
 from matplotlib.figure import Figure
+from matplotlib.image import AxesImage
 
 from drivers.types.values import FloatArray
 from gateway.model.preset import TWENTY_ONE
@@ -156,7 +157,8 @@ def test_maps_that_stand_together_have_one_scale_and_zero_in_its_middle() -> Non
     for some in (found, close_up(found)):
         figure = Figure()
         flank_maps(figure, some)
-        meshes = [one for panel in figure.axes for one in panel.collections if isinstance(one, QuadMesh)]
+        maps = [one for panel in figure.axes for one in (*panel.images, *panel.collections)]
+        meshes = [one for one in maps if isinstance(one, AxesImage | QuadMesh)]
         assert len(meshes) == len(some) + 1  # and the scale itself
         largest = max(float(np.max(np.abs(one.map.deviation_um))) for one in some if one.key != "before")
         limits = {(mesh.norm.vmin, mesh.norm.vmax) for mesh in meshes}
