@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -12,8 +12,10 @@ import typer
 
 from drivers import registry
 from drivers.errors import ConfigError, TrueflankError
+from drivers.terms import shown
 from gateway.cli.exits import of_verdicts
 from gateway.cli.show import echo, show_error, show_json, show_table
+from gateway.workflow.files.kindrecords import KindQuestion, MeasuredFile
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,6 +36,7 @@ class EvaluationOptions:
     axis: str = ""
     phase: str = ""
     tolerances: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    plot: Path | None = None
 
     @property
     def recompensates(self) -> bool:
@@ -96,18 +99,23 @@ def evaluate_files(files: list[Path], asked: EvaluationOptions, *, as_json: bool
     if not files:
         raise ConfigError("E-CLI-NO-FILES", "evaluate")
     results, failures = [], []
+    drawn: list[MeasuredFile] = []
     for path in files:
         try:
-            results += _evaluated(path, asked)
+            results += _evaluated(path, asked, drawn)
         except TrueflankError as error:
             failures.append(error)
             results.append({"file": str(path), "error": error.as_record()})
+    if asked.plot is not None and drawn:
+        _draw(tuple(drawn), asked.plot)
     if as_json:
         show_json(results)
     else:
         for result in results:
             if "error" not in result:
                 _show(result)
+        if asked.plot is not None and drawn:
+            echo(f"picture: {asked.plot}")
         for failure in failures:
             show_error(failure, as_json=False)
     said = [one["verdict"] for result in results for one in result.get("verdicts", ())]
@@ -127,17 +135,25 @@ def _refuse_unknown(name: str) -> None:
         raise ConfigError("E-CLI-STANDARD", "--standard", standard=name, known=error.fields["known"]) from error
 
 
-def _evaluated(path: Path, asked: EvaluationOptions) -> list[dict[str, Any]]:
-    """Every set that a file or a run holds."""
+def _draw(files: tuple[MeasuredFile, ...], path: Path) -> None:
+    """All sets on one scale. Raises ModelError (E-KIND-UNIT) for a linear one beside a rotary one, StoreError."""
+    from gateway.report.drawings.kinds import draw
+    from gateway.workflow.files.kinds import evaluate_kind
+
+    draw(evaluate_kind("positioning", files, KindQuestion()), path)
+
+
+def _evaluated(path: Path, asked: EvaluationOptions, drawn: list[MeasuredFile]) -> list[dict[str, Any]]:
+    """Every set that a file or a run holds; what a picture shows of it is added to ``drawn``."""
     from gateway.store import Store
     from gateway.workflow.files.exporting import items
     from gateway.workflow.files.importing import How
 
     found = items(path, How(asked.unit), Store(asked.store), axis=asked.axis, phase=asked.phase)
-    return [_evaluate(item, asked) for item in found]
+    return [_evaluate(item, asked, drawn) for item in found]
 
 
-def _evaluate(item: Any, asked: EvaluationOptions) -> dict[str, Any]:
+def _evaluate(item: Any, asked: EvaluationOptions, drawn: list[MeasuredFile]) -> dict[str, Any]:
     from drivers.types.results import MeasuredSet
     from drivers.units import deviation_unit
     from gateway.evaluate.optics import corrections
@@ -147,6 +163,7 @@ def _evaluate(item: Any, asked: EvaluationOptions) -> dict[str, Any]:
     if not isinstance(measured, MeasuredSet):
         raise ConfigError("E-CLI-KIND", item.label, kind=type(measured).__name__)
     deviations, record = _deviations(measured, asked, path)
+    drawn.append(MeasuredFile(path.name, replace(measured, deviations=deviations)))
     if item.corrections is not None and not asked.recompensates:
         record = item.corrections
     budget, supposed = _budget(measured, asked)
@@ -161,7 +178,7 @@ def _evaluate(item: Any, asked: EvaluationOptions) -> dict[str, Any]:
         **found.values,
         "U": dict(found.U),
         "monte_carlo": {name: _outcome(outcome) for name, outcome in found.trials.items()},
-        "verdicts": [_verdict(item) for item in found.decided(_limits(measured, asked))],
+        "verdicts": [verdict(item) for item in found.decided(_limits(measured, asked))],
         "corrected": list(corrections.told(record)),
         "corrections": [_step(item) for item in record.chain],
         "flags": [*found.flags, *measured.warnings, *item.notes],
@@ -210,7 +227,16 @@ def _outcome(outcome: Any) -> dict[str, Any]:
     return {name: getattr(outcome, name) for name in names}
 
 
-def _verdict(item: Any) -> dict[str, Any]:
+def show_verdicts(verdicts: Sequence[Mapping[str, Any]], unit: str, *, rule: bool = True) -> None:
+    """Each limit with its verdict and reason, then the rule that decided."""
+    for item in verdicts:
+        said = f" ({item['why']})" if item["why"] else ""
+        echo(f"  {item['parameter']} <= {item['limit']:g} {shown(unit)}: {item['verdict'].upper()}{said}")
+    if verdicts and rule:
+        echo(f"  rule: {verdicts[0]['rule']}")
+
+
+def verdict(item: Any) -> dict[str, Any]:
     return {name: getattr(item, name) for name in ("parameter", "value", "U", "limit", "verdict", "why", "rule")}
 
 
@@ -239,11 +265,7 @@ def _show(result: dict[str, Any]) -> None:
     rows = [_row(result, name) for name in asked.parameters]
     show_table(title, ("parameter", "value", "U (k=2)", "95.45 % of repeats", "unit"), rows)
     echo(f"  edition {result['edition']}, formulas {result['certainty']}")
-    for item in result["verdicts"]:
-        said = f" ({item['why']})" if item["why"] else ""
-        echo(f"  {item['parameter']} <= {item['limit']:g} {result['unit']}: {item['verdict'].upper()}{said}")
-    if result["verdicts"]:
-        echo(f"  rule: {result['verdicts'][0]['rule']}")
+    show_verdicts(result["verdicts"], result["unit"])
     for outcome in list(result["monte_carlo"].values())[:1]:
         echo(f"  Monte Carlo: {outcome['trials']} trials, seed {outcome['seed']}")
     for flag in (*result["flags"], *result["corrected"], *result["supposed"]):

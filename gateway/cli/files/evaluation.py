@@ -19,7 +19,7 @@ def evaluate(
     expansion: Annotated[float | None, typer.Option(min=-5, max=100, help="Re-compensate: ppm/K.")] = None,
     material_degc: Annotated[float | None, typer.Option(help="Material, degC: for U, and to re-compensate.")] = None,
     seed: Annotated[int, typer.Option(min=0, help="Seed of the Monte Carlo.")] = 1,
-    axis: Annotated[str, typer.Option(help="Of a run: this axis only; of a kind: the machine axis.")] = "",
+    axis: Annotated[str, typer.Option(help="Of a run: this axis only; of a kind: the machine axis, X.")] = "",
     phase: Annotated[str, typer.Option(help="Of a run: before or after only.")] = "",
     kind: Annotated[
         str,
@@ -49,7 +49,7 @@ def evaluate(
     if standard == "list":
         list_standards(as_json=as_json)
         return
-    if kind != "positioning" or plot is not None:
+    if kind != "positioning":
         from gateway.cli.files.geometry import KindOptions, evaluate_kinds
         from gateway.workflow.files.kindrecords import KindQuestion
 
@@ -62,7 +62,9 @@ def evaluate(
             distance_mm=distance,
             motion=motion,
         )
-        evaluate_kinds(files or [], KindOptions(kind, question, unit, plot, store=store), as_json=as_json)
+        evaluate_kinds(
+            files or [], KindOptions(kind, question, unit, plot, phase, store, limits_of(limit or ())), as_json=as_json
+        )
         return
     asked = EvaluationOptions(
         standard=standard,
@@ -76,5 +78,6 @@ def evaluate(
         axis=axis,
         phase=phase,
         tolerances=tolerances_of(site, standard),
+        plot=plot,
     )
     evaluate_files(files or [], asked, as_json=as_json)

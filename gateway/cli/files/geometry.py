@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
+
+import typer
 
 from drivers import registry
 from drivers.errors import ConfigError
 from drivers.types.results import MeasuredSet
+from gateway.cli.exits import of_verdicts
+from gateway.cli.files.evaluating import show_verdicts, verdict
 from gateway.cli.show import echo, show_json, show_table
 from gateway.workflow.files.kindrecords import KindAnswer, KindQuestion, MeasuredFile
 
@@ -26,43 +30,55 @@ class KindOptions:
     question: KindQuestion
     unit: str = ""
     plot: Path | None = None
+    phase: str = ""
     store: Path = Path("runs")
+    limits: Mapping[str, float] = field(default_factory=dict)
 
 
 def evaluate_kinds(files: Sequence[Path], asked: KindOptions, *, as_json: bool) -> None:
-    """Print the figures of one kind and draw its curves. Raises ConfigError, ModelError, FileFormatError."""
+    """Print the figures of one kind with the verdicts asked for and draw its curves.
+
+    Raises ConfigError, ModelError, FileFormatError, StoreError.
+    """
     from gateway.workflow.files.kinds import evaluate_kind, known_kind
 
     known_kind(asked.kind)
     if not files:
         raise ConfigError("E-CLI-NO-FILES", "evaluate")
-    read = tuple(MeasuredFile(path.name, _measured(path, asked)) for path in files)
+    read = tuple(one for path in files for one in _measured(path, asked))
     answer = evaluate_kind(asked.kind, read, asked.question)
     if asked.plot is not None:
         from gateway.report.drawings.kinds import draw
 
         draw(answer, asked.plot)
+    decided = answer.decided(asked.limits)
     if as_json:
-        show_json(answer.as_data())
-        return
-    _show(answer, [warning for one in read for warning in one.measured.warnings])
-    if asked.plot is not None:
-        echo(f"picture: {asked.plot}")
+        show_json(answer.as_data() | {"verdicts": [verdict(one) for one, _ in decided]})
+    else:
+        _show(answer, [warning for one in read for warning in one.measured.warnings])
+        for place, (one, unit) in enumerate(decided, 1):
+            show_verdicts([verdict(one)], unit, rule=place == len(decided))
+        if asked.plot is not None:
+            echo(f"picture: {asked.plot}")
+    code = of_verdicts([one.verdict for one, _ in decided])
+    if code:
+        raise typer.Exit(code)
 
 
-def _measured(path: Path, asked: KindOptions) -> MeasuredSet:
-    """A file read by its ending, or by the columns that were said once about its like."""
+def _measured(path: Path, asked: KindOptions) -> tuple[MeasuredFile, ...]:
+    """A file read by its ending, or by the columns that were said once about its like; of a run every set asked for."""
     from gateway.store import Store
     from gateway.workflow.files.exporting import items
     from gateway.workflow.files.importing import How
 
     if asked.kind in MIXED and path.suffix.lower() in TABLES:
         found: MeasuredSet = registry.load("csv", "file")(asked.unit, mixed=True).read(path)
-        return found
-    content = [one.content for one in items(path, How(asked.unit), Store(asked.store))]
-    if len(content) != 1 or not isinstance(content[0], MeasuredSet):
-        raise ConfigError("E-CLI-KIND", str(path), kind=", ".join(type(one).__name__ for one in content))
-    return content[0]
+        return (MeasuredFile(path.name, found),)
+    held = items(path, How(asked.unit), Store(asked.store), axis=asked.question.axis, phase=asked.phase)
+    content = [(one.label, one.content) for one in held if isinstance(one.content, MeasuredSet)]
+    if not content:
+        raise ConfigError("E-CLI-KIND", str(path), kind=", ".join(type(one.content).__name__ for one in held))
+    return tuple(MeasuredFile(Path(label).name, measured) for label, measured in content)
 
 
 def _show(answer: KindAnswer, warnings: Sequence[str]) -> None:

@@ -17,7 +17,6 @@ from drivers.types.results import MeasuredSet
 from drivers.types.values import CompensatedFor
 from gateway.domain.captures import Capture, Corrections
 from gateway.store import Maps, RunFolder, Store
-from gateway.store.folder import RUN_FILE
 from gateway.store.rawstream import open_stream
 from gateway.workflow.files.importing import GEAR, MEASURED, Content, How, read_file
 
@@ -36,20 +35,20 @@ class MeasuredItem:
 
 
 def run_of(word: str | Path, store: Store) -> RunFolder | None:
-    """The run meant by a folder or an id; None where the word names a file or nothing."""
+    """The run meant by a folder, an id, its beginning or `latest`; None for a file: a run's name has no ending.
+
+    Raises StoreError (E-STORE-EMPTY, E-STORE-RUN).
+    """
     path = Path(word)
     if path.is_file() or (path.suffix and not path.is_dir()):
         return None
-    if (path / RUN_FILE).is_file() or (store.root / path / RUN_FILE).is_file():
-        return store.open(word)
-    matches = [one for one in store.runs() if one.run_id.startswith(str(word))]
-    return store.open(word) if len(matches) == 1 else None
+    return store.open(str(word))
 
 
 def items(word: str | Path, how: How, store: Store, *, axis: str = "", phase: str = "") -> tuple[MeasuredItem, ...]:
-    """Everything measured that a file or run holds, of one axis and phase if they are said.
+    """Everything measured that a file or run holds, of one axis (its name, or its letter) and phase if they are said.
 
-    Raises ConfigError (E-EXPORT-NOTHING), what `read_file` raises, CorruptRecord.
+    Raises ConfigError (E-EXPORT-NOTHING), what `read_file` raises, StoreError, CorruptRecord.
     """
     folder = run_of(word, store)
     if folder is None:
@@ -66,7 +65,7 @@ def _run_items(folder: RunFolder, axis: str, phase: str) -> Iterator[MeasuredIte
         label = f"{folder.run_id}/{stage}"
         if stage.startswith("capture-"):
             capture = folder.get(stage, Capture)
-            if axis in ("", capture.axis) and stage.endswith(phase):
+            if axis in ("", capture.axis, capture.component[-1:]) and stage.endswith(phase):
                 yield MeasuredItem(label, measured_of(capture, folder), capture.corrections)
         elif stage == MEASURED:
             yield MeasuredItem(label, folder.get(stage, MeasuredSet))

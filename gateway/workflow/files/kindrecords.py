@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Container
+from collections.abc import Container, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -11,6 +11,7 @@ import numpy as np
 from drivers.types.results import MeasuredSet
 from gateway.domain.values import FloatArray
 from gateway.errors import ModelError
+from gateway.evaluate.standards.decision import Decision, decide
 
 MANY = range(1, 33)
 
@@ -69,6 +70,21 @@ class KindAnswer:
     axes: tuple[str, str]
     polar: bool = False
     notes: tuple[str, ...] = ()
+
+    def decided(self, limits: Mapping[str, float]) -> tuple[tuple[Decision, str], ...]:
+        """Verdict and unit of each figure that a limit names: whole, or by its last word, then in every file.
+
+        Raises ModelError (E-EVAL-LIMIT-NAME, E-EVAL-LIMIT).
+        """
+        figures = {one.name: one for one in reversed(self.figures)}
+        found = []
+        for asked, limit in limits.items():
+            named = [one for name, one in reversed(figures.items()) if name == asked or name.endswith(f" {asked}")]
+            if not named:
+                known = ", ".join(one.name for one in self.figures)
+                raise ModelError("E-EVAL-LIMIT-NAME", self.kind, parameter=asked, known=known)
+            found += [(decide(one.name, one.value, one.U, limit), one.unit) for one in named]
+        return tuple(found)
 
     def as_data(self) -> dict[str, Any]:
         """For --json; what is not known is null."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import shutil
 from collections.abc import Callable
 from pathlib import Path
 
@@ -14,6 +15,7 @@ from drivers.errors import TrueflankError
 from gateway.cli import app
 
 RUNNER = CliRunner()
+KEPT = Path(__file__).parents[2] / "golden" / "older" / "runs"
 ARCSEC = math.pi / 648_000.0
 PLACES = tuple(range(0, 401, 50))
 ANGLES = tuple(range(0, 360, 15))
@@ -122,7 +124,6 @@ def test_what_cannot_be_evaluated_is_said(tmp_path: Path) -> None:
     assert refused(plain, "--kind", "squareness") == "E-KIND-FILES"
     assert refused(plain, "--kind", "harmonics") == "E-KIND-UNIT"
     assert refused("--kind", "straightness") == "E-CLI-NO-FILES"
-    assert answer(plain, "--plot", tmp_path / "x.png")["x.csv E"] == pytest.approx(4.0)
 
 
 def test_a_picture_changes_no_figure_and_no_uncertainty(tmp_path: Path) -> None:
@@ -130,8 +131,45 @@ def test_a_picture_changes_no_figure_and_no_uncertainty(tmp_path: Path) -> None:
     made = table(tmp_path / "x.csv", "mm", "um", PLACES, lambda x, way, turn: 0.02 * x + 0.1 * turn)
     plain = RUNNER.invoke(app, ["evaluate", str(made), "--json"], catch_exceptions=False)
     drawn = RUNNER.invoke(app, ["evaluate", str(made), "--plot", str(tmp_path / "x.svg"), "--json"])
+    assert drawn.output == plain.output
+    assert "<svg" in (tmp_path / "x.svg").read_text()
     (alone,) = json.loads(plain.output)
-    U = {one["name"].rpartition(" ")[2]: one["U"] for one in json.loads(drawn.output)["figures"]}
-    assert {name: pytest.approx(value) for name, value in U.items()} == {name: alone["U"][name] for name in U}
-    assert set(U) == {"A", "E", "M", "R", "B"}
-    assert U["M"] > 1.0
+    assert alone["U"]["M"] > 1.0
+    older = RUNNER.invoke(app, ["evaluate", str(made), "--standard", "1997", "--plot", str(tmp_path / "y.png")])
+    assert "ISO 230-2:1997" in older.output
+    assert "picture:" in older.output
+
+
+def test_a_run_is_evaluated_by_its_short_name_axis_and_phase(tmp_path: Path) -> None:
+    """The harmonics of a stored rotary axis are those of its capture, `latest` or by a beginning of the id."""
+    shutil.copytree(KEPT, tmp_path / "runs")
+    here = ("--store", tmp_path / "runs", "--axis", "C1", "--phase")
+    capture = next((tmp_path / "runs").glob("*/capture-C1-before.json"))
+    run = capture.parent.name
+    before = answer(run[:20], *here, "before", "--kind", "harmonics")
+    after = answer(run[:20], *here, "after", "--kind", "harmonics", "--plot", tmp_path / "c.svg")
+    assert before["range"] > 3.0 * after["range"]
+    assert (
+        answer(run[:20], "--store", tmp_path / "runs", "--axis", "C", "--phase", "after", "--kind", "harmonics")
+        == after
+    )
+    (latest,) = (one.name for one in (tmp_path / "runs").glob("*-import-*"))
+    found = RUNNER.invoke(app, ["evaluate", "latest", "--store", str(tmp_path / "runs"), "--json"])
+    assert latest in json.loads(found.output)[0]["file"]
+    assert refused(run[:20], "--store", tmp_path / "runs", "--kind", "harmonics") == "E-KIND-FILES"
+    assert refused("nonsense", *here, "before", "--kind", "harmonics") == "E-STORE-RUN"
+
+
+def test_limits_of_any_kind_are_decided(tmp_path: Path) -> None:
+    made = table(tmp_path / "s.csv", "mm", "um", PLACES, lambda x, way, turn: 3.0 * (x == 200) + 0.1 * turn)
+    kind = ("--kind", "straightness")
+    found = RUNNER.invoke(app, ["evaluate", str(made), *kind, "--limit", "lsq=1"])
+    assert "s.csv lsq <= 1 µm: NOT DECIDABLE (U of s.csv lsq is not known)" in found.output
+    assert found.exit_code == 21
+    both = table(tmp_path / "r.csv", "mm", "um", PLACES, lambda x, way, turn: (6.0 if way == "+" else 0.0) + 0.1 * turn)
+    for limit, code in (("9", 0), ("2", 13)):
+        told = RUNNER.invoke(app, ["evaluate", str(both), "--kind", "reversal", "--limit", f"B={limit}", "--json"])
+        assert told.exit_code == code
+        (one,) = json.loads(told.output)["verdicts"]
+        assert (one["parameter"], one["limit"]) == ("r.csv B", float(limit))
+    assert refused(made, *kind, "--limit", "A=1") == "E-EVAL-LIMIT-NAME"
