@@ -31,7 +31,7 @@ DOORS = {
     "lark": 1,
     "linuxcnc": 1,
     "markupsafe": 3,
-    "matplotlib": 13,
+    "matplotlib": 14,
     "pandas": 1,
     "prometheus_client": 1,
     "pydantic": 24,

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Literal
 
 from drivers.errors import FileFormatError
@@ -37,6 +38,7 @@ NEAR = 0.01
 Reading = Literal["deviation", "position"]
 READINGS: tuple[Reading, ...] = ("deviation", "position")
 MOST_ALONE = 2  # a single column beside the targets is no table of passes
+LEAST_OF_TURN, TURN = 4, 360.0
 ALONE_UNITS = {"um", "nm", "uin", "arcsec", "urad", "mrad"}
 NONE = -1
 
@@ -79,7 +81,8 @@ def layout(sheet: Sheet, unit: str, where: str, *, mixed: bool = False, ways: st
     """``mixed`` lets angles stand over lengths and lengths over angles; ``ways`` of `PASSES` says how passes went.
 
     Raises FileFormatError: E-FILE-CSV-WAYS where passes do not say their way, E-FILE-CSV-UNIT where readings have
-    neither unit nor a value that tells positions from deviations, E-FILE-LINE.
+    neither unit nor a value that tells positions from deviations, E-FILE-CSV-TURN without a unit and with targets
+    round a whole turn, E-FILE-LINE.
     """
     heads = [head_cell(cell) for cell in sheet.heads]
     comma = _comma(sheet)
@@ -94,6 +97,8 @@ def layout(sheet: Sheet, unit: str, where: str, *, mixed: bool = False, ways: st
         raise FileFormatError("E-FILE-CSV-HEADER", where, found=" ".join(sheet.heads)[:80], columns=", ".join(COLUMNS))
     columns, reading, beside = found
     stated = (heads[columns[0]].unit, heads[columns[3]].unit)
+    if not any((*stated, unit)) and _whole_turn(sheet, columns[0], comma=comma):
+        raise _open("E-FILE-CSV-TURN", where, sheet, (columns[0], columns[3]))
     target_unit, reading_unit = _units(stated, reading, unit, sheet.at, where)
     apart = reading == "deviation" and UNITS[reading_unit][0] != TARGET_UNITS[target_unit][0]
     if apart and not mixed:
@@ -112,6 +117,18 @@ def layout(sheet: Sheet, unit: str, where: str, *, mixed: bool = False, ways: st
         beside=beside,
         width=len(heads),
     )
+
+
+def _whole_turn(sheet: Sheet, column: int, *, comma: bool) -> bool:
+    """Whether even steps from the first target to the last, or one more, make 360: mm then is no more than a guess."""
+    found = {decimal(row[column], comma=comma) for _at, row in sheet.rows if column < len(row)}
+    places = sorted(place for place in found if place is not None)
+    if len(places) < LEAST_OF_TURN:
+        return False
+    steps = [after - before for before, after in pairwise(places)]
+    span = places[-1] - places[0]
+    even = max(steps) - min(steps) <= NEAR * max(steps)
+    return even and any(abs(whole - TURN) <= NEAR for whole in (span, span + max(steps)))
 
 
 def _way_of(place: int, runs: Sequence[int], ways: str, sheet: Sheet, where: str) -> tuple[int, int]:

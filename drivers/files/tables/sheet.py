@@ -149,7 +149,7 @@ def _merged(upper: Row, lower: Sequence[str]) -> Row:
 def _rows(
     lines: Sequence[tuple[int, str]], separator: str, heading: tuple[Row, int], understands: Understands, where: str
 ) -> tuple[tuple[tuple[int, Row], ...], tuple[str, ...]]:
-    """Rows of readings, and a note of what stands below them. Raises FileFormatError (E-FILE-LINE)."""
+    """Rows of readings, and a note of what stands below them. Raises FileFormatError (E-FILE-CSV-SECOND)."""
     heads, column = heading
     rows: list[tuple[int, Row]] = []
     aside: list[int] = []
@@ -165,9 +165,7 @@ def _rows(
         first = next((cell for cell in row if cell), "")
         if rows and not known and (below or is_statistic(first)):
             if understands(_trimmed(list(row))) is not None or tuple(row) == heads:
-                raise FileFormatError(
-                    "E-FILE-LINE", where, line=at, why="a second table begins here: keep each in a file of its own"
-                )
+                raise FileFormatError("E-FILE-CSV-SECOND", where, line=at)
             aside.append(at)
             continue
         rows.append((at, tuple(row)))

@@ -62,10 +62,16 @@ def evaluate(
             distance_mm=distance,
             motion=motion,
         )
-        evaluate_kinds(
-            files or [], KindOptions(kind, question, unit, plot, phase, store, limits_of(limit or ())), as_json=as_json
+        options = KindOptions(
+            kind=kind,
+            question=question,
+            unit=unit,
+            plot=plot,
+            phase=phase,
+            store=store,
+            limits=limits_of(limit or ()),
         )
-        return
+        raise typer.Exit(evaluate_kinds(files or [], options, as_json=as_json))
     asked = EvaluationOptions(
         standard=standard,
         unit=unit,

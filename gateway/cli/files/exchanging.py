@@ -15,6 +15,7 @@ from drivers.units import AxisUnit
 from gateway.cli.files.tables import table_data, table_format, write_text
 from gateway.cli.show import echo, show_json
 
+ROUNDED = 1e-3  # um or arcsec: less is no rounding that anybody would see
 TABLES, ERRORS, OWN = "table-exchange", "error-exchange", "tables"
 WORDS = {TABLES: "compensation tables", ERRORS: "errors of a machine"}
 
@@ -57,7 +58,7 @@ def exchange(wish: ExchangeOptions, measured: CompensationTable | None, *, as_js
             "E-EXCHANGE-KIND", str(wish.source), source=wish.source.name, found=WORDS[found], to=wish.to,
             wanted=WORDS[role],
         )  # fmt: skip
-    text, rows, largest = _errors(wish, content) if isinstance(content, ErrorSet) else _tables(wish, content)
+    text, rows, largest = _errors(wish, content) if isinstance(content, ErrorSet) else _tables(wish, content, wish.form)
     write_text(wish.output, text, force=wish.force)
     if as_json:
         show_json({"file": str(wish.output), "format": wish.to, "rows": rows, "rounding": largest})
@@ -66,7 +67,19 @@ def exchange(wish: ExchangeOptions, measured: CompensationTable | None, *, as_js
         "µm or arcsec" if isinstance(content, ErrorSet) else {"um": "µm", "arcsec": "arcsec"}[content[0].deviation_unit]
     )
     echo(f"{wish.output}: {wish.to}, {rows} points; read back, the largest difference is {largest:.4f} {unit}")
+    if not isinstance(content, ErrorSet) and largest > ROUNDED:
+        _finer(wish, content, largest, unit)
     echo("the comments of the file say unit and sign; next: prove the sign on the machine before you use the file")
+
+
+def _finer(wish: ExchangeOptions, tables: Sequence[CompensationTable], largest: float, unit: str) -> None:
+    """Say that the difference is the rounding of the form, and which form of the same format keeps more."""
+    forms = registry.load(wish.to, TABLES)().forms
+    others = [(one, _tables(wish, tables, one)[2]) for one in forms if one != (wish.form or forms[0])]
+    echo(f"  {wish.to} rounds the values so in its form {wish.form or forms[0]}")
+    for form, left in others:
+        if left < largest:
+            echo(f"  with --form {form} it would be {left:.4f} {unit}; ask whether the control's version reads it")
 
 
 def _role(name: str) -> str:
@@ -120,10 +133,10 @@ def _comments(wish: ExchangeOptions) -> list[str]:
     return [f"made by trueflank from {wish.source.name}"]
 
 
-def _tables(wish: ExchangeOptions, tables: Sequence[CompensationTable]) -> tuple[str, int, float]:
-    """Text, count of points and the largest difference after reading back, um or arcsec."""
+def _tables(wish: ExchangeOptions, tables: Sequence[CompensationTable], form: str) -> tuple[str, int, float]:
+    """Text, count of points and the largest difference after reading back, um or arcsec; form "" is the usual one."""
     driver = registry.load(wish.to, TABLES)()
-    form = wish.form or driver.forms[0]
+    form = form or driver.forms[0]
     if form not in driver.forms:
         known = ", ".join(driver.forms)
         raise ConfigError("E-EXCHANGE-FORM", "--form", name=wish.to, form=form, known=known)

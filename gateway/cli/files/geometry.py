@@ -6,8 +6,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-import typer
-
 from drivers import registry
 from drivers.errors import ConfigError
 from drivers.types.results import MeasuredSet
@@ -35,8 +33,8 @@ class KindOptions:
     limits: Mapping[str, float] = field(default_factory=dict)
 
 
-def evaluate_kinds(files: Sequence[Path], asked: KindOptions, *, as_json: bool) -> None:
-    """Print the figures of one kind with the verdicts asked for and draw its curves.
+def evaluate_kinds(files: Sequence[Path], asked: KindOptions, *, as_json: bool) -> int:
+    """Print the figures of one kind with the verdicts asked for and draw its curves; the exit code of the verdicts.
 
     Raises ConfigError, ModelError, FileFormatError, StoreError.
     """
@@ -60,9 +58,7 @@ def evaluate_kinds(files: Sequence[Path], asked: KindOptions, *, as_json: bool) 
             show_verdicts([verdict(one)], unit, rule=place == len(decided))
         if asked.plot is not None:
             echo(f"picture: {asked.plot}")
-    code = of_verdicts([one.verdict for one, _ in decided])
-    if code:
-        raise typer.Exit(code)
+    return of_verdicts([one.verdict for one, _ in decided])
 
 
 def _measured(path: Path, asked: KindOptions) -> tuple[MeasuredFile, ...]:

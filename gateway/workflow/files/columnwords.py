@@ -12,6 +12,7 @@ ASKS = {
     "E-FILE-CSV-WAYS": "E-IMPORT-WAYS",
     "E-FILE-CSV-RUNS": "E-IMPORT-RUNS",
     "E-FILE-CSV-UNIT": "E-IMPORT-READINGS",
+    "E-FILE-CSV-TURN": "E-IMPORT-TURN",
 }
 WORDS: dict[str, str | bool] = {"tab": "\t", "semicolon": ";", "comma": ",", "blank": ""}
 WORDS |= {"yes": True, "true": True, "no": False, "false": False}

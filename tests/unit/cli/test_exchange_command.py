@@ -47,6 +47,7 @@ def test_one_format_becomes_the_other_and_the_rounding_is_said(tmp_path: Path) -
     typed("convert", *MEASURED, "--to", "linuxcnc", "-o", screw)
     told = typed("convert", screw, "--from", "linuxcnc", "--to", "twincat", "--axis", "X", "-o", listed)
     assert "largest difference is 0.0380 µm" in told
+    assert "with --form real it would be 0.0000 µm" in told
     typed("convert", listed, "--from", "twincat", "--to", "table-csv", "--axis", "X", "-o", sheet)
     assert "axis,X,X,mm,um,0,0,100.0,-0.2,0.2" in sheet.read_text().splitlines()
 

@@ -215,6 +215,27 @@ def test_what_only_a_person_knows_is_asked_by_itself(heading: str, code: str, tm
         np.testing.assert_array_equal(CsvFormat(columns=whole).read(file).deviations, found.deviations)
 
 
+@pytest.mark.parametrize(("last", "count"), [(330, 12), (360, 13), (350, 36), (345, 24)])
+def test_targets_round_a_whole_turn_without_a_unit_are_asked_for(last: int, count: int, tmp_path: Path) -> None:
+    """Millimetres would be a guess; a unit said, one in the heading or targets that end elsewhere leave no doubt."""
+    file = tmp_path / "table.csv"
+
+    def written(heading: str, end: float) -> Path:
+        places = np.linspace(0.0, end, count)
+        rows = [f"{at:g};{way};{turn};{at / 90:g}" for turn in (1, 2) for way in "+-" for at in places]
+        file.write_text("\n".join([heading, *rows]).replace(".", ",") + "\n", encoding="utf-8-sig")
+        return file
+
+    plain = "target;direction;repetition;deviation"
+    with pytest.raises(FileFormatError, match="E-FILE-CSV-TURN"):
+        CsvFormat().read(written(plain, last))
+    for unit, axis in (("arcsec", "deg"), ("um", "mm")):
+        assert CsvFormat(unit).read(file).axis_unit == axis
+        assert CsvFormat(columns={"reading_unit": unit}).read(file).axis_unit == axis
+    assert CsvFormat().read(written("target_deg;direction;repetition;deviation", last)).axis_unit == "deg"
+    assert CsvFormat().read(written(plain, last + 77)).axis_unit == "mm"
+
+
 def test_words_above_a_table_are_kept_and_lines_below_it_told(tmp_path: Path) -> None:
     file = tmp_path / "axis.csv"
     file.write_text("Machine: Mill 7\ntarget,up [um],down [um]\n0,1,2\n9,1,2\n\nA,12\n", encoding="utf-8")
@@ -222,7 +243,7 @@ def test_words_above_a_table_are_kept_and_lines_below_it_told(tmp_path: Path) ->
     assert found.header["Machine"] == "Mill 7"
     assert found.warnings == ("1 lines below the table are not read, the first is line 6",)
     file.write_text("target,up [um],down [um]\n0,1,2\n\ntarget,up [um],down [um]\n0,1,2\n", encoding="utf-8")
-    with pytest.raises(FileFormatError, match="line 4: a second table"):
+    with pytest.raises(FileFormatError, match=r"E-FILE-CSV-SECOND.*line 4"):
         CsvFormat().read(file)
 
 
