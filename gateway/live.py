@@ -5,7 +5,7 @@ The work tells it to the onlooker of its task, if there is one. Onlookers return
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
 from typing import Protocol
@@ -63,6 +63,28 @@ class Nobody:
 
 _NOBODY: Onlooker = Nobody()
 _onlooker: ContextVar[Onlooker] = ContextVar("onlooker", default=_NOBODY)
+_run: ContextVar[Callable[[], str]] = ContextVar("run", default=str)
+_device: ContextVar[str] = ContextVar("device", default="")
+
+
+def concern() -> tuple[str, str]:
+    """Which run and which device this task is about, for a log; "" where it is about none."""
+    return _run.get()(), _device.get()
+
+
+@contextmanager
+def of_run(run_id: Callable[[], str]) -> Iterator[None]:
+    """What the block does, its tasks among it, is about this run, whose id may be known later."""
+    before = _run.set(run_id)
+    try:
+        yield
+    finally:
+        _run.reset(before)
+
+
+def of_device(name: str) -> None:
+    """From here on this task, and those that it begins, are about this device."""
+    _device.set(name)
 
 
 def onlooker() -> Onlooker:

@@ -20,7 +20,7 @@ from drivers.terms import speak
 from drivers.types.identity import Identity, MachineIdentity
 from drivers.types.machine import MachineState
 from gateway.config import InstrumentSection, SiteFile
-from gateway.live import onlooker
+from gateway.live import of_device, onlooker
 
 # What a site's instruments may be; the first is meant where a driver is not known.
 _ROLES = ("instrument", "gear-inspector")
@@ -175,6 +175,7 @@ class Supervisor:
             raise DevicesFailed(failures)
 
     async def _open(self, name: str) -> tuple[str, TrueflankError | None]:
+        of_device(name)
         driver = self._pictures[name].driver
         if name in self._traces:
             self._traces[name].session()
@@ -240,6 +241,7 @@ class Supervisor:
 
     async def _follow(self, name: str) -> None:
         """What an idle instrument sends, for ever. One whose wire breaks is lost; one without a beam is asked again."""
+        of_device(name)
         device = self._devices[name]
         # Who asks a person for each reading sends nothing by himself.
         while isinstance(device, Instrument) and not isinstance(device, TypedInstrument):

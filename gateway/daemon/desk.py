@@ -19,7 +19,7 @@ from gateway.broker.borrowing import held_here
 from gateway.daemon.hub import plain_fields
 from gateway.daemon.jobs import Job, Jobs, RunStarter
 from gateway.errors import BusyError
-from gateway.live import Nobody, Onlooker, looked_on_by
+from gateway.live import Nobody, Onlooker, looked_on_by, of_run
 from gateway.stopping import LONGEST_S, TERMINATED, current, obey
 from gateway.views import ControlView, DeviceView, JobView, RunView, SeenDevice, control_view, device_views
 
@@ -192,7 +192,7 @@ class Desk:
 
     async def _done(self, job: Job) -> None:
         try:
-            with audit.acting(job.view.who), held_here(), looked_on_by(self._onlooker):
+            with audit.acting(job.view.who), held_here(), looked_on_by(self._onlooker), of_run(lambda: job.view.run_id):
                 job.done(await obey(self._work_of(job), job.stop, self._clock), self._clock)
         except TrueflankError as error:
             self._failed(job, error)

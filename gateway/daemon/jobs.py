@@ -55,6 +55,8 @@ class Job:
         """One more word of it."""
         if code == "P-RUN":
             self.begin(PurePath(str(fields.get("folder", ""))).name)
+        elif code == "P-OPEN" and fields.get("run") and not self.view.run_id:
+            self.begin(str(fields["run"]))
         self.view = replace(self.view, words=words(code, **fields))
 
     def done(self, outcome: object, clock: Clock) -> None:

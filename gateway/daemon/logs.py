@@ -8,6 +8,7 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 
 from drivers.local.scrub import without_secrets_text
+from gateway.live import concern
 from gateway.store.logbook import LogBook
 
 PRIORITIES = {"DEBUG": 7, "INFO": 6, "WARNING": 4, "ERROR": 3, "CRITICAL": 2}
@@ -30,9 +31,11 @@ class JournalForm(logging.Formatter):
         self._journal = "JOURNAL_STREAM" in (os.environ if environment is None else environment)
 
     def format(self, record: logging.LogRecord) -> str:
-        """Level, who says it, text; one line, whatever stands in it."""
+        """Level, who says it, the run and the device it concerns, text; one line, whatever stands in it."""
+        about = " ".join(filter(None, concern()))
+        source = f"{record.name} [{about}]" if about else record.name
         head = f"<{PRIORITIES.get(record.levelname, 5)}>" if self._journal else ""
-        return f"{head}{record.levelname} {record.name}: {text_of(record)}".replace("\n", "\\n")
+        return f"{head}{record.levelname} {source}: {text_of(record)}".replace("\n", "\\n")
 
 
 class BookHandler(logging.Handler):
@@ -45,7 +48,9 @@ class BookHandler(logging.Handler):
     def emit(self, record: logging.LogRecord) -> None:
         """Keep one record; never raises."""
         source = record.name.removeprefix(f"{OURS}.")
-        self._book.add(record.levelname, "P-SERVICE-LOG", {"source": source, "text": text_of(record)}, where=source)
+        run, device = concern()
+        told = {"source": source, "text": text_of(record)}
+        self._book.add(record.levelname, "P-SERVICE-LOG", told, run=run, where=device)
 
 
 @contextmanager

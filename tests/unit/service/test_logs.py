@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import logging
 import sys
 from pathlib import Path
@@ -9,6 +10,7 @@ from pathlib import Path
 import pytest
 
 from gateway.daemon.logs import JournalForm, logged_into
+from gateway.live import of_device, of_run
 from gateway.store.logbook import LogBook, lines_of
 from tests.unit.audit.log import Moments
 
@@ -21,7 +23,7 @@ def test_what_the_program_says_is_kept_and_hides_what_sounds_secret(tmp_path: Pa
         logging.getLogger("asyncio").error("a task broke")
     logging.getLogger("trueflank.daemon").warning("after the end")
     found = list(lines_of(tmp_path))
-    assert [(one["level"], one["device"]) for one in found] == [
+    assert [(one["level"], one["fields"]["source"]) for one in found] == [
         ("WARNING", "mqtt"),
         ("INFO", "daemon"),
         ("ERROR", "asyncio"),
@@ -39,3 +41,26 @@ def test_the_journal_gets_one_line_with_its_level(environment: dict[str, str], b
     assert line.startswith(f"{begins} trueflank.x: it broke: ValueError: ")
     assert "\n" not in line
     assert "hunter2" not in line
+
+
+def test_a_line_names_the_run_and_the_device_that_it_concerns(tmp_path: Path) -> None:
+    seen: list[str] = []
+    ours, form = logging.getLogger("trueflank.daemon"), JournalForm({})
+
+    async def opened(name: str) -> None:
+        of_device(name)
+        logging.getLogger("asyncua.client").warning("refused")
+        seen.append(form.format(logging.LogRecord("trueflank.x", logging.INFO, "", 0, "opened", (), None)))
+
+    async def both() -> None:
+        with of_run(lambda: "20260301T000000000Z-hall-3-0001"):
+            await asyncio.gather(opened("controller"), opened("laser"))
+            ours.info("of the run alone")
+
+    with logged_into(LogBook(tmp_path, Moments().utc)):
+        asyncio.run(both())
+        ours.info("of nothing")
+    run = "20260301T000000000Z-hall-3-0001"
+    found = [(line["run"], line["device"]) for line in lines_of(tmp_path)]
+    assert found == [(run, "controller"), (run, "laser"), (run, ""), ("", "")]
+    assert seen[0] == f"INFO trueflank.x [{run} controller]: opened"
