@@ -6,7 +6,7 @@ import asyncio
 import os
 import socket
 import ssl
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, nullcontext
 from ipaddress import ip_address
 from pathlib import Path
@@ -18,13 +18,19 @@ from drivers.errors import ConfigError
 
 GRACE_S = 2
 HEAD_S = 5.0
-BACKLOG = 1024
-AT_ONCE = 16
+BACKLOG = 4096
+"""Who finds no place to wait at the door is let in by the kernel a second later, at the earliest."""
+AT_ONCE = 64
 """How many connections the loop accepts before it turns to other work: a crowd at the door must not hold it up."""
 
 
 class InTime(H11Protocol):
-    """Closes a connection whose request head is not complete within 5 s of its first moment."""
+    """Closes a connection whose request head is not complete within 5 s of its first moment.
+
+    ``refused`` is what an address that asks too often is told at once; b"" where it may ask.
+    """
+
+    refused: Callable[[str], bytes] = staticmethod(lambda _address: b"")
 
     _watch: asyncio.TimerHandle | None = None
 
@@ -35,11 +41,21 @@ class InTime(H11Protocol):
 
     def data_received(self, data: bytes) -> None:
         """As usual; the head of the next request on the same connection has its time too."""
+        if answer := self._answer_at_the_door(data):
+            self._end()
+            self.transport.write(answer)
+            self.transport.close()
+            return
         super().data_received(data)
         if self.cycle is not None and not self.cycle.response_complete:
             self._end()
         elif self._watch is None and not self.transport.is_closing():
             self._begin()
+
+    def _answer_at_the_door(self, data: bytes) -> bytes:
+        """To a crowd: its requests are not even read. A question for health always is."""
+        asks = self.cycle is None and data.startswith(b"GET ") and not data.startswith(b"GET /healthz ")
+        return self.refused(self.client[0] if self.client else "") if asks and b"\r\n\r\n" in data else b""
 
     def connection_lost(self, exc: Exception | None) -> None:
         """As usual."""
@@ -78,12 +94,12 @@ class PageServer(uvicorn.Server):
         self.listening.set()
 
 
-def server_of(app: object, certificate: Path | None, key: Path | None) -> PageServer:
+def server_of(app: object, certificate: Path | None, key: Path | None, refused: Callable[[str], bytes]) -> PageServer:
     """A server of an application, over TLS where there is a certificate. Raises ConfigError (E-WEB-FILES)."""
     config = uvicorn.Config(
         app,  # type: ignore[arg-type]
         loop="asyncio",
-        http=InTime,
+        http=type("Door", (InTime,), {"refused": staticmethod(refused)}),
         ws="none",
         lifespan="off",
         log_config=None,

@@ -26,7 +26,7 @@ from gateway.daemon.notify import Notifier, keep_telling
 from gateway.daemon.served import ServedPlace, Serving, either, software
 from gateway.store.logbook import LogBook
 from gateway.users import Sessions, UserAccounts
-from gateway.web import Service, create_app
+from gateway.web import Service, at_the_door, create_app
 
 LATER_S = 3.0
 
@@ -61,7 +61,7 @@ async def serve(
         listener = held.enter_context(listener_on(host, port, secure=secure))
         places = _places(sites, clock)
         service = service_of(places, clock, accounts or UserAccounts(first.store.root), sessions, secure=secure)
-        server = server_of(create_app(service), certificate, key)
+        server = server_of(create_app(service), certificate, key, at_the_door(service.doors.asks))
         broker = Broker(Lending(places), clock)
         async with broker.open(roots):
             url = url_of(listener, secure=secure)

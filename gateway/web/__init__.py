@@ -3,6 +3,17 @@
 from __future__ import annotations
 
 from gateway.web.app import API_VERSION, create_app
+from gateway.web.gate import at_the_door
 from gateway.web.ports import Doorkeeping, Making, ServedSite, Service, SiteMaking, Work
 
-__all__ = ["API_VERSION", "Doorkeeping", "Making", "ServedSite", "Service", "SiteMaking", "Work", "create_app"]
+__all__ = [
+    "API_VERSION",
+    "Doorkeeping",
+    "Making",
+    "ServedSite",
+    "Service",
+    "SiteMaking",
+    "Work",
+    "at_the_door",
+    "create_app",
+]

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import re
 import secrets
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from functools import cache
+from http import HTTPStatus
 from typing import Any
 
 from starlette.datastructures import Headers, MutableHeaders
@@ -88,7 +90,7 @@ class Gate:
             return None
         address = str((scope.get("client") or ("",))[0])
         if (wait := asks.wait_s(address)) > 0.0:
-            return _answer("E-WEB-OFTEN", 429, {"retry-after": str(int(wait) + 1)}, seconds=f"{wait:.0f}")
+            return _too_often(int(wait) + 1)
         asks.count(address)
         return _answer("E-WEB-CROWDED", 503, {"retry-after": "1"}) if self._inside >= MOST_INSIDE else None
 
@@ -107,6 +109,28 @@ def _in_time(receive: Receive, clock: Clock) -> Receive:
         return message
 
     return received
+
+
+def at_the_door(asks: Tries) -> Callable[[str], bytes]:
+    """What an address that asks too often is told before its request is read; b"" where it may ask."""
+
+    def refused(address: str) -> bytes:
+        wait = asks.wait_s(address)
+        return _as_bytes(int(wait) + 1) if wait > 0.0 else b""
+
+    return refused
+
+
+def _too_often(seconds: int) -> JSONResponse:
+    return _answer("E-WEB-OFTEN", 429, {"retry-after": str(seconds)}, seconds=seconds)
+
+
+@cache
+def _as_bytes(seconds: int) -> bytes:
+    answer = _too_often(seconds)
+    _harden(answer.headers, secure=False)
+    head = [f"HTTP/1.1 429 {HTTPStatus(429).phrase}".encode(), b"connection: close"]
+    return b"\r\n".join((*head, *(name + b": " + value for name, value in answer.raw_headers), b"", bytes(answer.body)))
 
 
 def _answer(code: str, status: int, headers: dict[str, str] | None = None, /, **fields: Any) -> JSONResponse:
