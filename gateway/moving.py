@@ -5,6 +5,8 @@ Read from the control at that moment. What a program moves, and what it shows, t
 
 from __future__ import annotations
 
+import math
+
 from drivers.errors import words
 from drivers.ports.controller import Controller
 from drivers.programs import Moment, SaysMotion, ShowsMessages
@@ -48,6 +50,8 @@ def standing_words(one: AxisStands) -> str:
     fields = {"axis": one.axis, "position": shown(one.position), "unit": one.unit}
     if one.place is None:
         return words("W-MOVE-NO-PLACE", **fields)
+    if math.isinf(one.place[0]) and math.isinf(one.place[1]):
+        return words("W-MOVE-ANY", **fields)
     code = "W-MOVE-SAFE" if one.safe else "W-MOVE-OUTSIDE"
     return words(code, low=shown(one.place[0]), high=shown(one.place[1]), **fields)
 

@@ -10,7 +10,7 @@ from drivers.types.orders import PushBatch, PushOrder, ReadBack
 from drivers.types.tables import CompensationTable, LiveSet, LiveTable
 from gateway.errors import VerifyError, WriteRefused
 from gateway.interlocks import PushFacts, refusals
-from gateway.interlocks.facts import rest_of, value_at
+from gateway.interlocks.facts import called, rest_of, value_at
 from gateway.moving import places_of, shown, shown_there, standing_words, tell_motion
 from gateway.push import conversation
 from gateway.push.asking import with_all
@@ -153,7 +153,7 @@ async def _worth(work: Work, table: CompensationTable, switched: LiveTable) -> f
 def _say_moves(code: str, work: Work, order: PushOrder, amount: float) -> None:
     told = {"amount": round(abs(amount), 2), "deviation_unit": order.table.deviation_unit}
     place = {"input": order.table.input_axis, "place": shown(work.agreeing_position), "unit": order.table.input_unit}
-    work.context.say(code, axis=work.axis, table=order.table.name, **told, **place)
+    work.context.say(code, axis=work.axis, table=called(order.table), **told, **place)
 
 
 async def within_places(context: PushContext) -> None:

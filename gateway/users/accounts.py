@@ -112,6 +112,11 @@ class UserAccounts:
         found = (one for one in self.all() if one.token and secrets.compare_digest(one.token, digest))
         return next((one.person("token") for one in found), None)
 
+    @property
+    def waits_for_first(self) -> bool:
+        """Whether a token of the first start waits to be used: there is no account yet."""
+        return self._first.exists()
+
     def first_token(self) -> str:
         """The token of the first start, made where there is no account yet; "" where there is one."""
         if self.all():

@@ -99,7 +99,9 @@ def _add_open(app: FastAPI) -> None:
     @app.get("/healthz", tags=["health"])
     async def healthz(request: Request) -> dict[str, Any]:
         """Whether the service works; an alarm is a live table that is not as it was pushed."""
-        return service_of(request).health()
+        service = service_of(request)
+        first = {"first_start": True} if service.doors.accounts.waits_for_first else {}
+        return {**service.health(), **first}
 
     @app.get("/static/{name}", include_in_schema=False)
     async def static(name: str) -> Response:

@@ -79,8 +79,7 @@ class Person:
 
     def first(self) -> None:
         """Makes the first account, with the token that the service wrote."""
-        self.page.locator("main summary").click()
-        form = self.page.locator("#first")
+        form = self.page.locator("details[open] #first")
         form.locator("[name=token]").fill(self.at.token)
         form.locator("[name=name]").fill(self.name)
         form.locator("[name=password]").fill(SECRET)

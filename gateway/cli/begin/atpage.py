@@ -42,12 +42,14 @@ class _Asking:
         self._answers = answers
         self._known = known
 
-    def ask(self, key: str, code: str, default: str, judge: Judge = anything, *, secret: bool = False) -> str:
+    def ask(
+        self, key: str, code: str, default: str, judge: Judge = anything, *, secret: bool = False, **fields: str
+    ) -> str:
         """The answer that was sent; what is open ends this way."""
         answer = self._answers.get(key)
         why = None if answer is None else judge(answer)
         shown = "" if secret else answer or ""
-        question = {"key": key, "code": code, "secret": secret, "answer": shown}
+        question = {"key": key, "code": code, "fields": fields, "secret": secret, "answer": shown}
         if answer is None or why is not None:
             raise _Open({**question, "default": default, "wrong": _as_data(why)})
         self.asked.append(question)

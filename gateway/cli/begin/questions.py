@@ -50,8 +50,8 @@ class Questioner(Protocol):
         """The person who answers, for the records."""
         ...
 
-    def ask(self, key: str, code: str, default: str, judge: Judge = ..., *, secret: bool = False) -> str:
-        """The answer to one question, which the judge lets pass."""
+    def ask(self, key: str, code: str, default: str, judge: Judge = ..., *, secret: bool = False, **fields: str) -> str:
+        """The answer to one question, which the judge lets pass; ``fields`` are filled into its text."""
         ...
 
     def tell(self, code: str, *, loud: bool = False, **fields: object) -> None:
@@ -88,7 +88,9 @@ class Asker:
         """Asked each time."""
         return run_to_end(work())
 
-    def ask(self, key: str, code: str, default: str, judge: Judge = anything, *, secret: bool = False) -> str:
+    def ask(
+        self, key: str, code: str, default: str, judge: Judge = anything, *, secret: bool = False, **fields: str
+    ) -> str:
         """The answer to one question. Raises ConfigError (E-INIT-ANSWER, E-INIT-ENDED)."""
         if key in self.given or self.silent:
             answer = self.given.get(key, default)
@@ -96,7 +98,7 @@ class Asker:
                 raise ConfigError("E-INIT-ANSWER", "init", key=key, answer=shown(answer), why=wrong.words)
             return answer
         text = catalogue()[code]
-        echo(f"\n{text['what']}", bold=True)
+        echo(f"\n{words(code, **fields)}", bold=True)
         echo(_indented(text["do"]))
         while True:
             answer = _typed(key, default, secret=secret)

@@ -66,7 +66,8 @@ def wizard_text(file: Path, asker: Questioner) -> str:
     plans = used_letters([planned(axis, travel, pair) for axis, travel in axes])
     tree: dict[str, Any] = {"site": {"name": name, "store": STORE}, "controller": control, "instruments": instruments}
     tree["axes"] = [axis_tree(plan) for plan in plans]
-    safe = {} if road == "files" else _safe(asker, [axis.name for axis, _ in axes])
+    others = [axis.name for axis in (facts.axes if facts else ())]
+    safe = {} if road == "files" else _safe(asker, [*dict.fromkeys([*(axis.name for axis, _ in axes), *others])])
     tree["moves"] = {"safe": safe, "feed_mm": FEED_MM, "feed_deg": FEED_DEG}
     if grinds(plans):
         _gear(asker, tree, plans, folder, facts)
@@ -84,7 +85,7 @@ def _control(asker: Questioner, road: str, folder: Path) -> dict[str, Any]:
         return control | {"settings": {"unit": 1, "word_order": "high-first"}}
     if road == "linuxcnc":
         return control | {"settings": token(asker, folder)}
-    settings = {"user": asker.ask("user", "P-INIT-USER", "OpcUaClient")}
+    settings = {"user": asker.ask("user", "P-INIT-USER", "OpcUaClient", _something)}
     return control | {"settings": settings | password(asker, folder) | {"server_certificate": CERTIFICATE}}
 
 
@@ -156,7 +157,7 @@ def _axes(asker: Questioner, facts: ControlFacts | None, names: str) -> tuple[Ra
 
 
 def _safe(asker: Questioner, names: Sequence[str]) -> dict[str, Any]:
-    """Where each axis may stand while programs move others; what is left out is asked before a push."""
+    """Where each axis of the control may stand while programs move others; what is left out is asked before a push."""
 
     def judge(text: str) -> Why | None:
         parts = [part.strip() for part in text.split(",")] if text.strip() else []
@@ -164,7 +165,7 @@ def _safe(asker: Questioner, names: Sequence[str]) -> dict[str, Any]:
         ordered = all(low < high for low, high in _ranges(text).values())
         return None if right and ordered else why("W-INIT-SAFE", names=", ".join(names))
 
-    text = asker.ask("safe", "P-INIT-SAFE", "", judge)
+    text = asker.ask("safe", "P-INIT-SAFE", "", judge, axes=", ".join(names))
     anywhere = dict.fromkeys(re.findall(r"(\w+)\s+any", text), "any")
     return anywhere | {name: list(ends) for name, ends in _ranges(text).items()}
 

@@ -6,6 +6,7 @@ import { confirmed, shown, textAsked } from "./dialogs.js";
 import { h, show, write } from "./dom.js";
 import { clock, number, signed, unit } from "./figures.js";
 import { mounting } from "./drawing.js";
+import { untested } from "./sentence.js";
 import { base, may, on, state } from "./state.js";
 import { plain, t, told } from "./words.js";
 
@@ -96,7 +97,7 @@ function air(box) {
 function waiting(box) {
   const run = state.status.run;
   const now = run ? state.waiting : null;
-  const line = !run ? t("capture.idle") : now ? t("capture.waits", { what: plain(now.missing) }) : t("capture.goes_on");
+  const line = !run ? t("capture.idle") : state.ask ? t("capture.asked") : run.kind === "self-test" ? t("capture.still") : now ? t("capture.waits", { what: plain(now.missing) }) : t("capture.goes_on");
   show(box, h("div", { class: "row" }, h("strong", {}, line), now && h("span", { class: "num" }, `${number(now.done_s, 1)} / ${number(now.needed_s, 1)} s`)),
     now ? h("progress", { max: now.needed_s || 1, value: now.done_s, "aria-label": line }) : h("progress", { max: 1, value: 0, "aria-label": line }),
     h("div", { class: "row togo" }, ...togo(run)));
@@ -127,14 +128,15 @@ function dayLeft(run, setup) {
 
 function commands(box) {
   const run = state.status.run;
-  const key = JSON.stringify([run?.kind, run?.run_id, document.documentElement.lang]);
+  const first = untested() ? "self-test" : "measure-axes";
+  const key = JSON.stringify([run?.kind, run?.run_id, first, document.documentElement.lang]);
   if (box.dataset.key === key) return;
   box.dataset.key = key;
   const allowed = may("operator");
   const give = (path, body, title, what) => async () => {
     if (await confirmed(title, what)) post(`${base()}/commands/${path}`, body).catch((error) => shown(title, [h("p", { class: "fault" }, told(error))]));
   };
-  const key_ = (id, path, body) => h("button", { id, class: id === "measure-axes" ? "primary" : null, disabled: Boolean(run) || !allowed, onclick: give(path, body, t(`capture.${id.replace("-", "_")}`), t(`capture.${id.replace("-", "_")}_what`)) }, t(`capture.${id.replace("-", "_")}`));
+  const key_ = (id, path, body) => h("button", { id, class: id === first ? "primary" : null, disabled: Boolean(run) || !allowed, onclick: give(path, body, t(`capture.${id.replace("-", "_")}`), t(`capture.${id.replace("-", "_")}_what`)) }, t(`capture.${id.replace("-", "_")}`));
   show(box, key_("self-test", "self-test", { axis: "" }), key_("measure-axes", "run", {}), state.plan.setups.length > 0 && key_("measure-errors", "measure", { setups: [], resume: "" }), state.plan.setups.length > 0 && state.file.work && key_("tooth-loop", "close", {}),
     h("button", { id: "mounting", onclick: () => shown(t("capture.mounting"), [mounting()]) }, t("capture.mounting")),
     h("button", { id: "note", disabled: !may("operator", "approver"), onclick: note }, t("capture.note")));

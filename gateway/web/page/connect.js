@@ -33,13 +33,25 @@ function devices(box) {
       one.error && h("tr", {}, h("td", { colspan: 4, class: "fault" }, told(one.error)))]))));
 }
 
+// What is said of several axes in the same words stands once, with their names.
+function grouped(lines) {
+  const found = new Map();
+  for (const one of lines) {
+    const said = [one.check, one.code, one.outcome, { ...one.fields, axis: "" }, one.fix && say(one.code, one.fields, 1, one.fix)];
+    const known = one.fields?.axis && found.get(JSON.stringify(said));
+    if (known) known.fields.axis += `, ${one.fields.axis}`;
+    else found.set(JSON.stringify(one.fields?.axis ? said : [found.size]), { ...one, fields: { ...one.fields } });
+  }
+  return [...found.values()];
+}
+
 function doctor(box) {
   const job = state.jobs.find((one) => one.kind === "doctor");
   const busy = Boolean(state.status.run);
   const key = JSON.stringify([job?.job, job?.state, busy, document.documentElement.lang]);
   if (box.dataset.key === key) return;
   box.dataset.key = key;
-  const lines = job?.data?.lines ?? [];
+  const lines = grouped(job?.data?.lines ?? []);
   const bad = lines.filter((one) => one.outcome !== "ok");
   const examine = () => post(`${base()}/commands/doctor`).catch((error) => shown(t("connect.examine"), [h("p", { class: "fault" }, told(error))]));
   show(box, h("h2", {}, t("connect.doctor")), h("button", { id: "doctor", class: "primary", disabled: busy || !may("operator", "service"), onclick: examine }, t("connect.examine")),

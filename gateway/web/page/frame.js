@@ -145,7 +145,7 @@ function drawLow(low) {
   low.dataset.key = key;
   const progress = run?.total ? h("progress", { max: run.total, value: run.done, "aria-label": t("frame.progress") }) : null;
   show(low,
-    h("div", { class: "work" }, run ? `${t(`kind.${run.kind.replace("-", "_")}`)} · ${run.who} · ${run.axis} ${run.stage}` : t("frame.idle"), progress, run?.total ? ` ${run.done} / ${run.total}` : ""),
+    h("div", { class: "work" }, run ? [t(`kind.${run.kind.replace("-", "_")}`), run.who, `${run.axis} ${run.stage}`.trim()].filter(Boolean).join(" · ") : t("frame.idle"), progress, run?.total ? ` ${run.done} / ${run.total}` : ""),
     h("div", { class: "stopping" },
       h("small", { id: "no-emergency" }, t("frame.no_emergency")),
       h("button", { class: "stop", id: "stop", disabled: !run || !may("operator", "service"), "aria-describedby": "no-emergency", onclick: stop }, `■ ${t("frame.stop")}`)));

@@ -24,7 +24,7 @@ function open(root) {
 async function drawAll(head, body, before) {
   const { runs } = await get(`${base()}/runs?most=50`);
   const able = runs.filter((one) => !one.problem && one.stages.includes("errors"));
-  if (!able.length) return show(body, h("p", { class: "empty" }, t("model.none")));
+  if (!able.length) return show(body, h("p", { class: "empty" }, t(state.plan.setups.length ? "model.none" : "model.no_setups")));
   const run = chosen(asked, able);
   const key = `${run.run_id} ${able.length} ${document.documentElement.lang}`;
   if (key === before) return key;

@@ -65,7 +65,7 @@ async function approve(run) {
 async function write(run) {
   const moves = newestPlan(run);
   const risk = riskAsked(run);
-  const machine = await machineTyped(t("push.write"), [h("p", {}, t("push.write_what")), risk && [h("p", { class: "warn" }, `▲ ${plain(state.status.unprotected)}`), field(t("push.risk", { word: RISK }), risk)], moves.length > 0 && h("ul", { class: "moves" }, moves.map((one) => h("li", {}, plain(one))))], state.site);
+  const machine = await machineTyped(t("push.write"), [h("p", {}, t("push.write_what")), risk && [h("p", { class: "warn" }, `▲ ${plain(state.status.unprotected)}`), field(t("push.risk", { word: RISK }), risk)], moves.length > 0 && h("h3", {}, t("push.last_look", { at: lookedAt(run) })), moves.length > 0 && h("ul", { class: "moves" }, moves.map((one) => h("li", {}, plain(one))))], state.site);
   if (machine) give("push", { run, apply: true, machine, risk: risk ? risk.value.trim() : "" });
 }
 
@@ -74,15 +74,21 @@ const RISK = "unprotected";
 const riskAsked = (run) => state.status.unprotected && state.file.site.approvals < 2 && !(state.approved[run]?.until > Date.now()) && h("input", { id: "typed-risk", autocomplete: "off", spellcheck: "false" });
 
 // What the last look at this plan told: which way things will move, and what is against it.
-function newestPlan(run) {
-  const job = state.jobs.find((one) => one.kind === "push" && one.run_id === run);
-  return job ? job.lines : [];
-}
+const lastLook = (run) => state.jobs.find((one) => one.kind === "push" && one.run_id === run);
+const newestPlan = (run) => lastLook(run)?.lines ?? [];
+const lookedAt = (run) => new Date(lastLook(run).ended_utc ?? lastLook(run).started_utc).toTimeString().slice(0, 5);
 
 function steps(box) {
   const run = state.status.run;
-  const axes = [...new Set(state.steps.map(([axis]) => axis))];
-  show(box, h("h2", {}, t("push.steps")), axes.length ? axes.map((axis) => lamps(axis, state.steps.filter(([one]) => one === axis).map(([, kind]) => kind), Boolean(run))) : lamps("", [], false));
+  // Tables of one transaction go step by step together: they share their lamps until one of them stays behind.
+  const together = new Map();
+  for (const axis of new Set(state.steps.map(([one]) => one))) {
+    const kinds = state.steps.filter(([one]) => one === axis).map(([, kind]) => kind);
+    const known = together.get(String(kinds)) ?? { names: [], kinds };
+    known.names.push(axis);
+    together.set(String(kinds), known);
+  }
+  show(box, h("h2", {}, t("push.steps")), together.size ? [...together.values()].map((one) => lamps(one.names.join(", "), one.kinds, Boolean(run))) : lamps("", [], false));
 }
 
 function back(box) {
@@ -97,9 +103,9 @@ function back(box) {
     h("div", { class: "keys start" }, h("button", { id: "recover", class: held.length ? "primary" : null, disabled: busy || !may("operator", "service"), onclick: () => give("recover", {}) }, t("push.recover")),
       held.length > 0 && h("button", { id: "recover-apply", class: "danger", disabled: busy || !may("operator", "service"), onclick: () => applied("recover", {}, t("push.recover_apply")) }, t("push.recover_apply")),
       h("button", { id: "verify", disabled: busy || !may("operator") || !tables.length, onclick: compare }, t("push.verify"))),
-    tables.length ? h("table", {}, h("thead", {}, h("tr", {}, [t("push.table"), t("push.id"), t("push.since"), t("push.state"), ""].map((one) => h("th", {}, one)))),
-      h("tbody", {}, tables.map((one) => h("tr", {}, h("td", {}, h("b", {}, one.table)), h("td", {}, one.id.slice(0, 6)), h("td", {}, h("small", {}, when(one.utc))), h("td", {}, one.enabled ? `● ${t("push.on")}` : `○ ${t("frame.off")}`),
-        h("td", { class: "keys" }, h("button", { class: "off", "data-table": one.table, disabled: busy || !may("operator", "service"), onclick: () => disable(one) }, t("push.disable")), h("button", { class: "back", "data-table": one.table, disabled: busy || !may("operator"), onclick: () => applied("roll-back", { table: one.table }, t("push.roll_back")) }, t("push.roll_back"))))))) : h("p", { class: "empty" }, t("frame.no_tables")));
+    tables.length ? h("table", {}, h("thead", {}, h("tr", {}, [t("push.table"), t("push.state"), ""].map((one) => h("th", {}, one)))),
+      h("tbody", {}, tables.map((one) => h("tr", {}, h("td", {}, h("b", {}, one.table), h("small", { class: "below" }, `${t("push.id")} ${one.id.slice(0, 6)}`)), h("td", {}, one.enabled ? `● ${t("push.on")}` : `○ ${t("frame.off")}`, h("small", { class: "below" }, when(one.utc))),
+        h("td", {}, h("div", { class: "keys" }, h("button", { class: "off", "data-table": one.table, disabled: busy || !may("operator", "service"), onclick: () => disable(one) }, t("push.disable")), h("button", { class: "back", "data-table": one.table, disabled: busy || !may("operator"), onclick: () => applied("roll-back", { table: one.table }, t("push.roll_back")) }, t("push.roll_back")))))))) : h("p", { class: "empty" }, t("frame.no_tables")));
 }
 
 const disable = (one) => applied("disable", { axis: one.axis, table: one.kind === "axis" ? "" : one.table.split("-").slice(1).join("-") }, `${t("push.disable")}: ${one.table}`);

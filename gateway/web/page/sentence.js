@@ -26,10 +26,13 @@ function chosen() {
   return { loud: "", head: next(), more: plain(status.due) };
 }
 
+// Runs that came to something: one that failed or was stopped changes nothing about what to do next.
+const last = () => state.status.last_runs.filter((one) => !one.problem && !["failed", "stopped", "refused", "running", "opened", "self-testing"].includes(one.state));
+export const untested = () => !last().length;
+
 function next() {
-  const states = state.status.last_runs.filter((one) => !one.problem).map((one) => one.state);
-  if (!states.includes("self-tested") && !states.some((one) => one !== "self-tested")) return t(state.screen === "capture" ? "now.self_test_here" : "now.self_test");
-  const newest = state.status.last_runs.find((one) => !one.problem && one.state !== "self-tested");
+  if (untested()) return t(state.screen === "capture" ? "now.self_test_here" : "now.self_test");
+  const newest = last().find((one) => one.state !== "self-tested");
   if (!newest) return t(state.screen === "capture" ? "now.measure_here" : "now.measure");
   if (newest.state === "proposed") return t("now.correct");
   if (["better", "unchanged", "worse"].includes(newest.state)) return t("now.verify");

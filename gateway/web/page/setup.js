@@ -2,7 +2,8 @@
 import { get, post } from "./api.js";
 import { h, show } from "./dom.js";
 import { languages } from "./signin.js";
-import { say, t, told } from "./words.js";
+import { capital } from "./sentence.js";
+import { plain, say, t, told } from "./words.js";
 
 const ROADS = ["opcua", "mailbox", "linuxcnc", "files"];
 const AGAIN_MS = 500;
@@ -64,19 +65,30 @@ export function setUp(enter) {
 }
 
 // What was found at the control behind the last answer; what went wrong there stays.
-const found = (seen) => seen.told.filter((one) => one.loud || one.after === seen.asked.length).map((one) => h("p", { class: one.loud ? "warn found" : "found" }, say(one.code, one.fields).trim()));
+const found = (seen) => seen.told.filter((one) => one.loud || one.after === seen.asked.length).map((one) => h("p", { class: one.loud ? "warn found" : "found" }, plain(say(one.code, one.fields)).trim()));
+
+// At a terminal one types the road, and its question names them; here each has a key.
+const asks = (one) => (one.key === "road" ? t("setup.road") : say(one.code, one.fields));
+const answered = (one) => (one.key === "road" ? t(`setup.${one.answer}`) : one.answer || "–");
+const sentenceOf = (text) => `${capital(plain(text)).replace(/[.。]$/, "")}${document.documentElement.lang === "zh" ? "。" : "."}`;
+// Usual answers, to be changed: nobody knows by heart how an instrument is written.
+const USUAL = {
+  laser: ["umd COM5", "attocube-ids tcp://192.168.1.1:9090", "bridge tcp://127.0.0.1:7001", "manual terminal://"],
+  calibrator: ["bridge tcp://127.0.0.1:7001", "manual terminal://"], gear: ["none", "example"], optics: ["none"],
+};
+const choices = (key) => USUAL[key] && h("div", { class: "keys start usual" }, USUAL[key].map((one) => h("button", { type: "button", onclick: () => { document.getElementById("answer").value = one; document.getElementById("answer").focus(); } }, h("b", {}, t(`setup.usual_${one.split(" ")[0].replace("-", "_")}`)), h("small", {}, one))));
 
 function question(seen, kept, { give, make, ways }) {
   const now = seen.question;
   if (!now) return h("div", { class: "stack" }, h("h2", {}, t("setup.all")), h("p", {}, t("setup.all_what")), h("div", { class: "keys" }, ways(), h("button", { class: "primary", id: "make", onclick: make }, t("setup.make"))));
-  const head = [h("h2", { id: "question" }, say(now.code)), h("p", {}, say(now.code, {}, 1)), now.wrong && h("p", { class: "fault", role: "alert" }, `${say(now.wrong.code, now.wrong.fields)}.`)];
-  if (now.key === "road") return h("div", { class: "stack" }, head, h("div", { class: "keys start" }, ROADS.map((one) => h("button", { id: `road-${one}`, onclick: () => give("road", one) }, t(`setup.${one}`)))));
+  const head = [h("h2", { id: "question" }, asks(now)), now.key !== "road" && h("p", {}, say(now.code, {}, 1)), now.wrong && h("p", { class: "fault", role: "alert" }, sentenceOf(say(now.wrong.code, now.wrong.fields)))];
+  if (now.key === "road") return h("div", { class: "stack" }, head, h("dl", { class: "roads" }, ROADS.map((one) => h("div", {}, h("dt", {}, h("button", { id: `road-${one}`, "aria-describedby": `road-${one}-what`, onclick: () => give("road", one) }, t(`setup.${one}`))), h("dd", { id: `road-${one}-what` }, t(`setup.${one}_what`))))));
   const send = (event) => { event.preventDefault(); give(now.key, new FormData(event.target).get("answer").trim()); };
   const usual = now.answer || kept[now.key] || now.default;
-  return h("form", { onsubmit: send, class: "stack" }, head, h("input", { id: "answer", name: "answer", "aria-labelledby": "question", type: now.secret ? "password" : "text", autocomplete: "off", spellcheck: "false", value: usual }), h("div", { class: "keys" }, ways(), h("button", { class: "primary", id: "next" }, t("setup.next"))));
+  return h("form", { onsubmit: send, class: "stack" }, head, h("input", { id: "answer", name: "answer", "aria-labelledby": "question", type: now.secret ? "password" : "text", autocomplete: "off", spellcheck: "false", value: usual }), choices(now.key), h("div", { class: "keys" }, ways(), h("button", { class: "primary", id: "next" }, t("setup.next"))));
 }
 
 function given(seen, back, busy) {
   return h("section", { class: "card", tabindex: 0, role: "region", "aria-label": t("setup.given") }, h("h2", {}, t("setup.given")), h("table", {}, h("tbody", {}, seen.asked.map((one, at) =>
-    h("tr", {}, h("td", {}, say(one.code)), h("td", {}, h("b", {}, one.secret ? "••••" : one.answer || "–")), h("td", { class: "num" }, h("button", { disabled: busy, onclick: () => back(at) }, t("setup.change"))))))));
+    h("tr", {}, h("td", {}, asks(one)), h("td", {}, h("b", {}, one.secret ? "••••" : answered(one))), h("td", { class: "num" }, h("button", { disabled: busy, onclick: () => back(at) }, t("setup.change"))))))));
 }

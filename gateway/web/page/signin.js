@@ -1,12 +1,14 @@
 // Sign-in with a password or a PIN, and the first account.
-import { post } from "./api.js";
+import { get, post } from "./api.js";
 import { h, show } from "./dom.js";
 import { LANGUAGES, language, speak, t, told } from "./words.js";
 
 export function signIn(enter) {
   const box = h("main", { class: "signin" });
-  const draw = () => show(box, h("h1", {}, "trueflank"), languages(draw), usual(enter), first(enter));
-  draw();
+  // Where nobody has an account yet, the first one is what to do; who has one signs in.
+  let begins = false;
+  const draw = () => show(box, h("h1", {}, "trueflank"), languages(draw), begins ? [first(enter, begins), usual(enter)] : [usual(enter), first(enter, begins)]);
+  get("/healthz").then((found) => { begins = Boolean(found.first_start); }, () => {}).then(draw);
   return box;
 }
 
@@ -53,13 +55,13 @@ export function keypad(input) {
   return h("div", { class: "keypad", role: "group", "aria-label": t("signin.keypad") }, keys);
 }
 
-function first(enter) {
+function first(enter, begins) {
   const said = h("p", { class: "fault", role: "alert" });
   const send = (event) => {
     event.preventDefault();
     post("/api/v1/first-start", Object.fromEntries(new FormData(event.target))).then(enter, (error) => { said.textContent = told(error); });
   };
-  return h("details", { class: "card" }, h("summary", {}, t("signin.first")),
+  return h("details", { class: "card", open: begins }, h("summary", {}, t("signin.first")),
     h("form", { id: "first", onsubmit: send }, h("p", {}, t("signin.token_where")),
       field(t("signin.token"), h("input", { name: "token", autocomplete: "off", required: true })),
       field(t("signin.name"), h("input", { name: "name", autocomplete: "username", required: true })),

@@ -65,8 +65,11 @@ const KEYS = {
 };
 const COMMAND = /`?\btrueflank (trust show|trust accept|[a-z][a-z-]*)((?: (?:SITE\b|NAME\b|\.\.\.|--[a-z-]+|(?<=--axis )[\w-]+))*)`?(?: with the site file)?/g;
 
+// As print has it: a real minus sign, plus or minus in one, an arrow.
+const signs = (text) => text.replaceAll("+/-", "±").replaceAll(" -> ", " → ").replace(/(?<![\w.:)\]-])-(?=\d)/g, "−");
+
 function atPage(text) {
-  return String(text).replace(COMMAND, (all, name, more) => {
+  return signs(String(text)).replace(COMMAND, (all, name, more) => {
     const key = KEYS[more.includes("--apply") && `${name} --apply` in KEYS ? `${name} --apply` : name];
     return key ? t("order.key", { key: t(key[0]), screen: t(key[1]) }) : all;
   });
@@ -83,6 +86,8 @@ export function told(error) {
 }
 
 export function toldApart(error) {
-  const parts = [say(error.code, error.fields, 0, error.what), say(error.code, error.fields, 1, error.do)].map(plain);
+  // What happened on a wire says nothing without whose wire it is.
+  const whose = error.code.startsWith("E-LINK-") && error.where ? `${error.where}${document.documentElement.lang === "zh" ? "：" : ": "}` : "";
+  const parts = [whose + say(error.code, error.fields, 0, error.what), say(error.code, error.fields, 1, error.do)].map(plain);
   return parts.map((one) => one && `${one[0].toUpperCase()}${one.slice(1).replace(/[.。]$/, "")}${document.documentElement.lang === "zh" ? "。" : "."}`);
 }

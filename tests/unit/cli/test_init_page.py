@@ -9,8 +9,10 @@ from pathlib import Path
 
 import pytest
 
+from drivers.checks import ControlAxis, ControlFacts
 from drivers.errors import ConfigError
 from drivers.languages import page_texts
+from gateway.cli.begin import wizard
 from gateway.cli.begin.atpage import SiteMaker
 from gateway.cli.begin.checking import checked
 from gateway.cli.begin.wizard import ROADS
@@ -67,6 +69,23 @@ def test_where_axes_may_stand_is_asked_for_a_control_that_programs_move(tmp_path
     assert maker.ask({**answers, "safe": "X9 any"}, "anna")["question"]["key"] == "safe"
     assert maker.write({**answers, "safe": "C1 -5 5.5"}, "anna")["made"]
     assert checked(tmp_path / "site.toml").site.moves.safe == {"C1": (-5.0, 5.5)}
+
+
+def test_a_place_is_asked_for_every_axis_that_the_control_has(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A push is refused while an axis has no place, also one that nobody measures: the page has no other way to it."""
+    axes = (ControlAxis("X1", "mm", False, (0.0, 400.0)), ControlAxis("Y1", "mm"), ControlAxis("C1", "deg", True))
+    monkeypatch.setattr(wizard, "_facts", lambda *_given: ControlFacts("S7", "V", "metric", axes))
+    answers = {**SILENT, "password": "p", "axes": "C1", "calibrator": "manual terminal://"}
+    maker = SiteMaker(tmp_path / "site.toml")
+    asked = maker.ask(answers, "anna")["question"]
+    assert (asked["key"], asked["fields"]) == ("safe", {"axes": "C1, X1, Y1"})
+    assert maker.write({**answers, "safe": "C1 any, X1 0 400, Y1 -60 60", "gear": "none"}, "anna")["made"]
+    assert set(checked(tmp_path / "site.toml").site.moves.safe) == {"C1", "X1", "Y1"}
+
+
+def test_a_user_is_not_left_empty(tmp_path: Path) -> None:
+    asked = SiteMaker(tmp_path / "site.toml").ask({**SILENT, "user": " "}, "anna")["question"]
+    assert (asked["key"], asked["wrong"]["code"]) == ("user", "W-CFG-MISSING")
 
 
 def test_the_page_has_a_key_for_each_road() -> None:

@@ -391,7 +391,7 @@ def test_serves_the_page_and_stops_in_time(tmp_path: Path) -> None:
         seen["headers"] = (await client.get("/healthz")).headers
 
     assert served(tmp_path, body) < 3.0
-    assert seen["health"] == {"status": "ok"}
+    assert seen["health"] == {"status": "ok", "first_start": True}
     assert "hall-3" in seen["page"]
     assert seen["data"]["state"] == "ready"
     assert seen["foreign"] == 400
