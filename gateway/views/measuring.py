@@ -17,14 +17,30 @@ def plan_of(site: SiteFile) -> dict[str, Any]:
 
     ``chain`` names the axes from the bed outward to the work and to the wheel, each with its direction.
     """
-    chain = yk7350b()
     setups = planned(site) if site.setups else ()
     return {
         "axes": [_axis(axis) for axis in site.axes],
         "setups": [_setup(one) for one in setups],
         "remountings": remountings(setups) if setups else 0,
-        "chain": {"work": _links(chain.work), "tool": _links(chain.tool)},
+        "chain": _chain(site),
     }
+
+
+def _chain(site: SiteFile) -> dict[str, Any]:
+    """As the site file tells it; else the form grinder's, where every axis is one of its own; else nothing is known."""
+    sides = {"work": site.machine.work_side, "tool": site.machine.tool_side}
+    if any(sides.values()):
+        return {side: [_link(letter) for letter in letters] for side, letters in sides.items()}
+    grinder = yk7350b()
+    found = {"work": _links(grinder.work), "tool": _links(grinder.tool)}
+    known = {one["letter"] for side in found.values() for one in side}
+    return found if {axis.letter for axis in site.axes} <= known else {"work": [], "tool": []}
+
+
+def _link(letter: str) -> dict[str, Any]:
+    turning = letter in "ABC"
+    direction = [float(letter in pair) for pair in ("XA", "YB", "ZC")]
+    return {"letter": letter, "kind": "revolute" if turning else "prismatic", "direction": direction}
 
 
 def _links(elements: tuple[Element, ...]) -> list[dict[str, Any]]:

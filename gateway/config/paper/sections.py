@@ -14,6 +14,7 @@ from gateway.siteplan import Flag, MaybeName, Name, Number, Section, Whole
 MOST_LINES = 8
 Line = Annotated[str, Field(max_length=120)]
 Lines = Annotated[tuple[Line, ...], Field(max_length=MOST_LINES)]
+Letters = Annotated[tuple[Annotated[str, Field(pattern=r"^[A-CXYZ]$")], ...], Field(max_length=6)]
 
 
 class ReportSection(Section):
@@ -50,6 +51,12 @@ class MachineSection(Section):
     type: Line = Field(default="", description="type")
     number: Line = Field(default="", description="machine number; left out: the control's serial number stands alone")
     year: Whole | None = Field(default=None, ge=1900, le=2200, description="year of manufacture")
+    work_side: Letters = Field(
+        default=(), description="letters of the axes from the bed outward to the work, for the drawings of mountings"
+    )
+    tool_side: Letters = Field(
+        default=(), description="letters of the axes from the bed outward to the tool or wheel, for these drawings"
+    )
 
 
 class EquipmentSection(Section):

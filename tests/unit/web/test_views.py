@@ -9,8 +9,10 @@ from pathlib import Path
 from drivers.errors import TransportError
 from drivers.leftover import LeftOver
 from drivers.types.machine import ChannelStatus, MachineState
+from gateway.config import SiteFile
 from gateway.domain.outcomes import AxisVerdict, Verdict
 from gateway.views import RunView, as_data, axis_table, control_view, device_views
+from gateway.views.measuring import plan_of
 from tests.unit.report.synthetic import axis_material
 from tests.unit.web.client import Client
 from tests.unit.web.pictures import Seen, status
@@ -96,3 +98,17 @@ def test_the_control_is_shown_as_it_was_seen_last_and_not_at_all_where_it_was_no
         "message": "TRUEFLANK SETUP EXX ON X",
     }
     assert as_data(status(control=control_view(None)))["control"] is None
+
+
+def test_the_chain_of_the_drawings_is_the_site_files_or_the_grinders_or_unknown() -> None:
+    def sides(site: SiteFile) -> dict[str, list[str]]:
+        return {side: [one["letter"] for one in links] for side, links in plan_of(site)["chain"].items()}
+
+    assert sides(SITE) == {"work": ["X", "C"], "tool": ["Z"]}
+    mill = {"work_side": ["Y", "X", "A", "C"], "tool_side": ["Z"]}
+    site = SiteFile.model_validate(SITE.model_dump() | {"machine": mill})
+    assert sides(site) == {"work": mill["work_side"], "tool": mill["tool_side"]}
+    assert plan_of(site)["chain"]["work"][2] == {"letter": "A", "kind": "revolute", "direction": [1.0, 0.0, 0.0]}
+    axis = SITE.axes[0].model_dump() | {"name": "Y1", "letter": "Y"}
+    other = SiteFile.model_validate(SITE.model_dump() | {"axes": [axis]})
+    assert sides(other) == {"work": [], "tool": []}
