@@ -150,9 +150,12 @@ def not_worth_it(capture: Capture, change: TableChange) -> tuple[Refusal, ...]:
     """Why this change of an axis' own table gains too little for what was measured; empty: it is worth writing.
 
     Twice the pooled standard deviation of one reading, those out of line left out, must be a third of the largest
-    correction at most, and what is predicted to remain half of what was measured; more may remain where the gain is
-    likely all the same (`Chance.worth`): of what the control's grid cannot hold, a table leaves the rest.
+    correction at most, and what is predicted to remain half of what was measured. More of both is no reason where the
+    gain is likely all the same (`Chance.worth`): of what the control's grid cannot hold a table leaves the rest, and
+    the mean of many readings is surer than one.
     """
+    if change.chance is not None and change.chance.worth:
+        return ()
     return (*_scattered(capture, change), *_remaining(capture, change))
 
 
@@ -164,7 +167,7 @@ def _scattered(capture: Capture, change: TableChange) -> Iterator[Refusal]:
 
 
 def _remaining(capture: Capture, change: TableChange) -> Iterator[Refusal]:
-    if change.predicted.size < 2 or (change.chance is not None and change.chance.worth):
+    if change.predicted.size < 2:
         return
     measured, predicted = _spread(_means(capture.deviations)), _spread(change.predicted)
     if change.new.reverse:

@@ -52,6 +52,11 @@ def by_gain(axis: str, unit: DeviationUnit, before: float, left: float, chance: 
     return told("W-COMP-LEAVES", axis, unit=unit, **sizes, **_figures(chance))
 
 
+def by_scatter(axis: str, unit: DeviationUnit, scatter: float, chance: Chance) -> str:
+    """The label of a table on an axis whose single readings scatter much (s), and that gains all the same."""
+    return told("W-COMP-SCATTERS", axis, unit=unit, scatter=f"{scatter:.2g}", **_figures(chance))
+
+
 def _figures(chance: Chance) -> dict[str, str]:
     return {"gain": f"{chance.gain:.2g}", "u": f"{chance.u:.2g}", "worse": f"{100.0 * chance.worse:.0f}"}
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -12,7 +13,7 @@ from drivers.types.tables import LiveTable
 from drivers.types.values import FloatArray
 from gateway.config import AxisSection
 from gateway.domain.proposals import TableChange
-from gateway.interlocks import not_worth_it
+from gateway.interlocks import Refusal, not_worth_it
 from gateway.model.components import value
 from gateway.table import Grid, reasons
 from gateway.table.chances import held_by
@@ -55,21 +56,29 @@ def if_worth(change: TableChange, shown: Structure, instrument: InstrumentU) -> 
     if change.skipped:
         return change
     against = not_worth_it(shown.capture, change)
-    if [one.code for one in against] == ["E-INT-GAIN"]:
-        change = by_its_chances(change, shown, instrument)
+    if against:
+        change = by_its_chances(change, shown, instrument, against)
         against = not_worth_it(shown.capture, change)
     return replace(change, skipped="; ".join(one.words for one in against)) if against else change
 
 
-def by_its_chances(change: TableChange, shown: Structure, instrument: InstrumentU) -> TableChange:
+def by_its_chances(
+    change: TableChange, shown: Structure, instrument: InstrumentU, against: Sequence[Refusal]
+) -> TableChange:
     """The change with its chance by all axes that explain the readings, labelled where that makes it worth writing.
 
-    A wrong sign or datum gains nothing on any of them. The label asks for a second person.
+    A wrong sign or datum gains nothing on any of them. Each label answers one reason ``against`` it and asks for a
+    second person.
     """
     acts = effective(LiveTable(change.old, enabled=change.old_enabled))
     chance = chance_for(shown.possible(), instrument, acts, change.new)
     if chance is None or not chance.worth:
         return change
-    before, left = float(np.nanstd(shown.means.mean)), float(np.nanstd(change.predicted))
-    label = reasons.by_gain(change.axis, change.new.deviation_unit, before, left, chance=chance)
-    return replace(change, chance=chance, findings=(*change.findings, label))
+    unit, labels = change.new.deviation_unit, []
+    for one in against:
+        if one.code == "E-INT-GAIN":
+            before, left = float(np.nanstd(shown.means.mean)), float(np.nanstd(change.predicted))
+            labels.append(reasons.by_gain(change.axis, unit, before, left, chance=chance))
+        else:
+            labels.append(reasons.by_scatter(change.axis, unit, shown.means.s, chance))
+    return replace(change, chance=chance, findings=(*change.findings, *labels))

@@ -57,6 +57,7 @@ class Machine:
     axis: AxisSection
     truth: Curve
     seed: int
+    scatter: float = SCATTER
 
     @property
     def lattice(self) -> np.ndarray:
@@ -68,7 +69,7 @@ class Machine:
         stops = between_places(targets_of(self.axis), 6, self.seed)
         places = np.concatenate([targets, stops])
         x = np.broadcast_to(self.truth(places)[:, None, None], (places.size, REPETITIONS, 2)).copy()
-        x += rng.normal(0.0, SCATTER, x.shape) + np.array([0.4, -0.4]) + rng.normal(0.0, 0.05, (REPETITIONS, 2))
+        x += rng.normal(0.0, self.scatter, x.shape) + np.array([0.4, -0.4]) + rng.normal(0.0, 0.05, (REPETITIONS, 2))
         x -= x[0, 0, 0]
         air = Ambient(20.0, 1013.25, 50.0, ())
         unit = self.axis.unit
@@ -153,6 +154,7 @@ def machine(
     hours: float = 0.5,
     step: float = 0.0,
     size: float = 1.0,
+    scatter: float = SCATTER,
 ) -> Machine:
     """A smooth axis of a seed and ``size`` with something finer on it."""
     rng = np.random.default_rng(seed)
@@ -167,4 +169,4 @@ def machine(
             return np.sum(parts, axis=0)
         return np.polynomial.polynomial.polyval((q - 200.0) / 200.0, np.append(0.0, sizes))
 
-    return Machine(axis, lambda q: smooth(q) + extra(q), seed)
+    return Machine(axis, lambda q: smooth(q) + extra(q), seed, scatter)

@@ -78,6 +78,26 @@ def test_a_table_that_can_hold_less_than_half_of_an_axis_is_labelled_and_written
     assert one.gain == pytest.approx(one.change.chance.gain, abs=2.0 * one.change.chance.u)
 
 
+@pytest.mark.parametrize("seed", few(range(8), 2))
+def test_an_axis_that_scatters_gets_its_table_where_the_gain_is_likely(seed: int) -> None:
+    """Twice the scatter of a reading is more than a third of the largest correction; the mean of ten is not."""
+    one = machine(seed, wave(400.0, 0.0), size=0.12, scatter=0.7).judged()
+    assert not one.worse
+    assert one.gain > 0.5 * np.std(one.before)
+    assert any(finding.startswith("W-COMP-SCATTERS") for finding in one.change.findings)
+    assert one.change.chance is not None
+    assert one.change.chance.worth
+
+
+@pytest.mark.parametrize("seed", few(range(8), 2))
+@pytest.mark.parametrize("size", [0.002, 0.02, 0.04, 0.06])
+def test_an_axis_that_is_hardly_more_than_scatter_never_gets_worse(seed: int, size: float) -> None:
+    one = machine(seed, wave(400.0, 0.0), size=size, scatter=0.5).judged()
+    assert not one.worse
+    assert one.change.skipped or one.gain > 0.0
+    assert size > 0.01 or one.change.skipped
+
+
 def test_after_the_push_an_axis_is_measured_where_it_was_measured_before() -> None:
     axis = machine(3, wave(200.0, 1.0)).axis
     own = targets_of(axis)
