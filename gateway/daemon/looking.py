@@ -10,11 +10,13 @@ import numpy as np
 from drivers.clock import Clock
 from drivers.types.sensing import Ambient, SampleBlock
 from drivers.types.values import FloatArray
+from gateway.audience import Audience, kind_of
 from gateway.live import Asked
 
 EVERY_S = 0.1
 MOST_ASKED = 200
 MOST_KEPT = 20000
+GOES_ON = "P-MORE-TARGETS"  # a step within a part: more targets join those that are taken
 
 
 @dataclass(slots=True)
@@ -53,6 +55,11 @@ class Looking:
     _since: dict[str, _Gathered] = field(default_factory=dict)
     _told_s: dict[str, float] = field(default_factory=dict)
     _samples: dict[str, int] = field(default_factory=dict)
+
+    def said(self, code: str) -> None:
+        """Count the parts by what is said; more targets of one set-up begin none."""
+        if kind_of(code) is Audience.STEP and code != GOES_ON:
+            self.part += 1
 
     def begin(self) -> None:
         """Another command is at work: what the last one took, and what people asked of it, is over."""

@@ -11,7 +11,6 @@ from pathlib import Path
 
 from drivers.clock import Clock
 from drivers.errors import TrueflankError
-from gateway.audience import Audience, kind_of
 from gateway.broker import Lease
 from gateway.config import SiteFile, open_road
 from gateway.daemon.daily import Daily
@@ -161,8 +160,7 @@ class ServedPlace:
             self._outgoing.take("status" if kind == "state" else kind, data)
 
     def _said(self, code: str, fields: Mapping[str, object]) -> None:
-        if kind_of(code) is Audience.STEP:
-            self._looking.part += 1
+        self._looking.said(code)
         self.hub.hear(code, fields)
         now = self.desk.run
         if now is not None and now.kind != "terminal":  # a terminal keeps its own words
