@@ -20,6 +20,7 @@ VariableText = Annotated[str, Field(json_schema_extra={FILE_KEY: "environment"})
 FilePathText = Annotated[str, Field(json_schema_extra={FILE_KEY: "secret"})]
 CertificatePathText = Annotated[str, Field(json_schema_extra={FILE_KEY: "certificate"})]
 FolderPathText = Annotated[str, Field(json_schema_extra={FILE_KEY: "folder"})]
+BAUD_RATES = (9600, 19_200, 38_400, 57_600, 115_200, 230_400, 460_800, 921_600, 1_000_000, 2_000_000)
 WIRES = ("tcp", "socket", "usb", "memory", "")
 """What `drivers.transport` opens."""
 
@@ -94,6 +95,10 @@ class DriverSettings(BaseModel):
         """What must hold between several keys; each on the key that is to be corrected."""
         return ()
 
+    def doubts(self) -> tuple[Rule, ...]:
+        """What is allowed and seldom meant; each on the key that is to be looked at, and why."""
+        return ()
+
     def unprotected(self, url: str) -> str:
         """Why others on the network could read or change what passes on this road, in words; "" where they cannot."""
         del url
@@ -122,6 +127,12 @@ class DriverSettings(BaseModel):
             fields = {"key": shown(key), "known": ", ".join(known) + guess(key, known)}
             return SettingFault(key, "E-CFG-SETTING", fields)
         return _broken(key, in_words(one))
+
+
+def usual_rate(baudrate: int) -> Rule:
+    """A doubt about a rate that no serial line has, with the nearest that one has."""
+    nearest = min(BAUD_RATES, key=lambda rate: abs(rate - baudrate))
+    return "baudrate", baudrate in BAUD_RATES, words("W-CFG-BAUD", nearest=nearest)
 
 
 def _broken(key: str, why: str, *, between: bool = False) -> SettingFault:

@@ -6,7 +6,7 @@ from typing import ClassVar, Literal
 
 from pydantic import Field
 
-from drivers.settings import WIRES, DriverSettings
+from drivers.settings import WIRES, DriverSettings, Rule, usual_rate
 
 
 class BridgeSettings(DriverSettings):
@@ -32,3 +32,7 @@ class BridgeSettings(DriverSettings):
     gear_quiet_s: float = Field(
         default=120.0, gt=0, description="longest gap between two chunks of points of a gear inspection machine, s"
     )
+
+    def doubts(self) -> tuple[Rule, ...]:
+        """A rate that no line has."""
+        return (usual_rate(self.baudrate),)

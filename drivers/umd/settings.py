@@ -8,11 +8,14 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from drivers.settings import WIRES, DriverSettings, Rule
+from drivers.errors import words
+from drivers.settings import WIRES, DriverSettings, Rule, usual_rate
 from drivers.units import arcsec_of_path
 
 # Vacuum wavelength of the XL/ML lasers, nm; reproduces the Env factor of a real result file to its last digit.
 VACUUM_WAVELENGTH_NM = 632.990577
+HELIUM_NEON_NM = 0.5
+"""Makers' figures for the red line, in air or in vacuum, lie nearer than this to that wavelength."""
 MM_PER_NM = 1e-6
 USUAL_AIR = 1.00027
 """Index of air for a difference of paths: shop air differs from it by 30 ppm at most, 0.1 arcsec in a degree."""
@@ -63,6 +66,12 @@ class UmdSettings(DriverSettings):
             ("compensated_for", self.compensated_for in allowed, why),
             ("optics_factor", self.optics_factor == 1.0 or self.angular, "needs optics_spacing_mm"),
         )
+
+    def doubts(self) -> tuple[Rule, ...]:
+        """Another laser than those whose quadrature outputs the counter reads; a rate that no line has."""
+        usual = abs(self.wavelength_nm - VACUUM_WAVELENGTH_NM) < HELIUM_NEON_NM
+        why = words("W-UMD-WAVELENGTH", usual=f"{VACUUM_WAVELENGTH_NM:.2f}")
+        return (usual_rate(self.baudrate), ("wavelength_nm", usual, why))
 
     @property
     def angular(self) -> bool:

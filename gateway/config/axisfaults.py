@@ -30,6 +30,8 @@ from gateway.config.rules import (
 MOTION = re.compile(r"E[A-Z][A-Z]")
 # What lies beyond is taken for a slip of the unit: no machine tool travels so short, feeds so slow, scatters so.
 LEAST_TRAVEL_MM, LONG_MIN, LONG_S, STABLE, LEAST_EXPANSION = 5.0, 20.0, 60.0, (0.005, 50.0), 0.01
+FASTEST = {"mm": 120_000.0, "deg": 72_000.0}  # a minute
+LONGEST_JOG_DEG, MOMENT_S = 1.0, 0.02
 NEAR_TURN = 0.1
 LEAST_TARGETS = 5
 LIVE_KEYS = ("instrument", "targets", "beam", "dead_path_mm")
@@ -93,6 +95,10 @@ def _unit_slips(tree: Mapping[str, Any], axis: Any) -> Iterator[Fault]:
     if feed is not None and (minutes := span / feed) > LONG_MIN and minutes < float("inf"):
         told = words("W-CFG-UNIT-FEED", minutes=round(minutes), unit=unit)
         yield broken(tree, (*measure.place, "feed"), told, doubt=True)
+    if feed is not None and feed > FASTEST[unit]:
+        yield broken(tree, (*measure.place, "feed"), words("W-CFG-UNIT-FAST", unit=unit), doubt=True)
+    if rotary and "jog" in given and measure.jog is not None and measure.jog > LONGEST_JOG_DEG:
+        yield broken(tree, (*measure.place, "jog"), words("W-CFG-UNIT-JOG"), doubt=True)
     if stable is not None and not STABLE[0] <= stable <= STABLE[1]:
         told = words("W-CFG-UNIT-STABLE", unit="arcsec" if rotary else "um")
         yield broken(tree, (*measure.place, "stable"), told, doubt=True)
@@ -102,6 +108,10 @@ def _unit_slips(tree: Mapping[str, Any], axis: Any) -> Iterator[Fault]:
         value = given.get(key)
         if isinstance(value, int | float) and value > LONG_S:
             yield broken(tree, (*measure.place, key), words("W-CFG-UNIT-SECONDS"), doubt=True)
+    for key in ("dwell_s", "average_s"):
+        value = given.get(key)
+        if isinstance(value, int | float) and 0.0 < value < MOMENT_S:
+            yield broken(tree, (*measure.place, key), words("W-CFG-UNIT-MOMENT"), doubt=True)
 
 
 def _unmeasured(tree: Mapping[str, Any], axis: Any, measure: Any) -> Iterator[Fault]:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import re
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from dataclasses import replace
 from typing import Any
@@ -60,6 +62,17 @@ def _escaped(tree: Mapping[str, Any], site: Any) -> Iterator[Fault]:
             yield broken(tree, path, words("W-CFG-ESCAPED"))
 
 
+def _slips(tree: Mapping[str, Any], site: Any) -> Iterator[Fault]:
+    """Paths of the other system, and assumed errors smaller than any machine's."""
+    store = getattr(site.site, "store", None)
+    if os.sep == "/" and store is not None and _WINDOWS.search(str(store)):
+        yield broken(tree, ("site", "store"), words("W-CFG-PATH-WINDOWS"), doubt=True)
+    for key, unit in (("linear_um", "um"), ("angular_arcsec", "arcsec")):
+        value = getattr(site.assumed, key, None)
+        if isinstance(value, int | float) and value < LEAST_ASSUMED:
+            yield broken(tree, ("assumed", key), words("W-CFG-UNIT-ASSUMED", unit=unit), doubt=True)
+
+
 def texts(tree: Any, path: Path = ()) -> Iterator[tuple[Path, str]]:
     """Every text of a tree with its place."""
     if isinstance(tree, str):
@@ -69,7 +82,9 @@ def texts(tree: Any, path: Path = ()) -> Iterator[tuple[Path, str]]:
             yield from texts(part, (*path, key))
 
 
+LEAST_ASSUMED = 0.05  # um or arcsec
+_WINDOWS = re.compile(r"\A[A-Za-z]:|\\")
 _ESCAPED = "\a\b\t\n\f\r\v\x1b"
 Rule = Callable[[Mapping[str, Any], Any], Iterable[Fault]]
-_NOW: tuple[Rule, ...] = (_names, _escaped, axis_faults, setup_faults, moves_faults, paper_faults)
+_NOW: tuple[Rule, ...] = (_names, _escaped, _slips, axis_faults, setup_faults, moves_faults, paper_faults)
 _LATER: tuple[Rule, ...] = (reach_faults, work_faults)

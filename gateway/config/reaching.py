@@ -141,6 +141,10 @@ def _reached(tree: Mapping[str, Any], section: Any, roles: tuple[str, ...]) -> I
             path = (*section.place, "settings", *one.key.split("."))
             fields = {**one.fields, "key": shown(called(tree, path))}
             yield Fault(path, one.code, fields, on_key=one.code == "E-CFG-SETTING")
+    told = told_to(section, roles[0]) or told_to(section, roles[-1])
+    for key, good, why in told.doubts() if told is not None else ():
+        if not good:
+            yield broken(tree, (*section.place, "settings", key), why, doubt=True)
     yield from _address(tree, section, model.addresses)
 
 
@@ -182,7 +186,9 @@ def _is_host(url: str, *, needs_port: bool) -> bool:
         parts = urlsplit(url)
         host, has_port = parts.hostname or "", parts.port is not None or not needs_port
         if _DOTTED.fullmatch(host):
-            ip_address(host)
+            known = ip_address(host)
+            if known.is_unspecified or known.is_multicast or str(known) == "255.255.255.255":
+                return False
         return bool(host) and has_port and parts.port != 0 and " " not in url
     except ValueError:
         return False

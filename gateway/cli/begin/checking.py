@@ -6,9 +6,11 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any
+from urllib.parse import urlsplit
 
 import typer
 
+from drivers.carried import PieceOfWork, carrying
 from drivers.checks import ControlFacts
 from drivers.clock import LoopClock
 from drivers.errors import ConfigError, TrueflankError, words
@@ -16,6 +18,7 @@ from gateway.cli.options import JsonOption, SiteArgument
 from gateway.cli.show import counted, echo, say_line, show_json, show_table
 from gateway.cli.stopping import run_to_end
 
+CARRIED, UNKNOWN = "carried", "unknown"
 WRONG_FILE = ConfigError.exit_code
 DEVICE_KEYS = ("device", "model", "serial", "firmware")
 
@@ -50,7 +53,10 @@ def check_command(
     found = checked(site)
     rows: Sequence[tuple[str, ...]] = ()
     if connect and not found.faults:
-        rows, limits = run_to_end(asked(found.site, site))
+        # A control that files are carried to answers another day: the command ends and says what to carry. It is the
+        # program that a self-test carries first, so the one goes on with the other's files.
+        with carrying(PieceOfWork("self-test ", "go-on", ends=True)):
+            rows, limits = run_to_end(asked(found.site, site))
         found = replace(found, faults=in_order(placed(limits, found.text)))
     tell(found, site, rows, as_json=as_json)
     if not as_json:
@@ -67,16 +73,19 @@ def lead_on(found: CheckedSite, path: Path, *, connected: bool) -> None:
         repeat(f"check {path}")
     elif _by_files(found.site):
         next_step(f"day FOLDER --site {path}")
+    elif urlsplit(found.site.controller.url).scheme == CARRIED and not connected:
+        next_step(f"self-test {path}")
     else:
         next_step(f"doctor {path}" if connected else f"check {path} --connect")
 
 
 def _by_files(site: Any) -> bool:
-    """Whether a site has neither an instrument on a wire nor places to push from: its owner brings result files."""
+    """Whether its owner brings result files: no instrument on a wire, no places to push from or no known control."""
     from gateway.config.reaching import told_to
 
     told = [told_to(one, "instrument") for one in site.instruments]
-    return not site.moves.safe and all(one is not None and one.typed for one in told)
+    unknown = not site.moves.safe or site.controller.serial == UNKNOWN
+    return unknown and all(one is not None and one.typed for one in told)
 
 
 def checked(path: Path) -> CheckedSite:

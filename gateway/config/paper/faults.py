@@ -21,7 +21,11 @@ OF_CLASS = ("module_mm", "diameter_mm", "width_mm")
 def paper_faults(tree: Mapping[str, Any], site: Any) -> Iterator[Fault]:
     """Names of nothing, standards that nobody knows, figures that a standard has not, dates in the wrong order."""
     instruments = [one.name for one in site.instruments if isinstance(one.name, str)]
-    for one in site.equipment:
+    before: dict[tuple[str, str], int] = {}
+    for number, one in enumerate(site.equipment, start=1):
+        first = before.setdefault((str(one.name), str(one.serial)), number)
+        if first != number and isinstance(one.name, str):
+            yield broken(tree, (*one.place, "name"), words("W-CFG-SAME-EQUIPMENT", number=first), doubt=True)
         if isinstance(one.instrument, str) and one.instrument and one.instrument not in instruments:
             yield no_such(tree, (*one.place, "instrument"), "instrument", instruments)
         if one.calibrated and one.due and str(one.due) <= str(one.calibrated):

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from drivers.errors import ConfigError
+from drivers.errors import ConfigError, TrueflankError
 from gateway.cli import app
 from gateway.cli.begin.checking import checked
 from gateway.config import load_site, read_site
@@ -150,6 +150,7 @@ MISTAKES = [
     ('name = "laser"', 'name = "CON"', 15, 8, "a device name"),
     (":4840", ":70000", 6, 7, "65535"),
     ("192.168.214.1", "192.168.214.256", 6, 7, "needs a host"),
+    ("192.168.214.1", "224.0.0.1", 6, 7, "needs a host"),
     ("{ first = -400.0, last = 0.0, count = 21, offset_fraction = 0.2 }", "[-400, 0]", 33, 11, "its own keys"),
     ('axis = "X1"', 'axis = "X"', 63, 8, "did you mean X1?"),
     ("[controller]", "[controler]", 4, 1, "did you mean controller?"),
@@ -267,6 +268,15 @@ DOUBTS = [
     ('"bridge"\nurl = "tcp://127.0.0.1:7001"', '"manual"\nurl = "terminal://"', 50, "from result files only"),
     ('"EYX"', '"B0Z"', 64, "second set-up, along Z"),
     ('url = "COM5"', 'url = "/dev/ttyUSB77"', 17, "no such port"),
+    ('url = "COM5"', 'url = "COM5"\n[instruments.settings]\nwavelength_nm = 532.0', 19, "632.99 nm"),
+    ('url = "COM5"', 'url = "COM5"\n[instruments.settings]\nbaudrate = 9601', 19, "did you mean 9600?"),
+    ('7001"', '7001"\n[instruments.settings]\nbaudrate = 115000', 24, "did you mean 115200?"),
+    ("feed = 6000.0", "feed = 6000.0\naverage_s = 0.001", 35, "too short"),
+    ("feed = 6000.0", "feed = 600000.0", 34, "faster than a machine tool measures; the unit is mm/min"),
+    ("feed = 900.0", "feed = 90000.0", 53, "the unit is deg/min"),
+    ("jog = 0.1", "jog = 10.0", 55, "0.1 is usual"),
+    ("[moves]", "[assumed]\nlinear_um = 0.005\n[moves]", 69, "less than any machine has"),
+    ("[moves]", "[[equipment]]\nname = 'a'\n[[equipment]]\nname = 'a'\n[moves]", 71, "same name and serial"),
     ("[moves]", "[[equipment]]\nname = 'head'\ndue = 2021-01-10\n[moves]", 70, "due on 2021-01-10"),
     ("[moves]", "[[equipment]]\nname = 'head'\ncalibrated = 2199-01-10\n[moves]", 70, "a day to come"),
     ("[moves]", "[[tolerances]]\naxis = 'X1'\nlimits = { A = 0.008 }\n[moves]", 70, "arcsec"),
@@ -290,6 +300,14 @@ def written(folder: Path, text: str | bytes) -> Path:
 def changed(old: str, new: str) -> str:
     assert old in WHOLE
     return WHOLE.replace(old, new, 1)
+
+
+@pytest.mark.skipif(os.name == "nt", reason="there it is a path like any other")
+def test_a_path_of_windows_is_doubted_elsewhere(folder: Path) -> None:
+    site = changed('name = "grinder-7"', "name = \"grinder-7\"\nstore = 'C:\\runs'")
+    (doubt,) = checked(written(folder, site)).doubts
+    assert (doubt.line, doubt.path) == (3, ("site", "store"))
+    assert "written for Windows" in str(doubt.fields["why"])
 
 
 def test_the_whole_file_is_valid(folder: Path) -> None:
@@ -508,3 +526,16 @@ def test_places_are_found_in_every_form_of_toml() -> None:
     }
     assert list(found.values()) == [(1, 7), (3, 2), (3, 10), (8, 5), (10, 5)]
     assert places.of(("g", 0, "i"), key=True) == (7, 1)
+
+
+def test_a_carried_control_is_not_waited_for_and_the_next_step_is_one_that_it_knows(tmp_path: Path) -> None:
+    """What must be carried is written and said; the files of who has no control go on with a day's folder."""
+    for name, step in (("carried-grinder", "self-test"), ("files-only", "day FOLDER --site")):
+        site = Path(shutil.copy(GEAR.parents[1] / "sites" / f"{name}.toml", tmp_path))
+        found = CliRunner().invoke(app, ["check", str(site)])
+        assert f"next: trueflank {step} {site}" in found.output
+    site = tmp_path / "carried-grinder.toml"
+    told = CliRunner().invoke(app, ["check", str(site), "--connect"])
+    assert isinstance(told.exception, TrueflankError)
+    assert (told.exception.code, told.exception.exit_code) == ("E-OFF-CARRY", 15)
+    assert "TFSEE" in (tmp_path / "carried" / "carry" / "SHEET.txt").read_text()
