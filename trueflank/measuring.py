@@ -15,6 +15,7 @@ from drivers.types.results import MeasuredSet
 from drivers.units import AxisUnit, DeviationUnit, deviation_unit
 from gateway.domain.figures import Component
 from gateway.domain.values import FloatArray, component_unit
+from gateway.evaluate.behaviour.repetitions import out_of_line
 from gateway.evaluate.standards.readings import checked, counts, means, standard_deviations
 from gateway.evaluate.standards.registry import evaluate_by
 from gateway.model.components import standard_uncertainty, value
@@ -182,7 +183,11 @@ def evaluate(
         unit=found.unit,
         values=dict(found.values),
         U=dict(found.U),
-        notes=(*found.flags, *measured.warnings),
+        notes=(
+            *found.flags,
+            *out_of_line(measured.targets, measured.deviations, measured.unit),
+            *measured.warnings,
+        ),
     )
 
 

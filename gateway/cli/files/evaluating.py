@@ -156,6 +156,7 @@ def _evaluated(path: Path, asked: EvaluationOptions, drawn: list[MeasuredFile]) 
 def _evaluate(item: Any, asked: EvaluationOptions, drawn: list[MeasuredFile]) -> dict[str, Any]:
     from drivers.types.results import MeasuredSet
     from drivers.units import deviation_unit
+    from gateway.evaluate.behaviour.repetitions import out_of_line
     from gateway.evaluate.optics import corrections
     from gateway.evaluate.standards.registry import evaluate_by
 
@@ -181,7 +182,12 @@ def _evaluate(item: Any, asked: EvaluationOptions, drawn: list[MeasuredFile]) ->
         "verdicts": [verdict(item) for item in found.decided(_limits(measured, asked))],
         "corrected": list(corrections.told(record)),
         "corrections": [_step(item) for item in record.chain],
-        "flags": [*found.flags, *measured.warnings, *item.notes],
+        "flags": [
+            *found.flags,
+            *out_of_line(measured.targets, deviations, unit),
+            *measured.warnings,
+            *item.notes,
+        ],
         "supposed": list(supposed),
     }
 

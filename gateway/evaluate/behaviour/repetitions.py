@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from drivers.units import DeviationUnit
 from gateway.domain.values import FloatArray
 from gateway.evaluate.standards import readings
 
@@ -15,6 +16,7 @@ SUSPECT_FACTOR = 6.0
 OTHERS_FACTOR = 3.0
 # A reading is doubted, while it can still be taken again, a little before it would be left out.
 DOUBT = 5.0 / 6.0
+MOST_TOLD = 5
 FEWEST_PAIRS = 5
 MAD_TO_SIGMA = 1.4826
 Q80_TO_SIGMA = 1.2816
@@ -59,6 +61,26 @@ def robust_means(targets: ArrayLike, deviations: ArrayLike) -> RobustMeans:
     mean, u = _both(up, down, readings.counts(kept), s)
     found = tuple((int(i), int(j), int(a)) for i, j, a in np.argwhere(out))
     return RobustMeans(mean_up=up, mean_down=down, mean=mean, u=u, s=s, pass_offsets=offsets, suspects=found)
+
+
+def out_of_line(targets: ArrayLike, deviations: ArrayLike, unit: DeviationUnit) -> tuple[str, ...]:
+    """Each suspect of `robust_means` in words, the farthest first: a standard's figures keep what was read.
+
+    Raises ModelError as `readings.checked`.
+    """
+    at, x = readings.checked(targets, deviations)
+    level = x - pass_offsets(x)[None, :, :]
+    apart = level - _median(level, axis=1)[:, None, :]
+    found = sorted(map(tuple, np.argwhere(_suspects(level)).tolist()), key=lambda one: -abs(float(apart[one])))
+    if not found:
+        return ()
+    said = [
+        f"out of line: at {at[i]:g}, approach {'+-'[a]}, reading {j + 1} by {apart[i, j, a]:+.3g} {unit}"
+        for i, j, a in found[:MOST_TOLD]
+    ]
+    more = len(found) - len(said)
+    tail = [f"{more} more readings are out of line"] if more else []
+    return (*said, *tail, "readings out of line are in the figures, as the standard asks")
 
 
 def good_readings(deviations: ArrayLike, suspects: Iterable[tuple[int, int, int]]) -> NDArray[np.int64]:

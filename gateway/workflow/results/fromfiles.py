@@ -13,6 +13,7 @@ from drivers.types.identity import MachineIdentity
 from drivers.types.results import MeasuredSet
 from drivers.units import deviation_unit
 from gateway.domain.captures import Capture, Corrections
+from gateway.evaluate.behaviour.repetitions import out_of_line
 from gateway.evaluate.optics import corrections
 from gateway.evaluate.standards.iso230_2 import evaluate
 from gateway.evaluate.standards.registry import closure_notes, set_up_notes
@@ -116,6 +117,7 @@ def _axis(name: str, item: MeasuredItem) -> AxisMaterial:
         *supposed,
         *set_up_notes(measured.targets, measured.deviations.shape[1], unit),
         *closure_notes(measured.targets, measured.deviations, unit),
+        *out_of_line(measured.targets, measured.deviations, unit),
     )
     return AxisMaterial(
         axis=name,
