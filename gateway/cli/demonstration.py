@@ -94,6 +94,8 @@ def _ready(child: subprocess.Popen[str], cell: str) -> dict[str, object]:
         answer = json.loads(line)
     except ValueError as error:
         why = f"it said {line!r} and ended with code {child.poll()}"
+        if not line:
+            why = f"it ended with code {child.poll()}, for what it says above"
         raise ConfigError("E-CLI-CELL", cell, why=why) from error
     return dict(answer)
 
