@@ -1,14 +1,16 @@
 """Our own tables of numbers for spreadsheets and scripts: compensation tables and the 21 errors as CSV.
 
-Units stand in the column names, the sign in the first lines, which begin with "#".
+Units stand in columns of their own, the sign in the first lines, which begin with "#". A person's sheet is read too:
+with semicolons and decimal commas, or with tabs; in capitals, with blanks, with rows that hold nothing.
 """
 
 from __future__ import annotations
 
 import csv
 import io
+import re
 from collections.abc import Iterator, Mapping, Sequence
-from typing import Literal, cast
+from typing import Literal, TypeVar
 
 import numpy as np
 
@@ -21,6 +23,13 @@ from drivers.units import AxisUnit
 
 MARK = "#"
 WAYS: Mapping[str, Literal[-1, 0, 1]] = {"-1": -1, "0": 0, "1": 1}
+KINDS: Mapping[str, TableKind] = {"axis": "axis", "cross": "cross"}
+AXIS_UNITS: Mapping[str, AxisUnit] = {"mm": "mm", "deg": "deg"}
+OUTPUTS: Mapping[str, AxisUnit] = {"um": "mm", "arcsec": "deg"}
+MODULO: Mapping[str, bool] = {"0": False, "1": True}
+LOCATION, MOTION = re.compile("[XYZABC]0[XYZABC]"), re.compile("E[XYZABC][XYZABC]")
+Found = TypeVar("Found")
+_MICRO = str.maketrans("\u00b5\u03bc", "uu")
 TABLE_COLUMNS = (
     "kind", "output_axis", "input_axis", "input_unit", "deviation_unit", "modulo", "direction", "position", "deviation",
     "deviation_reverse",
@@ -63,10 +72,14 @@ class ErrorCsv:
         locations: dict[str, float] = {}
         for line, row in _rows(text, ERROR_COLUMNS, where):
             name, value = row["name"], number(row["value"], where, line)
+            if not (LOCATION if row["position"] == "" else MOTION).fullmatch(name):
+                raise FileFormatError("E-EXCHANGE-KEY", where, line=line, found=name[:20])
+            unit = ErrorSet.location_unit(name.removeprefix("E"))
+            _word(row, "value_unit", {unit: unit}, where, line)
             if row["position"] == "":
                 locations[name] = value
             else:
-                key = (name, _axis_unit(row["argument_unit"], where, line))
+                key = (name, _word(row, "argument_unit", AXIS_UNITS, where, line))
                 points.setdefault(key, []).append((number(row["position"], where, line), value))
         return ErrorSet(tuple(_curve(key, rows, where) for key, rows in points.items()), locations)
 
@@ -98,22 +111,33 @@ def _error_rows(errors: ErrorSet) -> Iterator[Sequence[str]]:
 
 
 def _rows(text: str, columns: Sequence[str], where: str) -> Iterator[tuple[int, Mapping[str, str]]]:
-    """Rows by column name with their lines. Raises FileFormatError (E-EXCHANGE-HEADER, E-EXCHANGE-WIDTH)."""
+    """Rows by column name with their lines. Raises FileFormatError (E-EXCHANGE-COLUMNS, E-EXCHANGE-WIDTH)."""
     lines = [(count, line) for count, line in enumerate(text.splitlines(), 1) if line and not line.startswith(MARK)]
-    reader = csv.reader([line for _, line in lines])
-    header = next(reader, [])
+    title = lines[0][1] if lines else ""
+    between = next((one for one in "\t;" if one in title), ",")
+    reader = csv.reader([line for _, line in lines], delimiter=between)
+    header = [cell.strip().lower() for cell in next(reader, [])]
     if tuple(header) != tuple(columns):
-        raise FileFormatError("E-EXCHANGE-HEADER", where, line=lines[0][0] if lines else 1, found=",".join(header)[:80])
+        line, wanted = lines[0][0] if lines else 1, ",".join(columns)
+        raise FileFormatError("E-EXCHANGE-COLUMNS", where, line=line, found=title[:120], wanted=wanted)
     for (line, _), row in zip(lines[1:], reader, strict=False):
-        if len(row) != len(columns):
+        cells = [cell.strip() for cell in row]
+        if between == ";":  # where a comma is the decimal sign
+            cells = [cell.replace(",", ".") for cell in cells]
+        if not any(cells):
+            continue
+        if len(cells) != len(columns):
             raise FileFormatError("E-EXCHANGE-WIDTH", where, line=line, found=len(row), width=len(columns))
-        yield line, dict(zip(columns, row, strict=True))
+        yield line, dict(zip(columns, cells, strict=True))
 
 
-def _axis_unit(word: str, where: str, line: int) -> AxisUnit:
-    if word not in ("mm", "deg"):
-        raise FileFormatError("E-EXCHANGE-UNIT", where, line=line, found=word[:20])
-    return cast(AxisUnit, word)
+def _word(row: Mapping[str, str], column: str, known: Mapping[str, Found], where: str, line: int) -> Found:
+    """What a cell means. Raises FileFormatError (E-EXCHANGE-WORD)."""
+    word = row[column].lower().translate(_MICRO)
+    if word not in known:
+        found, listed = row[column][:20], ", ".join(known)
+        raise FileFormatError("E-EXCHANGE-WORD", where, line=line, column=column, found=found, known=listed)
+    return known[word]
 
 
 def _curve(key: tuple[str, AxisUnit], rows: Sequence[tuple[float, float]], where: str) -> ErrorCurve:
@@ -124,24 +148,21 @@ def _curve(key: tuple[str, AxisUnit], rows: Sequence[tuple[float, float]], where
 
 def _table(rows: Sequence[tuple[int, Mapping[str, str]]], where: str) -> CompensationTable:
     line, head = rows[0]
-    if head["kind"] not in ("axis", "cross") or head["direction"] not in WAYS:
-        raise FileFormatError("E-EXCHANGE-HEADER", where, line=line, found=f"{head['kind']},{head['direction']}")
     at = np.asarray([number(row["position"], where, one) for one, row in rows])
     rising(at, where)
     back = [row["deviation_reverse"] for _, row in rows]
-    output: AxisUnit = "mm" if head["deviation_unit"] == "um" else "deg"
     return CompensationTable(
-        kind=cast(TableKind, head["kind"]),
+        kind=_word(head, "kind", KINDS, where, line),
         input_axis=head["input_axis"],
         output_axis=head["output_axis"],
         minimum=float(at[0]),
         maximum=float(at[-1]),
         step=0.0,
         deviations=tuple(number(row["deviation"], where, one) for one, row in rows),
-        modulo=head["modulo"] == "1",
-        input_unit=_axis_unit(head["input_unit"], where, line),
-        output_unit=output,
-        direction=WAYS[head["direction"]],
+        modulo=_word(head, "modulo", MODULO, where, line),
+        input_unit=_word(head, "input_unit", AXIS_UNITS, where, line),
+        output_unit=_word(head, "deviation_unit", OUTPUTS, where, line),
+        direction=_word(head, "direction", WAYS, where, line),
         places=tuple(float(one) for one in at),
         reverse=tuple(number(word, where, one) for (one, _), word in zip(rows, back, strict=True)) if any(back) else (),
     )

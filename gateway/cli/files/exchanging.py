@@ -122,9 +122,11 @@ def _text(path: Path) -> str:
 
 
 def _of_axis(tables: Sequence[CompensationTable], wish: ExchangeOptions) -> tuple[CompensationTable, ...]:
-    found = tuple(table for table in tables if table.output_axis == wish.axis)
+    names = sorted({table.output_axis for table in tables})
+    if not wish.axis and (len(names) > 1 or "" in names):
+        raise ConfigError("E-CLI-AXIS", str(wish.source))
+    found = tuple(table for table in tables if table.output_axis == (wish.axis or names[0]))
     if not found:
-        names = sorted({table.output_axis for table in tables})
         raise ConfigError("E-EXCHANGE-AXIS", str(wish.source), axis=wish.axis, known=", ".join(names) or "none")
     return found
 

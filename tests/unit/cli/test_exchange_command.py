@@ -82,6 +82,7 @@ def test_what_cannot_be_is_refused_and_nothing_is_written(tmp_path: Path) -> Non
     table = GOLDEN / "tables" / "control_axes.ini"
     other = refused("convert", table, "--from", "tables", "--axis", "Q", "--to", "table-csv", "-o", out)
     assert (other.code, other.fields["known"]) == ("E-EXCHANGE-AXIS", "AX1, AX4")
+    assert refused("convert", table, "--from", "tables", "--to", "table-csv", "-o", out).code == "E-CLI-AXIS"
     assert not out.exists()
 
 

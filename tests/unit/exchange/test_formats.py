@@ -202,6 +202,30 @@ def test_tables_come_back(name: str, form: str, tolerance: float, places, values
     np.testing.assert_allclose(back.reverse or back.deviations, reverse, atol=tolerance * scale)
 
 
+TYPED = """kind,output_axis,input_axis,input_unit,deviation_unit,modulo,direction,position,deviation,deviation_reverse
+axis,X,X,mm,um,0,0,0.0,0.0,-8.0
+axis,X,X,mm,um,0,0,25.0,2.5,-6.0
+"""
+
+
+@pytest.mark.parametrize(
+    "typed",
+    [
+        TYPED,
+        TYPED.replace(",um,", ",µm,"),
+        TYPED.replace(",", " , ").upper(),
+        TYPED.replace("\n", "\r\n") + ",,,,,,,,,\r\n",
+        TYPED.replace(",", ";").replace(".", ","),
+        TYPED.replace(",", "\t"),
+    ],
+    ids=["as written", "with the sign of um", "blanks and capitals", "rows without anything", "semicolons", "tabs"],
+)
+def test_a_sheet_is_read_as_people_and_spreadsheets_write_it(typed: str) -> None:
+    (table,) = tables("table-csv").read(typed, "x.csv", ReadAs("", "mm"))
+    assert (table.output_axis, table.output_unit, table.places) == ("X", "mm", (0.0, 25.0))
+    assert (table.deviations, table.reverse) == ((0.0, 2.5), (-8.0, -6.0))
+
+
 BAD = {
     "number": ("linuxcnc", "0 0 0\n1 nan 0\n", "E-EXCHANGE-NUMBER"),
     "decimal comma": ("linuxcnc", "0 0 0\n1,5 0 0\n", "E-EXCHANGE-NUMBER"),
@@ -217,7 +241,14 @@ BAD = {
     "count": ("twincat", PRINTED_LIST.replace("kw_nr_max                    3", "kw_nr_max 4"), "E-FILE-COUNT"),
     "twice": ("twincat", PRINTED_LIST + "kw.ssfk.table[2].pos 5\n", "E-EXCHANGE-TWICE"),
     "no list": ("twincat", "hello world of lists\n", "E-EXCHANGE-KEY"),
-    "other csv": ("table-csv", "a,b,c\n1,2,3\n", "E-EXCHANGE-HEADER"),
+    "other csv": ("table-csv", "a,b,c\n1,2,3\n", "E-EXCHANGE-COLUMNS"),
+    "table of mm": ("table-csv", TYPED.replace(",um,", ",mm,"), "E-EXCHANGE-WORD"),
+    "table over cm": ("table-csv", TYPED.replace(",mm,", ",cm,"), "E-EXCHANGE-WORD"),
+    "no table": ("table-csv", TYPED.replace("axis,X,X", "plane,X,X"), "E-EXCHANGE-WORD"),
+    "no direction": ("table-csv", TYPED.replace(",0,0,", ",0,up,"), "E-EXCHANGE-WORD"),
+    "no modulo": ("table-csv", TYPED.replace(",0,0,", ",no,0,"), "E-EXCHANGE-WORD"),
+    "comma in commas": ("table-csv", TYPED.replace("2.5", "2,5"), "E-EXCHANGE-WIDTH"),
+    "half a column": ("table-csv", TYPED.replace("-6.0", ""), "E-EXCHANGE-NUMBER"),
 }
 
 
@@ -230,6 +261,11 @@ def test_bad_table_files_are_refused_by_line(case: str) -> None:
     assert "<" not in refused.value.what
 
 
+ERRORS_TYPED = """name,argument,argument_unit,position,value,value_unit
+B0Z,,,,6.5,arcsec
+EXX,X,mm,0,1.5,um
+EXX,X,mm,10,2.5,um
+"""
 BAD_ERRORS = {
     "two arguments": ("isg-volumetric", "X Z EXX\n0 0 0\n1 0 0\n", "E-EXCHANGE-HEADER"),
     "unknown name": ("isg-volumetric", "X EQX\n0 0\n1 0\n", "E-EXCHANGE-HEADER"),
@@ -238,6 +274,9 @@ BAD_ERRORS = {
     "no section": ("etalon-exchange", "VALUE = 3\n", "E-EXCHANGE-KEY"),
     "twice": ("etalon-exchange", PRINTED_ETALON + PRINTED_ETALON, "E-EXCHANGE-TWICE"),
     "nothing": ("etalon-exchange", "// empty\n", "E-EXCHANGE-COUNT"),
+    "no name": ("error-csv", ERRORS_TYPED.replace("EXX", "E"), "E-EXCHANGE-KEY"),
+    "no location": ("error-csv", ERRORS_TYPED.replace("B0Z", "EXX"), "E-EXCHANGE-KEY"),
+    "values in mm": ("error-csv", ERRORS_TYPED.replace(",um", ",mm"), "E-EXCHANGE-WORD"),
 }
 
 
