@@ -1,4 +1,4 @@
-"""What this store knows of the control's self-test: what a proposal says of it, and what a run refuses without it."""
+"""What a run refuses before it measures; what this store knows of the control's self-test, as a proposal says."""
 
 from __future__ import annotations
 
@@ -36,7 +36,13 @@ def warnings(at: Bench, names: Iterable[str]) -> tuple[str, ...]:
 
 
 def demand(at: Bench) -> None:
-    """Before hours of measuring: what a push would be refused for. Raises WriteRefused (E-RUN-SELF-TEST)."""
+    """Before hours of measuring: what a push would be refused for.
+
+    Raises WriteRefused (E-RUN-PLACES: axes of the control without a safe place; E-RUN-SELF-TEST).
+    """
+    unplaced = [name for name in at.machine.axis_names if name not in at.site.moves.places.ranges]
+    if unplaced:
+        raise WriteRefused("E-RUN-PLACES", at.site.site.name, axes=", ".join(unplaced), first=unplaced[0])
     missing = untested(at, (axis.name for axis in at.site.axes))
     if missing:
         raise WriteRefused("E-RUN-SELF-TEST", at.site.site.name, axes=", ".join(missing))

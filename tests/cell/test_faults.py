@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import re
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -188,5 +189,17 @@ def test_typed_readings_of_a_rotary_axis_are_refused_before_any_axis_is_measured
 
     heard: list[str] = []
     _fails(tmp_path, ConfigError, "E-CAP-CALIBRATOR", edit=edit, heard=lambda _cell, code, _fields: heard.append(code))
+    assert "P-RUN" in heard
+    assert "P-STOP" not in heard
+
+
+def test_axes_without_a_safe_place_are_all_named_before_any_axis_is_measured(tmp_path: Path) -> None:
+    def edit(text: str) -> str:
+        return re.sub(r"(?ms)^safe = \{.*?\}", "safe = { C1 = [-30.0, 390.0] }", short(("C1",))(text))
+
+    heard: list[str] = []
+    error = _fails(tmp_path, WriteRefused, "E-RUN-PLACES", edit=edit, heard=lambda _cell, code, _: heard.append(code))
+    assert error.fields["axes"].split(", ") > ["X1"]
+    assert "C1" not in error.fields["axes"]
     assert "P-RUN" in heard
     assert "P-STOP" not in heard
