@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from drivers.types.tables import CompensationTable, LiveTable
+from drivers.types.values import Approach
 from gateway.domain.values import FloatArray
 
 GRID_TOLERANCE = 1e-6  # mm or deg: how far a control may round a grid
@@ -96,8 +97,8 @@ def taken_by_cross(tables: Iterable[CompensationTable], axis: str, at: FloatArra
     return np.sum([acting(one, at) * (0.5 if one.direction else 1.0) for one in own], axis=0) + np.zeros_like(at)
 
 
-def acting(table: CompensationTable, positions: FloatArray) -> FloatArray:
-    """Deviations a table cancels at positions, the mean of both directions of travel; one never loaded cancels nothing.
+def toward(table: CompensationTable, positions: FloatArray, approach: Approach) -> FloatArray:
+    """Deviations a table cancels at positions (m,) come to in one direction; one that was never loaded cancels nothing.
 
     A reversal has one value, which holds everywhere.
     """
@@ -105,11 +106,14 @@ def acting(table: CompensationTable, positions: FloatArray) -> FloatArray:
         return np.full(positions.shape, table.deviations[0])
     if len(table.deviations) < 2 or table.maximum <= table.minimum:
         return np.zeros_like(positions)
-    return np.asarray((table.at(positions, 1) + table.at(positions, -1)) / 2.0)
+    return np.asarray(table.at(positions, approach))
+
+
+def acting(table: CompensationTable, positions: FloatArray) -> FloatArray:
+    """The mean of `toward` in both directions of travel, shape (m,)."""
+    return (toward(table, positions, 1) + toward(table, positions, -1)) / 2.0
 
 
 def apart(table: CompensationTable, positions: FloatArray) -> FloatArray:
     """What a table cancels more of at positions in the positive than in the negative direction: its part of B."""
-    if not table.reverse or table.maximum <= table.minimum:
-        return np.zeros_like(positions)
-    return np.asarray(table.at(positions, 1) - table.at(positions, -1))
+    return toward(table, positions, 1) - toward(table, positions, -1)

@@ -10,7 +10,7 @@ import numpy as np
 
 from drivers.errors import words
 from drivers.types.tables import CompensationTable, LiveTable
-from gateway.table.comparison import acting, curves_apart, differences, unlike
+from gateway.table.comparison import curves_apart, differences, toward, unlike
 
 Kind = Literal["as-approved", "switched-off", "switched-on", "before", "differs"]
 _WORDS: dict[Kind, str] = {
@@ -132,9 +132,10 @@ def _form(approved: CompensationTable, live: CompensationTable, allowed: float) 
 
 
 def _places(live: LiveTable, approved: LiveTable, before: LiveTable | None, allowed: float) -> Iterator[DifferingPoint]:
+    """By the curve of the positive direction of travel; that of the other one is told beside the values."""
     at = approved.table.positions
-    found = acting(live.table, at)
-    old = acting(before.table, at) if before is not None else np.full(at.shape, np.nan)
+    found = toward(live.table, at, 1)
+    old = toward(before.table, at, 1) if before is not None else np.full(at.shape, np.nan)
     for position, was, wanted, value in zip(at, old, approved.table.deviations, found, strict=True):
         if not abs(value - wanted) <= allowed:
             yield DifferingPoint(float(position), float(was), float(wanted), float(value))

@@ -11,6 +11,7 @@ from drivers.clock import Clock
 from drivers.errors import TrueflankError, words
 from drivers.terms import spoken
 from drivers.types.tables import CompensationTable
+from drivers.types.values import Approach
 from gateway import audit
 from gateway.config import SiteFile
 from gateway.errors import WriteRefused
@@ -19,7 +20,7 @@ from gateway.push.records.history import Committed, committed, to_undo
 from gateway.push.records.journal import JOURNALS
 from gateway.push.undoing import ask_undo, undo
 from gateway.say import Say
-from gateway.table.comparison import acting, effective
+from gateway.table.comparison import effective, toward
 from gateway.workflow.bench import Bench, bench, check_name, run_or_look
 from gateway.workflow.consents import audit_problem, looked, tell, why_of, word_of
 from gateway.workflow.control.contexts import table_context
@@ -83,12 +84,14 @@ def _difference(done: Committed) -> list[str]:
         was, becomes = (effective(one).deviations[0] for one in (new, old))
         return [f"  {was:+9.3f} -> {becomes:+9.3f} {new.table.deviation_unit}"]
     places = max((new.table, old.table), key=lambda table: len(table.deviations)).positions
-    now, then = acting(effective(new), places), acting(effective(old), places)
-    unit = new.table.deviation_unit
-    return [
-        f"  {place:10.3f} {was:+9.3f} -> {becomes:+9.3f} {unit}"
-        for place, was, becomes in zip(places, now, then, strict=True)
-    ]
+    ways: tuple[Approach, ...] = (1, -1) if new.table.reverse or old.table.reverse else (1,)
+    unit, lines = new.table.deviation_unit, []
+    for way in ways:
+        now, then = toward(effective(new), places, way), toward(effective(old), places, way)
+        side = f"  {'+-'[way < 0]}" if len(ways) > 1 else ""
+        for place, was, becomes in zip(places, now, then, strict=True):
+            lines.append(f"  {place:10.3f}{side} {was:+9.3f} -> {becomes:+9.3f} {unit}")
+    return lines
 
 
 async def _applied(at: Bench, done: Committed, context: PushContext) -> Outcome:

@@ -38,6 +38,15 @@ def test_each_kind(live: LiveTable, kind: str, said: str) -> None:
     assert found.as_data()["kind"] == kind
 
 
+def test_a_table_with_a_curve_for_each_direction_is_itself() -> None:
+    both = LiveTable(replace(APPROVED, reverse=(5.0, 9.0, 11.0, 3.0, 5.0)), enabled=True)
+    before = LiveTable(replace(BEFORE, reverse=(5.0, 6.0, 7.0, 6.0, 5.0)), enabled=True)
+    assert compare(both, both, before, ALLOWED).kind == "as-approved"
+    assert compare(before, both, before, ALLOWED).kind == "before"
+    swapped = replace(both.table, deviations=both.table.reverse, reverse=APPROVED.deviations)
+    assert compare(LiveTable(swapped, enabled=True), both, before, ALLOWED).kind == "differs"
+
+
 def test_the_first_difference_is_told_with_all_three_values() -> None:
     live = LiveTable(replace(APPROVED, deviations=(0.0, 4.0, 2.0, -3.5, 0.0)), enabled=True)
     found = compare(live, ON, LiveTable(BEFORE, enabled=True), ALLOWED)
