@@ -19,7 +19,7 @@ function pattern(code, part, text, terms) {
     source += "(.{0,600}?)";
   }
   take(text.slice(at));
-  const end = at === text.length && names.length ? "(?=[.;] |\\.?$| ->| →)" : "(?=[.,;:)]|\\s|$)";
+  const end = at === text.length && names.length ? "(?=[.;] |\\.?$| ->)" : "(?=[.,;:)]|\\s|$)";
   return weight < LEAST ? null : { code, part, names, weight, first: first.toLowerCase(), test: new RegExp(source + end, "iys") };
 }
 

@@ -14,7 +14,7 @@ export function language() {
 
 export async function speak(code) {
   texts = await get(`/static/words/${code}.json`);
-  const english = Object.entries(texts.english).map(([one, parts]) => [one, parts.map((text) => signs(text.replace(UNIT.usual, symbolOf)))]);
+  const english = Object.entries(texts.english).map(([one, parts]) => [one, parts.map((text) => text.replace(UNIT.usual, symbolOf))]);
   retold = english.length ? teller(Object.fromEntries(english), texts.terms, (one, part, fields) => shown(filled(texts.codes[one][part], fields))) : (text) => text;
   localStorage.setItem("language", code);
   document.documentElement.lang = code;
@@ -23,9 +23,7 @@ export async function speak(code) {
 // "um" is also a German word: there it is a unit only behind a number or in front of a sign.
 const UNIT = { de: /(?<=[\d)>] ?|\bin )um(?![\w\-="`])|(?<![\w\-./="`])degC(?![\w\-="`])/g, usual: /(?<![\w\-./="`])(?:um|degC)(?![\w\-="`])/g };
 const symbolOf = (found) => (found === "um" ? "µm" : "°C");
-const shown = (text) => signs(text.replace(UNIT[document.documentElement.lang] ?? UNIT.usual, symbolOf));
-// What records and terminals write in ASCII.
-const signs = (text) => text.replace(/\+\/?-(?= )/g, "±").replaceAll(" -> ", " → ");
+const shown = (text) => text.replace(UNIT[document.documentElement.lang] ?? UNIT.usual, symbolOf);
 
 // A format of the catalogue: {name}, {name:.2f}, {name:+.1f}, {name:g}.
 function filled(text, fields) {
