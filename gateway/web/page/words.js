@@ -65,11 +65,11 @@ const KEYS = {
 };
 const COMMAND = /`?\btrueflank (trust show|trust accept|[a-z][a-z-]*)((?: (?:SITE\b|NAME\b|\.\.\.|--[a-z-]+|(?<=--axis )[\w-]+))*)`?(?: with the site file)?/g;
 
-// As print has it: a real minus sign, plus or minus in one, an arrow.
-const signs = (text) => text.replaceAll("+/-", "±").replaceAll(" -> ", " → ").replace(/(?<![\w.:)\]-])-(?=\d)/g, "−");
+// As print has it: a real minus sign.
+const minus = (text) => text.replace(/(?<![\w.:)\]-])-(?=\d)/g, "−");
 
 function atPage(text) {
-  return signs(String(text)).replace(COMMAND, (all, name, more) => {
+  return minus(String(text)).replace(COMMAND, (all, name, more) => {
     const key = KEYS[more.includes("--apply") && `${name} --apply` in KEYS ? `${name} --apply` : name];
     return key ? t("order.key", { key: t(key[0]), screen: t(key[1]) }) : all;
   });

@@ -107,6 +107,19 @@ def test_every_sentence_that_a_script_asks_for_is_there_and_none_is_left_over() 
     assert {key for key in known - quoted if not key.startswith(begins)} == set()
 
 
+@pytest.mark.parametrize("path", sorted(PAGE.glob("*.js")), ids=lambda path: path.name)
+def test_no_script_declares_a_name_twice(path: Path) -> None:
+    """Two changes that merge without a conflict may do so; then the whole page stays empty."""
+    text = path.read_text(encoding="utf-8")
+    names = re.findall(r"^(?:export )?(?:async )?(?:const|let|function|class) (\w+)", text, re.MULTILINE)
+    names += [one for group in re.findall(r"^import \{([^}]*)\}", text, re.MULTILINE) for one in _imported(group)]
+    assert sorted(names) == sorted(set(names))
+
+
+def _imported(group: str) -> list[str]:
+    return [part.split(" as ")[-1].strip() for part in group.split(",") if part.strip()]
+
+
 def test_files_of_the_page_are_small_local_and_without_inline_code() -> None:
     for path in PAGE.iterdir():
         text = path.read_text(encoding="utf-8")
