@@ -10,10 +10,11 @@ from typing import Any
 import pytest
 from fastapi.routing import APIRoute
 
+from gateway.daemon.listening import InTime
 from gateway.store import Store
-from gateway.users import ROLES, UserRole
+from gateway.users import ROLES, Tries, UserRole
 from gateway.web import app as application
-from gateway.web import works
+from gateway.web import at_the_door, works
 from tests.unit.web.client import Client
 from tests.unit.web.services import PASSWORD, PIN, TOKEN, Offered, offered
 from tests.unit.web.test_daemon import SITE
@@ -314,3 +315,25 @@ def test_the_described_routes_are_those_that_are_shipped(offer: Offered) -> None
     shipped = json.loads((Path(__file__).parents[3] / "docs" / "openapi.json").read_text(encoding="utf-8"))
     assert offer.app.openapi() == shipped, "write it anew: trueflank schema --api > docs/openapi.json"
     assert shipped["info"]["version"] == application.API_VERSION
+
+
+def test_a_crowd_is_told_at_the_door_with_the_same_headers_and_health_is_always_answered() -> None:
+    asks = Tries(lambda: 100.0, 1, 10.0)
+    refused = at_the_door(asks)
+    assert refused("10.0.0.7") == b""
+    asks.count("10.0.0.7")
+    head, _, body = refused("10.0.0.7").partition(b"\r\n\r\n")
+    lines = head.decode("ascii").split("\r\n")
+    assert lines[0] == "HTTP/1.1 429 Too Many Requests"
+    told = dict(line.split(": ", 1) for line in lines[1:])
+    assert (told["connection"], int(told["content-length"]), told["retry-after"]) == ("close", len(body), "11")
+    assert told["x-frame-options"] == "DENY"
+    assert json.loads(body)["code"] == "E-WEB-OFTEN"
+    door = InTime.__new__(InTime)
+    door.cycle, door.client, door.refused = None, ("10.0.0.7", 1), refused  # type: ignore[assignment, method-assign]
+    asked = {
+        b"GET /api/v1/me HTTP/1.1\r\n\r\n": True,
+        b"GET /healthz HTTP/1.1\r\n\r\n": False,
+        b"GET /api/v1/me HT": False,
+    }
+    assert {data: bool(door._answer_at_the_door(data)) for data in asked} == asked
