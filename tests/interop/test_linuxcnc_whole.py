@@ -104,6 +104,8 @@ async def test_a_linear_and_a_rotary_axis_get_true_between_two_measurements(fold
         code, said = await command("run", site, "--apply", "--machine", "hobby-mill", heard=person.hears)
         assert code == 0, said
         assert person.restarts == 5  # twice for each sign, once for both tables
+        code, said = await command("verify-table", site)
+        assert code == 0, said
         after = await truth(host, places)
         judged(before, after, said)
         for way in after["X"]:
