@@ -71,10 +71,10 @@ def lead_on(found: CheckedSite, path: Path, *, connected: bool) -> None:
 
     if found.faults:
         repeat(f"check {path}")
-    elif _by_files(found.site):
-        next_step(f"day FOLDER --site {path}")
     elif urlsplit(found.site.controller.url).scheme == CARRIED and not connected:
         next_step(f"self-test {path}")
+    elif _by_files(found.site):
+        next_step(f"day FOLDER --site {path}")
     else:
         next_step(f"doctor {path}" if connected else f"check {path} --connect")
 

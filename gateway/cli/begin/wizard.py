@@ -14,10 +14,10 @@ from drivers.errors import TrueflankError, words
 from drivers.local.names import is_name, shown
 from drivers.local.ownfiles import opened
 from drivers.types.moves import FEED_DEG, FEED_MM
+from gateway.cli.begin.goodanswers import NONE, SAMPLE, gear_file, instrument, optics, reached, with_height
 from gateway.cli.begin.keys import password, token
 from gateway.cli.begin.questions import Questioner, Why, why
 from gateway.cli.begin.siteparts import (
-    OPTICS,
     ROTARY,
     SAMPLE_GEAR,
     TURN,
@@ -33,19 +33,19 @@ from gateway.cli.begin.siteparts import (
 from gateway.cli.begin.surveying import surveyed
 
 TIMEOUT_S = 10.0
-_UA, _PLC, _AGENT = "sinumerik-opcua", "sinumerik-modbus", "linuxcnc-agent"
-ROADS = {"opcua": _UA, "mailbox": _PLC, "linuxcnc": _AGENT, "files": _UA}
+_UA, _PLC, _CARRIED, _AGENT = "sinumerik-opcua", "sinumerik-modbus", "sinumerik-offline", "linuxcnc-agent"
+ROADS = {"opcua": _UA, "mailbox": _PLC, "carried": _CARRIED, "linuxcnc": _AGENT, "files": _UA}
+WIRELESS = ("carried", "files")
 URLS = {"opcua": "opc.tcp://192.168.214.1:4840", "mailbox": "tcp://192.168.214.1:502"}
-URLS |= {"linuxcnc": "tcp://127.0.0.1:5011"}
+URLS |= {"linuxcnc": "tcp://127.0.0.1:5011", "carried": "carried://stick"}
 CERTIFICATE = "control.der"
 STORE = "runs"
 USUAL_AXES = {"linuxcnc": "X Y Z"}
 USUAL_GRINDER = "X1 Z1 C1"
 USUAL_TRAVEL = (0.0, 500.0)
-NONE, SAMPLE, GEAR = "none", "example", "gear.toml"
+GEAR = "gear.toml"
 TYPED = ("manual", "terminal://")
 """What an instrument without a driver is: a person reads it and types."""
-_NUMBER = re.compile(r"[+-]?\d+(?:\.\d+)?")
 _TRAVEL = re.compile(r"(\w+)\s+([+-]?\d+(?:\.\d+)?)\s+([+-]?\d+(?:\.\d+)?)")
 _PLACE = re.compile(_TRAVEL.pattern + r"|\w+\s+any")
 
@@ -67,6 +67,9 @@ def wizard_text(file: Path, asker: Questioner) -> str:
     tree: dict[str, Any] = {"site": {"name": name, "store": STORE}, "controller": control, "instruments": instruments}
     tree["axes"] = [axis_tree(plan) for plan in plans]
     others = [axis.name for axis in (facts.axes if facts else ())]
+    if road == "carried":
+        others = _order(asker, [axis.name for axis, _ in axes])
+        control["settings"] |= {"axes": " ".join(others)}
     safe = {} if road == "files" else _safe(asker, [*dict.fromkeys([*(axis.name for axis, _ in axes), *others])])
     tree["moves"] = {"safe": safe, "feed_mm": FEED_MM, "feed_deg": FEED_DEG}
     if grinds(plans):
@@ -79,8 +82,10 @@ def _control(asker: Questioner, road: str, folder: Path) -> dict[str, Any]:
     control: dict[str, Any] = {"driver": ROADS[road], "url": URLS["opcua"], "serial": ""}
     if road == "files":
         return control | {"settings": {"security": "None"}}
+    if road == "carried":
+        return control | {"url": URLS[road], "settings": {"folder": "carried", "axes": "", "cross_tables": 0}}
     driver = ROADS[road]
-    control["url"] = asker.ask("url", "P-INIT-URL", URLS[road], lambda url: _reached(driver, "controller", url))
+    control["url"] = asker.ask("url", "P-INIT-URL", URLS[road], lambda url: reached(driver, "controller", url))
     if road == "mailbox":
         return control | {"settings": {"unit": 1, "word_order": "high-first"}}
     if road == "linuxcnc":
@@ -91,7 +96,7 @@ def _control(asker: Questioner, road: str, folder: Path) -> dict[str, Any]:
 
 def _facts(road: str, control: dict[str, Any], folder: Path, asker: Questioner) -> ControlFacts | None:
     """What the control tells; None, with the reason said, where it cannot be asked now."""
-    if road == "files":
+    if road in WIRELESS:
         return None
     settings = dict(control["settings"])
     for key in ("password_file", "server_certificate", "token_file"):
@@ -156,6 +161,16 @@ def _axes(asker: Questioner, facts: ControlFacts | None, names: str) -> tuple[Ra
     return [(axis, axis.travel or typed.get(axis.name) or usual[axis.name]) for axis in chosen], notes
 
 
+def _order(asker: Questioner, measured: Sequence[str]) -> list[str]:
+    """Every axis of the control in its own order: programs that are carried name them by their numbers."""
+
+    def judge(text: str) -> Why | None:
+        left_out = [name for name in measured if name not in _parted(text)]
+        return why("W-INIT-ORDER", names=", ".join(left_out)) if left_out else _axis_names(text, {}, " ".join(measured))
+
+    return _parted(asker.ask("order", "P-INIT-ORDER", " ".join(measured), judge))
+
+
 def _safe(asker: Questioner, names: Sequence[str]) -> dict[str, Any]:
     """Where each axis of the control may stand while programs move others; what is left out is asked before a push."""
 
@@ -176,14 +191,14 @@ def _guessed(name: str) -> ControlAxis:
 
 def _instruments(asker: Questioner, road: str, units: set[str]) -> list[dict[str, Any]]:
     """What measures linear axes, and what measures rotary ones."""
-    if road == "files":
+    if road in WIRELESS:
         return [{"name": "typed", "driver": "manual", "url": "terminal://"}]
     found = []
     if "mm" in units:
-        found.append(("laser", asker.ask("laser", "P-INIT-LASER", "umd COM5", _instrument)))
+        found.append(("laser", asker.ask("laser", "P-INIT-LASER", "umd COM5", instrument)))
     if "deg" in units:
         default = "bridge tcp://127.0.0.1:7001"
-        found.append(("calibrator", asker.ask("calibrator", "P-INIT-CALIBRATOR", default, _instrument)))
+        found.append(("calibrator", asker.ask("calibrator", "P-INIT-CALIBRATOR", default, instrument)))
     split = [(name, *text.split(maxsplit=1)) for name, text in found]
     return [{"name": name, "driver": driver, "url": url} for name, driver, url in split]
 
@@ -192,10 +207,10 @@ def _gear(
     asker: Questioner, tree: dict[str, Any], axes: Sequence[AxisToMeasure], folder: Path, facts: ControlFacts | None
 ) -> None:
     """The gear that is ground, and the set-ups of the errors that further optics show; nothing where there is none."""
-    answer = asker.ask("gear", "P-INIT-GEAR", NONE, lambda text: _gear_file(text, folder))
+    answer = asker.ask("gear", "P-INIT-GEAR", NONE, lambda text: gear_file(text, folder))
     if answer == NONE:
         return
-    asked = asker.ask("optics", "P-INIT-OPTICS", NONE, _optics)
+    asked = asker.ask("optics", "P-INIT-OPTICS", NONE, optics)
     found = [] if asked == NONE else [part.split(maxsplit=2) for part in asked.split(",")]
     tree["instruments"] += [
         {"name": name, **dict(zip(("driver", "url"), rest or TYPED, strict=True))} for name, *rest in found
@@ -203,7 +218,7 @@ def _gear(
     tree["setups"] = setup_trees(axes, [name for name, *_ in found])
     measured = {axis.name for axis in axes}
     others = [axis for axis in (facts.axes if facts else ()) if axis.name not in measured]
-    name, height = _with_height(answer)
+    name, height = with_height(answer)
     tree["work"] = work_tree(axes, _own_gear(folder) if name == SAMPLE else name, height, others)
 
 
@@ -250,47 +265,3 @@ def _travel(text: str, names: list[str]) -> Why | None:
     found = _ranges(text)
     right = all(name in found and found[name][0] < found[name][1] for name in names)
     return None if right else why("W-INIT-TRAVEL", names=", ".join(names))
-
-
-def _instrument(text: str) -> Why | None:
-    parts, known = text.split(maxsplit=1), registry.known("instrument")
-    if len(parts) != 2 or parts[0] not in known:
-        return why("W-INIT-INSTRUMENT", known=", ".join(known))
-    return _reached(parts[0], "instrument", parts[1])
-
-
-def _reached(driver: str, role: str, url: str) -> Why | None:
-    from gateway.config.reaching import address_of
-
-    wrong = address_of(driver, role, url)
-    return None if wrong is None else why(wrong[0], **wrong[1])
-
-
-def _with_height(text: str) -> tuple[str, float]:
-    """A gear file and the height behind it, mm; 0 where none is given."""
-    name, _, height = text.rpartition(" ")
-    return (name.strip(), float(height)) if name and _NUMBER.fullmatch(height) else (text.strip(), 0.0)
-
-
-def _gear_file(text: str, folder: Path) -> Why | None:
-    from gateway.study.files import load_gear
-
-    name, _ = _with_height(text)
-    if text == NONE or name == SAMPLE:
-        return None
-    try:
-        load_gear(folder / name)
-    except (TrueflankError, OSError) as error:
-        # The answer names the file already.
-        return why("W-INIT-GEAR", why=error.what if isinstance(error, TrueflankError) else error)
-    return None
-
-
-def _optics(text: str) -> Why | None:
-    if text == NONE:
-        return None
-    parts = [part.split(maxsplit=1) for part in text.split(",")]
-    names = [part[0] for part in parts if part]
-    if len(names) < len(parts) or len(set(names)) < len(names) or not set(names) <= set(OPTICS):
-        return why("W-INIT-OPTICS", known=", ".join(OPTICS))
-    return next(filter(None, (_instrument(part[1]) for part in parts if len(part) > 1)), None)

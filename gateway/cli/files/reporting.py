@@ -46,7 +46,9 @@ def report(
             echo(line)
         echo(f"calibration report {made.number}: {made.pdf}")
         again = f"evaluate {what[0]}" if _files(what) else f"runs show {what[0]} --store {store}"
-        next_step(again if language else f"report {' '.join(what)} --language de")
+        next_step(
+            again if language else f"report {' '.join(what)}{'' if _files(what) else f' --store {store}'} --language de"
+        )
     raise typer.Exit(of_verdicts(made.verdicts))
 
 

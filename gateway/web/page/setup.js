@@ -5,7 +5,7 @@ import { languages } from "./signin.js";
 import { capital } from "./sentence.js";
 import { plain, say, t, told } from "./words.js";
 
-const ROADS = ["opcua", "mailbox", "linuxcnc", "files"];
+const ROADS = ["opcua", "mailbox", "carried", "linuxcnc", "files"];
 const AGAIN_MS = 500;
 
 export function setUp(enter) {

@@ -44,7 +44,7 @@ def test_an_owner_of_files_gets_a_checked_file_from_three_answers(tmp_path: Path
 def test_every_question_says_why_it_is_asked_and_a_wrong_answer_is_asked_again(tmp_path: Path) -> None:
     done = ran(tmp_path, typed="opc\nfiles\nmy grinder\nm1\nS7\nX1 X1\nY B\nX 0 1\nY -100 200, B -20 120\n")
     assert done.exit_code == 0, done.output
-    assert "must be opcua, mailbox, linuxcnc, files" in done.output
+    assert "must be opcua, mailbox, carried, linuxcnc, files" in done.output
     assert "Nothing is written to a machine with another serial number" in done.output
     site = load_site(tmp_path / "site.toml")
     assert [(axis.name, axis.kind, axis.travel) for axis in site.axes] == [
@@ -164,6 +164,28 @@ def test_five_axes_fit_into_travel_and_room(tmp_path: Path) -> None:
     assert [one.path for one in found.doubts] == [("moves", "safe"), ("axes", 1, "encoder")]
     assert list(against_control(found.site, ControlFacts("S", "V", "metric", FIVE))) == []
     assert [grid(plan)[2] for plan in plans] == [20.0, 1.0, 25.0, 5.0, 10.0]
+
+
+def test_a_control_that_programs_are_carried_to_has_its_axes_in_its_own_order(tmp_path: Path) -> None:
+    given = ("road=carried", "serial=ST-1", "axes=X1 C1", "order=X1 Y1 C1", "safe=X1 0 400, Y1 any, C1 0 360")
+    done = ran(tmp_path, "--yes", *(word for one in given for word in ("--answer", one)))
+    assert "next: trueflank self-test" in done.output
+    site = load_site(tmp_path / "site.toml")
+    assert (site.controller.driver, site.controller.url) == ("sinumerik-offline", "carried://stick")
+    assert site.controller.settings["axes"] == "X1 Y1 C1"
+    assert site.moves.safe["Y1"] == "any"
+    (tmp_path / "other").mkdir()
+    with pytest.raises(ConfigError, match="name these too: C1"):
+        ran(
+            tmp_path / "other",
+            "--yes",
+            "--answer",
+            "road=carried",
+            "--answer",
+            "axes=X1 C1",
+            "--answer",
+            "order=X1",
+        )
 
 
 def test_what_the_control_says_otherwise_is_told_before_anything_moves(tmp_path: Path) -> None:
