@@ -26,6 +26,7 @@ from drivers.units import deviation_scale, deviation_unit, typed_unit
 MOST_REPETITIONS = 10_000
 Key = tuple[float, int, int]
 # Beyond these a column is doubted: its unit, or whether it holds what its name says.
+MOST_SHARE = 0.02  # of the targets' range: an axis that goes so wrong is none, columns changed about are
 LARGEST = {"mm": 5000.0, "deg": 1000.0}
 OPEN = {"reading_unit", "passes", "direction"}
 ROWS = ("runs", "up", "down")
@@ -127,7 +128,7 @@ def _set_of(
     if beyond(float(np.max(np.abs(targets))), float(np.nanmax(np.abs(deviations)))):
         raise _impossible(rows, found, where)
     header = {**(said or {}), "Unit": found.unit} | ({"Reading": "position"} if found.reading == "position" else {})
-    warnings = (*_warnings(deviations, found), *notes, *end_doubts(text))
+    warnings = (*_warnings(targets, deviations, found), *notes, *end_doubts(text))
     return MeasuredSet(targets, deviations, found.axis_unit, header=header, warnings=warnings)
 
 
@@ -267,7 +268,7 @@ def _converted(targets: FloatArray, values: FloatArray, found: Layout) -> tuple[
     return targets, (values * TARGET_UNITS[found.unit][1] - targets[:, None, None]) * deviation_scale(axis_unit)
 
 
-def _warnings(deviations: FloatArray, found: Layout) -> tuple[str, ...]:
+def _warnings(targets: FloatArray, deviations: FloatArray, found: Layout) -> tuple[str, ...]:
     said = ["numbers are written with a decimal comma"] if found.comma else []
     ways = [way for way in (0, 1) if not np.isnan(deviations[:, :, way]).all()]
     if len(ways) == 1:
@@ -276,7 +277,9 @@ def _warnings(deviations: FloatArray, found: Layout) -> tuple[str, ...]:
     if missing:
         said.append(f"{missing} readings are missing")
     largest = float(np.nanmax(np.abs(deviations)))
-    if largest > LARGEST[found.axis_unit]:
+    span = float(np.ptp(targets)) * deviation_scale(found.axis_unit)
+    apart = found.axis_unit != TARGET_UNITS[found.target_unit][0]
+    if largest > LARGEST[found.axis_unit] or (not apart and 0.0 < span * MOST_SHARE < largest):
         unit = deviation_unit(found.axis_unit)
         said.append(f"the largest deviation is {largest:.4g} {unit}: does the column hold what its name says?")
     return tuple(said)

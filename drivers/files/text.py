@@ -13,13 +13,15 @@ MARKS = (
     (codecs.BOM_UTF16_LE, "utf-16"),
     (codecs.BOM_UTF16_BE, "utf-16"),
 )
+NOTHING = b"\0 \t\r\n" + codecs.BOM_UTF8 + codecs.BOM_UTF16_LE
+"""What a file without a word may hold: blanks, line ends, a byte order mark."""
 LARGEST_BYTES = 64 << 20
 OTHER_CODEPAGES = ("gb18030", "cp1251", "cp1250", "cp932")
 SAMPLE, MOSTLY = 400, 0.7
 
 
 def read_bytes(path: Path) -> bytes:
-    """The file's bytes. Raises FileUnreadable (E-FILE-READ)."""
+    """The file's bytes. Raises FileUnreadable (E-FILE-READ), FileFormatError (E-FILE-EMPTY)."""
     try:
         with path.open("rb") as file:
             data = file.read(LARGEST_BYTES + 1)
@@ -27,6 +29,8 @@ def read_bytes(path: Path) -> bytes:
         raise FileUnreadable("E-FILE-READ", str(path), why=str(error)) from error
     if len(data) > LARGEST_BYTES:
         raise FileUnreadable("E-FILE-READ", str(path), why=f"it is larger than {LARGEST_BYTES} bytes")
+    if not data.strip(NOTHING):
+        raise FileFormatError("E-FILE-EMPTY", str(path), bytes=len(data))
     return data
 
 

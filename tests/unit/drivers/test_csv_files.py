@@ -10,6 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from drivers import registry
 from drivers.errors import ConfigError, FileFormatError
 from drivers.files.csvmap import CsvFormat, parse_csv
 from drivers.types.results import MeasuredSet
@@ -138,3 +139,22 @@ def test_mutated_tables_are_read_or_refused(chance: random.Random) -> None:
         return
     assert np.isfinite(found.targets).all()
     assert not np.isinf(found.deviations).any()
+
+
+@pytest.mark.parametrize("name", ["a.csv", "a.rtl", "a.rta", "a.pos"])
+@pytest.mark.parametrize("data", [b"", b"\r\n \r\n", b"\xef\xbb\xbf", b"\xff\xfe"])
+def test_an_empty_file_is_called_empty(name: str, data: bytes, tmp_path: Path) -> None:
+    (tmp_path / name).write_bytes(data)
+    with pytest.raises(FileFormatError, match="E-FILE-EMPTY"):
+        registry.load(name[2:], "file")(**({"unit": "mrad"} if name == "a.rta" else {})).read(tmp_path / name)
+
+
+def test_columns_changed_about_are_doubted(tmp_path: Path) -> None:
+    """Places under the heading of deviations, and deviations under that of targets."""
+    rows = [
+        f"{at},{way},{turn},{0.01 * at + 0.1 * turn}" for turn in (1, 2) for way in "+-" for at in range(0, 401, 50)
+    ]
+    for heading, doubts in (("deviation_um,direction,repetition,target_mm", 1), (PLAIN.splitlines()[0], 0)):
+        (tmp_path / "a.csv").write_text("\n".join([heading, *rows, ""]))
+        found = CsvFormat().read(tmp_path / "a.csv")
+        assert sum("does the column hold what its name says" in one for one in found.warnings) == doubts
