@@ -5,9 +5,9 @@ import { LANGUAGES, language, speak, t, told } from "./words.js";
 
 export function signIn(enter) {
   const box = h("main", { class: "signin" });
-  // Where nobody has an account yet, the first one is what to do; who has one signs in.
+  // Where nobody has an account yet nobody can sign in: the first one is what to do.
   let begins = false;
-  const draw = () => show(box, h("h1", {}, "trueflank"), languages(draw), begins ? [first(enter, begins), usual(enter)] : [usual(enter), first(enter, begins)]);
+  const draw = () => show(box, h("h1", {}, "trueflank"), languages(draw), begins ? first(enter, begins) : [usual(enter), first(enter, begins)]);
   get("/healthz").then((found) => { begins = Boolean(found.first_start); }, () => {}).then(draw);
   return box;
 }
