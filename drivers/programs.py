@@ -168,8 +168,8 @@ class SaysMotion(Protocol):
         ...
 
 
-Moment = Literal["release", "restart", "clamp", "unclamp", "self-test"]
-"""When a program waits for a person: for the second start, a restart, a blank, the part, the self-test's start."""
+Moment = Literal["restart", "clamp", "unclamp", "self-test"]
+"""When a program waits for a person: for a restart, a blank, the part, the self-test's start."""
 
 
 @runtime_checkable

@@ -110,6 +110,11 @@ class DriverSettings(BaseModel):
         return 0
 
     @property
+    def one_start(self) -> bool:
+        """Whether one start leads through both halves of a push (`Capabilities.one_start`)."""
+        return False
+
+    @property
     def quantities(self) -> tuple[str, ...]:
         """Units of what an instrument so set up can read ("mm", "um", "deg", "arcsec"); () where the device knows."""
         return ()

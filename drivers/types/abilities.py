@@ -37,6 +37,7 @@ class Capabilities:
     ``off_anyhow``: a table can be switched off while a program is at work or an axis moves, a person confirming.
     ``self_test``: it tries the words of its programs (`drivers.programs.SelfTests`); a push asks for it.
     ``together``: one start loads all tables of a batch and one switches them; else the person agrees table by table.
+    ``one_start``: the start that loads them leads to their switching too, once they are released.
     ``unprotected`` says, in words, why others on the network could read or change what passes; "" where they cannot.
     """
 
@@ -51,6 +52,7 @@ class Capabilities:
     cross_shown: Literal["as-is", "either-way"] = "as-is"
     self_test: bool = False
     together: bool = False
+    one_start: bool = False
     off_anyhow: bool = False
     unprotected: str = ""
 

@@ -110,6 +110,12 @@ def plans_together(site: SiteFile) -> int:
     return 0 if told is None else told.plans_together
 
 
+def one_start(site: SiteFile) -> bool:
+    """Whether one press leads through both halves of a push."""
+    told = _told(site)
+    return told is not None and told.one_start
+
+
 def _told(site: SiteFile) -> DriverSettings | None:
     """What the site file tells the control's driver; None where the driver has no model or a setting is wrong."""
     return told_to(site.controller, "controller")

@@ -58,9 +58,13 @@ async def load(loads: Loads) -> Faults:
     await _check_marker(first, batch[0])
     await tell_motion(context.controller, context.say)
     if context.controller.capabilities.switches_now:
+        once = context.controller.capabilities.one_start
         for one in loads:
             await _say_switch(one)
-        context.say("P-PUSH-LOAD", axis=_names(loads), transaction=batch[0].transaction)
+        if once:
+            await _say_switched_on(loads)
+        code = "P-PUSH-START" if once else "P-PUSH-LOAD"
+        context.say(code, axis=_names(loads), transaction=batch[0].transaction)
     kept = await _kept_before(loads)
     for one in loads:
         one.work.begun = True
@@ -257,18 +261,28 @@ async def _activated(loads: Loads, together: PushBatch) -> None:
 
 
 async def _ask_release(loads: Loads) -> None:
-    """What the second press moves; where a restart switches, that restart, unless what is back acts anyhow."""
+    """What the second press moves; where a restart switches, that restart, unless what is back acts anyhow.
+
+    A program that goes on by itself was told whole before it was started.
+    """
     context, told = loads[0].work.context, {"axis": _names(loads), "transaction": loads[0].order.transaction}
     if not context.controller.capabilities.switches_now:
         if any([(await conversation.read_loaded(one.work.context)).waits for one in loads]):
             context.say("P-PUSH-NEXT-START", **told)
         return
+    if context.controller.capabilities.one_start:
+        context.say("P-PUSH-RELEASED", **told)
+        return
     await tell_motion(context.controller, context.say)
+    await _say_switched_on(loads)
+    context.say("P-PUSH-RELEASE", **told)
+
+
+async def _say_switched_on(loads: Loads) -> None:
     for one in loads:
         if one.order.enable:
             amount = await _worth(one.work, one.order.table, LiveTable(one.order.table, True))
             _say_moves("P-MOVE-SWITCH-ON", one.work, one.order, amount)
-    context.say("P-PUSH-RELEASE", shown=shown_there(context.controller, "release"), **told)
 
 
 async def _ask_again(one: TableLoad) -> None:

@@ -135,10 +135,6 @@ class ControlPanel:
         """Whether an alarm stands that RESET clears."""
         return any(alarm.clear == "reset" for alarm in self._nck.alarms)
 
-    def r_parameter(self, number: int) -> float:
-        """An R parameter as the screen shows it."""
-        return float(self._nck.get(f"R[{number}]"))
-
     def nc_start(self) -> None:
         """The green button."""
         self._nck.nc_start()

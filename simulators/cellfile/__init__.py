@@ -146,13 +146,11 @@ class OperatorSection(CellSection):
     setup_delay_s: float = Field(default=20.0, ge=0)
     load_delay_s: float = Field(default=20.0, ge=0, description="to take a part off or clamp a blank")
     release_delay_s: float = Field(default=2.0, ge=0)
-    release_patience_s: float = Field(default=600.0, ge=0)
     activate_delay_s: float = Field(default=10.0, ge=0)
     confirm_delay_s: float = Field(default=5.0, ge=0, description="from the panel's lamp to its button")
     confirms: bool = True
     gives_release: bool = Field(default=True, description="turns the local release on while a session wants it")
     restarts: bool = Field(default=True, description="restarts the control when a confirmed table acts only then")
-    looks_at_r: bool = True
     mounts_wrong: tuple[str, ...] = Field(default=(), description="components mounted with the wrong optics")
 
 

@@ -15,7 +15,6 @@ from simulators.optics import OpticsBench
 SETUP = re.compile(r"TRUEFLANK SETUP (?P<component>\S+) ON (?P<letter>[A-Z])$")
 BLANK = re.compile(r"TRUEFLANK LOAD BLANK(?: .*)?$")
 UNLOAD = re.compile(r"TRUEFLANK UNLOAD PART(?: .*)?$")
-LOADED = re.compile(r"TRUEFLANK LOADED .+ NC START WHEN R(?P<number>\d+)=(?P<value>-?\d+(?:\.\d+)?)$")
 ACTIVATE = re.compile(r"TRUEFLANK ACTIVATE NCK RESET AND REFERENCE (?P<axis>\S+( \S+)*)$")
 SELF_TEST = re.compile(r"TRUEFLANK SELF-TEST PRESS NC START$")
 PROBE = "_N_TFPROBE_"  # programs that are meant to be refused: the person who tries them presses RESET
@@ -122,7 +121,6 @@ class Operator:
             (SETUP, self._set_up),
             (BLANK, self._load_blank),
             (UNLOAD, self._unload_part),
-            (LOADED, self._release),
             (ACTIVATE, self._activate),
             (SELF_TEST, self._go_on_with_test),
         )
@@ -161,21 +159,6 @@ class Operator:
     def _go_on(self, done: str) -> None:
         self.log.append(done)
         if self._control.channel_status == INTERRUPTED and not done.startswith("no "):
-            self.press("NC START")
-
-    async def _release(self, found: re.Match[str]) -> None:
-        number, value = int(found["number"]), float(found["value"])
-        waited = 0.0
-        while self.spec.looks_at_r and self._control.r_parameter(number) != value:
-            if waited >= self.spec.release_patience_s:
-                self.press("RESET")
-                return
-            await self._clock.sleep(LOOK_S)
-            waited += LOOK_S
-            if self._control.channel_status != INTERRUPTED:
-                return
-        await self._clock.sleep(self.spec.release_delay_s)
-        if self._control.channel_status == INTERRUPTED:
             self.press("NC START")
 
     async def _activate(self, _found: re.Match[str]) -> None:

@@ -33,10 +33,6 @@ class ShownControl(Protocol):
         """Whether an alarm stands that RESET clears."""
         ...
 
-    def r_parameter(self, number: int) -> float:
-        """An R parameter as the screen shows it."""
-        ...
-
     def nc_start(self) -> Any:
         """The green button."""
         ...

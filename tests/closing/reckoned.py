@@ -17,9 +17,7 @@ UNFORESEEN = ("TFAGAIN", "TFMORE")
 CAUSES = {
     "grind": "P-GRIND-PREPARED",
     "read": "P-NC-READ",
-    "load": "P-PUSH-LOAD",
-    "switch": "P-PUSH-RELEASE",
-    "end": "P-PUSH-RELEASE",
+    "load": "P-PUSH-START",
     "stops": "P-PUSH-SIGN",
     "effect": "P-PUSH-EFFECT",
 }
@@ -59,6 +57,7 @@ def unlike(site_path: Path, presses: Presses, took_s: float, within: float = HOU
     if not least + extra <= measured <= least + 2 * extra:
         said.append(f"presses of measuring: {least} foretold, {extra} unforeseen, {measured} pressed")
     # Further targets are visited once to be measured, and once more to judge the table that they made better.
+    print(f"{day.hours:.2f} h foretold ({day.by_stage()}), {took_s / 3600.0:.2f} h taken")
     hours, was = day.hours + 2.0 * presses.extra_min / 60.0, took_s / 3600.0
     if abs(hours - was) > within * was:
         said.append(f"{hours:.2f} h foretold, {was:.2f} h taken")

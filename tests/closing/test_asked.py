@@ -22,9 +22,8 @@ HOURS_WITHIN = 0.25  # nobody foresees how many readings of 28 set-ups are taken
 PRESSED = {
     "P-START-SETUP TFSENSE": 2,  # all set-ups; all sign proofs
     "P-GRIND-PREPARED": 3,  # of each part
-    "P-NC-READ": 4,  # before the trial tables, after them, before each layer
-    "P-PUSH-LOAD": 4,  # trial tables, the old ones again, axis layer, cross layer
-    "P-PUSH-RELEASE": 4,
+    "P-NC-READ": 2,  # before the trial tables, before the cross layer
+    "P-PUSH-START": 4,  # trial tables, the old ones again, axis layer, cross layer
     "P-PUSH-EFFECT": 2,  # of each layer; measuring again goes on from there
 }
 

@@ -30,9 +30,8 @@ LIVE = {"EXX", "EZZ", "ECC"}
 ASKED = (3, 10, 3)
 # Presses of NC START beyond those that confirm what was mounted or clamped, by their cause: the most of each.
 PRESSED = {
-    "P-NC-READ": 7,  # 3 axes at the files' set-ups; all before the trial tables, after them, before each layer
-    "P-PUSH-LOAD": 4,  # trial tables, the old ones again, axis layer, cross layer
-    "P-PUSH-RELEASE": 4,
+    "P-NC-READ": 5,  # 3 axes at the files' set-ups; all before the trial tables, before the cross layer
+    "P-PUSH-START": 4,  # trial tables, the old ones again, axis layer, cross layer
     "P-PUSH-EFFECT": 2,  # of each layer
     "P-GRIND-PREPARED": 3,  # of each part
     "P-START-SETUP TFSENSE": 2,  # all set-ups; all sign proofs. The rest goes on in a program that runs

@@ -46,7 +46,7 @@ class Stage:
     server: SinumerikServer
     device: SinumerikOpcUa
     pressed: list[str] = field(default_factory=list)
-    releases: bool = True
+    restarts: bool = True
 
     def driver(self, **settings: Any) -> SinumerikOpcUa:
         """Another driver for the same server."""
@@ -75,12 +75,7 @@ class Stage:
             if message.startswith(("TRUEFLANK SETUP ", "TRUEFLANK LOAD BLANK ", "TRUEFLANK UNLOAD PART ")):
                 self.pressed.append("setup")
                 self.nck.nc_start()
-            elif " NC START WHEN R" in message and self.releases:
-                number, value = message.rpartition(" R")[2].split("=")
-                if self.nck.get(f"R[{number}]") == float(value):
-                    self.pressed.append("release")
-                    self.nck.nc_start()
-            elif message.startswith("TRUEFLANK ACTIVATE NCK RESET AND REFERENCE "):
+            elif message.startswith("TRUEFLANK ACTIVATE NCK RESET AND REFERENCE ") and self.restarts:
                 self.pressed.append("activate")
                 await self.restart()
 

@@ -83,7 +83,7 @@ async def test_one_program_loads_all_and_one_restart_puts_all_to_work(keys: Path
         await on.device.activate(batch, batch)
         assert await on.device.confirm(batch, 120.0) == (True,) * count
         await on.device.restarted(batch, 120.0)
-        assert on.pressed == ["release", "activate"]
+        assert on.pressed == ["activate"]
         assert await on_now(on, batch) == [True] * count
         await on.device.finish_push(batch, "committed")
         marker = await on.device.marker()
@@ -120,7 +120,7 @@ async def test_cross_tables_of_one_axis_are_switched_by_themselves(keys: Path) -
 @pytest.mark.parametrize("count", [1, 3, 7])
 async def test_a_reset_between_the_halves_leaves_all_off(keys: Path, count: int) -> None:
     async with on_stage(MANY, folder=keys) as on:
-        batch, on.releases = BATCH[:count], False
+        batch = BATCH[:count]
         await loaded(on, batch)
         await on.device.activate(batch, batch)
         on.nck.channel_reset()
@@ -133,13 +133,11 @@ async def test_a_table_changed_between_the_halves_keeps_all_off_that_are_release
     keys: Path, released: bool
 ) -> None:
     async with on_stage(MANY, folder=keys) as on:
-        batch, on.releases = BATCH[:3], False
+        batch = BATCH[:3]
         await loaded(on, batch)
         on.nck.set("$AA_ENC_COMP[0,1,Z1]", 0.0123, 0)
         passed = batch if released else (batch[0], batch[2])
         await on.device.activate(batch, passed)
-        on.press()
-        on.releases = True
         assert await on.device.confirm(passed, 120.0) == (not released,) * len(passed)
         assert await on_now(on, batch) == [not released, False, not released]
 
@@ -147,11 +145,10 @@ async def test_a_table_changed_between_the_halves_keeps_all_off_that_are_release
 @pytest.mark.parametrize("word", [0.0, 8.0, 9.0, -1.0])
 async def test_a_release_that_names_no_table_of_the_batch_switches_nothing(keys: Path, word: float) -> None:
     async with on_stage(MANY, folder=keys) as on:
-        batch, on.releases = BATCH[:3], False
+        batch = BATCH[:3]
         await loaded(on, batch)
         await on.device.activate(batch, batch)
         on.nck.set("R[85]", word, 7)
-        on.press()
         assert await on.device.confirm(batch, 120.0) == (False,) * 3
         assert await on_now(on, batch) == [False] * 3
 

@@ -220,10 +220,10 @@ async def test_the_marker_outlives_session_and_programs_until_it_is_recovered(ke
     async with on_stage(SPEC, folder=keys) as on:
         base = await live_of(on, tmp_path)
         context = replace(await context_for(on, tmp_path, proof(on, 1)), start_timeout_s=20.0)
-        on.releases = False
+        on.restarts = False
         async with starting(on):
             record = await push_table(change_of(base, WAVE, 1), context)
-        assert record.outcome == "held", record.steps
+        assert record.outcome == "held-on", record.steps
         await on.device.close()
         elsewhere = tmp_path / "another-pc"
         elsewhere.mkdir()
@@ -236,7 +236,7 @@ async def test_the_marker_outlives_session_and_programs_until_it_is_recovered(ke
         refused = await push_table(change_of(base, WAVE, 1), stranger)
         assert any(step.startswith("E-INT-MARKER") for step in refused.steps), refused.steps
         on.nck.channel_reset()
-        on.releases = True
+        on.restarts = True
         (found,) = unfinished(tmp_path / "journal", context.machine.serial)
         mine = replace(context, controller=other, start_timeout_s=200.0)
         async with starting(on):

@@ -111,7 +111,7 @@ async def test_each_press_of_a_push_is_said_with_what_moves_and_who_stands_where
             task.cancel()
             with contextlib.suppress(asyncio.CancelledError):
                 await task
-    said = told.before("P-PUSH-LOAD")
+    said = told.before("P-PUSH-START")
     assert "it moves no axis" in words("P-NC-READ", axis="X1")
     goes = next(fields for code, fields in said if code == "P-MOVE-TO")
     assert goes == {"axis": "Z1", "unit": "mm", "start": "40", "end": "0", "feed": "6000"}
@@ -120,6 +120,8 @@ async def test_each_press_of_a_push_is_said_with_what_moves_and_who_stands_where
     assert "in its safe place (-100 to 100)" in others
     off = next(fields for code, fields in said if code == "P-MOVE-SWITCH-OFF")
     assert (off["axis"], off["amount"], off["input"]) == ("X1", 0.0, "Z1")
+    on_again = next(fields for code, fields in said if code == "P-MOVE-SWITCH-ON")
+    assert (on_again["axis"], on_again["input"]) == ("X1", "Z1")
 
 
 async def test_no_push_without_a_safe_place_for_every_axis_and_none_from_outside(keys: Path, tmp_path: Path) -> None:

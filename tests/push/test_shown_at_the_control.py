@@ -17,7 +17,6 @@ from tests.push.uaworld import UaWorld, ua_change, ua_context, ua_world
 from tests.unit.programs.sites import site_file
 
 SHOWN: dict[str, Moment] = {
-    "P-PUSH-RELEASE": "release",
     "P-PUSH-ACTIVATE": "restart",
     "P-GRIND-BEGUN": "clamp",
     "P-GRIND-DONE": "unclamp",
@@ -34,10 +33,8 @@ async def watched(at: UaWorld, seen: list[str]) -> None:
 
 
 @pytest.mark.parametrize("two_programs", [False, True])
-async def test_both_halves_of_a_push_quote_what_the_control_shows(
-    tmp_path: Path, keys: Path, two_programs: bool
-) -> None:
-    """Where the first half is a program of its own, nothing waits before the restart."""
+async def test_a_push_quotes_what_the_control_shows(tmp_path: Path, keys: Path, two_programs: bool) -> None:
+    """Nothing waits for a person before the restart; where the first half is a program of its own, two are started."""
     seen: list[str] = []
     told: dict[str, str] = {}
     async with ua_world(LoopClock(), keys) as at:
@@ -54,9 +51,9 @@ async def test_both_halves_of_a_push_quote_what_the_control_shows(
         record = await push_table(ua_change(base, at.new), context)
         await device.close()
     assert record.outcome == "committed", record.steps
-    quoted = [code for code in ("P-PUSH-RELEASE", "P-PUSH-ACTIVATE") if "The control shows: " in told[code]]
-    assert [told[code].partition("The control shows: ")[2] for code in quoted] == seen
-    assert quoted == (["P-PUSH-ACTIVATE"] if two_programs else ["P-PUSH-RELEASE", "P-PUSH-ACTIVATE"])
+    assert [told["P-PUSH-ACTIVATE"].partition("The control shows: ")[2]] == seen
+    assert ("P-PUSH-RELEASE" in told) is two_programs
+    assert ("P-PUSH-START" in told) is not two_programs
 
 
 def test_every_wait_of_every_program_has_its_moment(tmp_path: Path) -> None:

@@ -151,7 +151,7 @@ def _hand(made: Schedule) -> None:
 
 
 def _person(made: Schedule) -> None:
-    kind = made.rng.choice(("starts", "releases", "restarts", "resets", "after_s"))
+    kind = made.rng.choice(("starts", "restarts", "resets", "after_s"))
     made.faults.append(f"person without {kind}")
     made.begin.append(lambda at, _made, _task: setattr(at.person, kind, 3.0 if kind == "after_s" else False))
 

@@ -42,7 +42,6 @@ class UaPerson:
     """Who presses NC START for what was selected, and does what MSG or the gateway says."""
 
     starts: bool = True
-    releases: bool = True
     restarts: bool = True
     resets: bool = True
     after_s: float = 0.0
@@ -97,11 +96,7 @@ class UaWorld:
         if nck.channel_status != 2 or nck.alarms:
             return
         message = nck.message
-        if " NC START WHEN R" in message and person.releases:
-            number, value = message.rpartition(" R")[2].split("=")
-            if nck.get(f"R[{number}]") == float(value):
-                nck.nc_start()
-        elif message.startswith("TRUEFLANK ACTIVATE") and person.restarts:
+        if message.startswith("TRUEFLANK ACTIVATE") and person.restarts:
             await self.restart()
 
     async def _do(self, wish: str) -> None:

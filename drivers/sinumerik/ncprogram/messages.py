@@ -6,12 +6,11 @@ import re
 
 from drivers.programs import Moment
 from drivers.sinumerik.ncprogram.grinding import LOAD, UNLOAD
-from drivers.sinumerik.ncprogram.pushing import ACTIVATE, LOADED
+from drivers.sinumerik.ncprogram.pushing import ACTIVATE
 from drivers.sinumerik.ncprogram.selftest import PRESS
 
 _WAITS = re.compile(r'^(?:N\d+ )?MSG\("([^"]*)"\)\n(?:N\d+ )?M0$', re.MULTILINE)
 _BEGINS: dict[Moment, str] = {
-    "release": LOADED,
     "restart": ACTIVATE,
     "clamp": LOAD,
     "unclamp": UNLOAD,

@@ -1,8 +1,10 @@
 """A batch of PushOrders -> NC program text: the two halves of one push of one or several tables.
 
 First half: back up, move to the agreeing positions, disable all, write everything, compare everything, write
-read-back files, stop. Second half: enable only what the gateway released of this very transaction, and only if it is
-still as it was written. Every other way out leaves all of them disabled. MD38000 and MD18342 are not touched.
+read-back files. It then waits, standing, for the gateway's word: between the halves nothing is for a person to do, and
+what both move was said before the start. Second half: enable only what the gateway released of this very transaction,
+and only if it is still as it was written. Every other way out leaves all of them disabled. MD38000 and MD18342 are
+not touched.
 """
 
 from __future__ import annotations
@@ -15,6 +17,7 @@ from drivers.sinumerik.ncprogram.guarding import away, guarded, unless_there
 from drivers.sinumerik.ncprogram.heads import Head, headed, section
 from drivers.sinumerik.ncprogram.loading import compared, written
 from drivers.sinumerik.ncprogram.measuring import (
+    POLL_S,
     PREPARE,
     Setting,
     check_names,
@@ -23,7 +26,7 @@ from drivers.sinumerik.ncprogram.measuring import (
     text_of,
     unless_aborted,
 )
-from drivers.sinumerik.ncprogram.motion import Motion
+from drivers.sinumerik.ncprogram.motion import Motion, number
 from drivers.sinumerik.ncprogram.words import FAMILY, Phase, Word, Words, file_path, program_path
 from drivers.types.orders import PushBatch, PushOrder
 
@@ -33,17 +36,18 @@ Loads = Sequence[tuple[PushOrder, Setting]]
 LOADED = "TRUEFLANK LOADED"
 ACTIVATE = "TRUEFLANK ACTIVATE NCK RESET AND REFERENCE"
 _MOST_NAMED = 5
+_RELEASE_LIMIT_S = 600.0  # reading and comparing takes seconds; with its gateway gone it ends with every table off
 _HELD, _LEFT, _FAILED, _COMPARE = "TF_HELD", "TF_LEFT", "TF_FAILED", "TF_COMPARE"
 _WAKES, _ALONE = "TF_WAKES", "TF_ALONE"
-_HALF, _BAD, _GOOD, _PASSED = "UHALF", "UBAD", "UGOOD", "UPASSED"
+_HALF, _BAD, _GOOD, _PASSED, _WAITED = "UHALF", "UBAD", "UGOOD", "UPASSED", "UWAITED"
 _STOPS = "press RESET and grind nothing: a table is off or half written. trueflank recover puts the old one back."
 
 
 def loaded_message(batch: PushBatch, words: Words) -> str:
-    """The operator's message at the M0 between the two halves."""
+    """What stands on the control between the two halves, while the gateway compares."""
     release = f"{words.name(Word.RELEASE)}={batch[0].transaction}"
     names = " ".join(order.table.name for order in batch)
-    return f"{LOADED} {names if len(batch) <= _MOST_NAMED else f'{len(batch)} TABLES'} NC START WHEN {release}"
+    return f"{LOADED} {names if len(batch) <= _MOST_NAMED else f'{len(batch)} TABLES'} WAITS FOR {release}"
 
 
 def activate_message(batch: PushBatch) -> str:
@@ -53,10 +57,25 @@ def activate_message(batch: PushBatch) -> str:
 
 
 def pushing(loads: Loads) -> str:
-    """The one program with both halves: load and prove, M0, then enable what was released."""
-    message = loaded_message(_orders(loads), loads[0][1].words)
-    half = [f'MSG("{message}")', "M0", 'MSG("")', "STOPRE"]
-    return _program("PUSH", loads, [*_first_half(loads), *half, *_second_half(loads)])
+    """The one program with both halves: load and prove, wait for the release, then enable what was released."""
+    return _program("PUSH", loads, [*_first_half(loads), *_until_released(loads), *_second_half(loads)])
+
+
+def _until_released(loads: Loads) -> list[str]:
+    words, release = loads[0][1].words, f"{loads[0][0].transaction}"
+    return [
+        f'MSG("{loaded_message(_orders(loads), words)}")',
+        f"{_WAITED}=0",
+        f"WHILE {words.name(Word.RELEASE)}<>{release}",
+        f"G4 F{number(POLL_S)}",
+        "STOPRE",
+        f"{_WAITED}={_WAITED}+1",
+        unless_aborted(words, _HELD),
+        f"IF {_WAITED}>{round(_RELEASE_LIMIT_S / POLL_S)} GOTOF {_HELD}",
+        "ENDWHILE",
+        'MSG("")',
+        "STOPRE",
+    ]
 
 
 def loading(loads: Loads) -> str:
@@ -84,7 +103,7 @@ def _program(kind: str, loads: Loads, body: list[str]) -> str:
     if any(order.table.kind == "cross" for order in orders):
         ends += [f"{_WAKES}:", "STOPRE", phase_block(words, Phase.WOULD_WAKE), "M30"]
         ends += [f"{_ALONE}:", "STOPRE", phase_block(words, Phase.ENDED_DISABLED), 'MSG("")', "M30"]
-    begin = [f"DEF INT {backup.VARIABLES}, {_HALF}, {_BAD}, {_GOOD}, {_PASSED}"]
+    begin = [f"DEF INT {backup.VARIABLES}, {_HALF}, {_BAD}, {_GOOD}, {_PASSED}, {_WAITED}"]
     begin += [section("modal states, R words"), *PREPARE]
     return text_of(headed(_head(kind, loads), [*begin, *body, *check, *ends]))
 

@@ -129,7 +129,8 @@ class SinumerikOpcUa(Leaver, RunsPlans):
     @property
     def capabilities(self) -> Capabilities:
         """Programs of ours run; tables are switched at a stop of theirs; the marker stands in four R parameters."""
-        return replace(CAPABILITIES, unprotected=self._settings.unprotected(""))
+        settings = self._settings
+        return replace(CAPABILITIES, one_start=settings.one_start, unprotected=settings.unprotected(""))
 
     async def table_limits(self, axis: str, kind: TableKind = "axis", index: int = 0) -> TableLimits:
         """MD38000 of an encoder or MD18342 of a table, six decimals of a mm or degree, our value limit, MD32720."""
@@ -163,7 +164,12 @@ class SinumerikOpcUa(Leaver, RunsPlans):
 
     async def live_tables_of(self, questions: Sequence[TableQuestion], tell: Tell) -> tuple[LiveSet, ...]:
         """As `drivers.ports.controller.ReadsTogether.live_tables_of`. Raises as `read_live`."""
-        return await read_live(self, questions, tell)
+        asked = {question.axis: question.encoder for question in questions}
+        again = await self._pushing.read_again(asked, self._configuration)
+        if again is None:
+            return await read_live(self, questions, tell)
+        known = dict(zip(asked, again, strict=True))
+        return tuple([await self._by(known[one.axis], one.axis, one.proof) for one in questions])
 
     def tables_by(self, live: LiveSet, proof: SignProof | None) -> LiveSet:
         """As `tables.tables_by`."""
@@ -176,7 +182,10 @@ class SinumerikOpcUa(Leaver, RunsPlans):
     async def saved_tables(self, axis: str, proof: SignProof | None = None) -> LiveSet:
         """The live tables the last program wrote before moving. Raises DeviceRefused (E-NC-NOT-SAVED, E-UA-FILE...)."""
         saved = self._measuring if self._grinding.plan is None else self._grinding
-        live = tables.tables_by(await saved.saved_tables(axis, self._configuration), proof)
+        return await self._by(await saved.saved_tables(axis, self._configuration), axis, proof)
+
+    async def _by(self, live: LiveSet, axis: str, proof: SignProof | None) -> LiveSet:
+        live = tables.tables_by(live, proof)
         return replace(live, temperature=await self._reader.temperature(self._configuration, axis))
 
     async def prepare_self_test(self, order: SelfTest) -> None:

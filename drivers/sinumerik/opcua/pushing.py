@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import TypeVar
 
 from drivers.clock import Clock
@@ -26,6 +26,7 @@ from drivers.types.values import Sense
 
 T = TypeVar("T")
 GRACE_S = 3.0
+FRESH_S = 60.0  # what stands may pass between a reading and the start that rests on it, wherever a person starts both
 
 
 async def live_tables(transfer: Transfer, saving: Saving, configuration: Configuration, cec_sign: Sense = 1) -> LiveSet:
@@ -53,6 +54,7 @@ class Pushing:
         self._clock = clock
         self._where = where
         self._memories: dict[str, Memory] = {}
+        self._left: tuple[PushBatch, float] = ((), 0.0)
 
     async def prepare(self, loads: pushing_program.Loads) -> None:
         """Send, read back and select the two-half program; nothing in the control changes until NC START.
@@ -148,8 +150,8 @@ class Pushing:
         self._dialogue.check_places(seen)
         mismatches = round(seen.word(Word.MISMATCHES))
         names, axes = _named(batch), ", ".join(dict.fromkeys(order.table.output_axis for order in batch))
-        at_rest = seen.channel is not ChannelStatus.ACTIVE
-        if seen.phase == Phase.WAITING and at_rest:
+        ended = seen.channel is not ChannelStatus.ACTIVE
+        if seen.phase == Phase.WAITING and (ended or not self._settings.two_programs):
             return round(seen.word(Word.GOOD))
         if seen.phase == Phase.ENDED_DISABLED and mismatches:
             raise PointsDiffer("E-NC-MISMATCH", self._where, count=mismatches, table=names)
@@ -183,8 +185,35 @@ class Pushing:
         The switch itself (MD32700, or SD41300) is read too where this user may; both must say so.
         """
         if not await self.until(passed[0].transaction, timeout_s, self._is_decided):
+            self._left = passed, self._clock.now()
             return (False,) * len(passed)
         return tuple([order.enable and await self._switched(order, configuration) for order in passed])
+
+    async def read_again(self, asked: Mapping[str, int], configuration: Configuration) -> tuple[LiveSet, ...] | None:
+        """What stands on axes, each with its measuring system, by the files of a way back that has just left all off.
+
+        Its program compared every point once more after it had written them, and nothing of it was switched on; so no
+        program needs to be started to read the same again. None where that does not hold: for other axes, after
+        `FRESH_S`, when anything was sent since, when a switch reads on.
+        """
+        batch, since = self._left
+        of = {(order.table.output_axis, order.saved_encoder): order for order in batch}
+        quiet = all(order.purpose == "restore" and not order.enable and not order.coupled for order in batch)
+        if not (quiet and set(asked.items()) <= set(of)) or self._clock.now() - since > FRESH_S:
+            return None
+        if not self._is_as_left(batch, await self._dialogue.look()):
+            return None
+        for name in {name for order in batch for name in switches(order.table)}:
+            if await self._reader.switch(name, configuration):
+                return None
+        found = [pushing_program.saving("READ", of[one], self._memories[one[0]]) for one in asked.items()]
+        return tuple([await live_tables(self._transfer, one, configuration) for one in found])
+
+    @staticmethod
+    def _is_as_left(batch: PushBatch, seen: Glance) -> bool:
+        words = {Word.TRANSACTION: batch[0].transaction, Word.MISMATCHES: 0, Word.GOOD: (1 << len(batch)) - 1}
+        ended = seen.channel is ChannelStatus.RESET and seen.phase == Phase.ENDED_DISABLED
+        return ended and all(seen.word(word) == value for word, value in words.items())
 
     async def _switched(self, order: PushOrder, configuration: Configuration) -> bool:
         names = switches(order.table)

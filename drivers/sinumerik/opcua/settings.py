@@ -111,6 +111,11 @@ class UaSettings(DriverSettings):
         return self.plans_per_program
 
     @property
+    def one_start(self) -> bool:
+        """Unless each half is a program of its own."""
+        return not self.two_programs
+
+    @property
     def secured(self) -> bool:
         """Whether messages are signed and encrypted."""
         return self.security != NONE

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 
 from drivers.types.stops import StopPlan
 from gateway.capture.duration import HANDSHAKE_S, plan_s, reading_s
-from gateway.config import AxisSection, SiteFile
+from gateway.config import AxisSection, SiteFile, one_start
 from gateway.push.proofs.switching import ROUNDS, TIMES
 from gateway.workflow.control.proving import SWITCH_SETTLE_S
 from gateway.workflow.loop.dayplan import Asks
@@ -32,26 +32,35 @@ def reading_tables(what: str) -> Asks:
     return Asks((f"read the tables of {what}",), (), PROGRAM_S)
 
 
-def pushing(site: SiteFile, tables: Sequence[tuple[AxisSection, AxisSection]], name: str) -> Asks:
+def pushing(
+    site: SiteFile, tables: Sequence[tuple[AxisSection, AxisSection]], name: str, *, just: bool = False
+) -> Asks:
     """One transaction of tables, each as (output, input), and of what reversals go with them.
 
-    One read of all their axes, one load, one release, one restart, one proof of effect.
+    One load, one release where it is a start of its own, one restart, one proof of effect; one read of all their axes
+    before them, unless the control has ``just`` led back to what was there.
     """
     inputs = {over.name: over for _, over in tables}
     moved = sum(0.5 * _across_s(site, axis) for axis in inputs.values())
     shown = sum(_across_s(site, over) + TOUCHED * (over.measure.dwell_s + HANDSHAKE_S) for _, over in tables)
-    presses = (f"load {name}", f"switch on {name}", f"effect of {name}")
-    return reading_tables(name).plus(Asks(presses, (f"switch on {name}",), 3 * PROGRAM_S + moved + shown))
+    presses = (*_loaded(site, f"load {name}", f"switch on {name}"), f"effect of {name}")
+    read = Asks() if just else reading_tables(name)
+    return read.plus(Asks(presses, (f"switch on {name}",), 3 * PROGRAM_S + moved + shown))
 
 
-def trials_in() -> Asks:
+def trials_in(site: SiteFile) -> Asks:
     """The trial tables of all signs: read what is live, loaded, left off, and one restart lets them act when on."""
-    return reading_tables(EVERY).plus(Asks(("load trial tables", "end trial tables"), ("trial tables",), 2 * PROGRAM_S))
+    presses = _loaded(site, "load trial tables", "end trial tables")
+    return reading_tables(EVERY).plus(Asks(presses, ("trial tables",), 2 * PROGRAM_S))
 
 
-def trials_out() -> Asks:
-    """What was live before, back by one program, and read again; no restart where none of it was on."""
-    return Asks(("load what was before", "end what was before"), (), 2 * PROGRAM_S).plus(reading_tables(EVERY))
+def trials_out(site: SiteFile) -> Asks:
+    """What was live before, back by one program; no restart, and no read of its own, where none of it was on."""
+    return Asks(_loaded(site, "load what was before", "end what was before"), (), 2 * PROGRAM_S)
+
+
+def _loaded(site: SiteFile, load: str, release: str) -> tuple[str, ...]:
+    return (load,) if one_start(site) else (load, release)
 
 
 def proving(site: SiteFile, out: AxisSection, over: AxisSection, kind: str) -> Asks:

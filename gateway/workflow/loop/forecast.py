@@ -133,7 +133,7 @@ class _Day:
         tables = [(out, over) for out, over in self._cross()] if cross else []
         yield from self._signed(own, tables)
         if own:
-            asks = pushing(self.site, [(axis, axis) for axis in own], "axis tables")
+            asks = pushing(self.site, [(axis, axis) for axis in own], "axis tables", just=True)
             yield Piece("push", "axis tables and reversals", asks)
         yield from self.measured("measure again", [(axis, plans_of_axis(axis, "after")) for axis in own], len(own))
         if tables:
@@ -148,7 +148,7 @@ class _Day:
         """The signs of all axes in one transaction; of cross tables one sign holds for every input axis."""
         if not own:
             return
-        yield Piece("sign proofs", "trial tables", trials_in())
+        yield Piece("sign proofs", "trial tables", trials_in(self.site))
         count = 0
         for axis in own:
             cross = [(over, "cross") for out, over in tables if out == axis][:1]
@@ -159,7 +159,7 @@ class _Day:
                 asks = asks.plus(proving(self.site, axis, over, kind))
             yield Piece("sign proofs", axis.name, asks, _own_mounting(axis))
             count += 1 + len(kinds)
-        yield Piece("sign proofs", "tables of before", trials_out())
+        yield Piece("sign proofs", "tables of before", trials_out(self.site))
 
     def acting(self) -> Told:
         """An axis with a cross table over itself, at few targets, once every table acts.

@@ -28,14 +28,10 @@ class Screen:
         self.channel_status = 0
         self.message = ""
         self.selections = 0
-        self.r: dict[int, float] = {}
         self.pressed: list[str] = []
         self.ready = True
         self.in_alarm, self.selected = False, ""
         self.axes: set[str] = set()
-
-    def r_parameter(self, number: int) -> float:
-        return self.r.get(number, 0.0)
 
     def nc_start(self) -> None:
         self.pressed.append("NC START")
@@ -147,13 +143,6 @@ def test_wrong_optics_are_mounted_when_the_operator_errs() -> None:
     mounting = bench.mounted("laser")
     assert mounting is not None
     assert mounting.optics == "angular"
-
-
-def test_a_release_waits_for_the_r_parameter_and_gives_up() -> None:
-    message = "TRUEFLANK LOADED X(X) NC START WHEN R89=4711"
-    assert scene(message, release_patience_s=60.0)[0].pressed == ["RESET"]
-    assert scene(message, looks_at_r=False)[0].pressed == ["NC START"]
-    assert scene("TRUEFLANK LOADED X(X) NC START WHEN R89=0")[0].pressed == ["NC START"]
 
 
 def test_activation_resets_references_and_goes_back_to_auto() -> None:
