@@ -89,6 +89,22 @@ Order = StopPlan | TableQuestion | PushBatch | DisableOrder | GrindPlan | SelfTe
 """What a program is written for."""
 
 
+def reading_plan(question: TableQuestion) -> StopPlan:
+    """What saves the tables of a question: no stop, so that no axis moves; feed, overrun and dwell are never used."""
+    return StopPlan(
+        name=f"TFREAD{question.letter}",
+        axis=question.axis,
+        letter=question.letter,
+        unit=question.unit,
+        rotary=question.rotary,
+        stops=(),
+        feed=1.0,
+        overrun=0.0,
+        dwell_s=1.0,
+        encoder=question.encoder,
+    )
+
+
 @dataclass(frozen=True, slots=True)
 class PaperMachine:
     """What a program must know of a control, where there is none to ask.

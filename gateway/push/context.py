@@ -89,7 +89,8 @@ class PushContext:
 
     ``self_test`` is the last one of the output axis (None: this store knows none). ``risk_taken``: who pushes has typed
     the risk of a connection that is not protected. ``resumes``: what was begun under ``key`` and has not ended goes on.
-    ``follows`` are the stops that come next once the effect is proved: one program and one press hold both.
+    ``follows`` are the stops that come next once the effect is proved: one program and one press hold both. ``read`` is
+    what was read of the output axis a moment before (None: it is read now).
 
     ``journals`` is the folder of all machines' journals; ``machine`` the fingerprint the run was made on;
     ``typed_name`` what the operator gave as the machine's name, ``site_name`` what it must be. Timeouts in s of
@@ -132,6 +133,7 @@ class PushContext:
     risk_taken: bool = False
     resumes: bool = False
     follows: tuple[StopPlan, ...] = ()
+    read: LiveSet | None = None
 
     @property
     def moved(self) -> AxisRecord:

@@ -94,14 +94,18 @@ def _question(context: PushContext) -> TableQuestion:
     return question(context.axis, patience, context.proof)
 
 
+def questions_of(contexts: Sequence[PushContext]) -> tuple[TableQuestion, ...]:
+    """What `read_all` asks of several axes of one machine, each output axis once by its own proof."""
+    patience = Patience(contexts[0].start_timeout_s, contexts[0].stop_timeout_s)
+    return tuple(question(context.axis, patience, context.proof) for context in contexts)
+
+
 async def read_all(contexts: Sequence[PushContext]) -> tuple[LiveSet, ...]:
     """As `read_live`, of several axes of one machine in order; by one program where the road makes one of it."""
     first = contexts[0]
     if not isinstance(first.controller, ReadsTogether):
         return tuple([await read_live(context) for context in contexts])
-    patience = Patience(first.start_timeout_s, first.stop_timeout_s)
-    asked = [question(context.axis, patience, context.proof) for context in contexts]
-    return await first.controller.live_tables_of(asked, first.say)
+    return await first.controller.live_tables_of(questions_of(contexts), first.say)
 
 
 def plan_of(

@@ -15,7 +15,10 @@ from gateway.push.work import Work
 
 async def snapshot(works: Sequence[Work]) -> tuple[LiveSet, ...]:
     """The live tables, kept as read, before anything is disabled; of each output axis once."""
-    read = await live_of(works)
+    known = [work.context.read for work in works]
+    read = tuple(live for live in known if live is not None)
+    if len(read) < len(works):
+        read = await live_of(works)
     for work, live in zip(works, read, strict=True):
         keep(work, live)
         if work.context.on_live is not None:

@@ -8,7 +8,9 @@ from pathlib import Path
 import pytest
 
 from drivers.errors import DeviceRefused
+from drivers.programs import reading_plan
 from drivers.sinumerik.ncprogram.words import Word
+from drivers.types.orders import TableQuestion
 from drivers.types.stops import Stop, StopPlan, StopReached
 from drivers.types.values import Approach
 from gateway.walk import Patience, walk
@@ -72,6 +74,38 @@ async def test_the_control_shows_what_the_text_asks_to_mount(keys: Path) -> None
         for one in TWICE:
             await visited(on, one, told)
     assert shown == ["", *(fields["setup"] for code, fields in told if code in ("P-START-SETUP", "P-MOUNT"))]
+
+
+async def test_tables_are_read_at_the_end_of_the_program_that_measured_without_another_start(keys: Path) -> None:
+    """As they stand then: what was written while the program visited its stops is in what it reads."""
+    async with on_stage(SPEC, folder=keys) as on:
+        told = Told()
+        asked = [TableQuestion("X1", "X", "mm", rotary=False), TableQuestion("C1", "C", "deg", rotary=True)]
+        reads = [reading_plan(one) for one in asked]
+        await on.device.foresee((*TWICE[:2], *reads))
+        for one in TWICE[:2]:
+            await visited(on, one, told)
+        assert on.nck.channel_status == 1
+        for name in ("X1", "C1"):
+            on.nck.set(f"$AA_ENC_COMP_STEP[0,{name}]", 45.0, 0)
+        found = await on.device.live_tables_of(asked, told)
+        assert [live.axis for live in found] == ["X1", "C1"]
+        assert [live.own.table.step for live in found] == [45.0, 45.0]
+        assert on.pressed == ["start", "setup"]
+        assert "P-NC-READ" not in [code for code, _ in told]
+        assert on.nck.channel_status == 0
+
+
+async def test_a_program_that_was_ended_is_no_reading(keys: Path) -> None:
+    async with on_stage(SPEC, folder=keys) as on:
+        told, asked = Told(), [TableQuestion("C1", "C", "deg", rotary=True)]
+        await on.device.foresee((*TWICE[:2], reading_plan(asked[0])))
+        for one in TWICE[:2]:
+            await visited(on, one, told)
+        on.nck.channel_reset()
+        answer = await on.asked(on.device.live_tables_of(asked, told), told)
+        assert [live.axis for live in answer] == ["C1"]
+        assert told[-1] == ("P-NC-READ", {"axis": "C1"})
 
 
 async def test_another_program_ends_the_one_that_waits_for_its_next_plan(keys: Path) -> None:

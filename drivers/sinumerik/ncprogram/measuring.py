@@ -95,13 +95,14 @@ def _check(plan: StopPlan) -> None:
 def saving_plans(plans: Sequence[StopPlan]) -> tuple[bool, ...]:
     """Which of the plans of one program write the live tables anew.
 
-    Not one that goes on where the tables of its axis were saved already: nobody was at the machine in between.
+    Not one that goes on where the tables of its axis were saved already: nobody was at the machine in between. One that
+    only reads always does.
     """
     out: list[bool] = []
     known: tuple[str, int] | None = None
     for plan in plans:
         its = (plan.compensated_axis, plan.encoder)
-        out.append(plan.save_tables and (bool(plan.setup) or its != known))
+        out.append(plan.save_tables and (not plan.stops or bool(plan.setup) or its != known))
         switched = any(stop.switch is not None for stop in plan.stops)
         known = None if switched else its if plan.save_tables else known
     return tuple(out)

@@ -102,8 +102,11 @@ class RunsPlans(GuardsPrograms):
 
     async def prepare_reading(self, plans: Sequence[StopPlan]) -> None:
         """As `prepare_stops`, of plans without any stop: one program that saves the tables of each. Moves nothing."""
-        self.goes_on = False
-        await self._send(plans)
+        self.goes_on = await self._measuring.reads_on(plans)
+        if self.goes_on:
+            await self._measuring.go_on()
+        else:
+            await self._send(plans)
         self._grinding.plan = None
         self._visits(())
 

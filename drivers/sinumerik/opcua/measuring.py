@@ -75,7 +75,7 @@ class Measuring:
 
     async def foresee(self, plans: Sequence[StopPlan]) -> None:
         """As `ForeseesPlans.foresee`."""
-        coming = tuple(plan for plan in plans if plan.stops)
+        coming = tuple(plans)
         left = tuple(plan for plan, _ in self._parts[self._place + 1 :])
         if self._held is None or not left or coming[: len(left)] != left:
             await self.leave()
@@ -92,6 +92,10 @@ class Measuring:
         """Whether the program that runs waits for this plan."""
         following = self._parts[self._place + 1 :]
         return bool(following) and following[0][0] == plan and await self._is_held()
+
+    async def reads_on(self, plans: Sequence[StopPlan]) -> bool:
+        """Whether the program that runs waits for these last plans, all without stops."""
+        return tuple(plan for plan, _ in self._parts[self._place + 1 :]) == tuple(plans) and await self._is_held()
 
     async def _is_held(self) -> bool:
         if self._held is None:
@@ -217,7 +221,7 @@ class Measuring:
         self._dialogue.check_places(seen)
         if seen.phase == Phase.FILE_FAILED:
             raise file_refused(seen, self._where, self._plan.compensated_axis if self._plan else "")
-        begun = not self._place or seen.word(Word.COUNTER) > self._base
+        begun = not self._place or seen.word(Word.COUNTER) > self._base or seen.phase == Phase.FINISHED
         self._saved = self._saved or (begun and seen.phase in _SAVED)
 
     @staticmethod
@@ -284,9 +288,10 @@ class Measuring:
         return await live_tables(self._transfer, saving, configuration)
 
     def _saves(self, axis: str) -> tuple[StopPlan, Setting] | None:
-        """The part under way where it saves what acts on an axis; any such part of a program that moved nothing."""
-        still = self._ended and not any(plan.stops for plan, _ in self._parts)
-        known = self._parts if still else self._parts[self._place : self._place + 1]
+        """The part under way where it saves what acts on an axis; at a program's end any such part without stops."""
+        rest = self._parts[self._place :]
+        still = self._ended and not any(plan.stops for plan, _ in rest)
+        known = rest if still else rest[:1]
         return next((one for one in known if one[0].compensated_axis == axis and one[0].save_tables), None)
 
 

@@ -9,18 +9,17 @@ from typing import Protocol
 
 from drivers.errors import DeviceRefused, TrueflankError
 from drivers.ports.devices import Tell
+from drivers.programs import reading_plan
 from drivers.types.orders import SignProof, TableQuestion
 from drivers.types.stops import StopPlan, StopReached
 from drivers.types.tables import LiveSet
-
-# Nothing is measured and nothing moves: feed, overrun and dwell of the plan are never used.
-UNUSED = 1.0
 
 
 class RunsStops(Protocol):
     """The part of a controller that reading needs."""
 
     name: str
+    goes_on: bool
 
     async def prepare_reading(self, plans: Sequence[StopPlan]) -> None:
         """As `Controller.prepare_stops`, of plans without any stop: one program for all of them."""
@@ -39,32 +38,18 @@ class RunsStops(Protocol):
         ...
 
 
-def plan_of(question: TableQuestion) -> StopPlan:
-    """The program that saves the tables: no stop, so that no axis moves."""
-    return StopPlan(
-        name=f"TFREAD{question.letter}",
-        axis=question.axis,
-        letter=question.letter,
-        unit=question.unit,
-        rotary=question.rotary,
-        stops=(),
-        feed=UNUSED,
-        overrun=0.0,
-        dwell_s=UNUSED,
-        encoder=question.encoder,
-    )
-
-
 async def read_live(device: RunsStops, questions: Sequence[TableQuestion], tell: Tell) -> tuple[LiveSet, ...]:
     """Select one program for all axes, let a person start it, and read what it saved; one that waits is asked to end.
 
+    One that waits for these very plans goes on with them, and nobody needs to start anything.
     Raises DeviceRefused (E-NC-READ-STOP) for a program that is not this one, (E-NC-NOT-SAVED) for one that ended
     early, and what the calls raise.
     """
-    plans = [plan_of(question) for question in questions]
+    plans = tuple(dict.fromkeys(reading_plan(question) for question in questions))
     names = ", ".join(dict.fromkeys(question.axis for question in questions))
-    await device.prepare_reading(tuple(dict.fromkeys(plans)))
-    tell("P-NC-READ", axis=names)
+    await device.prepare_reading(plans)
+    if not device.goes_on:
+        tell("P-NC-READ", axis=names)
     try:
         reached = await device.wait_stop(0, max(question.start_s for question in questions))
         if reached is not None:

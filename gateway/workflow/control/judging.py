@@ -29,17 +29,26 @@ def by_axis(own: Sequence[TableChange]) -> dict[str, list[TableChange]]:
 
 
 async def judged(
-    at: Bench, own: Sequence[TableChange], before: Mapping[str, MeasuredAxis], records: Records
+    at: Bench,
+    own: Sequence[TableChange],
+    before: Mapping[str, MeasuredAxis],
+    records: Records,
+    reads: Sequence[StopPlan] = (),
 ) -> tuple[AxisVerdict, ...]:
-    """A verdict for each axis of the changes ``own``, in order. Raises as `measure_axis`."""
+    """A verdict for each axis of the changes ``own``, in order. Raises as `measure_axis`.
+
+    The program that measures waits at its end for the plans ``reads``, which save tables.
+    """
     mine = by_axis(own)
     again = [_again(at, changes, records) for changes in mine.values()]
-    await at.foresee([plan for axis in again if axis is not None for plan in plans_of_axis(axis, "after")])
+    plans = [plan for axis in again if axis is not None for plan in plans_of_axis(axis, "after")]
+    await at.foresee([*plans, *reads])
     verdicts = [
         await _verdict(at, changes, axis, before[name], records)
         for (name, changes), axis in zip(mine.items(), again, strict=True)
     ]
-    await at.foresee(())
+    if not reads:
+        await at.foresee(())
     return tuple(verdicts)
 
 

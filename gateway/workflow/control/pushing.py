@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from types import MappingProxyType
 from typing import TypeVar
 
 from drivers.clock import Clock
@@ -11,7 +12,7 @@ from drivers.errors import TrueflankError, words
 from drivers.types.orders import SignProof
 from drivers.types.sensing import Ambient
 from drivers.types.stops import StopPlan
-from drivers.types.tables import CompensationTable
+from drivers.types.tables import CompensationTable, LiveSet
 from gateway.config import AxisSection
 from gateway.domain.outcomes import PushRecord, Verdict
 from gateway.domain.proposals import Proposal, TableChange, torn
@@ -40,6 +41,7 @@ from gateway.workflow.consents import (
 from gateway.workflow.control.contexts import kept, table_context
 from gateway.workflow.control.judging import judged, plans_again
 from gateway.workflow.control.proving import provable
+from gateway.workflow.control.reading import read_before, reads_of
 from gateway.workflow.control.signing import signed
 from gateway.workflow.control.stored import stored_axes
 from gateway.workflow.outcome import Outcome, alarmed
@@ -83,11 +85,12 @@ async def _starting(at: Bench, proposal: Proposal, measured: Mapping[str, Measur
 async def _applied(at: Bench, proposal: Proposal, measured: Mapping[str, MeasuredAxis], done: _Done) -> Verdict:
     changes = await signed(at, proposal.changes, measured)
     own = [change for change in changes if change.layer == "axis"]
-    await _push(at, own, measured, done, plans_again(at, own))
-    at.folder.set_state("pushed")
-    verdicts = await judged(at, own, measured, done.records)
     cross = [change for change in changes if change.layer == "cross"]
-    await _push(at, cross, measured, done, acting_plans(at, cross))
+    reads = reads_of(at, cross, measured)
+    await _push(at, own, measured, done, (*plans_again(at, own), *reads))
+    at.folder.set_state("pushed")
+    verdicts = await judged(at, own, measured, done.records, reads)
+    await _push(at, cross, measured, done, acting_plans(at, cross), await read_before(at, cross, measured))
     verdict = judge(verdicts, tuple(done.records.values()), tuple(done.proofs))
     at.folder.put(stages.VERDICT, verdict, tuple(at.folder.digest(stages.push(name)) for name in done.records))
     predict_without(at, proposal)
@@ -115,9 +118,11 @@ async def _push(
     measured: Mapping[str, MeasuredAxis],
     done: _Done,
     follows: tuple[StopPlan, ...],
+    read: Mapping[str, LiveSet] = MappingProxyType({}),
 ) -> None:
     """One layer, in as few transactions as the control allows; ``follows`` are the stops that come after it.
 
+    ``read`` is what was read a moment before, by output axis: it holds for the first transaction.
     Raises for the first table that was not committed.
     """
     known = {name: item.capture for name, item in measured.items()}
@@ -127,8 +132,9 @@ async def _push(
             await _handed_over(at, (wish,), done)
     groups = together([wish for wish in wishes if not wish[0].skipped])
     for number, group in enumerate(groups, start=1):
-        last = follows if number == len(groups) else ()
-        await _handed_over(at, [(change, replace(context, follows=last)) for change, context in group], done)
+        last, first = follows if number == len(groups) else (), read if number == 1 else {}
+        ready = [(change, replace(one, follows=last, read=first.get(change.axis))) for change, one in group]
+        await _handed_over(at, ready, done)
 
 
 async def _handed_over(at: Bench, group: Sequence[tuple[TableChange, PushContext]], done: _Done) -> None:

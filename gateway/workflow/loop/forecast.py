@@ -137,7 +137,7 @@ class _Day:
             yield Piece("push", "axis tables and reversals", asks)
         yield from self.measured("measure again", [(axis, plans_of_axis(axis, "after")) for axis in own], len(own))
         if tables:
-            yield Piece("push", "cross tables", pushing(self.site, tables, "cross tables"))
+            yield Piece("push", "cross tables", pushing(self.site, tables, "cross tables", just=bool(own)))
 
     def _cross(self) -> Iterator[tuple[AxisSection, AxisSection]]:
         """Every cross table that may be proposed, as (output, input)."""

@@ -272,6 +272,7 @@ class Controller(KeepsPlaces):
     """
 
     name = "double"
+    goes_on = False
 
     def __init__(
         self, machine: Machine, clock: LoopClock, reaper: Reaper | None = None, *, by_hand: bool = False
