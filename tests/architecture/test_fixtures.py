@@ -149,7 +149,7 @@ WHOLLY_LONG = {
         "test_switches.py",
         "test_ways_of_one_control_are_told_apart_and_nothing_else_is",
     ): "test_leniencies_that_reading_alone_can_tell_are_named",
-    ("test_wire.py", "test_the_gateway_killed_between_the_two_halves"): "test_killed_in_a_fresh_process",
+    ("test_wire.py", "test_the_gateway_killed_in_the_middle_of_a_push"): "test_killed_in_a_fresh_process",
     (
         "test_site_by_files.py",
         "test_a_table_goes_in_by_files_and_comes_out_again",

@@ -32,8 +32,8 @@ async def _until(condition: Callable[[], bool], what: str) -> None:
 
 @contextlib.asynccontextmanager
 async def released(folder: Path) -> AsyncIterator[tuple[Shop, asyncio.subprocess.Process]]:
-    """A child that has released its table; the program stands at M0, and nobody presses NC START."""
-    async with shop(folder, LoopClock(SPEED), release_delay_s=1e6, release_patience_s=1e6) as at:
+    """A child that has released its table; the program stands at M0, and nobody restarts the control."""
+    async with shop(folder, LoopClock(SPEED), activate_delay_s=1e6) as at:
         words = ["-m", "gateway.cli", "run", str(at.path), "--apply", "--machine", at.site.site.name]
         pipes = {"stdout": asyncio.subprocess.PIPE, "stderr": asyncio.subprocess.PIPE}
         child = await asyncio.create_subprocess_exec(sys.executable, *words, **pipes)

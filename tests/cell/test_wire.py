@@ -71,14 +71,14 @@ def test_a_run_over_the_wires_makes_the_axis_better(trueflank_cell: Any) -> None
 
 
 @pytest.mark.long  # kills in a process of its own stay in tests/push/test_kill_opcua.py
-def test_the_gateway_killed_between_the_two_halves(trueflank_cell: Any) -> None:
+def test_the_gateway_killed_in_the_middle_of_a_push(trueflank_cell: Any) -> None:
     cell = trueflank_cell("demo", speed=300.0, seed=6)
     site = _short_site(cell)
     keep(site, load_cell("demo"))
     first = cell.ask("tables")
-    cell.set("operator", options={"release_delay_s": 900.0})  # long enough to die before NC START is pressed again
+    cell.set("operator", options={"activate_delay_s": 900.0})  # long enough to die before the control is restarted
     with _command("run", str(site), "--apply", "--machine", MACHINE, "--json") as gateway:
-        _until(cell, gateway, lambda status: status["message"].startswith("TRUEFLANK LOADED"))
+        _until(cell, gateway, lambda status: status["message"].startswith("TRUEFLANK ACTIVATE"))
         gateway.kill()
         gateway.communicate()
         cell.set("channel_reset")

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
-from drivers.programs import DwellPlan, Order, Origin, PaperMachine, ProgramText, SelfTest
+from drivers.programs import DwellPlan, Order, Origin, PaperMachine, ProgramText, SelfTest, reading_plan
 from drivers.sinumerik.ncprogram import disabling, dwell, grinding, measuring, pushing, selftest
 from drivers.sinumerik.ncprogram.backup import Memory
 from drivers.sinumerik.ncprogram.grinding import NEVER_GIVEN, GrindSetting
@@ -14,7 +14,6 @@ from drivers.sinumerik.ncprogram.guarding import Guard, guards_of
 from drivers.sinumerik.ncprogram.legal import legal
 from drivers.sinumerik.ncprogram.measuring import Setting
 from drivers.sinumerik.ncprogram.words import program_path
-from drivers.sinumerik.opcua.reading import plan_of
 from drivers.sinumerik.opcua.settings import UaSettings
 from drivers.types.orders import DisableOrder, PushBatch, PushOrder, TableQuestion
 from drivers.types.stops import StopPlan
@@ -40,7 +39,7 @@ def on_paper(
 
 def _texts(order: HandShaken, settings: UaSettings, machine: PaperMachine, origin: Origin) -> dict[str, str]:
     if isinstance(order, TableQuestion):
-        order = plan_of(order)
+        order = reading_plan(order)
     if isinstance(order, StopPlan):
         setting = _setting(order.axis, order.compensated_axis, settings, machine, origin)
         setting = replace(setting, guards=_guards(machine, order.axis))
