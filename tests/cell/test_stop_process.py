@@ -59,9 +59,11 @@ def test_sigterm_in_mid_push_takes_the_release_back_and_says_what_to_press(tmp_p
             assert [one.kinds[-1] for one in at.journal()] == ["STOPPED"]
             audit = (store_of(at.site, at.path).root / "audit" / "audit-000001.jsonl").read_text()
             assert "push-stopped" in audit
-            at.cell.operator.press("NC START")  # the other button: nothing may be switched on by it
+            before = table_of(at.cell)
+            at.cell.operator.press("NC START")  # the other button: nothing may be switched by it
             await _until(lambda: at.channel == RESET, "the end of the program")
-            assert not table_of(at.cell)[1]
+            assert table_of(at.cell) == before
+            assert "ENABLE" in at.journal()[0].kinds
 
     asyncio.run(main())
 

@@ -13,7 +13,9 @@ from drivers.errors import DeadlineExceeded, DeviceRefused, LinkBroken, TableErr
 from drivers.ports.controller import Controller
 from drivers.sinumerik.ncprogram.words import COUNT
 from drivers.sinumerik.opcua.device import SinumerikOpcUa
+from drivers.sinumerik.opcua.pushing import FRESH_S
 from drivers.types.machine import ChannelStatus
+from drivers.types.orders import TableQuestion
 from drivers.types.stops import Stop, StopReached
 from drivers.types.tables import CompensationTable
 from drivers.units import wrap_deg
@@ -408,6 +410,31 @@ async def test_restoring_gives_back_every_value_as_it_was(keys: Path) -> None:
         restore = replace(ORDER, transaction=99, table=backup.own.table, enable=backup.own.enabled, purpose="restore")
         assert await on.push(restore)
         assert on.memory() == before
+
+
+@pytest.mark.parametrize("since", ["at once", "after a minute", "switched on", "another program"])
+async def test_a_way_back_that_left_all_off_is_its_own_reading(keys: Path, since: str) -> None:
+    """As a program that only reads would say; where it may not be so any more, that program is asked for."""
+    async with on_stage(folder=keys) as on:
+        told: list[str] = []
+
+        def tell(code: str, /, **_fields: object) -> None:
+            told.append(code)
+
+        assert await on.push(replace(ORDER, transaction=99, enable=False, purpose="restore")) is False
+        if since == "after a minute":
+            await on.clock.sleep(FRESH_S + 1.0)
+        elif since == "switched on":
+            on.nck.set("$MA_ENC_COMP_ENABLE[0,C1]", 1, 0)
+        elif since == "another program":
+            await on.walk(plan(STOPS[:1]))
+        asked = (TableQuestion("C1", "C", "deg", rotary=True),)
+        (live,) = await on.asked(on.device.live_tables_of(asked, tell), told)
+        assert told == ([] if since == "at once" else ["P-NC-READ"])
+        assert live.own.table.deviations == pytest.approx(ORDER.table.deviations, abs=1e-6)
+        assert live.own.enabled is (since == "switched on")
+        await on.walk(plan(STOPS[:1]))
+        assert (await on.device.saved_tables("C1")).digest == live.digest
 
 
 async def test_an_order_without_enabling_ends_loaded_and_off(keys: Path) -> None:
