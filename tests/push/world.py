@@ -57,7 +57,7 @@ NEVER = CompensationTable("axis", "X1", "X1", 0.0, 0.0, 0.0, (0.0,))
 class Scene:
     """What the machine is like. ``strict`` asks for NCK reset and reference run; ``cross`` pushes a CEC table.
 
-    ``both``: the axis has memory for a table of its own beside it, never loaded.
+    ``both``: the axis has memory for a table of its own beside it, never loaded; ``more``: for so many cross tables.
     """
 
     old_on: bool = True
@@ -65,6 +65,7 @@ class Scene:
     strict: bool = False
     cross: bool = False
     both: bool = False
+    more: int = 0
     sign: int = 1
     points: int = 0
     plc: Mapping[str, Any] = field(default_factory=dict)
@@ -215,7 +216,7 @@ def _spec(scene: Scene) -> NckSpec:
     count = scene.points or POINTS
     axis = replace(X_SPEC, eec_points=(count if scene.both or not scene.cross else 0, 0))
     changes = {"cec_sign": scene.sign, "strict_activation": scene.strict, **scene.nck}
-    cec = (count,) if scene.cross else ()
+    cec = (count,) * (1 + scene.more) if scene.cross else ()
     return NckSpec((axis, Z_SPEC) if scene.cross else (axis,), cec_points=cec, access_level=2, **changes)
 
 
