@@ -9,7 +9,7 @@ from drivers.types.moves import movement_of
 from drivers.types.orders import PushBatch, PushOrder, ReadBack
 from drivers.types.tables import CompensationTable, LiveSet, LiveTable
 from gateway.errors import VerifyError, WriteRefused
-from gateway.interlocks import PushFacts, refusals
+from gateway.interlocks import refusals
 from gateway.interlocks.facts import called, rest_of, value_at
 from gateway.moving import places_of, shown, shown_there, standing_words, tell_motion
 from gateway.push import conversation
@@ -261,10 +261,7 @@ async def _activated(loads: Loads, together: PushBatch) -> None:
 
 
 async def _ask_release(loads: Loads) -> None:
-    """What the second press moves; where a restart switches, that restart, unless what is back acts anyhow.
-
-    A program that goes on by itself was told whole before it was started.
-    """
+    """What the second press moves, where there is one; or a restart that switches, unless what is back acts anyhow."""
     context, told = loads[0].work.context, {"axis": _names(loads), "transaction": loads[0].order.transaction}
     if not context.controller.capabilities.switches_now:
         if any([(await conversation.read_loaded(one.work.context)).waits for one in loads]):
@@ -296,11 +293,7 @@ async def _ask_again(one: TableLoad) -> None:
         agreeing_position=order.agreeing_position,
         live=with_all(work.base, work.beside) if work.base is not None and one.base is not None else work.base,
     )
-    found = refusals(_at_release(start))
+    found = refusals(replace(start, moment="release"))
     if found and not replaying(work.whole.journal):
         reasons = "; ".join(refusal.words for refusal in found)
         raise WriteRefused("E-PUSH-RELEASE", work.axis, count=len(found), reasons=reasons)
-
-
-def _at_release(facts: PushFacts) -> PushFacts:
-    return replace(facts, moment="release")
