@@ -89,7 +89,7 @@ async def _applied(at: Bench, proposal: Proposal, measured: Mapping[str, Measure
     reads = reads_of(at, cross, measured)
     await _push(at, own, measured, done, (*plans_again(at, own), *reads))
     at.folder.set_state("pushed")
-    verdicts = await judged(at, own, measured, done.records, reads)
+    verdicts = await judged(at, own, measured, done.records, reads=reads)
     await _push(at, cross, measured, done, acting_plans(at, cross), await read_before(at, cross, measured))
     verdict = judge(verdicts, tuple(done.records.values()), tuple(done.proofs))
     at.folder.put(stages.VERDICT, verdict, tuple(at.folder.digest(stages.push(name)) for name in done.records))
