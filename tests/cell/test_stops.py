@@ -191,7 +191,7 @@ async def _found_after_the_kill(at: Shop) -> tuple[str, list[str]]:
 
 def test_what_a_killed_gateway_left_is_known_by_its_number(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     found = kills(tmp_path, 2, seed=5, killing=Killing(monkeypatch))
-    assert found == {"W-LEFT-STOPPED": 1, "W-LEFT-WAITING": 1}
+    assert found == {"W-LEFT-WORDS": 2}
 
 
 @pytest.mark.soak
