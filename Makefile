@@ -79,7 +79,7 @@ services: $(VENV)/developed
 	$(BIN)/python -m pytest -q -n 0 -m services tests/services
 
 # The operator's page in Debian's Chromium, from the first sign-in to the report, on a cell over real wires; its pictures
-# are kept in .browser. Five minutes on two idle cores.
+# are kept in .browser. Ten minutes on two cores.
 browser: $(VENV)/developed
 	tests/browser/prepare.sh
 	$(BIN)/$(PIP) --require-hashes -r locks/peers.lock
