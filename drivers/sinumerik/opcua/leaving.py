@@ -64,6 +64,8 @@ def _newest(known: Sequence[Sent], wanted: Callable[[Sent], bool]) -> Sent | Non
 def _kind(seen: Glance) -> Kind:
     if seen.channel is ChannelStatus.INTERRUPTED:
         return "stopped"
+    if seen.phase == Phase.WAITING:  # between the halves of a push it stands until it is released
+        return "moving" if seen.word(Word.RELEASE) else "waiting"
     counted = seen.word(Word.COUNTER) != seen.word(Word.ECHO)
     return "waiting" if seen.phase == Phase.MEASURING and counted else "moving"
 

@@ -35,6 +35,8 @@ AT_STOP = {"TRANSACTION": 123456.0, "PHASE": float(Phase.MEASURING), "COUNTER": 
         (seen(ACTIVE, **AT_STOP), MEAS, "waiting", 123456),
         (seen(ACTIVE, **{**AT_STOP, "ECHO": 3.0}), MEAS, "moving", 123456),
         (seen(ACTIVE, TRANSACTION=123456.0, PHASE=float(Phase.GRINDING), COUNTER=4.0), MEAS, "moving", 123456),
+        (seen(ACTIVE, TRANSACTION=123456.0, PHASE=float(Phase.WAITING)), MEAS, "waiting", 123456),
+        (seen(ACTIVE, TRANSACTION=123456.0, PHASE=float(Phase.WAITING), RELEASE=123456.0), MEAS, "moving", 123456),
         (seen(STANDS, **AT_STOP), MEAS, "stopped", 123456),
         (seen(ACTIVE), MEAS, "moving", 123456),
         (seen(RESET, **AT_STOP), MEAS, "words", 123456),
