@@ -12,7 +12,7 @@ from drivers.sinumerik.ncprogram import disabling, measuring, pushing
 from drivers.sinumerik.ncprogram.backup import Memory
 from drivers.sinumerik.ncprogram.grinding import GrindSetting, grinding
 from drivers.sinumerik.ncprogram.measuring import Setting
-from drivers.sinumerik.ncprogram.words import Words
+from drivers.sinumerik.ncprogram.words import Phase, Words
 from drivers.types.orders import DisableOrder, PushOrder
 from drivers.types.stops import Stop, StopPlan
 from drivers.types.tables import CompensationTable
@@ -92,13 +92,13 @@ class Machine:
         self.nck.set_mode("AUTO")
 
     async def run(self, text: str, **words: float) -> None:
-        """To the end of the program, through every M0 and hand-shake."""
+        """To the end of the program, through every M0, hand-shake and wait for a release."""
         self.nck.files.write(MAIN, re.sub(r"^; _N_\w+", "; TEST", text).encode())
         for name, value in {"R85": 0.0, "R86": 0.0, **words}.items():
             self.nck.set(f"R[{name[1:]}]", value, 0)
         assert self.nck.select(MAIN) == 0
         assert self.nck.nc_start(), self.nck.alarms
-        counted = 0.0
+        counted, released = 0.0, False
         for _ in range(20000):
             await self.clock.sleep(0.2)
             assert not self.nck.alarms, self.nck.alarms
@@ -106,9 +106,12 @@ class Machine:
                 return
             if self.nck.channel_status == 2:
                 self.stood.append(self.places())
-                self.nck.set("R[89]", 4711.0, 0)
-                self.nck.set("R[85]", 1.0, 0)
                 assert self.nck.nc_start()
+            elif float(self.nck.get("R[90]")) == Phase.WAITING and not released:
+                released = True
+                self.stood.append(self.places())
+                self.nck.set("R[85]", 1.0, 0)
+                self.nck.set("R[89]", 4711.0, 0)
             elif float(self.nck.get("R[80]")) > counted:
                 counted = float(self.nck.get("R[80]"))
                 self.stood.append(self.places())
