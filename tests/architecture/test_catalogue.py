@@ -114,3 +114,13 @@ def test_the_gateway_names_no_code_of_a_concrete_driver() -> None:
         if isinstance(node, ast.Constant) and node.value in codes
     ]
     assert found == []
+
+
+def test_no_code_stands_twice_in_one_language() -> None:
+    for language in ("en", "de", "zh"):
+        found = [
+            code
+            for path in sorted((ROOT / "drivers" / "messages" / language).glob("*.toml"))
+            for code in tomllib.loads(path.read_text(encoding="utf-8"))
+        ]
+        assert sorted(found) == sorted(set(found)), language

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from drivers.errors import words
 from drivers.units import DeviationUnit
 from gateway.domain.values import FloatArray
 from gateway.evaluate.standards import readings
@@ -75,12 +76,12 @@ def out_of_line(targets: ArrayLike, deviations: ArrayLike, unit: DeviationUnit) 
     if not found:
         return ()
     said = [
-        f"out of line: at {at[i]:g}, approach {'+-'[a]}, reading {j + 1} by {apart[i, j, a]:+.3g} {unit}"
+        words("S-EVAL-OUT", at=f"{at[i]:g}", way="+-"[a], reading=j + 1, off=f"{apart[i, j, a]:+.3g}", unit=unit)
         for i, j, a in found[:MOST_TOLD]
     ]
     more = len(found) - len(said)
-    tail = [f"{more} more readings are out of line"] if more else []
-    return (*said, *tail, "readings out of line are in the figures, as the standard asks")
+    tail = [words("S-EVAL-OUT-MORE", more=more)] if more else []
+    return (*said, *tail, words("S-EVAL-OUT-KEPT"))
 
 
 def good_readings(deviations: ArrayLike, suspects: Iterable[tuple[int, int, int]]) -> NDArray[np.int64]:

@@ -8,6 +8,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
+from drivers.errors import words
 from drivers.units import ARCSEC_PER_RAD, deg_to_rad, um_to_mm
 from gateway.domain.values import FloatArray
 from gateway.errors import ModelError
@@ -123,12 +124,12 @@ def _asynchronous(x: FloatArray) -> float | None:
 
 def _flags(x: FloatArray, removed: bool) -> tuple[str, ...]:
     turns = x.shape[0]
-    found = ["1 turn: no asynchronous value"] if turns == 1 else []
+    found = [words("S-EVAL-ONE-TURN")] if turns == 1 else []
     if 1 < turns < USUAL_TURNS:
-        found.append(f"{turns} turns, {USUAL_TURNS} are usual")
+        found.append(words("S-EVAL-TURNS", turns=turns, usual=USUAL_TURNS))
     missing = int((~np.isfinite(x)).sum())
     if missing:
-        found.append(f"{missing} readings are missing")
+        found.append(words("S-EVAL-MISSING", missing=missing))
     if removed:
-        found.append("once-per-turn part removed: eccentricity of the artefact, or of the axis (reversal tells)")
+        found.append(words("S-EVAL-ECCENTRIC"))
     return tuple(found)

@@ -14,6 +14,7 @@ from typing import Final, Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
+from drivers.errors import words
 from gateway.domain.values import FloatArray
 from gateway.errors import ModelError
 from gateway.evaluate.standards import parameters, readings
@@ -152,7 +153,7 @@ def jis_formulas(x: FloatArray) -> Values:
 
 
 def _jis_flags(places: int) -> tuple[str, ...]:
-    return (f"repeated at {places} places, the standard asks for {JIS_PLACES}",) if places != JIS_PLACES else ()
+    return (words("S-EVAL-PLACES", places=places, wanted=JIS_PLACES),) if places != JIS_PLACES else ()
 
 
 def _checked(deviations: ArrayLike) -> FloatArray:

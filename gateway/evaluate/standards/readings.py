@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
+from drivers.errors import words
 from gateway.domain.values import FloatArray
 from gateway.errors import ModelError
 
@@ -94,14 +95,16 @@ def gaps(n: np.ndarray[tuple[int, ...], np.dtype[np.int64]], wanted: int, lost: 
     ``wanted`` is the standard's number of repetitions, ``lost`` what single readings cannot give ("s, R, A").
     """
     used = n[:, n.any(axis=0)]
-    found = ["unidirectional"] if used.shape[1] == 1 else []
+    found = [words("S-EVAL-ONE-WAY")] if used.shape[1] == 1 else []
     if n.shape[0] == 1:
-        found.append("one target")
-    found += [f"no approach {'+-'[a]} at i = {i + 1}" for i, a in np.argwhere(used == 0)]
+        found.append(words("S-EVAL-ONE-TARGET"))
+    found += [words("S-EVAL-NO-WAY", way="+-"[a], at=i + 1) for i, a in np.argwhere(used == 0)]
     runs = int(used.max())
-    found += [f"n = {used[i, a]} of {runs} at i = {i + 1}" for i, a in np.argwhere((used > 0) & (used < runs))]
+    fewer = np.argwhere((used > 0) & (used < runs))
+    found += [words("S-EVAL-FEWER", n=used[i, a], runs=runs, at=i + 1) for i, a in fewer]
     if runs < wanted:
-        found.append(f"n = {runs}" + (f": no {lost}" if runs == 1 else f", the standard asks for {wanted}"))
+        few = "S-EVAL-SINGLE" if runs == 1 else "S-EVAL-RUNS"
+        found.append(words(few, runs=runs, lost=lost, wanted=wanted))
     elif 1 in used:
-        found.append(f"a target has one reading: left out of {lost.removeprefix('s, ')}")
+        found.append(words("S-EVAL-LEFT-OUT", lost=lost.removeprefix("s, ")))
     return tuple(found)

@@ -10,6 +10,7 @@ from functools import partial
 import numpy as np
 from numpy.typing import ArrayLike
 
+from drivers.errors import words
 from drivers.units import DeviationUnit
 from gateway.domain.values import FloatArray
 from gateway.errors import ModelError
@@ -228,12 +229,12 @@ def set_up_notes(targets: FloatArray, repetitions: int, unit: DeviationUnit) -> 
     """What a plan of targets (m,) lacks: too few of them for the travel, or equal steps (they alias a pitch)."""
     travel = float(np.ptp(targets))
     least, runs = iso230_2.minimum_targets("linear" if unit == "um" else "rotary", travel)
-    found = [f"{targets.size} targets; this travel asks for {least}"] if targets.size < least else []
+    found = [words("S-EVAL-TARGETS", targets=targets.size, least=least)] if targets.size < least else []
     steps = np.diff(np.sort(targets))
     if targets.size > 2 and float(np.ptp(steps)) <= 1e-6 * travel:
-        found.append("equal steps: errors that repeat with the step are not seen")
+        found.append(words("S-EVAL-STEPS"))
     if runs == 1 and repetitions > 1:
-        found.append("long travel: one run is asked for, s, R and A are beyond the standard")
+        found.append(words("S-EVAL-LONG"))
     return tuple(found)
 
 
@@ -242,5 +243,5 @@ def closure_notes(targets: FloatArray, deviations: FloatArray, unit: DeviationUn
     gap = rotary.closure_arcsec(targets, deviations) if unit == "arcsec" else None
     if gap is None:
         return ()
-    advice = ": above 1 arcsec, repeat the test" if abs(gap) > 1.0 else ""
-    return (f"closing error {gap:+.3f} arcsec over {np.ptp(targets):g} deg, not removed{advice}",)
+    code = "S-EVAL-CLOSURE-FAR" if abs(gap) > 1.0 else "S-EVAL-CLOSURE"
+    return (words(code, gap=f"{gap:+.3f}", turn=f"{np.ptp(targets):g}"),)

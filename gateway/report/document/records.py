@@ -11,6 +11,7 @@ from itertools import zip_longest
 from drivers.errors import catalogue
 from drivers.terms import shown
 from gateway.report.document.content import Block, Bullets, Heading, Paragraph, PictureBlock, TableBlock, Whole
+from gateway.report.document.retold import retold
 from gateway.report.document.words import Tongue
 from gateway.report.drawings import plots
 from gateway.report.drawings import tooth as drawings
@@ -149,19 +150,18 @@ def _axis_table(axis: AxisMaterial, t: Tongue) -> Iterator[Block]:
 
 
 def _remarks(report: ReportMaterial, t: Tongue) -> Iterator[Block]:
-    """What the run itself noted, in the words it was recorded in."""
-    said = [*report.findings]
+    """What the run itself noted, in English, told in the document's language where the catalogue has its words."""
+    said = [("", text) for text in report.findings]
     for axis in report.axes:
-        said += [f"{axis.axis}: {text}" for text in axis.findings]
-        for item in (axis.before, axis.after):
-            said += [f"{axis.axis}: {text}" for text in item.flags] if item is not None else []
+        flags = [text for item in (axis.before, axis.after) if item is not None for text in item.flags]
+        said += [(f"{axis.axis}: ", text) for text in (*axis.findings, *flags)]
     if report.tooth is not None:
-        said += report.tooth.errors.said if report.tooth.errors is not None else ()
-        said += report.tooth.proposal.said if report.tooth.proposal is not None else ()
+        notes = [one.said for one in (report.tooth.errors, report.tooth.proposal) if one is not None]
+        said += [("", text) for lines in notes for text in lines]
     if said:
         yield Heading(t("remarks"))
         yield Paragraph(t("remarks_said"), "small")
-        yield Bullets(tuple(shown(line) for line in dict.fromkeys(said)))
+        yield Bullets(tuple(of + retold(shown(text), t.language) for of, text in dict.fromkeys(said)))
 
 
 def _hashes(report: ReportMaterial, t: Tongue) -> Iterator[Block]:

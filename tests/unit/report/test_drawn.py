@@ -1,4 +1,4 @@
-"""The words in drawings: every one a report draws has its own in each language, and numbers and names stay."""
+"""The words in drawings and remarks: a report has its own in each language, and numbers and names stay."""
 
 from __future__ import annotations
 
@@ -9,8 +9,10 @@ from typing import get_args, get_type_hints
 import pytest
 from matplotlib.figure import Figure
 
+from drivers.errors import catalogue, words
 from gateway.domain.captures import Capture
 from gateway.report.document.drawn import MARK, in_language
+from gateway.report.document.retold import retold
 from gateway.report.document.web import page
 from gateway.report.document.whole import document
 from gateway.report.document.words import catalogue_of
@@ -67,3 +69,34 @@ def test_every_cycle_and_figure_has_its_name_in_every_language() -> None:
     german = page(document(replace(material, particulars=said)))
     assert "M, Weg" in german
     assert "M, travel" not in german
+
+
+FIELD = re.compile(r"\{(\w+)[^}]*\}")
+TOO_SHORT = {"S-EVAL-SINGLE"}
+"""So few words of its own that other sentences would be taken for it: it stays English."""
+
+
+@pytest.mark.parametrize("language", ["de", "zh"])
+def test_what_a_record_notes_is_told_in_the_language_with_its_numbers(language: str) -> None:
+    own = catalogue(language)
+    noted = [code for code in catalogue() if code.startswith(("S-EVAL-", "S-MODEL-", "S-INSPECT-"))]
+    assert len(set(noted) - set(own)) == 0
+    assert len(noted) > 40
+    wrong = []
+    for code in set(noted) - TOO_SHORT:
+        fields = {name: f"{number + 3}" for number, name in enumerate(FIELD.findall(catalogue()[code]["what"]))}
+        told = retold(words(code, **fields), language)
+        wanted = FIELD.sub(lambda field, fields=fields: fields[field[1]], own[code]["what"])
+        if told.replace("µm", "um").replace("°C", "degC").lower() != wanted.lower():
+            wrong.append(f"{code}: {told}")
+    assert wrong == []
+
+
+def test_a_remark_without_a_text_of_the_catalogue_stays_and_english_is_left_alone() -> None:
+    assert retold("The room warmed by 0.27 K.", "de") == "The room warmed by 0.27 K."
+    told = words("S-EVAL-STEPS")
+    assert retold(told, "en") == told
+    assert (
+        retold(f"{words('S-EVAL-TARGETS', targets=3, least=9)}. Stored.", "de")
+        == "3 Ziele; dieser Weg verlangt 9. Stored."
+    )

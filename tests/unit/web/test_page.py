@@ -51,6 +51,12 @@ def test_a_translated_code_is_one_that_exists_and_has_its_fields(language: str) 
         }, code
 
 
+def test_a_german_um_behind_a_field_is_a_unit() -> None:
+    """The page writes it as one: "Achse X1 um 3" would be read as micrometres."""
+    texts = {code: " ".join(entry.values()) for code, entry in catalogue("de").items()}
+    assert [code for code, text in texts.items() if re.search(r"[})\d>] um (?:\{|[0-9])", text)] == []
+
+
 def test_every_end_of_a_push_has_its_words_in_every_language() -> None:
     ends = {f"ended.{one}" for one in get_args(Outcome)}
     for language in LANGUAGES:
@@ -61,9 +67,10 @@ def test_every_end_of_a_push_has_its_words_in_every_language() -> None:
 # is wrong in a site file, in the files that it names and in the part that it describes.
 AT_WORK = frozenset({Audience.ASK, Audience.STEP, Audience.MOVE, Audience.LOUD})
 SPOKEN = re.compile(
-    r"[EW]-(?:DOC|LCNC)-|R-HELD-|W-LEFT-[A-Z]+$|W-STEP-|[EPW]-INIT-[A-Z-]+$|P-(?:PUSH|SELF-TEST|CAP)-"
-    r"|[EW]-CFG-|W-(?:TOML|SECRET|OWN|CHECK)-|[EW]-NAME(?:-|$)|E-STUDY-(?:READ|TOML|VALUE)$"
-    r"|E-(?:GEAR|CHAIN)-|[EW]-GRIND-|W-SETUP-ENTER$|W-UMD-WAVELENGTH$"
+    r"[EW]-(?:DOC|LCNC)-|R-HELD-|W-LEFT-[A-Z]+$|W-STEP-|[EPW]-(?:INIT|OFF)-[A-Z-]+$|P-(?:PUSH|SELF-TEST|CAP)-"
+    r"|S-|W-(?:TOOTH|ACTING|GUARD|VERDICT|HIDDEN|COMP-SCATTERS|PUSH|MANUAL|INSPECT)|[NP]-(?:MANUAL|SETUP)"
+    r"|E-(?:RUN|INSPECT|TABLE|STORE|REPORT|MODEL|GEAR|CHAIN)-|[EW]-(?:CFG|GRIND)-|W-(?:TOML|SECRET|OWN|CHECK)-"
+    r"|[EW]-NAME(?:-|$)|E-STUDY-(?:READ|TOML|VALUE)$|W-SETUP-ENTER$|W-UMD-WAVELENGTH$"
 )
 # Words for the terminal alone: the cell's console, what `init` writes into its file or says of its own command.
 TERMINAL = re.compile(
