@@ -19,11 +19,11 @@ MOUNTINGS = {"before": 28, "signs": 3, "axis layer judged": 3, "C with every tab
 AGAIN = {"A0C on Z": 2, "B0C on Z": 2, "EXX on X": 3, "EZZ on Z": 3, "ECC on C": 4}
 HOURS_WITHIN = 0.25  # nobody foresees how many readings of 28 set-ups are taken again
 # Presses of NC START beyond those that confirm what was mounted or clamped, by their cause: the most of each.
-MOST_PRESSES = 12
+MOST_PRESSES = 13
 PRESSED = {
     "P-START-SETUP TFSENSE": 2,  # all set-ups; all sign proofs
     "P-GRIND-PREPARED": 3,  # of each part
-    "P-NC-READ": 1,  # before the trial tables; elsewhere in a program that runs, or by one that has just ended
+    "P-NC-READ": 2,  # before the trial tables and the axis layer; elsewhere in a program that runs or has just ended
     "P-PUSH-START": 4,  # trial tables, the old ones again, axis layer, cross layer
     "P-PUSH-EFFECT": 2,  # of each layer; measuring again goes on from there
 }

@@ -437,6 +437,24 @@ async def test_a_way_back_that_left_all_off_is_its_own_reading(keys: Path, since
         assert (await on.device.saved_tables("C1")).digest == live.digest
 
 
+async def test_what_a_way_back_left_is_believed_once(keys: Path) -> None:
+    """Somebody may change a table after it: what is read before a push is read anew."""
+    async with on_stage(folder=keys) as on:
+        told: list[str] = []
+
+        def tell(code: str, /, **_fields: object) -> None:
+            told.append(code)
+
+        await on.push(replace(ORDER, transaction=99, enable=False, purpose="restore"))
+        asked = (TableQuestion("C1", "C", "deg", rotary=True),)
+        (first,) = await on.device.live_tables_of(asked, tell)
+        assert told == []
+        on.nck.set("$AA_ENC_COMP[0,1,C1]", 0.5, 0)
+        (second,) = await on.asked(on.device.live_tables_of(asked, tell), told)
+        assert told == ["P-NC-READ"]
+        assert second.digest != first.digest
+
+
 async def test_an_order_without_enabling_ends_loaded_and_off(keys: Path) -> None:
     async with on_stage(folder=keys) as on:
         assert await on.push(replace(ORDER, enable=False)) is False

@@ -193,10 +193,11 @@ class Pushing:
         """What stands on axes, each with its measuring system, by the files of a way back that has just left all off.
 
         Its program compared every point once more after it had written them, and nothing of it was switched on; so no
-        program needs to be started to read the same again. None where that does not hold: for other axes, after
-        `FRESH_S`, when anything was sent since, when a switch reads on.
+        program needs to be started to read the same again. Once only: what follows reads anew, for somebody may have
+        changed a table since. None where that does not hold: for other axes, after `FRESH_S`, when anything was sent
+        since, when a switch reads on.
         """
-        batch, since = self._left
+        (batch, since), self._left = self._left, ((), 0.0)
         of = {(order.table.output_axis, order.saved_encoder): order for order in batch}
         quiet = all(order.purpose == "restore" and not order.enable and not order.coupled for order in batch)
         if not (quiet and set(asked.items()) <= set(of)) or self._clock.now() - since > FRESH_S:

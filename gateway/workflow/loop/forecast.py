@@ -133,7 +133,7 @@ class _Day:
         tables = [(out, over) for out, over in self._cross()] if cross else []
         yield from self._signed(own, tables)
         if own:
-            asks = pushing(self.site, [(axis, axis) for axis in own], "axis tables", just=True)
+            asks = pushing(self.site, [(axis, axis) for axis in own], "axis tables")
             yield Piece("push", "axis tables and reversals", asks)
         yield from self.measured("measure again", [(axis, plans_of_axis(axis, "after")) for axis in own], len(own))
         if tables:
