@@ -12,7 +12,7 @@ from drivers.linuxcnc.agent.refusal import AgentRefusal
 LETTERS = "XYZABCUVW"
 STARTING = "it is starting"
 COMPONENT = "trueflank"
-ACK_S, PAUSE_S, SETTLE_S = 2.0, 0.002, 5.0
+ACK_S, PAUSE_S, SETTLE_S, ENDS_S = 2.0, 0.002, 5.0, 2.0
 
 
 class Kernel:
@@ -151,8 +151,15 @@ class Kernel:
     # ---- a program of ours ------------------------------------------------------------------------
 
     def select(self, path: Path) -> None:
-        """Show a program to the operator, ready to be started. Raises E-LCNC-BUSY, E-LCNC-SELECT."""
-        self._poll()
+        """Show a program to the operator, ready to be started. Raises E-LCNC-BUSY, E-LCNC-SELECT.
+
+        A program that has given its last stop may still have a moment to its end.
+        """
+        for _ in range(int(ENDS_S / PAUSE_S)):
+            self._poll()
+            if self._stat.interp_state == self._cnc.INTERP_IDLE:
+                break
+            self._sleep(PAUSE_S)
         if self._stat.interp_state != self._cnc.INTERP_IDLE:
             raise AgentRefusal("E-LCNC-BUSY", program=str(self._stat.file))
         self._command.mode(self._cnc.MODE_AUTO)
