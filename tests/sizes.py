@@ -19,3 +19,8 @@ def few(values: Iterable[Any], keep: int = 1) -> list[Any]:
 def long(one: Any) -> Any:
     """One value for ``parametrize`` (a tuple for several names), marked `long`."""
     return pytest.param(*(one if isinstance(one, tuple) else (one,)), marks=pytest.mark.long)
+
+
+def soak(one: Any) -> Any:
+    """The same, marked `soak`: what `make long` has no time for."""
+    return pytest.param(*(one if isinstance(one, tuple) else (one,)), marks=pytest.mark.soak)

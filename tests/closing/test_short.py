@@ -24,6 +24,7 @@ from tests.closing.reckoned import unlike
 from tests.closing.record import MachineResult
 from tests.closing.runs import BLOCK_S, run_machine
 from tests.selftested import cell_running
+from tests.sizes import soak
 
 LIVE = {"EXX", "EZZ", "ECC"}
 # NCK resets, mountings, blanks: the most that the short plan of the shipped cell may ask for.
@@ -61,7 +62,7 @@ def kept(one: MachineResult) -> list[str]:
 
 @pytest.mark.long
 @pytest.mark.timeout(1800)
-@pytest.mark.parametrize(("name", "absent_at"), [("demo", ""), ("eleven", "trial"), ("2", ""), ("4", "")])
+@pytest.mark.parametrize(("name", "absent_at"), [("demo", ""), ("eleven", "trial"), soak(("2", "")), soak(("4", ""))])
 def test_a_short_plan_ends_at_the_floor_of_its_machine(tmp_path: Path, name: str, absent_at: str) -> None:
     """On one of them nobody loads the trial part: the run stops, goes on later, and does nothing twice."""
     file: CellFile = machine(int(name)) if name.isdecimal() else with_plan(load_cell(name))
