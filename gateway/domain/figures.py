@@ -49,9 +49,9 @@ class Evaluation:
 class Component:
     """A fitted error motion, e.g. ECC over C: basis, coefficients and their covariance.
 
-    ``basis`` is "polynomial", "fourier", "bspline", "piecewise", or "waved": a smooth one with waves of some lengths;
-    ``domain`` the fitted range (lo, hi) in the axis unit. Values come from `gateway.model.components.value` and
-    `standard_uncertainty`.
+    ``basis`` is "polynomial", "fourier", "bspline", "cubic" (through its nodes), "piecewise", or "waved": a smooth one
+    with waves of some lengths; ``domain`` the fitted range (lo, hi) in the axis unit. Values come from
+    `gateway.model.components.value` and `standard_uncertainty`.
     """
 
     name: str

@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 from gateway.domain.figures import Component
 from gateway.domain.values import FloatArray
 from gateway.errors import ModelError
+from gateway.model.cubic import cardinal
 
 LONGEST_WAVE = 12
 """Orders of a turn above this are waves of worm or scale, not the axis' shape."""
@@ -67,7 +68,7 @@ def at_datum(component: Component, reference: float) -> Component:
 def _one_everywhere(component: Component, size: int) -> FloatArray:
     """Hats and splines add up to one everywhere; the other bases carry their constant in the first term."""
     waves = 2 * len(component.parameters.get("lengths", ()))  # type: ignore[arg-type]
-    if component.parameters.get("smooth", component.basis) in ("piecewise", "bspline"):
+    if component.parameters.get("smooth", component.basis) in ("piecewise", "cubic", "bspline"):
         return np.append(np.ones(size - waves), np.zeros(waves))
     return np.asarray(np.eye(size)[0])
 
@@ -135,6 +136,10 @@ def _piecewise(parameters: Parameters, positions: FloatArray) -> FloatArray:
     return hats(nodes, positions) if period is None else periodic_hats(nodes, float(period), positions)
 
 
+def _cubic(parameters: Parameters, positions: FloatArray) -> FloatArray:
+    return cardinal(np.asarray(parameters["nodes"], dtype=np.float64), positions)
+
+
 def _waved(parameters: Parameters, positions: FloatArray) -> FloatArray:
     """A smooth basis, then cosine and sine of each wave."""
     phases = [2.0 * np.pi * positions / length for length in parameters["lengths"]]
@@ -148,6 +153,7 @@ _BASES: Mapping[str, Callable[[Parameters, FloatArray], FloatArray]] = {
     "fourier": _fourier,
     "bspline": _bspline,
     "piecewise": _piecewise,
+    "cubic": _cubic,
     "waved": _waved,
 }
 

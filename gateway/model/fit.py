@@ -15,6 +15,7 @@ from gateway.domain.figures import Component
 from gateway.domain.values import FloatArray
 from gateway.errors import ModelError, NotIdentifiable
 from gateway.model.components import at_datum, design
+from gateway.model.cubic import FEWEST, missing
 from gateway.model.regression import Regression, weighted
 
 HIGHEST_DEGREE = 9
@@ -24,6 +25,7 @@ WIDEST_MODULO_GAP_DEG = 180.0
 SIMPLER_WITHIN = 1.1
 FAR_ABOVE_NOISE = 5.0
 TURN_DEG = 360.0
+THROUGH = "cubic", "piecewise"
 SMALLEST_U = 1e-3
 """Weights assume at least this, um or arcsec: readings that agree to the last digit are not exact."""
 
@@ -76,12 +78,13 @@ def fit_positioning(
     """Fit mean deviations (m,) at targets (m,), standard uncertainties u (m,) or one for all.
 
     A full turn is fitted with harmonics or a periodic polygon, anything else with polynomials, cubic
-    B-splines or a polygon. Within a family AICc, extended for the number of choices and with the known
-    noise as floor, chooses the order; between families the leave-one-out error does (see `choose`). The
-    covariance holds the scatter that the fit leaves (order above the targets, steps). Targets without a
-    mean (NaN) are left out. With `reference` the value there is made zero (datum).
-    Raises NotIdentifiable (E-MODEL-POINTS) with fewer than two targets, ModelError (E-MODEL-U) where a
-    mean has no uncertainty.
+    B-splines or the curve through the means that bends least (straight lines of few). Within a family AICc,
+    extended for the number of choices and with the known noise as floor, chooses the order; between families
+    the leave-one-out error does (see `choose`). The covariance holds the scatter that the fit leaves (order
+    above the targets, steps). Targets without a mean (NaN) are left out. With `reference` the value there is
+    made zero (datum).
+    Raises NotIdentifiable (E-MODEL-POINTS) with fewer than two targets, ModelError (E-MODEL-U: a mean has no
+    uncertainty; E-MODEL-SHAPE).
     """
     data = _data(targets, means, u)
     if kind == "rotary" and _closes(data.at, modulo):
@@ -91,12 +94,12 @@ def fit_positioning(
     return fitted if reference is None else at_datum(fitted, reference)
 
 
-def fit_polygon(
+def fit_through(
     targets: ArrayLike, means: ArrayLike, u: ArrayLike | float, *, name: str, axis: str, axis_unit: AxisUnit
 ) -> Component:
-    """Straight lines between the means, whatever their scatter; arguments as `fit_positioning`."""
+    """The curve through the means, whatever their scatter; straight lines of few. Arguments as `fit_positioning`."""
     data = _data(targets, means, u)
-    return _component(_polygon(data), data, name, axis, axis_unit)
+    return _component(_through(data), data, name, axis, axis_unit)
 
 
 def _component(best: Candidate, data: _Data, name: str, axis: str, axis_unit: AxisUnit) -> Component:
@@ -117,15 +120,15 @@ def choose(tried: Iterable[Candidate], noise: float) -> Candidate:
     """The candidate that misses a left-out target least; a simpler one within 10 % of it is preferred.
 
     Where that leaves more than half of what a constant misses, and this is far above the noise, the
-    deviation changes almost as fast as the targets follow: then the polygon, if it predicts anything at
-    all, since it never swings beyond the means.
+    deviation changes almost as fast as the targets follow: then the curve through them, if it predicts
+    anything at all.
     """
     everyone = list(tried)
     limit = min(candidate.left_out for candidate in everyone) * SIMPLER_WITHIN
     best = min((c for c in everyone if c.left_out <= limit), key=lambda c: c.size)
     plain = max(c.left_out for c in everyone if c.basis == "constant")
     if plain > FAR_ABOVE_NOISE * noise and best.left_out > plain / 2.0:
-        return next((c for c in everyone if c.basis == "piecewise" and c.left_out < plain), best)
+        return next((c for c in everyone if c.basis in THROUGH and c.left_out < plain), best)
     return best
 
 
@@ -137,13 +140,26 @@ def candidates(data: _Data) -> tuple[Candidate, ...]:
     else:
         found += _best(_polynomials(data)) + _best(_splines(data))
     if data.at.size > 3:
-        found.append(_polygon(data))
+        found.append(_through(data))
     return tuple(found)
 
 
+def alike(targets: ArrayLike, means: ArrayLike, u: ArrayLike | float) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Targets, means and uncertainties (m,) as numbers; a target without a place is one without a mean (NaN).
+
+    Raises ModelError (E-MODEL-SHAPE) where they are no numbers or not as many.
+    """
+    try:
+        at, values, sigma = (np.asarray(one, dtype=np.float64) for one in (targets, means, u))
+    except (TypeError, ValueError):
+        at, values, sigma = (np.zeros((0, 0)) for _ in range(3))
+    if at.ndim != 1 or values.shape != at.shape or sigma.shape not in ((), at.shape):
+        raise ModelError("E-MODEL-SHAPE", "fit", targets=str(at.shape), means=str(values.shape), u=str(sigma.shape))
+    return at, np.where(np.isfinite(at), values, np.nan), np.broadcast_to(sigma, at.shape)
+
+
 def _data(targets: ArrayLike, means: ArrayLike, u: ArrayLike | float) -> _Data:
-    at, values = np.asarray(targets, dtype=np.float64), np.asarray(means, dtype=np.float64)
-    sigma = np.broadcast_to(np.asarray(u, dtype=np.float64), at.shape)
+    at, values, sigma = alike(targets, means, u)
     known = np.isfinite(values) & np.isfinite(at)
     places = np.unique(at[known]).size
     if places < 2:
@@ -234,17 +250,18 @@ def _with_orders(data: _Data, orders: tuple[int, ...], choices: int) -> Candidat
     return _candidate("fourier", {"period": data.period, "orders": tuple(sorted(orders))}, data, choices)
 
 
-def _polygon(data: _Data) -> Candidate:
-    """Straight lines between the means: takes everything, so it is judged by its leave-one-out error."""
+def _through(data: _Data) -> Candidate:
+    """What goes through the means takes everything, so it is judged by its leave-one-out error."""
     at = data.at if data.period is None else np.mod(data.at, data.period)
     nodes = np.unique(np.round(at, 6))
     parameters = {"nodes": tuple(float(q) for q in nodes), "period": data.period}
-    solved = weighted(design("piecewise", parameters, data.at), data.values, data.u, "piecewise")
+    bent = data.period is None and nodes.size >= FEWEST
+    basis = "cubic" if bent else "piecewise"
+    solved = weighted(design(basis, parameters, data.at), data.values, data.u, basis)
     means = solved.coefficients
-    missed = max(float(np.sqrt(np.mean(_skipped(nodes, means, data.period) ** 2))), data.noise)
-    return Candidate(
-        basis="piecewise", parameters=parameters, regression=solved, criterion=float("inf"), left_out=missed
-    )
+    skipped = missing(nodes) @ means if bent else _skipped(nodes, means, data.period)
+    missed = max(float(np.sqrt(np.mean(skipped**2))), data.noise)
+    return Candidate(basis=basis, parameters=parameters, regression=solved, criterion=float("inf"), left_out=missed)
 
 
 def _skipped(nodes: FloatArray, values: FloatArray, period: float | None) -> FloatArray:
@@ -258,9 +275,16 @@ def _skipped(nodes: FloatArray, values: FloatArray, period: float | None) -> Flo
 
 def _unseen(best: Candidate, data: _Data) -> float:
     """Rms of structure that the fit does not follow, less the noise it must leave."""
-    if best.basis == "piecewise":
-        # A target misses the line between its neighbours by sqrt(1.5) times what scatters independently.
-        return float(np.sqrt(max(best.left_out**2 / 1.5 - data.noise**2, 0.0)))
+    if best.basis in THROUGH:
+        nodes, means = np.asarray(best.parameters["nodes"]), best.regression.coefficients
+        # A target misses the line between its neighbours by sqrt(1.5) times what scatters independently. A curve that
+        # was chosen because it misses little may do so by luck: then the line tells.
+        missed = [_skipped(nodes, means, data.period) / 1.5**0.5]
+        if best.basis == "cubic":
+            rows = missing(nodes)
+            missed.append(rows @ means / float(np.mean(np.sum(rows**2, axis=1))) ** 0.5)
+        square = max(float(np.mean(one**2)) for one in missed)
+        return float(np.sqrt(max(square - data.noise**2, 0.0)))
     freedom = max(data.at.size - best.size, 1)
     spread = float(np.sum(best.regression.residual**2)) / freedom
     return float(np.sqrt(max(spread - data.noise**2, 0.0)))

@@ -1,4 +1,4 @@
-"""The one curve of a measured axis, for its table and for the error model: smooth, with waves, or straight lines."""
+"""The one curve of a measured axis, for its table and for the error model: smooth, with waves, or through the means."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from drivers.units import AxisUnit
 from gateway.domain.figures import Component
 from gateway.domain.values import FloatArray
 from gateway.model.components import is_periodic, value
-from gateway.model.fit import SMALLEST_U, TURN_DEG, fit_polygon, fit_positioning
+from gateway.model.fit import SMALLEST_U, THROUGH, TURN_DEG, alike, fit_positioning, fit_through
 from gateway.model.waves import fit_waves
 
 LEAVES, FAR_ABOVE = 0.15, 4.0
@@ -34,23 +34,23 @@ def fit_means(
     """The one curve of a measured axis; arguments as `fit_positioning`.
 
     Where a smooth curve leaves far more than the scatter at a target it is one with short waves, if the targets can
-    tell these, and on a linear axis else straight lines between the means.
+    tell these, and on a linear axis else one through the means.
     """
-    at, mean, own = (np.asarray(one, dtype=np.float64) for one in (targets, means, u))
+    at, mean, own = alike(targets, means, u)
     named: dict[str, Any] = {"name": name, "axis": axis, "axis_unit": axis_unit}
     smooth = fit_positioning(at, mean, own, kind=kind, modulo=modulo, **named)
     known = np.isfinite(mean)
     at, mean, own = at[known], mean[known], own[known]
-    straight = smooth.basis == "piecewise"
-    # Straight lines leave nothing at the targets: what they miss is told by each target that is left out.
-    left = smooth.residual_rms if straight else float(np.max(np.abs(mean - value(smooth, at))))
+    through = smooth.basis in THROUGH
+    # What goes through the means leaves nothing at the targets: what they miss is told by each that is left out.
+    left = smooth.residual_rms if through else float(np.max(np.abs(mean - value(smooth, at))))
     allowed = max(LEAVES, FAR_ABOVE * float(np.max(own)))
     if left <= allowed:
         return smooth
     waved = _waved(smooth, at, mean, np.maximum(own, SMALLEST_U))
     if waved is not None and float(np.max(np.abs(mean - value(waved, at)))) <= max(allowed, WAVE_LEAVES * left):
         return waved
-    return smooth if straight or kind == "rotary" else fit_polygon(at, mean, own, **named)
+    return smooth if through or kind == "rotary" else fit_through(at, mean, own, **named)
 
 
 def _waved(smooth: Component, at: FloatArray, mean: FloatArray, u: FloatArray) -> Component | None:

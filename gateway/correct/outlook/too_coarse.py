@@ -1,19 +1,18 @@
 """The measured error that makes most of the flank's uncertainty: are its targets too coarse, and what cures that; pure.
 
-A polygon through targets h apart leaves of a long wave what goes with h^2, and of one of 2 h, the shortest that targets
-can show, (pi s / 2 h)^2 / 2 once they stand s apart. So a step over the face is found at which the error no longer
-matters.
+Targets h apart show no wave shorter than 2 h, and straight lines leave (pi s / 2 h)^2 / 2 of that once targets stand
+s apart. So a step over the face is found at which the error no longer matters.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import hypot, pi
+from math import pi
 
 import numpy as np
 
 from drivers.units import AxisUnit, mm_to_um
-from gateway.correct.outlook.face_residual import around, long_and_short, near, nodes_of
+from gateway.correct.outlook.face_residual import near, nodes_of
 from gateway.correct.outlook.flank_uncertainty import between_targets
 from gateway.correct.outlook.next_setup import THRESHOLD_UM
 from gateway.correct.outlook.prediction import rows_of, without_setup
@@ -101,13 +100,10 @@ def _every_space(grinding: Grinding, grid: FlankGrid) -> FinerTargets:
 
 
 def _left(one: Component, face: float, middle: float, step: float) -> float:
-    """The share of what lies between the targets that stays there with others ``step`` apart."""
+    """The share of what lies between the targets that stays there with others ``step`` apart; all of it at most.
+
+    The shortest wave that targets show is twice their distance. A smooth fit does not keep that: down to the face.
+    """
     here = near(one, face, middle)
-    if here is None:  # a smooth fit: of any length down to its targets' distance, which it does not keep
-        return (pi * step / face) ** 2 / 2.0
-    apart = float(np.mean(np.diff(nodes_of(one)[here])))
-    long, short = long_and_short(one, here, around(one, face, middle))
-    whole = hypot(long, short)
-    if whole <= 0.0:
-        return 1.0
-    return hypot(long * (step / apart) ** 2, short * min((pi * step / (2.0 * apart)) ** 2 / 2.0, 1.0)) / whole
+    shortest = face if here is None else 2.0 * float(np.mean(np.diff(nodes_of(one)[here])))
+    return min((pi * step / shortest) ** 2 / 2.0, 1.0)

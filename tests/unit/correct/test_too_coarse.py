@@ -14,7 +14,7 @@ from gateway.correct.outlook.too_coarse import Dominant, dominant
 from gateway.correct.plan.layers import correct
 from gateway.gear.flank import FlankGrid, flank_grid
 from gateway.gear.grinding import Grinding
-from gateway.model.fit import fit_polygon
+from gateway.model.fit import fit_through
 from gateway.model.known import ErrorModel, chain_of_errors
 from gateway.workflow.tooth.sentences import measure_better
 from tests.sizes import few
@@ -27,7 +27,7 @@ COARSE = np.linspace(0.0, 300.0, 13)
 def model_of(at: np.ndarray, wave_mm: float, noise: float = 0.03) -> ErrorModel:
     """The well measured machine, its EXZ a wave of 3 um read at these targets."""
     means = 3.0 * np.cos(2.0 * np.pi * at / wave_mm + 0.4) + np.random.default_rng(2).normal(0.0, noise, at.size)
-    coarse = fit_polygon(at, means, noise, name="EXZ", axis="Z", axis_unit="mm")
+    coarse = fit_through(at, means, noise, name="EXZ", axis="Z", axis_unit="mm")
     plain = known(())
     return replace(plain, motions=(*(one for one in plain.motions if one.name != "EXZ"), coarse))
 

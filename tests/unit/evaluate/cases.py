@@ -130,7 +130,7 @@ def _comp_table(given: Input) -> Input:
     """A table as it is stored, back as corrections; what is left is the machine with the table acting."""
     points = np.asarray(given["positions"], dtype=float)
     grid = Grid(points[0], points[-1], points[1] - points[0])
-    fitted = fit.fit_polygon(given["targets"], given["mean_error"], 0.1, name="EXX", axis="X", axis_unit="mm")
+    fitted = fit.fit_through(given["targets"], given["mean_error"], 0.1, name="EXX", axis="X", axis_unit="mm")
     deviations = project(lambda at: components.value(fitted, at), grid, modulo=False)
     stored = CompensationTable("axis", "X", "X", grid.minimum, grid.maximum, grid.step, tuple(deviations))
     chain = yk7350b({"EXX": motion_from(fitted)})

@@ -11,6 +11,7 @@ from gateway.domain.figures import Component
 from gateway.errors import ModelError, NotIdentifiable
 from gateway.model import components, fit
 from gateway.model.components import at_datum, design, motion_uncertainty, standard_uncertainty, value
+from gateway.model.cubic import missing
 from gateway.model.regression import weighted
 
 LINEAR = {"name": "EXX", "axis": "X", "axis_unit": "mm"}
@@ -74,8 +75,9 @@ def test_uncertainty_covers_what_was_missed() -> None:
 
 def test_scatter_left_by_the_fit_is_in_the_covariance() -> None:
     at = np.linspace(0.0, 400.0, 21)
-    rough = 0.02 * at + np.random.default_rng(5).normal(0, 0.5, 21)
+    rough = 0.02 * at + np.random.default_rng(6).normal(0, 0.5, 21)
     found = fit.fit_positioning(at, rough, 0.01, kind="linear", **LINEAR)
+    assert found.basis == "polynomial"
     assert float(standard_uncertainty(found, 200.0)) > 0.05
     assert found.residual_rms > 0.3
 
@@ -87,6 +89,38 @@ def test_a_step_does_not_wreck_the_rest() -> None:
     miss = value(found, dense) - 0.02 * dense - (dense > 190.0)
     assert np.abs(miss).max() < 1.0
     assert np.abs(miss[dense < 120]).max() < 0.2
+
+
+def test_a_hollow_between_few_targets_is_followed_better_than_by_straight_lines() -> None:
+    """Guides worn over 30 to 60 mm, targets 15 mm apart: what is left over 20 mm in the middle of them."""
+    dense, lines, curves = np.linspace(140.0, 160.0, 41), [], []
+    for seed in range(100):
+        rng = np.random.default_rng(seed)
+        length, depth, middle = rng.uniform(30.0, 60.0), rng.uniform(4.0, 8.0), rng.uniform(120.0, 180.0)
+
+        def hollow(q: np.ndarray, length: float = length, depth: float = depth, middle: float = middle) -> np.ndarray:
+            wave = 0.5 + 0.5 * np.cos(2.0 * np.pi * (q - middle) / length)
+            return np.where(np.abs(q - middle) < length / 2.0, -depth * wave, 0.0)
+
+        at = np.linspace(0.0, 300.0, 21)
+        at[1:-1] += rng.uniform(-3.0, 3.0, 19)
+        means = hollow(at) + rng.normal(0.0, 0.05, at.size)
+        found = fit.fit_through(at, means, 0.05, **LINEAR)
+        lines.append(np.std(np.interp(dense, at, means) - hollow(dense)))
+        curves.append(np.std(value(found, dense) - hollow(dense)))
+    print(f"median {np.median(lines):.2f} and {np.median(curves):.2f} um")
+    assert np.median(curves) < 0.6 * np.median(lines)
+    assert np.mean(np.square(curves)) < 0.7 * np.mean(np.square(lines))
+
+
+def test_what_a_target_misses_is_the_curve_through_the_others() -> None:
+    at = np.sort(np.random.default_rng(3).uniform(0.0, 100.0, 9))
+    means = np.sin(at / 15.0)
+    missed = missing(at) @ means
+    for k in range(1, 8):
+        others = np.arange(9) != k
+        left_out = fit.fit_through(at[others], means[others], 0.1, **LINEAR)
+        assert missed[k - 1] == pytest.approx(means[k] - float(value(left_out, at[k])), abs=1e-6)
 
 
 def test_nothing_is_extrapolated_and_a_turn_repeats() -> None:
@@ -116,7 +150,7 @@ def test_the_first_target_may_be_measured_again_after_a_turn() -> None:
     assert found.parameters["orders"] == (1,)
 
 
-@pytest.mark.parametrize("basis", ["constant", "polynomial", "fourier", "bspline", "piecewise", "closed"])
+@pytest.mark.parametrize("basis", ["constant", "polynomial", "fourier", "bspline", "piecewise", "cubic", "closed"])
 def test_datum_takes_the_offset_and_its_uncertainty(basis: str) -> None:
     found = example(basis)
     zeroed = at_datum(found, 120.0)
@@ -132,6 +166,7 @@ def example(basis: str) -> Component:
         "fourier": {"period": 360.0, "orders": (1, 4)},
         "bspline": {"knots": (0.0,) * 4 + (100.0, 250.0) + (360.0,) * 4},
         "piecewise": {"nodes": (0.0, 50.0, 200.0, 360.0), "period": None},
+        "cubic": {"nodes": (0.0, 50.0, 140.0, 200.0, 290.0, 360.0), "period": None},
         "closed": {"nodes": (0.0, 50.0, 200.0), "period": 360.0},
     }[basis]
     name = "piecewise" if basis == "closed" else basis

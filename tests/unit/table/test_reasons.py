@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from drivers.types.tables import LiveTable
-from gateway.model.fit import fit_polygon
+from gateway.model.fit import fit_through
 from gateway.table import MeasuredMeans, propose
 from gateway.table.reasons import may_harm
 from tests.unit.table.world import X_GRID as X
@@ -23,7 +23,7 @@ def offer(*, hidden: float = 0.0, rest: float = 0.0, size: float = 1.0, cross: b
     if cross:
         other = replace(table(np.arange(41.0), X, rotary=False), kind="cross", index=2, input_axis=of)
         known = replace(known, cross=(LiveTable(other, True),))
-    fitted = fit_polygon(AT, size * MEANS, 0.02, name="EXX", axis="X1", axis_unit="mm")
+    fitted = fit_through(AT, size * MEANS, 0.02, name="EXX", axis="X1", axis_unit="mm")
     means = MeasuredMeans(AT, size * MEANS, np.full(AT.size, 0.02), rest, hidden)
     change = propose(axis(rotary=False), fitted, means, known, X, resolution=1e-3, reserved_points=100)
     return change.skipped or " ".join(change.findings)

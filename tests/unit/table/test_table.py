@@ -11,7 +11,7 @@ from drivers.errors import Gap, TableError, TooManyPoints, ValueOutOfRange
 from drivers.limits import Limits
 from gateway.domain.figures import Component
 from gateway.domain.proposals import TableChange
-from gateway.model.fit import fit_polygon, fit_positioning
+from gateway.model.fit import fit_positioning, fit_through
 from gateway.table import Grid, MeasuredMeans, check, diff, effective, project, propose
 from gateway.table.limits import check_points
 from gateway.table.proposal import InstrumentU
@@ -22,7 +22,7 @@ AT = np.linspace(0.0, 400.0, 21)
 
 
 def fitted(means: np.ndarray, at: np.ndarray = AT) -> Component:
-    return fit_polygon(at, means, 0.02, name="EXX", axis="X1", axis_unit="mm")
+    return fit_through(at, means, 0.02, name="EXX", axis="X1", axis_unit="mm")
 
 
 def offer(means: np.ndarray, acts: np.ndarray | None = None, **changes: object) -> TableChange:

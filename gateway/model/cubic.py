@@ -1,0 +1,31 @@
+"""The curve that bends least through values at places: natural cubic splines, as sums over their nodes; pure."""
+
+from __future__ import annotations
+
+import numpy as np
+import scipy
+
+from gateway.domain.values import FloatArray
+
+FEWEST = 6
+"""Nodes that carry a curve; fewer carry straight lines."""
+
+
+def cardinal(nodes: FloatArray, positions: FloatArray) -> FloatArray:
+    """What each node's value adds at positions within them: (points, nodes), each row's sum 1; nodes ascend."""
+    return np.asarray(scipy.interpolate.CubicSpline(nodes, np.eye(nodes.size), bc_type="natural")(positions))
+
+
+def missing(nodes: FloatArray) -> FloatArray:
+    """Rows (nodes - 2, nodes): each inner value less the curve through all others.
+
+    What a curve bends, the integral of its second derivative squared, is y' K y in the values y at its nodes (Green and
+    Silverman 1994, section 2.1). The others' curve goes where that is least, so a value misses it by (K y)_k / K_kk.
+    """
+    h, inner = np.diff(nodes), np.arange(nodes.size - 2)
+    q = np.zeros((nodes.size, nodes.size - 2))
+    q[inner, inner], q[inner + 1, inner], q[inner + 2, inner] = 1.0 / h[:-1], -1.0 / h[:-1] - 1.0 / h[1:], 1.0 / h[1:]
+    beside = np.diag(h[1:-1] / 6.0, 1)
+    r = np.diag((h[:-1] + h[1:]) / 3.0) + beside + beside.T
+    bent = q @ np.linalg.solve(r, q.T)
+    return np.asarray((bent / np.diag(bent)[:, None])[1:-1])
