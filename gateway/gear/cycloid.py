@@ -187,8 +187,10 @@ def limits(
     """
     _ = b, drot
     circle, pin = rp + drp, rrp + drrp
+    if not (rp > 0.0 and circle > 0.0):
+        raise ModelError("E-GEAR-POSITIVE", "gear", key="rp" if not rp > 0.0 else "rp + drp", value=min(rp, circle))
     K = a * zp / circle
-    if not K < 1.0:
+    if not 0.0 < K < 1.0:
         raise ModelError("E-GEAR-K1", "gear", K1=a * zp / rp, K=K)
     largest = undercut_limit(circle, a, zp)
     half = float(_arc(np.asarray(pi / zc), circle, pin, K, zc))

@@ -67,7 +67,7 @@ def trace_values(deviation: ArrayLike, along: ArrayLike) -> TraceValues:
     F is the range, f_H the least-squares slope times the evaluated length, f_f the range of what the line leaves.
     """
     e, s = np.asarray(deviation, dtype=np.float64), np.asarray(along, dtype=np.float64)
-    if s.ndim != 1 or e.shape[-1:] != s.shape or s.size < FEWEST or np.ptp(s) == 0.0 or not np.all(np.isfinite(e)):
+    if s.ndim != 1 or e.shape[-1:] != s.shape or s.size < FEWEST or not np.ptp(s) > 0.0 or not np.all(np.isfinite(e)):
         raise ModelError("E-GEAR-TRACE", "inspection", fewest=FEWEST, points=s.size)
     centred = s - np.mean(s)
     slope = (e @ centred) / (centred @ centred)

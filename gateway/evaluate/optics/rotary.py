@@ -64,9 +64,11 @@ def closure_arcsec(targets_deg: ArrayLike, deviations_arcsec: ArrayLike) -> floa
     On an axis with a direct encoder this is drift, slip or lost counts; it is reported, never spread.
     """
     targets = np.asarray(targets_deg, dtype=np.float64)
+    values = np.asarray(deviations_arcsec, dtype=np.float64)
+    if targets.ndim != 1 or not targets.size or values.shape[:1] != targets.shape:
+        raise ModelError("E-EVAL-SHAPE", "closure", targets=str(targets.shape), deviations=str(values.shape))
     first, last = int(np.argmin(targets)), int(np.argmax(targets))
     span = float(targets[last] - targets[first])
     if span < 180.0 or abs(float(wrap_deg(span))) > 1e-6:
         return None
-    values = np.asarray(deviations_arcsec, dtype=np.float64)
     return float(np.nanmean(values[last]) - np.nanmean(values[first]))

@@ -6,7 +6,11 @@ from collections.abc import Mapping
 from math import floor, hypot, sqrt
 from typing import Final
 
+from gateway.errors import ModelError
+
 STANDARD: Final = "ISO 1328-1:2013"
+GRADES: Final = range(1, 12)
+LARGEST_MM: Final = 1e5  # the standard ends at 15 m; what is longer is another unit
 FIGURES: Final[Mapping[str, str]] = {
     "f_p": "fp",
     "F_p": "Fp",
@@ -28,7 +32,17 @@ def class_limits(diameter_mm: float, module_mm: float, width_mm: float, grade: i
 
 
 def flank_tolerances(diameter_mm: float, module_mm: float, width_mm: float, grade: int) -> Mapping[str, float]:
-    """Tolerances in um of a gear, before rounding; the q of grade A is sqrt(2)^(A - 5)."""
+    """Tolerances in um of a gear, before rounding; the q of grade A is sqrt(2)^(A - 5).
+
+    Raises ModelError (E-EVAL-NUMBER) for a size that is none, or a grade that the standard does not know.
+    """
+    for key, value in (("diameter_mm", diameter_mm), ("module_mm", module_mm), ("width_mm", width_mm)):
+        if not 0.0 < value < LARGEST_MM:
+            raise ModelError(
+                "E-EVAL-NUMBER", STANDARD, key=key, value=value, must=f"above 0 and below {LARGEST_MM:g} mm"
+            )
+    if grade not in GRADES:
+        raise ModelError("E-EVAL-NUMBER", STANDARD, key="grade", value=grade, must="a grade of 1 to 11")
     q, d, m, b = sqrt(2.0) ** (grade - 5), diameter_mm, module_mm, width_mm
     profile_slope, profile_form = (0.4 * m + 0.001 * d + 4.0) * q, (0.55 * m + 5.0) * q
     lead_slope = (0.05 * sqrt(d) + 0.35 * sqrt(b) + 4.0) * q

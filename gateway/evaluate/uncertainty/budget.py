@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from math import hypot, sqrt
+from math import hypot, inf, sqrt
 
 import numpy as np
 import scipy
@@ -142,7 +142,11 @@ def expanded(n: int, eve: float, systematic: float, targets: int = 1) -> Mapping
 
     Derived for independent readings with expanded uncertainty `eve` each: U(B) = eve sqrt(2/n), U(M) from
     the mean of 2n readings, U(R) and U(A) also from s known to n - 1 degrees of freedom (absent for n = 1).
+    Raises ModelError (E-EVAL-NUMBER) without a reading, or for uncertainties that are none.
     """
+    for key, value, least in (("n", n, 1), ("eve", eve, 0), ("systematic", systematic, 0)):
+        if not least <= value < inf:
+            raise ModelError("E-EVAL-NUMBER", "budget", key=key, value=value, must=f"{least} or more")
     two = eve * sqrt(2.0 / n)
     budget = {"B": two, "B_mean": two / sqrt(max(targets, 1)), "M": hypot(eve * sqrt(1.0 / n), systematic)}
     budget |= dict.fromkeys(("E", "E_up", "E_down"), hypot(two, systematic))
@@ -170,5 +174,14 @@ def coverage_factor(confidence: float, degrees_of_freedom: float) -> float:
 
 
 def variance_limit(confidence: float, numerator: int, denominator: int) -> float:
-    """The quotient of two variances that chance stays below with this confidence (Fisher's F); degrees of freedom."""
+    """The quotient of two variances that chance stays below with this confidence (Fisher's F); degrees of freedom.
+
+    Raises ModelError (E-EVAL-NUMBER) for a confidence that is none, or no degrees of freedom.
+    """
+    if not 0.0 < confidence < 1.0:
+        must = "between 0 and 1 (0.95 for 95 %)"
+        raise ModelError("E-EVAL-NUMBER", "variance", key="confidence", value=confidence, must=must)
+    for key, value in (("numerator", numerator), ("denominator", denominator)):
+        if not 0 < value < inf:
+            raise ModelError("E-EVAL-NUMBER", "variance", key=key, value=value, must="above 0")
     return float(scipy.special.fdtri(numerator, denominator, confidence))

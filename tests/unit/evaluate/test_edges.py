@@ -17,17 +17,26 @@ from gateway.evaluate.geometry.measurement import Measurement
 from gateway.evaluate.geometry.squareness import from_face_diagonals
 from gateway.evaluate.geometry.straightness import straightness
 from gateway.evaluate.optics import air, length
+from gateway.evaluate.optics.rotary import closure_arcsec
 from gateway.evaluate.standards import iso230_2
+from gateway.evaluate.standards.flank_tolerances import class_limits
 from gateway.evaluate.standards.other_standards import asme_b554_1992, nmtba, vdi3441
 from gateway.evaluate.standards.readings import from_rows
-from gateway.evaluate.uncertainty.budget import Budget, coverage_factor, misalignment_um
+from gateway.evaluate.uncertainty.budget import Budget, coverage_factor, expanded, misalignment_um, variance_limit
+from gateway.gear.cycloid import limits
+from gateway.gear.inspection import trace_values
+from gateway.model.components import value
+from gateway.model.fit import fit_positioning
 from gateway.model.layout import chain_of
+from gateway.model.means import fit_means
 from gateway.study.files import ErrorFile
 from gateway.study.machine import machine_of
 
 AT = np.linspace(0.0, 400.0, 6)
 X = np.random.default_rng(1).normal(0.0, 0.2, (6, 5, 2)) + AT[:, None, None] / 100.0
 ANY: Any = None
+NAN = float("nan")
+EXX: dict[str, Any] = {"name": "EXX", "axis": "X", "axis_unit": "mm", "kind": "linear"}
 
 
 def linear_axis(err: dict[str, Any]) -> dict[str, Any]:
@@ -42,6 +51,23 @@ REFUSED: dict[str, Callable[[], object]] = {
     "coverage in percent": lambda: coverage_factor(95, 9.0),
     "coverage of all": lambda: coverage_factor(1.0, 9.0),
     "no degrees of freedom": lambda: coverage_factor(0.95, 0.0),
+    "a variance limit in percent": lambda: variance_limit(95, 4, 9),
+    "a variance of no readings": lambda: variance_limit(0.95, 0, 9),
+    "no reading": lambda: expanded(0, 1.0, 0.1),
+    "an uncertainty that is none": lambda: expanded(5, NAN, 0.1),
+    "more means than targets": lambda: fit_means(AT, np.zeros(5), 0.1, **EXX),
+    "means that are words": lambda: fit_means(AT, ["a"] * 6, 0.1, **EXX),
+    "uncertainties of other targets": lambda: fit_means(AT, AT, [0.1, 0.1], **EXX),
+    "targets that are nowhere": lambda: fit_means(np.full(6, np.inf), AT, 0.1, **EXX),
+    "one number for targets": lambda: fit_positioning(3.0, 1.0, 0.1, **EXX),
+    "a class of no diameter": lambda: class_limits(NAN, 2.0, 20.0, 5),
+    "a class for a negative width": lambda: class_limits(100.0, 2.0, -20.0, 5),
+    "a grade there is none of": lambda: class_limits(100.0, 2.0, 20.0, 40),
+    "a turn without targets": lambda: closure_arcsec([], []),
+    "a turn with other deviations": lambda: closure_arcsec([0.0, 360.0], [1.0]),
+    "a pin circle of nothing": lambda: limits(0.0, 5.0, 1.0, 12, 11),
+    "a pin circle that is no number": lambda: limits(NAN, 5.0, 1.0, 12, 11),
+    "a trace along nothing": lambda: trace_values(np.zeros(9), np.full(9, NAN)),
     "a unit of length for deviations": lambda: iso230_2.evaluate(AT, X, ANY or "mm"),
     "readings that are words": lambda: iso230_2.evaluate(AT, [["a"]], "um"),
     "an edition there is none of": lambda: iso230_2.evaluate(AT, X, "um", edition="2015"),
@@ -133,3 +159,10 @@ def test_a_gap_in_a_capture_leaves_no_nan_in_its_record() -> None:
     found, done = length.linear_deviations(shown, AT, setup, start=start, end=end, fraction=fraction)
     assert np.isnan(found).sum() == 1
     assert all(math.isfinite(value) for value in done.details.values() if isinstance(value, float))
+
+
+def test_a_target_that_is_no_place_is_left_out_of_a_fit() -> None:
+    holed = AT.copy()
+    holed[2] = NAN
+    found = fit_means(holed, AT / 100.0, 0.1, **EXX)
+    assert float(value(found, 400.0)) == pytest.approx(4.0, abs=0.01)
