@@ -28,7 +28,7 @@ from tests.closing.record import MachineResult
 from tests.closing.runs import quick, run_machine
 from tests.closing.told import unfit
 from tests.closing.trials import FEW, OTHER, Trial, harmed, of_trials, try_all
-from tests.sizes import few
+from tests.sizes import few, soak
 
 ROOT = Path(__file__).parents[2]
 DOCS, KEPT = ROOT / "docs", ROOT / ".families"
@@ -70,7 +70,7 @@ async def test_what_is_proposed_to_a_machine_of_a_family_makes_it_better(tmp_pat
 
 @pytest.mark.long
 @pytest.mark.timeout(1800)
-@pytest.mark.parametrize("family", ["wearing", "noisy", "coarse"])
+@pytest.mark.parametrize("family", ["noisy", soak("wearing"), soak("coarse")])
 def test_a_short_run_on_a_machine_of_a_family(tmp_path: Path, family: str) -> None:
     """On a disc of few lobes; every file that it leaves is fit to be read."""
     file = relative(family, 1, FEW)

@@ -19,7 +19,7 @@ from gateway.push.places import common_places, together
 from gateway.push.records import journal
 from gateway.push.records.history import committed
 from gateway.push.records.holding import held_pushes
-from tests.sizes import few
+from tests.sizes import few, soak
 from tests.unit.push.double import (
     MACHINE,
     NEVER,
@@ -128,7 +128,7 @@ def steps_of(root: Path, count: int, monkeypatch: pytest.MonkeyPatch) -> int:
     return reaper.count
 
 
-@pytest.mark.parametrize(("count", "every"), few([(3, 17), (1, 1), (3, 1), (7, 1)], 1))
+@pytest.mark.parametrize(("count", "every"), [*few([(3, 17), (1, 1), (3, 1), (7, 7)]), soak((7, 1))])
 def test_killed_at_any_step_it_leads_home(
     tmp_path: Path, count: int, every: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
