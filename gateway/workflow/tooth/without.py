@@ -126,7 +126,14 @@ def revised(
 
 
 def _moved(told: FlankPrediction, change_um: np.ndarray) -> FlankPrediction:
-    """The flank after moved by a map: its doubts stay, and so what they add to its RMS in squares."""
+    """The flank after moved by a map: its doubts stay, and so what they add to its RMS in squares.
+
+    The square of an RMS varies by 4 m'Vm + 2 tr V^2 over a map m with doubts V. Where these prefer no pattern that
+    grows as 2 |m|^2 + u^2.
+    """
     after = replace(told.after, deviation_um=told.after.deviation_um + change_um)
     doubt = max(told.rms_um**2 - told.after.rms_um**2, 0.0)
-    return replace(told, after=after, rms_um=float(np.sqrt(after.rms_um**2 + doubt)))
+    rms = float(np.sqrt(after.rms_um**2 + doubt))
+    varies = [2.0 * one.rms_um**2 + told.u_um**2 for one in (after, told.after)]
+    wider = float(np.sqrt(varies[0] / varies[1])) * told.rms_um / rms if rms > 0.0 and varies[1] > 0.0 else 1.0
+    return replace(told, after=after, rms_um=rms, rms_u_um=told.rms_u_um * wider)
