@@ -9,6 +9,24 @@ from gateway.domain.values import FloatArray
 
 FEWEST = 6
 """Nodes that carry a curve; fewer carry straight lines."""
+CLOSE = 0.2
+"""Nodes closer than this share of a gap beside them are one: their scatter is a slope that swings over the gap."""
+
+
+def apart(places: FloatArray) -> FloatArray:
+    """Nodes for places of any order, ascending: those too close together are one in their middle; both ends stay."""
+    nodes, counts = np.unique(np.round(places, 6), return_counts=True)
+    while nodes.size > 2:
+        gaps = np.diff(nodes)
+        beside = np.maximum(np.append(gaps[1:], 0.0), np.append(0.0, gaps[:-1]))
+        i = int(np.argmin(gaps / beside))
+        if gaps[i] >= CLOSE * beside[i]:
+            break
+        middle = (nodes[i] * counts[i] + nodes[i + 1] * counts[i + 1]) / (counts[i] + counts[i + 1])
+        one = nodes[0] if i == 0 else nodes[-1] if i == gaps.size - 1 else middle
+        counts = np.concatenate([counts[:i], [counts[i] + counts[i + 1]], counts[i + 2 :]])
+        nodes = np.concatenate([nodes[:i], [one], nodes[i + 2 :]])
+    return nodes
 
 
 def cardinal(nodes: FloatArray, positions: FloatArray) -> FloatArray:

@@ -15,7 +15,7 @@ from gateway.domain.figures import Component
 from gateway.domain.values import FloatArray
 from gateway.errors import ModelError, NotIdentifiable
 from gateway.model.components import at_datum, design
-from gateway.model.cubic import FEWEST, missing
+from gateway.model.cubic import FEWEST, apart, missing
 from gateway.model.regression import Regression, weighted
 
 HIGHEST_DEGREE = 9
@@ -215,9 +215,10 @@ def _polynomials(data: _Data) -> Iterable[Candidate]:
 
 
 def _splines(data: _Data) -> Iterable[Candidate]:
-    for count in range(1, max(1, data.at.size - 7)):
+    places = apart(data.at)
+    for count in range(1, max(1, places.size - 7)):
         quantiles = np.linspace(0.0, 1.0, count + 2)[1:-1]
-        interior = np.quantile(data.at, quantiles)
+        interior = np.quantile(places, quantiles)
         try:
             yield _candidate("bspline", _knots(data.at, tuple(float(q) for q in interior)), data)
         except NotIdentifiable:
@@ -253,9 +254,10 @@ def _with_orders(data: _Data, orders: tuple[int, ...], choices: int) -> Candidat
 def _through(data: _Data) -> Candidate:
     """What goes through the means takes everything, so it is judged by its leave-one-out error."""
     at = data.at if data.period is None else np.mod(data.at, data.period)
-    nodes = np.unique(np.round(at, 6))
-    parameters = {"nodes": tuple(float(q) for q in nodes), "period": data.period}
+    nodes = apart(at)
     bent = data.period is None and nodes.size >= FEWEST
+    nodes = nodes if bent else np.unique(np.round(at, 6))
+    parameters = {"nodes": tuple(float(q) for q in nodes), "period": data.period}
     basis = "cubic" if bent else "piecewise"
     solved = weighted(design(basis, parameters, data.at), data.values, data.u, basis)
     means = solved.coefficients

@@ -11,7 +11,7 @@ from gateway.domain.figures import Component
 from gateway.errors import ModelError, NotIdentifiable
 from gateway.model import components, fit
 from gateway.model.components import at_datum, design, motion_uncertainty, standard_uncertainty, value
-from gateway.model.cubic import missing
+from gateway.model.cubic import apart, missing
 from gateway.model.regression import weighted
 
 LINEAR = {"name": "EXX", "axis": "X", "axis_unit": "mm"}
@@ -114,13 +114,35 @@ def test_a_hollow_between_few_targets_is_followed_better_than_by_straight_lines(
 
 
 def test_what_a_target_misses_is_the_curve_through_the_others() -> None:
-    at = np.sort(np.random.default_rng(3).uniform(0.0, 100.0, 9))
+    at = np.cumsum(np.random.default_rng(3).uniform(8.0, 16.0, 9))
     means = np.sin(at / 15.0)
     missed = missing(at) @ means
     for k in range(1, 8):
         others = np.arange(9) != k
         left_out = fit.fit_through(at[others], means[others], 0.1, **LINEAR)
         assert missed[k - 1] == pytest.approx(means[k] - float(value(left_out, at[k])), abs=1e-6)
+
+
+@pytest.mark.parametrize("beside_mm", [0.0, 1e-3, 0.1, 0.5, 2.0])
+def test_targets_close_together_make_no_swing_beside_them(beside_mm: float) -> None:
+    """Their scatter over so short a way is a slope that would go on over the next gap."""
+    rng = np.random.default_rng(11)
+    at = np.linspace(0.0, 300.0, 21)
+    at = np.sort(np.concatenate([at, at + beside_mm if beside_mm else at]))
+    means = np.where(np.abs(at - 150.0) < 20.0, -3.0 - 3.0 * np.cos(np.pi * (at - 150.0) / 20.0), 0.0)
+    found = fit.fit_positioning(at, means + rng.normal(0.0, 0.05, at.size), 0.05, kind="linear", **LINEAR)
+    values = value(found, np.linspace(0.0, 300.0, 1201))
+    print(found.basis, values.min(), values.max())
+    assert values.max() < 1.0
+    assert values.min() > -7.0
+
+
+def test_places_too_close_together_are_one_and_graded_ones_stay() -> None:
+    np.testing.assert_allclose(apart(np.asarray([0.0, 1.0, 1.1, 2.0, 3.0])), [0.0, 1.05, 2.0, 3.0])
+    np.testing.assert_allclose(apart(np.asarray([3.0, 2.0, 1.0, 1.0, 0.01, 0.0])), [0.0, 1.0, 2.0, 3.0])
+    graded = np.asarray([0.0, 15.0, 30.0, 33.75, 37.5, 41.25, 45.0, 60.0])
+    np.testing.assert_allclose(apart(graded), graded)
+    np.testing.assert_allclose(apart(np.asarray([5.0, 5.0])), [5.0])
 
 
 def test_nothing_is_extrapolated_and_a_turn_repeats() -> None:
