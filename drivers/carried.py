@@ -14,13 +14,14 @@ class ToCarry(BaseException):
     """The work stands still until a person has been at the machine; it goes on from there when it is begun again.
 
     No failure, so that nothing takes it for one and leads a table back: it is no `Exception`. ``folder`` holds what is
-    to be carried, ``sheet`` says what to run and what to bring, ``program`` is what must run; ``why`` is what was wrong
-    with what came back ("": nothing came yet).
+    to be carried, ``back`` is where files come back to, ``sheet`` says what to run and what to bring, ``program`` is
+    what must run; ``why`` is what was wrong with what came back ("": nothing came yet).
     """
 
-    def __init__(self, folder: Path, program: str, sheet: str, why: str = "") -> None:
+    def __init__(self, folder: Path, back: Path, program: str, sheet: str, why: str = "") -> None:
         super().__init__(str(folder), program, why)
         self.folder = folder
+        self.back = back
         self.program = program
         self.sheet = sheet
         self.why = why

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from pathlib import Path
 
 from drivers.checks import CheckLine
@@ -10,7 +10,7 @@ from gateway.cli.show import echo
 
 NEVER_TESTED = frozenset({"W-DOC-UNTESTED", "W-OFF-UNSEEN"})
 UNTESTED = frozenset({"E-INT-NO-SELF-TEST", "E-INT-OTHER-SELF-TEST", "E-INT-SELF-TEST"})
-PUSHED = ("better", "same", "committed", "pushed")
+PUSHED = ("better", "unchanged", "committed", "pushed")
 
 
 def next_step(command: str) -> None:
@@ -18,20 +18,26 @@ def next_step(command: str) -> None:
     echo(f"next: trueflank {command}")
 
 
-def after_run(state: str, folder: str, site: str, machine: str) -> str:
+def consent(driver: str, machine: str) -> str:
+    """The options of a push that writes, over the road that this driver has."""
+    road = "--offline " if driver.endswith("-offline") else ""
+    return f"{road}--apply --machine {machine}"
+
+
+def after_run(state: str, folder: str, site: str, options: str, worse: Sequence[str] = ()) -> str:
     """After a run or a push: consent to what was proposed, take back what got worse, look after what is live."""
     if state == "proposed":
-        return f"push {folder} --apply --machine {machine}"
+        return f"push {folder} {options}"
     if state == "worse":
-        return f"rollback {site} --axis AXIS"
+        return f"rollback {site} --axis {next(iter(worse), 'AXIS')}"
     return f"verify-table {site}" if state in PUSHED else f"runs show {Path(folder).name} --store {Path(folder).parent}"
 
 
-def after_look(refused_by: Collection[str], folder: str, site: str, machine: str) -> str:
+def after_look(refused_by: Collection[str], folder: str, site: str, options: str) -> str:
     """After a look at a proposal: the push itself, the self-test it lacks, or the same look once no reason is left."""
     if UNTESTED.intersection(refused_by):
         return f"self-test {site}"
-    return f"push {folder}" if refused_by else f"push {folder} --apply --machine {machine}"
+    return f"push {folder}" if refused_by else f"push {folder} {options}"
 
 
 def after_dry(command: str, place: str, axis: str, machine: str) -> str:

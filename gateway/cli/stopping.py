@@ -40,9 +40,9 @@ def run_to_end(work: Coroutine[Any, Any, T], *, stop: StopAsked | None = None, e
         try:
             return runner.run(main())
         except ToCarry as out:
-            why = out.why or words("W-OFF-NOTHING")
-            folder = str(out.folder)
-            raise CarryFirst("E-OFF-CARRY", folder, program=out.program, folder=folder, why=why) from None
+            code, place = ("E-OFF-BACK", out.back) if out.why else ("E-OFF-CARRY", out.folder)
+            told: dict[str, Any] = {"folder": str(out.folder), "back": str(out.back), "why": out.why}
+            raise CarryFirst(code, str(place), program=out.program, **told) from None
 
 
 @contextmanager

@@ -89,12 +89,30 @@ def short(back: Path) -> None:
     path.write_text("".join(path.read_text().splitlines(keepends=True)[:-4]))
 
 
+def renamed(back: Path) -> None:
+    """A browser or a copy gave the report another name."""
+    (back / "TFTOLD.SPF").rename(back / "TFTOLD (1).SPF")
+
+
+def twice(back: Path) -> None:
+    """An old report lies beside the new one, by the name that the control itself gives it."""
+    (back / "_N_TFTOLD_SPF").write_text((back / "TFTOLD.SPF").read_text().replace("TOLD ", "TOLD 1"))
+
+
+def empty(back: Path) -> None:
+    """The stick was pulled before the report was written."""
+    (back / "TFTOLD.SPF").write_bytes(b"")
+
+
 HARMS = [
     (lost, "E-OFF-MISSING"),
-    (cut, "E-SAVED-COUNT"),
+    (renamed, "E-OFF-MISSING"),
+    (twice, "E-OFF-TWICE"),
+    (empty, "E-OFF-REPORT"),
+    (cut, "E-OFF-REPORT"),
     (garbled, "E-OFF-REPORT"),
     (untyped, "E-OFF-SEEN"),
-    (short, "E-SAVED-CUT"),
+    (short, "E-OFF-REPORT"),
 ]
 
 
@@ -108,8 +126,36 @@ async def test_what_is_not_whole_is_asked_for_again(tmp_path: Path, harm: Callab
         waits = await asked(world)
         assert isinstance(waits, ToCarry)
         assert waits.why.startswith(code)
+        assert str(world.folder / "back") in waits.why
+        for path in world.folder.glob("back/*TOLD*"):
+            path.unlink()
         world.porter.brings()
         assert isinstance(await asked(world), LiveSet)
+
+
+async def test_what_only_looks_harmed_is_taken(tmp_path: Path) -> None:
+    """Line ends and encodings of an editor, protected files, the same file twice, and what is no file of ours."""
+    async with offline_world(LoopClock(), tmp_path) as world:
+        await introduced(world)
+        await world.porter.goes()
+        back, carry = world.folder / "back", world.folder / "carry"
+        report, form = back / "TFTOLD.SPF", back / "SEEN.toml"
+        shutil.copy(report, back / "_N_TFTOLD_SPF")
+        table = back / "TFLIVE_X1.SPF"
+        head = "%_N_TFLIVE_X1_SPF\r\n;$PATH=/_N_SPF_DIR\r\n"
+        table.write_bytes(head.encode() + table.read_bytes().replace(b"\n", b"\r\n"))
+        table.chmod(0o400)
+        form.write_bytes(form.read_text().encode("utf-16"))
+        (back / "film.mp4").write_bytes(bytes((4 << 20) + 1))
+        (back / "._TFTOLD.SPF").write_bytes(b"\x00\x05\x16\x07")
+        (carry / "mine").mkdir()
+        (carry / "notes.txt").write_text("a person's own")
+        device = world.driver()
+        with carrying(LOOKING):
+            await device.open(60.0)
+            assert isinstance(await device.live_tables(QUESTION, heard), LiveSet)
+            device.conclude()
+        assert sorted(path.name for path in carry.iterdir()) == ["mine", "notes.txt"]
 
 
 async def test_files_of_an_earlier_step_are_no_answer(tmp_path: Path) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -11,7 +11,7 @@ from drivers.local.tomlfile import parse_toml
 from drivers.sinumerik.ncprogram.backup import END_WORD
 from drivers.sinumerik.ncprogram.legal import legal
 from drivers.sinumerik.offline import report
-from drivers.sinumerik.offline.folder import SEEN_FILE, CarriedStep, bare, stick_name
+from drivers.sinumerik.offline.folder import SEEN_FILE, Brought, CarriedStep, bare, stick_name
 from drivers.sinumerik.offline.image import SeenControl
 from drivers.sinumerik.offline.report import PATHS, SEEN, TOLD, ReportAsked, ToldReport
 
@@ -28,34 +28,34 @@ def restarts(steps: Sequence[CarriedStep]) -> bool:
     return len(steps) > 1 and _ENABLES in steps[-2].path and _ENABLES not in steps[-1].path
 
 
-def taken(step: CarriedStep, brought: Mapping[str, str], asked: ReportAsked, where: str) -> CarriedStep | None:
+def taken(step: CarriedStep, brought: Brought, asked: ReportAsked, where: str) -> CarriedStep | None:
     """The step with what answers it; None where nothing was brought at all.
 
     The report of the looking program answers in place of the program's own: then the control tells where it stands.
-    Raises FileFormatError: E-OFF-MISSING (a file is not there), E-OFF-OTHER (of another step), E-OFF-SEEN, E-SAVED-CUT,
-    E-SAVED-COUNT, E-OFF-REPORT.
+    Raises FileFormatError: E-OFF-MISSING (a file is not there), E-OFF-OTHER (of another step), E-OFF-SEEN,
+    E-OFF-REPORT (not whole, or damaged).
     """
-    if not brought:
+    if not brought.names:
         return None
     if step.look == step.number:
         return _taken(step, brought, asked, SEEN, where)
     try:
         return _taken(step, brought, asked, TOLD, where)
     except FileFormatError:
-        seen = brought.get(_bare(PATHS[SEEN]), "")
+        seen = brought.texts.get(_bare(PATHS[SEEN]), "")
         if not seen.startswith(report.first_line(SEEN, step.look)):
             raise
     return _taken(step, brought, asked, SEEN, where)
 
 
-def _taken(step: CarriedStep, brought: Mapping[str, str], asked: ReportAsked, kind: str, where: str) -> CarriedStep:
+def _taken(step: CarriedStep, brought: Brought, asked: ReportAsked, kind: str, where: str) -> CarriedStep:
     """The step by one of the two reports; by that of the looking program with what else there is and is whole."""
     number, wanted = (step.look, (PATHS[SEEN],)) if kind == SEEN else (step.number, step.files)
-    missing = [path for path in wanted if _bare(path) not in brought]
+    missing = [path for path in wanted if _bare(path) not in brought.texts]
     if missing:
         names = ", ".join(stick_name(path) for path in missing)
-        raise FileFormatError("E-OFF-MISSING", where, names=names, there=", ".join(sorted(brought)))
-    answers = {path: brought[_bare(path)] for path in wanted}
+        raise FileFormatError("E-OFF-MISSING", where, names=names, there=", ".join(brought.names))
+    answers = {path: brought.texts[_bare(path)] for path in wanted}
     typed = _typed(brought, step.number, where)
     whole = replace(step, answers=answers, typed={**typed, "kind": kind, "number": number})
     image_of(whole, asked, where)
@@ -63,12 +63,12 @@ def _taken(step: CarriedStep, brought: Mapping[str, str], asked: ReportAsked, ki
         if path in PATHS.values():
             continue
         try:
-            _check_whole(brought.get(_bare(path), ""), f"{where}: {stick_name(path)}")
+            _check_whole(brought.texts.get(_bare(path), ""), f"{where}: {stick_name(path)}")
         except FileFormatError:
             if kind == TOLD:
                 raise
         else:
-            whole.answers[path] = brought[_bare(path)]
+            whole.answers[path] = brought.texts[_bare(path)]
     return whole
 
 
@@ -93,16 +93,16 @@ def _check_whole(text: str, where: str) -> None:
     lines = [line.rstrip() for line in text.rstrip().splitlines()]
     first = lines[0].split() if lines else []
     if len(first) < 3 or first[0] != ";TRUEFLANK" or lines[-1] != END_WORD:
-        raise FileFormatError("E-SAVED-CUT", where, line=len(lines) or 1, text=(lines[-1] if lines else "")[:60])
+        raise report.damaged(where, lines, len(lines) or 1, f"{END_WORD} at its end")
     if first[1] != "SELF":
         report.check_ends(lines, where, lines[0], f"{first[1]} {first[2]}")
 
 
-def _typed(brought: Mapping[str, str], number: int, where: str) -> dict[str, Any]:
+def _typed(brought: Brought, number: int, where: str) -> dict[str, Any]:
     """What the person typed of the control's screen. Raises FileFormatError (E-OFF-SEEN)."""
-    text = brought.get(SEEN_FILE.upper())
+    text = brought.texts.get(SEEN_FILE.upper())
     if text is None:
-        raise FileFormatError("E-OFF-MISSING", where, names=SEEN_FILE, there=", ".join(sorted(brought)))
+        raise FileFormatError("E-OFF-MISSING", where, names=SEEN_FILE, there=", ".join(brought.names))
     try:
         tree = parse_toml(text)
     except ValueError as error:

@@ -7,6 +7,7 @@ before people are told to carry it. ``done`` keeps the steps of work that has co
 
 from __future__ import annotations
 
+import codecs
 import json
 import os
 import shutil
@@ -21,6 +22,8 @@ from drivers.local.ownfiles import made_folder, opened, read_own
 CARRY, BACK, STEPS, DONE = "carry", "back", "steps", "done"
 SHEET, SEEN_FILE, PROBLEM, LAST = "SHEET.txt", "SEEN.toml", "PROBLEM.txt", "last.json"
 WORK = "work.txt"
+_BROUGHT = ("_SPF", "_MPF", SEEN_FILE.upper())
+_TO_CARRY = (SHEET, SEEN_FILE, PROBLEM)
 MOST_BYTES = 4 << 20
 _MOST_HEADS = 4
 
@@ -50,6 +53,14 @@ class CarriedStep:
     def answered(self) -> bool:
         """Whether its files have come back."""
         return bool(self.answers)
+
+
+@dataclass(frozen=True, slots=True)
+class Brought:
+    """What came back: texts by their bare names in the control (TFLIVE_X1_SPF, SEEN.TOML), every file's own name."""
+
+    texts: Mapping[str, str]
+    names: tuple[str, ...]
 
 
 class StepFolder:
@@ -134,8 +145,7 @@ class StepFolder:
         Raises ConfigError (E-OFF-FOLDER).
         """
         try:
-            for path in self.carry.iterdir():
-                path.unlink()
+            self._empty()
             self._set_aside()
         except OSError as error:
             raise self._trouble(error) from error
@@ -150,6 +160,12 @@ class StepFolder:
         elif not why:
             path.unlink(missing_ok=True)
 
+    def _empty(self) -> None:
+        """What we laid out to be carried; what a person put beside it is not ours to throw away."""
+        for path in self.carry.iterdir():
+            if path.is_file() and (path.suffix == ".MPF" or path.name in _TO_CARRY):
+                path.unlink()
+
     def _set_aside(self) -> None:
         """Files that are still in ``back``: kept, under a folder that is no longer looked into."""
         old = [path for path in self.back.iterdir() if path.is_file()]
@@ -160,25 +176,35 @@ class StepFolder:
         for path in old:
             os.replace(path, place / path.name)
 
-    def brought(self) -> dict[str, str]:
-        """The files in ``back`` as text by their bare names in the control: TFLIVE_X1_SPF, SEEN.TOML.
+    def brought(self) -> Brought:
+        """The files in ``back``; of those that are not of a control the name alone.
 
         A name may come as TFLIVE_X1.SPF or _N_TFLIVE_X1_SPF, and with the lines that a control puts before a file.
-        Raises FileFormatError (E-OFF-FILE) for one that is too large or cannot be read.
+        Raises FileFormatError: E-OFF-FILE for one that is too large or cannot be read, E-OFF-TWICE for two that differ
+        and stand for the same.
         """
-        found: dict[str, str] = {}
-        for path in sorted(self.back.iterdir()):
-            if path.is_file():
-                found[bare(path.name)] = self._text(path)
-        return found
+        texts: dict[str, str] = {}
+        names: dict[str, str] = {}
+        paths = sorted(path for path in self.back.iterdir() if path.is_file())
+        for path in paths:
+            name = bare(path.name)
+            if not name.endswith(_BROUGHT):
+                continue
+            text = self._text(path)
+            if texts.setdefault(name, text) != text:
+                raise FileFormatError("E-OFF-TWICE", str(self.back), first=names[name], second=path.name)
+            names[name] = path.name
+        return Brought(texts, tuple(path.name for path in paths))
 
     def _text(self, path: Path) -> str:
         try:
             if path.stat().st_size > MOST_BYTES:
                 raise FileFormatError("E-OFF-FILE", str(path), why=f"more than {MOST_BYTES} bytes")
-            return without_head(read_own(path).decode("latin-1"))
+            return without_head(_decoded(read_own(path)))
         except OSError as error:
             raise FileFormatError("E-OFF-FILE", str(path), why=error.strerror or str(error)) from error
+        except UnicodeError as error:
+            raise FileFormatError("E-OFF-FILE", str(path), why="it is no text") from error
 
     def conclude(self, last: CarriedStep | None) -> None:
         """The work has ended: its steps are set aside, nothing is left to carry. Raises ConfigError (E-OFF-FOLDER)."""
@@ -191,8 +217,7 @@ class StepFolder:
                 made_folder(place)
                 for path in sorted(held):
                     shutil.move(str(path), str(place / path.name))
-            for path in self.carry.iterdir():
-                path.unlink()
+            self._empty()
             self._set_aside()
         except OSError as error:
             raise self._trouble(error) from error
@@ -230,6 +255,13 @@ def stick_name(path: str) -> str:
     """A file of the control -> its name on a stick: TFLIVE_X1.SPF."""
     stem, _, ending = path.rpartition("/")[2].removeprefix("_N_").rpartition("_")
     return f"{stem}.{ending}"
+
+
+def _decoded(data: bytes) -> str:
+    """Text as a control or a person's editor wrote it: with a mark of its encoding, or a byte a character."""
+    if data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
+        return data.decode("utf-16")
+    return data.removeprefix(codecs.BOM_UTF8).decode("latin-1")
 
 
 def without_head(text: str) -> str:

@@ -116,7 +116,7 @@ def _line(kind: str, text: str) -> list[str]:
 def read(text: str, where: str, kind: str, number: int, names: Iterable[str]) -> ToldReport:
     """The report of one step.
 
-    Raises FileFormatError: E-SAVED-CUT (no begin or end), E-OFF-OTHER (of another step), E-SAVED-COUNT, E-OFF-REPORT.
+    Raises FileFormatError: E-OFF-OTHER (of another step), E-OFF-REPORT (not whole, or damaged).
     """
     lines = [line.rstrip() for line in text.rstrip().splitlines()]
     check_ends(lines, where, first_line(kind, number), f"{kind} {number}")
@@ -127,28 +127,34 @@ def read(text: str, where: str, kind: str, number: int, names: Iterable[str]) ->
         if stop is not None:
             _take_stop(stops, stop[1], stop[2].split(), where, place)
         elif found is None or found[1] in values:
-            raise FileFormatError("E-OFF-REPORT", where, line=place, text=line[:_TEXT], wanted="a value of its own")
+            raise damaged(where, lines, place, "a value of its own")
         else:
             values[found[1]] = found[2]
     missing = [name for name in names if name not in values]
     if missing:
-        raise FileFormatError("E-OFF-REPORT", where, line=len(lines), text=lines[-1][:_TEXT], wanted=missing[0])
+        raise damaged(where, lines, len(lines), missing[0])
     return ToldReport(number, values, tuple(stops))
 
 
 def check_ends(lines: Sequence[str], where: str, first: str, ends: str) -> None:
     """Begin, end and count of a file of ours. Raises as `read`."""
     if not lines or not lines[0].startswith(";TRUEFLANK "):
-        raise FileFormatError("E-SAVED-CUT", where, line=1, text=lines[0][:_TEXT] if lines else "")
+        raise damaged(where, lines, 1, first)
     if lines[0] != first:
         raise FileFormatError("E-OFF-OTHER", where, found=lines[0][1:_TEXT], wanted=first[1:])
     last = _LAST.fullmatch(lines[-2]) if len(lines) > 2 and lines[-1] == END_WORD else None
     if last is None:
-        raise FileFormatError("E-SAVED-CUT", where, line=len(lines), text=lines[-1][:_TEXT])
+        raise damaged(where, lines, len(lines), f"{END_WORD} at its end")
     if f"{last[1]} {last[2]}" != ends:
         raise FileFormatError("E-OFF-OTHER", where, found=lines[-2][1:_TEXT], wanted=f"TRUEFLANK END {ends}")
     if int(last[3]) != len(lines) - 2:
-        raise FileFormatError("E-SAVED-COUNT", where, said=int(last[3]), count=len(lines) - 2)
+        raise damaged(where, lines, len(lines) - 1, f"LINES {len(lines) - 2}")
+
+
+def damaged(where: str, lines: Sequence[str], line: int, wanted: str) -> FileFormatError:
+    """What says that a line, counted from 1, is not what must stand there."""
+    text = lines[line - 1][:_TEXT] if lines else ""
+    return FileFormatError("E-OFF-REPORT", where, line=line, text=text, wanted=wanted)
 
 
 def _take_stop(stops: list[ToldStop], kind: str, parts: list[str], where: str, line: int) -> None:

@@ -254,7 +254,7 @@ class CarriedSession(UaSession):
             return
         if at_work().ends:
             self.suspended = True
-            raise ToCarry(self._folder.carry, stick_name(step.path), self._folder.sheet, why)
+            raise ToCarry(self._folder.carry, self._folder.back, stick_name(step.path), self._folder.sheet, why)
         self._folder.complain(why)
         await self._clock.sleep(max(seconds, LOOK_S))
 

@@ -27,7 +27,8 @@ def sheet_text(place: int, step: CarriedStep, *, restart: bool) -> str:
         "W-OFF-BRING",
         "W-OFF-TYPE",
     ]
-    given = {"program": program, "files": files, "form": SEEN_FILE, "look": _LOOK}
+    programs = ", ".join(dict.fromkeys((program, _LOOK)))
+    given = {"program": program, "programs": programs, "files": files, "form": SEEN_FILE, "look": _LOOK}
     shown = [words(code, **given) for code in lines if code]
     told += [f"{number}. {line}" for number, line in enumerate(shown, start=1)]
     if program != _LOOK:

@@ -9,7 +9,7 @@ import typer
 
 from drivers.carried import PieceOfWork, carrying
 from drivers.terms import spoken
-from gateway.cli.onward import after_dry, next_step
+from gateway.cli.onward import after_dry, consent, next_step
 from gateway.cli.options import ApplyOption, JsonOption, MachineOption, RunArgument, SiteArgument, StoreOption
 from gateway.cli.stopping import run_to_end
 
@@ -26,6 +26,7 @@ def approve(
     from gateway.cli.screen.telling import progress
     from gateway.cli.show import echo, show_json
     from gateway.store import Store
+    from gateway.workflow.bench import site_of
     from gateway.workflow.control.approving import approve_plan, show_plan
 
     folder = Store(store).open(run_folder)
@@ -41,7 +42,8 @@ def approve(
         return
     for one in made:
         echo(f"approved by {one.actor} until {one.expires_utc}: plan {one.plan_hash[:12]}")
-    next_step(f"push {run_folder} --store {store} --apply --machine {typed}")
+    options = consent(site_of(folder)[0].controller.driver, typed)
+    next_step(f"push {run_folder} --store {store} {options}")
 
 
 def rollback(

@@ -11,7 +11,7 @@ import typer
 from drivers.clock import Clock, LoopClock
 from drivers.errors import words
 from gateway.cli import voice
-from gateway.cli.onward import after_look, after_run, next_step
+from gateway.cli.onward import after_look, after_run, consent, next_step
 from gateway.cli.options import load_site
 from gateway.cli.screen.telling import progress
 from gateway.cli.show import echo, show_json, show_table
@@ -42,8 +42,14 @@ def run_site_command(
 
     with progress(quiet=as_json, at=(tree, site), own_operator=typed_by_demo) as say:
         outcome = run_to_end(main(say))
-    onward = after_run(outcome.state, outcome.run_folder, str(site), tree.site.name)
+    onward = onward_of(outcome, site, tree)
     show_outcome(outcome, as_json=as_json, onward="" if typed_by_demo else onward)
+
+
+def onward_of(outcome: Any, site: Path, tree: Any) -> str:
+    """The command to go on with after a run at this site."""
+    options = consent(tree.controller.driver, tree.site.name)
+    return after_run(outcome.state, outcome.run_folder, str(site), options, outcome.data.get("worse", ()))
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,7 +65,7 @@ class PushAsked:
 def push_run_command(run_folder: str, store: Path, asked: PushAsked, *, as_json: bool) -> None:
     """Show a stored proposal against the live machine, or apply it."""
     from gateway.store import Store
-    from gateway.workflow.bench import site_path_of
+    from gateway.workflow.bench import site_of
     from gateway.workflow.control.pushing import push_run
 
     folder = Store(store).open(run_folder)
@@ -70,11 +76,10 @@ def push_run_command(run_folder: str, store: Path, asked: PushAsked, *, as_json:
 
     with progress(quiet=as_json, folder=folder) as say:
         outcome = run_to_end(main(say))
-    machine = asked.machine or str(folder.facts["site"])
-    if asked.apply:
-        onward = after_run(outcome.state, outcome.run_folder, str(site_path_of(folder)), machine)
-    else:
-        onward = after_look(outcome.data["refused_by"], outcome.run_folder, str(site_path_of(folder)), machine)
+    tree, site = site_of(folder)
+    options = consent(tree.controller.driver, tree.site.name)
+    looked = after_look(outcome.data.get("refused_by", ()), outcome.run_folder, str(site), options)
+    onward = onward_of(outcome, site, tree) if asked.apply else looked
     show_outcome(outcome, as_json=as_json, points=asked.points, onward=onward)
 
 

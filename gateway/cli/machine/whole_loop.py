@@ -9,8 +9,7 @@ import typer
 
 from drivers.clock import Clock, LoopClock
 from gateway.cli.machine.dayplan import show_day_of_closing
-from gateway.cli.machine.running import show_outcome
-from gateway.cli.onward import after_run
+from gateway.cli.machine.running import onward_of, show_outcome
 from gateway.cli.options import ApplyOption, JsonOption, MachineOption, PlanOption, RiskOption, SiteArgument
 from gateway.cli.screen.telling import progress
 from gateway.cli.stopping import run_to_end
@@ -62,5 +61,5 @@ def close_site_command(
 
     with progress(quiet=as_json, at=(tree, site), own_operator=typed_by_demo) as say:
         outcome = run_to_end(main(say))
-    onward = after_run(outcome.state, outcome.run_folder, str(site), tree.site.name)
+    onward = onward_of(outcome, site, tree)
     show_outcome(outcome, as_json=as_json, onward="" if typed_by_demo else onward)

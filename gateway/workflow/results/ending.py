@@ -67,10 +67,11 @@ def outcome_of(
     lines = [f"{change.name}: {change.skipped}" for change in proposal.changes if change.skipped]
     lines += axis_lines(verdict.axes) if verdict is not None else proposal.warnings
     lines += [f"run folder: {run_folder}", f"report: {paths.html}"]
-    worse = verdict is not None and verdict.outcome == "worse"
+    axes = verdict.axes if verdict is not None else ()
     data = {
         "outcome": verdict.outcome if verdict is not None else "not-pushed",
         "axes": {axis: _data(*pair) for axis, pair in evaluations.items()},
+        "worse": [one.axis for one in axes if one.worse],
         "not_corrected": {change.name: change.skipped for change in proposal.changes if change.skipped},
         "warnings": list(proposal.warnings),
         "report": paths.as_data(),
@@ -82,7 +83,7 @@ def outcome_of(
         headings=("", *(f"{axis}, {before.unit}" for axis, (before, _) in evaluations.items())),
         lines=tuple(lines),
         data=data,
-        exit_code=WORSE_EXIT if worse else 0,
+        exit_code=WORSE_EXIT if verdict is not None and verdict.outcome == "worse" else 0,
     )
 
 

@@ -9,7 +9,7 @@ import pytest
 
 from drivers.checks import CheckLine, fine, unknown, wrong
 from gateway.cli.control.connecting import kept_tests
-from gateway.cli.onward import after_doctor
+from gateway.cli.onward import after_doctor, after_look, after_run, consent
 from gateway.cli.show import counted, folded
 from gateway.config import load_site
 from gateway.store import SelfTestBook
@@ -76,3 +76,13 @@ def test_a_line_breaks_between_words_and_stays_under_its_sentence(width: int) ->
 
 def test_one_is_not_told_as_many() -> None:
     assert [counted(number, "axis", "axes") for number in (0, 1, 2)] == ["0 axes", "1 axis", "2 axes"]
+
+
+def test_the_next_command_names_the_road_and_the_axis_that_got_worse() -> None:
+    """Nothing is left for the person to fill in, and what a control without a wire needs stands there."""
+    wired, carried = consent("sinumerik-opcua", "M"), consent("sinumerik-offline", "M")
+    assert after_run("proposed", "R", "S", wired) == "push R --apply --machine M"
+    assert after_run("proposed", "R", "S", carried) == "push R --offline --apply --machine M"
+    assert after_look((), "R", "S", carried) == "push R --offline --apply --machine M"
+    assert after_run("worse", "R", "S", wired, ["X1", "C1"]) == "rollback S --axis X1"
+    assert after_run("unchanged", "R", "S", wired) == "verify-table S"
