@@ -18,7 +18,7 @@ class ToCarry(BaseException):
     what must run; ``why`` is what was wrong with what came back ("": nothing came yet).
     """
 
-    def __init__(self, folder: Path, back: Path, program: str, sheet: str, why: str = "") -> None:
+    def __init__(self, folder: Path, back: Path, program: str, sheet: str, *, why: str = "") -> None:
         super().__init__(str(folder), program, why)
         self.folder = folder
         self.back = back

@@ -24,7 +24,7 @@ def consent(driver: str, machine: str) -> str:
     return f"{road}--apply --machine {machine}"
 
 
-def after_run(state: str, folder: str, site: str, options: str, worse: Sequence[str] = ()) -> str:
+def after_run(state: str, folder: str, site: str, options: str, *, worse: Sequence[str] = ()) -> str:
     """After a run or a push: consent to what was proposed, take back what got worse, look after what is live."""
     if state == "proposed":
         return f"push {folder} {options}"

@@ -25,6 +25,9 @@ WIDEST_MODULO_GAP_DEG = 180.0
 SIMPLER_WITHIN = 1.1
 FAR_ABOVE_NOISE = 5.0
 TURN_DEG = 360.0
+SAME_DEG = 1e-6
+ENDS_ALIKE = 0.1
+"""Share of all that an axis deviates by which places a turn apart may differ: instruments and warmth drift so much."""
 THROUGH = "cubic", "piecewise"
 SMALLEST_U = 1e-3
 """Weights assume at least this, um or arcsec: readings that agree to the last digit are not exact."""
@@ -87,7 +90,7 @@ def fit_positioning(
     uncertainty; E-MODEL-SHAPE).
     """
     data = _data(targets, means, u)
-    if kind == "rotary" and _closes(data.at, modulo):
+    if kind == "rotary" and _closes(data, modulo):
         data = replace(data, period=TURN_DEG)
     best = choose(candidates(data), data.noise)
     fitted = _component(best, data, name, axis, axis_unit)
@@ -171,8 +174,13 @@ def _data(targets: ArrayLike, means: ArrayLike, u: ArrayLike | float) -> _Data:
     return _Data(at[known][order], values[known][order], least)
 
 
-def _closes(at: FloatArray, modulo: bool) -> bool:
-    return at.size > 2 and _gaps(at)[1] <= (WIDEST_MODULO_GAP_DEG if modulo else WIDEST_GAP_DEG)
+def _closes(data: _Data, modulo: bool) -> bool:
+    """Whether targets lie all around a turn, and an axis that does not count modulo shows the same at both its ends."""
+    if data.at.size <= 2 or _gaps(data.at)[1] > (WIDEST_MODULO_GAP_DEG if modulo else WIDEST_GAP_DEG):
+        return False
+    early, late = np.nonzero(np.abs(data.at[:, None] + TURN_DEG - data.at[None, :]) < SAME_DEG)
+    apart = np.abs(data.values[late] - data.values[early])
+    return modulo or bool(np.all(apart <= max(FAR_ABOVE_NOISE * data.noise, ENDS_ALIKE * float(np.ptp(data.values)))))
 
 
 def _gaps(at: FloatArray) -> tuple[int, float]:

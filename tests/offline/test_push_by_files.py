@@ -154,6 +154,33 @@ async def test_a_report_that_is_no_answer_is_asked_for_again_at_every_step(
         sound(world, wanted=True)
 
 
+async def test_a_whole_table_of_another_part_or_day_is_asked_for_again(tmp_path: Path) -> None:
+    """The read-back under the back-up's name, then the live tables of the way before: no reason to lead a push back."""
+    async with offline_world(LoopClock(), tmp_path / "stick") as world:
+        live = await base(world)
+        back = world.folder / "back"
+        kept, named = "", []
+        while isinstance(ended := await once(world, tmp_path, live), ToCarry):
+            await world.porter.goes()
+            name, text = "", ""
+            if ended.program == "TFLOAD_X1.MPF":
+                name, text = "TFBACK_X1.SPF", (back / "TFREAD_X1.SPF").read_text()
+            elif ended.program == "TFMEAS_X1.MPF":
+                name, text = "TFLIVE_X1.SPF", kept
+                kept = (back / name).read_text()
+            if text:
+                (back / name).write_text(text)
+                again = await once(world, tmp_path, live)
+                assert isinstance(again, ToCarry)
+                assert again.why.startswith(f"E-OFF-OTHER [{back}: {name}]")
+                world.porter.brings()
+                named.append(name)
+        assert named == ["TFBACK_X1.SPF", "TFLIVE_X1.SPF"]
+        assert isinstance(ended, PushRecord)
+        assert ended.outcome == "committed"
+        sound(world, wanted=True)
+
+
 def altered(back: Path, name: str) -> None:
     """One point of a file is another number."""
     path = back / name

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -28,8 +28,10 @@ def restarts(steps: Sequence[CarriedStep]) -> bool:
     return len(steps) > 1 and _ENABLES in steps[-2].path and _ENABLES not in steps[-1].path
 
 
-def taken(step: CarriedStep, brought: Brought, asked: ReportAsked, where: str) -> CarriedStep | None:
-    """The step with what answers it; None where nothing was brought at all.
+def taken(
+    step: CarriedStep, brought: Brought, asked: ReportAsked, where: str, *, begins: Mapping[str, str]
+) -> CarriedStep | None:
+    """The step with what answers it; None where nothing was brought at all. ``begins`` are first lines of its files.
 
     The report of the looking program answers in place of the program's own: then the control tells where it stands.
     Raises FileFormatError: E-OFF-MISSING (a file is not there), E-OFF-OTHER (of another step), E-OFF-SEEN,
@@ -38,17 +40,19 @@ def taken(step: CarriedStep, brought: Brought, asked: ReportAsked, where: str) -
     if not brought.names:
         return None
     if step.look == step.number:
-        return _taken(step, brought, asked, SEEN, where)
+        return _taken(step, brought, asked, where, kind=SEEN, begins=begins)
     try:
-        return _taken(step, brought, asked, TOLD, where)
+        return _taken(step, brought, asked, where, kind=TOLD, begins=begins)
     except FileFormatError:
         seen = brought.texts.get(_bare(PATHS[SEEN]), "")
         if not seen.startswith(report.first_line(SEEN, step.look)):
             raise
-    return _taken(step, brought, asked, SEEN, where)
+    return _taken(step, brought, asked, where, kind=SEEN, begins=begins)
 
 
-def _taken(step: CarriedStep, brought: Brought, asked: ReportAsked, kind: str, where: str) -> CarriedStep:
+def _taken(
+    step: CarriedStep, brought: Brought, asked: ReportAsked, where: str, *, kind: str, begins: Mapping[str, str]
+) -> CarriedStep:
     """The step by one of the two reports; by that of the looking program with what else there is and is whole."""
     number, wanted = (step.look, (PATHS[SEEN],)) if kind == SEEN else (step.number, step.files)
     missing = [path for path in wanted if _bare(path) not in brought.texts]
@@ -63,7 +67,7 @@ def _taken(step: CarriedStep, brought: Brought, asked: ReportAsked, kind: str, w
         if path in PATHS.values():
             continue
         try:
-            _check_whole(brought.texts.get(_bare(path), ""), f"{where}: {stick_name(path)}")
+            _check_whole(brought.texts.get(_bare(path), ""), f"{where}: {stick_name(path)}", begins.get(path, ""))
         except FileFormatError:
             if kind == TOLD:
                 raise
@@ -85,15 +89,19 @@ def image_of(step: CarriedStep, asked: ReportAsked, where: str) -> SeenControl:
     return SeenControl(found, asked, alarms=alarms, access_level=level, program=step.path).checked(where)
 
 
-def _check_whole(text: str, where: str) -> None:
-    """Whether a file of tables has its begin, its end and as many lines as it says; whose it is the driver asks.
+def _check_whole(text: str, where: str, begin: str) -> None:
+    """Whether a file of tables is the one that begins so, with its end and as many lines as it says.
 
-    What it must hold, line by line, is judged when it is read.
+    ``begin`` "": its first line is not known. What it must hold, line by line, is judged when it is read.
     """
     lines = [line.rstrip() for line in text.rstrip().splitlines()]
     first = lines[0].split() if lines else []
-    if len(first) < 3 or first[0] != ";TRUEFLANK" or lines[-1] != END_WORD:
-        raise report.damaged(where, lines, len(lines) or 1, f"{END_WORD} at its end")
+    if len(first) < 3 or first[0] != ";TRUEFLANK":
+        raise report.damaged(where, lines, 1, begin or "our program's first line")
+    if begin and lines[0] != begin:
+        raise report.of_another(where, lines[0], begin)
+    if lines[-1] != END_WORD:
+        raise report.damaged(where, lines, len(lines), f"{END_WORD} at its end")
     if first[1] != "SELF":
         report.check_ends(lines, where, lines[0], f"{first[1]} {first[2]}")
 

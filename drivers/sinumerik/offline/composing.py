@@ -20,7 +20,7 @@ from drivers.sinumerik.offline import report
 from drivers.sinumerik.offline.report import SEEN, TOLD, ReportAsked
 
 _END, _OTHER, _ORDER = "TF_TOLD", "TF_OTHER", "TF_ORDER"
-_FILE = re.compile(r'WRITE\(\w+,"([^"]+)",', re.ASCII)
+_FILE = re.compile(r'WRITE\(\w+,"([^"]+)","([^"]*)"', re.ASCII)
 _WAIT, _WAIT_END = "UWAITED=0", "ENDWHILE"
 _DONE = 'MSG("TRUEFLANK NOTHING WAS DONE: {why}")'
 PROVES = "TFEFFECT"
@@ -64,9 +64,13 @@ def digest(text: str) -> str:
     return hashlib.sha256("\n".join(blocks).encode("ascii")).hexdigest()
 
 
-def files_of(text: str) -> tuple[str, ...]:
-    """The files in the control that a program writes and that are to be brought back, in order."""
-    return tuple(dict.fromkeys(path for path in _FILE.findall(text) if "_N_TFROOM" not in path))
+def begins_of(text: str) -> dict[str, str]:
+    """The files in the control that a program writes and that come back, in order; each with its first line."""
+    begins: dict[str, str] = {}
+    for path, line in _FILE.findall(text):
+        if "_N_TFROOM" not in path:
+            begins.setdefault(path, line)
+    return begins
 
 
 def _answered(lines: list[str], asked: ReportAsked, *, pauses: bool) -> list[str]:

@@ -103,9 +103,21 @@ class StepFolder:
             raise self._trouble(error) from error
         return found
 
-    def keep(self, place: int, step: CarriedStep) -> None:
-        """A step as it stands now, durable. Raises ConfigError (E-OFF-FOLDER)."""
-        self._write(self.root / STEPS / f"{place:03d}" / "step.json", json.dumps(asdict(step), indent=1))
+    def keep(self, place: int, step: CarriedStep, program: str = "") -> None:
+        """A step as it stands now, durable, its ``program`` first where one is given. Raises ConfigError."""
+        folder = self.root / STEPS / f"{place:03d}"
+        if program:
+            self._write(folder / stick_name(step.path), program)
+        self._write(folder / "step.json", json.dumps(asdict(step), indent=1))
+
+    def program(self, place: int, step: CarriedStep) -> str:
+        """The program of a step as it was carried; "" where an older version kept none. Raises ConfigError."""
+        try:
+            return read_own(self.root / STEPS / f"{place:03d}" / stick_name(step.path)).decode("ascii")
+        except FileNotFoundError:
+            return ""
+        except (OSError, ValueError) as error:
+            raise self._trouble(error) from error
 
     def work(self) -> str | None:
         """What the steps that wait are for; None where nothing waits. Raises ConfigError (E-OFF-FOLDER)."""

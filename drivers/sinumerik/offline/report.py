@@ -141,14 +141,19 @@ def check_ends(lines: Sequence[str], where: str, first: str, ends: str) -> None:
     if not lines or not lines[0].startswith(";TRUEFLANK "):
         raise damaged(where, lines, 1, first)
     if lines[0] != first:
-        raise FileFormatError("E-OFF-OTHER", where, found=lines[0][1:_TEXT], wanted=first[1:])
+        raise of_another(where, lines[0], first)
     last = _LAST.fullmatch(lines[-2]) if len(lines) > 2 and lines[-1] == END_WORD else None
     if last is None:
         raise damaged(where, lines, len(lines), f"{END_WORD} at its end")
     if f"{last[1]} {last[2]}" != ends:
-        raise FileFormatError("E-OFF-OTHER", where, found=lines[-2][1:_TEXT], wanted=f"TRUEFLANK END {ends}")
+        raise of_another(where, lines[-2], f";TRUEFLANK END {ends}")
     if int(last[3]) != len(lines) - 2:
         raise damaged(where, lines, len(lines) - 1, f"LINES {len(lines) - 2}")
+
+
+def of_another(where: str, found: str, wanted: str) -> FileFormatError:
+    """What says that a line names another step, run or section than the file that is waited for."""
+    return FileFormatError("E-OFF-OTHER", where, found=found[1:_TEXT], wanted=wanted[1:])
 
 
 def damaged(where: str, lines: Sequence[str], line: int, wanted: str) -> FileFormatError:

@@ -229,10 +229,11 @@ class CarriedSession(UaSession):
         text = compose(number)
         answering.judge(path, text, self._asked_for.axes)
         kept = {str(name): value for name, value in (given or {}).items()}
-        step = CarriedStep(number, path, digest, files=composing.files_of(text), look=look, given=kept, drawn=drawn)
+        files = tuple(composing.begins_of(text))
+        step = CarriedStep(number, path, digest, files=files, look=look, given=kept, drawn=drawn)
         step.restart = restart or answering.restarts([*self._steps, step])
         self._steps.append(step)
-        self._folder.keep(place + 1, step)
+        self._folder.keep(place + 1, step, text)
         self._folder.lay_out(carried_files(place + 1, step, text, composing.looking(step.look, self._asked_for)))
         return step
 
@@ -254,7 +255,7 @@ class CarriedSession(UaSession):
             return
         if at_work().ends:
             self.suspended = True
-            raise ToCarry(self._folder.carry, self._folder.back, stick_name(step.path), self._folder.sheet, why)
+            raise ToCarry(self._folder.carry, self._folder.back, stick_name(step.path), self._folder.sheet, why=why)
         self._folder.complain(why)
         await self._clock.sleep(max(seconds, LOOK_S))
 
@@ -262,7 +263,8 @@ class CarriedSession(UaSession):
         """Take what was brought back for a step, if it is whole; else why not ("" for nothing at all)."""
         try:
             if not step.answered:
-                taken = answering.taken(step, self._folder.brought(), self._asked_for, str(self._folder.back))
+                begins, back = composing.begins_of(self._folder.program(self._at, step)), str(self._folder.back)
+                taken = answering.taken(step, self._folder.brought(), self._asked_for, back, begins=begins)
                 if taken is None:
                     return ""
                 self._folder.keep(self._at, taken)

@@ -49,7 +49,7 @@ def run_site_command(
 def onward_of(outcome: Any, site: Path, tree: Any) -> str:
     """The command to go on with after a run at this site."""
     options = consent(tree.controller.driver, tree.site.name)
-    return after_run(outcome.state, outcome.run_folder, str(site), options, outcome.data.get("worse", ()))
+    return after_run(outcome.state, outcome.run_folder, str(site), options, worse=outcome.data.get("worse", ()))
 
 
 @dataclass(frozen=True, slots=True)

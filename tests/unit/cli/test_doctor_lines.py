@@ -84,5 +84,5 @@ def test_the_next_command_names_the_road_and_the_axis_that_got_worse() -> None:
     assert after_run("proposed", "R", "S", wired) == "push R --apply --machine M"
     assert after_run("proposed", "R", "S", carried) == "push R --offline --apply --machine M"
     assert after_look((), "R", "S", carried) == "push R --offline --apply --machine M"
-    assert after_run("worse", "R", "S", wired, ["X1", "C1"]) == "rollback S --axis X1"
+    assert after_run("worse", "R", "S", wired, worse=["X1", "C1"]) == "rollback S --axis X1"
     assert after_run("unchanged", "R", "S", wired) == "verify-table S"

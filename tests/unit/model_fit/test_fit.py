@@ -172,6 +172,19 @@ def test_the_first_target_may_be_measured_again_after_a_turn() -> None:
     assert found.parameters["orders"] == (1,)
 
 
+def test_a_turn_that_ends_elsewhere_than_it_began_is_not_closed() -> None:
+    """A gear ratio that is a little off adds up; what an instrument drifts by does not open a turn."""
+    at = np.linspace(0.0, 360.0, 25)
+    for slope, modulo, periodic in ((0.1, False, False), (0.003, False, True), (0.1, True, True)):
+        means = slope * at + 9.0 * np.sin(np.deg2rad(at))
+        fitted = fit.fit_positioning(
+            at, means, 0.05, kind="rotary", axis_unit="deg", name="EAA", axis="A", modulo=modulo
+        )
+        assert components.is_periodic(fitted) == periodic
+        if not periodic:
+            assert np.abs(value(fitted, at) - means).max() < 0.2
+
+
 @pytest.mark.parametrize("basis", ["constant", "polynomial", "fourier", "bspline", "piecewise", "cubic", "closed"])
 def test_datum_takes_the_offset_and_its_uncertainty(basis: str) -> None:
     found = example(basis)
