@@ -5,12 +5,15 @@ from __future__ import annotations
 import re
 from typing import Any
 
+import numpy as np
+
 from drivers.errors import ConfigError
 from drivers.units import AxisUnit, DeviationUnit
-from gateway.domain.values import component_unit
+from gateway.domain.values import FloatArray, component_unit
 
 MOTION = re.compile(r"E[XYZABC][XYZUVWABC]")
 TURNING = "ABC"
+MOST_SHOWN = 40
 HOW = {
     "Measured": 'tf.read(path), or tf.Measured(targets, deviations, "mm")',
     "Machine": "tf.Machine({...}), or tf.Machine.load(path)",
@@ -39,6 +42,23 @@ def path_given(one: Any, call: str) -> None:
     if not isinstance(one, str) and not hasattr(one, "__fspath__"):
         how = "the file's name as a text or a pathlib.Path"
         raise ConfigError("E-LIBRARY-KIND", call, call=f"tf.{call}", wanted="a path", given=_said(one), how=how)
+
+
+def numbers_given(positions: Any, unit: AxisUnit, call: str) -> FloatArray:
+    """Positions as numbers, of any shape. Raises ConfigError (E-LIBRARY-KIND) for anything else."""
+    try:
+        found = np.asarray(positions)
+    except ValueError:  # rows of different lengths
+        found = np.asarray("")
+    if found.size and found.dtype.kind not in "iuf":
+        how = f"a number, or a regular table of numbers, in {unit}"
+        raise ConfigError("E-LIBRARY-KIND", call, call=call, wanted="positions", given=_shown(positions), how=how)
+    return np.asarray(found, dtype=np.float64)
+
+
+def _shown(one: Any) -> str:
+    text = repr(one)
+    return text if len(text) <= MOST_SHOWN else f"{text[:MOST_SHOWN]}..."
 
 
 def _said(one: Any) -> str:

@@ -21,7 +21,7 @@ from gateway.evaluate.standards.registry import evaluate_by
 from gateway.model.components import standard_uncertainty, value
 from gateway.model.means import fit_means
 from trueflank.frames import frame
-from trueflank.given import ASKS, axis_unit_of, motion_name, of_kind, path_given, units_fit
+from trueflank.given import ASKS, axis_unit_of, motion_name, numbers_given, of_kind, path_given, units_fit
 
 SHOWN = {"um": "µm", "arcsec": "arcsec"}
 
@@ -141,9 +141,12 @@ class Evaluated:
     notes: tuple[str, ...]
 
     def __getitem__(self, name: str) -> float | None:
-        """One figure. Raises KeyError that names those there are."""
-        if name not in self.values:
-            raise KeyError(f"{name}: no such figure; there are {', '.join(self.values)}")
+        """One figure. Raises ConfigError (E-LIBRARY-KIND) that names those there are."""
+        if not isinstance(name, str) or name not in self.values:
+            how = f"one of {', '.join(self.values)}"
+            raise ConfigError(
+                "E-LIBRARY-KIND", "evaluate", call="tf.evaluate(...)[...]", wanted="a figure", given=repr(name), how=how
+            )
         return self.values[name]
 
     def to_dict(self) -> dict[str, Any]:
@@ -211,12 +214,12 @@ class ErrorMotion:
         return self.component.unit
 
     def __call__(self, positions: ArrayLike) -> FloatArray:
-        """Values at positions (mm or deg)."""
-        return value(self.component, positions)
+        """Values at positions (mm or deg). Raises ConfigError (E-LIBRARY-KIND) for what is no number."""
+        return value(self.component, numbers_given(positions, self.component.axis_unit, self.name))
 
     def u(self, positions: ArrayLike) -> FloatArray:
-        """Standard uncertainty of the fit at positions, from the scatter of the readings."""
-        return standard_uncertainty(self.component, positions)
+        """Standard uncertainty of the fit at positions, from the scatter of the readings. Raises as a call."""
+        return standard_uncertainty(self.component, numbers_given(positions, self.component.axis_unit, self.name))
 
     def points(self, count: int = 51) -> tuple[FloatArray, FloatArray]:
         """Equally spaced positions over the measured range and the values there, each (count,)."""
@@ -281,7 +284,16 @@ def report(run: str | Path, store: str | Path = "runs") -> Path:
     """
     path_given(run, "report")
     path_given(store, "report")
+    from gateway.errors import StoreError
     from gateway.store import Store
     from gateway.workflow.results.reporting import write_report
 
-    return Path(write_report(Store(Path(store)).open(run)).html)
+    try:
+        folder = Store(Path(store)).open(run)
+    except StoreError as error:
+        if error.code not in ("E-STORE-EMPTY", "E-STORE-RUN") or error.fields.get("matches"):
+            raise
+        wanted, given = 'a run\'s folder, its id or "latest"', f"{str(run)!r}: no such run in {str(store)!r}"
+        how = "the run folder that the run named at its end, or store= the folder of all runs"
+        raise ConfigError("E-LIBRARY-KIND", "report", call="tf.report", wanted=wanted, given=given, how=how) from error
+    return Path(write_report(folder).html)

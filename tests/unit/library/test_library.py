@@ -8,6 +8,7 @@ import subprocess
 import sys
 import time
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -186,8 +187,23 @@ def test_an_error_keeps_its_unit_from_the_file_to_the_tooth(tmp_path: Path) -> N
 def test_lists_are_readings_too_and_a_figure_that_is_not_there_is_said() -> None:
     told = tf.evaluate(tf.Measured(READ.targets.tolist(), READ.deviations.tolist(), "mm"), 2014)
     assert told["B"] == tf.evaluate(READ)["B"]
-    with pytest.raises(KeyError, match="there are B, B_mean"):
-        _ = told["Q"]
+    for wrong in ("Q", 3, None, ["B"]):
+        with pytest.raises(tf.TrueflankError, match="give it one of B, B_mean"):
+            _ = told[wrong]  # type: ignore[index]
+
+
+@pytest.mark.parametrize("wrong", ["a", None, ["a", 1], [[0.0, 1.0], [2.0]], 1j, {}], ids=repr)
+def test_what_is_no_position_is_refused_by_a_fitted_curve(wrong: Any) -> None:
+    motion = tf.fit(READ, "EXX")
+    for call in (motion, motion.u):
+        with pytest.raises(tf.TrueflankError, match=r"takes positions, not .* a regular table of numbers, in mm"):
+            call(wrong)
+    assert motion([]).shape == (0,)
+
+
+def test_a_report_of_no_run_says_what_was_asked_for(tmp_path: Path) -> None:
+    with pytest.raises(tf.TrueflankError, match=r"takes a run's folder.* no such run"):
+        tf.report(tmp_path / "none", tmp_path)
 
 
 def test_every_name_says_its_units_and_shows_itself_shortly() -> None:
