@@ -7,6 +7,7 @@ from typing import Annotated, Literal
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, Strict, model_validator
 
+from drivers.errors import words
 from drivers.local.names import MOST, PATTERN, allowed, is_name
 
 # A visit of all of them would take days; the largest control holds 5000 points of a table.
@@ -52,9 +53,9 @@ class WorkingWindow(Section):
     @model_validator(mode="after")
     def _rises(self) -> WorkingWindow:
         if self.last - self.first < self.step:
-            raise ValueError("last must lie a step or more above first")
+            raise ValueError(words("W-CFG-LAST-ABOVE"))
         if (self.last - self.first) / self.step >= MOST_TARGETS:
-            raise ValueError(f"step gives more than {MOST_TARGETS} targets, the most there may be")
+            raise ValueError(words("W-CFG-STEP-MANY", most=MOST_TARGETS))
         return self
 
 
@@ -81,11 +82,11 @@ class Targets(Section):
     @model_validator(mode="after")
     def _one_way(self) -> Targets:
         if bool(self.positions) == bool(self.count):
-            raise ValueError("give either positions or first, last and count")
+            raise ValueError(words("W-CFG-TARGETS-EITHER"))
         if isinstance(self.count, int) and (not 0 <= self.count <= MOST_TARGETS or self.count == 1):
-            raise ValueError(f"count must be 2 or more, {MOST_TARGETS} at most, not {self.count}")
+            raise ValueError(words("W-CFG-COUNT-FEW", most=MOST_TARGETS, found=self.count))
         if self.count == "iso230-2" and self.first == self.last:
-            raise ValueError("first and last must differ")
+            raise ValueError(words("W-CFG-FIRST-LAST"))
         return self
 
 
@@ -156,11 +157,11 @@ class SetupSection(Section):
     @model_validator(mode="after")
     def _whole(self) -> SetupSection:
         if self.source == "live" and not self.instrument:
-            raise ValueError("a live set-up needs an instrument")
+            raise ValueError(words("W-CFG-SETUP-INSTRUMENT"))
         if self.source == "file" and (self.path is None or self.datum is None):
-            raise ValueError("a file needs path and datum, the machine coordinate of its zero")
+            raise ValueError(words("W-CFG-SETUP-FILE"))
         if self.source == "none" and self.assumed is None:
-            raise ValueError("what is not measured needs assumed, the half-width it may have")
+            raise ValueError(words("W-CFG-SETUP-ASSUMED"))
         return self
 
     @property

@@ -6,6 +6,7 @@ from typing import ClassVar
 
 from pydantic import Field
 
+from drivers.errors import words
 from drivers.settings import WIRES, DriverSettings, Rule
 
 
@@ -29,5 +30,5 @@ class AttocubeSettings(DriverSettings):
     def rules(self) -> tuple[Rule, ...]:
         """An index of air is 1 or a little more."""
         return (
-            ("refractive_index", self.refractive_index == 0 or self.refractive_index >= 1, "must be 0 or an index"),
+            ("refractive_index", self.refractive_index == 0 or self.refractive_index >= 1, words("W-KEY-AIR-INDEX")),
         )

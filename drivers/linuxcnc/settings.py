@@ -31,8 +31,8 @@ class LinuxCncSettings(DriverSettings):
     def rules(self) -> tuple[Rule, ...]:
         """Count and echo, go and leave are pins of their own."""
         return (
-            ("echo_output", self.echo_output != self.count_output, "must be another output than count_output"),
-            ("leave_input", self.leave_input != self.go_input, "must be another input than go_input"),
+            ("echo_output", self.echo_output != self.count_output, words("W-KEY-OUTPUT")),
+            ("leave_input", self.leave_input != self.go_input, words("W-KEY-INPUT")),
         )
 
     def unprotected(self, url: str) -> str:

@@ -45,8 +45,8 @@ class ManualSettings(DriverSettings):
         """A channel says its unit; a sense is a sign."""
         return (
             *((key, not why, why) for key, why in self._untypable()),
-            ("channel", self.channel.endswith(UNITS), "must end in a unit: " + " ".join(UNITS)),
-            ("scale", self.scale in (1.0, -1.0), "must be 1.0 or -1.0"),
+            ("channel", self.channel.endswith(UNITS), words("W-KEY-UNIT", known=" ".join(UNITS))),
+            ("scale", self.scale in (1.0, -1.0), words("W-KEY-SIGN")),
         )
 
     def _untypable(self) -> Iterator[tuple[str, str]]:

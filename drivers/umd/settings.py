@@ -61,10 +61,10 @@ class UmdSettings(DriverSettings):
     def rules(self) -> tuple[Rule, ...]:
         """The scaling says what it holds, and only it."""
         allowed = ("nothing", "air", "air+material") if self.count_size_nm > 0 else ("", "nothing")
-        why = "must say nothing, air or air+material with count_size_nm, and be left out without"
+        why = words("W-KEY-COMPENSATED")
         return (
             ("compensated_for", self.compensated_for in allowed, why),
-            ("optics_factor", self.optics_factor == 1.0 or self.angular, "needs optics_spacing_mm"),
+            ("optics_factor", self.optics_factor == 1.0 or self.angular, words("W-KEY-SPACING")),
         )
 
     def doubts(self) -> tuple[Rule, ...]:

@@ -170,9 +170,9 @@ class MeasureSection(Section):
     def _one_source(self) -> MeasureSection:
         if self.file is None:
             if not self.instrument or self.targets is None:
-                raise ValueError("a live capture needs instrument and targets")
+                raise ValueError(words("W-CFG-LIVE-NEEDS"))
         elif self.file_datum is None:
-            raise ValueError("a file holds no machine datum: give file_datum, the machine coordinate of its zero")
+            raise ValueError(words("W-CFG-FILE-DATUM"))
         return self
 
 
@@ -189,7 +189,7 @@ class TableSection(Section):
             raise ValueError(words("W-CFG-SWAPPED", low="minimum", high="maximum"))
         intervals = (self.maximum - self.minimum) / self.step
         if not 1 <= intervals < MOST_POINTS or abs(intervals - round(intervals)) > 1e-9:
-            raise ValueError(f"step must divide maximum - minimum into {MOST_POINTS - 1} intervals at most")
+            raise ValueError(words("W-CFG-DIVIDES", most=MOST_POINTS - 1))
         return self
 
 

@@ -64,11 +64,11 @@ class ModbusSettings(DriverSettings):
         """A transfer asks no slower than an idle line; TLS has all its certificates, and nothing else has any."""
         files = {key: getattr(self, key) for key in ("server_certificate", "client_certificate", "client_key_file")}
         wanted = self.secured
-        why = "must name a file: with security tls both ends prove who they are" if wanted else "needs security tls"
+        why = words("W-KEY-TLS-FILE" if wanted else "W-KEY-TLS-ONLY")
         return (
-            ("fast_poll_s", self.fast_poll_s <= self.poll_s, "must be 0.001 s .. poll_s"),
-            ("framer", not wanted or self.framer != "rtu", "must be tcp with security tls"),
-            ("server_name", wanted or not self.server_name, "needs security tls"),
+            ("fast_poll_s", self.fast_poll_s <= self.poll_s, words("W-KEY-FAST")),
+            ("framer", not wanted or self.framer != "rtu", words("W-KEY-FRAMER")),
+            ("server_name", wanted or not self.server_name, words("W-KEY-TLS-ONLY")),
             *((key, bool(path) is wanted, why) for key, path in files.items()),
         )
 

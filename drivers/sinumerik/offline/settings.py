@@ -7,6 +7,7 @@ from typing import Any, ClassVar
 
 from pydantic import Field
 
+from drivers.errors import words
 from drivers.settings import DriverSettings, FolderPathText, Rule
 from drivers.sinumerik.ncprogram.words import COUNT
 from drivers.sinumerik.opcua.session import nodes
@@ -32,7 +33,7 @@ class OfflineSettings(DriverSettings):
         """Axis names go into programs."""
         names = self.names
         good = 0 < len(set(names)) == len(names) <= MOST_AXES and all(_AXIS.fullmatch(name) for name in names)
-        return (("axes", good, 'must name every axis of the control once, as "X1 Z1 C1"'),)
+        return (("axes", good, words("W-KEY-AXES")),)
 
     @property
     def machine_axes(self) -> tuple[str, ...]:

@@ -82,15 +82,15 @@ class UaSettings(DriverSettings):
         """What holds between keys: a pinned certificate, one password, free R parameters, nodes of this control."""
         pinned = not self.secured or bool(self.server_certificate)
         return (
-            ("server_certificate", pinned, "must name the server's certificate: nothing is trusted unseen"),
-            ("password_file", self._one_password(), "give one of password_file, password_env and password"),
-            ("user", bool(self.user) or not self._passwords(), "must name who signs in with that password"),
-            ("password_file", not self.user or self._answered(), "is missing beside user: or give password_env"),
-            ("writing_user", self._apart(), "must be another user than user, with writing_password_file or _env"),
-            ("r_setup", self._free(), f"must be 0 .. {nodes.R_LAST - 2}, clear of the 20 from r_first on, or -1"),
-            ("fast_poll_s", self.fast_poll_s <= self.poll_s, "must be 0.001 s .. poll_s"),
-            ("serial_node", nodes.parse(self.serial_node) is not None, "is no node path of this control"),
-            ("version_node", nodes.parse(self.version_node) is not None, "is no node path of this control"),
+            ("server_certificate", pinned, words("W-KEY-PINNED")),
+            ("password_file", self._one_password(), words("W-KEY-ONE-PASSWORD")),
+            ("user", bool(self.user) or not self._passwords(), words("W-KEY-WHO")),
+            ("password_file", not self.user or self._answered(), words("W-KEY-NO-PASSWORD")),
+            ("writing_user", self._apart(), words("W-KEY-WRITER")),
+            ("r_setup", self._free(), words("W-KEY-R-SETUP", last=nodes.R_LAST - 2)),
+            ("fast_poll_s", self.fast_poll_s <= self.poll_s, words("W-KEY-FAST")),
+            ("serial_node", nodes.parse(self.serial_node) is not None, words("W-KEY-NODE")),
+            ("version_node", nodes.parse(self.version_node) is not None, words("W-KEY-NODE")),
         )
 
     @classmethod

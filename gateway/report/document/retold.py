@@ -16,6 +16,8 @@ RECORDED_IN = "en"
 LEAST_LETTERS = 6
 _FIELD = re.compile(r"\{(\w+)(?:![a-z])?(?::[^}]*)?\}")
 _BOUNDARY = re.compile(r"[.;:!?] +|, |\n| -> | → |[(“\"]")
+# A text that goes on another one begins behind what joins them: there a sentence is looked at again.
+_JOINT = re.compile(r"^[;,；，] ?")
 _BETWEEN = re.compile(r"(?:->|[^\w<`-])*")
 # "um" is also a German word: there it is a unit only behind a number.
 _GERMAN_UM = re.compile(r"(?<=[\d)}] )um(?![\w\-=\"`])")
@@ -69,7 +71,8 @@ def _patterns(language: str) -> tuple[_Pattern, ...]:
     """Every text that the language has, those with the most words of their own first."""
     english, own = catalogue(), catalogue(language)
     pairs = ((english[code][part], text) for code, parts in own.items() for part, text in parts.items())
-    made = (_pattern(shown(said), _units(text, language)) for said, text in pairs if said)
+    bare = ((shown(said), _units(text, language)) for said, text in pairs if said)
+    made = (_pattern(_JOINT.sub("", said), _JOINT.sub("", text)) for said, text in bare)
     return tuple(sorted((one for one in made if one.weight >= LEAST_LETTERS), key=lambda one: -one.weight))
 
 

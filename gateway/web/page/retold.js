@@ -2,6 +2,8 @@
 // it was made of is found again, with what was filled in. What is found nowhere stays as it is.
 const FIELD = /\{(\w+)(?:![a-z])?(?::[^}]*)?\}/g;
 const LEAST = 6;
+// A text that goes on another one ("; did you mean ...") begins behind what joins them: there a sentence is looked at again.
+const JOINT = /^[;,；，] ?/;
 const BOUNDARY = /(?:[.;:!?] +|, |\n| -> | → |[(“"])/g;
 
 const literal = (text) => text.replace(/[.*+?^${}()|[\]\\]/g, "\\$&");
@@ -30,7 +32,7 @@ function boundary(text, at) {
 }
 
 export function teller(english, terms, fill) {
-  const every = Object.entries(english).flatMap(([code, parts]) => parts.map((text, part) => text && pattern(code, part, text, terms)));
+  const every = Object.entries(english).flatMap(([code, parts]) => parts.map((text, part) => text && pattern(code, part, text.replace(JOINT, ""), terms)));
   const patterns = every.filter(Boolean).sort((one, other) => other.weight - one.weight);
   const kept = new Map();
   const found = (text, small, at) => {
@@ -49,7 +51,7 @@ export function teller(english, terms, fill) {
       const hit = found(text, small, at);
       if (hit) {
         const [{ code, part, names }, match] = hit;
-        const own = fill(code, part, Object.fromEntries(names.map((name, n) => [name, match[n + 1]])));
+        const own = fill(code, part, Object.fromEntries(names.map((name, n) => [name, match[n + 1]]))).replace(JOINT, "");
         made += text[at] !== small[at] ? large(own) : own;
         at += match[0].length;
       }

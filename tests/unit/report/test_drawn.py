@@ -92,6 +92,18 @@ def test_what_a_record_notes_is_told_in_the_language_with_its_numbers(language: 
     assert wrong == []
 
 
+@pytest.mark.parametrize("language", ["de", "zh"])
+@pytest.mark.parametrize("goes_on", ["W-CFG-GUESS", "W-CFG-ELSEWHERE"])
+def test_what_goes_on_a_list_is_told_too(language: str, goes_on: str) -> None:
+    (field,) = FIELD.findall(catalogue()[goes_on]["what"])
+    own = catalogue(language)
+    more = words(goes_on, **{field: "travel"})
+    told = retold(words("E-CFG-KEY", key="trave", known="letter, travel" + more), language)
+    assert told.startswith(own["E-CFG-KEY"]["what"].partition("{key}")[0])
+    wanted = own[goes_on]["what"].format(**{field: "travel"}).lstrip(";； ")
+    assert f"letter, travel; {wanted}" in told
+
+
 def test_a_remark_without_a_text_of_the_catalogue_stays_and_english_is_left_alone() -> None:
     assert retold("The room warmed by 0.27 K.", "de") == "The room warmed by 0.27 K."
     told = words("S-EVAL-STEPS")
