@@ -21,6 +21,7 @@ from drivers.types.tables import LiveSet
 from gateway.domain.outcomes import PushRecord
 from gateway.push import push_table
 from gateway.push.records import journal
+from gateway.push.undo.recovery import recover, unfinished
 from tests.offline.world import OfflineWorld, offline_world
 from tests.push.uaworld import ua_change, ua_context
 from tests.sizes import few
@@ -179,6 +180,32 @@ async def test_a_whole_table_of_another_part_or_day_is_asked_for_again(tmp_path:
         assert isinstance(ended, PushRecord)
         assert ended.outcome == "committed"
         sound(world, wanted=True)
+
+
+async def test_recover_fetches_the_backup_that_never_came_back(tmp_path: Path) -> None:
+    """The stick was lost after the load: the control still has the file that the old table is put back by."""
+    async with offline_world(LoopClock(), tmp_path / "stick") as world:
+        live = await base(world)
+        for program in ("TFMEAS_X1.MPF", "TFLOAD_X1.MPF"):
+            ended = await once(world, tmp_path, live)
+            assert isinstance(ended, ToCarry)
+            assert ended.program == program
+            await world.porter.goes()
+        for path in world.folder.glob("back/*.*"):
+            path.unlink()
+        world.porter.start()
+        device = world.driver()
+        with carrying(PieceOfWork("recover", "instead")):
+            await device.open(60.0)
+            machine = await device.identify()
+            (found,) = unfinished(tmp_path / "journal", machine.serial)
+            patient = {"start_timeout_s": 3600.0}
+            record = await recover(found, ua_context(device, world.clock, tmp_path, machine, say=heard, **patient))
+            device.conclude()
+        await device.close()
+        await world.porter.stop()
+        assert record.outcome == "rolled-back"
+        sound(world, wanted=False)
 
 
 def altered(back: Path, name: str) -> None:

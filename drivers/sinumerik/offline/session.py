@@ -70,7 +70,7 @@ class CarriedSession(UaSession):
         """
         del secrets, timeout_s, writing
         self._folder.prepare()
-        self._begin(at_work())
+        unseen = self._begin(at_work())
         self._steps, self._at, self._pending = self._folder.steps(), 0, None
         self._programs, self._files, self._drawn, self.suspended = {}, {}, [], False
         last = self._folder.last()
@@ -78,16 +78,19 @@ class CarriedSession(UaSession):
         if self._image is not None and last is not None:
             self._image.queued = {int(number): value for number, value in last.given.items()}
         self._open = True
-        if self._image is None:
-            await self._introduced()
+        if self._image is None or unseen:
+            await self.looked("introduction")
 
-    def _begin(self, work: PieceOfWork) -> None:
-        waits = self._folder.work()
+    def _begin(self, work: PieceOfWork) -> bool:
+        """Whether a program that was carried for other work may have run since the control was seen."""
+        waits, unseen = self._folder.work(), False
         if work.start == "instead" or (waits is not None and not waits and not work.ends):
+            unseen = any(not step.answered for step in self._folder.steps())
             self._folder.conclude(self._folder.newest())
         elif waits is not None and not (waits == work.name and work.start == "go-on"):
             raise DeviceRefused("E-OFF-BEGUN", self._where, what=waits or "another command")
         self._folder.call(work.name)
+        return unseen
 
     async def close(self) -> None:
         """What the control is still to be told goes along in the next program; nothing else to let go of."""
@@ -101,15 +104,13 @@ class CarriedSession(UaSession):
         """No second one. Raises UnsupportedDevice (E-UA-ABSENT)."""
         raise UnsupportedDevice("E-UA-ABSENT", self._where, status="no wire", what=f"a second session in {timeout_s} s")
 
-    async def _introduced(self) -> None:
-        """The first step of all: look at the control."""
-        await self.looked("introduction")
+    async def looked(self, why: str, *, restart: bool = False, also: tuple[str, ...] = ()) -> None:
+        """A step of the looking program alone, after a ``restart`` of the control or not. Raises as `rest`.
 
-    async def looked(self, why: str, *, restart: bool = False) -> None:
-        """A step of the looking program alone, ``restart``: after a restart of the control. Raises as `rest`."""
-        self._pending = self._next(
-            LOOK, why, lambda number: composing.looking(number, self._asked_for), restart=restart
-        )
+        ``also`` are files that come back beside it where the control has them.
+        """
+        asked = self._asked_for
+        self._pending = self._next(LOOK, why, lambda one: composing.looking(one, asked), restart=restart, also=also)
         while self._pending is not None:
             await self.rest(LOOK_S)
 
@@ -173,6 +174,9 @@ class CarriedSession(UaSession):
             return None
         if method == "CopyFileFromServer":
             text = self._programs.get(path, self._files.get(path))
+            if text is None and at_work().start == "instead":  # what other work never brought may still be there
+                await self.looked(path, also=(path,))
+                text = self._files.get(path)
             if text is None:
                 raise DeviceRefused("E-UA-FILE", self._where, status="BadNotFound", what=path)
             return text.encode("latin-1")
@@ -197,12 +201,8 @@ class CarriedSession(UaSession):
         if text is None:
             raise DeviceRefused("E-NC-NO-PROGRAM", self._where, path=path)
         image, given = self.image, dict(self.image.queued)
-
-        def compose(number: int) -> str:
-            told = (self._asked_for, image.serial.strip(), image.chain, given)
-            return composing.composed(text, number, *told)
-
-        self._pending = self._next(path, text, compose, given)
+        told = (self._asked_for, image.serial.strip(), image.chain, given)
+        self._pending = self._next(path, text, lambda number: composing.composed(text, number, *told), given)
         image.program = path
         self._quiet_s = 0.0
 
@@ -214,14 +214,14 @@ class CarriedSession(UaSession):
         given: dict[int, float] | None = None,
         *,
         restart: bool = False,
+        also: tuple[str, ...] = (),
     ) -> CarriedStep:
         """The step at this place of the work: as it was composed before, or composed, kept and laid out now."""
         digest = composing.digest(sent)
         place, self._at = self._at, self._at + 1
         drawn, self._drawn = self._drawn, []
         if place < len(self._steps):
-            step = self._steps[place]
-            if (step.path, step.sent) != (path, digest):
+            if ((step := self._steps[place]).path, step.sent) != (path, digest):
                 raise DeviceRefused("E-OFF-DIVERGED", self._where, step=place + 1, was=step.path, now=path)
             return step
         number = _any_number()
@@ -229,7 +229,7 @@ class CarriedSession(UaSession):
         text = compose(number)
         answering.judge(path, text, self._asked_for.axes)
         kept = {str(name): value for name, value in (given or {}).items()}
-        files = tuple(composing.begins_of(text))
+        files = (*composing.begins_of(text), *also)
         step = CarriedStep(number, path, digest, files=files, look=look, given=kept, drawn=drawn)
         step.restart = restart or answering.restarts([*self._steps, step])
         self._steps.append(step)

@@ -10,7 +10,7 @@ import time
 import hal
 
 PLAY = (0.008, 0.0, 0.0, 0.004)
-PITCH = (6e-5, -5e-5, 0.0, 3e-5)  # per mm or deg
+PITCH = (6e-5, -5e-5, 0.0, 2e-5)  # per mm or deg
 WAVE = ((0.002, 40.0), (0.002, 25.0), (0.0, 1.0), (0.005, 90.0))  # amplitude, period
 
 
