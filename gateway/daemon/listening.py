@@ -6,10 +6,12 @@ import asyncio
 import os
 import socket
 import ssl
+from collections import deque
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, nullcontext
 from ipaddress import ip_address
 from pathlib import Path
+from typing import Any
 
 import uvicorn
 from uvicorn.protocols.http.h11_impl import H11Protocol
@@ -18,19 +20,49 @@ from drivers.errors import ConfigError
 
 GRACE_S = 2
 HEAD_S = 5.0
+HEAD_BYTES = 1 << 16
 BACKLOG = 4096
 """Who finds no place to wait at the door is let in by the kernel a second later, at the earliest."""
 AT_ONCE = 64
 """How many connections the loop accepts before it turns to other work: a crowd at the door must not hold it up."""
 
 
-class InTime(H11Protocol):
-    """Closes a connection whose request head is not complete within 5 s of its first moment.
+class Waiting:
+    """Requests that have come and wait for their turn: one is begun in each turn of the loop, health never waits.
 
-    ``refused`` is what an address that asks too often is told at once; b"" where it may ask.
+    ``refused`` gets an address and how many wait; what that caller is told at once, b"" where it may come in.
     """
 
-    refused: Callable[[str], bytes] = staticmethod(lambda _address: b"")
+    def __init__(self, refused: Callable[[str, int], bytes]) -> None:
+        self._refused = refused
+        self._line: deque[tuple[InTime, bytes]] = deque()
+
+    def answer(self, data: bytes, address: str) -> bytes:
+        """What a request is told before it is read; b"" where it may wait, or is none that can be refused here."""
+        return self._refused(address, len(self._line)) if is_whole(data) and data.startswith(b"GET ") else b""
+
+    def enter(self, one: InTime, data: bytes) -> None:
+        """This request is begun in its turn."""
+        self._line.append((one, data))
+        if len(self._line) == 1:
+            one.loop.call_soon(self._next)
+
+    def _next(self) -> None:
+        one, data = self._line.popleft()
+        if self._line:
+            one.loop.call_soon(self._next)
+        one.begin(data)
+
+
+def is_whole(data: bytes) -> bool:
+    """Whether this is a complete request head, and not a question for health."""
+    return b"\r\n\r\n" in data and not data.startswith(b"GET /healthz ")
+
+
+class InTime(H11Protocol):
+    """Closes a connection whose request head is not complete within 5 s of its first moment; requests take turns."""
+
+    waiting: Waiting
 
     _watch: asyncio.TimerHandle | None = None
 
@@ -40,22 +72,33 @@ class InTime(H11Protocol):
         self._begin()
 
     def data_received(self, data: bytes) -> None:
-        """As usual; the head of the next request on the same connection has its time too."""
-        if answer := self._answer_at_the_door(data):
+        """A request is told to go, or waits for its turn; the head of the next one has its time too."""
+        if not self._is_idle() or not is_whole(data):
+            self._read(data)
+        elif answer := self.waiting.answer(data, self.client[0] if self.client else ""):
             self._end()
             self.transport.write(answer)
             self.transport.close()
-            return
+        else:
+            self._end()
+            self.flow.pause_reading()
+            self.waiting.enter(self, data)
+
+    def begin(self, data: bytes) -> None:
+        """Its turn has come; nothing where the caller has left."""
+        if not self.transport.is_closing():
+            self.flow.resume_reading()
+            self._read(data)
+
+    def _read(self, data: bytes) -> None:
         super().data_received(data)
-        if self.cycle is not None and not self.cycle.response_complete:
+        if not self._is_idle():
             self._end()
         elif self._watch is None and not self.transport.is_closing():
             self._begin()
 
-    def _answer_at_the_door(self, data: bytes) -> bytes:
-        """To a crowd: its requests are not even read. A question for health always is."""
-        asks = self.cycle is None and data.startswith(b"GET ") and not data.startswith(b"GET /healthz ")
-        return self.refused(self.client[0] if self.client else "") if asks and b"\r\n\r\n" in data else b""
+    def _is_idle(self) -> bool:
+        return self.cycle is None or self.cycle.response_complete
 
     def connection_lost(self, exc: Exception | None) -> None:
         """As usual."""
@@ -75,11 +118,50 @@ class InTime(H11Protocol):
             self.transport.abort()
 
 
+class Entrance(socket.socket):
+    """Takes a bounded number of callers in a turn of the loop, and answers at once whom ``answer`` refuses.
+
+    ``answer`` gets what a caller has sent so far and its address; b"" lets it in. Over TLS nothing can be read here.
+    A loop that does not call `accept` (Windows) lets all in, and they are refused when they ask.
+    """
+
+    answer: Callable[[bytes, str], bytes] = staticmethod(lambda _data, _address: b"")
+    _left = AT_ONCE
+
+    def accept(self) -> tuple[socket.socket, Any]:
+        """The next caller that is let in; BlockingIOError where there is none, or the turn is over."""
+        try:
+            while self._left:
+                self._left -= 1
+                caller, address = super().accept()
+                caller.setblocking(False)
+                if not self._is_refused(caller, str(address[0])):
+                    return caller, address
+            raise BlockingIOError
+        except OSError:
+            self._left = AT_ONCE
+            raise
+
+    def _is_refused(self, caller: socket.socket, address: str) -> bool:
+        try:
+            if not (answer := self.answer(caller.recv(HEAD_BYTES, socket.MSG_PEEK), address)):
+                return False
+            caller.recv(HEAD_BYTES)
+            caller.send(answer)
+        except BlockingIOError:
+            return False  # it has asked nothing yet
+        except OSError:
+            pass  # it has left
+        caller.close()
+        return True
+
+
 class PageServer(uvicorn.Server):
     """A uvicorn that leaves signals to us and says when it listens."""
 
-    def __init__(self, config: uvicorn.Config) -> None:
+    def __init__(self, config: uvicorn.Config, waiting: Waiting) -> None:
         super().__init__(config)
+        self._waiting = waiting
         self.listening = asyncio.Event()
 
     def capture_signals(self) -> nullcontext[None]:  # type: ignore[override]
@@ -90,16 +172,21 @@ class PageServer(uvicorn.Server):
         """Start as usual, then say so."""
         await super().startup(sockets)
         for one in sockets or ():
+            if isinstance(one, Entrance) and not self.config.is_ssl:
+                one.answer = self._waiting.answer
             one.listen(BACKLOG)  # the loop takes few at a time; those that wait their turn wait here
         self.listening.set()
 
 
-def server_of(app: object, certificate: Path | None, key: Path | None, refused: Callable[[str], bytes]) -> PageServer:
+def server_of(
+    app: object, certificate: Path | None, key: Path | None, refused: Callable[[str, int], bytes]
+) -> PageServer:
     """A server of an application, over TLS where there is a certificate. Raises ConfigError (E-WEB-FILES)."""
+    waiting = Waiting(refused)
     config = uvicorn.Config(
         app,  # type: ignore[arg-type]
         loop="asyncio",
-        http=type("Door", (InTime,), {"refused": staticmethod(refused)}),
+        http=type("Door", (InTime,), {"waiting": waiting}),
         ws="none",
         lifespan="off",
         log_config=None,
@@ -107,7 +194,7 @@ def server_of(app: object, certificate: Path | None, key: Path | None, refused: 
         proxy_headers=False,
         server_header=False,
         timeout_graceful_shutdown=GRACE_S,
-        backlog=AT_ONCE,
+        backlog=AT_ONCE + 1,
         ssl_certfile=certificate,
         ssl_keyfile=key,
     )
@@ -115,14 +202,14 @@ def server_of(app: object, certificate: Path | None, key: Path | None, refused: 
         config.load()
     except (OSError, ssl.SSLError) as error:
         raise ConfigError("E-WEB-FILES", "service", why=error.strerror or str(error)) from error
-    return PageServer(config)
+    return PageServer(config, waiting)
 
 
 @contextmanager
 def listener_on(host: str, port: int, *, secure: bool) -> Iterator[socket.socket]:
     """A bound socket; beyond this computer only over TLS. Raises ConfigError (E-WEB-BIND, E-WEB-PORT)."""
     address = "127.0.0.1" if host == "localhost" else host
-    with socket.socket(_family(address, secure=secure), socket.SOCK_STREAM) as listener:
+    with Entrance(_family(address, secure=secure), socket.SOCK_STREAM) as listener:
         if os.name == "posix":
             # Elsewhere this option would let two programs share the port.
             listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)

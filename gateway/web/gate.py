@@ -92,7 +92,7 @@ class Gate:
         if (wait := asks.wait_s(address)) > 0.0:
             return _too_often(int(wait) + 1)
         asks.count(address)
-        return _answer("E-WEB-CROWDED", 503, {"retry-after": "1"}) if self._inside >= MOST_INSIDE else None
+        return _crowded() if self._inside >= MOST_INSIDE else None
 
 
 def _in_time(receive: Receive, clock: Clock) -> Receive:
@@ -111,12 +111,13 @@ def _in_time(receive: Receive, clock: Clock) -> Receive:
     return received
 
 
-def at_the_door(asks: Tries) -> Callable[[str], bytes]:
-    """What an address that asks too often is told before its request is read; b"" where it may ask."""
+def at_the_door(asks: Tries) -> Callable[[str, int], bytes]:
+    """What an address that asks too often, or finds too many waiting, is told before its request is read; b"": none."""
 
-    def refused(address: str) -> bytes:
-        wait = asks.wait_s(address)
-        return _as_bytes(int(wait) + 1) if wait > 0.0 else b""
+    def refused(address: str, waiting: int) -> bytes:
+        if (wait := asks.wait_s(address)) > 0.0:
+            return _as_bytes(int(wait) + 1)
+        return _as_bytes(0) if waiting >= MOST_INSIDE else b""
 
     return refused
 
@@ -125,11 +126,16 @@ def _too_often(seconds: int) -> JSONResponse:
     return _answer("E-WEB-OFTEN", 429, {"retry-after": str(seconds)}, seconds=seconds)
 
 
+def _crowded() -> JSONResponse:
+    return _answer("E-WEB-CROWDED", 503, {"retry-after": "1"})
+
+
 @cache
 def _as_bytes(seconds: int) -> bytes:
-    answer = _too_often(seconds)
+    answer = _too_often(seconds) if seconds else _crowded()
     _harden(answer.headers, secure=False)
-    head = [f"HTTP/1.1 429 {HTTPStatus(429).phrase}".encode(), b"connection: close"]
+    begin = f"HTTP/1.1 {answer.status_code} {HTTPStatus(answer.status_code).phrase}".encode()
+    head = [begin, b"connection: close"]
     return b"\r\n".join((*head, *(name + b": " + value for name, value in answer.raw_headers), b"", bytes(answer.body)))
 
 

@@ -79,7 +79,9 @@ async def main() -> None:
     crowd = [asyncio.create_task(ask(f"/api/v1/sites/{SITE}/jobs")) for _one in range(CROWD)]
     probes = []
     while time.time() < until:
-        probes.append(await ask("/healthz"))
+        begun, idle = time.monotonic(), waited()
+        status, took = await ask("/healthz")
+        probes.append((status, took, begun, waited() - idle))
         await asyncio.sleep(0.1)
     statuses: dict[int, int] = {}
     for one in crowd:
@@ -91,9 +93,9 @@ async def main() -> None:
     print(
         json.dumps(
             {
-                "health_s": [took for _status, took in probes],
-                "health": sorted({status for status, _took in probes}),
-                "waited_s": waited(),
+                "health_s": [probe[1] for probe in probes],
+                "health": sorted({probe[0] for probe in probes}),
+                "probes": [probe[1:] for probe in probes],
                 "crowd": statuses,
                 "borne_s": [borne[0], borne[len(borne) // 2], borne[-1]] if borne else [],
                 "pages": pages,

@@ -61,23 +61,38 @@ async def clients(port: int, token: str, *numbers: int) -> dict[str, Any]:
 
 
 def waited() -> float:
-    """How long this process's threads were ready and got no processor so far, s: what other programs cost it."""
+    """How long this process's threads were ready and got no processor so far, s: what other programs cost it.
+
+    All of them: the loop also waits for whichever of them holds the interpreter and was put aside.
+    """
     parts = (path.read_text(encoding="ascii").split() for path in Path("/proc/self/task").glob("*/schedstat"))
     return sum(int(part[1]) for part in parts) / 1e9
 
 
-async def lag(told: list[float]) -> None:
-    """How much later than asked for the loop comes back, s, less what other programs cost it."""
+async def lag(told: list[float], idle: list[tuple[float, float]]) -> None:
+    """How much later than asked for the loop comes back, s, less what other programs cost it.
+
+    ``idle`` gets when this was looked at, and how long the process had waited for a processor by then.
+    """
     loop = asyncio.get_running_loop()
     while True:
         before, other = loop.time(), waited()
+        idle.append((before, other))
         await LoopClock().sleep(0.005)
         told.append(loop.time() - before - 0.005 - (waited() - other))
 
 
+def own_s(probe: tuple[float, float, float], idle: list[tuple[float, float]]) -> float:
+    """How long a question for health took, s, less what other programs cost those who asked and answered meanwhile."""
+    took, begun, waited_there = probe
+    before = max((one for at, one in idle if at <= begun), default=idle[0][1])
+    after = min((one for at, one in idle if at >= begun + took), default=idle[-1][1])
+    return took - waited_there - (after - before)
+
+
 def captured(folder: Path, monkeypatch: pytest.MonkeyPatch, numbers: tuple[int, int, int], seconds: int) -> Any:
     """What clients met while a capture went on, and what it got: (clients, samples, lost, latest lags)."""
-    met: dict[str, Any] = {"samples": 0, "lost": 0, "lag": []}
+    met: dict[str, Any] = {"samples": 0, "lost": 0, "lag": [], "idle": []}
     places: list[ServedPlace] = []
     whole = ServedPlace.__init__
 
@@ -110,32 +125,41 @@ def captured(folder: Path, monkeypatch: pytest.MonkeyPatch, numbers: tuple[int, 
             done.set()
 
         token = token_path(folder).read_text(encoding="ascii").strip()
-        lags, before = asyncio.create_task(lag(met["lag"])), waited()
+        lags = asyncio.create_task(lag(met["lag"], met["idle"]))
         crowd = asyncio.create_task(clients(client.base_url.port or 0, token, *numbers, seconds - 2))
         probe = asyncio.create_task(clients(client.base_url.port or 0, token, 0, 0, 0, seconds - 2))
         places[0].begin(work, kind="run", who="anna")
         met["clients"] = await crowd
         probed = await probe
-        met["health_s"], met["waited_s"] = probed["health_s"], probed["waited_s"] + waited() - before
+        met["probes"] = probed["probes"]
         await done.wait()
         lags.cancel()
         await asyncio.gather(lags, return_exceptions=True)
 
     served(folder, body)
+    met["health_s"] = sorted(own_s(tuple(one), met["idle"]) for one in met["probes"])
     return met
+
+
+def told(met: dict[str, Any]) -> str:
+    """The figures of a round in one line, also printed."""
+    taken = [one[0] for one in met["probes"]]
+    line = f"health {len(taken)} times, by the clock at most {max(taken):.2f} s, own {met['health_s'][-1]:.2f} s; "
+    line += f"lag at most {max(met['lag']):.3f} s; {met['clients']['crowd']}, {met['clients']['borne_s']}"
+    print(line)
+    return line
 
 
 def test_a_crowd_and_half_open_connections_hold_up_neither_health_nor_capture(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     met = captured(tmp_path, monkeypatch, (1000, 2000, 0), 12)
-    print({**met, "lag": max(met["lag"]), "health_s": max(met["health_s"])})
+    said = told(met)
     found = met["clients"]
     assert (met["samples"], met["lost"]) == (12 * RATE, 0)
     assert found["health"] == [200]
-    # What other programs cost is taken off: then half-open connections would show with their 5 s. Alone it is 0.02 s.
-    health_s = sorted(met["health_s"])[len(met["health_s"]) // 2]
-    assert health_s - met["waited_s"] < 1.0, "from a program not busy with the crowd itself"
+    # The slowest answer, less the turns that other programs had on the processors meanwhile.
+    assert met["health_s"][-1] < 1.0, said
     assert 4.9 < found["borne_s"][1] < 15.0, "half of the heads that are not complete in 5 s were closed by then"
     assert found["borne_s"][2] < 60.0, "and each in the end"
     assert sum(found["crowd"].values()) == 2000
@@ -147,7 +171,7 @@ def test_eight_pages_on_a_50_khz_capture_lose_no_sample_and_hold_up_nothing(
 ) -> None:
     met = captured(tmp_path, monkeypatch, (0, 0, 8), 12)
     found = met["clients"]
-    print({**met, "lag": max(met["lag"]), "health_s": max(met["health_s"])})
+    told(met)
     assert (met["samples"], met["lost"]) == (12 * RATE, 0)
     assert len(found["pages"]) == 8
     for page in found["pages"]:
