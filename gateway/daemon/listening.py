@@ -27,7 +27,7 @@ AT_ONCE = 64
 """How many connections the loop accepts before it turns to other work: a crowd at the door must not hold it up."""
 
 
-class Waiting:
+class InTurn:
     """Requests that have come and wait for their turn: one is begun in each turn of the loop, health never waits.
 
     ``refused`` gets an address and how many wait; what that caller is told at once, b"" where it may come in.
@@ -62,7 +62,7 @@ def is_whole(data: bytes) -> bool:
 class InTime(H11Protocol):
     """Closes a connection whose request head is not complete within 5 s of its first moment; requests take turns."""
 
-    waiting: Waiting
+    waiting: InTurn
 
     _watch: asyncio.TimerHandle | None = None
 
@@ -159,7 +159,7 @@ class Entrance(socket.socket):
 class PageServer(uvicorn.Server):
     """A uvicorn that leaves signals to us and says when it listens."""
 
-    def __init__(self, config: uvicorn.Config, waiting: Waiting) -> None:
+    def __init__(self, config: uvicorn.Config, waiting: InTurn) -> None:
         super().__init__(config)
         self._waiting = waiting
         self.listening = asyncio.Event()
@@ -182,7 +182,7 @@ def server_of(
     app: object, certificate: Path | None, key: Path | None, refused: Callable[[str, int], bytes]
 ) -> PageServer:
     """A server of an application, over TLS where there is a certificate. Raises ConfigError (E-WEB-FILES)."""
-    waiting = Waiting(refused)
+    waiting = InTurn(refused)
     config = uvicorn.Config(
         app,  # type: ignore[arg-type]
         loop="asyncio",

@@ -13,7 +13,7 @@ from typing import Any
 import pytest
 from fastapi.routing import APIRoute
 
-from gateway.daemon.listening import AT_ONCE, Entrance, Waiting
+from gateway.daemon.listening import AT_ONCE, Entrance, InTurn
 from gateway.store import Store
 from gateway.users import ROLES, Tries, UserRole
 from gateway.web import app as application
@@ -340,7 +340,7 @@ def test_a_crowd_is_told_at_the_door_with_the_same_headers_and_health_is_always_
         b"GET /healthz HTTP/1.1\r\n\r\n": False,
         b"GET /api/v1/me HT": False,
     }
-    assert {data: bool(Waiting(refused).answer(data, "10.0.0.7")) for data in asked} == asked
+    assert {data: bool(InTurn(refused).answer(data, "10.0.0.7")) for data in asked} == asked
 
 
 def test_a_turn_of_the_loop_takes_few_callers_and_refuses_a_crowd_without_a_connection() -> None:
@@ -373,7 +373,7 @@ def test_requests_are_begun_one_in_a_turn_of_the_loop_and_health_never_waits() -
         loop = SimpleNamespace(call_soon=soon.append)
         begin = staticmethod(begun.append)
 
-    waiting = Waiting(lambda _address, number: b"full" if number >= 3 else b"")
+    waiting = InTurn(lambda _address, number: b"full" if number >= 3 else b"")
     for number in range(3):
         assert waiting.answer(b"GET / HTTP/1.1\r\n\r\n", "") == b""
         waiting.enter(Caller(), b"%d" % number)  # type: ignore[arg-type]
