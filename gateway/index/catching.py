@@ -12,7 +12,18 @@ from drivers.errors import ConfigError
 from gateway.config import SiteFile
 from gateway.errors import StoreError
 from gateway.index.keeping import RunIndex
-from gateway.index.rows import FLANK, FLANK_PARAMETERS, PARAMETERS, figures_of, row_of, seal_of
+from gateway.index.rows import (
+    FLANK,
+    FLANK_PARAMETERS,
+    PARAMETERS,
+    figures_of,
+    journals_seal,
+    row_of,
+    seal_of,
+    tables_of,
+)
+from gateway.push.records.history import machines
+from gateway.push.records.journal import JOURNALS
 from gateway.store import RunFolder, RunSummary, Store
 
 
@@ -51,7 +62,18 @@ def _caught_up(index: RunIndex, store: Store) -> int:
         index.drop(gone)
     for run_id in set(index.looked) - set(marks):
         del index.looked[run_id]
+    _tables_caught_up(index, store.root / JOURNALS)
     return changed
+
+
+def _tables_caught_up(index: RunIndex, journals: Path) -> None:
+    seal = journals_seal(journals)
+    known = index.tables_seal()
+    if known == seal or (not known and index.no_tables == seal):
+        return
+    rows = [row for serial in machines(journals) for row in tables_of(index.gateway, journals, serial, seal)]
+    index.put_tables(rows)
+    index.no_tables = "" if rows else seal
 
 
 def _put(index: RunIndex, run: RunSummary, seal: str) -> None:

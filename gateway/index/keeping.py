@@ -17,11 +17,15 @@ from sqlalchemy.pool import NullPool
 
 from drivers.local.ownfiles import made_parents, no_link
 from gateway.errors import StoreError
-from gateway.index.rows import IndexedFigure, IndexedRun
-from gateway.index.schema import FIGURES, RUNS
+from gateway.index.rows import IndexedFigure, IndexedRun, IndexedTable
+from gateway.index.schema import FIGURES, RUNS, TABLES
 
 INDEX_FILE = "index.db"
-STEPS = ("gateway.index.migrations.env", "gateway.index.migrations.versions.v0001_runs_and_figures")
+STEPS = (
+    "gateway.index.migrations.env",
+    "gateway.index.migrations.versions.v0001_runs_and_figures",
+    "gateway.index.migrations.versions.v0002_active_tables",
+)
 """Modules that alembic loads by their files."""
 MOST_ROWS = 10_000
 
@@ -50,6 +54,8 @@ class RunIndex:
         self._is_open = False
         self.looked: dict[str, tuple[tuple[int, ...], str]] = {}
         """Each run's mark (`Store.marks`) and seal when it was read last."""
+        self.no_tables = ""
+        """The seal of the journals when they were read last and had left no table."""
         self.turn = threading.Lock()
         """Who lets it catch up: one thread at a time."""
         self._engine = _engine(url or index_url(root))
@@ -141,8 +147,38 @@ class RunIndex:
         """Forget every run of this store."""
         with self._at() as at:
             self._turn(at)
-            for table in (FIGURES, RUNS):
+            for table in (FIGURES, RUNS, TABLES):
                 at.execute(delete(table).where(table.c.gateway == self.gateway))
+
+    def tables_seal(self) -> str:
+        """The seal of the journals that this store's tables were taken from; "" where there are none."""
+        with self._at() as at:
+            found = at.execute(select(TABLES.c.seal).where(TABLES.c.gateway == self.gateway).limit(1)).scalar()
+            return str(found or "")
+
+    def put_tables(self, tables: Iterable[IndexedTable]) -> None:
+        """What pushes of this store left in its machines, all anew."""
+        rows = [asdict(one) for one in tables]
+        with self._at() as at:
+            self._turn(at)
+            at.execute(delete(TABLES).where(TABLES.c.gateway == self.gateway))
+            if rows:
+                at.execute(insert(TABLES), rows)
+
+    def tables(self, *, serial: str = "") -> list[dict[str, Any]]:
+        """The tables that should act in each machine by what was pushed, of every gateway, by machine and name.
+
+        ``site`` is that of the machine's newest run. Where a machine was served by more than one gateway each tells
+        of its own pushes.
+        """
+        site = select(RUNS.c.site).where(RUNS.c.gateway == TABLES.c.gateway, RUNS.c.serial == TABLES.c.serial)
+        newest = site.order_by(RUNS.c.created_utc.desc()).limit(1).scalar_subquery()
+        wanted = select(TABLES, func.coalesce(newest, "").label("site"))
+        if serial:
+            wanted = wanted.where(TABLES.c.serial == serial)
+        ordered = wanted.order_by(TABLES.c.serial, TABLES.c.gateway, TABLES.c.name).limit(MOST_ROWS)
+        with self._at() as at:
+            return [dict(row._mapping) for row in at.execute(ordered)]  # noqa: SLF001 - the library's public name
 
     def search(self, text: str = "", *, serial: str = "", most: int = 100) -> list[dict[str, Any]]:
         """Runs of every gateway, newest first, whose id, site, machine or state holds a text."""

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import os
+from collections.abc import Iterable, Iterator
+from contextlib import suppress
 from dataclasses import dataclass
+from pathlib import Path
 
 from gateway.domain.figures import Evaluation
 from gateway.errors import StoreError
+from gateway.push.records.history import standing, table_id
 from gateway.store import RunFolder, RunSummary
 from gateway.store.records import canonical, sha256
 from gateway.tooth import ToothVerdict
@@ -45,6 +49,27 @@ class IndexedFigure:
     unit: str
 
 
+@dataclass(frozen=True, slots=True)
+class IndexedTable:
+    """A table that should act in a machine by what was pushed; ``seal`` changes whenever the machine's journals do.
+
+    ``name`` as in a proposal ("C1", a cross table with its number), ``table_id`` of its points. Where a journal
+    cannot be believed nobody knows what should act: one row without a name, with its problem.
+    """
+
+    gateway: str
+    serial: str
+    name: str
+    axis: str
+    table_id: str
+    transaction: int
+    utc: str
+    enabled: bool
+    kind: str
+    problem: str
+    seal: str
+
+
 def row_of(gateway: str, run: RunSummary, seal: str) -> IndexedRun:
     """A run as its line in the list of runs has it."""
     return IndexedRun(
@@ -68,6 +93,40 @@ def seal_of(run: RunSummary) -> str:
         return sha256(canonical(dict(RunFolder(run.path).facts)))
     except (StoreError, TypeError, ValueError):
         return ""
+
+
+def tables_of(gateway: str, journals: Path, serial: str, seal: str) -> Iterator[IndexedTable]:
+    """What pushes left in one machine."""
+    try:
+        for one in standing(journals, serial):
+            yield IndexedTable(
+                gateway=gateway,
+                serial=serial,
+                name=one.table,
+                axis=one.axis,
+                table_id=table_id(one),
+                transaction=one.transaction,
+                utc=one.utc,
+                enabled=one.new.enabled,
+                kind=one.new.table.kind,
+                problem="",
+                seal=seal,
+            )
+    except StoreError as error:
+        yield IndexedTable(gateway, serial, "", "", "", 0, "", enabled=False, kind="", problem=str(error), seal=seal)
+
+
+def journals_seal(journals: Path) -> str:
+    """What changes whenever a journal of a store begins, goes on or ends."""
+    found = sorted(path for path in journals.rglob("tx-*.jnl")) if journals.is_dir() else []
+    marks = [(str(path.relative_to(journals)), stat.st_size, stat.st_mtime_ns) for path, stat in _stats(found)]
+    return sha256(canonical({"journals": marks}))
+
+
+def _stats(paths: Iterable[Path]) -> Iterator[tuple[Path, os.stat_result]]:
+    for path in paths:
+        with suppress(OSError):  # it was set aside meanwhile: the next time finds it
+            yield path, path.stat()
 
 
 def figures_of(gateway: str, folder: RunFolder) -> Iterator[IndexedFigure]:

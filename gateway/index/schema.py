@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from sqlalchemy import Column, Float, ForeignKeyConstraint, Index, MetaData, String, Table, Text
+from sqlalchemy import BigInteger, Boolean, Column, Float, ForeignKeyConstraint, Index, MetaData, String, Table, Text
 
 METADATA = MetaData()
 _RUN = (
@@ -29,5 +29,19 @@ _FIGURE = (
     ForeignKeyConstraint(["gateway", "run_id"], ["run.gateway", "run.run_id"], ondelete="CASCADE"),
     Index("figure_by_subject", "subject", "parameter", "phase"),
 )
+_TABLE = (
+    Column("gateway", String(200), primary_key=True),
+    Column("serial", String(200), primary_key=True),
+    Column("name", String(80), primary_key=True),
+    Column("axis", String(40), nullable=False),
+    Column("table_id", String(12), nullable=False),
+    Column("transaction", BigInteger, nullable=False),
+    Column("utc", String(40), nullable=False),
+    Column("enabled", Boolean, nullable=False),
+    Column("kind", String(20), nullable=False),
+    Column("problem", Text, nullable=False),
+    Column("seal", String(64), nullable=False),
+)
 RUNS = Table("run", METADATA, *_RUN)
 FIGURES = Table("figure", METADATA, *_FIGURE)
+TABLES = Table("active_table", METADATA, *_TABLE)

@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-import hashlib
-import json
 from typing import Any
 
 from gateway import audit
-from gateway.push.compare import table_facts
-from gateway.push.records.history import Committed, committed, pushed_tables
+from gateway.push.records.history import Committed, standing, table_id
 from gateway.push.records.holding import held_pushes
 from gateway.push.records.journal import JOURNALS
 from gateway.store import Store
@@ -17,19 +14,12 @@ from gateway.store import Store
 def standing_tables(store: Store, serial: str) -> dict[str, Any]:
     """The tables that should be live now, the alarms about them, and what is held. Raises StoreError."""
     journals = store.root / JOURNALS
-    last = [committed(journals, serial, name)[-1] for name in pushed_tables(journals, serial)]
     return {
         "serial": serial,
-        "tables": [_table(one) for one in last],
+        "tables": [_table(one) for one in standing(journals, serial)],
         "alarms": dict(audit.standing(store.root, serial).alarms),
         "held": [one.as_data() for one in held_pushes(journals)],
     }
-
-
-def table_id(push: Committed) -> str:
-    """The first twelve digits of a table's own hash: the same points in the same form have the same."""
-    facts = json.dumps(table_facts(push.new.table), sort_keys=True, default=str)
-    return hashlib.sha256(facts.encode("utf-8")).hexdigest()[:12]
 
 
 def _table(push: Committed) -> dict[str, Any]:

@@ -43,6 +43,14 @@ def due(request: Request, site: str) -> dict[str, Any]:
     return {"measured": due_of(at.index, at.site.service.due_days, service_of(request).clock.utc())}
 
 
+@routes.get("/active-tables")
+def active_tables(request: Request, site: str, serial: Word = "") -> dict[str, Any]:
+    """The tables that should act in each machine by what was pushed, with id and date; a shared database's all."""
+    at = site_of(request, site)
+    caught_up(at.index, at.store)
+    return {"tables": at.index.tables(serial=serial)}
+
+
 @routes.get("/compare")
 def compare(request: Request, site: str, parameter: Word, subject: Word, phase: Word = "after") -> dict[str, Any]:
     """One error across machines: the newest figure of each, the largest first; in a shared database those of all."""

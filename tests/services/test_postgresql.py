@@ -16,8 +16,10 @@ from sqlalchemy.exc import SQLAlchemyError
 
 from drivers.errors import TrueflankError
 from gateway.index import RunIndex, caught_up, rebuilt
+from gateway.push.records.journal import JOURNALS
 from gateway.store import Store
 from tests.services.peers import lasting_port
+from tests.unit.push.test_history import SERIAL, written
 from tests.unit.service.test_index import measured
 
 pytestmark = pytest.mark.services
@@ -88,6 +90,7 @@ def test_gateways_that_begin_together_make_one_index_and_keep_their_runs_apart(s
     for store in stores:
         for _run in range(3):
             measured(store, "X1")
+        written(store.root / JOURNALS, 1, 0.0, 1.0, serial=SERIAL)
     failed: list[Exception] = []
 
     def follow(store: Store) -> None:
@@ -107,8 +110,11 @@ def test_gateways_that_begin_together_make_one_index_and_keep_their_runs_apart(s
     index = RunIndex(stores[0].root, server.url)
     index.open()
     assert len(index.trend("E", subject="X1")) == 18
+    assert [(one["serial"], one["name"], one["transaction"]) for one in index.tables()] == [(SERIAL, "X1", 1)] * 6
+    assert len({one["gateway"] for one in index.tables()}) == 6
     assert rebuilt(index, stores[0]) == 3
     assert len(index.search()) == 18
+    assert len(index.tables()) == 6
 
 
 def test_a_service_and_a_reindex_beside_it_are_in_nobodys_way(server: Server, tmp_path: Path) -> None:

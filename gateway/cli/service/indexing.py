@@ -1,4 +1,4 @@
-"""The commands `reindex`, the index made anew from the run folders, and `compare`, one error across machines."""
+"""The commands `reindex`, and what the index says of all machines: `compare` and `tables`."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ from typing import Annotated
 
 import typer
 
+from gateway.cli.onward import next_step
 from gateway.cli.options import JsonOption, SiteArgument, load_site
 from gateway.cli.show import echo, show_json
 
@@ -50,3 +51,33 @@ def compare_command(
         echo(f"{one['serial']:<20} {one['site']:<20} {figure:<22} {one['phase']:<7} {one['created_utc'][:10]}")
     if not found:
         echo(f"no machine has {parameter} of {subject}")
+
+
+def tables_command(
+    site: SiteArgument,
+    serial: Annotated[str, typer.Option("--machine", help="One machine only, by its serial number.")] = "",
+    as_json: JsonOption = False,
+) -> None:
+    """List the tables that should act in every machine of the index, by what was pushed: id and date of each."""
+    from gateway.index import caught_up, index_of
+    from gateway.workflow.bench import store_of
+
+    tree = load_site(site)
+    store = store_of(tree, site)
+    index = index_of(tree, site, store)
+    caught_up(index, store)
+    found = index.tables(serial=serial)
+    if as_json:
+        show_json({"tables": found})
+        return
+    for one in found:
+        told = f"{one['serial']:<20} {one['site']:<20} "
+        if one["problem"]:
+            echo(told + one["problem"])
+            continue
+        switch = "on" if one["enabled"] else "off"
+        echo(told + f"{one['name']:<12} {one['table_id']:<13} {one['utc'][:16].replace('T', ' ')} UTC  {switch}")
+    if not found:
+        echo("no table was pushed to " + (f"machine {serial}" if serial else "any machine"))
+    else:
+        next_step(f"verify-table {site}")

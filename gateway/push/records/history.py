@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import hashlib
+import json
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,7 +14,7 @@ from drivers.terms import spoken
 from drivers.types.tables import CompensationTable, LiveTable
 from drivers.types.values import Sense
 from gateway.errors import StoreError
-from gateway.push.compare import table_from
+from gateway.push.compare import table_facts, table_from
 from gateway.push.records import journal, numbering
 from gateway.push.records.journal import JournalRead
 
@@ -54,6 +56,10 @@ def committed(journals: Path, serial: str, table: str, meant: Meant = as_kept) -
     folder = journal.machine_folder(journals, serial)
     every = (_committed(one, meant) for one in _parts(folder))
     pushes = [push for push in every if push is not None and push.table == table]
+    return _in_order(folder, pushes)
+
+
+def _in_order(folder: Path, pushes: list[Committed]) -> tuple[Committed, ...]:
     return tuple(sorted(pushes, key=_age_among(pushes, _last_number(folder, pushes))))
 
 
@@ -98,6 +104,33 @@ def pushed_tables(journals: Path, serial: str) -> tuple[str, ...]:
     folder = journal.machine_folder(journals, serial)
     pushes = (_committed(one, as_kept) for one in _parts(folder))
     return tuple(sorted({push.table for push in pushes if push is not None}))
+
+
+def machines(journals: Path) -> tuple[str, ...]:
+    """Serial numbers of the machines that ended journals of a store tell of, in order; what is damaged is left out."""
+    folders = [path for path in journals.iterdir() if path.is_dir()] if journals.is_dir() else []
+    return tuple(sorted({_serial(folder) for folder in folders} - {""}))
+
+
+def _serial(folder: Path) -> str:
+    """By the first journal that can be read and names it."""
+    reads = (journal.read(path) for place in (folder / "done", folder) for path in journal.paths_of(place))
+    told = (part.latest("serial") for found in reads if not found.broken for part in found.parts)
+    return next((str(serial) for serial in told if serial), "")
+
+
+def standing(journals: Path, serial: str) -> tuple[Committed, ...]:
+    """The newest push of each table of a machine: what should be live now. Raises as `committed`."""
+    folder = journal.machine_folder(journals, serial)
+    every = [push for one in _parts(folder) if (push := _committed(one, as_kept)) is not None]
+    names = sorted({push.table for push in every})
+    return tuple(_in_order(folder, [push for push in every if push.table == name])[-1] for name in names)
+
+
+def table_id(push: Committed) -> str:
+    """The first twelve digits of a table's own hash: the same points in the same form have the same."""
+    facts = json.dumps(table_facts(push.new.table), sort_keys=True, default=str)
+    return hashlib.sha256(facts.encode("utf-8")).hexdigest()[:12]
 
 
 def to_undo(pushes: tuple[Committed, ...]) -> Committed | None:

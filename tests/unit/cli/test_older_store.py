@@ -42,6 +42,8 @@ def test_runs_are_listed_shown_and_indexed(site: Path) -> None:
     assert (shown["machine"], len(shown["stages"]), shown["errors"]) == (SERIAL, 12, [])
     assert told("reindex", site) == {"runs": 2}
     assert [one["serial"] for one in told("compare", site, "M", "--axis", "C1")["machines"]] == [SERIAL]
+    (table,) = told("tables", site)["tables"]
+    assert (table["serial"], table["name"], table["enabled"], len(table["table_id"])) == (SERIAL, "C1", True, 12)
 
 
 def test_a_report_says_the_figures_that_were_kept_and_every_seal_holds(site: Path) -> None:

@@ -16,8 +16,12 @@ from gateway import audit
 from gateway.errors import StoreError
 from gateway.index import IndexedFigure, IndexedRun, RunIndex, caught_up, compared, due_of, index_of, index_url, rebuilt
 from gateway.index.schema import METADATA
+from gateway.push.records.journal import JOURNALS
 from gateway.store import RunFolder, RunSummary, Store
+from gateway.views.pushed import standing_tables
 from tests.unit.audit.log import Moments
+from tests.unit.push.test_history import SERIAL as PUSHED
+from tests.unit.push.test_history import written
 from tests.unit.report.synthetic import axis_material
 from tests.unit.web.test_daemon import SITE
 
@@ -98,6 +102,63 @@ def test_made_anew_from_damage_and_beside_runs_that_cannot_be_read(tmp_path: Pat
     assert found[good] == ""
     assert found[bad]
     assert (tmp_path / "index.db.damaged-1").exists()
+
+
+def test_the_tables_of_every_machine_are_found_with_id_and_date(tmp_path: Path) -> None:
+    """By what the journals say: the newest push of each table, nothing of one that was taken back by the control."""
+    store, index = Store(tmp_path), RunIndex(tmp_path)
+    measured(store, "X1")
+    assert caught_up(index, store) == 1
+    assert index.tables() == []
+    journals = tmp_path / JOURNALS
+    for number, old, new in ((1, 0.0, 1.0), (2, 1.0, 2.0)):
+        written(journals, number, old, new, minute=number, serial=PUSHED)
+    written(journals, 3, 2.0, 9.0, end="ROLLED_BACK", serial=PUSHED)
+    written(journals, 4, 0.0, 3.0, axis="C1", serial=PUSHED)
+    assert caught_up(index, store) == 0
+    found = {one["name"]: one for one in index.tables()}
+    assert {name: (one["transaction"], one["utc"]) for name, one in found.items()} == {
+        "C1": (4, "2026-11-21T10:55:00+00:00"),
+        "X1": (2, "2026-11-21T10:02:00+00:00"),
+    }
+    assert found["X1"]["enabled"]
+    assert [one["id"] for one in standing_tables(store, PUSHED)["tables"]] == [
+        found[x]["table_id"] for x in ("C1", "X1")
+    ]
+    assert index.tables(serial="SN-9") == []
+    written(journals, 5, 2.0, 0.0, minute=6, undoes=2, serial=PUSHED)
+    index.clear()
+    caught_up(RunIndex(tmp_path), store)
+    assert [one["transaction"] for one in index.tables()] == [4, 5]
+    assert rebuilt(RunIndex(tmp_path), store) == 1
+    assert [one["transaction"] for one in index.tables()] == [4, 5]
+
+
+def test_a_machine_whose_journal_cannot_be_believed_says_so(tmp_path: Path) -> None:
+    store, index = Store(tmp_path), RunIndex(tmp_path)
+    for number in (1, 2):
+        path = written(tmp_path / JOURNALS, number, 0.0, 1.0, serial=PUSHED)
+    done = path.parent / "done" / path.name
+    done.write_bytes(done.read_bytes().replace(b"live-2", b"live-7"))
+    caught_up(index, store)
+    (found,) = index.tables()
+    assert (found["serial"], found["name"], found["table_id"]) == (PUSHED, "", "")
+    assert "E-PUSH-JOURNAL" in found["problem"]
+
+
+def test_an_index_of_an_older_program_gets_the_tables_that_it_lacks(tmp_path: Path) -> None:
+    store = Store(tmp_path)
+    measured(store, "X1")
+    caught_up(RunIndex(tmp_path), store)
+    engine = create_engine(index_url(tmp_path))
+    with engine.begin() as connection:
+        connection.exec_driver_sql("DROP TABLE active_table")
+        connection.exec_driver_sql("UPDATE alembic_version SET version_num = '0001'")
+    engine.dispose()
+    written(tmp_path / JOURNALS, 1, 0.0, 1.0, serial=PUSHED)
+    index = RunIndex(tmp_path)
+    assert caught_up(index, store) == 0
+    assert [one["name"] for one in index.tables()] == ["X1"]
 
 
 def test_the_steps_end_at_the_tables_that_the_program_knows(tmp_path: Path) -> None:
