@@ -113,7 +113,8 @@ def tables_of(gateway: str, journals: Path, serial: str, seal: str) -> Iterator[
                 seal=seal,
             )
     except StoreError as error:
-        yield IndexedTable(gateway, serial, "", "", "", 0, "", enabled=False, kind="", problem=str(error), seal=seal)
+        nothing = {"name": "", "axis": "", "table_id": "", "transaction": 0, "utc": "", "enabled": False, "kind": ""}
+        yield IndexedTable(gateway=gateway, serial=serial, **nothing, problem=str(error), seal=seal)  # type: ignore[arg-type]
 
 
 def journals_seal(journals: Path) -> str:

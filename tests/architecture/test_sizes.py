@@ -20,7 +20,7 @@ STILL_BY_NAME: set[str] = set()
 DOORS = {
     "SALib": 1,
     "aiomqtt": 1,
-    "alembic": 3,
+    "alembic": 4,
     "argon2": 1,
     "asyncua": 9,
     "cryptography": 5,
@@ -40,7 +40,7 @@ DOORS = {
     "rich": 2,
     "scipy": 17,
     "serial": 1,
-    "sqlalchemy": 4,
+    "sqlalchemy": 5,
     "starlette": 9,
     "typer": 40,
     "typst": 1,

@@ -113,9 +113,7 @@ def machines(journals: Path) -> tuple[str, ...]:
 
 
 def _serial(folder: Path) -> str:
-    """By the first journal that can be read and names it."""
-    reads = (journal.read(path) for place in (folder / "done", folder) for path in journal.paths_of(place))
-    told = (part.latest("serial") for found in reads if not found.broken for part in found.parts)
+    told = (part.latest("serial") for part in _parts(folder) if not part.broken)
     return next((str(serial) for serial in told if serial), "")
 
 

@@ -219,15 +219,10 @@ def machine_folder(root: Path, serial: str) -> Path:
 
 def all_of(folder: Path) -> tuple[JournalRead, ...]:
     """Every journal of a machine that is still in place, oldest number first."""
-    return tuple(read(path) for path in paths_of(folder))
-
-
-def paths_of(folder: Path) -> tuple[Path, ...]:
-    """Where the journals of a folder are, oldest number first."""
     if not folder.is_dir():
         return ()
     paths = [path for path in folder.iterdir() if _NAME.fullmatch(path.name)]
-    return tuple(sorted(paths, key=lambda path: (len(path.name), path.name)))
+    return tuple(read(path) for path in sorted(paths, key=lambda path: (len(path.name), path.name)))
 
 
 def numbers(folder: Path) -> frozenset[int]:
