@@ -16,7 +16,7 @@ from gateway.domain.values import FloatArray
 from gateway.errors import ModelError, NotIdentifiable
 from gateway.model.components import at_datum, design
 from gateway.model.cubic import FEWEST, apart, missing
-from gateway.model.regression import Regression, weighted
+from gateway.model.regression import Regression, alike, weighted
 
 HIGHEST_DEGREE = 9
 HIGHEST_ORDER = 12
@@ -54,12 +54,13 @@ class Candidate:
 
 @dataclass(frozen=True, slots=True)
 class _Data:
-    """Points to fit, ascending; ``period`` is None unless the axis closes on itself."""
+    """Points to fit, ascending; ``period`` is None unless the axis closes on itself. ``driven``: by screw or worm."""
 
     at: FloatArray
     values: FloatArray
     u: FloatArray
     period: float | None = None
+    driven: bool = False
 
     @property
     def noise(self) -> float:
@@ -89,7 +90,7 @@ def fit_positioning(
     Raises NotIdentifiable (E-MODEL-POINTS) with fewer than two targets, ModelError (E-MODEL-U: a mean has no
     uncertainty; E-MODEL-SHAPE).
     """
-    data = _data(targets, means, u)
+    data = _data(targets, means, u, name)
     if kind == "rotary" and _closes(data, modulo):
         data = replace(data, period=TURN_DEG)
     best = choose(candidates(data), data.noise)
@@ -101,7 +102,7 @@ def fit_through(
     targets: ArrayLike, means: ArrayLike, u: ArrayLike | float, *, name: str, axis: str, axis_unit: AxisUnit
 ) -> Component:
     """The curve through the means, whatever their scatter; straight lines of few. Arguments as `fit_positioning`."""
-    data = _data(targets, means, u)
+    data = _data(targets, means, u, name)
     return _component(_through(data), data, name, axis, axis_unit)
 
 
@@ -147,21 +148,7 @@ def candidates(data: _Data) -> tuple[Candidate, ...]:
     return tuple(found)
 
 
-def alike(targets: ArrayLike, means: ArrayLike, u: ArrayLike | float) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Targets, means and uncertainties (m,) as numbers; a target without a place is one without a mean (NaN).
-
-    Raises ModelError (E-MODEL-SHAPE) where they are no numbers or not as many.
-    """
-    try:
-        at, values, sigma = (np.asarray(one, dtype=np.float64) for one in (targets, means, u))
-    except (TypeError, ValueError):
-        at, values, sigma = (np.zeros((0, 0)) for _ in range(3))
-    if at.ndim != 1 or values.shape != at.shape or sigma.shape not in ((), at.shape):
-        raise ModelError("E-MODEL-SHAPE", "fit", targets=str(at.shape), means=str(values.shape), u=str(sigma.shape))
-    return at, np.where(np.isfinite(at), values, np.nan), np.broadcast_to(sigma, at.shape)
-
-
-def _data(targets: ArrayLike, means: ArrayLike, u: ArrayLike | float) -> _Data:
+def _data(targets: ArrayLike, means: ArrayLike, u: ArrayLike | float, name: str) -> _Data:
     at, values, sigma = alike(targets, means, u)
     known = np.isfinite(values) & np.isfinite(at)
     places = np.unique(at[known]).size
@@ -171,7 +158,7 @@ def _data(targets: ArrayLike, means: ArrayLike, u: ArrayLike | float) -> _Data:
         raise ModelError("E-MODEL-U", "fit")
     order = np.argsort(at[known], kind="stable")
     least = np.maximum(sigma[known][order], SMALLEST_U)
-    return _Data(at[known][order], values[known][order], least)
+    return _Data(at[known][order], values[known][order], least, driven=name[1:2] == name[2:3])
 
 
 def _closes(data: _Data, modulo: bool) -> bool:
@@ -260,16 +247,26 @@ def _with_orders(data: _Data, orders: tuple[int, ...], choices: int) -> Candidat
 
 
 def _through(data: _Data) -> Candidate:
-    """What goes through the means takes everything, so it is judged by its leave-one-out error."""
+    """What goes through the means takes everything, so it is judged by its leave-one-out error.
+
+    The pitch of a screw is too short for any curve through targets, which swings more than straight lines: along the
+    axis that it drives the better of both goes.
+    """
     at = data.at if data.period is None else np.mod(data.at, data.period)
     nodes = apart(at)
-    bent = data.period is None and nodes.size >= FEWEST
-    nodes = nodes if bent else np.unique(np.round(at, 6))
+    if data.period is not None or nodes.size < FEWEST:
+        return _node_fit("piecewise", np.unique(np.round(at, 6)), data)
+    bent = _node_fit("cubic", nodes, data)
+    if not data.driven:
+        return bent
+    return min(bent, _node_fit("piecewise", np.unique(np.round(at, 6)), data), key=lambda c: c.left_out)
+
+
+def _node_fit(basis: str, nodes: FloatArray, data: _Data) -> Candidate:
     parameters = {"nodes": tuple(float(q) for q in nodes), "period": data.period}
-    basis = "cubic" if bent else "piecewise"
     solved = weighted(design(basis, parameters, data.at), data.values, data.u, basis)
     means = solved.coefficients
-    skipped = missing(nodes) @ means if bent else _skipped(nodes, means, data.period)
+    skipped = missing(nodes) @ means if basis == "cubic" else _skipped(nodes, means, data.period)
     missed = max(float(np.sqrt(np.mean(skipped**2))), data.noise)
     return Candidate(basis=basis, parameters=parameters, regression=solved, criterion=float("inf"), left_out=missed)
 

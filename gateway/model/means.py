@@ -11,7 +11,8 @@ from drivers.units import AxisUnit
 from gateway.domain.figures import Component
 from gateway.domain.values import FloatArray
 from gateway.model.components import is_periodic, value
-from gateway.model.fit import SMALLEST_U, THROUGH, TURN_DEG, alike, fit_positioning, fit_through
+from gateway.model.fit import SMALLEST_U, THROUGH, TURN_DEG, fit_positioning, fit_through
+from gateway.model.regression import alike
 from gateway.model.waves import fit_waves
 
 LEAVES, FAR_ABOVE = 0.15, 4.0

@@ -5,9 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from gateway.domain.values import FloatArray
-from gateway.errors import NotIdentifiable
+from gateway.errors import ModelError, NotIdentifiable
 
 LARGEST_CONDITION = 1e10
 
@@ -29,6 +30,20 @@ class Regression:
     def left_out(self) -> FloatArray:
         """What each point would be off if it had not been fitted (PRESS residual), shape (m,)."""
         return self.residual / np.maximum(1.0 - self.leverage, 1e-9)
+
+
+def alike(targets: ArrayLike, means: ArrayLike, u: ArrayLike | float) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Targets, means and uncertainties (m,) as numbers; a target without a place is one without a mean (NaN).
+
+    Raises ModelError (E-MODEL-SHAPE) where they are no numbers or not as many.
+    """
+    try:
+        at, values, sigma = (np.asarray(one, dtype=np.float64) for one in (targets, means, u))
+    except (TypeError, ValueError):
+        at, values, sigma = (np.zeros((0, 0)) for _ in range(3))
+    if at.ndim != 1 or values.shape != at.shape or sigma.shape not in ((), at.shape):
+        raise ModelError("E-MODEL-SHAPE", "fit", targets=str(at.shape), means=str(values.shape), u=str(sigma.shape))
+    return at, np.where(np.isfinite(at), values, np.nan), np.broadcast_to(sigma, at.shape)
 
 
 def weighted(design: FloatArray, values: FloatArray, u: FloatArray, where: str = "fit") -> Regression:

@@ -15,6 +15,7 @@ from gateway.model.cubic import apart, missing
 from gateway.model.regression import weighted
 
 LINEAR = {"name": "EXX", "axis": "X", "axis_unit": "mm"}
+GUIDE = {"name": "EXZ", "axis": "Z", "axis_unit": "mm"}
 ROTARY = {"name": "ECC", "axis": "C", "axis_unit": "deg"}
 Q = np.linspace(-200.0, 200.0, 21)
 
@@ -105,12 +106,25 @@ def test_a_hollow_between_few_targets_is_followed_better_than_by_straight_lines(
         at = np.linspace(0.0, 300.0, 21)
         at[1:-1] += rng.uniform(-3.0, 3.0, 19)
         means = hollow(at) + rng.normal(0.0, 0.05, at.size)
-        found = fit.fit_through(at, means, 0.05, **LINEAR)
+        found = fit.fit_through(at, means, 0.05, **GUIDE)
         lines.append(np.std(np.interp(dense, at, means) - hollow(dense)))
         curves.append(np.std(value(found, dense) - hollow(dense)))
     print(f"median {np.median(lines):.2f} and {np.median(curves):.2f} um")
     assert np.median(curves) < 0.6 * np.median(lines)
     assert np.mean(np.square(curves)) < 0.7 * np.mean(np.square(lines))
+
+
+def test_a_screw_shorter_than_its_targets_gets_straight_lines_where_these_miss_less() -> None:
+    at, more = np.linspace(0.0, 300.0, 21), []
+    dense = np.linspace(0.0, 300.0, 1201)
+    for seed in range(60):
+        rng = np.random.default_rng(seed)
+        places = at + np.append(np.append(0.0, rng.uniform(-3.0, 3.0, 19)), 0.0)
+        means = np.sin(2.0 * np.pi * places / 8.0 + seed) + rng.normal(0.0, 0.05, 21)
+        ranges = [np.ptp(value(fit.fit_through(places, means, 0.05, **one), dense)) for one in (LINEAR, GUIDE)]
+        more.append(ranges[1] - ranges[0])
+    assert min(more) >= -1e-9
+    assert np.mean(np.asarray(more) > 0.05) > 0.5
 
 
 def test_what_a_target_misses_is_the_curve_through_the_others() -> None:
@@ -119,7 +133,7 @@ def test_what_a_target_misses_is_the_curve_through_the_others() -> None:
     missed = missing(at) @ means
     for k in range(1, 8):
         others = np.arange(9) != k
-        left_out = fit.fit_through(at[others], means[others], 0.1, **LINEAR)
+        left_out = fit.fit_through(at[others], means[others], 0.1, **GUIDE)
         assert missed[k - 1] == pytest.approx(means[k] - float(value(left_out, at[k])), abs=1e-6)
 
 
