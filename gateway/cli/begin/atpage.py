@@ -99,7 +99,7 @@ class SiteMaker:
         return {"file": str(self.file), "asked": asking.asked, "told": asking.told, "question": question}
 
     def write(self, answers: Mapping[str, str], who: str) -> dict[str, Any]:
-        """Write the file; one that no site can be read from is taken back, and its faults are told.
+        """Write the file; one that no site can be read from is taken back. Its faults, doubts and remarks are told.
 
         Raises ConfigError (E-INIT-ENDED, E-INIT-EXISTS, E-INIT-WRITE).
         """
@@ -112,7 +112,8 @@ class SiteMaker:
             if found.site is None:
                 self.file.unlink()
         faults = [one.error(str(self.file)).as_record() for one in (*found.faults, *found.doubts)]
-        return {"file": str(self.file), "made": found.site is not None, "faults": faults}
+        told = {"faults": faults, "remarks": list(found.remarks)}
+        return {"file": str(self.file), "made": found.site is not None, **told}
 
     def _gone_through(
         self, answers: Mapping[str, str], who: str, *, anew: bool

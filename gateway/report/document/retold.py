@@ -25,8 +25,9 @@ _GERMAN_UM = re.compile(r"(?<=[\d)}] )um(?![\w\-=\"`])")
 
 @dataclass(frozen=True, slots=True)
 class _Pattern:
-    """One English text, what matches a sentence made of it, the fields filled in, and the text in the language."""
+    """One English text: its longest piece in small letters, what matches a sentence of it, its fields, its text."""
 
+    holds: str
     test: re.Pattern[str]
     names: tuple[str, ...]
     weight: int
@@ -42,9 +43,9 @@ def retold(text: str, language: str) -> str:
     """A sentence as people read it, units and all, in another language, as far as the catalogue knows its parts."""
     if language == RECORDED_IN:
         return text
-    made, at = "", 0
+    made, at, small = "", 0, text.lower()
     while at < len(text):
-        found = _found(text, at, language)
+        found = _found(text, small, at, language)
         if found is not None:
             one, match = found
             own = one.told(match, language)
@@ -56,8 +57,8 @@ def retold(text: str, language: str) -> str:
     return made
 
 
-def _found(text: str, at: int, language: str) -> tuple[_Pattern, re.Match[str]] | None:
-    tried = ((one, one.test.match(text, at)) for one in _patterns(language))
+def _found(text: str, small: str, at: int, language: str) -> tuple[_Pattern, re.Match[str]] | None:
+    tried = ((one, one.test.match(text, at)) for one in _patterns(language) if one.holds in small)
     return next(((one, match) for one, match in tried if match is not None), None)
 
 
@@ -80,9 +81,12 @@ def _pattern(english: str, own: str) -> _Pattern:
     pieces = _FIELD.split(english)
     literal, names = pieces[::2], tuple(pieces[1::2])
     ends = r"(?=[.;] |\.?$| ->)" if names and not literal[-1] else r"(?=[.,;:)]|\s|$)"
-    test = re.compile("(.{0,600}?)".join(map(re.escape, literal)) + ends, re.IGNORECASE | re.DOTALL)
+    # What a text begins with is no sentence of its own: that one is told by itself.
+    first = r"((?:(?![.!?] ).){0,600}?)" if not literal[0] else r"(.{0,600}?)"
+    source = "(.{0,600}?)".join(map(re.escape, literal)).replace("(.{0,600}?)", first, 1)
+    test = re.compile(source + ends, re.IGNORECASE | re.DOTALL)
     weight = sum(letter.isalpha() for piece in literal for letter in piece)
-    return _Pattern(test, names, weight, own)
+    return _Pattern(max(literal, key=len).lower(), test, names, weight, own)
 
 
 def _units(text: str, language: str) -> str:

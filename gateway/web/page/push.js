@@ -14,6 +14,8 @@ import { plain, say, stateOf, t, told } from "./words.js";
 
 export const push = { open };
 const asked = { run: "" };
+// So many tables stand beside each other: the lamps below them stay in sight.
+const MANY = 4;
 
 function open(root) {
   const parts = { plan: h("div", { class: "panel" }), steps: h("div", { class: "panel" }), back: h("div", { class: "panel back" }), answer: h("div", { class: "panel answer", "aria-live": "polite" }) };
@@ -34,8 +36,8 @@ async function plan(box) {
   const proposal = await record(run.run_id, "proposal");
   const busy = Boolean(state.status.run);
   const needed = state.file.site.approvals;
-  show(box, h("h2", {}, t("push.plan")), h("label", { class: "inline" }, t("evaluate.run"), h("select", { id: "pick-run", onchange: (event) => { asked.run = event.target.value; plan(box); } }, runs.map((one) => h("option", { value: one.run_id, selected: one === run }, `${when(one.created_utc)} · ${stateOf(one)}`)))),
-    h("ul", { class: "moves" }, proposal.changes.map((one) => h("li", {}, h("b", {}, nameOf(one)), ` ${plain(one.skipped) || t("push.replaces", { points: one.new.deviations.length, old: t(one.old_enabled ? "correct.was_on" : "correct.was_off") })}`))),
+  show(box, h("div", { class: "row head" }, h("h2", {}, t("push.plan")), h("label", { class: "inline" }, t("evaluate.run"), h("select", { id: "pick-run", onchange: (event) => { asked.run = event.target.value; plan(box); } }, runs.map((one) => h("option", { value: one.run_id, selected: one === run }, `${when(one.created_utc)} · ${stateOf(one)}`))))),
+    h("ul", { class: `moves${proposal.changes.length > MANY ? " many" : ""}` }, proposal.changes.map((one) => h("li", {}, h("b", {}, nameOf(one)), ` ${plain(one.skipped) || t("push.replaces", { points: one.new.deviations.length, old: t(one.old_enabled ? "correct.was_on" : "correct.was_off") })}`))),
     h("p", {}, t(needed > 1 ? "push.two" : "push.one")),
     h("p", { id: "approved" }, state.approved[run.run_id]?.until > Date.now() ? `✔ ${t("push.approved_by", { names: state.approved[run.run_id].by.join(", ") })}` : `○ ${t("push.not_approved")}`),
     h("div", { class: "keys start three" },
@@ -63,8 +65,8 @@ async function approve(run) {
 }
 
 async function write(run) {
-  const moves = newestPlan(run);
   const risk = riskAsked(run);
+  const moves = toldOnce(newestPlan(run), Boolean(risk));
   const machine = await machineTyped(t("push.write"), [h("p", {}, t("push.write_what")), risk && [h("p", { class: "warn" }, `▲ ${plain(state.status.unprotected)}`), field(t("push.risk", { word: RISK }), risk)], moves.length > 0 && h("h3", {}, t("push.last_look", { at: lookedAt(run) })), moves.length > 0 && h("ul", { class: "moves" }, moves.map((one) => h("li", {}, plain(one))))], state.site);
   if (machine) give("push", { run, apply: true, machine, risk: risk ? risk.value.trim() : "" });
 }
@@ -75,6 +77,21 @@ const riskAsked = (run) => state.status.unprotected && state.file.site.approvals
 
 // What the last look at this plan told: which way things will move, and what is against it.
 const lastLook = (run) => state.jobs.find((one) => one.kind === "push" && one.run_id === run);
+// That the connection is open to others is said of each table, and by the start: one of them is enough, none beside the risk.
+const OPEN_ROAD = ["P-UNPROTECTED", "W-INT-UNPROTECTED", "E-INT-RISK"];
+function toldOnce(lines, known) {
+  const road = state.status.unprotected;
+  const alone = road ? OPEN_ROAD.map((code) => say(code, { road }, 0)) : [];
+  let told = known;
+  return lines.filter((one) => {
+    const text = plain(one);
+    const of = alone.some((said) => text.toLowerCase().includes(said.toLowerCase()));
+    if (!of) return true;
+    const first = !told;
+    told = true;
+    return first;
+  });
+}
 const newestPlan = (run) => lastLook(run)?.lines ?? [];
 const lookedAt = (run) => new Date(lastLook(run).ended_utc ?? lastLook(run).started_utc).toTimeString().slice(0, 5);
 

@@ -18,7 +18,8 @@ function pattern(code, part, text, terms) {
     at = field.index + field[0].length;
     if (field[1] in terms) { take(terms[field[1]]); continue; }
     names.push(field[1]);
-    source += "(.{0,600}?)";
+    // What a text begins with is no sentence of its own: that one is told by itself.
+    source += source ? "(.{0,600}?)" : "((?:(?![.!?] ).){0,600}?)";
   }
   take(text.slice(at));
   const end = at === text.length && names.length ? "(?=[.;] |\\.?$| ->)" : "(?=[.,;:)]|\\s|$)";

@@ -51,9 +51,14 @@ export function setUp(enter) {
     draw();
   };
   const waits = async (made) => {
-    show(box, h("div", { class: "row head" }, h("h1", {}, "trueflank")), h("section", { class: "card", id: "written" }, h("h2", {}, t("setup.written")), h("p", {}, made.file), h("p", {}, t("setup.opens")), h("progress", { "aria-label": t("setup.opens") })));
+    const doubts = [...made.faults.map((one) => told(one)), ...made.remarks.map((one) => sentenceOf(one))];
+    const card = (...below) => show(box, h("div", { class: "row head" }, h("h1", {}, "trueflank")), h("section", { class: "card", id: "written" }, h("h2", {}, t("setup.written")), h("p", {}, made.file),
+      doubts.length > 0 && [h("p", { class: "warn" }, `▲ ${t("setup.doubts")}`), h("ul", { class: "lines", id: "doubts" }, doubts.map((one) => h("li", {}, one)))], below));
+    card(h("p", {}, t(doubts.length ? "setup.opening" : "setup.opens")), h("progress", { "aria-label": t("setup.opening") }));
     while (!(await get("/api/v1/sites").catch(() => [])).length) await new Promise((over) => setTimeout(over, AGAIN_MS));
-    enter();
+    if (!doubts.length) return enter();
+    card(h("div", { class: "keys" }, h("button", { class: "primary", id: "go-on", onclick: enter }, t("setup.next"))));
+    document.getElementById("go-on").focus();
   };
   const ways = () => [seen.asked.length > 0 && h("button", { type: "button", id: "back", onclick: () => back(seen.asked.length - 1) }, t("dialog.back")),
     seen.told.some((one) => one.loud) && h("button", { type: "button", id: "anew", onclick: () => ask(true) }, t("setup.anew"))];

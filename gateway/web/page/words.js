@@ -63,10 +63,10 @@ const KEYS = {
   "trust show": ["trust.look", "frame.connect"], "trust accept": ["trust.accept", "frame.connect"], trust: ["trust.look", "frame.connect"], "self-test": ["capture.self_test", "frame.capture"],
   run: ["capture.measure_axes", "frame.capture"], measure: ["capture.measure_errors", "frame.capture"], "verify-table": ["push.verify", "frame.push"], report: ["report.make", "frame.report"],
 };
-const COMMAND = /`?\btrueflank (trust show|trust accept|[a-z][a-z-]*)((?: (?:SITE\b|NAME\b|\.\.\.|--[a-z-]+|(?<=--axis )[\w-]+))*)`?(?: with the site file)?/g;
+const COMMAND = /`?\btrueflank (trust show|trust accept|[a-z][a-z-]*)((?: (?:SITE\b|NAME\b|[^\s`]+\.toml\b|\.\.\.|--[a-z-]+|(?<=--axis )[\w-]+))*)`?(?: with the site file)?/g;
 
-// As print has it: a real minus sign.
-const minus = (text) => text.replace(/(?<![\w.:)\]-])-(?=\d)/g, "−");
+// As print has it: a real minus sign, arrows, and what an interval is written with.
+const minus = (text) => text.replace(/(?<![\w.:)\]-])-(?=\d)/g, "−").replaceAll(" -> ", " → ").replaceAll("+/-", "±").replaceAll("+-", "±");
 
 function atPage(text) {
   return minus(String(text)).replace(COMMAND, (all, name, more) => {

@@ -83,6 +83,15 @@ def test_a_place_is_asked_for_every_axis_that_the_control_has(tmp_path: Path, mo
     assert set(checked(tmp_path / "site.toml").site.moves.safe) == {"C1", "X1", "Y1"}
 
 
+def test_what_is_doubtful_in_a_written_file_is_told_and_no_reason_against_it(tmp_path: Path) -> None:
+    answers = {**SILENT, "password": "p", "serial": "S7", "axes": "C1", "travel": "C1 0 360", "safe": "C1 any"}
+    made = SiteMaker(tmp_path / "site.toml").write({**answers, "calibrator": "manual terminal://"}, "anna")
+    found = checked(tmp_path / "site.toml")
+    assert made["made"]
+    assert [one["code"] for one in made["faults"]] == [one.code for one in (*found.faults, *found.doubts)] != []
+    assert made["remarks"] == list(found.remarks)
+
+
 def test_a_user_is_not_left_empty(tmp_path: Path) -> None:
     asked = SiteMaker(tmp_path / "site.toml").ask({**SILENT, "user": " "}, "anna")["question"]
     assert (asked["key"], asked["wrong"]["code"]) == ("user", "W-CFG-MISSING")

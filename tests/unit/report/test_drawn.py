@@ -104,6 +104,14 @@ def test_what_goes_on_a_list_is_told_too(language: str, goes_on: str) -> None:
     assert f"letter, travel; {wanted}" in told
 
 
+@pytest.mark.parametrize("language", ["de", "zh"])
+def test_a_sentence_that_begins_with_a_number_takes_none_before_it_along(language: str) -> None:
+    own, held = catalogue(language), {"count": "6", "before": "6.3", "unit": "arcsec", "after": "0.2"}
+    said = " ".join((words("W-VERDICT-BETTER"), words("W-VERDICT-BETWEEN-HELD", **held)))
+    wanted = (own["W-VERDICT-BETTER"]["what"], own["W-VERDICT-BETWEEN-HELD"]["what"].format(**held))
+    assert retold(said, language) == " ".join(wanted)
+
+
 def test_a_remark_without_a_text_of_the_catalogue_stays_and_english_is_left_alone() -> None:
     assert retold("The room warmed by 0.27 K.", "de") == "The room warmed by 0.27 K."
     told = words("S-EVAL-STEPS")
