@@ -58,4 +58,5 @@ function parts(error) {
 
 export const heldWords = (one) => say(one.code, one.fields, 0, plain(one.words));
 
-export const capital = (text) => text.charAt(0).toUpperCase() + text.slice(1);
+// A key of a file stays as it is written there.
+export const capital = (text) => (/^\w+\.\w/.test(text) ? text : text.charAt(0).toUpperCase() + text.slice(1));
