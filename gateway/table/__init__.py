@@ -1,6 +1,6 @@
 """Compensation tables: a fitted deviation merged with the live table, put on the controller's grid, judged."""
 
-from gateway.table.comparison import diff, effective
+from gateway.table.comparison import effective
 from gateway.table.limits import check
 from gateway.table.projection import Grid, project
 from gateway.table.proposal import MeasuredMeans, propose
@@ -9,7 +9,6 @@ __all__ = [
     "Grid",
     "MeasuredMeans",
     "check",
-    "diff",
     "effective",
     "project",
     "propose",

@@ -82,12 +82,6 @@ def _points(what: str, wanted: tuple[float, ...], found: tuple[float, ...], allo
             yield f"{what} {number}: {value} is {other}"
 
 
-def diff(old: CompensationTable, new: CompensationTable) -> TableDifference:
-    """Old and new at the new table's points; `old` is what acts now (see `effective`)."""
-    at = new.positions
-    return TableDifference(at, acting(old, at), np.asarray(new.deviations, dtype=np.float64))
-
-
 def taken_by_cross(tables: Iterable[CompensationTable], axis: str, at: FloatArray) -> FloatArray:
     """What cross tables of an axis take off the mean of both directions at its own positions (m,), others standing.
 

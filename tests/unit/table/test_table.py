@@ -12,7 +12,7 @@ from drivers.limits import Limits
 from gateway.domain.figures import Component
 from gateway.domain.proposals import TableChange
 from gateway.model.fit import fit_positioning, fit_through
-from gateway.table import Grid, MeasuredMeans, check, diff, effective, project, propose
+from gateway.table import Grid, MeasuredMeans, check, effective, project, propose
 from gateway.table.limits import check_points
 from gateway.table.proposal import InstrumentU
 from tests.unit.table.world import C_GRID, axis, live, table
@@ -192,13 +192,6 @@ def test_modulo_needs_the_whole_turn() -> None:
         propose(axis(rotary=True), part, measured, acts, C_GRID, **usual)
     with pytest.raises(Gap, match="E-COMP-GRID"):
         propose(axis(rotary=True), part, measured, acts, Grid(0.0, 180.0, 5.0), **usual)
-
-
-def test_difference_for_display() -> None:
-    old, new = table(0.01 * AT, X, rotary=False), table(0.03 * AT, X, rotary=False)
-    shown = diff(old, new)
-    assert shown.largest == (400.0, pytest.approx(8.0))
-    np.testing.assert_allclose(shown.change, 0.02 * AT, atol=1e-12)
 
 
 def test_a_table_never_loaded_acts_as_zero() -> None:
