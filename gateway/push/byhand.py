@@ -44,10 +44,14 @@ async def stand_at(context: PushContext, position: float, room: float) -> AxisSt
 async def visit_by_hand(context: PushContext, plan: StopPlan, at_stop: AtStop, order: PushOrder | None) -> None:
     """Be at each stop as the operator jogs there; the target reported is where the axis really stands.
 
-    A stop's switch is `Controller.switch` of ``order``. Raises as `stand_at` and that call.
+    A stop's switch is `Controller.switch` of ``order``; a table of its that acts in one direction of travel is met in
+    that: the axis is asked for before the stop first. Raises as `stand_at` and that call.
     """
-    room = room_of(order.table) if order is not None else FARTHEST
+    room, axis = room_of(order.table) if order is not None else FARTHEST, context.moved
     for number, stop in enumerate(plan.stops, start=1):
+        if order is not None and order.table.direction:
+            before = min(max(stop.target - stop.approach * axis.overrun, axis.room[0]), axis.room[1])
+            await stand_at(context, before, FARTHEST)
         await stand_at(context, stop.target, room)
         if stop.switch is not None and order is not None:
             await context.controller.switch(order, stop.switch, context.start_timeout_s)

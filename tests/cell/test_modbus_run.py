@@ -41,9 +41,9 @@ def test_a_mailbox_site_pushes_what_a_result_file_tells(tmp_path: Path) -> None:
     assert all(jog.done() for jog in jogs)
 
 
-@pytest.mark.parametrize("B", few([-3.0, 6.0], 1))
-def test_a_mailbox_takes_a_reversal_whose_sign_is_proved_already(tmp_path: Path, B: float) -> None:
-    """As where OPC UA has proved it: table and constant go in one order, and both are right by the truth."""
+@pytest.mark.parametrize(("B", "tilt"), few([(-3.0, 0.0), (-3.0, 1.5), (6.0, 0.0)], 2))
+def test_a_mailbox_takes_a_reversal_whose_sign_is_proved_already(tmp_path: Path, B: float, tilt: float) -> None:
+    """As where OPC UA has proved it: table, constant and pair go in one order, and all are right by the truth."""
     path = tmp_path / "measured.rtl"
     jogs: list[asyncio.Task[None]] = []
 
@@ -55,7 +55,7 @@ def test_a_mailbox_takes_a_reversal_whose_sign_is_proved_already(tmp_path: Path,
             (run,) = (cell.site_path.parent / "runs").glob("*/run.json")
             told = json.loads(run.read_text(encoding="utf-8"))["machine"]
             machine = MachineIdentity(told["serial"], told["version"], tuple(axis.name for axis in cell.nck.spec.axes))
-            for kind in ("axis", "reversal"):
+            for kind in ("axis", "reversal", "cross"):
                 proof = SignProof(machine, kind, "X1", -1.0, 0.01, sign=1, date_utc=cell.clock.utc().isoformat())
                 Proofs(cell.site_path.parent / "runs").save(proof)
         if code == "P-PUSH-JOG":
@@ -63,10 +63,12 @@ def test_a_mailbox_takes_a_reversal_whose_sign_is_proved_already(tmp_path: Path,
             jogs.append(asyncio.get_running_loop().create_task(jog))
 
     edit = short(("X1",), 24, 5, file=str(path), file_datum=-400.0)
-    judged = main_job(tmp_path, lagging("X1", B), during=during, edit=edit, heard=heard, road="modbus")
+    judged = main_job(tmp_path, lagging("X1", B, tilt=tilt), during=during, edit=edit, heard=heard, road="modbus")
     assert judged.outcome.data["not_corrected"] == {}
     assert judged.after["X1"]["B"] <= 0.1 * judged.before["X1"]["B"] + 0.5
     assert judged.after["X1"]["M"] <= max(0.2 * judged.before["X1"]["M"], 2.5)
+    pushed = json.loads(Path(judged.outcome.data["report"]["json"]).read_text(encoding="utf-8"))["axes"][0]["beside"]
+    assert [one["push"]["outcome"] for one in pushed] == ["committed"] * (3 if tilt else 1)
     assert [code for code, _fields in judged.said].count("P-SIGN-PROVED") == 0
     assert all(jog.done() for jog in jogs)
 

@@ -7,12 +7,13 @@ from decimal import Decimal
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from drivers.errors import TableError, TrueflankError
 from drivers.sinumerik.mailbox.codec.grids import MailboxAxis, numbers_of
 from drivers.types.orders import DisableOrder, PushOrder, SwitchReading
-from drivers.types.tables import reversal_of
+from drivers.types.tables import CompensationTable, reversal_of
 from gateway.domain.outcomes import PushRecord
 from gateway.push import push_table, push_tables, together
 from tests.contract.modbus_stage import Stage, on_stage, order_for, table
@@ -167,3 +168,46 @@ async def test_the_gateway_hands_over_table_and_reversal_in_one_transaction(tmp_
         now = await on.device.saved_tables("X1")
         assert (now.own.enabled, now.own.table.deviations) == (True, table().deviations)
         assert now.reversal.table.deviations == pytest.approx((-2.4,))
+
+
+def halves() -> tuple[CompensationTable, CompensationTable]:
+    """X over itself, 1.5 um more of a reversal at each 450 mm from the reference: half of it in each direction."""
+    places = np.arange(-200.0, 701.0, 25.0)
+    half = np.round(places / 300.0, 3)
+    made = [
+        CompensationTable(
+            "cross", "X1", "X1", -200.0, 700.0, 25.0, tuple(map(float, way * half)), index=place, direction=way
+        )
+        for place, way in enumerate((1, -1))
+    ]
+    return made[0], made[1]
+
+
+async def stood(on: Stage, place: float) -> tuple[float, float]:
+    """Where the encoder of X stands at a place that it comes to from below, and from above, mm: the control's truth."""
+    nck, found = on.bench.nck, list[float]()
+    for way in (1.0, -1.0):
+        for target in (place - 20.0 * way, place):
+            await on.bench.clock.sleep(float(nck.core.move({nck.core.axis("X1").index: target}, None)) + 2.0)
+        found.append(float(nck.encoder("X1", np.array([on.bench.clock.now()]))[0][0]))
+    return found[0], found[1]
+
+
+@pytest.mark.parametrize("sign", few([1, -1], 1))
+async def test_a_pair_acts_each_half_in_its_direction_and_goes_by_one_order(tmp_path: Path, sign: int) -> None:
+    """A reversal that varies with the position, by truth: what the encoder does from both sides at three places."""
+    async with on_stage(spec={"cec_sign": sign}) as on:
+        before = {place: await stood(on, place) for place in (-150.0, 0.0, 300.0, 600.0)}
+        await stood(on, 0.0)
+        live, pair = await on.device.saved_tables("X1"), halves()
+        async with people(on, tmp_path, await proof_of(on, "cross", sign), None) as context:
+            asked = [(change_of(live, one), context) for one in pair]
+            (group,) = together(asked)
+            records = await push_tables(group, lambda _changes: True)
+        assert [one.outcome for one in records] == ["committed", "committed"], records
+        assert records[0].transaction == records[1].transaction
+        for place, (up, down) in before.items():
+            now_up, now_down = await stood(on, place)
+            # A table holds the deviation that it cancels: the axis goes as much less far where it comes from below.
+            assert 1000.0 * (now_up - up) == pytest.approx(-place / 300.0, abs=0.01), place
+            assert 1000.0 * (now_down - down) == pytest.approx(place / 300.0, abs=0.01), place

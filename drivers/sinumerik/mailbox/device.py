@@ -232,9 +232,9 @@ class SinumerikModbus(KeepsPlaces):
 
         Raises DeadlineExceeded (E-NC-NO-ACTIVATION).
         """
-        for order in passed:
-            if order.table.kind != "reversal":
-                await self._switching.activated(order, timeout_s)
+        restarting = tuple(order for order in passed if order.table.kind != "reversal")
+        if restarting:
+            await self._switching.activated(restarting, timeout_s)
 
     async def switch(self, order: PushOrder, enable: bool, timeout_s: float) -> None:
         """Switch the order's table and wait until it acts or is gone. Raises as `Switching.switch`."""

@@ -116,8 +116,13 @@ class MailboxReader:
         return _machine_state(await self._talk.status(), picture, dict(self._states))
 
     async def limits(self, axis: str, kind: Kind, index: int) -> TableLimits:
-        """Reserved points of an encoder or table, the step of a value, and the value limit of this product."""
+        """Reserved points of an encoder or table, the step of a value, and the value limit of this product.
+
+        A cross table that the control does not have holds none.
+        """
         facts = self.axis(axis)
+        if kind is Kind.CEC and index >= (await self._talk.picture()).tables:
+            return TableLimits(0, float(VALUE_UNIT[facts.unit]), largest_value(facts.unit))
         await self._talk.select(table_order(facts, kind, index))
         return TableLimits(self._talk.reserved, float(VALUE_UNIT[facts.unit]), largest_value(facts.unit))
 

@@ -131,8 +131,10 @@ class Switching:
             await self._talk.do(Order(Command.ABORT))
         return True
 
-    async def activated(self, order: PushOrder, timeout_s: float) -> None:
-        """Return when the axis is referenced again after it was not, or its table is seen to act.
+    async def activated(self, orders: PushBatch, timeout_s: float) -> None:
+        """Return when every axis is referenced again after one was not, or all their tables are seen to act.
+
+        One restart serves all: it is seen once. At least one order.
 
         Without `ModbusSettings.needs_reference` a state that stays ready for `GRACE_S` is enough. Whether the table
         acts as it should is proved by its values, not here. Raises DeadlineExceeded (E-NC-NO-ACTIVATION).
@@ -140,7 +142,8 @@ class Switching:
         end, seen_down, settled_since = self._clock.now() + timeout_s, False, None
         while True:
             async with self._talk.turn:
-                back, acts = await self._look(order)
+                looks = [await self._look(order) for order in orders]
+            back, acts = (all(each) for each in zip(*looks, strict=True))
             now = self._clock.now()
             seen_down = seen_down or not back
             settled_since = None if not back else now if settled_since is None else settled_since
@@ -148,7 +151,7 @@ class Switching:
             if back and (seen_down or acts or (settled and not self._settings.needs_reference)):
                 return
             if now >= end:
-                axis = order.table.output_axis
+                axis = ", ".join(dict.fromkeys(order.table.output_axis for order in orders))
                 raise DeadlineExceeded("E-NC-NO-ACTIVATION", self._where, axis=axis, timeout_s=timeout_s)
             await self._clock.sleep(self._settings.poll_s)
 

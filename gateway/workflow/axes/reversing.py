@@ -169,7 +169,8 @@ async def _pair(
     """
     can = at.supervisor.controller.capabilities
     cross = can.table("cross")
-    if cross is None or cross.directions != "tables" or can.table("reversal") is None or not can.stops:
+    provable = can.stops or at.proofs.find(at.machine, "cross", axis.name) is not None
+    if cross is None or cross.directions != "tables" or can.table("reversal") is None or not provable:
         return (), "S-REVERSAL-PAIR-ROAD"
     grid = Grid(axis.table.minimum, axis.table.maximum, axis.table.step)
     tables = reversal_pair(seen.curve, axis.unit, grid, reference=axis.reference, modulo=axis.modulo)
