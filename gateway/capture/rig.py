@@ -23,6 +23,24 @@ def setup_of(axis: AxisSection) -> str:
     return f"TRUEFLANK SETUP {axis.measure.component} ON {axis.letter}"
 
 
+@dataclass(slots=True)
+class Standing:
+    """Whose optics were mounted last, by the message that asked for them; "" where nobody can vouch for it any more."""
+
+    setup: str = ""
+
+    def note(self, axis: AxisSection | None) -> None:
+        """These stand from now on; on None everything is taken off.
+
+        A laser's optics on a linear axis outlast pushes and restarts, a calibrator no reference run of its axis.
+        """
+        self.setup = setup_of(axis) if axis is not None and axis.kind == "linear" else ""
+
+    def holds(self, axis: AxisSection) -> bool:
+        """Whether the optics that measure the axis are still mounted from before."""
+        return self.setup == setup_of(axis)
+
+
 @dataclass(frozen=True, slots=True)
 class Rig:
     """One axis set up to be measured."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from drivers.errors import ConfigError, UnsupportedDevice
-from drivers.ports.instruments import Instrument, RotaryCalibrator
+from drivers.ports.instruments import Instrument, Recounting, RotaryCalibrator
 from drivers.types.stops import Stop, StopPlan, StopReached
 from drivers.types.values import Approach, FloatArray
 from gateway.capture.readings import Readings, StopReading, Window
@@ -25,17 +25,20 @@ def sense_plan(axis: AxisSection, setup: str) -> StopPlan:
     return jog_plan(axis, jog_start(axis, jog), jog, setup)
 
 
-async def prove_sense(rig: Rig) -> SenseProof:
+async def prove_sense(rig: Rig, *, stands: bool = False) -> SenseProof:
     """Jog the axis and see the instrument follow within 1 %; its sense, +1 or -1, is what was seen.
+
+    ``stands``: its optics are mounted already, and nobody is asked to; what it counts begins anew.
 
     Linear: +`jog` mm. Rotary (house rule): +0.1 deg with the calibrator held, then the calibrator alone
     by -0.1 deg; the laser must follow both. That is tried once more, for 1 % of it is no more than one reading out of
     line. Raises UnsupportedDevice (E-CAP-SENSE): wrong optics, wrong axis or wrong unit.
     """
+    setup = "" if stands else rig.setup
     if rig.axis.kind != "rotary":
-        return await _linear(rig)
+        return await _linear(rig, setup)
     try:
-        return await _rotary(rig, rig.setup)
+        return await _rotary(rig, setup)
     except _Doubtful:
         return await _rotary(rig, "")
 
@@ -44,9 +47,11 @@ class _Doubtful(UnsupportedDevice):
     """What followed did so by other than 1 %: wrong, or one reading out of line."""
 
 
-async def _linear(rig: Rig) -> SenseProof:
+async def _linear(rig: Rig, setup: str) -> SenseProof:
     axis, jog = rig.axis, rig.axis.measure.jog
-    plan = sense_plan(axis, rig.setup)
+    plan = sense_plan(axis, setup)
+    if not setup and isinstance(rig.instrument, Recounting):
+        await rig.instrument.set_datum()
     seen: list[float] = []
     async with Readings(rig.instrument, rig.clock, first_channel) as readings:
 

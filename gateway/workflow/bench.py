@@ -7,7 +7,7 @@ import contextlib
 import os
 from collections.abc import AsyncIterator, Collection, Iterator, Mapping, Sequence
 from contextlib import asynccontextmanager, contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from importlib import metadata
 from pathlib import Path
 from shutil import copytree
@@ -25,7 +25,7 @@ from drivers.types.stops import StopPlan
 from gateway import stopping
 from gateway.axes import AxisRecord
 from gateway.broker import borrowed
-from gateway.capture.rig import Rig
+from gateway.capture.rig import Rig, Standing
 from gateway.config import AxisSection, SiteFile, load_site
 from gateway.errors import StoreError, WriteRefused
 from gateway.push.records.journal import JOURNALS
@@ -52,6 +52,7 @@ class Bench:
     proofs: Proofs
     clock: Clock
     say: Say
+    standing: Standing = field(default_factory=Standing)
 
     @property
     def patience(self) -> Patience:

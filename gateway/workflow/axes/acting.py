@@ -94,6 +94,7 @@ async def _checked(at: Bench, rig: Rig, outlook: AxisOutlook) -> None:
     guard, axis = at.site.guard, rig.axis
     at.say("P-ACTING", axis=axis.name, count=len(axis.measure.targets.positions) if axis.measure.targets else 0)
     await at.foresee(_plans(rig))
+    at.standing.note(None)
     proof = await prove_sense(rig)
     raw = await capture_axis(rig, proof)
     await at.foresee(())

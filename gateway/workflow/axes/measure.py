@@ -117,7 +117,11 @@ async def _live(at: Bench, axis: AxisSection, phase: stages.Phase) -> tuple[Capt
     if not at.supervisor.controller.capabilities.stops:
         raise UnsupportedDevice("E-RUN-NO-PROGRAMS", axis.name)
     rig = at.rig(axis)
-    proof = await prove_sense(rig)
+    stands = phase == "after" and at.standing.holds(axis)
+    if stands:
+        at.say("P-STANDS", component=axis.measure.component, axis=axis.name)
+    proof = await prove_sense(rig, stands=stands)
+    at.standing.note(axis)
     more = more_targets(at, axis, proof, rig.instrument.compensated_for) if phase == "before" else None
     raw = await capture_axis(rig, proof, check_stops(axis, phase), more)
     digest = at.folder.put(stages.raw(axis.name, phase), raw)
@@ -128,10 +132,14 @@ async def _live(at: Bench, axis: AxisSection, phase: stages.Phase) -> tuple[Capt
     return capture, (digest,)
 
 
-def plans_of_axis(axis: AxisSection, phase: stages.Phase) -> list[StopPlan]:
-    """What measuring an axis live sends at first: the proof of the instrument's sense, then all visits."""
+def plans_of_axis(axis: AxisSection, phase: stages.Phase, *, stands: bool = False) -> list[StopPlan]:
+    """What measuring an axis live sends at first: the proof of the instrument's sense, then all visits.
+
+    ``stands``: the optics are mounted already.
+    """
     targets, checks = with_checks(targets_of(axis), check_stops(axis, phase))
-    return [sense_plan(axis, setup_of(axis)), measuring_plan(axis, targets, "", checks=checks)]
+    setup = "" if stands else setup_of(axis)
+    return [sense_plan(axis, setup), measuring_plan(axis, targets, "", checks=checks)]
 
 
 def more_targets(at: Bench, axis: AxisSection, proof: SenseProof, already: CompensatedFor) -> MoreTargets:

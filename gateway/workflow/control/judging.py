@@ -19,13 +19,23 @@ Records = Mapping[str, PushRecord]
 
 def plans_again(at: Bench, own: Sequence[TableChange]) -> tuple[StopPlan, ...]:
     """What `judged` will visit where each of these changes goes in."""
-    again = [_measured_again(at, changes) for changes in by_axis([one for one in own if not one.skipped]).values()]
-    return tuple(plan for axis in again if axis is not None for plan in plans_of_axis(axis, "after"))
+    mine = in_turn(at, by_axis([one for one in own if not one.skipped]))
+    return tuple(_plans(at, [_measured_again(at, changes) for changes in mine.values()]))
+
+
+def _plans(at: Bench, again: Sequence[AxisSection | None]) -> list[StopPlan]:
+    sections = [axis for axis in again if axis is not None]
+    return [plan for axis in sections for plan in plans_of_axis(axis, "after", stands=at.standing.holds(axis))]
 
 
 def by_axis(own: Sequence[TableChange]) -> dict[str, list[TableChange]]:
     """The changes of each axis, in order."""
     return {name: [one for one in own if one.axis == name] for name in dict.fromkeys(one.axis for one in own)}
+
+
+def in_turn(at: Bench, mine: Mapping[str, list[TableChange]]) -> dict[str, list[TableChange]]:
+    """The axis whose optics still stand from the sign proofs first."""
+    return {name: mine[name] for name in sorted(mine, key=lambda name: not at.standing.holds(at.axis(name)))}
 
 
 async def judged(
@@ -39,17 +49,13 @@ async def judged(
 
     The program that measures waits at its end for the plans ``reads``, which save tables.
     """
-    mine = by_axis(own)
-    again = [_again(at, changes, records) for changes in mine.values()]
-    plans = [plan for axis in again if axis is not None for plan in plans_of_axis(axis, "after")]
-    await at.foresee([*plans, *reads])
-    verdicts = [
-        await _verdict(at, changes, axis, before[name], records)
-        for (name, changes), axis in zip(mine.items(), again, strict=True)
-    ]
+    mine = in_turn(at, by_axis(own))
+    again = {name: _again(at, changes, records) for name, changes in mine.items()}
+    await at.foresee([*_plans(at, list(again.values())), *reads])
+    verdicts = {name: await _verdict(at, changes, again[name], before[name], records) for name, changes in mine.items()}
     if not reads:
         await at.foresee(())
-    return tuple(verdicts)
+    return tuple(verdicts[name] for name in by_axis(own))
 
 
 def _again(at: Bench, changes: Sequence[TableChange], records: Records) -> AxisSection | None:

@@ -80,7 +80,8 @@ class BenchEyes:
     def plans(self, axis: str) -> Sequence[StopPlan]:
         """The moves that prove the instrument's sense."""
         section = self.at.axis(axis)
-        return () if self._seen_by_last(axis) else (sense_plan(section, setup_of(section)),)
+        setup = "" if self.at.standing.holds(section) else setup_of(section)
+        return () if self._seen_by_last(axis) else (sense_plan(section, setup),)
 
     async def on(self, axis: str) -> Reading:
         """Mount it and prove its sense. Raises WriteRefused (E-RUN-NO-PROOF) where there is none."""
@@ -96,8 +97,12 @@ async def _mount(at: Bench, axis: AxisSection) -> Mounted:
     if not provable(at, axis):
         raise WriteRefused("E-RUN-NO-PROOF", axis.name)
     at.say("P-SIGN", axis=axis.name)
-    rig = at.rig(axis)
-    return Mounted(rig, (await prove_sense(rig)).sense)
+    rig, stands = at.rig(axis), at.standing.holds(axis)
+    if stands:
+        at.say("P-STANDS", component=axis.measure.component, axis=axis.name)
+    sense = (await prove_sense(rig, stands=stands)).sense
+    at.standing.note(axis)
+    return Mounted(rig, sense)
 
 
 async def prove(

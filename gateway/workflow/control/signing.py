@@ -55,8 +55,14 @@ def _open(at: Bench, changes: Sequence[TableChange], measured: Mapping[str, Meas
         context = table_context(at, change.new, captures.get(change.axis))
         if not change.skipped and context.proof is None:
             wanted.setdefault((change.axis, change.new.kind), (change, replace(context, log=Witness(at))))
-    axes = dict.fromkeys(axis for axis, _ in wanted)
+    axes = in_turn(at, [axis for axis, _ in wanted])
     return [wish for axis in axes for (of, _), wish in wanted.items() if of == axis]
+
+
+def in_turn(at: Bench, axes: Sequence[str]) -> list[str]:
+    """Each axis once: first what stands mounted, last a laser's, which stays for measuring again."""
+    found = {name: at.axis(name) for name in axes}
+    return sorted(found, key=lambda name: (not at.standing.holds(found[name]), found[name].kind == "linear"))
 
 
 def _groups(wishes: Sequence[Wish]) -> list[Sequence[Wish]]:

@@ -160,6 +160,7 @@ async def grind_part(at: Bench, part: str, setup: SetupValues) -> GroundPart:
     controller = at.supervisor.controller
     if controller.capabilities.grinding:
         await _check_ready(at, plan)
+    at.standing.note(None)
     text = await controller.prepare_grinding(plan)
     at.folder.write_text(f"grind-{part}{spoken().program_suffix}", text)
     values = {"x_um": setup.x_um, "c_arcsec": setup.c_arcsec, "dressing_um": setup.dressing_um}
