@@ -173,6 +173,21 @@ class Controller(Device, Protocol):
 
 
 @runtime_checkable
+class SavesFirst(Protocol):
+    """A controller whose program of both halves (`Capabilities.one_start`) stands after its back-up.
+
+    It stands until `Controller.read_back` lets it go on; an abort ends it there with nothing changed.
+    """
+
+    async def saved_first(self, batch: PushBatch, timeout_s: float) -> tuple[LiveSet, ...]:
+        """Wait for the start and the back-up: what stands there, order by order, before anything is switched.
+
+        Raises as `Controller.read_back`, but that nothing of the compensation has changed.
+        """
+        ...
+
+
+@runtime_checkable
 class ReadsTogether(Protocol):
     """A controller that reads the tables of several axes by one program, so that one press starts it."""
 

@@ -12,14 +12,15 @@ from drivers.ports.controller import ReadsTogether
 from drivers.programs import ForeseesPlans
 from drivers.types.abilities import TableLimits
 from drivers.types.machine import ChannelStatus
+from drivers.types.moves import movement_of
 from drivers.types.orders import PushOrder, TableQuestion
 from drivers.types.stops import Stop, StopPlan, StopReached
 from drivers.types.tables import CompensationTable, LiveSet
 from drivers.types.values import Approach
 from gateway.domain.proposals import TableChange
-from gateway.errors import VerifyError
+from gateway.errors import VerifyError, WriteRefused
 from gateway.interlocks import PushFacts
-from gateway.moving import places_of
+from gateway.moving import places_of, standing_words
 from gateway.push.byhand import visit_by_hand
 from gateway.push.context import PushContext
 from gateway.push.plan import plan_hash
@@ -214,6 +215,29 @@ def ask_release(context: PushContext) -> None:
     """Where a panel gives consent: say that its release is needed now, anew for each transaction."""
     if context.controller.capabilities.consent == "panel":
         context.say("P-PUSH-PANEL", axis=context.axis.name)
+
+
+async def within_places(context: PushContext) -> None:
+    """Wait until every axis stands in its safe place: a person brings back what does not.
+
+    Raises DeadlineExceeded after a person's patience, WriteRefused (E-INT-NO-PLACE) where an axis has no safe place,
+    and what the port raises.
+    """
+    places = places_of(context.controller)
+    async with context.clock.deadline(context.start_timeout_s, context.axis.name):
+        told = False
+        while True:
+            stands = movement_of((), await context.controller.state(), places).stands
+            unknown = next((one for one in stands if one.place is None), None)
+            if unknown is not None:
+                raise WriteRefused("E-INT-NO-PLACE", context.axis.name, axis=unknown.axis)
+            outside = [one for one in stands if not one.safe]
+            if not outside:
+                return
+            if not told:
+                context.say("P-MOVE-BRING", axes="; ".join(standing_words(one) for one in outside))
+            told = True
+            await context.clock.sleep(POLL_S)
 
 
 async def reach(context: PushContext) -> None:

@@ -5,18 +5,17 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 from drivers.errors import PointsDiffer, TableActs, TrueflankError
-from drivers.types.moves import movement_of
+from drivers.ports.controller import SavesFirst
 from drivers.types.orders import PushBatch, PushOrder, ReadBack
 from drivers.types.tables import CompensationTable, LiveSet, LiveTable
 from gateway.errors import VerifyError, WriteRefused
 from gateway.interlocks import refusals
 from gateway.interlocks.facts import called, rest_of, value_at
-from gateway.moving import places_of, shown, shown_there, standing_words, tell_motion
+from gateway.moving import shown, shown_there, tell_motion
 from gateway.push import conversation
 from gateway.push.asking import with_all
 from gateway.push.byhand import room_of, stand_at
 from gateway.push.compare import table_in
-from gateway.push.context import PushContext
 from gateway.push.readback import check_base, fault_of, keep_backup
 from gateway.push.records.replaying import replaying
 from gateway.push.work import Work
@@ -43,7 +42,7 @@ async def load(loads: Loads) -> Faults:
     """
     first, batch = loads[0].work, _batch(loads)
     context, whole = first.context, first.whole
-    await within_places(context)
+    await conversation.within_places(context)
     await _stand(loads)
     await _alone(first)
     stood = _stood(first)
@@ -99,20 +98,27 @@ def _compared(loads: Loads, found: tuple[ReadBack, ...], *, kept: bool) -> Fault
 
 
 async def _kept_before(loads: Loads) -> bool:
-    """Where the driver itself has read what stands there: kept before anything is switched off; False elsewhere.
+    """What stands there, kept and compared before anything is switched off or written; False where no road tells it.
 
+    The driver itself has read it, or the program stands after its back-up until it is told to go on.
     Raises VerifyError (E-PUSH-LOST-UPDATE); nothing was changed then, and there is nothing to take back.
     """
-    controller = loads[0].work.context.controller
-    if controller.capabilities.stops:
+    context = loads[0].work.context
+    controller = context.controller
+    if isinstance(controller, SavesFirst) and controller.capabilities.one_start:
+        backups = await controller.saved_first(_batch(loads), context.start_timeout_s)
+    elif controller.capabilities.stops:
         return False
-    backups = await controller.backup_of(_batch(loads))
+    else:
+        backups = await controller.backup_of(_batch(loads))
     for one, backup in zip(loads, backups, strict=True):
         keep_backup(one.work, one.order, backup)
     try:
         for one, backup in zip(loads, backups, strict=True):
             check_base(one.work, one.base, backup)
     except VerifyError:
+        if controller.capabilities.stops:
+            await conversation.leave_program(context)
         await loads[0].work.finish("none")
         for one in loads:
             one.work.marked = None
@@ -158,29 +164,6 @@ def _say_moves(code: str, work: Work, order: PushOrder, amount: float) -> None:
     told = {"amount": round(abs(amount), 2), "deviation_unit": order.table.deviation_unit}
     place = {"input": order.table.input_axis, "place": shown(work.agreeing_position), "unit": order.table.input_unit}
     work.context.say(code, axis=work.axis, table=called(order.table), **told, **place)
-
-
-async def within_places(context: PushContext) -> None:
-    """Wait until every axis stands in its safe place: a person brings back what does not.
-
-    Raises DeadlineExceeded after a person's patience, WriteRefused (E-INT-NO-PLACE) where an axis has no safe place,
-    and what the port raises.
-    """
-    places = places_of(context.controller)
-    async with context.clock.deadline(context.start_timeout_s, context.axis.name):
-        told = False
-        while True:
-            stands = movement_of((), await context.controller.state(), places).stands
-            unknown = next((one for one in stands if one.place is None), None)
-            if unknown is not None:
-                raise WriteRefused("E-INT-NO-PLACE", context.axis.name, axis=unknown.axis)
-            outside = [one for one in stands if not one.safe]
-            if not outside:
-                return
-            if not told:
-                context.say("P-MOVE-BRING", axes="; ".join(standing_words(one) for one in outside))
-            told = True
-            await context.clock.sleep(conversation.POLL_S)
 
 
 def _stood(work: Work) -> dict[str, object]:

@@ -31,7 +31,7 @@ LIVE = {"EXX", "EZZ", "ECC"}
 ASKED = (3, 10, 3)
 # Presses of NC START beyond those that confirm what was mounted or clamped, by their cause: the most of each.
 PRESSED = {
-    "P-NC-READ": 5,  # 3 axes at the files' set-ups; all before the trial tables, and before the axis layer
+    "P-NC-READ": 4,  # 3 axes at the files' set-ups; all before the trial tables
     "P-PUSH-START": 4,  # trial tables, the old ones again, axis layer, cross layer
     "P-PUSH-EFFECT": 2,  # of each layer
     "P-GRIND-PREPARED": 3,  # of each part

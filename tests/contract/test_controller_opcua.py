@@ -437,22 +437,62 @@ async def test_a_way_back_that_left_all_off_is_its_own_reading(keys: Path, since
         assert (await on.device.saved_tables("C1")).digest == live.digest
 
 
-async def test_what_a_way_back_left_is_believed_once(keys: Path) -> None:
-    """Somebody may change a table after it: what is read before a push is read anew."""
-    async with on_stage(folder=keys) as on:
+@pytest.mark.parametrize("two", [False, True])
+async def test_what_a_way_back_left_is_believed_once_where_no_program_compares_it(keys: Path, two: bool) -> None:
+    """Somebody may change a table after it: one program compares before it writes, two programs read anew."""
+    async with on_stage(folder=keys, settings={"two_programs": two}) as on:
         told: list[str] = []
 
         def tell(code: str, /, **_fields: object) -> None:
             told.append(code)
 
-        await on.push(replace(ORDER, transaction=99, enable=False, purpose="restore"))
+        order = replace(ORDER, transaction=99, enable=False, purpose="restore")
+        await on.loaded(order)
+        await on.device.activate((order,), (order,))
+        if two:
+            on.press()
+        assert await on.device.confirm((order,), 120.0) == (False,)
         asked = (TableQuestion("C1", "C", "deg", rotary=True),)
         (first,) = await on.device.live_tables_of(asked, tell)
         assert told == []
         on.nck.set("$AA_ENC_COMP[0,1,C1]", 0.5, 0)
         (second,) = await on.asked(on.device.live_tables_of(asked, tell), told)
-        assert told == ["P-NC-READ"]
-        assert second.digest != first.digest
+        assert told == (["P-NC-READ"] if two else [])
+        assert (second.digest == first.digest) is not two
+        if not two:
+            await on.device.stage((ORDER,))
+            on.press()
+            (found,) = await on.device.saved_first((ORDER,), 120.0)
+            assert found.own.table.deviations != first.own.table.deviations
+
+
+@pytest.mark.parametrize("ended", ["aborted", "nobody's word", "another word", "reset", "NCK reset"])
+async def test_a_program_that_stands_after_its_back_up_changes_nothing_without_the_word(keys: Path, ended: str) -> None:
+    """Between back-up and first switching it waits: however that ends, tables and switches are as they were."""
+    async with on_stage(folder=keys) as on:
+        for number, value in enumerate((0.0, 0.001, 0.002, 0.0)):
+            on.nck.set(f"$AA_ENC_COMP[0,{number},C1]", value, 0)
+        on.nck.set("$MA_ENC_COMP_ENABLE[0,C1]", 1, 0)
+        before = on.memory()
+        await on.device.stage((ORDER,))
+        on.press()
+        await on.device.saved_first((ORDER,), 120.0)
+        assert on.nck.message.startswith("TRUEFLANK SAVED")
+        place = on.nck.axis_state("C1").set_position
+        if ended == "aborted":
+            await on.device.abort_program()
+        elif ended == "another word":
+            on.nck.set("R[89]", float(ORDER.transaction), 0)  # what releases tables lets nothing go on here
+        elif ended == "reset":
+            on.nck.channel_reset()
+        elif ended == "NCK reset":
+            await on.restart()
+        await on.clock.sleep(700.0)
+        assert on.nck.channel_status == 0
+        assert on.memory() == before
+        assert on.nck.axis_state("C1").set_position == place or ended == "NCK reset"
+        await refused(on.device.read_back((ORDER,), 20.0), "E-NC-STOPPED")
+        assert on.memory() == before
 
 
 async def test_an_order_without_enabling_ends_loaded_and_off(keys: Path) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Callable
 from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
@@ -21,6 +21,7 @@ from drivers.types.stops import Stop, StopReached
 from drivers.types.tables import CompensationTable, LiveSet
 from gateway.axes import AxisRecord
 from gateway.domain.proposals import TableChange
+from gateway.errors import VerifyError
 from gateway.push import PushContext, look, prove_sign, push_table, recover, unfinished
 from gateway.push.compare import table_in
 from simulators.nck.spec import NckSpec
@@ -187,6 +188,60 @@ async def test_a_mismatch_leads_back_and_the_neighbour_works_again(keys: Path, t
             after = await live_of_running(on)
             assert after.cross == base.cross
             assert after.cross[0].enabled
+
+
+def _new_point(on: Stage) -> None:
+    on.nck.set("$AN_CEC[1,1]", 0.004, 0)
+
+
+def _neighbour(on: Stage) -> None:
+    on.nck.set("$AN_CEC[3,1]", 0.004, 0)
+
+
+def _own_table(on: Stage) -> None:
+    on.nck.set("$AA_ENC_COMP[0,1,X1]", 0.002, 0)
+
+
+def _backlash(on: Stage) -> None:
+    on.nck.set("$MA_BACKLASH[0,X1]", 0.002, 0)
+
+
+@pytest.mark.parametrize("change", [_new_point, _neighbour, _own_table, _backlash])
+async def test_what_somebody_changed_before_the_press_is_never_overwritten(
+    keys: Path, tmp_path: Path, change: Callable[[Stage], None]
+) -> None:
+    """The program stands after its back-up until that is what was read: nothing was switched, moved or written."""
+    async with on_stage(SPEC, folder=keys) as on:
+        for index in (1, 3):
+            for name, value in (("STEP", 50.0), ("MIN", 0.0), ("MAX", 100.0)):
+                on.nck.set(f"$AN_CEC_{name}[{index}]", value, 0)
+            on.nck.set(f"$AN_CEC_INPUT_AXIS[{index}]", "Z1", 0)
+            on.nck.set(f"$AN_CEC_OUTPUT_AXIS[{index}]", "X1", 0)
+        for name, value in (("STEP", 50.0), ("MIN", 0.0), ("MAX", 100.0)):
+            on.nck.set(f"$AA_ENC_COMP_{name}[0,X1]", value, 0)
+        base, said = await live_of(on, tmp_path), list[str]()
+
+        def say(code: str, /, **_fields: object) -> None:
+            said.append(code)
+            if code == "P-PUSH-START":
+                change(on)
+
+        context = replace(await context_for(on, tmp_path, proof(on, 1)), say=say, read=base)
+        await on.clock.sleep(float(on.nck.core.move({on.nck.core.axis("Z1").index: 40.0}, None)) + 0.5)
+        async with starting(on):
+            with pytest.raises(VerifyError, match="E-PUSH-LOST-UPDATE"):
+                await push_table(change_of(base, WAVE, 1), context)
+        assert said.count("P-NC-READ") == 0  # what was read a moment before is compared, not read once more
+        assert on.nck.axis_state("Z1").set_position == 40.0
+        assert (await on.device.state()).channel is ChannelStatus.RESET
+        left = await on.device.marker()
+        assert left is not None
+        assert left.state == "none"
+        assert unfinished(tmp_path / "journal", context.machine.serial) == ()
+        assert not on.nck.get("$MA_CEC_ENABLE[X1]")
+        assert on.nck.get("$AN_CEC_MAX[1]") == 100.0
+        found = await live_of(on, tmp_path)
+        assert found.digest != base.digest  # the other's change is still there
 
 
 async def live_of_running(on: Stage) -> LiveSet:

@@ -1,10 +1,11 @@
 """A batch of PushOrders -> NC program text: the two halves of one push of one or several tables.
 
 First half: back up, move to the agreeing positions, disable all, write everything, compare everything, write
-read-back files. It then waits, standing, for the gateway's word: between the halves nothing is for a person to do, and
-what both move was said before the start. Second half: enable only what the gateway released of this very transaction,
-and only if it is still as it was written. Every other way out leaves all of them disabled. MD38000 and MD18342 are
-not touched.
+read-back files. Twice it waits, standing, for the gateway's word, with nothing for a person to do, and what all of it
+moves was said before the start: after the back-up, before anything is switched or written, until the gateway has found
+there what it expects; and between the halves. Second half: enable only what the gateway released of this very
+transaction, and only if it is still as it was written. Every other way out leaves all of them disabled. MD38000 and
+MD18342 are not touched.
 """
 
 from __future__ import annotations
@@ -33,10 +34,11 @@ from drivers.types.orders import PushBatch, PushOrder
 Loads = Sequence[tuple[PushOrder, Setting]]
 """Each order with what its own axes need: memory of its output, feed and kind of its input."""
 
+SAVED = "TRUEFLANK SAVED"
 LOADED = "TRUEFLANK LOADED"
 ACTIVATE = "TRUEFLANK ACTIVATE NCK RESET AND REFERENCE"
 _MOST_NAMED = 5
-_RELEASE_LIMIT_S = 600.0  # reading and comparing takes seconds; with its gateway gone it ends with every table off
+_MOST_WAITED = round(600.0 / POLL_S)  # comparing takes seconds; with its gateway gone a program ends after 10 minutes
 _HELD, _LEFT, _FAILED, _COMPARE = "TF_HELD", "TF_LEFT", "TF_FAILED", "TF_COMPARE"
 _WAKES, _ALONE = "TF_WAKES", "TF_ALONE"
 _HALF, _BAD, _GOOD, _PASSED, _WAITED = "UHALF", "UBAD", "UGOOD", "UPASSED", "UWAITED"
@@ -45,9 +47,21 @@ _STOPS = "press RESET and grind nothing: a table is off or half written. truefla
 
 def loaded_message(batch: PushBatch, words: Words) -> str:
     """What stands on the control between the two halves, while the gateway compares."""
-    release = f"{words.name(Word.RELEASE)}={batch[0].transaction}"
-    names = " ".join(order.table.name for order in batch)
-    return f"{LOADED} {names if len(batch) <= _MOST_NAMED else f'{len(batch)} TABLES'} WAITS FOR {release}"
+    return f"{LOADED} {_named(batch)} WAITS FOR {words.name(Word.RELEASE)}={batch[0].transaction}"
+
+
+def saved_message(batch: PushBatch, words: Words) -> str:
+    """What stands there while the gateway compares what the back-up holds with what it expects."""
+    return f"{SAVED} {_named(batch)} WAITS FOR {words.name(Word.RELEASE)}={goes_on(batch)}"
+
+
+def goes_on(batch: PushBatch) -> int:
+    """The word that lets the first half go on after the back-up; never one that releases tables."""
+    return -batch[0].transaction
+
+
+def _named(batch: PushBatch) -> str:
+    return " ".join(order.table.name for order in batch) if len(batch) <= _MOST_NAMED else f"{len(batch)} TABLES"
 
 
 def activate_message(batch: PushBatch) -> str:
@@ -58,20 +72,34 @@ def activate_message(batch: PushBatch) -> str:
 
 def pushing(loads: Loads) -> str:
     """The one program with both halves: load and prove, wait for the release, then enable what was released."""
-    return _program("PUSH", loads, [*_first_half(loads), *_until_released(loads), *_second_half(loads)])
+    first = _first_half(loads, saved=_until_compared(loads))
+    return _program("PUSH", loads, [*first, *_until_released(loads), *_second_half(loads)])
+
+
+def _until_compared(loads: Loads) -> list[str]:
+    """Stand after the back-up; an abort, or nobody's word, ends the program with everything as it was."""
+    words, orders = loads[0][1].words, _orders(loads)
+    out = [section("until the gateway has found in the back-up what it expects"), phase_block(words, Phase.SAVED)]
+    late = [f"IF {_WAITED}>{_MOST_WAITED}", f"{words.name(Word.ABORT)}=1", "ENDIF"]  # else it would read as no right
+    out += _until(words, goes_on(orders), saved_message(orders, words), [*late, unless_aborted(words, _LEFT)])
+    return [*out, unless_aborted(words, _LEFT), f"{words.name(Word.RELEASE)}=0", "STOPRE"]
 
 
 def _until_released(loads: Loads) -> list[str]:
-    words, release = loads[0][1].words, f"{loads[0][0].transaction}"
+    words, orders = loads[0][1].words, _orders(loads)
+    ends = [unless_aborted(words, _HELD), f"IF {_WAITED}>{_MOST_WAITED} GOTOF {_HELD}"]
+    return _until(words, orders[0].transaction, loaded_message(orders, words), ends)
+
+
+def _until(words: Words, word: int, message: str, ends: list[str]) -> list[str]:
     return [
-        f'MSG("{loaded_message(_orders(loads), words)}")',
+        f'MSG("{message}")',
         f"{_WAITED}=0",
-        f"WHILE {words.name(Word.RELEASE)}<>{release}",
+        f"WHILE {words.name(Word.RELEASE)}<>{word}",
         f"G4 F{number(POLL_S)}",
         "STOPRE",
         f"{_WAITED}={_WAITED}+1",
-        unless_aborted(words, _HELD),
-        f"IF {_WAITED}>{round(_RELEASE_LIMIT_S / POLL_S)} GOTOF {_HELD}",
+        *ends,
         "ENDWHILE",
         'MSG("")',
         "STOPRE",
@@ -80,7 +108,7 @@ def _until_released(loads: Loads) -> list[str]:
 
 def loading(loads: Loads) -> str:
     """The first half alone, for controls that give no file out while a program waits."""
-    return _program("LOAD", loads, [*_first_half(loads), "M30"])
+    return _program("LOAD", loads, [*_first_half(loads, saved=[]), "M30"])
 
 
 def enabling(loads: Loads) -> str:
@@ -131,7 +159,7 @@ def _head(kind: str, loads: Loads) -> Head:
     )
 
 
-def _first_half(loads: Loads) -> list[str]:
+def _first_half(loads: Loads, saved: list[str]) -> list[str]:
     setting, orders = loads[0][1], _orders(loads)
     words = setting.words
     for order in orders:
@@ -141,7 +169,7 @@ def _first_half(loads: Loads) -> list[str]:
     out += [f"{words.name(word)}={value}" for word, value in _identity(loads).items()]
     out += [phase_block(words, Phase.BACKING_UP), "STOPRE", unless_aborted(words, _LEFT)]
     out += guarded(words, setting.guards)
-    out += [section("old tables into files"), *_saved("BACK", loads, _FAILED)]
+    out += [section("old tables into files"), *_saved("BACK", loads, _FAILED), *saved]
     out += switching.asleep(orders, setting.memory, _WAKES)
     out += [section("to where old and new tables agree; the tables off")]
     out += [*guarded(words, setting.guards), *_go(loads), "STOPRE", *switching.switched_off(orders, _LEFT, _HELD)]

@@ -62,9 +62,9 @@ FAMILY = {"axis": 1000, "cross": 2000, "reversal": 3000}
 class Phase(IntEnum):
     """How far a program is.
 
-    1 to 5 and 9 are a push; 1 and 6 to 8 a measuring run; 1, 7, 8, 13 and 14 a test part; 8, 15 and 16 a
+    1 to 5, 9 and 18 are a push; 1 and 6 to 8 a measuring run; 1, 7, 8, 13 and 14 a test part; 8, 15 and 16 a
     disable-only order. 17 ends any that moves: an axis had left its safe place, before the first move.
-    Of a push 8 and 11 changed nothing; nor did 14.
+    Of a push 8, 11 and 18 changed nothing; nor did 14.
     """
 
     NONE = 0
@@ -84,6 +84,7 @@ class Phase(IntEnum):
     SWITCHED_OFF = 15
     STILL_ON = 16
     AWAY = 17
+    SAVED = 18
 
 
 class SetupWord(IntEnum):

@@ -237,6 +237,10 @@ class SinumerikOpcUa(Leaver, RunsPlans):
         """Back-up of the old and read-back of the new at the end of the first half. Raises as `Pushing.loaded`."""
         return await self._pushing.loaded(batch, timeout_s, self._configuration)
 
+    async def saved_first(self, batch: PushBatch, timeout_s: float) -> tuple[LiveSet, ...]:
+        """As `drivers.ports.controller.SavesFirst.saved_first`, with one program alone. Raises as `Pushing.saved`."""
+        return await self._pushing.saved(batch, timeout_s, self._configuration)
+
     async def backup_of(self, batch: PushBatch) -> tuple[LiveSet, ...]:
         """What stood before the batch, from the files that its own program wrote. Raises as `Pushing.backup`."""
         return await self._pushing.backup(batch, self._configuration)

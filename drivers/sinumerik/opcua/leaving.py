@@ -66,6 +66,8 @@ def _kind(seen: Glance) -> Kind:
         return "stopped"
     if seen.phase == Phase.WAITING:  # between the halves of a push it stands until it is released
         return "moving" if seen.word(Word.RELEASE) else "waiting"
+    if seen.phase == Phase.SAVED:  # after its back-up too
+        return "moving" if seen.word(Word.RELEASE) == -seen.word(Word.TRANSACTION) else "waiting"
     counted = seen.word(Word.COUNTER) != seen.word(Word.ECHO)
     return "waiting" if seen.phase == Phase.MEASURING and counted else "moving"
 

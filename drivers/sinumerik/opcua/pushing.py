@@ -99,10 +99,15 @@ class Pushing:
     async def loaded(self, batch: PushBatch, timeout_s: float, configuration: Configuration) -> tuple[ReadBack, ...]:
         """Wait for the end of the first half: back-up of the old and read-back of the new, both as written there.
 
+        The program that waits after its back-up is told to go on: nothing is switched or written before that.
         Raises PointsDiffer (E-NC-MISMATCH, count) when the program found differences in every table, DeviceRefused:
-        E-NC-LEVEL when the compensation could not be switched off, E-NC-FILE, E-NC-ALARM, E-NC-STOPPED;
-        DeadlineExceeded; FileFormatError as `written.read_written` for a file that is not the whole one of this batch.
+        E-NC-LEVEL where it could not be switched off, E-NC-FILE, E-NC-ALARM, E-NC-STOPPED; DeadlineExceeded;
+        FileFormatError as `written.read_written` for a file that is not the whole one of this batch.
         """
+        if not self._settings.two_programs:
+            await self._until_saved(batch, timeout_s)
+            await self._dialogue.write({Word.RELEASE: float(pushing_program.goes_on(batch))})
+            self._dialogue.pace.again()
         good = await self.until(
             batch[0].transaction, timeout_s, lambda before, seen: self._is_loaded(batch, before, seen)
         )
@@ -114,6 +119,21 @@ class Pushing:
             old, new = [await live_tables(self._transfer, one, configuration, sense_for(order)) for one in files]
             found.append(ReadBack(old, new, bool(good >> place & 1)))
         return tuple(found)
+
+    async def saved(self, batch: PushBatch, timeout_s: float, configuration: Configuration) -> tuple[LiveSet, ...]:
+        """What the program found before it, once it stands after its back-up; nothing is switched or written yet.
+
+        Raises as `loaded`, and as `live_tables`.
+        """
+        await self._until_saved(batch, timeout_s)
+        return await self.backup(batch, configuration)
+
+    async def _until_saved(self, batch: PushBatch, timeout_s: float) -> None:
+        def is_saved(before: Glance | None, seen: Glance) -> bool | None:
+            self._goes_on(batch, before, seen)
+            return True if seen.phase == Phase.SAVED and seen.channel is not ChannelStatus.RESET else None
+
+        await self.until(batch[0].transaction, timeout_s, is_saved)
 
     async def backup(self, batch: PushBatch, configuration: Configuration) -> tuple[LiveSet, ...]:
         """What stood before the batch, from the files that its own first half wrote; raises as `live_tables`."""
@@ -147,12 +167,17 @@ class Pushing:
 
     def _is_loaded(self, batch: PushBatch, before: Glance | None, seen: Glance) -> int | None:
         """Which tables the program found as sent, bit by bit, once it waits."""
-        self._dialogue.check_places(seen)
-        mismatches = round(seen.word(Word.MISMATCHES))
-        names, axes = _named(batch), ", ".join(dict.fromkeys(order.table.output_axis for order in batch))
         ended = seen.channel is not ChannelStatus.ACTIVE
         if seen.phase == Phase.WAITING and (ended or not self._settings.two_programs):
             return round(seen.word(Word.GOOD))
+        self._goes_on(batch, before, seen)
+        return None
+
+    def _goes_on(self, batch: PushBatch, before: Glance | None, seen: Glance) -> None:
+        """Raises for a first half that has ended otherwise than by waiting."""
+        self._dialogue.check_places(seen)
+        mismatches = round(seen.word(Word.MISMATCHES))
+        names, axes = _named(batch), ", ".join(dict.fromkeys(order.table.output_axis for order in batch))
         if seen.phase == Phase.ENDED_DISABLED and mismatches:
             raise PointsDiffer("E-NC-MISMATCH", self._where, count=mismatches, table=names)
         if seen.phase == Phase.LEFT and not seen.word(Word.ABORT):
@@ -164,13 +189,9 @@ class Pushing:
         stopped = before is not None and before.channel is seen.channel is ChannelStatus.RESET
         if seen.phase in (Phase.ENDED_DISABLED, Phase.LEFT) or stopped:
             raise DeviceRefused("E-NC-STOPPED", self._where, phase=seen.phase, table=names)
-        return None
 
     async def release(self, batch: PushBatch, passed: PushBatch) -> None:
-        """Set the release word to the transaction number, and which tables it holds for; never retried.
-
-        Two programs: select the second.
-        """
+        """Set the release word to the transaction number, and which tables it holds for; select a second program."""
         bits = sum(1 << place for place, order in enumerate(batch) if order in passed)
         await self._dialogue.write({Word.PASSED: float(bits), Word.RELEASE: float(batch[0].transaction)})
         if self._settings.two_programs:
@@ -193,11 +214,13 @@ class Pushing:
         """What stands on axes, each with its measuring system, by the files of a way back that has just left all off.
 
         Its program compared every point once more after it had written them, and nothing of it was switched on; so no
-        program needs to be started to read the same again. Once only: what follows reads anew, for somebody may have
-        changed a table since. None where that does not hold: for other axes, after `FRESH_S`, when anything was sent
-        since, when a switch reads on.
+        program needs to be started to read the same again. Somebody may change a table after it: one program of both
+        halves is held against this before it writes; with two it is believed once. None where that does not hold: for
+        other axes, after `FRESH_S`, when anything was sent since, when a switch reads on.
         """
-        (batch, since), self._left = self._left, ((), 0.0)
+        batch, since = self._left
+        if self._settings.two_programs:
+            self._left = (), 0.0
         of = {(order.table.output_axis, order.saved_encoder): order for order in batch}
         quiet = all(order.purpose == "restore" and not order.enable and not order.coupled for order in batch)
         if not (quiet and set(asked.items()) <= set(of)) or self._clock.now() - since > FRESH_S:

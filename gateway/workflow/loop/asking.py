@@ -38,7 +38,7 @@ def pushing(
     """One transaction of tables, each as (output, input), and of what reversals go with them.
 
     One load, one release where it is a start of its own, one restart, one proof of effect; one read of all their axes
-    before them, unless ``just``: the program that measured reads on.
+    before them, unless ``just``: a program before has just read them, and the one that loads compares.
     """
     inputs = {over.name: over for _, over in tables}
     moved = sum(0.5 * _across_s(site, axis) for axis in inputs.values())

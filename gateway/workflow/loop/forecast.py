@@ -12,7 +12,7 @@ from drivers.types.stops import StopPlan
 from gateway.capture.rig import setup_of
 from gateway.capture.sense import sense_plan
 from gateway.capture.targets import measuring_plan, targets_of
-from gateway.config import AxisSection, SiteFile, open_road, plans_together
+from gateway.config import AxisSection, SiteFile, one_start, open_road, plans_together
 from gateway.correct.plan.plan import CROSS
 from gateway.model.axis import LOCATIONS
 from gateway.tooth import SetupValues
@@ -36,7 +36,10 @@ def day_of_run(site: SiteFile, *, apply: bool, axes: Collection[str] = ()) -> Da
     Raises ConfigError (E-RUN-AXIS; E-DAY-ROAD where no program of ours runs).
     """
     day = _Day(with_axes(site, axes))
-    return day.plan("run", (*day.warm_up(), *day.axes_measured(), *(day.applied(cross=False) if apply else ())))
+    live = [axis for axis in day.site.axes if axis.measure.file is None]
+    last = live[-1:] if live == list(day.site.axes) else []
+    applied = day.applied(cross=False, stands=_outlasting(last)) if apply else ()
+    return day.plan("run", (*day.warm_up(), *day.axes_measured(), *applied))
 
 
 def day_of_closing(site: SiteFile, site_path: Path, *, apply: bool) -> DayPlan:
@@ -114,12 +117,14 @@ class _Day:
         last = -(-(before + count) // self.together)
         return Asks(("begin measuring",) * (last - first))
 
-    def measured(self, stage: Stage, axes: Sequence[tuple[AxisSection, Sequence[StopPlan]]], after: int = 0) -> Told:
-        """Axes one after the other in one row of programs, each with its own mounting; ``after`` so many plans."""
+    def measured(
+        self, stage: Stage, axes: Sequence[tuple[AxisSection, Sequence[StopPlan]]], after: int = 0, stands: str = ""
+    ) -> Told:
+        """Axes one after the other in one row of programs, ``after`` so many plans; on ``stands`` optics are there."""
         count = after
         for axis, plans in axes:
             asks = self._begun(count, len(plans)).plus(Asks(machine_s=visiting(plans, axis)))
-            yield Piece(stage, axis.name, asks, _own_mounting(axis))
+            yield Piece(stage, axis.name, asks, _own_mounting(axis) if axis.name != stands else None)
             count += len(plans)
 
     def part(self, name: str, part_s: float) -> Piece:
@@ -127,15 +132,20 @@ class _Day:
         asks = Asks((f"grind part {name}",), machine_s=part_s)
         return Piece("part", name, asks, clampings=1, hand_s=60.0 * self.site.times.inspection_min)
 
-    def applied(self, *, cross: bool) -> Told:
-        """Signs, the axes' own tables, the axes again, and the cross tables."""
+    def applied(self, *, cross: bool, stands: str = "") -> Told:
+        """Signs, the axes' own tables, the axes again, and the cross tables; ``stands``: on that axis a laser does."""
         own = [axis for axis in self.site.axes if axis.measure.instrument]
         tables = [(out, over) for out, over in self._cross()] if cross else []
-        yield from self._signed(own, tables)
+        own.sort(key=lambda axis: (axis.name != stands, axis.kind == "linear"))
+        yield from self._signed(own, tables, stands)
+        stands = _outlasting(own[-1:])
+        own.sort(key=lambda axis: (axis.name != stands, self.site.axes.index(axis)))
         if own:
-            asks = pushing(self.site, [(axis, axis) for axis in own], "axis tables")
+            # What the trial tables left is what was read, where the program that loads holds the control against it.
+            asks = pushing(self.site, [(axis, axis) for axis in own], "axis tables", just=one_start(self.site))
             yield Piece("push", "axis tables and reversals", asks)
-        yield from self.measured("measure again", [(axis, plans_of_axis(axis, "after")) for axis in own], len(own))
+        again = [(axis, plans_of_axis(axis, "after")) for axis in own]
+        yield from self.measured("measure again", again, len(own), stands)
         if tables:
             yield Piece("push", "cross tables", pushing(self.site, tables, "cross tables", just=bool(own)))
 
@@ -144,7 +154,9 @@ class _Day:
         by_letter = {axis.letter: axis for axis in self.site.axes if axis.measure.instrument}
         return ((by_letter[out], by_letter[over]) for out, over in CROSS if {out, over} <= set(by_letter))
 
-    def _signed(self, own: Sequence[AxisSection], tables: Sequence[tuple[AxisSection, AxisSection]]) -> Told:
+    def _signed(
+        self, own: Sequence[AxisSection], tables: Sequence[tuple[AxisSection, AxisSection]], stands: str
+    ) -> Told:
         """The signs of all axes in one transaction; of cross tables one sign holds for every input axis."""
         if not own:
             return
@@ -157,7 +169,7 @@ class _Day:
             asks = self._begun(count, 1 + len(kinds)).plus(sense)
             for over, kind in kinds:
                 asks = asks.plus(proving(self.site, axis, over, kind))
-            yield Piece("sign proofs", axis.name, asks, _own_mounting(axis))
+            yield Piece("sign proofs", axis.name, asks, _own_mounting(axis) if axis.name != stands else None)
             count += 1 + len(kinds)
         yield Piece("sign proofs", "tables of before", trials_out(self.site))
 
@@ -186,6 +198,11 @@ def _mounting_of(one: Planned) -> ToMount:
         park=dict(setup.park),
         offset_mm=setup.offset_mm,
     )
+
+
+def _outlasting(last: Sequence[AxisSection]) -> str:
+    """The axis on which the instrument that was mounted last still stands after a restart; "" for none."""
+    return last[0].name if last and last[0].kind == "linear" else ""
 
 
 def _own_mounting(axis: AxisSection) -> ToMount:

@@ -107,6 +107,8 @@ class Machine:
             if self.nck.channel_status == 2:
                 self.stood.append(self.places())
                 assert self.nck.nc_start()
+            elif float(self.nck.get("R[90]")) == Phase.SAVED:
+                self.nck.set("R[89]", -4711.0, 0)
             elif float(self.nck.get("R[90]")) == Phase.WAITING and not released:
                 released = True
                 self.stood.append(self.places())
