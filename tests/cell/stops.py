@@ -18,6 +18,7 @@ import pytest
 
 from drivers.clock import LoopClock
 from drivers.leftover import LeftOver
+from drivers.sinumerik.ncprogram.words import Phase
 from drivers.sinumerik.opcua.session.client import UaSession
 from drivers.types.orders import SignProof
 from gateway.config import SiteFile, load_site
@@ -151,24 +152,40 @@ async def shop(folder: Path, clock: LoopClock | None = None, **operator: Any) ->
         yield at
 
 
+Moment = float | str
+"""Seconds after the start of a run, or where its push stands: one of `WAITS`."""
+WAITS = {"after the back-up": Phase.SAVED, "between the halves": Phase.WAITING, "at the restart": Phase.ENABLED}
+
+
+async def come(at: Shop, moment: Moment) -> None:
+    """Let the run come to a moment. A push stands at the restart once its program is at M0."""
+    if not isinstance(moment, str):
+        await at.clock.sleep(moment)
+        return
+    wanted = INTERRUPTED if moment == "at the restart" else ACTIVE
+    while at.cell.nck.get("R[90]") != WAITS[moment] or at.channel != wanted:
+        await at.clock.sleep(0.05)
+
+
 @dataclass
 class Stopping:
-    """How a stop went: seconds from the asking, and the last word."""
+    """How a stop went: seconds from the start to the asking and from there, and the last word."""
 
+    asked_s: float
     took_s: float
     error: Stopped | None
     told: list[str]
 
 
 async def stopped(
-    at: Shop, work: Coroutine[Any, Any, Any], after_s: float, then: Callable[[], None], *, ends_itself: bool = False
+    at: Shop, work: Coroutine[Any, Any, Any], moment: Moment, then: Callable[[], None], *, ends_itself: bool = False
 ) -> Stopping:
-    """Do some work and ask for a stop after that many seconds; ``then`` is done in the same moment."""
-    stop = StopAsked()
+    """Do some work and ask for a stop at a moment of it; ``then`` is done in the same one."""
+    stop, began = StopAsked(), at.clock.now()
     asked: list[float] = []
 
     async def ask() -> None:
-        await at.clock.sleep(after_s)
+        await come(at, moment)
         asked.append(at.clock.now())
         then()
         stop.ask("SIGTERM")
@@ -182,7 +199,8 @@ async def stopped(
     finally:
         asking.cancel()
         await asyncio.gather(asking, return_exceptions=True)
-    return Stopping(at.clock.now() - asked[0] if asked else 0.0, error, stop.told)
+    now = at.clock.now()
+    return Stopping(asked[0] - began if asked else 0.0, now - asked[0] if asked else 0.0, error, stop.told)
 
 
 class Killing:

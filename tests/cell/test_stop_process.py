@@ -63,6 +63,9 @@ def test_sigterm_in_mid_push_takes_the_release_back_and_says_what_to_press(tmp_p
             at.cell.operator.press("NC START")  # the other button: nothing may be switched by it
             await _until(lambda: at.channel == RESET, "the end of the program")
             assert table_of(at.cell) == before
+            points, on = before
+            assert on, "what was released was switched on before, and is told of"
+            assert any(points)
             assert "ENABLE" in at.journal()[0].kinds
 
     asyncio.run(main())

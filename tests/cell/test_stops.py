@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import random
 from collections import Counter
+from collections.abc import Sequence
 from datetime import datetime
 from pathlib import Path
 
@@ -11,7 +12,7 @@ import pytest
 
 from drivers.clock import run_virtual
 from tests import attacks
-from tests.cell.stops import ACTIVE, RESET, Killing, Shop, cleared, shop, stopped, table_of
+from tests.cell.stops import ACTIVE, RESET, Killing, Moment, Shop, cleared, come, shop, stopped, table_of
 
 pytestmark = pytest.mark.attack
 
@@ -26,7 +27,7 @@ def moments(count: int, seed: int) -> list[float]:
     return [RUN_S * (part + rng.random()) / count for part in range(count)]
 
 
-async def _stopped_at(at: Shop, moment: float, *, alone: bool, off: tuple[float, ...]) -> tuple[str, list[str]]:
+async def _stopped_at(at: Shop, moment: Moment, *, alone: bool, off: tuple[float, ...]) -> tuple[str, list[str]]:
     """Stop a run there; ``alone``: whoever stood at the machine has gone. (What it was, what is wrong.)"""
     wrong: list[str] = []
     began = at.clock.utc()
@@ -39,7 +40,7 @@ async def _stopped_at(at: Shop, moment: float, *, alone: bool, off: tuple[float,
         wrong.append(f"its last word: {how.error}")
     for one in at.journal():
         noted = datetime.fromisoformat(str(one.entries[-1].facts["utc"]))
-        late_s = (noted - began).total_seconds() - moment
+        late_s = (noted - began).total_seconds() - how.asked_s
         if one.kinds[-1] != "STOPPED" or late_s > JOURNAL_S:
             wrong.append(f"the journal says {one.kinds[-1]} {late_s:.1f} s after the asking")
     told = " ".join(how.told)
@@ -80,8 +81,8 @@ async def _looked(at: Shop, wrong: list[str], *, unfinished: bool) -> None:
         wrong.append("a push did not end, and the page does not say so")
 
 
-def stops(folder: Path, count: int, seed: int) -> Counter[str]:
-    """Stop a run at so many moments, each time cleared up by a person afterwards."""
+def stops(folder: Path, when: Sequence[Moment]) -> Counter[str]:
+    """Stop a run at these moments, each time cleared up by a person afterwards."""
     seen: Counter[str] = Counter()
     problems: list[str] = []
     judged: list[list[str]] = []
@@ -89,12 +90,12 @@ def stops(folder: Path, count: int, seed: int) -> Counter[str]:
     async def main() -> None:
         async with shop(folder) as at:
             before = table_of(at.cell)[0]
-            for number, moment in enumerate(moments(count, seed)):
+            for number, moment in enumerate(when):
                 what, wrong = await _stopped_at(at, moment, alone=bool(number % 2), off=before)
                 wrong += await cleared(at)
                 seen[what] += 1
                 judged.append(wrong)
-                problems.extend(f"at {moment:.2f} s ({what}): {one}" for one in wrong)
+                problems.extend(f"at {moment} ({what}): {one}" for one in wrong)
 
     run_virtual(main)
     attacks.judged("a stop (SIGTERM) at a seeded moment of a run", "OPC UA", judged)
@@ -105,13 +106,13 @@ def stops(folder: Path, count: int, seed: int) -> Counter[str]:
 
 def test_a_stop_at_any_moment_of_a_run_leaves_the_machine_as_told(tmp_path: Path) -> None:
     """A program between the halves of a push ends by itself; one at M0 is asked of a person in a process of its own."""
-    assert stops(tmp_path, 2, seed=6) == {"ended": 1, "it was over": 1}
+    assert stops(tmp_path, ("after the back-up", "at the restart")) == {"ended": 1, "W-LEFT-ASKED": 1}
 
 
 @pytest.mark.soak
 @pytest.mark.parametrize("seed", range(3))
 def test_stops_at_thirty_moments(tmp_path: Path, seed: int) -> None:
-    found = stops(tmp_path, 30, seed)
+    found = stops(tmp_path, moments(30, seed))
     print(dict(found))
     assert sum(found.values()) == 30
 
@@ -138,7 +139,7 @@ def served(folder: Path, count: int, seed: int) -> Counter[str]:
                 wrong += await cleared(at)
                 seen[what] += 1
                 judged.append(wrong)
-                problems.extend(f"at {moment:.2f} s ({what}): {one}" for one in wrong)
+                problems.extend(f"at {moment} ({what}): {one}" for one in wrong)
 
     run_virtual(main)
     attacks.judged("a stop (SIGTERM) at a seeded moment of the daemon", "OPC UA", judged)
@@ -152,25 +153,25 @@ def test_stops_of_the_daemon_at_thirty_moments(tmp_path: Path) -> None:
     assert sum(served(tmp_path, 30, seed=2).values()) == 30
 
 
-def kills(folder: Path, count: int, seed: int, killing: Killing) -> Counter[str]:
-    """Kill the gateway of a run at so many moments; each time somebody finds the machine and has it cleared up."""
+def kills(folder: Path, when: Sequence[Moment], killing: Killing) -> Counter[str]:
+    """Kill the gateway of a run at these moments; each time somebody finds the machine and has it cleared up."""
     seen: Counter[str] = Counter()
     problems: list[str] = []
     judged: list[list[str]] = []
 
     async def main() -> None:
         async with shop(folder) as at:
-            for number, moment in enumerate(moments(count, seed)):
+            for number, moment in enumerate(when):
                 async with killing.gateway(at.work()) as task:
-                    await at.clock.sleep(moment)
-                    at.cell.operator.change(auto=bool(number % 2))
+                    await come(at, moment)
+                    at.cell.operator.change(auto=bool(number % 2) and not isinstance(moment, str))
                     killing.kill(task)
                     await at.clock.sleep(40.0)
                     what, wrong = await _found_after_the_kill(at)
                     wrong += await cleared(at, resets=bool(number % 3))
                     seen[what] += 1
                     judged.append(wrong)
-                problems.extend(f"at {moment:.2f} s ({what}): {one}" for one in wrong)
+                problems.extend(f"at {moment} ({what}): {one}" for one in wrong)
 
     run_virtual(main)
     attacks.judged("kill -9 at a seeded moment of a run", "OPC UA", judged)
@@ -190,13 +191,13 @@ async def _found_after_the_kill(at: Shop) -> tuple[str, list[str]]:
 
 
 def test_what_a_killed_gateway_left_is_known_by_its_number(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    found = kills(tmp_path, 2, seed=5, killing=Killing(monkeypatch))
-    assert found == {"W-LEFT-WORDS": 2}
+    found = kills(tmp_path, ("between the halves", "at the restart"), Killing(monkeypatch))
+    assert found == {"W-LEFT-WAITING": 1, "W-LEFT-STOPPED": 1}
 
 
 @pytest.mark.soak
 @pytest.mark.parametrize("seed", range(3))
 def test_kills_at_thirty_moments(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, seed: int) -> None:
-    found = kills(tmp_path, 30, seed, Killing(monkeypatch))
+    found = kills(tmp_path, moments(30, seed), Killing(monkeypatch))
     print(dict(found))
     assert sum(found.values()) == 30

@@ -16,7 +16,8 @@ class Presses:
     """NCK resets, and presses of NC START, by what the run had last asked for; what was mounted or clamped, in order.
 
     A press that confirms a mounting or a clamping is part of that, and counts in ``handled`` alone. ``extra_min`` is
-    what the run said that further targets would take.
+    what the run said that further targets would take, twice where its axis is measured again at all of them; ``stops``
+    are those that were read.
     """
 
     log: list[str] = field(default_factory=list)
@@ -24,14 +25,20 @@ class Presses:
     starts: list[str] = field(default_factory=list)
     handled: list[str] = field(default_factory=list)
     extra_min: float = 0.0
+    stops: int = 0
+    _again: bool = False
     _seen: int = 0
     _cause: str = "nothing"
 
     def told(self, code: str, fields: Mapping[str, object]) -> None:
         """The run said something: what was pressed until now was for what it had asked before."""
         self.take()
+        self.stops += code == "P-STOP"
+        if code in ("P-SETUP", "P-MEASURE"):
+            component = str(fields["component"])
+            self._again = component[1:2] == component[2:3]  # the error of an axis along itself: EXX
         if code == "P-MORE-TARGETS":
-            self.extra_min += float(str(fields["minutes"]))
+            self.extra_min += float(str(fields["minutes"])) * (2.0 if self._again else 1.0)
         if code in ASK or code == "P-NC-READ":
             what = fields.get("program") or fields.get("part") or ""
             self._cause = " ".join(str(word) for word in (code, fields.get("axis", ""), what) if word)

@@ -11,7 +11,11 @@ from gateway.workflow.loop.dayplan import by_hand_s
 from gateway.workflow.loop.forecast import day_of_closing
 from tests.closing.presses import Presses
 
-HOURS_WITHIN = 0.2
+HOURS_WITHIN = 0.15
+BLOCK_S = 1.0
+# These runs stream blocks of `BLOCK_S`, a cell those of 0.25 s. A reading waits for the one that begins it and the one
+# that ends it: by test 0.93 s longer at each stop (4.27 s against 3.34 s), which is no part of anybody's day.
+COARSE_S = 1.24 * (BLOCK_S - 0.25)
 # What a reading out of line, or a curve between targets, makes the run visit once more, in a program of its own.
 UNFORESEEN = ("TFAGAIN", "TFMORE")
 CAUSES = {
@@ -29,7 +33,7 @@ def usual_hours(simulated: DayTimes, presses: Presses, took_s: float) -> float:
     slower = [by_hand_s(times, mounted, clamped, started, restarted) for times in (DayTimes(), simulated)]
     inspected = clamped * 60.0 * (DayTimes().inspection_min - simulated.inspection_min)
     warm = 60.0 * (DayTimes().warm_up_min - simulated.warm_up_min)
-    return (took_s + slower[0] - slower[1] + inspected + warm) / 3600.0
+    return (took_s - presses.stops * COARSE_S + slower[0] - slower[1] + inspected + warm) / 3600.0
 
 
 def unlike(site_path: Path, presses: Presses, took_s: float, within: float = HOURS_WITHIN) -> list[str]:
@@ -56,11 +60,11 @@ def unlike(site_path: Path, presses: Presses, took_s: float, within: float = HOU
     measured = found - sum(pressed[code] for code in set(CAUSES.values()))
     if not least + extra <= measured <= least + 2 * extra:
         said.append(f"presses of measuring: {least} foretold, {extra} unforeseen, {measured} pressed")
-    # Further targets are visited once to be measured, and once more to judge the table that they made better.
-    print(f"{day.hours:.2f} h foretold ({day.by_stage()}), {took_s / 3600.0:.2f} h taken")
-    hours, was = day.hours + 2.0 * presses.extra_min / 60.0, took_s / 3600.0
+    hours, was = day.hours + presses.extra_min / 60.0, took_s / 3600.0 - presses.stops * COARSE_S / 3600.0
+    told = f"{day.hours:.2f} h foretold and {presses.extra_min:.0f} min for further targets, {was:.2f} h taken"
+    print(f"{told} without the coarse stream's part of {took_s / 3600.0:.2f} h: {day.by_stage()}")
     if abs(hours - was) > within * was:
-        said.append(f"{hours:.2f} h foretold, {was:.2f} h taken")
+        said.append(told)
     return said
 
 

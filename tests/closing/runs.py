@@ -30,12 +30,11 @@ from simulators.nck.machine import compensation as table
 from tests.closing.identified import Curve, FloatArray, identified
 from tests.closing.judge import CROSS, OWN, Machine, b_left_on, floor, kept_floor, places, places_at, rms
 from tests.closing.presses import Presses
-from tests.closing.reckoned import usual_hours
+from tests.closing.reckoned import BLOCK_S, usual_hours
 from tests.closing.record import MachineResult, Normalised
 from tests.closing.tables import Grid
 from tests.selftested import cell_running
 
-BLOCK_S = 1.0
 # How often a run may do what it must not repeat when it goes on after a stop.
 ONCE = {"P-SETUP": 28, "P-PROPOSED": 10, "P-PUSH-ACTIVATE": 12, "P-GRIND-DONE": 3, "P-EVALUATED": 3}
 Edit = Callable[[Cell, str], str]

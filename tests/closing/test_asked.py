@@ -24,7 +24,7 @@ MOUNTINGS = {
 }
 # Two places of C; before, signs and after.
 AGAIN = {"A0C on Z": 2, "B0C on Z": 2, "EXX on X": 3, "EZZ on Z": 2, "ECC on C": 4}
-HOURS_WITHIN = 0.25  # nobody foresees how many readings of 28 set-ups are taken again
+HOURS_WITHIN = 0.1  # nobody foresees how many readings of 28 set-ups are taken again
 # Presses of NC START beyond those that confirm what was mounted or clamped, by their cause: the most of each.
 MOST_PRESSES = 12
 PRESSED = {

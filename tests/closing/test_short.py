@@ -20,9 +20,9 @@ from simulators.cell.judge import Judge
 from simulators.cellfile import CellFile, load_cell, with_plan
 from tests.closing.machines import machine
 from tests.closing.presses import by_kind
-from tests.closing.reckoned import unlike
+from tests.closing.reckoned import BLOCK_S, unlike
 from tests.closing.record import MachineResult
-from tests.closing.runs import BLOCK_S, run_machine
+from tests.closing.runs import run_machine
 from tests.selftested import cell_running
 from tests.sizes import soak
 

@@ -17,13 +17,15 @@ from gateway.workflow.loop.dayplan import Asks
 PROGRAM_S = 5.0
 """To send a program, write and compare its tables, and bring its files back."""
 EVERY = "all axes"
+STREAM_S = 0.4
+"""What the blocks of a stream add to each reading, which begins and ends with a whole one."""
 TOUCHED = 5
 """About so many places prove the effect of a table."""
 
 
 def visiting(plans: Sequence[StopPlan], axis: AxisSection) -> float:
     """Seconds of the stops of an axis' plans, each of them read."""
-    standing = reading_s(axis.measure)
+    standing = reading_s(axis.measure) + STREAM_S
     return sum(plan_s(plan, standing) for plan in plans)
 
 
@@ -68,7 +70,7 @@ def proving(site: SiteFile, out: AxisSection, over: AxisSection, kind: str) -> A
     stops = 6 * ROUNDS if kind == "reversal" else 2 * TIMES
     read = 4 * ROUNDS if kind == "reversal" else stops
     turned = (stops - read) * 2.0 * over.measure.overrun / _feed(site, over) * 60.0
-    stood = read * (SWITCH_SETTLE_S + out.measure.average_s + over.measure.dwell_s + HANDSHAKE_S)
+    stood = read * (SWITCH_SETTLE_S + out.measure.average_s + over.measure.dwell_s + HANDSHAKE_S + STREAM_S)
     return Asks(machine_s=0.5 * _across_s(site, over) + stood + turned)
 
 
