@@ -24,7 +24,7 @@ def setup_of(axis: AxisSection) -> str:
 
 
 @dataclass(slots=True)
-class Standing:
+class StandingOptics:
     """Whose optics were mounted last, by the message that asked for them; "" where nobody can vouch for it any more."""
 
     setup: str = ""

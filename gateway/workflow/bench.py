@@ -25,7 +25,7 @@ from drivers.types.stops import StopPlan
 from gateway import stopping
 from gateway.axes import AxisRecord
 from gateway.broker import borrowed
-from gateway.capture.rig import Rig, Standing
+from gateway.capture.rig import Rig, StandingOptics
 from gateway.config import AxisSection, SiteFile, load_site
 from gateway.errors import StoreError, WriteRefused
 from gateway.push.records.journal import JOURNALS
@@ -52,7 +52,7 @@ class Bench:
     proofs: Proofs
     clock: Clock
     say: Say
-    standing: Standing = field(default_factory=Standing)
+    standing: StandingOptics = field(default_factory=StandingOptics)
 
     @property
     def patience(self) -> Patience:
