@@ -26,8 +26,9 @@ WRONG_READBACK = Attack("READ", 1, numbered)
 
 
 ATTACKS: dict[str, tuple[tuple[Attack, ...], bool, set[str]]] = {
-    "a back-up without one line": ((Attack("BACK", 0, left_out), WRONG_READBACK), False, {"held"}),
-    "an older back-up of a cross table": ((Attack("BACK", 0, older), WRONG_READBACK), True, {"held"}),
+    # The program stands after its back-up: one that is not whole is found before anything is switched or written.
+    "a back-up without one line": ((Attack("BACK", 0, left_out), WRONG_READBACK), False, {"rolled-back"}),
+    "an older back-up of a cross table": ((Attack("BACK", 0, older), WRONG_READBACK), True, {"rolled-back"}),
     "a read-back without its switch": ((Attack("READ", 1, without_switch),), False, {"rolled-back"}),
     "older live tables": ((Attack("LIVE", 0, older),), False, {"raised E-SAVED-OTHER"}),
     "live tables with two lines exchanged": ((Attack("LIVE", 1, exchanged),), True, {"raised E-SAVED-LINE"}),
