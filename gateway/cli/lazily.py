@@ -15,6 +15,7 @@ from typer.main import get_command_from_info
 from typer.models import CommandInfo
 
 from gateway.cli import voice
+from gateway.cli.show import begun_with
 
 Entry = Mapping[str, Any]
 FIRST = ("trueflank demo", "trueflank init", "trueflank run --help")
@@ -59,6 +60,11 @@ class OneCommand(TyperCommand):
     """A command whose help ends with its examples."""
 
     examples: tuple[str, ...] = ()
+
+    def invoke(self, ctx: Any) -> Any:
+        """The command, and from now on its texts know its site file."""
+        begun_with(ctx.params)
+        return super().invoke(ctx)
 
     def format_epilog(self, _ctx: Any, formatter: Any) -> None:
         """The examples, one a line as they are typed."""

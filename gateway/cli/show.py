@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import json
+import re
 import shutil
 import sys
 import textwrap
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
 import typer
@@ -15,10 +17,31 @@ from drivers.errors import TrueflankError
 from drivers.local.names import visible
 from drivers.terms import shown
 
+_SITE = re.compile(r"(?<=trueflank )([a-z][a-z-]*(?: [a-z]+)?) SITE\b")
+"""The site file in a command that a text recommends: the texts are one for all sites."""
+
+
+_GIVEN = {"site": ""}
+
+
+def begun_with(given: Mapping[str, Any]) -> None:
+    """What a command was given: its site file stands in the commands that its texts recommend."""
+    named = (given.get(name) for name in ("site", "place"))
+    _GIVEN["site"] = next((str(one) for one in named if isinstance(one, Path | str) and str(one).endswith(".toml")), "")
+
+
+def with_site(text: str) -> str:
+    """The commands in a text with the site file of this command, so that they can be typed as they stand.
+
+    As it is where the command was given none: then nobody knows which is meant.
+    """
+    site = _GIVEN["site"]
+    return _SITE.sub(lambda found: f"{found[1]} {site}", text) if site else text
+
 
 def echo(text: str = "", *, err: bool = False, colour: str | None = None, bold: bool = False) -> None:
     """Print a line: the one place from which words reach a terminal, so nothing in a name can steer one."""
-    typer.secho(visible(shown(text)), fg=colour, bold=bold, err=err)
+    typer.secho(visible(shown(with_site(text))), fg=colour, bold=bold, err=err)
 
 
 def say_line(text: str, hang: int, *, err: bool = False, colour: str | None = None) -> None:
@@ -27,7 +50,7 @@ def say_line(text: str, hang: int, *, err: bool = False, colour: str | None = No
     if not stream.isatty():
         echo(text, err=err, colour=colour)  # another program gets it as one line
         return
-    echo(folded(visible(shown(text)), shutil.get_terminal_size().columns, hang), err=err, colour=colour)
+    echo(folded(visible(shown(with_site(text))), shutil.get_terminal_size().columns, hang), err=err, colour=colour)
 
 
 def folded(text: str, width: int, hang: int) -> str:
@@ -74,7 +97,7 @@ def show_table(title: str, headings: Sequence[str], rows: Iterable[Sequence[str]
     from rich.text import Text
 
     def plain(text: str) -> Text:
-        return Text(visible(shown(text)))
+        return Text(visible(shown(with_site(text))))
 
     table = Table(title=plain(title), title_justify="left", title_style="bold")
     for index, heading in enumerate(headings):

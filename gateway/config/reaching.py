@@ -19,6 +19,8 @@ from gateway.config.rules import GEAR_MACHINE, ROTARY, no_such
 from gateway.config.sections import SiteFile
 
 INSTRUMENTS = ("instrument", GEAR_MACHINE)
+UNKNOWN = "unknown"
+"""The serial number of a control that nobody asked who it is."""
 _PORTLESS = {"opc.tcp"}
 _NUMBERED = {"tcp", "socket", "opc.tcp"}
 _OPEN_TO_MANY = {"terminal", "folder", "memory"}
@@ -86,7 +88,7 @@ def _unreadable(
     """An instrument whose settings say that it reads another quantity, or that no run reads on a rotary axis."""
     own = next((one for one in site.instruments if one.name == section.instrument), None)
     told = told_to(own, "instrument") if own is not None else None
-    if told is not None and told.typed and wanted == ("rotary",):
+    if told is not None and told.typed and wanted == ("rotary",) and not _by_files(site):
         yield broken(tree, (*section.place, "instrument"), words("W-CFG-TYPED-ROTARY"), doubt=True)
     if told is None or told.typed or not told.quantities or set(told.quantities) & set(wanted):
         return
@@ -96,6 +98,13 @@ def _unreadable(
     else:
         why = words("W-CFG-QUANTITY", reads=reads, error=shown(error), needed=" or ".join(wanted))
     yield broken(tree, (*section.place, "instrument"), why)
+
+
+def _by_files(site: Any) -> bool:
+    """Whether no run is meant: a control that nobody knows, and readings that are typed."""
+    told = [told_to(one, "instrument") for one in site.instruments]
+    unknown = getattr(site.controller, "serial", "") == UNKNOWN
+    return unknown and all(one is not None and one.typed for one in told)
 
 
 def open_road(site: SiteFile) -> str:

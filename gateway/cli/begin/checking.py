@@ -18,7 +18,7 @@ from gateway.cli.options import JsonOption, SiteArgument
 from gateway.cli.show import counted, echo, say_line, show_json, show_table
 from gateway.cli.stopping import run_to_end
 
-CARRIED, UNKNOWN = "carried", "unknown"
+CARRIED = "carried"
 WRONG_FILE = ConfigError.exit_code
 DEVICE_KEYS = ("device", "model", "serial", "firmware")
 
@@ -81,7 +81,7 @@ def lead_on(found: CheckedSite, path: Path, *, connected: bool) -> None:
 
 def _by_files(site: Any) -> bool:
     """Whether its owner brings result files: no instrument on a wire, no places to push from or no known control."""
-    from gateway.config.reaching import told_to
+    from gateway.config.reaching import UNKNOWN, told_to
 
     told = [told_to(one, "instrument") for one in site.instruments]
     unknown = not site.moves.safe or site.controller.serial == UNKNOWN

@@ -132,5 +132,5 @@ def answers(given: list[str]) -> dict[str, str]:
 
 KEYS = (
     *("road", "name", "url", "user", "password", "thumbprint", "serial"),
-    *("axes", "travel", "order", "safe", "laser", "calibrator", "gear", "optics"),
+    *("axes", "travel", "order", "cross", "safe", "laser", "calibrator", "gear", "optics"),
 )

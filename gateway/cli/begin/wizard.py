@@ -45,6 +45,7 @@ USUAL_GRINDER = "X1 Z1 C1"
 USUAL_TRAVEL = (0.0, 500.0)
 GEAR = "gear.toml"
 TYPED = ("manual", "terminal://")
+MOST_TABLES = 62
 """What an instrument without a driver is: a person reads it and types."""
 _TRAVEL = re.compile(r"(\w+)\s+([+-]?\d+(?:\.\d+)?)\s+([+-]?\d+(?:\.\d+)?)")
 _PLACE = re.compile(_TRAVEL.pattern + r"|\w+\s+any")
@@ -83,7 +84,8 @@ def _control(asker: Questioner, road: str, folder: Path) -> dict[str, Any]:
     if road == "files":
         return control | {"settings": {"security": "None"}}
     if road == "carried":
-        return control | {"url": URLS[road], "settings": {"folder": "carried", "axes": "", "cross_tables": 0}}
+        tables = int(asker.ask("cross", "P-INIT-CROSS", "0", _count))
+        return control | {"url": URLS[road], "settings": {"folder": "carried", "axes": "", "cross_tables": tables}}
     driver = ROADS[road]
     control["url"] = asker.ask("url", "P-INIT-URL", URLS[road], lambda url: reached(driver, "controller", url))
     if road == "mailbox":
@@ -239,6 +241,14 @@ def _one_of(allowed: tuple[str, ...]) -> Any:
 
 def _something(text: str) -> Why | None:
     return None if text.strip() else why("W-CFG-MISSING")
+
+
+def _count(text: str) -> Why | None:
+    return (
+        None
+        if text.isascii() and text.isdigit() and int(text) <= MOST_TABLES
+        else why("W-INIT-COUNT", most=MOST_TABLES)
+    )
 
 
 def _machine_name(text: str) -> Why | None:

@@ -10,7 +10,7 @@ import typer
 
 from gateway.cli.onward import next_step
 from gateway.cli.options import JsonOption, RunArgument, StoreOption
-from gateway.cli.show import echo, show_json, show_table
+from gateway.cli.show import counted, echo, show_json, show_table
 
 
 def list_command(store: StoreOption = Path("runs"), as_json: JsonOption = False) -> None:
@@ -26,7 +26,7 @@ def list_command(store: StoreOption = Path("runs"), as_json: JsonOption = False)
         next_step("run SITE")
         return
     rows = [(one.run_id, one.machine, one.problem or one.state, str(len(one.stages))) for one in found]
-    show_table(f"{len(rows)} run(s) in {store}", ("run", "machine", "state", "records"), rows)
+    show_table(f"{counted(len(rows), 'run', 'runs')} in {store}", ("run", "machine", "state", "records"), rows)
     echo("a run is named by its id, a unique beginning of it, or latest")
     next_step(f"runs show latest --store {store}")
 

@@ -106,7 +106,7 @@ def tell(data: dict[str, Any]) -> None:
     """A record's results in words."""
     unit = data["unit"]
     head = f"{data['place']}: {data['samples']} samples at {data['rate_hz']:g} Hz, {data['duration_s']:.4g} s"
-    echo(f"{head}, {data['gaps']} gap(s) with {data['lost']} lost")
+    echo(f"{head}, gaps: {data['gaps']}, samples lost in them: {data['lost']}")
     if "spectrum" in data:
         made = data["spectrum"]
         rows = [(f"{peak['frequency_hz']:.2f}", f"{peak['amplitude']:.4g}") for peak in made["peaks"]]

@@ -121,7 +121,7 @@ def _show_plan(tree: Any, *, as_json: bool) -> None:
         show_json({"plan": plan, "remountings": remountings(found)})
         return
     show_table("set-ups in their order", ("set-up", "component", "axis", "instrument", "source"), rows)
-    echo(f"{len(found)} set-ups, {remountings(found)} times another instrument, axis or artefact")
+    echo(f"set-ups: {len(found)}, changes of instrument, axis or artefact: {remountings(found)}")
 
 
 def _tell(outcome: Any) -> None:

@@ -15,6 +15,7 @@ from rich.text import Text
 
 from drivers.local.names import visible
 from gateway.cli.screen.scene import Count, Scene, clock_text
+from gateway.cli.show import with_site
 
 A_SECOND = 4
 BAR = 28
@@ -38,7 +39,7 @@ class LivePanel:
 
     def keep(self, line: str, *, loud: bool = False) -> None:
         """A line that stays above the panel."""
-        self._console.print(Text(visible(line), style="bold red" if loud else ""))
+        self._console.print(Text(visible(with_site(line)), style="bold red" if loud else ""))
 
     def told(self, code: str, fields: dict[str, object]) -> None:
         """Take one piece of progress."""
@@ -54,12 +55,12 @@ class LivePanel:
 
     def _rows(self, scene: Scene, now: float) -> list[Any]:
         rows: list[Any] = [_bar(count, now) for count in scene.counts.values()]
-        rows += [Text(f"! {visible(text)}", style="bold red") for text in (scene.open_road,) if text]
+        rows += [Text(f"! {visible(with_site(text))}", style="bold red") for text in (scene.open_road,) if text]
         rows += [Text(visible(text)) for text in (scene.step,) if text]
         rows += [Text(f"  {visible(move)}") for move in scene.moves]
         if scene.ask:
             waited = clock_text(now - scene.asked)
-            rows.append(Text(f"> {visible(scene.ask)}", style="bold yellow"))
+            rows.append(Text(f"> {visible(with_site(scene.ask))}", style="bold yellow"))
             rows.append(Text(f"  waiting for this {waited}", style="yellow"))
         elif scene.within:
             rows.append(Text(visible(scene.within), style="dim"))

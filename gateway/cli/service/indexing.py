@@ -8,7 +8,7 @@ import typer
 
 from gateway.cli.onward import next_step
 from gateway.cli.options import JsonOption, SiteArgument, load_site
-from gateway.cli.show import echo, show_json
+from gateway.cli.show import counted, echo, show_json
 
 
 def reindex_command(site: SiteArgument, as_json: JsonOption = False) -> None:
@@ -22,7 +22,7 @@ def reindex_command(site: SiteArgument, as_json: JsonOption = False) -> None:
     if as_json:
         show_json({"runs": count})
         return
-    echo(f"{store.root}: {count} runs")
+    echo(f"{store.root}: {counted(count, 'run', 'runs')}")
 
 
 def compare_command(

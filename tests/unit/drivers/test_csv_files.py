@@ -121,7 +121,7 @@ def test_a_mixture_of_point_and_comma_is_refused() -> None:
 def test_missing_readings_and_one_direction_are_said() -> None:
     found = parse_csv(PLAIN.replace("0,-,2,-1.0\n", ""), "", "x")
     assert np.isnan(found.deviations).sum() == 1
-    assert found.warnings == ("1 readings are missing",)
+    assert found.warnings == ("readings missing: 1",)
     one_way = "".join(line + "\n" for line in PLAIN.splitlines() if ",-," not in line)
     assert parse_csv(one_way, "", "x").warnings == ("measured in one direction only",)
 

@@ -260,7 +260,7 @@ def test_an_empty_cell_of_a_pass_is_a_missing_reading(tmp_path: Path) -> None:
     file.write_text("target,up 1 [um],down 1 [um]\n0,1.5,\n10,2,3\n", encoding="utf-8")
     found = CsvFormat().read(file)
     assert np.isnan(found.deviations[0, 0, 1])
-    assert "1 readings are missing" in found.warnings
+    assert "readings missing: 1" in found.warnings
 
 
 @pytest.mark.parametrize(

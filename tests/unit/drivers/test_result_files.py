@@ -133,7 +133,7 @@ def test_missing_readings_are_nan_and_said(tmp_path: Path) -> None:
     found = read(tmp_path, BASIC.replace("2    2    1.625\n", ""))
     assert np.isnan(found.deviations).sum() == 1
     assert np.isnan(found.deviations[1, 0, 1])
-    assert any("1 readings are missing" in warning for warning in found.warnings)
+    assert any("readings missing: 1" in warning for warning in found.warnings)
 
 
 def test_targets_that_fall_turn_the_set_round(tmp_path: Path) -> None:

@@ -171,7 +171,7 @@ def test_tilt_is_the_difference_over_the_distance() -> None:
 def test_turns_with_gaps_are_flagged_and_wrong_ones_refused() -> None:
     x = turns(1.0, 2, n=3)
     x[1, 4] = np.nan
-    assert rotary_motion.axial(ANGLES, x).flags == ("3 turns, 20 are usual", "1 readings are missing")
+    assert rotary_motion.axial(ANGLES, x).flags == ("3 turns, 20 are usual", "readings missing: 1")
     single = rotary_motion.axial(ANGLES, x[:1])
     assert single.asynchronous is None
     assert single.flags == ("1 turn: no asynchronous value",)

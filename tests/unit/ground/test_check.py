@@ -528,6 +528,14 @@ def test_places_are_found_in_every_form_of_toml() -> None:
     assert places.of(("g", 0, "i"), key=True) == (7, 1)
 
 
+def test_typed_readings_of_a_rotary_axis_are_doubted_where_a_run_is_meant(tmp_path: Path) -> None:
+    text = (GEAR.parents[1] / "sites" / "mailbox-grinder.toml").read_text(encoding="utf-8")
+    site = tmp_path / "site.toml"
+    site.write_text(text.replace('instrument = "calibrator"', 'instrument = "laser"'), encoding="utf-8")
+    (doubt,) = checked(site).doubts
+    assert (doubt.path, "typed readings" in doubt.what) == (("axes", 2, "measure", "instrument"), True)
+
+
 def test_a_carried_control_is_not_waited_for_and_the_next_step_is_one_that_it_knows(tmp_path: Path) -> None:
     """What must be carried is written and said; the files of who has no control go on with a day's folder."""
     for name, step in (("carried-grinder", "self-test"), ("files-only", "day FOLDER --site")):
