@@ -244,11 +244,8 @@ def _something(text: str) -> Why | None:
 
 
 def _count(text: str) -> Why | None:
-    return (
-        None
-        if text.isascii() and text.isdigit() and int(text) <= MOST_TABLES
-        else why("W-INIT-COUNT", most=MOST_TABLES)
-    )
+    is_count = text.isascii() and text.isdigit() and int(text) <= MOST_TABLES
+    return None if is_count else why("W-INIT-COUNT", most=MOST_TABLES)
 
 
 def _machine_name(text: str) -> Why | None:
