@@ -165,7 +165,7 @@ def read_columns(text: str, columns: ColumnMap, where: str) -> MeasuredSet:
     unit, scale = READING_UNITS[columns.reading_unit]
     header = {"Columns": ", ".join(f"{item.name}={getattr(columns, item.name)}" for item in fields(columns))}
     missing = int(np.isnan(deviations).sum())
-    warnings = (*((f"{missing} readings are missing",) if missing else ()), *end_doubts(text))
+    warnings = (*((f"readings missing: {missing}",) if missing else ()), *end_doubts(text))
     return MeasuredSet(targets, deviations * scale, unit, header=header, warnings=warnings)
 
 

@@ -275,7 +275,7 @@ def _warnings(targets: FloatArray, deviations: FloatArray, found: Layout) -> tup
         said.append("measured in one direction only")
     missing = int(np.isnan(deviations[:, :, ways]).sum())
     if missing:
-        said.append(f"{missing} readings are missing")
+        said.append(f"readings missing: {missing}")
     largest = float(np.nanmax(np.abs(deviations)))
     span = float(np.ptp(targets)) * deviation_scale(found.axis_unit)
     apart = found.axis_unit != TARGET_UNITS[found.target_unit][0]

@@ -144,7 +144,7 @@ def _deviations(content: RtlText, count: int, where: str) -> tuple[FloatArray, l
     warnings = [f"run {run} is listed upwards; its even number makes it a run down" for run in _odd_ones(content)]
     missing = content.run_count * count - len(content.rows)
     if missing:
-        warnings.append(f"{missing} readings are missing")
+        warnings.append(f"readings missing: {missing}")
     if np.isnan(deviations[:, :, 1]).all():
         warnings.append("measured in one direction only")
     elif not np.nan_to_num(deviations[:, :, 1]).any():

@@ -107,6 +107,12 @@ def _by_files(site: Any) -> bool:
     return unknown and all(one is not None and one.typed for one in told)
 
 
+def typed_rotary(site: SiteFile) -> tuple[str, ...]:
+    """Names of the rotary axes whose readings would be typed: no run measures them so."""
+    typed = {one.name for one in site.instruments if (told := told_to(one, "instrument")) is not None and told.typed}
+    return tuple(one.name for one in site.axes if one.kind == "rotary" and one.measure.instrument in typed)
+
+
 def open_road(site: SiteFile) -> str:
     """Why others on the network could read or change what passes to the control, in words; "" where they cannot."""
     told = _told(site)

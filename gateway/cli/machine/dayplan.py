@@ -15,10 +15,15 @@ from gateway.cli.show import echo, show_json, show_table
 
 def show_day_of_run(site: Path, axes: Sequence[str], *, apply: bool, as_json: bool) -> None:
     """The day of `run`. Raises as `day_of_run`."""
+    from gateway.config.reaching import typed_rotary
     from gateway.workflow.loop.forecast import day_of_run
 
+    tree = load_site(site)
+    if not as_json:
+        for name in set(typed_rotary(tree)) & set(axes or (one.name for one in tree.axes)):
+            echo(f"W-CFG-TYPED-ROTARY: {name}: {words('W-CFG-TYPED-ROTARY')}")
     named = "".join(f" --axis {name}" for name in axes)
-    _show(day_of_run(load_site(site), apply=apply, axes=axes), f"run {site}{named}", apply=apply, as_json=as_json)
+    _show(day_of_run(tree, apply=apply, axes=axes), f"run {site}{named}", apply=apply, as_json=as_json)
 
 
 def show_day_of_closing(site: Path, *, apply: bool, as_json: bool) -> None:

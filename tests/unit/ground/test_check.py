@@ -535,6 +535,8 @@ def test_typed_readings_of_a_rotary_axis_are_doubted_where_a_run_is_meant(tmp_pa
     (doubt,) = checked(site).doubts
     assert doubt.path == ("axes", 2, "measure", "instrument")
     assert "typed readings" in str(doubt.fields)
+    planned = CliRunner().invoke(app, ["run", str(GEAR.parents[1] / "sites" / "files-only.toml"), "--plan"])
+    assert "W-CFG-TYPED-ROTARY: C1: a run measures" in planned.output
 
 
 def test_a_carried_control_is_not_waited_for_and_the_next_step_is_one_that_it_knows(tmp_path: Path) -> None:
