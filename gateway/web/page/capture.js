@@ -100,7 +100,14 @@ function waiting(box) {
   const line = !run ? t("capture.idle") : state.ask ? t("capture.asked") : run.kind === "self-test" ? t("capture.still") : now ? t("capture.waits", { what: plain(now.missing) }) : t("capture.goes_on");
   show(box, h("div", { class: "row" }, h("strong", {}, line), now && h("span", { class: "num" }, `${number(now.done_s, 1)} / ${number(now.needed_s, 1)} s`)),
     now ? h("progress", { max: now.needed_s || 1, value: now.done_s, "aria-label": line }) : h("progress", { max: 1, value: 0, "aria-label": line }),
-    h("div", { class: "row togo" }, ...togo(run)));
+    h("div", { class: "row togo" }, ...(stuck(now) ?? togo(run))));
+}
+
+// A counter tells no broken beam, and a program that somebody ended tells nothing at all: who stands there can look.
+const LONG_MS = 8000;
+function stuck(now) {
+  const waited = now ? Date.now() - now.since : 0;
+  return waited < LONG_MS ? null : [h("strong", { class: "warn", id: "stuck", role: "status" }, `▲ ${t("capture.stuck", { seconds: Math.round(waited / 1000) })}`)];
 }
 
 const pace = { key: "", first: 0, at: 0, day: null };

@@ -26,7 +26,7 @@ export function listen(expired) {
   hear("said", said);
   hear("reading", reading);
   hear("ambient", (data) => { state.ambient = { ...data, at: Date.now() }; changed("ambient"); });
-  hear("waiting", (data) => { state.waiting = data; changed("waiting"); });
+  hear("waiting", (data) => { state.waiting = { ...data, since: state.waiting?.since ?? Date.now() }; changed("waiting"); });
   hear("taken", taken);
   hear("ended", again);
   // What was lost stands in the picture that follows, but for the readings of the plot.

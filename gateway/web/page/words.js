@@ -29,7 +29,8 @@ const shown = (text) => text.replace(UNIT[document.documentElement.lang] ?? UNIT
 function filled(text, fields) {
   return text.replace(/\{(\w+)(?:![a-z])?(?::([^}]*))?\}/g, (_all, name, form) => {
     const given = fields?.[name] ?? texts.terms[name];
-    const value = name === "outcome" && `ended.${given}` in texts.page ? t(`ended.${given}`) : given;
+    // Words of a record, for which the page has its own.
+    const value = name === "outcome" && `ended.${given}` in texts.page ? t(`ended.${given}`) : name === "phase" && `phase.${given}` in texts.page ? t(`phase.${given}`) : given;
     if (value === undefined) return `<${name}>`;
     if (!form || !Number.isFinite(Number(value))) return retold(String(value));
     const digits = /\.(\d)f/.exec(form)?.[1];
