@@ -48,7 +48,8 @@ class RunFolder:
         if is_link(path):
             raise StoreError("E-STORE-LINK", str(path))
         self.path = path
-        self._facts()
+        self._last: tuple[bytes, Mapping[str, Any]] = (b"", {})
+        self._known()
 
     @property
     def run_id(self) -> str:
@@ -63,22 +64,22 @@ class RunFolder:
     @property
     def errors(self) -> tuple[Mapping[str, Any], ...]:
         """What went wrong in this run, oldest first, each as `TrueflankError.as_record` gave it."""
-        return tuple(records.from_plain(one) for one in self._facts()["errors"])
+        return tuple(records.from_plain(one) for one in self._known()["errors"])
 
     @property
     def stages(self) -> tuple[str, ...]:
         """Names of the stored stages in the order they were first stored."""
-        return tuple(self._facts()["stages"])
+        return tuple(self._known()["stages"])
 
     @property
     def state(self) -> str:
         """The run's state in one word."""
-        return str(self._facts()["state"])
+        return str(self._known()["state"])
 
     @property
     def anchor(self) -> str:
         """The head that the audit log had when this run last proposed; "" where it did not."""
-        return str(self._facts().get("audit", ""))
+        return str(self._known().get("audit", ""))
 
     def set_anchor(self, head: str) -> None:
         """Note the audit log's head, so that a log that is gone or cut is missed."""
@@ -89,7 +90,7 @@ class RunFolder:
     @property
     def plan(self) -> Any:
         """What the run was created for, as given."""
-        return records.from_plain(self._facts()["plan"])
+        return records.from_plain(self._known()["plan"])
 
     def put(self, stage: str, record: object, parents: tuple[str, ...] = ()) -> str:
         """Store a stage's record and return its sha256. ``parents`` are hashes of what it was made from.
@@ -132,7 +133,7 @@ class RunFolder:
         """
         path = self._place(self._entry(stage)["file"])
         kept = records.open_envelope(read_whole(path), str(path))["schema"]
-        return "" if kept >= records.RENAMED else str(self._facts()["software"])
+        return "" if kept >= records.RENAMED else str(self._known()["software"])
 
     def envelope(self, stage: str) -> dict[str, Any]:
         """A stage as it is stored, its hash checked: schema, type, parents and record as JSON data. Raises as `get`."""
@@ -145,7 +146,7 @@ class RunFolder:
 
     def has(self, stage: str) -> bool:
         """Whether a stage is stored."""
-        return stage in self._facts()["stages"]
+        return stage in self._known()["stages"]
 
     def digest(self, stage: str) -> str:
         """The sha256 of a stored stage. Raises StoreError (E-STORE-STAGE)."""
@@ -158,7 +159,7 @@ class RunFolder:
     @property
     def files(self) -> tuple[str, ...]:
         """Names of the files beside the stages, in the order they were first kept."""
-        return tuple(self._facts()["files"])
+        return tuple(self._known()["files"])
 
     def write_bytes(self, name: str, data: bytes) -> Path:
         """Store a file beside the stages under this name, durable, its hash in `run.json`."""
@@ -192,11 +193,11 @@ class RunFolder:
 
     def differences(self) -> tuple[seal.Difference, ...]:
         """Files that are not as the seal has them: changed, missing, added. Raises StoreError, CorruptRecord."""
-        return seal.compare(self.path, self._facts())
+        return seal.compare(self.path, self._known())
 
     def read_bytes(self, name: str) -> bytes:
         """A stored file, its hash checked. Raises StoreError (E-STORE-FILE), CorruptRecord (E-STORE-HASH)."""
-        known = self._facts()["files"]
+        known = self._known()["files"]
         if name not in known:
             raise StoreError("E-STORE-FILE", str(self.path), name=name, known=", ".join(sorted(known)))
         path = self._place(name)
@@ -229,7 +230,7 @@ class RunFolder:
 
     def summary(self) -> RunSummary:
         """This run as one line."""
-        facts = self._facts()
+        facts = self._known()
         return RunSummary(
             run_id=self.run_id,
             path=self.path,
@@ -242,7 +243,7 @@ class RunFolder:
         )
 
     def _entry(self, stage: str) -> dict[str, Any]:
-        stages = self._facts()["stages"]
+        stages = self._known()["stages"]
         if stage not in stages:
             raise StoreError("E-STORE-STAGE", str(self.path), stage=stage, known=", ".join(stages))
         entry: dict[str, Any] = stages[stage]
@@ -252,7 +253,7 @@ class RunFolder:
         """Where a file lies that `run.json` names: in this folder. Raises CorruptRecord (E-STORE-PLACE)."""
         if not isinstance(name, str) or not is_file_name(name):
             raise CorruptRecord("E-STORE-PLACE", str(self.path), name=shown(name))
-        return self.path / layout.place(name, self._facts())
+        return self.path / layout.place(name, self._known())
 
     def _write(self, name: str, data: bytes, facts: Mapping[str, Any]) -> Path:
         path = self.path / layout.place(name, facts)
@@ -268,7 +269,14 @@ class RunFolder:
         return name
 
     def _facts(self) -> dict[str, Any]:
-        return _read_facts(self.path / RUN_FILE)
+        return _facts_in(self.path / RUN_FILE)
+
+    def _known(self) -> Mapping[str, Any]:
+        """`run.json` as it is now, only to read: its bytes are read each time, judged again only where they changed."""
+        data = read_whole(self.path / RUN_FILE)
+        if data != self._last[0]:
+            self._last = data, _facts_in(self.path / RUN_FILE, data)
+        return self._last[1]
 
     def _write_facts(self, facts: dict[str, Any]) -> None:
         write_whole(self.path / RUN_FILE, sealed(facts))
@@ -283,9 +291,8 @@ def sealed(facts: Mapping[str, Any]) -> bytes:
 _KEYS = ("run_id", "site", "created_utc", "state", "machine", "software", "plan", "stages", "files", "errors")
 
 
-def _read_facts(path: Path) -> dict[str, Any]:
-    data = read_whole(path)
-    facts = records.open_envelope(data, str(path))
+def _facts_in(path: Path, data: bytes | None = None) -> dict[str, Any]:
+    facts = records.open_envelope(read_whole(path) if data is None else data, str(path))
     seal = facts.pop("sha256", "")
     if seal != records.sha256(records.canonical(facts)) or any(key not in facts for key in _KEYS):
         raise CorruptRecord("E-STORE-HASH", str(path), stage=RUN_FILE)

@@ -12,6 +12,7 @@ from typing import Any, get_args
 import numpy as np
 
 _DTYPES = {"float64": np.float64, "int64": np.int64, "bool": np.bool_}
+_NUMBERS = {float, int}
 
 
 def write_float(value: Any, _hint: Any, _path: str) -> object:
@@ -118,6 +119,6 @@ def _array_float(item: float) -> object:
 def read_array(data: Any, _hint: Any, _path: str, _where: str) -> Any:
     """What `write_array` wrote."""
     values = data["values"]
-    if data["dtype"] == "float64":
+    if data["dtype"] == "float64" and not {type(item) for item in values} <= _NUMBERS:
         values = [math.nan if item is None else read_float(item, float, "", "") for item in values]
     return np.array(values, dtype=_DTYPES[data["dtype"]]).reshape(data["shape"])

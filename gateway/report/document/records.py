@@ -10,7 +10,7 @@ from itertools import zip_longest
 
 from drivers.errors import catalogue
 from drivers.terms import shown
-from gateway.report.document.content import Block, Bullets, Heading, Paragraph, PictureBlock, TableBlock, Whole
+from gateway.report.document.content import Block, Bullets, Heading, Pair, Paragraph, PictureBlock, TableBlock, Whole
 from gateway.report.document.retold import retold
 from gateway.report.document.words import Tongue
 from gateway.report.drawings import plots
@@ -20,6 +20,7 @@ from gateway.report.sentences import ABSENT, UNIT, number, shortest, signed
 from gateway.report.tooth.errors import error_rows
 from gateway.report.tooth.rows import TableRow, cure_rows, table_rows
 
+TABLE_MM = (89.0, 60.0)
 STEP = re.compile(r"^\d{4}-\d\d-\d\dT(\d\d:\d\d:\d\d)[^ ]* (.*)$", re.DOTALL)
 
 
@@ -28,7 +29,7 @@ def records(report: ReportMaterial, t: Tongue) -> tuple[Block, ...]:
     tooth = report.tooth
     found: list[Block] = []
     if tooth is not None:
-        found += [*_errors(tooth, t), *_ranking(tooth, t), *_maps(tooth, t), *_tables(tooth, t)]
+        found += [*_errors(tooth, t), *_ranking(tooth, t), *_tables(tooth, t), *_maps(tooth, t)]
     found += [*_pushes(report, t), *_remarks(report, t), *_hashes(report, t)]
     return tuple(found)
 
@@ -105,9 +106,9 @@ def _span(one: TableRow) -> str:
 
 
 def _pushes(report: ReportMaterial, t: Tongue) -> Iterator[Block]:
-    own = [axis for axis in report.axes if axis.change is not None and not axis.change.skipped]
-    for axis in own:
-        yield from _axis_table(axis, t)
+    drawn = [_axis_table(axis, t) for axis in report.axes if axis.change is not None and not axis.change.skipped]
+    for left, right in zip_longest(drawn[::2], drawn[1::2], fillvalue=()):
+        yield Whole((Pair(left, right),))
     pushed = [(one.change.name, one.push) for one in _all_tables(report) if one.push is not None and one.push.steps]
     if not pushed:
         return
@@ -143,10 +144,10 @@ def _all_tables(report: ReportMaterial) -> tuple[TableMaterial, ...]:
     return (*own, *(table for axis in report.axes for table in axis.beside))
 
 
-def _axis_table(axis: AxisMaterial, t: Tongue) -> Iterator[Block]:
-    svg = plots.table_change(axis)
-    if svg:
-        yield Whole((Heading(t("axis_table", axis=axis.axis), 2), PictureBlock(svg, drawings.WIDE)))
+def _axis_table(axis: AxisMaterial, t: Tongue) -> tuple[Block, ...]:
+    """Half a page wide: two axes stand side by side."""
+    svg = plots.table_change(axis, TABLE_MM)
+    return (Heading(t("axis_table", axis=axis.axis), 2), PictureBlock(svg, TABLE_MM[0])) if svg else ()
 
 
 def _remarks(report: ReportMaterial, t: Tongue) -> Iterator[Block]:

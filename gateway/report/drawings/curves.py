@@ -16,7 +16,7 @@ from matplotlib.ticker import MaxNLocator
 from gateway.domain.figures import Evaluation
 from gateway.domain.proposals import TableChange
 from gateway.domain.values import FloatArray
-from gateway.report.drawings.ruler import FAINT, INK, QUIET, Ruler
+from gateway.report.drawings.ruler import FAINT, INK, QUIET, Ruler, ruled
 from gateway.report.material import AxisMaterial
 from gateway.tooth import AxisOutlook
 
@@ -30,7 +30,7 @@ SIGN = {"um": "µm", "arcsec": "arcsec"}
 
 def before_after(figure: FigureBase, axis: AxisMaterial, heading: bool = False) -> None:
     """Two panels, before and after, on one scale of deviation; a picture that stands alone gets a heading."""
-    left, right = figure.subplots(1, 2, sharey=True)
+    left, right = ruled(figure, 1, 2, sharey=True)[0]
     figure.subplots_adjust(left=0.12, right=0.99, top=0.84 if heading else 0.92, bottom=0.175, wspace=0.05)
     low, high = limits([part for item in (axis.before, axis.after) if item is not None for part in _bands(item)])
     for panel, evaluation, title in ((left, axis.before, "Before"), (right, axis.after, "After")):
@@ -110,10 +110,17 @@ def _legend() -> dict[str, Any]:
     }
 
 
+def figure_mm(figure: FigureBase) -> tuple[float, float]:
+    """Width and height of the sheet that a figure or a part of one is drawn on, mm."""
+    width, height = figure.get_figure(root=True).get_size_inches()
+    return 25.4 * float(width), 25.4 * float(height)
+
+
 def table_change(figure: FigureBase, change: TableChange) -> None:
     """Old and new table at their points, with the straight lines between that act; beneath, new minus old."""
-    top, low = figure.subplots(2, 1, sharex=True, height_ratios=(2.1, 1.0))
-    figure.subplots_adjust(left=0.075, right=0.99, top=0.9, bottom=0.14, hspace=0.13)
+    top, low = ruled(figure, 2, 1, sharex=True, height_ratios=(2.1, 1.0))[:, 0]
+    width, height = figure_mm(figure)
+    figure.subplots_adjust(left=13.6 / width, right=0.99, top=1.0 - 6.8 / height, bottom=9.5 / height, hspace=0.13)
     unit = SIGN[change.new.deviation_unit]
     for panel, label in ((top, f"table  {unit}"), (low, f"change  {unit}")):
         calm(panel).label_at = LABEL_AT
@@ -136,7 +143,7 @@ def prediction(figure: FigureBase, axis: AxisMaterial, change: TableChange) -> N
 
     A deviation's zero is arbitrary, so the common offset of measured to predicted is taken out.
     """
-    panel = figure.subplots(1, 1)
+    panel = ruled(figure)[0, 0]
     wide = not axis.rotary
     figure.subplots_adjust(left=0.075 if wide else 0.12, right=0.99, top=0.87, bottom=0.18)
     calm(panel)
@@ -156,7 +163,7 @@ def acting(figure: FigureBase, axis: AxisMaterial, outlook: AxisOutlook, *, word
 
     Without ``words`` only units are drawn: a caption in the reader's language says the rest.
     """
-    panel = figure.subplots(1, 1)
+    panel = ruled(figure)[0, 0]
     figure.subplots_adjust(left=0.075, right=0.99, top=0.87, bottom=0.18)
     calm(panel)
     order = np.argsort(outlook.targets, kind="stable")

@@ -9,7 +9,7 @@ from matplotlib.ticker import MaxNLocator
 from gateway.domain.values import FloatArray
 from gateway.report.drawings.curves import NEW, OLD, REVERSE, calm
 from gateway.report.drawings.plots import svg
-from gateway.report.drawings.ruler import INK
+from gateway.report.drawings.ruler import INK, ruled
 from gateway.report.material import AmbientCourse
 
 SIZE_MM = (90.0, 34.0)
@@ -25,7 +25,7 @@ def temperatures(course: AmbientCourse | None, name: str) -> str:
 
 
 def _paint(figure: Figure, course: AmbientCourse) -> None:
-    panel = figure.subplots()
+    panel = ruled(figure)[0, 0]
     figure.subplots_adjust(left=0.14, right=0.86, top=0.95, bottom=0.28)
     calm(panel, zero=False)
     minutes = (course.time_s - course.time_s[0]) / 60.0

@@ -20,7 +20,7 @@ from gateway.model.components import is_periodic, motion_uncertainty, value
 from gateway.model.known import ErrorModel, Unknown
 from gateway.model.preset import MOTION_NAMES
 from gateway.report.drawings.curves import NEW, OLD, RULE, calm, limits, plain_name
-from gateway.report.drawings.ruler import FAINT, INK, QUIET
+from gateway.report.drawings.ruler import FAINT, INK, QUIET, ruled
 from gateway.report.sentences import number, signed
 from gateway.report.tooth.rows import CureRow
 from gateway.report.tooth.why import Tag, meaning
@@ -46,7 +46,7 @@ LEGEND_COLUMNS = 4
 def motions(figure: Figure, model: ErrorModel) -> None:
     """Every error motion over its axis with +/- U (k = 2), one row an axis; one that was only assumed as its span."""
     gaps, names = {one.name: one for one in model.unknown}, motion_names(model)
-    panels = figure.subplots(-(-len(names) // COLUMNS), COLUMNS, squeeze=False)
+    panels = ruled(figure, -(-len(names) // COLUMNS), COLUMNS)
     height = float(figure.get_size_inches()[1])
     figure.subplots_adjust(
         left=0.04, right=0.995, top=1.0 - 0.17 / height, bottom=0.29 / height, hspace=0.66, wspace=0.44
@@ -100,7 +100,7 @@ def ranking(figure: Figure, rows: Sequence[CureRow]) -> None:
     """Bars of mu* with their intervals and ranks, the most important first; the colour says what cures it."""
     known = [one for one in rows if one.mu_star_um is not None]
     rows = sorted(known, key=lambda one: -(one.mu_star_um or 0.0))
-    panel = figure.subplots(1, 1)
+    panel = ruled(figure)[0, 0]
     height = float(figure.get_size_inches()[1])
     used = [one for one in TAGS if any(row.tag == one for row in rows)]
     head = 0.3 if len(used) <= LEGEND_COLUMNS else 0.48
@@ -130,7 +130,7 @@ def plane(figure: Figure, rows: Sequence[CureRow]) -> None:
     """mu* along, sigma up, a point an error with its name where it is not small; dashed: sigma as large as mu*."""
     known = [(one, one.mu_star_um, one.sigma_um) for one in rows if one.mu_star_um is not None]
     points = [(one, along, up) for one, along, up in known if up is not None]
-    panel = figure.subplots(1, 1)
+    panel = ruled(figure)[0, 0]
     figure.subplots_adjust(left=0.14, right=0.98, top=0.96, bottom=0.2)
     calm(panel, zero=False)
     edge = max((along for _, along, _ in points), default=0.0) or 1.0
@@ -147,11 +147,16 @@ def plane(figure: Figure, rows: Sequence[CureRow]) -> None:
     panel.set_ylabel("σ  µm", labelpad=2)
 
 
+def columns(count: int) -> int:
+    """How many small drawings of tables stand in a row: four where they fill it, else three."""
+    return 4 if count % 4 == 0 else 3
+
+
 def tables(figure: Figure, changes: Sequence[tuple[str, TableChange]]) -> None:
-    """Small drawings of tables, three in a row: old as it was, new as it is, over the input axis."""
-    wide = 3
+    """Small drawings of tables side by side: old as it was, new as it is, over the input axis."""
+    wide = columns(len(changes))
     height = float(figure.get_size_inches()[1])
-    panels = figure.subplots(-(-len(changes) // wide), wide, squeeze=False)
+    panels = ruled(figure, -(-len(changes) // wide), wide)
     figure.subplots_adjust(left=0.05, right=0.99, top=1.0 - 0.22 / height, bottom=0.36 / height, hspace=0.7, wspace=0.2)
     for panel, (title, change) in zip(panels.flat, changes, strict=False):
         new = change.new
@@ -171,7 +176,7 @@ def shares(figure: Figure, rows: Sequence[Bar]) -> None:
 
     The last figure is what it takes of the flank with its set-up values right.
     """
-    panel = figure.subplots(1, 1)
+    panel = ruled(figure)[0, 0]
     height = float(figure.get_size_inches()[1])
     figure.subplots_adjust(left=0.19, right=0.985, top=1.0 - 0.06 / height, bottom=0.4 / height)
     calm(panel, zero=False, grid="x")

@@ -18,7 +18,7 @@ from matplotlib.ticker import MaxNLocator
 from drivers.terms import shown
 from drivers.types.values import FloatArray
 from gateway.report.drawings.curves import NEW, OLD, RULE, calm, limits, plain_name
-from gateway.report.drawings.ruler import INK, QUIET, Ruler
+from gateway.report.drawings.ruler import INK, QUIET, Panel, Ruler, ruled
 from gateway.report.tooth.flank import FlankState, Traces, top_of, traces
 from gateway.tooth import FlankMap
 
@@ -31,7 +31,7 @@ def flank_maps(figure: Figure, found: Sequence[FlankState]) -> None:
     """Whole gears unrolled, one above the other on one scale: spaces along, face width up."""
     top = top_of(found)
     height = float(figure.get_size_inches()[1])
-    panels = figure.subplots(len(found), 1, sharex=True, squeeze=False)[:, 0]
+    panels = ruled(figure, len(found), 1, sharex=True)[:, 0]
     figure.subplots_adjust(left=0.058, right=0.915, top=1.0 - 0.24 / height, bottom=0.42 / height, hspace=0.5)
     for panel, one in zip(panels, found, strict=True):
         unrolled(panel, one.map, top)
@@ -93,7 +93,7 @@ def _scale(figure: Figure, low: float, high: float, top: float) -> None:
 def charts(figure: Figure, states: Sequence[FlankState]) -> None:
     """Profile, lead, pitch of both flanks and runout of some states, all on one scale of deviation."""
     grid = figure.add_gridspec(2, 3, left=0.075, right=0.99, top=0.88, bottom=0.1, hspace=0.5, wspace=0.2)
-    panels = [figure.add_subplot(grid[row, column]) for row in (0, 1) for column in (0, 1, 2)]
+    panels = [figure.add_subplot(grid[row, column], axes_class=Panel) for row in (0, 1) for column in (0, 1, 2)]
     titles = ("Profile", "Pitch, left flank", "Pitch, right flank", "Runout", "Lead, left flank", "Lead, right flank")
     for panel, text in zip(panels, titles, strict=True):
         calm(panel)

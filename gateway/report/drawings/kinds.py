@@ -12,7 +12,7 @@ from matplotlib.projections.polar import PolarAxes
 from gateway.domain.values import FloatArray
 from gateway.report.drawings.curves import NEW, REVERSE, RULE, calm
 from gateway.report.drawings.plots import png, svg_file
-from gateway.report.drawings.ruler import INK, QUIET
+from gateway.report.drawings.ruler import INK, QUIET, ruled
 
 COLOURS = (NEW, REVERSE, INK, QUIET)
 LINES = ("-", "--", "-.", ":")
@@ -74,7 +74,7 @@ def draw(picture: DrawnPicture, path: Path) -> None:
 
 
 def _along(figure: Figure, picture: DrawnPicture) -> None:
-    panel = figure.subplots()
+    panel = ruled(figure)[0, 0]
     figure.subplots_adjust(left=0.11, right=0.97, top=0.86, bottom=0.14)
     calm(panel)
     panel.axhline(0.0, color=RULE, lw=0.6)

@@ -18,10 +18,13 @@ from gateway.report.drawings import curves
 from gateway.report.drawings.ruler import INK, QUIET
 from gateway.report.material import AxisMaterial, ReportMaterial
 
+# Every drawing names its colours; a cycle of ten would be made for each panel.
+_ONE_COLOUR = mpl.cycler(color=[curves.NEW])  # type: ignore[attr-defined]
 # One salt makes identical material give identical bytes; text stays text, so the page's own font is used.
 # Names from outside reach the drawing, and a "$" in one must not start a formula.
 _STYLE: dict[Any, Any] = {
     "svg.hashsalt": "trueflank",
+    "axes.prop_cycle": _ONE_COLOUR,
     "svg.fonttype": "none",
     "text.parse_math": False,
     "font.size": 8.0,
@@ -53,12 +56,12 @@ def before_after(axis: AxisMaterial) -> str:
     return svg((118, 50), lambda figure: curves.before_after(figure, axis), f"Deviations of {axis.axis}")
 
 
-def table_change(axis: AxisMaterial) -> str:
-    """SVG: old and new table, the difference beneath; "" when no new table was proposed."""
+def table_change(axis: AxisMaterial, size: tuple[float, float] = (182, 68)) -> str:
+    """SVG of ``size`` mm: old and new table, the difference beneath; "" when no new table was proposed."""
     change = axis.change
     if change is None or change.skipped:
         return ""
-    return svg((182, 68), lambda figure: curves.table_change(figure, change), f"Table of {axis.axis}")
+    return svg(size, lambda figure: curves.table_change(figure, change), f"Table of {axis.axis}")
 
 
 def prediction(axis: AxisMaterial) -> str:

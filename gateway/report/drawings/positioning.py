@@ -17,7 +17,7 @@ from gateway.domain.figures import Evaluation
 from gateway.domain.values import FloatArray
 from gateway.report.drawings.curves import NEW, REVERSE, calm, limits, mean, plain_name
 from gateway.report.drawings.plots import svg
-from gateway.report.drawings.ruler import INK, QUIET
+from gateway.report.drawings.ruler import INK, QUIET, ruled
 
 SIZE_MM = (88.0, 43.0)
 SMALLEST_PT = 8.0
@@ -33,7 +33,7 @@ def chart(capture: Capture | None, found: Evaluation, letter: str, name: str) ->
 
 def paint(figure: Figure, capture: Capture | None, found: Evaluation, letter: str) -> None:
     """One test onto a figure: readings, means, bands, marks."""
-    panel = figure.subplots()
+    panel = ruled(figure)[0, 0]
     figure.subplots_adjust(left=0.145, right=1.0 - MARGIN_OF_MARKS, top=0.94, bottom=0.19)
     calm(panel)
     order = np.argsort(found.targets, kind="stable")
@@ -60,8 +60,9 @@ def paint(figure: Figure, capture: Capture | None, found: Evaluation, letter: st
 def _readings(panel: Axes, capture: Capture) -> None:
     """Each repetition as thin marks: forward a triangle to the right, reverse one to the left."""
     for side, mark in ((0, ">"), (1, "<")):
-        for run in range(capture.deviations.shape[1]):
-            panel.plot(capture.targets, capture.deviations[:, run, side], mark, color=READING, ms=2.2, mew=0)
+        deviations = capture.deviations[:, :, side]
+        at = np.repeat(capture.targets, deviations.shape[1])
+        panel.plot(at, deviations.ravel(), mark, color=READING, ms=2.2, mew=0)
 
 
 def _bands(panel: Axes, found: Evaluation) -> None:
@@ -103,9 +104,10 @@ def _marks(panel: Axes, found: Evaluation) -> None:
 def _distance(panel: Axes, at: float, letter: str, span: Span) -> None:
     across = panel.get_yaxis_transform()
     look: dict[str, Any] = {"color": INK, "lw": 0.8, "clip_on": False, "transform": across}
-    panel.plot([at, at], list(span), "-", **look)
-    for end in span:
-        panel.plot([at - 0.018, at + 0.018], [end, end], "-", **look)
+    low, high = span
+    # One line with gaps: the distance and its two ends.
+    x = [at, at, np.nan, at - 0.018, at + 0.018, np.nan, at - 0.018, at + 0.018]
+    panel.plot(x, [low, high, np.nan, low, low, np.nan, high, high], "-", **look)
     panel.text(at + 0.026, 0.5 * sum(span), letter, transform=across, fontsize=9, color=INK, va="center", clip_on=False)
 
 

@@ -79,7 +79,7 @@ def tables(tooth: ToothMaterial) -> str:
         for one in tooth.tables
         if one.change.layer == "cross" and not one.change.skipped
     ]
-    size = (WIDE, 34.0 * -(-len(found) // 3) if found else 0.0)
+    size = (WIDE, 34.0 * -(-len(found) // error_drawings.columns(len(found))) if found else 0.0)
     return _drawn(lambda figure: error_drawings.tables(figure, found), size, "Cross tables")
 
 
