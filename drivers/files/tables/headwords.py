@@ -18,15 +18,16 @@ Meaning = Literal["target", "direction", "repetition", "deviation", "position", 
 PLACE = "position"
 WORDS: dict[Meaning, str] = {
     "target": (
-        "target, nominal, nominal value, commanded, command, setpoint, set, set point, p_i, p "
-        "i, soll, sollwert, ziel, sollposition, zielposition, 目标, 理论, 指令, 名义, 目標, position "
+        "target, nominal, nominal value, commanded, command, setpoint, set, set point, p_i, p i, "
+        "pi, target position pi, target pi, position pi, "
+        "soll, sollwert, ziel, sollposition, zielposition, 目标, 理论, 指令, 名义, 目標, position "
         "cible, cible, consigne, position nominale, quota nominale, quota, posizione "
         "nominale, posición objetivo, posición nominal, objetivo, pozycja zadana, позиция, "
         "заданная позиция"
     ),
     "direction": (
         "direction, approach, direction of approach, approach direction, dir, way, richtung, "
-        "anfahrrichtung, verfahrrichtung, 方向, sens, direzione, verso, dirección, sentido, "
+        "anfahrrichtung, verfahrrichtung, 方向, sens, direzione, senso, verso, richting, dirección, sentido, "
         "kierunek, направление"
     ),
     "repetition": (
@@ -49,11 +50,11 @@ _KNOWN: dict[str, Meaning] = {word: meaning for meaning, words in WORDS.items() 
 _PLACES = ("position", " position", " pos", "位置", "值", "点")
 UP_WORDS = (
     "fwd, forwards, positive, positiv, vor, vorwärts, hin, auf, aufwärts, ↑, →, 正, 正向, 正程, aller, avanti, andata, "
-    "adelante, ida"
+    "adelante, ida, прямое, прямой, прямо, вперёд, вперед, туда, 往, heen"
 )
 DOWN_WORDS = (
     "bwd, rev, backwards, negative, negativ, zurück, rückwärts, rück, ab, abwärts, ↓, ←, 反, 反向, 负, 負, 负向, 反程, "
-    "retour, indietro, ritorno, atrás, vuelta"
+    "retour, indietro, ritorno, atrás, vuelta, обратное, обратный, обратно, назад, 復, terug"
 )
 UPWARD, DOWNWARD = UP | set(UP_WORDS.split(", ")), DOWN | set(DOWN_WORDS.split(", "))
 DIRECTIONS: dict[str, int] = dict.fromkeys(UPWARD, 0) | dict.fromkeys(DOWNWARD, 1)

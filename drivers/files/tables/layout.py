@@ -8,12 +8,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import pairwise
 from typing import Literal
 
 from drivers.errors import FileFormatError
 from drivers.files.columns import READING_UNITS, TARGET_UNITS
 from drivers.files.numbers import decimal
+from drivers.files.tables.doubts import NEAR, decimal_comma, too_small, whole_turn
 from drivers.files.tables.headwords import (
     PLACE,
     HeadCell,
@@ -32,13 +32,9 @@ from drivers.units import AxisUnit
 COLUMNS = ("target", "direction", "repetition", "deviation")
 DEFAULT_READING: dict[AxisUnit, str] = {"mm": "um", "deg": "arcsec"}
 UNITS = READING_UNITS
-NEAR = 0.01
-"""Of the targets' span: readings all within it of their targets are positions, within it of zero deviations."""
-
 Reading = Literal["deviation", "position"]
 READINGS: tuple[Reading, ...] = ("deviation", "position")
 MOST_ALONE = 2  # a single column beside the targets is no table of passes
-LEAST_OF_TURN, TURN = 4, 360.0
 ALONE_UNITS = {"um", "nm", "uin", "arcsec", "urad", "mrad"}
 NONE = -1
 
@@ -85,7 +81,7 @@ def layout(sheet: Sheet, unit: str, where: str, *, mixed: bool = False, ways: st
     round a whole turn, E-FILE-LINE.
     """
     heads = [head_cell(cell) for cell in sheet.heads]
-    comma = _comma(sheet)
+    comma = decimal_comma(sheet)
     passes = _passes(heads)
     runs = () if passes else _runs(heads)
     if runs:
@@ -97,7 +93,9 @@ def layout(sheet: Sheet, unit: str, where: str, *, mixed: bool = False, ways: st
         raise FileFormatError("E-FILE-CSV-HEADER", where, found=" ".join(sheet.heads)[:80], columns=", ".join(COLUMNS))
     columns, reading, beside = found
     stated = (heads[columns[0]].unit, heads[columns[3]].unit)
-    if not any((*stated, unit)) and _whole_turn(sheet, columns[0], comma=comma):
+    if reading == "deviation" and not (stated[1] or unit) and too_small(sheet, columns, passes, comma=comma):
+        raise _open("E-FILE-CSV-UNIT", where, sheet, [column for column, _way, _number in passes] or [columns[3]])
+    if not any((*stated, unit)) and whole_turn(sheet, columns[0], comma=comma):
         raise _open("E-FILE-CSV-TURN", where, sheet, (columns[0], columns[3]))
     target_unit, reading_unit = _units(stated, reading, unit, sheet.at, where)
     apart = reading == "deviation" and UNITS[reading_unit][0] != TARGET_UNITS[target_unit][0]
@@ -119,30 +117,12 @@ def layout(sheet: Sheet, unit: str, where: str, *, mixed: bool = False, ways: st
     )
 
 
-def _whole_turn(sheet: Sheet, column: int, *, comma: bool) -> bool:
-    """Whether even steps from the first target to the last, or one more, make 360: mm then is no more than a guess."""
-    found = {decimal(row[column], comma=comma) for _at, row in sheet.rows if column < len(row)}
-    places = sorted(place for place in found if place is not None)
-    if len(places) < LEAST_OF_TURN:
-        return False
-    steps = [after - before for before, after in pairwise(places)]
-    span = places[-1] - places[0]
-    even = max(steps) - min(steps) <= NEAR * max(steps)
-    return even and any(abs(whole - TURN) <= NEAR for whole in (span, span + max(steps)))
-
-
 def _way_of(place: int, runs: Sequence[int], ways: str, sheet: Sheet, where: str) -> tuple[int, int]:
     """Way and number of the pass in this place. Raises FileFormatError (E-FILE-LINE) where half a pass is left."""
     if ways in ("alternate", "halves") and len(runs) % 2:
         raise _wrong(where, sheet.at, f"{len(runs)} passes, but as many forward as reverse are needed")
     number, way = pass_in(place, len(runs), ways)
     return way, number
-
-
-def _comma(sheet: Sheet) -> bool:
-    """Whether numbers have a decimal comma: commas occur in the rows, and points do not."""
-    text = " ".join(cell for _at, row in sheet.rows for cell in row if cell[:1] in "+-0123456789,.")
-    return sheet.separator != "," and "," in text and "." not in text
 
 
 Columns = tuple[tuple[int, int, int, int], Reading, int]
@@ -188,6 +168,9 @@ def _passes(heads: list[HeadCell]) -> tuple[tuple[int, int, int], ...]:
     found: list[tuple[int, HeadPass]] = [(column, one) for column, one in named if one is not None]
     if len(found) < MOST_ALONE or len(found) != len(named):
         return ()
+    if any(one.number for _column, one in found):
+        # Beside numbered passes a lone "B" is a reversal, not a pass that goes back.
+        found = [(column, one) for column, one in found if one.number or not is_statistic(heads[column].words)]
     counted = [one.number > 0 for _column, one in found]
     if any(counted) and not all(counted):
         return ()

@@ -13,8 +13,9 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 from drivers.errors import FileFormatError
+from drivers.files.columns import READING_UNITS
 from drivers.files.numbers import decimal
-from drivers.files.tables.headwords import is_statistic, is_way_or_unit, names_run, pass_of_text
+from drivers.files.tables.headwords import DIRECTIONS, head_cell, is_statistic, is_way_or_unit, names_run, pass_of_text
 
 MARKS = (";", "\t", "|", ",")
 MOST_LINES, MOST_WORDS, LONGEST_WORD = 100, 40, 200
@@ -116,7 +117,8 @@ def _headed(lines: Sequence[tuple[int, str]], index: int, understands: Understan
         if column is not None:
             rows, notes = _rows(lines[body:], separator, (head, column), understands, where)
             return Sheet(at, separator=separator, heads=head, rows=rows, said=_said(lines[:index]), notes=notes)
-    turned = _turned(heads, [(number, cells(text, separator)) for number, text in lines[index + 1 :]])
+    after = [cells(text, separator) for _at, text in lines[index + 1 :]]
+    turned = _annex(heads, after, _unit_above(lines[:index])) or _turned(heads, list(enumerate(after)))
     if turned and understands(turned[0]) is not None:
         rows = tuple((at, row) for row in turned[1:])
         return Sheet(at, separator=separator, heads=turned[0], rows=rows, said=_said(lines[:index]))
@@ -191,6 +193,47 @@ def _turned(heads: Row, rows: Sequence[tuple[int, list[str]]]) -> tuple[Row, ...
     title = heads[0] if names == 1 else "target"
     head = (title, *(" ".join(cell for cell in row[:names] if cell) for row in kept))
     return (head, *((heads[at], *(row[at] for row in kept)) for at in range(names, len(heads))))
+
+
+def _annex(heads: Row, rows: Sequence[list[str]], unit: str) -> tuple[Row, ...]:
+    """A table as the standard's annex has it, turned over: targets in the heading, under them ways, then a run a row.
+
+    A target may stand once over both its ways. () where it is none, or where a way stands twice under a target.
+    """
+    ways = [_way_in(cell) for cell in _trimmed(list(rows[0]))[1:]] if rows else []
+    if len(ways) < FEWEST_TURNED or None in ways or not heads[0]:
+        return ()
+    targets: list[str] = []
+    for cell in (*heads[1:], *[""] * (len(ways) - len(heads) + 1)):
+        targets.append(cell or (targets[-1] if targets else ""))
+    if len(targets) != len(ways) or any(decimal(cell.replace(",", ".")) is None for cell in targets):
+        return ()
+    named_runs = [bool(row) and names_run(row[0]) for row in rows[1:]]
+    count = named_runs.index(False) if False in named_runs else len(named_runs)
+    if any(named_runs[count:]) or any(len(_trimmed(list(row))) > 1 + len(ways) for row in rows[1 : 1 + count]):
+        return ()  # what stands apart, or beyond the ways, would be lost
+    runs = [[*row, *[""] * (1 + len(ways) - len(row))] for row in rows[1 : 1 + count]]
+    at = {key: place for place, key in enumerate(zip(targets, ways, strict=True), start=1)}
+    if not runs or len(at) != len(ways):
+        return ()
+    both = sorted({way for way in ways if way is not None})
+    named = [f"{number} {'-' if way else '+'} {unit}".strip() for number in range(1, len(runs) + 1) for way in both]
+    body = [
+        (target, *(run[at[target, way]] if (target, way) in at else "" for run in runs for way in both))
+        for target in dict.fromkeys(targets)
+    ]
+    return ((heads[0], *named), *body)
+
+
+def _way_in(cell: str) -> int | None:
+    return DIRECTIONS.get(cell.lower())
+
+
+def _unit_above(lines: Sequence[tuple[int, str]]) -> str:
+    """The unit of readings that one title names in brackets: "Positional deviation (µm)"; "" where none, or two, do."""
+    cut = [head_cell(line.strip(" ;,\t|")) for _at, line in lines[:MOST_WORDS]]
+    units = {one.unit for one in cut if one.unit in READING_UNITS and "deviation" in one.words}
+    return f"[{units.pop()}]" if len(units) == 1 else ""
 
 
 def _said(lines: Sequence[tuple[int, str]]) -> Mapping[str, str]:

@@ -1,0 +1,89 @@
+"""Tables as the standard's annex and the literature print them: read by what they say, asked about what they do not."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from drivers.errors import FileFormatError
+from drivers.files.csvmap import CsvFormat
+
+# Made-up readings, um: by target (mm), then run 1 and 2, up and down each.
+READINGS = {
+    10.5: ((0.1, 1.2), (0.3, 1.6)),
+    50.0: ((2.5, 3.5), (2.25, 3.75)),
+    100.5: ((-4.125, -3.0), (-4.5, -2.75)),
+}
+WANTED = np.array(list(READINGS.values()))
+TITLE = "Positional deviation (µm)\n"
+INDEX = "i;1;;2;;3;\n"
+ANNEX = (
+    "Target position Pi (mm);10.5;;50;;100.5;\nApproach direction;↓;↑;↓;↑;↓;↑\n"
+    "j = 1;1.2;0.1;3.5;2.5;-3;-4.125\nj = 2;1.6;0.3;3.75;2.25;-2.75;-4.5\nMean;1.4;0.2;3.6;2.4;-2.9;-4.3\n"
+)
+ROWS = [(target, *run[0], *run[1]) for target, run in READINGS.items()]
+READ = {
+    "annex, a target over both its ways": TITLE + INDEX + ANNEX,
+    "annex, a target over each way": TITLE + ANNEX.replace("10.5;;50;;100.5;", "10.5;10.5;50;50;100.5;100.5"),
+    "means, spreads and reversal beside the passes": "Target (mm),Fwd 1 (um),Rev 1 (um),Fwd 2 (um),Rev 2 (um),s fwd,B\n"
+    + "".join(f"{t},{a},{b},{c},{d},0.3,-1.1\n" for t, a, b, c, d in ROWS),
+    "symbols, units beneath": "Pi,x1↑,x1↓,x2↑,x2↓\nmm,µm,µm,µm,µm\n"
+    + "".join(f"{t},{a},{b},{c},{d}\n" for t, a, b, c, d in ROWS),
+    "quoted decimal commas": "Target (mm),Up 1 (µm),Down 1 (µm),Up 2 (µm),Down 2 (µm)\n"
+    + "".join(",".join(f'"{value}"'.replace(".", ",") for value in row) + "\n" for row in ROWS),
+    "italian": "Posizione nominale [mm];Senso;Ciclo;Scostamento [µm]\n"
+    + "".join(
+        f"{t};{word};{run + 1};{READINGS[t][run][way]}\n"
+        for run in (0, 1)
+        for way, word in enumerate(("andata", "ritorno"))
+        for t in READINGS
+    ),
+    "russian": "Заданная позиция (мм);Направление;Цикл;Отклонение (мкм)\n"
+    + "".join(
+        f"{t};{word};{run + 1};{READINGS[t][run][way]}\n"
+        for run in (0, 1)
+        for way, word in enumerate(("прямое", "обратное"))
+        for t in READINGS
+    ),
+}
+
+
+def read(text: str, folder: Path, unit: str = "") -> np.ndarray:
+    file = folder / "axis.csv"
+    file.write_text(text, encoding="utf-8")
+    found = CsvFormat(unit).read(file)
+    assert found.targets.tolist() == list(READINGS)
+    return found.deviations
+
+
+@pytest.mark.parametrize("name", READ)
+def test_a_printed_table_gives_its_readings(name: str, tmp_path: Path) -> None:
+    np.testing.assert_allclose(read(READ[name], tmp_path), WANTED, rtol=0.0, atol=1e-9)
+
+
+def test_readings_too_small_for_um_without_a_unit_are_asked_for(tmp_path: Path) -> None:
+    text = "Target,Direction,Run,Deviation\n" + "".join(
+        f"{t},{'+-'[way]},{run + 1},{READINGS[t][run][way] / 1000:.6f}\n"
+        for run in (0, 1)
+        for way in (0, 1)
+        for t in READINGS
+    )
+    with pytest.raises(FileFormatError, match="E-FILE-CSV-UNIT"):
+        read(text, tmp_path)
+    np.testing.assert_allclose(read(text, tmp_path, "mm"), WANTED, rtol=0.0, atol=1e-9)
+
+
+def test_an_annex_without_its_unit_is_asked_for_and_runs_apart_are_not_lost(tmp_path: Path) -> None:
+    with pytest.raises(FileFormatError, match="E-FILE-CSV-UNIT"):
+        read(ANNEX, tmp_path)
+    np.testing.assert_allclose(read(ANNEX, tmp_path, "um"), WANTED, rtol=0.0, atol=1e-9)
+    with pytest.raises(FileFormatError, match="E-FILE-CSV-HEADER"):
+        read(TITLE + ANNEX + "j = 3;1.2;0.1;3.5;2.5;-3;-4.125\n", tmp_path)
+
+
+def test_a_quoted_thousand_is_no_decimal_comma(tmp_path: Path) -> None:
+    text = 'Target (mm),Up 1 (µm),Down 1 (µm)\n"1,000",3,4\n"2,000",5,6\n"3,000",7,8\n'
+    with pytest.raises(FileFormatError, match="E-FILE-LINE"):
+        read(text, tmp_path)
