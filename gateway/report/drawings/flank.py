@@ -18,7 +18,7 @@ from matplotlib.ticker import MaxNLocator
 from drivers.terms import shown
 from drivers.types.values import FloatArray
 from gateway.report.drawings.curves import NEW, OLD, RULE, calm, limits, plain_name
-from gateway.report.drawings.ruler import INK, QUIET, Panel, Ruler, ruled
+from gateway.report.drawings.ruler import INK, QUIET, RuledPanel, Ruler, ruled
 from gateway.report.tooth.flank import FlankState, Traces, top_of, traces
 from gateway.tooth import FlankMap
 
@@ -93,7 +93,7 @@ def _scale(figure: Figure, low: float, high: float, top: float) -> None:
 def charts(figure: Figure, states: Sequence[FlankState]) -> None:
     """Profile, lead, pitch of both flanks and runout of some states, all on one scale of deviation."""
     grid = figure.add_gridspec(2, 3, left=0.075, right=0.99, top=0.88, bottom=0.1, hspace=0.5, wspace=0.2)
-    panels = [figure.add_subplot(grid[row, column], axes_class=Panel) for row in (0, 1) for column in (0, 1, 2)]
+    panels = [figure.add_subplot(grid[row, column], axes_class=RuledPanel) for row in (0, 1) for column in (0, 1, 2)]
     titles = ("Profile", "Pitch, left flank", "Pitch, right flank", "Runout", "Lead, left flank", "Lead, right flank")
     for panel, text in zip(panels, titles, strict=True):
         calm(panel)

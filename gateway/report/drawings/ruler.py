@@ -68,7 +68,7 @@ class _BareY(_Bare, YAxis):
         return "left"
 
 
-class Panel(Axes):
+class RuledPanel(Axes):
     """A panel whose ticks a `Ruler` draws. Making the first two ticks of each axis took a fifth of a report."""
 
     def _init_axis(self) -> None:
@@ -80,7 +80,7 @@ class Panel(Axes):
 
 def ruled(figure: FigureBase, rows: int = 1, columns: int = 1, **how: Any) -> NDArray[Any]:
     """Panels for a `Ruler` each, shape (rows, columns); ``how`` as a figure's ``subplots`` takes it."""
-    found: NDArray[Any] = figure.subplots(rows, columns, squeeze=False, subplot_kw={"axes_class": Panel}, **how)
+    found: NDArray[Any] = figure.subplots(rows, columns, squeeze=False, subplot_kw={"axes_class": RuledPanel}, **how)
     return found
 
 
