@@ -26,7 +26,7 @@ _NUMBERED = {"tcp", "socket", "opc.tcp"}
 _OPEN_TO_MANY = {"terminal", "folder", "memory"}
 _DOTTED = re.compile(r"[\d.]+")
 """A host of digits and points alone must be four numbers up to 255: no name is made so."""
-_SERIAL = re.compile(r"COM[1-9][0-9]*|/dev/.+", re.IGNORECASE)
+_SERIAL = re.compile(r"COM[1-9][0-9]*|/dev/\S+", re.IGNORECASE)
 
 
 def reach_faults(tree: Mapping[str, Any], site: Any) -> Iterator[Fault]:
@@ -187,7 +187,7 @@ def address_fault(url: str, kinds: tuple[str, ...]) -> tuple[str, dict[str, str]
     A kind that the driver does not open, an address without host, or one with a port that is none.
     """
     scheme = url.partition("://")[0] if "://" in url else ""
-    if kinds and (scheme not in kinds or (not scheme and not _SERIAL.fullmatch(url.strip()))):
+    if kinds and (scheme not in kinds or (not scheme and not _SERIAL.fullmatch(url))):
         allowed = ", ".join(f"{kind}://..." if kind else "COM3, /dev/ttyUSB0" for kind in kinds if kind != "memory")
         return "W-CFG-ADDRESS", {"allowed": allowed}
     if kinds and scheme in _NUMBERED and not _is_host(url, needs_port=scheme not in _PORTLESS):

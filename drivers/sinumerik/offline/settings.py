@@ -20,7 +20,9 @@ class OfflineSettings(DriverSettings):
     """Keys under ``[controller.settings]`` of a control that is reached by carrying files."""
 
     addresses: ClassVar[tuple[str, ...]] = ("carried",)
-    folder: FolderPathText = Field(default="carried", description="folder of what is carried to the control and back")
+    folder: FolderPathText = Field(
+        default="carried", min_length=1, description="folder of what is carried to the control and back"
+    )
     axes: str = Field(
         default="", description="names of all machine axes in the control's own order (MD10000), blanks between them"
     )

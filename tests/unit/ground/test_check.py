@@ -528,6 +528,23 @@ def test_places_are_found_in_every_form_of_toml() -> None:
     assert places.of(("g", 0, "i"), key=True) == (7, 1)
 
 
+@pytest.mark.parametrize(
+    ("name", "right", "wrong", "path"),
+    [
+        ("five-axes", '"COM5"', '"COM5 "', ("instruments", 0, "url")),
+        ("carried-grinder", 'folder = "carried"', 'folder = ""', ("controller", "settings", "folder")),
+    ],
+)
+def test_slips_that_cannot_be_seen_in_an_editor_are_found(
+    tmp_path: Path, name: str, right: str, wrong: str, path: tuple[str | int, ...]
+) -> None:
+    text = (GEAR.parents[1] / "sites" / f"{name}.toml").read_text(encoding="utf-8")
+    site = tmp_path / "site.toml"
+    site.write_text(text.replace(right, wrong), encoding="utf-8")
+    (found,) = [one for one in checked(site).faults if one.path == path]
+    assert (found.line, found.column) > (1, 1)
+
+
 def test_typed_readings_of_a_rotary_axis_are_doubted_where_a_run_is_meant(tmp_path: Path) -> None:
     text = (GEAR.parents[1] / "sites" / "mailbox-grinder.toml").read_text(encoding="utf-8")
     site = tmp_path / "site.toml"
