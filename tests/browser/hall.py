@@ -38,9 +38,9 @@ def ended(child: subprocess.Popen[str]) -> None:
 
 @dataclass
 class Hall:
-    """The cell, where its service keeps things, and the service's address while it lives."""
+    """The cell, where there is one, where its service keeps things, and the service's address while it lives."""
 
-    cell: subprocess.Popen[str]
+    cell: subprocess.Popen[str] | None
     path: Path
     service: subprocess.Popen[str] | None = None
     url: str = ""
@@ -58,6 +58,7 @@ class Hall:
 
     def do(self, order: str | dict[str, Any]) -> dict[str, Any]:
         """What a person does at the machine, or the judge's order; its answer."""
+        assert self.cell is not None
         assert self.cell.stdin is not None
         self.cell.stdin.write((order if isinstance(order, str) else json.dumps(order)) + "\n")
         self.cell.stdin.flush()

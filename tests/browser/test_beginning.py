@@ -42,6 +42,36 @@ def _empty(at: Hall, folder: Path) -> EmptyHall:
     return found
 
 
+def test_a_machine_of_carried_files_is_begun_and_what_is_doubtful_is_shown_first(tmp_path: Path) -> None:
+    """The usual answer to every question; nobody said where the axes may stand, so nothing could be pushed."""
+    folder = tmp_path / "pc"
+    folder.mkdir()
+    at = EmptyHall(None, folder / "site.toml")
+    at.serve()
+    try:
+        with chromium() as browser:
+            anna = Person(opened(browser, at, language="de"), at, "anna")
+            form = anna.page.locator("details[open] #first")
+            for name, text in (("token", at.token), ("name", anna.name), ("password", SECRET)):
+                form.locator(f"[name={name}]").fill(text)
+            form.locator("button").click()
+            anna.page.locator("#road-carried").click()
+            anna.page.locator("#next").wait_for()
+            while anna.page.locator("#next").count():
+                with anna.page.expect_response(lambda one: one.url.endswith("/site-file/question")):
+                    anna.page.locator("#next").click()
+                expect(anna.page.locator("#asking")).to_have_count(0)
+            anna.page.locator("#make").click()
+            anna.page.locator("#go-on").wait_for()
+            anna.sees("#doubts", "[moves.safe]")
+            looked_at(anna, "beginning-doubts")
+            assert len(checked(at.path).doubts) == anna.page.locator("#doubts li").count()
+            anna.page.locator("#go-on").click()
+            anna.sees("#now", "Selbsttest")
+    finally:
+        at.kill()
+
+
 def _known(path: Path) -> dict[str, Any]:
     """What stands on the control's display and on the instruments' plates: here in the cell's own site file."""
     site = load_site(path)

@@ -55,7 +55,7 @@ function doctor(box) {
   const bad = lines.filter((one) => one.outcome !== "ok");
   const examine = () => post(`${base()}/commands/doctor`).catch((error) => shown(t("connect.examine"), [h("p", { class: "fault" }, told(error))]));
   show(box, h("h2", {}, t("connect.doctor")), h("button", { id: "doctor", class: "primary", disabled: busy || !may("operator", "service"), onclick: examine }, t("connect.examine")),
-    job?.error && h("p", { class: "fault", role: "alert" }, told(job.error)), lines.length > 0 && h("p", {}, bad.length ? `▲ ${t("connect.bad", { count: bad.length })}` : `✔ ${t("connect.well", { count: lines.length })}`),
+    job?.error && h("p", { class: "fault", role: "alert" }, told(job.error)), !lines.length && !job?.error && h("p", { class: "empty" }, t("connect.examine_what")), lines.length > 0 && h("p", {}, bad.length ? `▲ ${t("connect.bad", { count: bad.length })}` : `✔ ${t("connect.well", { count: lines.length })}`),
     h("ul", { class: "checks" }, [...bad, ...lines.filter((one) => one.outcome === "ok")].map((one) => h("li", { class: one.outcome === "ok" ? "ok" : "bad" }, h("span", { class: "mark", "aria-hidden": "true" }, one.outcome === "ok" ? "✔" : "✖"), h("div", {}, h("b", {}, checkName(one.check)), ` ${say(one.code, one.fields, 0, one.what)}`, one.fix && h("p", { class: "fix" }, `→ ${say(one.code, one.fields, 1, one.fix)}`))))));
 }
 
