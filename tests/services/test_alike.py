@@ -10,6 +10,8 @@ from pathlib import Path
 
 import pytest
 
+from gateway.config import load_site
+from gateway.workflow.bench import store_of
 from tests.browser.hall import hall
 from tests.cell.bench import short
 
@@ -23,6 +25,7 @@ LOOKS = (
     ("verify-table",),
     ("trust", "show"),
     ("check", "--connect"),
+    ("push",),
 )
 WORKS = (("self-test",), ("run",), ("run", "--apply", "--machine", "another"))
 # What is another one each time: runs, moments, hashes, ports, process numbers.
@@ -35,11 +38,23 @@ EACH = (
 NUMBER = re.compile(r"[+-]?\d+(\.\d+)?")
 
 
+def typed(site: Path, words: Sequence[str]) -> list[str]:
+    """The command as a person types it; of a push a run is named, not a site."""
+    if words[0] == "push":
+        return [*words, "latest", "--store", str(store_of(load_site(site), site).root)]
+    before = 2 if words[0] == "trust" else 1
+    return [*words[:before], str(site), *words[before:]]
+
+
 def said(site: Path, words: Sequence[str], *, measures: bool) -> tuple[int, list[str]]:
     """Exit code and every line of a command, without what is another one each time; ``measures``: and no figures."""
-    command = [sys.executable, "-m", "gateway.cli", words[0], *words[1 : 2 if words[0] == "trust" else 1], str(site)]
-    command += words[2 if words[0] == "trust" else 1 :]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=300, check=False)
+    done = subprocess.run(
+        [sys.executable, "-m", "gateway.cli", *typed(site, words)],
+        capture_output=True,
+        text=True,
+        timeout=300,
+        check=False,
+    )
     text = f"{done.stdout}\n--\n{done.stderr}"
     for pattern, name in EACH:
         text = pattern.sub(name, text)

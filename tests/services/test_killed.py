@@ -188,8 +188,9 @@ def test_killed_at_any_moment_nothing_is_lost_and_nothing_is_written(tmp_path: P
     async def main() -> None:
         async with shop(tmp_path, LoopClock(SPEED)) as at:
             store = store_of(at.site, at.path)
-            for _life in range(kills):
+            for number in range(1, kills + 1):
                 await one_life(at, store, seen, chance)
+                print(f"killed {number} times, start {seen.starts_s[-1]:.2f} s, {seen.states[-1:]}", flush=True)
             kept(store, seen)
             async with living(at) as life:
                 found = (await life.ask("/search?most=1000"))["runs"]
