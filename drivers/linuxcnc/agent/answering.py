@@ -124,11 +124,16 @@ class Agent:
     def _tables(self, asked: dict[str, Any]) -> dict[str, Any]:
         kernel, files = self._now(), self._files()
         joint = kernel.joint(asked["axis"])
-        return {
+        told = {
             "acting": files.acting(joint) if kernel.screw(joint)[0] is not None else "",
             "standing": files.standing(joint) if kernel.screw(joint)[0] is not None else "",
             "joint": kernel.joints()[joint],
         }
+        if (
+            self._life() != self._of
+        ):  # it ended meanwhile: what it had read would be taken for what the next start reads
+            raise AgentRefusal("E-LCNC-DOWN", why="no process milltask")
+        return told
 
     def _program(self, asked: dict[str, Any]) -> str:
         """Place a program beside the INI file, show it to the operator, and read it back."""

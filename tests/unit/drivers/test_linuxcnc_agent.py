@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import hashlib
 import json
 import socket
 from collections.abc import Callable, Iterator
@@ -16,6 +17,7 @@ from drivers.linuxcnc.agent.__main__ import LEAST_TOKEN, _token
 from drivers.linuxcnc.agent.answering import Agent
 from drivers.linuxcnc.agent.kernel import Kernel
 from drivers.linuxcnc.agent.lines import FIRST_S, MOST_FIRST, MOST_LINES, AgentReply, Lines
+from drivers.linuxcnc.agent.lives import Life
 from tests.contract.linuxcnc_double import Machine
 from tests.contract.linuxcnc_stage import TOKEN, agent_of
 
@@ -175,6 +177,33 @@ def test_a_kernel_that_ends_between_two_questions_is_told_as_down(tmp_path: Path
     assert "ok" in asked(agent, do="state")
     machine.stop()
     assert asked(agent, do="state")["code"] == "E-LCNC-DOWN"
+
+
+@pytest.mark.parametrize("after", range(8))
+def test_a_kernel_that_ends_within_an_answer_never_has_what_stands_acting(tmp_path: Path, after: int) -> None:
+    """A file replaced in its life waits for the next start; once it ended, nobody knows what acts."""
+    machine = Machine(tmp_path)
+    machine.restart()
+    looks = 0
+
+    def life() -> Life | None:
+        nonlocal looks
+        looks += 1
+        return machine.life if looks <= after else None
+
+    calm = Agent(TOKEN, lambda: Kernel(machine, machine), lambda: machine.life)
+    told = asked(calm, do="tables", axis="X")
+    assert "ok" in told, told
+    empty = told["ok"]["standing"]
+    for do in (
+        {"do": "begin", "transaction": 7, "head": "", "joints": [0]},
+        {"do": "put", "transaction": 7, "joint": 0, "text": (new := empty + "0 0.001 0.001\n10 0 0\n")},
+        {"do": "commit", "transaction": 7, "digests": {"0": hashlib.sha256(new.encode()).hexdigest()}},
+    ):
+        told = asked(calm, **do)
+        assert "ok" in told, told
+    told = asked(Agent(TOKEN, lambda: Kernel(machine, machine), life), do="tables", axis="X")
+    assert told.get("code") == "E-LCNC-DOWN" or told["ok"]["acting"] == empty != told["ok"]["standing"]
 
 
 def test_the_agent_says_what_its_kernel_is_and_does(agent: Agent, tmp_path: Path) -> None:
