@@ -9,7 +9,7 @@ from gateway.domain.values import FloatArray
 
 FEWEST = 6
 """Nodes that carry a curve; fewer carry straight lines."""
-CLOSE = 0.2
+CLOSE = 0.1
 """Nodes closer than this share of a gap beside them are one: their scatter is a slope that swings over the gap."""
 
 

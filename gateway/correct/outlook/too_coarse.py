@@ -25,6 +25,7 @@ from gateway.tooth import FlankPrediction
 DOMINATES = 0.5  # of u squared
 CURED = 1.0 / 3.0  # of what it was
 FEWEST, MOST = 4, 20  # steps over the face
+BESIDE = 2  # steps on either side of it: the outermost may be too close together for the gap beyond them
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,8 +85,8 @@ def _window(grinding: Grinding, grid: FlankGrid, one: Component, unseen_um: floa
     )
     step = face / count
     return FinerTargets(
-        first=middle - face / 2.0 - step,
-        last=middle + face / 2.0 + step,
+        first=middle - face / 2.0 - BESIDE * step,
+        last=middle + face / 2.0 + BESIDE * step,
         step=step,
         unit=one.axis_unit,
         left_um=share * unseen_um,
