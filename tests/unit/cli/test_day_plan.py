@@ -66,7 +66,7 @@ def test_the_day_is_shown_and_nothing_is_opened_or_kept(tmp_path: Path) -> None:
     shown = CliRunner().invoke(app, ["close", str(path), "--plan", "--apply"], catch_exceptions=False)
     assert shown.exit_code == 0, shown.output
     assert "rotary (calibrator) on C1" in shown.output
-    assert "3 blanks" in shown.output
+    assert "blanks: 3" in shown.output
     data = json.loads(CliRunner().invoke(app, ["run", str(path), "--plan", "--axis", "X1", "--json"]).stdout)
     assert [piece["stage"] for piece in data["pieces"]] == ["warm-up", "measure"]
     assert (data["mountings"], data["presses"], data["resets"]) == (1, 1, 0)
