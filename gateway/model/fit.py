@@ -249,17 +249,15 @@ def _with_orders(data: _Data, orders: tuple[int, ...], choices: int) -> Candidat
 def _through(data: _Data) -> Candidate:
     """What goes through the means takes everything, so it is judged by its leave-one-out error.
 
-    The pitch of a screw is too short for any curve through targets, which swings more than straight lines: along the
-    axis that it drives the better of both goes.
+    The pitch of a screw is too short for any curve through targets, which swings more than straight lines; and what
+    is measured at the points of a table is gone there only with straight lines, which a table is made of. So along the
+    axis that it drives these go.
     """
     at = data.at if data.period is None else np.mod(data.at, data.period)
     nodes = apart(at)
-    if data.period is not None or nodes.size < FEWEST:
+    if data.period is not None or data.driven or nodes.size < FEWEST:
         return _node_fit("piecewise", np.unique(np.round(at, 6)), data)
-    bent = _node_fit("cubic", nodes, data)
-    if not data.driven:
-        return bent
-    return min(bent, _node_fit("piecewise", np.unique(np.round(at, 6)), data), key=lambda c: c.left_out)
+    return _node_fit("cubic", nodes, data)
 
 
 def _node_fit(basis: str, nodes: FloatArray, data: _Data) -> Candidate:

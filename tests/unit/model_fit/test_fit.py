@@ -114,7 +114,7 @@ def test_a_hollow_between_few_targets_is_followed_better_than_by_straight_lines(
     assert np.mean(np.square(curves)) < 0.7 * np.mean(np.square(lines))
 
 
-def test_a_screw_shorter_than_its_targets_gets_straight_lines_where_these_miss_less() -> None:
+def test_an_axis_driven_by_a_screw_shorter_than_its_targets_gets_straight_lines() -> None:
     at, more = np.linspace(0.0, 300.0, 21), []
     dense = np.linspace(0.0, 300.0, 1201)
     for seed in range(60):
