@@ -81,6 +81,7 @@ class InTime(H11Protocol):
             self.transport.close()
         else:
             self._end()
+            self._unset_keepalive_if_required()  # it has asked, though it is read later only
             self.flow.pause_reading()
             self.waiting.enter(self, data)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import contextlib
 import json
 import socket
@@ -13,7 +14,8 @@ from typing import Any
 import pytest
 from fastapi.routing import APIRoute
 
-from gateway.daemon.listening import AT_ONCE, Entrance, InTurn
+from drivers.clock import LoopClock
+from gateway.daemon.listening import AT_ONCE, Entrance, InTurn, server_of
 from gateway.store import Store
 from gateway.users import ROLES, Tries, UserRole
 from gateway.web import app as application
@@ -385,3 +387,47 @@ def test_requests_are_begun_one_in_a_turn_of_the_loop_and_health_never_waits() -
         assert begun == [b"0", b"1", b"2"][: number + 1]
     assert not soon
     assert waiting.answer(b"GET / HTTP/1.1\r\n\r\n", "") == b""
+
+
+class Wire(asyncio.Transport):
+    """The other end of a connection: what was written, and whether it was closed."""
+
+    def __init__(self) -> None:
+        super().__init__({"peername": ("10.0.0.7", 1), "sockname": ("127.0.0.1", 80)})
+        self.told, self.closed = b"", False
+
+    def write(self, data: bytes | bytearray | memoryview) -> None:
+        self.told += bytes(data)
+
+    def close(self) -> None:
+        self.closed = True
+
+    def is_closing(self) -> bool:
+        return self.closed
+
+    def pause_reading(self) -> None:
+        pass
+
+    def resume_reading(self) -> None:
+        pass
+
+
+async def test_a_request_that_waits_for_its_turn_is_no_idle_connection() -> None:
+    """A computer too busy for seconds found both due at once, and closed on the caller without an answer."""
+
+    async def app(_scope: object, _receive: object, send: Any) -> None:
+        await send({"type": "http.response.start", "status": 200, "headers": [(b"content-length", b"0")]})
+        await send({"type": "http.response.body", "body": b""})
+
+    server, wire = server_of(app, None, None, lambda _address, _number: b""), Wire()
+    config = server.config
+    one: Any = config.http_protocol_class(config=config, server_state=server.server_state, app_state={})  # type: ignore[call-arg]
+    one.connection_made(wire)
+    for asked in range(1, 3):
+        one.data_received(b"GET / HTTP/1.1\r\nHost: x\r\n\r\n")
+        if one.timeout_keep_alive_task is not None:
+            one.timeout_keep_alive_handler()
+        while wire.told.count(b"200 OK") < asked:
+            assert not wire.closed
+            await LoopClock().sleep(0.0)
+    one.connection_lost(None)
