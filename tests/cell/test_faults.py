@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 
 from drivers.errors import ConfigError, DeviceError, TableError, TransportError, TrueflankError
-from gateway.errors import Incomplete, WriteRefused
+from gateway.errors import Incomplete, VerifyError, WriteRefused
 from gateway.supervisor import DevicesFailed
 from simulators.cell import Cell
 from simulators.cell.control import with_serial
@@ -148,20 +148,22 @@ def test_too_few_points_reserved_names_the_machine_data_and_the_number(tmp_path:
 
 @pytest.mark.long
 def test_a_table_changed_after_the_capture_is_not_overwritten(tmp_path: Path) -> None:
-    changed: list[Any] = []
+    """The program of the push finds it in its own back-up, before it switches or writes anything."""
+    changed: list[Cell] = []
 
     def heard(cell: Cell, code: str, _fields: dict[str, object]) -> None:
         if code == "P-SIGN-PROVED" and not changed:
-            changed.append(True)
+            changed.append(cell)
             cell.nck.set("$MA_ENC_COMP_ENABLE[0,C1]", 0, 0)
             for name, value in (("STEP", 5.0), ("MIN", 0.0), ("MAX", 360.0), ("IS_MODULO", 1)):
                 cell.nck.set(f"$AA_ENC_COMP_{name}[0,C1]", value, 0)
             cell.nck.set("$AA_ENC_COMP[0,3,C1]", 0.0004, 0)
 
-    with pytest.raises(WriteRefused, match="E-INT-LOST-UPDATE") as caught:
+    with pytest.raises(VerifyError, match="E-PUSH-LOST-UPDATE") as caught:
         main_job(tmp_path, edit=short(("C1",), 9, 3), heard=heard)
-    assert changed
+    (cell,) = changed
     assert "C1" in str(caught.value)
+    assert 0.0004 in [one.points[3] for one in cell.nck.core.memory.eec.values() if len(one.points) > 3]
 
 
 def test_nobody_presses_nc_start(tmp_path: Path) -> None:
