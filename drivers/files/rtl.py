@@ -177,7 +177,7 @@ def _size_doubts(targets: FloatArray, deviations: FloatArray, axis_unit: AxisUni
     if largest > LARGEST[axis_unit] or 0 < largest < SMALLEST[axis_unit]:
         doubts.append(f"the largest deviation is {largest:.4g} {unit}: is the file's unit as stated?")
     if axis_unit == "deg" and float(np.ptp(targets)) > ONE_TURN_DEG:
-        doubts.append("targets span more than a turn: is this a pitch or yaw file of a linear axis?")
+        doubts.append("targets span more than a turn, as those of a pitch or yaw file of a linear axis do")
     return doubts
 
 

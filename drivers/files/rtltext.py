@@ -16,6 +16,8 @@ from drivers.files.numbers import decimal, fixed, uses_comma, whole
 _SECTION = re.compile(r"([A-Z][A-Z0-9 -]*)::\s*\Z")
 _BREAK = re.compile(r"\r\n|\n|\r")
 TARGETS_A_LINE = 5
+ENOUGH = 3
+"""So many letters of the first line tell what a file was to be."""
 MOST_TARGETS, MOST_RUNS = 100_000, 10_000
 
 Lines = tuple[tuple[int, str], ...]
@@ -66,13 +68,26 @@ def wrong_line(where: str, line: int, why: str) -> FileFormatError:
 
 def parse(text: str, where: str) -> RtlText:
     """Read a whole file. Raises FileFormatError: E-FILE-DETECT, E-FILE-LINE, E-FILE-CUT, E-FILE-COUNT."""
-    sections, warnings = _sections(text, where)
+    sections, whole_file = _sections(text, where)
+    try:
+        return _content(sections, whole_file, where)
+    except FileFormatError as error:
+        if whole_file:
+            raise
+        raise _cut(text, where) from error
+
+
+def _content(sections: dict[str, Lines], whole_file: bool, where: str) -> RtlText:
+    """What the sections hold; of a file without its end, only what lacks no reading."""
+    warnings = [] if whole_file else ["no EOF:: at the end"]
     comma = _decimal_comma(sections)
     if comma:
         warnings.append("numbers are written with a decimal comma")
     targets, target_rest = _targets(sections.get("TARGET DATA", ()), comma, where)
     rows, row_rest = _rows(sections.get("DEVIATIONS", ()), len(targets), comma, where)
     run_count = _run_count(sections.get("RUNS", ()), rows, warnings, where)
+    if not whole_file and len(rows) < run_count * len(targets):
+        raise FileFormatError("E-FILE-COUNT", where, stated=run_count * len(targets), found=len(rows))
     kept = {name: tuple(line for _at, line in lines) for name, lines in sections.items()}
     kept["TARGET DATA"], kept["DEVIATIONS"] = target_rest, row_rest
     return RtlText(
@@ -80,17 +95,25 @@ def parse(text: str, where: str) -> RtlText:
     )
 
 
-def _sections(text: str, where: str) -> tuple[dict[str, Lines], list[str]]:
-    """Section name -> numbered lines that are not blank, up to EOF::."""
+def _cut(text: str, where: str) -> FileFormatError:
+    """The error of a file that ends too soon."""
+    return FileFormatError("E-FILE-CUT", where, line=len(_BREAK.split(text.rstrip())))
+
+
+def _sections(text: str, where: str) -> tuple[dict[str, Lines], bool]:
+    """Section name -> numbered lines that are not blank, up to EOF::; and whether that was there."""
     lines = _BREAK.split(text)
-    if not lines[0].rstrip() == "HEADER::":
-        raise FileFormatError("E-FILE-DETECT", where, found=lines[0][:40])
+    if len(text.rstrip()) >= ENOUGH and "HEADER::".startswith(text.rstrip()):
+        raise _cut(text, where)
+    first = next((line.strip() for line in lines if line.strip()), "")
+    if first != "HEADER::":
+        raise FileFormatError("E-FILE-DETECT", where, found=first[:40])
     grown: dict[str, list[tuple[int, str]]] = {}
     current: list[tuple[int, str]] = []
     for at, line in enumerate(lines, start=1):
         match = _SECTION.match(line)
         if match and match[1] == "EOF":
-            return {name: tuple(found) for name, found in grown.items()}, []
+            return {name: tuple(found) for name, found in grown.items()}, True
         if match:
             if match[1] in grown:
                 raise wrong_line(where, at, f"section {match[1]} occurs twice")
@@ -98,8 +121,8 @@ def _sections(text: str, where: str) -> tuple[dict[str, Lines], list[str]]:
         elif line.strip():
             current.append((at, line))
     if lines[-1].strip():
-        raise FileFormatError("E-FILE-CUT", where, line=len(lines))
-    return {name: tuple(found) for name, found in grown.items()}, ["no EOF:: at the end"]
+        raise _cut(text, where)
+    return {name: tuple(found) for name, found in grown.items()}, False
 
 
 def _decimal_comma(sections: dict[str, Lines]) -> bool:
@@ -123,6 +146,8 @@ def _targets(lines: Lines, comma: bool, where: str) -> tuple[tuple[float, ...], 
         if inside:
             numbers.extend(_numbers((value if colon else line).split(), comma, at, where))
     count = lookup(keyed(rest), "Target-count")
+    if not numbers and count is None:
+        raise FileFormatError("E-FILE-ROWS", where)
     if not numbers or (count is not None and whole(count) != len(numbers)) or len(numbers) > MOST_TARGETS:
         raise FileFormatError("E-FILE-COUNT", where, stated=count or "some", found=len(numbers))
     return tuple(numbers), tuple(rest)
@@ -143,7 +168,7 @@ def _rows(
     rows: dict[tuple[int, int], float] = {}
     rest: list[str] = []
     for at, line in lines:
-        if ":" in line:
+        if ":" in line and not line.lstrip()[0].isdigit():
             rest.append(line)
             continue
         run, target, value = _row(line.split(), comma, at, where)

@@ -124,6 +124,13 @@ def test_a_file_cut_in_the_middle_of_a_number_is_refused(tmp_path: Path) -> None
     assert refused(tmp_path, BASIC[: BASIC.index("2    1    0.500") + 12]).code == "E-FILE-CUT"
 
 
+def test_a_file_cut_anywhere_before_its_last_reading_is_said_to_be_cut(tmp_path: Path) -> None:
+    whole = BASIC.rstrip("\n")
+    complete = BASIC.index("ENVIRONMENT::") if "ENVIRONMENT::" in BASIC else BASIC.index("EOF::")
+    for at in range(4, complete - 2):
+        assert refused(tmp_path, whole[:at]).code == "E-FILE-CUT", whole[max(at - 30, 0) : at]
+
+
 def test_a_file_that_is_not_there(tmp_path: Path) -> None:
     with pytest.raises(FileFormatError, match="E-FILE-READ"):
         RtlFormat().read(tmp_path / "none.rtl")
