@@ -12,11 +12,11 @@ from drivers.errors import ConfigError, catalogue, words
 from gateway.cli.onward import next_step
 from gateway.cli.options import JsonOption, load_site
 from gateway.cli.screen.telling import progress
-from gateway.cli.show import echo, show_json, show_table
+from gateway.cli.show import echo, say_line, show_json, show_table
 from gateway.cli.stopping import run_to_end
 
 YES, NO = ("yes", "y", "ja", "j", "是"), ("no", "n", "nein", "否")
-NUMBERS = ("datum", "park")
+NUMBERS = {"datum": "W-DAY-NUMBER", "park": "W-DAY-NUMBER", "own_angle": "W-DAY-ANGLE"}
 
 
 def day_command(
@@ -72,7 +72,7 @@ def _sorted(gathering: Any, axes: Any, said: Any, language: str) -> tuple[Any, A
 def _answer(one: Any, language: str, questions: Any, said: Any) -> Any:
     text = catalogue(language).get(one.code) or catalogue()[one.code]
     echo(f"\n{text['what'].format_map(one.fields)}", bold=True)
-    echo(f"  {text['do'].format_map(one.fields)}")
+    say_line(f"  {text['do'].format_map(one.fields)}", 2)
     if one.choices:
         echo(f"  ({', '.join(one.choices)})")
     while True:
@@ -83,31 +83,33 @@ def _answer(one: Any, language: str, questions: Any, said: Any) -> Any:
         value = _value(one, typed)
         if value is not None:
             return value
-        wrong = "W-DAY-NUMBER" if one.key in NUMBERS else "W-DAY-AGAIN"
+        wrong = NUMBERS.get(one.key, "W-DAY-AGAIN")
         again = catalogue(language).get(wrong) or catalogue()[wrong]
         echo(f"  {again['what'].format_map({'typed': typed, 'known': ', '.join(one.choices)})}", colour="yellow")
 
 
 def _value(one: Any, typed: str) -> Any:
     """An answer as the file keeps it; None where it will not do."""
+    from gateway.workflow.day.answers import FARTHEST, SQUAREST
+
     if one.key == "use":
         left = typed.lower() in NO
         return not left if (left or (typed.lower() in YES and "yes" in one.choices)) else None
-    if one.key in NUMBERS:
-        return _number(typed)
+    if one.key == "own_angle" and typed.lower() not in one.choices:
+        return _number(typed, SQUAREST)
+    if one.key in ("datum", "park"):
+        return _number(typed, FARTHEST)
     if one.choices:
         return next((choice for choice in one.choices if choice.lower() == typed.lower()), None)
     return typed or None
 
 
-def _number(typed: str) -> float | None:
-    from gateway.workflow.day.answers import possible
-
+def _number(typed: str, most: float) -> float | None:
     try:
         number = float(typed.replace(",", "."))
     except ValueError:
         return None
-    return number if possible(number) else None
+    return number if abs(number) <= most else None
 
 
 def _refusal(questions: Any, said: Any) -> ConfigError:
@@ -130,9 +132,12 @@ def _refusal(questions: Any, said: Any) -> ConfigError:
 def _tell_files(found: Any) -> None:
     rows = [_row(one) for one in found.placed]
     show_table("files of the day", ("file", "what it is", "told by", "targets", "date, environment"), rows)
+    notes: dict[str, list[str]] = {}
     for one in found.placed:
         for note in one.file.notes:
-            echo(f"  note: {one.file.name}: {note}")
+            notes.setdefault(note, []).append(one.file.name)
+    for note, names in notes.items():
+        say_line(f"  note: {', '.join(names)}: {note}", 4)
 
 
 def _row(one: Any) -> tuple[str, ...]:
@@ -151,7 +156,7 @@ def _facts(measured: Any) -> tuple[str, str]:
     ways = 2 if (measured.deviations[:, :, 1] == measured.deviations[:, :, 1]).any() else 1
     targets = f"{count} x {measured.deviations.shape[1]} x {ways}: {first:g} .. {last:g}"
     start = measured.ambient_start
-    air = [f"{start.air_degc:g} degC"] if start.air_degc is not None else []
+    air = [f"{start.air_degc:.1f} degC"] if start.air_degc is not None else []
     sensors = start.material_degc
     material = [f"material {sum(sensors) / len(sensors):.1f} degC"] if sensors else []
     date = [measured.header["Date"].strip()] if measured.header.get("Date", "").strip() else []
@@ -227,8 +232,8 @@ def _tell(outcome: Any, report: Mapping[str, object]) -> None:
     missing = [row.name for row in outcome.plan.rows if row.state != "measured"]
     echo(words("S-DAY-KNOWN", known=len(rows) - len(missing), all=len(rows), missing=", ".join(missing) or "-"))
     for line in outcome.plan.model.said:
-        echo(f"  note: {line}")
-    echo(outcome.plan.advice)
+        say_line(f"  note: {line}", 4)
+    say_line(outcome.plan.advice, 0)
     _tell_tooth(outcome)
     echo(f"site file with the day's set-ups: {outcome.site_file}")
     echo(f"run folder: {outcome.run_folder}")
@@ -253,7 +258,7 @@ def _tell_tooth(outcome: Any) -> None:
     if outcome.forecast is not None:
         one = outcome.forecast
         figures = {"before": f"{one.before_um:.2f}", "own": f"{one.with_own_um:.2f}", "after": f"{one.after_um:.2f}"}
-        echo(words("S-DAY-FORECAST", **figures, u=f"{one.after_u_um:.2f}"))
+        say_line(words("S-DAY-FORECAST", **figures, u=f"{one.after_u_um:.2f}"), 0)
         rows = [(t.name, t.layer, str(t.points), f"{t.low:+.2f} .. {t.high:+.2f}", t.unit) for t in one.tables]
         show_table("tables that would be proposed", ("table", "layer", "points", "range", "unit"), rows)
     elif outcome.proposal is not None:

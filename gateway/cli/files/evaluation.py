@@ -13,7 +13,7 @@ from gateway.cli.options import JsonOption, StoreOption
 def evaluate(
     files: Annotated[list[Path] | None, typer.Argument(help="Result files, or runs.", show_default=False)] = None,
     standard: Annotated[str, typer.Option(help="Standard by name, or an edition of ISO 230-2; list: all.")] = "2014",
-    unit: Annotated[str, typer.Option(help="Unit of an .rta's deviations: mrad, urad or arcsec.")] = "",
+    unit: Annotated[str, typer.Option(help="Unit of an .rta's deviations: mrad, urad, arcsec or deg.")] = "",
     limit: Annotated[list[str] | None, typer.Option(help="Judge a parameter: A=10. May be repeated.")] = None,
     air: Annotated[str, typer.Option(help="Re-compensate: edlen, ciddor or edlen-1966.")] = "",
     expansion: Annotated[float | None, typer.Option(min=-5, max=100, help="Re-compensate: ppm/K.")] = None,

@@ -83,5 +83,5 @@ def _show(answer: KindAnswer, warnings: Sequence[str]) -> None:
         for one in answer.figures
     ]
     show_table(f"{answer.kind} ({answer.standard})", ("figure", "value", "U (k=2)", "unit"), rows)
-    for note in (*answer.notes, *warnings):
+    for note in dict.fromkeys((*answer.notes, *warnings)):
         echo(f"  note: {note}")

@@ -27,7 +27,7 @@ def report(
     out: Annotated[
         Path | None, typer.Option(help="Folder to write to; left out: the run's own, or here.", show_default=False)
     ] = None,
-    unit: Annotated[str, typer.Option(help="Unit of an .rta's deviations: mrad, urad or arcsec.")] = "",
+    unit: Annotated[str, typer.Option(help="Unit of an .rta's deviations: mrad, urad, arcsec or deg.")] = "",
     as_json: JsonOption = False,
 ) -> None:
     """Write the calibration report of a run, or of result files: PDF, HTML and data; 13 where a limit is exceeded."""

@@ -32,10 +32,14 @@ KEYS: Mapping[str, tuple[type, ...]] = {
     "park": (int, float, dict),
     "U": (int, float),
     "offset": (list,),
-    "own_angle": (int, float),
+    "own_angle": (int, float, str),
 }
 FARTHEST = 1e6
 """The largest number an answer can be, mm, deg, um or arcsec: a kilometre."""
+UNKNOWN = "unknown"
+"""Said of a square's own angle where nobody knows it."""
+SQUAREST = 80.0
+"""The largest own angle, arcsec: more is an angle in degrees, or no square."""
 _BARE = re.compile(r"[A-Za-z0-9_-]+")
 
 
@@ -111,6 +115,9 @@ def _judged(own: Any, place: str, where: str) -> dict[str, Value]:
         if not right or not all(possible(one) for one in _numbers(value)):
             needs = " or ".join(one.__name__ for one in wanted)
             needs += f", from -{FARTHEST:g} to {FARTHEST:g}" if right else ""
+            raise ConfigError("E-DAY-ANSWER", where, place=shown(place), key=key, value=shown(str(value)), known=needs)
+        if key == "own_angle" and value != UNKNOWN and (isinstance(value, str) or abs(value) > SQUAREST):
+            needs = f"arcsec from -{SQUAREST:g} to {SQUAREST:g}, {UNKNOWN}"
             raise ConfigError("E-DAY-ANSWER", where, place=shown(place), key=key, value=shown(str(value)), known=needs)
     return dict(own)
 

@@ -11,7 +11,7 @@ from drivers.local.names import shown
 from gateway.config import AxisSection
 from gateway.domain.values import component_unit
 from gateway.siteplan import LOCATIONS
-from gateway.workflow.day.answers import Answers
+from gateway.workflow.day.answers import UNKNOWN, Answers
 from gateway.workflow.day.gathering import DayFile, copies
 from gateway.workflow.day.naming import BY_ANSWER, Guessed, choices, guessed
 
@@ -79,6 +79,7 @@ def sort_day(files: Sequence[DayFile], axes: Sequence[AxisSection], answers: Ans
     work = _Sorter(tuple(axes), answers, files)
     placed = [work.place(one, same.get(one.name, "")) for one in files]
     work.twice(placed)
+    work.square(placed)
     return SortedDay(tuple(placed), tuple(work.questions.values()))
 
 
@@ -130,6 +131,20 @@ class _Sorter:
             if self._answers.of("use", one.file.name) and self._answers.of("use", other.file.name) is not False:
                 raise ConfigError("E-DAY-TWICE", self._answers.where, **names)
             self._ask(OpenQuestion(f"files.{one.file.name}", "use", "P-DAY-TWICE", choices=YES_NO, fields=names))
+
+    def square(self, placed: Sequence[Placed]) -> None:
+        """A square on both axes that was not turned over: its own angle is in the figure, and no file says it."""
+        pairs: dict[str, dict[str, str]] = {"B0Z": {}, "B0Z-R": {}}
+        for one in placed:
+            if one.error in pairs and one.axis and one.why is None:
+                pairs[one.error].setdefault(one.axis, one.file.name)
+        whole = [names for names in pairs.values() if len(names) == len(LOCATIONS["B0Z"])]
+        if len(whole) != 1:
+            return
+        files = whole[0]
+        if all(self._answers.of("own_angle", name, axis) is None for axis, name in files.items()):
+            fields = {"name": " and ".join(files.values())}
+            self._ask(OpenQuestion("all", "own_angle", "P-DAY-SQUARE", choices=(UNKNOWN,), fields=fields))
 
     def _ask(self, one: OpenQuestion) -> None:
         self.questions.setdefault((one.place, one.key), one)
@@ -224,7 +239,7 @@ class _Sorter:
         found |= {"park": park} if park else {}
         own = {"U": "U", "offset": "offset_mm", "own_angle": "own_angle_arcsec"}
         more = {to: self._answers.of(key, one.name, moved.name) for key, to in own.items()}
-        return found | {key: value for key, value in more.items() if value is not None}
+        return found | {key: value for key, value in more.items() if value not in (None, UNKNOWN)}
 
     def _datum(self, one: DayFile, moved: AxisSection) -> tuple[float | None, str]:
         """Where the axis stood at the file's zero, and which way the file counts."""

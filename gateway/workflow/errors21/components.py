@@ -235,6 +235,7 @@ def advise(plan: Sequence[Planned], remaining: Sequence[str], opened: Sequence[O
     if rest is not None and rest.change_um > THRESHOLD_UM:
         more = " " + words("W-SETUP-UNPLANNED", name=rest.name, change=f"{rest.change_um:.2f}")
     if best is None or best.change_um <= THRESHOLD_UM:
-        return words("W-SETUP-NONE-MATTERS", count=len(remaining), limit=limit) + more
+        none = "W-SETUP-NONE-MATTERS" if remaining else "W-SETUP-NONE-LEFT"
+        return words(none, count=len(remaining), limit=limit) + more
     said = {"setup": able[best.name], "name": best.name, "share": f"{100.0 * best.share:.0f}"}
     return words("W-SETUP-NEXT", **said, change=f"{best.change_um:.2f}", limit=limit) + more

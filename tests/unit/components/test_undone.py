@@ -88,8 +88,9 @@ def test_the_advice_names_the_set_up_or_says_that_none_matters() -> None:
     said = advise(plan(), left, opened(("EXX", 3.0, True), ("EAX", 0.4, False), ("EYX", 0.2, False)), asked=True)
     assert said.startswith("Next: EAX-X1. To measure EAX would change the proposal most, by 0.40 µm RMS")
     none = advise(plan(), left, opened(("EAX", 0.04, False), ("EYX", 0.02, False)), asked=True)
-    assert none == "None of the 2 set-up(s) left would change the proposal by more than 0.1 µm RMS of the flank."
+    assert none == "Set-ups left: 2. None of them would change the proposal by more than 0.1 µm RMS of the flank."
     other = advise(plan(), left, opened(("ECZ", 2.0, False), ("EAX", 0.04, False)), asked=True)
-    assert other.startswith("None of the 2")
+    assert other.startswith("Set-ups left: 2. None")
     assert "No set-up of the plan measures ECZ" in other
     assert "names no gear" in advise(plan(), left, (), asked=False)
+    assert advise(plan(), (), opened(("EAX", 0.04, True)), asked=True) == "Every set-up of the plan is measured."

@@ -115,6 +115,22 @@ def test_answers_are_asked_once_and_remembered(tmp_path: Path) -> None:
     assert {one["name"] for one in again["open"]} >= {"ECC", "EXC", "EXX"}
 
 
+def test_a_square_that_was_not_turned_over_is_asked_for_its_own_angle_once(tmp_path: Path) -> None:
+    small(tmp_path, "square B0Z X1.csv", "square B0Z Z1.csv")
+    known = '[all]\nsense = "+"\n' + "".join(f'[axes.{one}1]\ndatum = 0\ndirection = "+"\n' for one in "XZ")
+    (tmp_path / "day.answers.toml").write_text(known, encoding="utf-8")
+    assert "own_angle = ?" in refused(asked(tmp_path, "--no-ask")).what
+    told = asked(tmp_path, typed="90\nunknown\n")
+    assert told.exit_code == 0, told.output
+    assert "'90' is no angle of a square" in told.output
+    assert "not measured" in told.output
+    assert 'own_angle = "unknown"' in (tmp_path / "day.answers.toml").read_text(encoding="utf-8")
+    (tmp_path / "day.answers.toml").write_text(known, encoding="utf-8")
+    assert asked(tmp_path, typed="0,8\n").exit_code == 0
+    again = json.loads(asked(tmp_path, "--no-ask", "--json").stdout)
+    assert "B0Z" in [row["name"] for row in again["errors"] if row["state"] == "measured"]
+
+
 def test_two_files_of_one_thing_a_copy_a_broken_one_and_another_axis_are_each_said(tmp_path: Path) -> None:
     small(tmp_path, "x_pos.rtl", "EZX.csv")
     day = tmp_path / "day"
@@ -158,6 +174,8 @@ def test_a_layout_that_nobody_described_is_refused_with_its_first_lines(tmp_path
         ("[all]\nunit = 1\n", "E-DAY-ANSWER"),
         ('[files."x_pos.rtl"]\nerror = "EQQ"\n', "E-DAY-ANSWER"),
         ("[axes.X1]\ndatum = 1e7\n", "E-DAY-ANSWER"),
+        ("[all]\nown_angle = 90\n", "E-DAY-ANSWER"),
+        ('[all]\nown_angle = "about right"\n', "E-DAY-ANSWER"),
         ('[files."x_pos.rtl"]\noffset = [0.0, 1e9, 0.0]\n', "E-DAY-ANSWER"),
         ('[files."x_pos.rtl"]\nerror = "EBX"\n[axes.X1]\ndatum=0\n', "E-DAY-UNIT-OF"),
         ('[files."gone.rtl"]\nuse = false\n', "E-DAY-NO-FILE"),
