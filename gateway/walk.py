@@ -7,9 +7,11 @@ import contextlib
 from collections.abc import Awaitable, Callable
 from dataclasses import dataclass
 
+from drivers.clock import Clock
 from drivers.errors import DeviceRefused, TrueflankError
 from drivers.ports.controller import Controller
 from drivers.programs import ForeseesPlans
+from drivers.types.machine import ChannelStatus
 from drivers.types.orders import SignProof, TableQuestion
 from drivers.types.stops import Stop, StopPlan, StopReached
 from drivers.types.values import Approach
@@ -20,6 +22,8 @@ from gateway.say import Say, silence
 
 AtStop = Callable[[int, Stop, StopReached], Awaitable[None]]
 POSITION_TOLERANCE = 1e-4
+# A reading that settles is there before the first look; two looks apart tell a reset from a moment between two states.
+LOOK_S, AGAIN_S = 5.0, 1.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,6 +82,39 @@ async def walk(controller: Controller, plan: StopPlan, at_stop: AtStop, patience
         with contextlib.suppress(TrueflankError):
             await controller.abort_program()
         raise
+
+
+def watched(controller: Controller, clock: Clock, plan: StopPlan, at_stop: AtStop) -> AtStop:
+    """`at_stop`, left as soon as the program has ended meanwhile: what it waits for cannot come any more.
+
+    Raises Incomplete then, besides what `at_stop` raises.
+    """
+
+    async def looks_on(index: int, stop: Stop, reached: StopReached) -> None:
+        work = asyncio.ensure_future(at_stop(index, stop, reached))
+        gone = asyncio.ensure_future(_gone(controller, clock))
+        try:
+            await asyncio.wait((work, gone), return_when=asyncio.FIRST_COMPLETED)
+            if not work.done():
+                raise Incomplete("E-WALK-ENDED", plan.axis, done=index, total=len(plan.stops))
+        finally:
+            for one in (work, gone):
+                one.cancel()
+            await asyncio.gather(work, gone, return_exceptions=True)
+        work.result()
+
+    return looks_on
+
+
+async def _gone(controller: Controller, clock: Clock) -> None:
+    """Wait until the channel is in reset at two looks. A road that does not answer says nothing: its next use tells."""
+    seen = False
+    while True:
+        await clock.sleep(AGAIN_S if seen else LOOK_S)
+        with contextlib.suppress(TrueflankError):
+            before, seen = seen, (await controller.state()).channel is ChannelStatus.RESET
+            if before and seen:
+                return
 
 
 async def _tell_start(controller: Controller, plan: StopPlan, say: Say) -> None:

@@ -30,7 +30,7 @@ from gateway.config import AxisSection
 from gateway.domain.equipment import SenseProof
 from gateway.errors import CaptureError, Unstable
 from gateway.live import onlooker
-from gateway.walk import walk
+from gateway.walk import walk, watched
 
 # A set-up that does not settle at so many stops one after the other does not settle at all.
 MOST_UNSETTLED = 3
@@ -177,8 +177,9 @@ class Visits:
         part = plan
         while True:
             try:
-                at_stop = self._at_stop(last_round=last_round)
-                await walk(self.rig.controller, part, at_stop=at_stop, patience=self.rig.patience, say=self.rig.say)
+                rig = self.rig
+                at_stop = watched(rig.controller, rig.clock, part, self._at_stop(last_round=last_round))
+                await walk(rig.controller, part, at_stop=at_stop, patience=rig.patience, say=rig.say)
                 return
             except BeamObstructed:
                 if not self._recoveries or self.found.datum is None:

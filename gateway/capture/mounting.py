@@ -10,7 +10,7 @@ from drivers.units import DeviationUnit
 from gateway.capture.errormotion import ErrorReadings, ErrorRig
 from gateway.capture.readings import StopReading
 from gateway.capture.targets import jog_plan, jog_start
-from gateway.walk import walk
+from gateway.walk import walk, watched
 
 # What a carriage or table can do over a jog, um or arcsec: 2.5 mrad of lean over 10 mm, a ball 0.3 mm off its axis.
 JOG_CHANGE: dict[DeviationUnit, float] = {"um": 25.0, "arcsec": 30.0}
@@ -68,7 +68,8 @@ async def _jogged(rig: ErrorRig, setup: str) -> tuple[str, list[float]]:
             seen.append(float(rig.combine(reading.values[None, :])[0]))
 
         plan = jog_plan(rig.axis, jog_start(rig.axis, rig.jog), rig.jog, setup)
-        await walk(rig.controller, plan, at_stop=at_stop, patience=rig.patience, say=rig.say)
+        looks_on = watched(rig.controller, rig.clock, plan, at_stop)
+        await walk(rig.controller, plan, at_stop=looks_on, patience=rig.patience, say=rig.say)
     return told[0], seen
 
 

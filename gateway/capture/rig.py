@@ -13,7 +13,7 @@ from gateway.capture.readings import Window
 from gateway.config import AxisSection
 from gateway.jogging import jog_through
 from gateway.say import Say, silence
-from gateway.walk import AtStop, Patience, walk
+from gateway.walk import AtStop, Patience, walk, watched
 
 SETTLE_TIMEOUT_S = 60.0
 
@@ -68,7 +68,8 @@ class Rig:
     async def visit(self, plan: StopPlan, at_stop: AtStop) -> None:
         """Visit a plan's stops: by a program, or where the road runs none by the operator's hand."""
         if self.controller.capabilities.stops:
-            await walk(self.controller, plan, at_stop=at_stop, patience=self.patience, say=self.say)
+            looks_on = watched(self.controller, self.clock, plan, at_stop)
+            await walk(self.controller, plan, at_stop=looks_on, patience=self.patience, say=self.say)
         else:
             await jog_through(
                 self.controller, self.clock, plan=plan, at_stop=at_stop, patience=self.patience, say=self.say

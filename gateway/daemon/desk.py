@@ -10,14 +10,13 @@ from dataclasses import replace
 from typing import Any, Protocol
 
 from drivers.clock import Clock
-from drivers.errors import DeadlineExceeded, TrueflankError, words
+from drivers.errors import DeadlineExceeded, TrueflankError
 from drivers.leftover import NOTHING, LeftOver
 from drivers.types.machine import MachineState
 from gateway import audit
-from gateway.audience import Audience, kind_of
 from gateway.broker.borrowing import held_here
-from gateway.daemon.hub import plain_fields
 from gateway.daemon.jobs import Job, Jobs, RunStarter
+from gateway.daemon.running import fresh, told
 from gateway.errors import BusyError
 from gateway.live import Nobody, Onlooker, looked_on_by, of_run
 from gateway.stopping import LONGEST_S, TERMINATED, current, obey
@@ -25,7 +24,6 @@ from gateway.views import ControlView, DeviceView, JobView, RunView, SeenDevice,
 
 LOOK_S = 0.1
 PATIENCE_S = 0.8
-MOST_STEPS = 200
 Hear = Callable[[str, Mapping[str, object]], None]
 _LOG = logging.getLogger("trueflank.daemon")
 
@@ -169,7 +167,7 @@ class Desk:
         if job is None:
             return
         self.failure = None
-        self.run = _fresh(job.view)
+        self.run = fresh(job.view)
         work, ended = asyncio.create_task(self._done(job)), asyncio.create_task(stop.wait())
         try:
             await asyncio.wait((work, ended), return_when=asyncio.FIRST_COMPLETED)
@@ -204,7 +202,7 @@ class Desk:
         def say(code: str, /, **fields: object) -> None:
             job.heard(code, fields)
             if self.run is not None:
-                self.run = replace(_told(self.run, code, fields), run_id=job.view.run_id)
+                self.run = replace(told(self.run, code, fields), run_id=job.view.run_id)
             self._hear(code, fields)
 
         return await job.work(say)
@@ -212,47 +210,6 @@ class Desk:
     def _failed(self, job: Job, error: TrueflankError) -> None:
         self.failure = error.as_record()
         job.failed(error, self._clock)
-
-
-def _fresh(job: JobView) -> RunView:
-    """The picture of a command that has not said anything yet."""
-    return RunView(
-        run_id="",
-        stage="",
-        axis="",
-        done=0,
-        total=0,
-        words="",
-        started_utc=job.started_utc,
-        kind=job.kind,
-        who=job.who,
-    )
-
-
-def _told(run: RunView, code: str, fields: Mapping[str, object]) -> RunView:
-    """The picture of a run after one more word of it; fields it does not name stay as they were."""
-    said = replace(
-        run, words=words(code, **fields), axis=str(fields.get("axis", run.axis)), ask=_asked(run, code, fields)
-    )
-    if code == "P-PUSH-STEP":
-        steps = (*run.steps, (str(fields.get("axis", "")), str(fields.get("step", ""))))
-        said = replace(said, steps=steps[-MOST_STEPS:])
-    if code != "P-STOP":
-        return replace(said, stage=str(fields.get("program", run.stage)), done=0, total=0)
-    done, total = (_count(fields.get(name)) for name in ("done", "total"))
-    return replace(said, stage=str(fields.get("program", run.stage)), done=done, total=total)
-
-
-def _asked(run: RunView, code: str, fields: Mapping[str, object]) -> Mapping[str, object] | None:
-    """What a person must do now: details leave it standing, whatever else is said means that it was done."""
-    kind = kind_of(code)
-    if kind is Audience.ASK:
-        return {"code": code, "fields": plain_fields(fields), "words": words(code, **fields)}
-    return run.ask if kind is Audience.DETAIL else None
-
-
-def _count(value: object) -> int:
-    return value if isinstance(value, int) else 0
 
 
 async def unless(work: Coroutine[Any, Any, object], clock: Clock, *signals: asyncio.Event) -> None:

@@ -69,7 +69,8 @@ class ControlView:
 class RunView:
     """The run at work: ``stage`` is the measuring program or step, ``done`` of ``total`` its stops.
 
-    ``ask`` is what a person must do now, as code, fields and words; ``steps`` are axis and kind of each step of a push.
+    ``ask`` is what a person must do now, as code, fields and words, and ``moves`` what will move then, each as such;
+    ``steps`` are axis and kind of each step of a push.
     """
 
     run_id: str
@@ -83,6 +84,7 @@ class RunView:
     who: str = ""
     ask: Mapping[str, object] | None = None
     steps: tuple[tuple[str, str], ...] = ()
+    moves: tuple[Mapping[str, object], ...] = ()
 
     @property
     def progress(self) -> float | None:

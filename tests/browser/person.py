@@ -79,7 +79,7 @@ class Person:
 
     def first(self) -> None:
         """Makes the first account, with the token that the service wrote."""
-        form = self.page.locator("details[open] #first")
+        form = self.page.locator("#first")
         form.locator("[name=token]").fill(self.at.token)
         form.locator("[name=name]").fill(self.name)
         form.locator("[name=password]").fill(SECRET)

@@ -6,7 +6,7 @@ import { confirmed, shown, textAsked } from "./dialogs.js";
 import { h, show, write } from "./dom.js";
 import { clock, number, signed, unit } from "./figures.js";
 import { mounting } from "./drawing.js";
-import { untested } from "./sentence.js";
+import { stuckFor, untested } from "./sentence.js";
 import { base, may, on, state } from "./state.js";
 import { plain, t, told } from "./words.js";
 
@@ -55,7 +55,7 @@ function readout(box) {
     const kind = channelUnit(name);
     write(big, fresh ? signed(data.last[0], DIGITS[kind] ?? 3) : "– – –");
     write(small, fresh ? unit(kind) : "");
-    write(which, data ? `${data.instrument}${axis ? ` · ${axis.axis}` : ""}` : t("capture.no_reading"));
+    write(which, data ? `${data.instrument}${axis && fresh ? ` · ${axis.axis}` : ""}` : t("capture.no_reading"));
     const lost = fresh && data.signal < 0.5;
     write(beam, !data ? "" : !fresh ? `○ ${t("capture.silent")}` : lost ? `✖ ${t("capture.beam_lost")}` : `✔ ${t("capture.beam_ok")}`);
     beam.className = `beam ${lost ? "bad" : ""}`;
@@ -100,14 +100,7 @@ function waiting(box) {
   const line = !run ? t("capture.idle") : state.ask ? t("capture.asked") : run.kind === "self-test" ? t("capture.still") : now ? t("capture.waits", { what: plain(now.missing) }) : t("capture.goes_on");
   show(box, h("div", { class: "row" }, h("strong", {}, line), now && h("span", { class: "num" }, `${number(now.done_s, 1)} / ${number(now.needed_s, 1)} s`)),
     now ? h("progress", { max: now.needed_s || 1, value: now.done_s, "aria-label": line }) : h("progress", { max: 1, value: 0, "aria-label": line }),
-    h("div", { class: "row togo" }, ...(stuck(now) ?? togo(run))));
-}
-
-// A counter tells no broken beam, and a program that somebody ended tells nothing at all: who stands there can look.
-const LONG_MS = 8000;
-function stuck(now) {
-  const waited = now ? Date.now() - now.since : 0;
-  return waited < LONG_MS ? null : [h("strong", { class: "warn", id: "stuck", role: "status" }, `▲ ${t("capture.stuck", { seconds: Math.round(waited / 1000) })}`)];
+    h("div", { class: "row togo" }, ...(now && stuckFor() ? [h("strong", { class: "warn", id: "stuck", role: "status" }, `▲ ${t("capture.stuck", { seconds: stuckFor() })}`)] : togo(run))));
 }
 
 const pace = { key: "", first: 0, at: 0, day: null };

@@ -22,7 +22,7 @@ export function build({ again, load }) {
   const wanted = location.hash.slice(1);
   if (wanted in screens) state.screen = wanted;
   on("frame", () => { drawTop(top, { again, load, redraw }); drawNow(now); drawLow(low); drawRail(rail, go); });
-  setInterval(() => tick(top), 1000);
+  setInterval(() => { tick(top); drawNow(now); }, 1000);
   redraw();
   return [top, now, rail, body, low];
 }

@@ -41,6 +41,7 @@ function picture(data) {
   const before = state.status;
   state.status = data;
   state.ask = data.run?.ask ?? null;
+  state.moves = data.run?.moves ?? [];
   if (data.run) state.steps = data.run.steps;
   if (data.run && data.run.started_utc !== before?.run?.started_utc) begin();
   const shown = () => changed("frame", "status", "jobs");
@@ -62,8 +63,11 @@ function readings() {
 
 function said(data) {
   state.said = [...state.said.slice(-199), data];
+  // As the service's own picture has it: what is said to move after an ask belongs to the next one.
+  const moves = data.kind === "move" || data.code === "P-PUSH-DISABLE-MOVES";
+  if (moves) state.moves = [...(state.ask ? [] : state.moves), data];
   if (data.kind === "ask") state.ask = data;
-  else if (data.kind !== "detail") state.ask = null;
+  else if (data.kind !== "detail") Object.assign(state, { ask: null, moves: moves ? state.moves : [] });
   if (data.code === "P-PUSH-STEP") state.steps = [...state.steps, [data.fields.axis, data.fields.step]];
   if (data.code === "P-CAP-BEAM") loss();
   changed("frame", "said");

@@ -39,6 +39,7 @@ async function load() {
   localStorage.setItem("site", state.site);
   [state.status, state.plan, state.file] = await Promise.all([get(`${at}/status`), get(`${at}/plan`), get(`${at}/site-file`)]);
   state.ask = state.status.run?.ask ?? null;
+  state.moves = state.status.run?.moves ?? [];
   state.steps = state.status.run?.steps ?? [];
   state.taken = await get(`${at}/taken`);
   await refresh();

@@ -111,14 +111,16 @@ function steps(box) {
 function back(box) {
   const tables = state.tables?.tables ?? [];
   const held = state.status.held;
+  // What a program of ours left in the control is put right by the same key as a push that did not end.
+  const open_ = held.length > 0 || state.status.left.length > 0;
   const busy = Boolean(state.status.run);
-  const key = JSON.stringify([tables, held, busy, document.documentElement.lang]);
+  const key = JSON.stringify([tables, held, open_, busy, document.documentElement.lang]);
   if (box.dataset.key === key) return;
   box.dataset.key = key;
   show(box, h("h2", {}, t("push.ways_back")),
     held.map((one) => h("p", { class: one.loud ? "fault" : "warn", role: "alert" }, `${one.loud ? "✖" : "▲"} ${capital(heldWords(one))}`)),
-    h("div", { class: "keys start" }, h("button", { id: "recover", class: held.length ? "primary" : null, disabled: busy || !may("operator", "service"), onclick: () => give("recover", {}) }, t("push.recover")),
-      held.length > 0 && h("button", { id: "recover-apply", class: "danger", disabled: busy || !may("operator", "service"), onclick: () => applied("recover", {}, t("push.recover_apply")) }, t("push.recover_apply")),
+    h("div", { class: "keys start" }, h("button", { id: "recover", class: open_ ? "primary" : null, disabled: busy || !may("operator", "service"), onclick: () => give("recover", {}) }, t("push.recover")),
+      open_ && h("button", { id: "recover-apply", class: "danger", disabled: busy || !may("operator", "service"), onclick: () => applied("recover", {}, t("push.recover_apply")) }, t("push.recover_apply")),
       h("button", { id: "verify", disabled: busy || !may("operator") || !tables.length, onclick: compare }, t("push.verify"))),
     tables.length ? h("table", {}, h("thead", {}, h("tr", {}, [t("push.table"), t("push.state"), ""].map((one) => h("th", {}, one)))),
       h("tbody", {}, tables.map((one) => h("tr", {}, h("td", {}, h("b", {}, one.table), h("small", { class: "below" }, `${t("push.id")} ${one.id.slice(0, 6)}`)), h("td", {}, one.enabled ? `● ${t("push.on")}` : `○ ${t("frame.off")}`, h("small", { class: "below" }, when(one.utc))),
@@ -148,5 +150,5 @@ function answer(box) {
   if (box.dataset.key === key) return;
   box.dataset.key = key;
   const head = run ? t("push.at_work") : job ? `${t(`kind.${job.kind.replace("-", "_")}`)}: ${t(`job.${job.state}`)}` : t("push.no_answer");
-  show(box, h("h2", {}, head), error && h("p", { class: "fault", id: "refused", role: "alert" }, told(error)), h("ul", { class: "lines" }, lines.map((one) => h("li", {}, plain(one)))));
+  show(box, h("h2", {}, head), error && h("p", { class: "fault", id: "refused", role: "alert" }, told(error)), h("ul", { class: "lines" }, lines.map((one) => h("li", {}, capital(plain(one))))));
 }

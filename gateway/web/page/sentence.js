@@ -10,12 +10,13 @@ export function sentence() {
 function chosen() {
   const { status, ask } = state;
   const held = status.held.find((one) => one.loud);
-  if (status.run && state.beam === "lost") return { loud: "bad", head: t("now.beam"), more: ask ? capital(say(ask.code, ask.fields, 0, ask.words)) : newest() };
-  if (status.run && ask) return { loud: "ask", head: capital(say(ask.code, ask.fields, 0, ask.words)), more: moving(ask) || (held ? heldWords(held) : "") };
+  if (status.run && state.beam === "lost" && !mounts(ask)) return { loud: "bad", head: t("now.beam"), more: ask ? capital(say(ask.code, ask.fields, 0, ask.words)) : newest() };
+  if (status.run && ask) return { loud: "ask", head: capital(say(ask.code, ask.fields, 0, ask.words)), more: moving() || (held ? heldWords(held) : "") };
   // Whoever recovers a held push is asked to press: that stands above what is wrong until then.
   if (held) return { loud: "bad", head: t("now.held_on"), more: heldWords(held) };
+  if (status.run && stuckFor()) return { loud: "attention", head: t("now.stuck"), more: t("capture.waits", { what: plain(state.waiting.missing) }) };
   if (status.run) return { loud: "", head: t("now.wait"), more: newest() };
-  if (status.left.length) return { loud: "attention", head: told(status.left[0]), more: t("now.left") };
+  if (status.left.length) { const [head, more] = toldApart(status.left[0]); return { loud: "attention", head, more }; }
   if (status.trouble) return { loud: "attention", ...parts(status.trouble) };
   // What is closed is just being opened again, after a command.
   const away = status.devices.find((one) => ["lost", "failed"].includes(one.state) || (one.state === "closed" && one.error));
@@ -26,8 +27,8 @@ function chosen() {
   return { loud: "", head: next(), more: plain(status.due) };
 }
 
-// Runs that came to something: one that failed or was stopped changes nothing about what to do next.
-const last = () => state.status.last_runs.filter((one) => !one.problem && !["failed", "stopped", "refused", "running", "opened", "self-testing"].includes(one.state));
+// Runs that came to something: one that failed, was stopped or only looked changes nothing about what to do next.
+const last = () => state.status.last_runs.filter((one) => !one.problem && !["failed", "stopped", "refused", "running", "opened", "self-testing", "recovered", "verified", "guarded"].includes(one.state));
 export const untested = () => !last().length;
 
 function next() {
@@ -44,11 +45,26 @@ function newest() {
   return last ? capital(say(last.code, last.fields, 0, last.words)) : plain(state.status.run.words);
 }
 
-// What will move from where to where: what was said of it just before the person was asked.
-function moving(ask) {
-  const told = state.said.filter((one) => /-MOVES$|^P-MOVE/.test(one.code) && one.code !== ask.code).slice(-1)[0];
-  return told ? capital(say(told.code, told.fields, 0, told.words)) : "";
+// While optics are mounted no light comes back: that is lost only where it was there before.
+const MOUNT = ["P-MOUNT", "P-START-SETUP", "P-JOG-SETUP"];
+const mounts = (ask) => ask && MOUNT.includes(ask.code) && !state.said.slice(-6).some((one) => one.code === "P-CAP-BEAM");
+
+// A counter tells no broken beam, and a program that somebody ended tells nothing at all: who stands there can look.
+const LONG_MS = 8000;
+export function stuckFor() {
+  const waited = state.waiting && !state.ask ? Date.now() - state.waiting.since : 0;
+  return waited < LONG_MS ? 0 : Math.round(waited / 1000);
 }
+
+// What will move from where to where when the person does what is asked, and what stands still; Push tells all of many.
+const MOST = 4;
+function moving() {
+  const told = state.moves.map((one) => say(one.code, one.fields, 0, one.words));
+  const more = told.length > MOST ? [t("now.more_moves", { count: told.length - MOST + 1 })] : [];
+  return [...told.slice(0, more.length ? MOST - 1 : MOST), ...more].map(whole).join(document.documentElement.lang === "zh" ? "" : " ");
+}
+
+const whole = (text) => `${capital(text).replace(/[.。]$/, "")}${document.documentElement.lang === "zh" ? "。" : "."}`;
 
 // What happened, large; what to do about it, below.
 function parts(error) {

@@ -7,7 +7,7 @@ export function signIn(enter) {
   const box = h("main", { class: "signin" });
   // Where nobody has an account yet nobody can sign in: the first one is what to do.
   let begins = false;
-  const draw = () => show(box, h("h1", {}, "trueflank"), languages(draw), begins ? first(enter, begins) : [usual(enter), first(enter, begins)]);
+  const draw = () => show(box, h("div", { class: "row head" }, h("h1", {}, "trueflank"), languages(draw)), begins ? first(enter) : usual(enter));
   get("/healthz").then((found) => { begins = Boolean(found.first_start); }, () => {}).then(draw);
   return box;
 }
@@ -55,13 +55,13 @@ export function keypad(input) {
   return h("div", { class: "keypad", role: "group", "aria-label": t("signin.keypad") }, keys);
 }
 
-function first(enter, begins) {
+function first(enter) {
   const said = h("p", { class: "fault", role: "alert" });
   const send = (event) => {
     event.preventDefault();
     post("/api/v1/first-start", Object.fromEntries(new FormData(event.target))).then(enter, (error) => { said.textContent = told(error); });
   };
-  return h("details", { class: "card", open: begins }, h("summary", {}, t("signin.first")),
+  return h("section", { class: "card" }, h("h2", {}, t("signin.first")),
     h("form", { id: "first", onsubmit: send }, h("p", {}, t("signin.token_where")),
       field(t("signin.token"), h("input", { name: "token", autocomplete: "off", required: true })),
       field(t("signin.name"), h("input", { name: "name", autocomplete: "username", required: true })),

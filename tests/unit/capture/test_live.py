@@ -2,19 +2,21 @@
 
 from __future__ import annotations
 
+import asyncio
 from collections.abc import Callable
 
 import numpy as np
 import pytest
 
 from drivers.clock import LoopClock, run_virtual
-from drivers.errors import DeviceRefused, UnsupportedDevice
+from drivers.errors import DeadlineExceeded, DeviceRefused, TrueflankError, UnsupportedDevice
+from drivers.types.machine import MachineState
 from gateway.capture.live import RawCapture, capture_axis
 from gateway.capture.rig import Rig
 from gateway.capture.sense import prove_sense
 from gateway.config import AxisSection
 from gateway.domain.equipment import SenseProof
-from gateway.errors import Unstable
+from gateway.errors import Incomplete, Unstable
 from gateway.walk import Patience
 from tests.unit.capture.double import LittleMachine
 
@@ -142,3 +144,40 @@ def test_an_axis_at_rest_shows_what_the_instrument_scatters_slower_than_a_readin
     assert len(raw.standing) == 20
     assert np.std(raw.standing, ddof=1) == pytest.approx(3e-4, rel=0.4)
     assert np.nanmean(raw.window_sigma) < 1e-4
+
+
+@pytest.mark.parametrize("looks", [True, False])
+def test_a_program_that_somebody_ends_is_told_while_the_reading_still_does_not_settle(looks: bool) -> None:
+    """Within seconds of the reset, not at the reading's own time-out; a road that does not answer tells nothing."""
+    restless_s, told_after_s = 50.0, []
+
+    async def main() -> None:
+        clock = LoopClock()
+        rng = np.random.default_rng(3)
+
+        def reads(position: np.ndarray, times: np.ndarray) -> np.ndarray:
+            return position + rng.normal(0.0, 2e-5 + 0.01 * (times > restless_s))
+
+        machine = LittleMachine(clock, reads)
+        rig = Rig(AXIS, machine, machine, clock, PATIENCE)
+
+        async def person() -> None:
+            await clock.sleep(60.0 - clock.now())
+            await machine.abort_program()
+
+        async def silent() -> MachineState:
+            raise DeadlineExceeded("E-LINK-DEADLINE", "controller", timeout_s=1.0)
+
+        proof = await prove_sense(rig)
+        if not looks:
+            machine.state = silent  # type: ignore[method-assign]
+        pressing = asyncio.create_task(person())
+        try:
+            await capture_axis(rig, proof)
+        finally:
+            told_after_s.append(clock.now() - 60.0)
+            await pressing
+
+    with pytest.raises(Incomplete if looks else TrueflankError, match="E-WALK-ENDED" if looks else "E-"):
+        run_virtual(main)
+    assert (told_after_s[0] < 10.0) == looks

@@ -1,0 +1,71 @@
+"""The picture of the command at work: what it does, what a person is asked for and what will move then; pure."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+from drivers.errors import words
+from gateway.audience import Audience, kind_of
+from gateway.daemon.hub import plain_fields
+from gateway.views import JobView, RunView
+
+MOST_STEPS = 200
+MOST_MOVES = 40
+
+
+def fresh(job: JobView) -> RunView:
+    """The picture of a command that has not said anything yet."""
+    return RunView(
+        run_id="",
+        stage="",
+        axis="",
+        done=0,
+        total=0,
+        words="",
+        started_utc=job.started_utc,
+        kind=job.kind,
+        who=job.who,
+    )
+
+
+def told(run: RunView, code: str, fields: Mapping[str, object]) -> RunView:
+    """The picture of a run after one more word of it; fields it does not name stay as they were."""
+    said = replace(
+        run,
+        words=words(code, **fields),
+        axis=str(fields.get("axis", run.axis)),
+        ask=_asked(run, code, fields),
+        moves=_moves(run, code, fields),
+    )
+    if code == "P-PUSH-STEP":
+        steps = (*run.steps, (str(fields.get("axis", "")), str(fields.get("step", ""))))
+        said = replace(said, steps=steps[-MOST_STEPS:])
+    if code != "P-STOP":
+        return replace(said, stage=str(fields.get("program", run.stage)), done=0, total=0)
+    done, total = (_count(fields.get(name)) for name in ("done", "total"))
+    return replace(said, stage=str(fields.get("program", run.stage)), done=done, total=total)
+
+
+def _asked(run: RunView, code: str, fields: Mapping[str, object]) -> Mapping[str, object] | None:
+    """What a person must do now: details leave it standing, whatever else is said means that it was done."""
+    kind = kind_of(code)
+    if kind is Audience.ASK:
+        return _as_said(code, fields)
+    return run.ask if kind is Audience.DETAIL else None
+
+
+def _moves(run: RunView, code: str, fields: Mapping[str, object]) -> tuple[Mapping[str, object], ...]:
+    """What will move when a person does what is asked; what is said after an ask belongs to the next one."""
+    kind = kind_of(code)
+    if kind is Audience.MOVE or code == "P-PUSH-DISABLE-MOVES":
+        return (*(() if run.ask else run.moves), _as_said(code, fields))[-MOST_MOVES:]
+    return run.moves if kind in (Audience.ASK, Audience.DETAIL) else ()
+
+
+def _as_said(code: str, fields: Mapping[str, object]) -> Mapping[str, object]:
+    return {"code": code, "fields": plain_fields(fields), "words": words(code, **fields)}
+
+
+def _count(value: object) -> int:
+    return value if isinstance(value, int) else 0
