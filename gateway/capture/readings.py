@@ -176,20 +176,21 @@ class Readings:
         await self._next_block(window.timeout_s)
         left_at = self._left_since(moved_from)
         begin = self.latest_s + window.settle_s
-        missing = words("W-WAIT-SAMPLES")
+        missing, seen = words("W-WAIT-SAMPLES"), words("W-WAIT-SETTLE")
         while self._clock.now() - start_wait < window.timeout_s:
             self._check_beam()
             if left_at is None:
                 left_at = self._left_since(moved_from)
             if self.latest_s >= begin + window.average_s:
                 missing, reading = self._judge(begin, window, expect, left_at)
+                seen = missing
                 if reading is not None:
                     self._forget_before(begin + window.average_s)
                     return reading
                 begin = max(begin + window.average_s, self.latest_s - window.average_s)
             else:
                 done_s, needed_s = self.latest_s - begin + window.settle_s, window.settle_s + window.average_s
-                live.onlooker().waiting(self._instrument.name, missing, done_s, needed_s)
+                live.onlooker().waiting(self._instrument.name, seen, done_s, needed_s)
                 await self._next_block(window.timeout_s)
         read, wanted = self._read or (None, None)
         where, limit_s = self._instrument.name, window.timeout_s

@@ -122,7 +122,8 @@ function dayLeft(run, setup) {
   const axes = state.plan.axes.map((one) => one.axis);
   const [number, total] = setup ? [Number(setup.fields.number), Number(setup.fields.total)] : [axes.indexOf(run.axis) + 1, axes.length];
   const made = number - 1 + run.done / run.total;
-  if (!(made > 0) || total < 2) return null;
+  // Before a twentieth is done it tells more of who had to press than of what is left.
+  if (!(made > 0.05) || total < 2) return null;
   return Math.max(0, ((Date.now() - Date.parse(run.started_utc)) / 1000 / made) * (total - made));
 }
 

@@ -68,6 +68,8 @@ function said(data) {
   if (moves) state.moves = [...(state.ask ? [] : state.moves), data];
   if (data.kind === "ask") state.ask = data;
   else if (data.kind !== "detail") Object.assign(state, { ask: null, moves: moves ? state.moves : [] });
+  // A new step waits anew.
+  if (data.kind !== "detail") state.waiting = null;
   if (data.code === "P-PUSH-STEP") state.steps = [...state.steps, [data.fields.axis, data.fields.step]];
   if (data.code === "P-CAP-BEAM") loss();
   changed("frame", "said");

@@ -13,7 +13,9 @@ PRESS = ("P-START", {"axis": "X", "program": "TFMEASX"})
 
 
 def _seen(*said: tuple[str, dict[str, Any]]) -> RunView:
-    run = fresh(JobView(job=1, kind="run", who="anna", state="running", run_id="", started_utc="", ended_utc="", words=""))
+    run = fresh(
+        JobView(job=1, kind="run", who="anna", state="running", run_id="", started_utc="", ended_utc="", words="")
+    )
     for code, fields in said:
         run = told(run, code, fields)
     return run
