@@ -20,7 +20,7 @@ from gateway.daemon.jobs import RunStarter
 from gateway.daemon.lasting import lasting
 from gateway.daemon.looking import Looking
 from gateway.daemon.telling import figures_told, publisher_of
-from gateway.index import RunIndex, caught_up, index_of
+from gateway.index import SiteIndex
 from gateway.live import Asked
 from gateway.mqtt import Outgoing
 from gateway.say import Say
@@ -64,7 +64,7 @@ class ServedPlace:
         self._unprotected = open_road(what.site)
         self.hub = Hub(clock, lambda: as_data(self.picture()), self._told)
         self._book = LogBook(what.store.root, clock.utc)
-        self._index = index_of(what.site, what.path, what.store)
+        self._index = SiteIndex(what.site, what.path, what.store)
         self._looking = Looking(self.hub.tell, clock)
         self.desk = Desk(what.devices(), None, clock, hear=self._said, onlooker=self._looking, after=self._ended)
 
@@ -84,7 +84,7 @@ class ServedPlace:
         return self._what.store
 
     @property
-    def index(self) -> RunIndex:
+    def index(self) -> SiteIndex:
         """The index of its runs."""
         return self._index
 
@@ -231,7 +231,7 @@ class ServedPlace:
         while True:
             await self._clock.sleep(INDEX_EVERY_S)
             try:
-                await asyncio.to_thread(caught_up, self._index, self.store)
+                await asyncio.to_thread(self._index.caught_up)
                 told = ""
             except TrueflankError as error:
                 if str(error) != told:

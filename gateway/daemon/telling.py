@@ -11,10 +11,8 @@ from typing import Any
 from drivers.clock import Clock
 from gateway.config import SiteFile
 from gateway.errors import StoreError
-from gateway.index.keeping import gateway_name
-from gateway.index.rows import figures_of
-from gateway.mqtt import Publisher, Spool, connected
-from gateway.mqtt.connecting import Publish
+from gateway.index import figures_of, gateway_name
+from gateway.mqtt import Publish, Publisher, Spool
 from gateway.store import Store
 
 MB = 1 << 20
@@ -25,6 +23,8 @@ def publisher_of(site: SiteFile, path: Path, store: Store, clock: Clock) -> Publ
     section = site.service.mqtt
     if section is None:
         return None
+    from gateway.mqtt.connecting import connected  # noqa: PLC0415 - its library only where a site wants it
+
     name = site.site.name
     spool = Spool(store.root / "service" / f"mqtt-{name}", section.queue_mb * MB)
     ident = hashlib.sha256(gateway_name(store.root).encode("utf-8")).hexdigest()[:8]

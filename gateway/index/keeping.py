@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import os
-import platform
 import threading
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import asdict
@@ -17,7 +16,7 @@ from sqlalchemy.pool import NullPool
 
 from drivers.local.ownfiles import made_parents, no_link
 from gateway.errors import StoreError
-from gateway.index.rows import IndexedFigure, IndexedRun, IndexedTable
+from gateway.index.rows import IndexedFigure, IndexedRun, IndexedTable, gateway_name
 from gateway.index.schema import FIGURES, RUNS, TABLES
 
 INDEX_FILE = "index.db"
@@ -33,11 +32,6 @@ MOST_ROWS = 10_000
 def index_url(root: Path) -> str:
     """The address of the index that stands beside the runs."""
     return f"sqlite:///{root / INDEX_FILE}"
-
-
-def gateway_name(root: Path) -> str:
-    """What tells this store's runs from those of other gateways in one database."""
-    return f"{platform.node()}:{root.resolve()}"[-200:]
 
 
 class RunIndex:

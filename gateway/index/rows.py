@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import platform
 from collections.abc import Iterable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass
@@ -18,6 +19,11 @@ from gateway.workflow import stages
 
 PARAMETERS = ("E", "R", "B", "A", "M")
 FLANK, FLANK_PARAMETERS = "flank", ("rms",)
+
+
+def gateway_name(root: Path) -> str:
+    """What tells this store's runs from those of other gateways in one database."""
+    return f"{platform.node()}:{root.resolve()}"[-200:]
 
 
 @dataclass(frozen=True, slots=True)

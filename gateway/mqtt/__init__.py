@@ -6,9 +6,8 @@ is counted, and each message carries the count.
 
 from __future__ import annotations
 
-from gateway.mqtt.connecting import connected
 from gateway.mqtt.messages import KINDS, kept_of, pared
-from gateway.mqtt.publishing import Outgoing, Publisher
+from gateway.mqtt.publishing import Outgoing, Publish, Publisher
 from gateway.mqtt.spool import Spool
 
-__all__ = ["KINDS", "Outgoing", "Publisher", "Spool", "connected", "kept_of", "pared"]
+__all__ = ["KINDS", "Outgoing", "Publish", "Publisher", "Spool", "kept_of", "pared"]

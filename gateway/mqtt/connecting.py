@@ -6,10 +6,10 @@ import asyncio
 import contextlib
 import logging
 import os
-from collections.abc import AsyncIterator, Awaitable, Coroutine
+from collections.abc import AsyncIterator, Coroutine
 from contextlib import asynccontextmanager
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 import aiomqtt
 
@@ -17,18 +17,13 @@ from drivers.clock import Clock
 from drivers.errors import ConfigError, LinkBroken
 from drivers.local.ownfiles import read_own
 from gateway.config import MqttSection
+from gateway.mqtt.publishing import Publish
 
 ANSWER_S = 10.0
 ALIVE_S = 30
 # What the library and its own library tell of a connection that broke is told by our own words already.
 _QUIET = logging.getLogger("trueflank.mqtt.library")
 _QUIET.setLevel(logging.CRITICAL)
-
-
-class Publish(Protocol):
-    """Publish one message; returns when the server has confirmed it. Raises LinkBroken (E-MQTT-AWAY)."""
-
-    def __call__(self, topic: str, payload: bytes, *, stays: bool) -> Awaitable[None]: ...
 
 
 @asynccontextmanager

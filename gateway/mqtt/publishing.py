@@ -8,14 +8,13 @@ import json
 import logging
 import threading
 from collections import deque
-from collections.abc import Callable, Mapping
+from collections.abc import Awaitable, Callable, Mapping
 from contextlib import AbstractAsyncContextManager
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Protocol
 
 from drivers.clock import Clock
 from drivers.errors import DeadlineExceeded, TrueflankError
-from gateway.mqtt.connecting import Publish
 from gateway.mqtt.messages import KINDS, VERSION, kept_of, pared
 from gateway.mqtt.spool import Spool, Waiting
 
@@ -25,6 +24,14 @@ LEAVE_S = 0.3
 MOST_UNKEPT = 10_000
 _LOG = logging.getLogger("trueflank.mqtt")
 Data = Mapping[str, Any] | Callable[[], Mapping[str, Any]]
+
+
+class Publish(Protocol):
+    """Publish one message; returns when the server has confirmed it. Raises LinkBroken (E-MQTT-AWAY)."""
+
+    def __call__(self, topic: str, payload: bytes, *, stays: bool) -> Awaitable[None]: ...
+
+
 Connect = Callable[[], AbstractAsyncContextManager[Publish]]
 
 

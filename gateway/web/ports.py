@@ -10,7 +10,7 @@ from typing import Any, Protocol
 
 from drivers.clock import Clock
 from gateway.config import SiteFile
-from gateway.index import RunIndex
+from gateway.index import SiteIndex
 from gateway.live import Asked
 from gateway.mqtt import Outgoing
 from gateway.say import Say
@@ -68,7 +68,7 @@ class ServedSite(Protocol):
         ...
 
     @property
-    def index(self) -> RunIndex:
+    def index(self) -> SiteIndex:
         """The index of its runs."""
         ...
 

@@ -17,8 +17,8 @@ import pytest
 
 from drivers.clock import LoopClock
 from gateway.config import MqttSection
-from gateway.mqtt import Publisher, Spool, connected
-from gateway.mqtt.connecting import Publish, _Quietly
+from gateway.mqtt import Publish, Publisher, Spool
+from gateway.mqtt.connecting import _Quietly, connected
 from tests.services.peers import lasting_port
 
 pytestmark = [pytest.mark.services, pytest.mark.wall_time]

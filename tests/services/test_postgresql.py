@@ -15,7 +15,8 @@ from sqlalchemy import create_engine
 from sqlalchemy.exc import SQLAlchemyError
 
 from drivers.errors import TrueflankError
-from gateway.index import RunIndex, caught_up, rebuilt
+from gateway.index.catching import caught_up, rebuilt
+from gateway.index.keeping import RunIndex
 from gateway.push.records.journal import JOURNALS
 from gateway.store import Store
 from tests.services.peers import lasting_port

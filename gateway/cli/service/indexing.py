@@ -13,12 +13,12 @@ from gateway.cli.show import counted, echo, show_json
 
 def reindex_command(site: SiteArgument, as_json: JsonOption = False) -> None:
     """Make the index of a site's runs anew; the run folders are the truth and are only read."""
-    from gateway.index import index_of, rebuilt
+    from gateway.index import SiteIndex
     from gateway.workflow.bench import store_of
 
     tree = load_site(site)
     store = store_of(tree, site)
-    count = rebuilt(index_of(tree, site, store), store)
+    count = SiteIndex(tree, site, store).rebuilt()
     if as_json:
         show_json({"runs": count})
         return
@@ -34,14 +34,12 @@ def compare_command(
 ) -> None:
     """Compare one error across the machines that the site's index knows: the newest figure of each, largest first."""
     from drivers.terms import shown
-    from gateway.index import caught_up, compared, index_of
+    from gateway.index import SiteIndex
     from gateway.workflow.bench import store_of
 
     tree = load_site(site)
-    store = store_of(tree, site)
-    index = index_of(tree, site, store)
-    caught_up(index, store)
-    found = compared(index, parameter, subject=subject, phase="before" if before else "after")
+    index = SiteIndex(tree, site, store_of(tree, site))
+    found = index.compared(parameter, subject=subject, phase="before" if before else "after")
     if as_json:
         show_json({"machines": found})
         return
@@ -59,14 +57,11 @@ def tables_command(
     as_json: JsonOption = False,
 ) -> None:
     """List the tables that should act in every machine of the index, by what was pushed: id and date of each."""
-    from gateway.index import caught_up, index_of
+    from gateway.index import SiteIndex
     from gateway.workflow.bench import store_of
 
     tree = load_site(site)
-    store = store_of(tree, site)
-    index = index_of(tree, site, store)
-    caught_up(index, store)
-    found = index.tables(serial=serial)
+    found = SiteIndex(tree, site, store_of(tree, site)).tables(serial=serial)
     if as_json:
         show_json({"tables": found})
         return

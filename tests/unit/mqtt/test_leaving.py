@@ -15,8 +15,7 @@ import pytest
 from drivers.clock import LoopClock
 from drivers.errors import LinkBroken
 from gateway.config import MqttSection
-from gateway.mqtt import connected
-from gateway.mqtt.connecting import _Quietly
+from gateway.mqtt.connecting import _Quietly, connected
 
 pytestmark = pytest.mark.wall_time
 WELCOME, REFUSED = b"\x20\x02\x00\x00", b"\x20\x02\x00\x05"

@@ -15,8 +15,8 @@ import pytest
 from drivers.clock import LoopClock
 from drivers.errors import ConfigError, LinkBroken, TrueflankError
 from gateway.config import MqttSection
-from gateway.mqtt import KINDS, Publisher, Spool, connected, connecting
-from gateway.mqtt.connecting import Publish
+from gateway.mqtt import KINDS, Publish, Publisher, Spool, connecting
+from gateway.mqtt.connecting import connected
 from gateway.mqtt.publishing import MOST_UNKEPT
 from tests.sizes import few
 

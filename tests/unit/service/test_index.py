@@ -14,7 +14,9 @@ from sqlalchemy import create_engine, inspect
 from drivers.errors import ConfigError
 from gateway import audit
 from gateway.errors import StoreError
-from gateway.index import IndexedFigure, IndexedRun, RunIndex, caught_up, compared, due_of, index_of, index_url, rebuilt
+from gateway.index import IndexedFigure, IndexedRun, SiteIndex
+from gateway.index.catching import caught_up, compared, due_of, rebuilt
+from gateway.index.keeping import RunIndex, index_url
 from gateway.index.schema import METADATA
 from gateway.push.records.journal import JOURNALS
 from gateway.store import RunFolder, RunSummary, Store
@@ -245,7 +247,7 @@ def test_a_database_whose_library_is_not_installed_is_a_message_without_its_addr
     monkeypatch.setitem(sys.modules, "psycopg", None)
     service = SITE.service.model_copy(update={"index_url_file": Path("index.url")})
     with pytest.raises(ConfigError) as caught:
-        index_of(SITE.model_copy(update={"service": service}), tmp_path / "site.toml", Store(tmp_path))
+        SiteIndex(SITE.model_copy(update={"service": service}), tmp_path / "site.toml", Store(tmp_path))
     assert caught.value.code == "E-INDEX-EXTRA"
     assert "psycopg" in str(caught.value)
     assert "hunter2" not in str(caught.value)

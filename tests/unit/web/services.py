@@ -12,7 +12,7 @@ from typing import Any
 from drivers.clock import LoopClock
 from gateway.config import SiteFile
 from gateway.errors import BusyError
-from gateway.index import RunIndex
+from gateway.index import SiteIndex
 from gateway.live import Asked
 from gateway.mqtt import Outgoing
 from gateway.say import Say
@@ -91,8 +91,8 @@ class FakeSite:
         return Outgoing(connected=True, queued=3, confirmed=40, dropped=2)
 
     @property
-    def index(self) -> RunIndex:
-        return RunIndex(self.store.root)
+    def index(self) -> SiteIndex:
+        return SiteIndex(self.site, self.path, self.store)
 
     async def doctor(self, _say: Say) -> object:
         return None
