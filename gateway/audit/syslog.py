@@ -41,7 +41,8 @@ def message_of(record: Mapping[str, Any], host: str) -> bytes:
     severity = WARNING if record["action"] in LOUD else NOTICE
     names = ("seq", "action", "actor", "role", "serial", "transaction", "hash")
     told = " ".join(f'{name}="{_quoted(str(record[name]))}"' for name in names if record.get(name))
-    about = f'[{BLOCK} {told} synchronised="{_quoted(str(record.get("clock", {}).get("synchronised", "unknown")))}"]'
+    clock = str(record.get("clock", {}).get("synchronised", "unknown")).lower()
+    about = f'[{BLOCK} {told} synchronised="{_quoted(clock)}"]'
     head = f"<{FACILITY * 8 + severity}>1 {record['utc']} {_word(host, 255)} trueflank {record['process']}"
     action = _word(str(record["action"]), 32)
     text = json.dumps({"details": record["details"], "clock": record.get("clock", {})})

@@ -9,7 +9,7 @@ from typing import Annotated, Any
 import typer
 
 from gateway.cli.options import JsonOption
-from gateway.cli.show import echo, show_json
+from gateway.cli.show import counted, echo, show_json
 
 PlaceArgument = Annotated[Path, typer.Argument(metavar="STORE", help="Store folder, or site file.", show_default=False)]
 ACTED = ("utc", "actor", "role", "action", "serial", "transaction")
@@ -36,7 +36,8 @@ def verify_command(
         echo(problem)
     audit.demand(root, (*exported, *kept.heads))
     echo(f"{root}: {health.head.seq} records in {health.files} files are whole; head {health.head}")
-    echo(f"{kept.runs} runs: {len(kept.problems) or 'no'} files are not as they were kept")
+    wrong = counted(len(kept.problems), "file is not as it was kept", "files are not as they were kept")
+    echo(f"{counted(kept.runs, 'run', 'runs')}: {wrong if kept.problems else 'every file is as it was kept'}")
     if health.torn_bytes:
         echo(f"a crash left {health.torn_bytes} bytes of a record; the next record will speak of it")
     if not exported:

@@ -36,7 +36,8 @@ def support_bundle_command(
             file.write(data)
     except OSError as error:
         raise ConfigError("E-BUNDLE-WRITE", str(output), why=error.strerror or str(error)) from error
-    echo(f"{output}: {len(data) / 1e6:.1f} MB; look through it before you send it")
+    size = f"{len(data) / 1e6:.1f} MB" if len(data) >= 1e6 else f"{-(-len(data) // 1000)} kB"
+    echo(f"{output}: {size}; look through it before you send it")
 
 
 async def _doctor(tree: Any, site: Path) -> dict[str, Any]:

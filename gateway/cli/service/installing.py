@@ -8,12 +8,13 @@ import shutil
 import subprocess
 import sys
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, NoReturn
 
 import typer
 
 from drivers.errors import ConfigError
 from drivers.local.names import is_name
+from gateway.cli.onward import next_step
 from gateway.cli.options import load_site
 from gateway.cli.show import echo
 
@@ -83,15 +84,18 @@ def install_command(
     _manager(("daemon-reload",), user=user)
     begun = _manager(("enable", "--now", NAME), user=user)
     if _manager(("status", "--no-pager", NAME), user=user) or begun:
-        raise typer.Exit(3)
+        _not_running(user=user)
 
 
 def status_command(user: UserOption = False, folder: FolderOption = None) -> None:
     """Say whether the unit is installed and how the service is; exit code 0 only while it runs."""
     unit = _place(folder, user=user)
     echo(f"{unit}: {'installed' if unit.is_file() else 'not installed'}")
-    if not unit.is_file() or _manager(("status", "--no-pager", NAME), user=user):
+    if not unit.is_file():
+        next_step("service install SITE")
         raise typer.Exit(3)
+    if _manager(("status", "--no-pager", NAME), user=user):
+        _not_running(user=user)
 
 
 def remove_command(user: UserOption = False, folder: FolderOption = None) -> None:
@@ -102,6 +106,11 @@ def remove_command(user: UserOption = False, folder: FolderOption = None) -> Non
         unit.unlink()
         _manager(("daemon-reload",), user=user)
     echo(f"{unit}: not installed")
+
+
+def _not_running(*, user: bool) -> NoReturn:
+    echo(f"the service does not run; its words: journalctl {'--user ' if user else ''}-u {NAME}", err=True)
+    raise typer.Exit(3)
 
 
 def _place(folder: Path | None, *, user: bool) -> Path:

@@ -50,7 +50,9 @@ def test_install_status_and_remove(tmp_path: Path, monkeypatch: pytest.MonkeyPat
     assert call("status")[0] == 0
     good = tool.read_text(encoding="ascii")
     tool.write_text(good + "exit 1\n", encoding="ascii")
-    assert call("install", str(site))[0] == 3, "written, but it does not run"
+    code, output = call("install", str(site))
+    assert (code, "does not run" in output, "journalctl --user -u trueflank" in output) == (3, True, True), output
+    assert call("status")[0] == 3
     tool.write_text(good, encoding="ascii")
     assert call("remove")[0] == 0
     assert not (units / "trueflank.service").exists()
