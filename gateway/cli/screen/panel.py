@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
+from contextlib import AbstractContextManager, nullcontext
 from typing import Any
 
 from rich.console import Console, Group
@@ -21,14 +22,37 @@ A_SECOND = 4
 BAR = 28
 
 
+class InTurn(Console):
+    """A console on which one thread prints at a time.
+
+    A live display goes up by the height it had when a print began. A second thread's print in between changes that
+    height, and the lines above the panel are gone.
+    """
+
+    turn: AbstractContextManager[object] = nullcontext()
+
+    def print(self, *objects: Any, **how: Any) -> None:
+        """Print as rich does, after whoever prints now."""
+        with self.turn:
+            super().print(*objects, **how)
+
+
+class _Live(Live):
+    """Rich's live display; every print on its console waits for its own turn to be over."""
+
+    def __init__(self, console: InTurn, drawn: Callable[[], Panel]) -> None:
+        super().__init__(console=console, get_renderable=drawn, refresh_per_second=A_SECOND, transient=True)
+        console.turn = self._lock
+
+
 class LivePanel:
     """A `Scene` on the terminal; it is drawn from a thread of its own, so its clocks run while a command waits."""
 
-    def __init__(self, title: str, scene: Scene, now: Callable[[], float], console: Console | None = None) -> None:
+    def __init__(self, title: str, scene: Scene, now: Callable[[], float], console: InTurn | None = None) -> None:
         self._title, self._scene, self._now = title, scene, now
         self._lock = threading.Lock()
-        self._console = console or Console(stderr=True, highlight=False)
-        self._live = Live(console=self._console, get_renderable=self.drawn, refresh_per_second=A_SECOND, transient=True)
+        self._console = console or InTurn(stderr=True, highlight=False)
+        self._live = _Live(self._console, self.drawn)
 
     def __enter__(self) -> LivePanel:
         self._live.__enter__()
@@ -46,6 +70,10 @@ class LivePanel:
         with self._lock:
             self._scene.told(code, fields, self._now())
 
+    def refresh(self) -> None:
+        """Draw it now."""
+        self._live.refresh()
+
     def drawn(self) -> Panel:
         """The panel as it is now."""
         with self._lock:
@@ -54,7 +82,7 @@ class LivePanel:
         return Panel(Group(*rows), title=Text(visible(title)), title_align="left", border_style="dim")
 
     def _rows(self, scene: Scene, now: float) -> list[Any]:
-        rows: list[Any] = [_bar(count, now) for count in scene.counts.values()]
+        rows: list[Any] = [_bars(scene.counts.values(), now)] if scene.counts else []
         rows += [Text(f"! {visible(with_site(text))}", style="bold red") for text in (scene.open_road,) if text]
         rows += [Text(visible(text)) for text in (scene.step,) if text]
         rows += [Text(f"  {visible(move)}") for move in scene.moves]
@@ -67,13 +95,17 @@ class LivePanel:
         return rows or [Text("working")]
 
 
-def _bar(count: Count, now: float) -> Table:
-    left = count.left_s(now)
-    row = Table.grid(padding=(0, 1))
-    row.add_row(
-        ProgressBar(total=count.total, completed=count.done, width=BAR),
-        Text(f"{count.done} of {count.total}"),
-        Text("" if left is None else f"about {clock_text(left)} to go"),
-        Text(visible(count.name), overflow="ellipsis", no_wrap=True),
-    )
-    return row
+def _bars(counts: Iterable[Count], now: float) -> Table:
+    """One line for each count: how far, of what, time to go."""
+    rows = Table.grid(padding=(0, 1))
+    rows.add_column(width=BAR)
+    rows.add_column(overflow="ellipsis", no_wrap=True)
+    rows.add_column(no_wrap=True)
+    for count in counts:
+        left = count.left_s(now)
+        rows.add_row(
+            ProgressBar(total=count.total, completed=count.done, width=BAR),
+            Text(visible(count.said)),
+            Text("" if left is None else f"about {clock_text(left)} to go"),
+        )
+    return rows

@@ -15,18 +15,35 @@ COUNTED = ("done", "total"), ("number", "total")
 
 @dataclass(slots=True)
 class Count:
-    """How far something is; ``since`` and ``first`` are time (s) and number when it began."""
+    """How far something is, as it is ``said``; ``since`` and ``first`` are time (s) and number when it began.
+
+    ``name`` tells one count from the next, ``last`` is when the number changed.
+    """
 
     name: str
     done: int
     total: int
     since: float
     first: int
+    last: float = 0.0
+    said: str = ""
+
+    def reached(self, done: int, said: str, now: float) -> None:
+        """It is so far now."""
+        if done != self.done:
+            self.last = now
+        self.done, self.said = done, said
 
     def left_s(self, now: float) -> float | None:
-        """Seconds to go as the pace so far tells; None while it tells nothing."""
-        made, took = self.done - self.first, now - self.since
-        return None if made <= 0 or took < FIRST_GUESS_S else (self.total - self.done) * took / made
+        """Seconds to go as the pace so far tells; None while it tells nothing.
+
+        It runs down while one of them lasts, at most by what one takes.
+        """
+        made, took = self.done - self.first, self.last - self.since
+        if made <= 0 or took < FIRST_GUESS_S:
+            return None
+        each = took / made
+        return (self.total - self.done) * each - min(now - self.last, each)
 
 
 @dataclass(slots=True)
@@ -80,7 +97,7 @@ class Scene:
         outer = self.counts.get("outer")
         if outer is None or outer.total != total or done <= outer.done:
             outer = self.counts["outer"] = Count(name="", done=done, total=total, since=now, first=done)
-        outer.done, outer.name = done, words(code, **fields)
+        outer.reached(done, words(code, **fields), now)
 
     def _counted(self, code: str, fields: Mapping[str, object], now: float) -> None:
         """Something counts, so whoever was asked has done it."""
@@ -90,10 +107,10 @@ class Scene:
         inner = self.counts.get("inner")
         if inner is None or inner.name != name or done < inner.done:
             inner = self.counts["inner"] = Count(name=name, done=done, total=total, since=now, first=done)
-        inner.done, inner.total = done, total
-        self.within = words(code, **fields)
+        inner.total = total
+        inner.reached(done, words(code, **fields), now)
         if done >= total:
-            self.counts.pop("inner")
+            self.within = self.counts.pop("inner").said
 
 
 def clock_text(seconds: float) -> str:

@@ -6,6 +6,8 @@ import io
 import json
 import re
 import sys
+import threading
+from collections.abc import Iterator
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -16,7 +18,7 @@ from rich.console import Console
 from drivers.errors import TrueflankError, catalogue, words
 from gateway.audience import KINDS, Audience, kind_of
 from gateway.cli import voice
-from gateway.cli.screen.panel import LivePanel
+from gateway.cli.screen.panel import InTurn, LivePanel
 from gateway.cli.screen.scene import Scene, clock_text
 from gateway.cli.screen.telling import progress
 from gateway.cli.voice import Voice
@@ -135,6 +137,8 @@ def test_a_scene_knows_what_to_do_since_when_and_how_long_it_takes() -> None:
     assert scene.ask == ""
     inner, outer = scene.counts["inner"], scene.counts["outer"]
     assert inner.left_s(111.0) == pytest.approx(10.0)
+    assert inner.left_s(111.5) == pytest.approx(9.5)
+    assert inner.left_s(200.0) == pytest.approx(9.0)
     assert outer.left_s(111.0) is None
     scene.told("P-STOP", {"axis": "X1", "program": "TFMEASX", "done": 21, "total": 21}, 121.0)
     assert "inner" not in scene.counts
@@ -162,7 +166,7 @@ def test_minutes_are_said_as_a_clock() -> None:
 @pytest.mark.parametrize("width", [100, 160])
 def test_the_panel_says_what_to_do_and_since_when_in_every_width(width: int) -> None:
     told, time = io.StringIO(), {"now": 0.0}
-    console = Console(file=told, width=width, force_terminal=True, highlight=False)
+    console = InTurn(file=told, width=width, force_terminal=True, highlight=False)
     with LivePanel("trueflank: site", Scene(began=0.0), lambda: time["now"], console) as panel:
         panel.told("P-SETUP-PLAN", {"number": 3, "total": 28, "setup": "EXX-X1"})
         panel.told("P-START-SETUP", {"axis": "X1", "program": "TFSENSEX", "setup": "TRUEFLANK SETUP EXX ON X"})
@@ -172,9 +176,54 @@ def test_the_panel_says_what_to_do_and_since_when_in_every_width(width: int) -> 
         Console(file=drawn, width=width).print(panel.drawn())
     text = drawn.getvalue()
     assert all(len(line) <= width for line in text.splitlines())
-    for part in ("2 of 28", "Mount what the control asks for", "Press", "waiting for this 0:42", "set-up 3 of 28"):
+    assert text.count("of 28") == 1
+    for part in ("Mount what the control asks for", "Press", "waiting for this 0:42", "set-up 3 of 28"):
         assert part in " ".join(text.replace("\u2502", " ").split()), part
     assert "X1: sign proved" in told.getvalue()
+
+
+class _Slow:
+    """What takes its time to be drawn: long enough for another thread to draw the panel, if it may."""
+
+    def __init__(self, other: threading.Thread) -> None:
+        self._other = other
+
+    def __rich_console__(self, *_how: object) -> Iterator[str]:
+        self._other.start()
+        self._other.join(0.3)
+        yield "kept for good"
+
+
+def _screen(written: str) -> list[str]:
+    """The lines that stand on a terminal in the end, of what moves up, erases and goes on."""
+    lines, at = [""], 0
+    for part in re.findall(r"\x1b\[[0-9;?]*[A-Za-z]|\r|\n|[^\x1b\r\n]+", written):
+        if part == "\n":
+            at += 1
+            lines += [""] * (at + 1 - len(lines))
+        elif part.endswith("A") and part[0] == "\x1b":
+            at = max(at - int(part[2:-1] or 1), 0)
+        elif part == "\x1b[2K":
+            lines[at] = ""
+        elif part[0] not in "\x1b\r":
+            lines[at] += part
+    return lines
+
+
+def test_a_line_stays_whatever_the_panel_does_while_it_is_printed() -> None:
+    """A panel that got shorter while a line above it was printed took lines with it."""
+    written = io.StringIO()
+    console = InTurn(file=written, width=100, force_terminal=True, force_interactive=True, highlight=False)
+    with LivePanel("trueflank: site", Scene(began=0.0), lambda: 0.0, console) as panel:
+        panel.told("P-MOUNT", {"setup": "EXX-X1", "words": "mount it"})
+        panel.told("P-START", {"axis": "X1", "program": "TFMEASX"})
+        panel.keep("X1: sign proved")
+        panel.refresh()
+        panel.told("P-EVALUATED", {})
+        console.print(_Slow(threading.Thread(target=panel.refresh)))
+        panel.refresh()
+    stays = [line for line in _screen(written.getvalue()) if line]
+    assert stays == ["X1: sign proved", "kept for good"]
 
 
 def test_a_terminal_gets_the_panel(plain: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
