@@ -202,7 +202,7 @@ def _check_size(places: np.ndarray, deviation: np.ndarray | None, where: str) ->
 def _doubts(places: np.ndarray, space: np.ndarray, flank: np.ndarray) -> list[str]:
     rows = np.column_stack([np.round(places, 6), space, flank])
     repeated = len(rows) - len(np.unique(rows, axis=0))
-    found = [f"{repeated} point(s) occur more than once"] if repeated else []
+    found = [f"points that occur more than once: {repeated}"] if repeated else []
     if len(set(flank.tolist())) == 1:
         found.append("points on one flank only")
     return found

@@ -169,7 +169,7 @@ class Visits:
             if not missing:
                 return
             self.rig.say("P-CAP-RETAKE", axis=plan.axis, count=len(missing), round=number)
-            self.found.notes.append(f"{len(missing)} unsettled reading(s) were measured again")
+            self.found.notes.append(f"readings that had not settled were measured again: {len(missing)}")
             await self._through(replace(again, stops=missing), last_round=number == rounds)
 
     async def _through(self, plan: StopPlan, *, last_round: bool) -> None:

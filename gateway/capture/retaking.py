@@ -91,7 +91,7 @@ class Retake:
             done.append(f"{found.told(cell)} ({found.size(before - found.deviations()[cell])} off)")
         more = f" and {len(done) - NAMED} more" if len(done) > NAMED else ""
         what = ", ".join(done[:NAMED]) + more if done else "none of them settled"
-        return f"{len(self.cells)} outlier(s) among the repetitions were measured again: {what}"
+        return f"outliers among the repetitions were measured again ({len(self.cells)}): {what}"
 
     def _beside(self) -> np.ndarray[tuple[int, ...], np.dtype[np.bool_]]:
         """Where the neighbours on the way are, (m, n, 2)."""

@@ -180,7 +180,7 @@ def _refuse(works: Sequence[Work], reasons: dict[Work, tuple[Refusal, ...]]) -> 
         told = reasons[work] or every
         for reason in told:
             work.context.say("P-PUSH-REFUSED", axis=work.name, reason=reason.words)
-        work.note("ABORTED", why=f"{len(told)} reason(s)")
+        work.note("ABORTED", why=f"reasons: {len(told)}")
         work.steps += [reason.words for reason in told]
     return dict.fromkeys(works, "refused")
 

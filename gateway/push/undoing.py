@@ -121,7 +121,7 @@ async def _undo(work: Work, done: Committed) -> Outcome:
     if seen.kind != "as-approved":
         reasons = (*no("E-PUSH-UNDO-FOREIGN", transaction=done.transaction, difference=seen.words), *reasons)
     if reasons:
-        work.note("ABORTED", why=f"{len(reasons)} reason(s)")
+        work.note("ABORTED", why=f"reasons: {len(reasons)}")
         work.steps += refused(work.context, work.axis, reasons).steps
         return "refused"
     return await _exchange(work, done, base)

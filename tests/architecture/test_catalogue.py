@@ -124,3 +124,15 @@ def test_no_code_stands_twice_in_one_language() -> None:
             for code in tomllib.loads(path.read_text(encoding="utf-8"))
         ]
         assert sorted(found) == sorted(set(found)), language
+
+
+def test_no_text_leaves_it_to_the_reader_whether_it_is_one_or_many() -> None:
+    halves = re.compile(r"\w\((?:s|es|e|n|en|er|ten)\)")
+    found = [
+        f"{language} {code}: {text}"
+        for language in ("en", "de", "zh")
+        for code, entry in catalogue(language).items()
+        for text in entry.values()
+        if halves.search(text)
+    ]
+    assert found == []

@@ -56,7 +56,7 @@ class Widening:
         else:
             kept = kept[:0]
         lost = np.setdiff1d(self.added, kept)
-        told = f"{kept.size} target(s) were added where the axis has structure between the others"
+        told = f"targets added where the axis has structure between the others: {kept.size}"
         more = f"; {lost.size} more could not be read and were left out" if lost.size else ""
         return (self.found.without(lost) if lost.size else self.found), told + more
 

@@ -226,7 +226,7 @@ def grids(site: SiteFile) -> tuple[AxisGrid, ...]:
 def advise(plan: Sequence[Planned], remaining: Sequence[str], opened: Sequence[OpenDoubt], *, asked: bool) -> str:
     """Which remaining set-up would change the proposal most, or that none would by the threshold."""
     if not asked:
-        return words("W-SETUP-NO-WORK", count=len(remaining))
+        return words("W-SETUP-NO-WORK" if remaining else "W-SETUP-NONE-LEFT", count=len(remaining))
     able = {one.setup.name: one.key for one in reversed(plan) if one.key in remaining}
     best = next((one for one in opened if one.name in able and not one.measured), None)
     limit = f"{THRESHOLD_UM:g}"

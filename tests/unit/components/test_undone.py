@@ -93,4 +93,5 @@ def test_the_advice_names_the_set_up_or_says_that_none_matters() -> None:
     assert other.startswith("Set-ups left: 2. None")
     assert "No set-up of the plan measures ECZ" in other
     assert "names no gear" in advise(plan(), left, (), asked=False)
+    assert advise(plan(), (), (), asked=False) == "Every set-up of the plan is measured."
     assert advise(plan(), (), opened(("EAX", 0.04, True)), asked=True) == "Every set-up of the plan is measured."

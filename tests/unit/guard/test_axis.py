@@ -110,7 +110,7 @@ def test_too_little_is_no_answer() -> None:
     u = np.array([0.1, 0.1, *[np.nan] * 6])
     found = guard_axis(Approved(curve), Check(TARGETS, true_curve(TARGETS), u), LIMIT)
     assert found.answer == "cannot tell"
-    assert "2 position(s)" in found.said[0]
+    assert "uncertainty: 2;" in found.said[0]
     loose = guard_axis(Approved(curve), Check(TARGETS, value(curve, TARGETS), np.full(8, 0.1), mounting=1.0), LIMIT)
     assert loose.answer == "cannot tell"
 

@@ -101,6 +101,6 @@ def test_other_points_or_too_few_are_no_answer() -> None:
     part = Flanks(whole.deviation[:9], whole.u[:9])
     assert guard_gear(whole, part, PLACES.form, ANGLE, LIMIT).answer == "cannot tell"
     few = guard_gear(part, part, PLACES.form[:9], ANGLE[:9], LIMIT)
-    assert "9 position(s)" in few.said[0]
+    assert "uncertainty: 9;" in few.said[0]
     unseen = Flanks(whole.deviation, np.full(len(ANGLE), np.nan))
     assert guard_gear(whole, unseen, PLACES.form, ANGLE, LIMIT).answer == "cannot tell"
