@@ -92,6 +92,7 @@ DETAIL = (
     "P-GRIND-TABLES",
     "P-HIDDEN",
     "P-REVERSAL-VARIES",
+    "P-SELF-TEST-PASSED",
     "P-PART-DONE",
     "P-PUSH-PROOF-OFF",
     "P-PUSH-REFUSED",

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated, Literal
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, Strict, model_validator
+from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, Strict, model_validator
 
 from drivers.errors import words
 from drivers.local.names import MOST, PATTERN, allowed, is_name
@@ -32,7 +32,9 @@ Number = Annotated[float, Strict()]
 Whole = Annotated[int, Strict()]
 Flag = Annotated[bool, Strict()]
 """A text is no number, and true is no 1: a site file says what it means."""
-Sense = Literal[1, -1]
+_UNTRUE = BeforeValidator(lambda value: str(value) if isinstance(value, bool) else value)
+Sense = Annotated[Literal[1, -1], _UNTRUE]
+People = Annotated[Literal[1, 2] | None, _UNTRUE]
 
 
 class Section(BaseModel):

@@ -41,7 +41,7 @@ def decoded(data: bytes) -> str:
     """The text of UTF-8 bytes, without the mark some editors write first. Raises ValueError naming what it is else."""
     if data.startswith(_WIDEST):
         raise ValueError(words("W-TOML-UTF32"))
-    if data.startswith(_WIDE) or data[:400].count(0) > len(data[:400]) // 4:
+    if data.startswith(_WIDE) or _every_second(data[:400]):
         raise ValueError(words("W-TOML-UTF16"))
     if b"\0" in data:
         raise ValueError(words("W-TOML-BINARY"))
@@ -55,6 +55,12 @@ def decoded(data: bytes) -> str:
         raise ValueError(
             words("W-TOML-LATIN", byte=f"0x{letter.hex()}", letter=seen, line=line, column=column)
         ) from error
+
+
+def _every_second(data: bytes) -> bool:
+    """Whether about every second byte is empty, and never the one beside it: letters of UTF-16 without its mark."""
+    halves = (data[::2].count(0), data[1::2].count(0))
+    return max(halves) > len(data) // 4 and min(halves) == 0
 
 
 def parse_toml(text: str) -> dict[str, Any]:

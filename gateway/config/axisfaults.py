@@ -46,6 +46,11 @@ def axis_faults(tree: Mapping[str, Any], site: Any) -> Iterator[Fault]:
             yield from _measured(tree, site, axis)
 
 
+def _is_turn(low: float, high: float) -> bool:
+    """Whether it is the travel of an axis that turns without end, as controls tell it: 0 to 359.999 too."""
+    return low >= 0.0 and high <= TURN_DEG and high - low > TURN_DEG - 1.0
+
+
 def _axis(tree: Mapping[str, Any], axis: Any) -> Iterator[Fault]:
     place, letter = axis.place, axis.letter or "?"
     if (axis.kind == "linear" and letter in ROTARY) or (axis.kind == "rotary" and letter in LINEAR):
@@ -53,7 +58,7 @@ def _axis(tree: Mapping[str, Any], axis: Any) -> Iterator[Fault]:
         yield broken(tree, (*place, "kind"), words("W-CFG-KIND", letter=letter, kind=right))
     if axis.modulo and axis.kind == "linear":
         yield broken(tree, (*place, "modulo"), words("W-CFG-MODULO"))
-    elif axis.modulo and is_pair(axis.travel) and not (axis.travel[0] >= 0.0 and axis.travel[1] <= TURN_DEG):
+    elif axis.modulo and is_pair(axis.travel) and not _is_turn(*axis.travel):
         yield broken(tree, (*place, "travel"), words("W-CFG-MODULO-TRAVEL"))
     if isinstance(axis.name, str) and axis.name[:1] in LINEAR + ROTARY and axis.name[:1] != letter and axis.letter:
         yield broken(tree, (*place, "letter"), words("W-CFG-OTHER-LETTER", name=shown(axis.name)), doubt=True)

@@ -9,6 +9,7 @@ from drivers.errors import words
 from gateway.config.faults import Fault
 from gateway.config.keyfaults import broken
 from gateway.config.places import held
+from gateway.config.reaching import by_files
 from gateway.config.rules import bounds, is_pair, within
 
 _SAFE = ("moves", "safe")
@@ -38,5 +39,5 @@ def moves_faults(tree: Mapping[str, Any], site: Any) -> Iterator[Fault]:
         if name not in known and (meant := [one for one in missing if one[:1] == name[:1].upper()]):
             missing.remove(meant[0])
             yield broken(tree, (*_SAFE, name), words("W-CFG-PLACE-MEANT", meant=meant[0]), doubt=True)
-    if missing:
+    if missing and not by_files(site):
         yield broken(tree, _SAFE, words("W-CFG-NO-PLACE", axes=", ".join(missing), first=missing[0]), doubt=True)

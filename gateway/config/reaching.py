@@ -88,7 +88,7 @@ def _unreadable(
     """An instrument whose settings say that it reads another quantity, or that no run reads on a rotary axis."""
     own = next((one for one in site.instruments if one.name == section.instrument), None)
     told = told_to(own, "instrument") if own is not None else None
-    if told is not None and told.typed and wanted == ("rotary",) and not _by_files(site):
+    if told is not None and told.typed and wanted == ("rotary",) and not by_files(site):
         yield broken(tree, (*section.place, "instrument"), words("W-CFG-TYPED-ROTARY"), doubt=True)
     if told is None or told.typed or not told.quantities or set(told.quantities) & set(wanted):
         return
@@ -100,11 +100,16 @@ def _unreadable(
     yield broken(tree, (*section.place, "instrument"), why)
 
 
-def _by_files(site: Any) -> bool:
-    """Whether no run is meant: a control that nobody knows, and readings that are typed."""
+def by_files(site: Any) -> bool:
+    """Whether its owner brings result files and carries tables by hand, so that neither a run nor a push is meant.
+
+    No instrument is on a wire, and the control is one that nobody knows, or one without a place to push from that
+    nobody signs in to.
+    """
     told = [told_to(one, "instrument") for one in site.instruments]
+    typed = all(one is not None and one.typed for one in told)
     unknown = getattr(site.controller, "serial", "") == UNKNOWN
-    return unknown and all(one is not None and one.typed for one in told)
+    return typed and (unknown or (not getattr(site.moves, "safe", None) and bool(open_road(site))))
 
 
 def typed_rotary(site: SiteFile) -> tuple[str, ...]:

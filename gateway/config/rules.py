@@ -51,13 +51,20 @@ def no_such(tree: Mapping[str, Any], path: Path, what: str, known: Iterable[str]
     return broken(tree, path, words("W-CFG-NO-SUCH", what=what, known=text))
 
 
+def all_named(sections: Iterable[Any]) -> bool:
+    """Whether there are any, each with a name that is in order: one that is refused may be the one that is meant."""
+    names = [getattr(one, "name", None) for one in sections]
+    return bool(names) and all(isinstance(name, str) for name in names)
+
+
 def instrument_faults(tree: Mapping[str, Any], site: Any, path: Path, name: Any) -> Iterator[Fault]:
     """A name that no instrument of the site has, or one that cannot measure an axis."""
     drivers = {one.name: one.driver for one in site.instruments if isinstance(one.name, str)}
     if not isinstance(name, str) or not name:
         return
     if name not in drivers:
-        yield no_such(tree, path, "instrument", drivers)
+        if all_named(site.instruments):
+            yield no_such(tree, path, "instrument", drivers)
     elif drivers[name] in registry.known(GEAR_MACHINE):
         yield broken(tree, path, words("W-CFG-GEAR-MACHINE"))
 

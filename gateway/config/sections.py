@@ -25,7 +25,9 @@ from gateway.siteplan import (
     Name,
     Number,
     OperatorTimes,
+    People,
     Section,
+    Sense,
     SetupSection,
     Targets,
     Whole,
@@ -52,7 +54,7 @@ class Site(Section):
         description="`serve` compares the live tables with the pushed ones once a day, or reports that this is due",
     )
     verify_hour: Whole = Field(default=6, ge=0, le=23, description="hour (UTC) at which that comparison is due")
-    approvals: Literal[1, 2] | None = Field(
+    approvals: People = Field(
         default=None, description="people who must approve a push; left out: one, or two if there is a warning"
     )
 
@@ -151,7 +153,7 @@ class MeasureSection(Section):
     dead_path_mm: Number = Field(
         default=0.0, ge=0, le=1e5, description="beam from interferometer to reflector with the axis at the datum, mm"
     )
-    beam: Literal[1, -1] = Field(default=1, description="+1: plus direction leads away from the interferometer")
+    beam: Sense = Field(default=1, description="+1: plus direction leads away from the interferometer")
     expansion_ppm_per_k: Number = Field(
         default=11.5, ge=-5.0, le=100.0, description="expansion coefficient of the scale, for 20 degC, 1e-6/K"
     )
@@ -163,7 +165,7 @@ class MeasureSection(Section):
     )
     file: Path | None = Field(default=None, description="result file (.rtl, .rta, .csv) instead of a live capture")
     file_datum: Number | None = Field(default=None, description="machine position of the file's zero")
-    file_axis_sense: Literal[1, -1] = Field(default=1, description="direction of the file relative to the axis")
+    file_axis_sense: Sense = Field(default=1, description="direction of the file relative to the axis")
     file_unit: Literal["", "mrad", "urad", "arcsec", "deg"] = Field(default="", description="unit of an .rta file")
 
     @model_validator(mode="after")

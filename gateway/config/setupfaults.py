@@ -10,7 +10,7 @@ from drivers.local.names import guess
 from gateway.config.faults import Fault
 from gateway.config.keyfaults import broken
 from gateway.config.places import held
-from gateway.config.rules import bounds, instrument_faults, no_such, target_faults, within
+from gateway.config.rules import all_named, bounds, instrument_faults, no_such, target_faults, within
 from gateway.siteplan import LOCATIONS
 
 SQUARE = "B0Z"
@@ -22,20 +22,23 @@ _IDLE = {"live": _FILE, "file": ("instrument", "channel", "jog"), "none": (*_FIL
 def setup_faults(tree: Mapping[str, Any], site: Any) -> Iterator[Fault]:
     """Everything that the set-ups of a file say wrong."""
     axes = {axis.name: axis for axis in site.axes if isinstance(axis.name, str)}
+    whole = all_named(site.axes)
     keys: list[object] = []
     for setup in site.setups:
         yield from instrument_faults(tree, site, (*setup.place, "instrument"), setup.instrument)
         if isinstance(setup.axis, str) and setup.axis not in axes:
-            yield no_such(tree, (*setup.place, "axis"), "axis", axes)
+            if whole:
+                yield no_such(tree, (*setup.place, "axis"), "axis", axes)
         elif isinstance(setup.axis, str):
             yield from _on_axis(tree, setup, axes[setup.axis])
-        if isinstance(setup.park, Mapping):
+        if whole and isinstance(setup.park, Mapping):
             yield from _parked(tree, setup, axes)
             key = (setup.component, setup.axis, tuple(sorted(setup.park.items())))
             if None not in key and key in keys:
                 yield broken(tree, (*setup.place, "component"), words("W-CFG-SETUP-TWICE"))
             keys.append(key)
-    yield from _arms(tree, site.setups, axes)
+    if whole and all(isinstance(axis.letter, str) for axis in site.axes):
+        yield from _arms(tree, site.setups, axes)
 
 
 def _arms(tree: Mapping[str, Any], setups: Any, axes: Mapping[str, Any]) -> Iterator[Fault]:

@@ -10,7 +10,7 @@ from drivers.errors import words
 from gateway.config.faults import Fault
 from gateway.config.keyfaults import broken
 from gateway.config.places import held
-from gateway.config.rules import GEAR_MACHINE, is_pair, no_such
+from gateway.config.rules import GEAR_MACHINE, all_named, is_pair, no_such
 
 _ROLES = {"infeed": "linear", "stroke": "linear", "index": "rotary"}
 
@@ -57,7 +57,7 @@ def _axes(tree: Mapping[str, Any], site: Any, work: Any) -> Iterator[Fault]:
     names = {name: axis.name for axis in site.axes for name in (axis.letter, axis.name) if isinstance(name, str)}
     taken: dict[str, str] = {}
     # An axis whose name or letter is refused may be the one that is meant.
-    whole = all(isinstance(axis.name, str) and isinstance(axis.letter, str) for axis in site.axes)
+    whole = all_named(site.axes) and all(isinstance(axis.letter, str) for axis in site.axes)
     for role, kind in _ROLES.items():
         wanted = getattr(work, role)
         if whole and isinstance(wanted, str) and wanted not in kinds and held(tree, (*work.place, role)) is not None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from itertools import zip_longest
 from pathlib import Path
 from typing import Annotated, Any
 from urllib.parse import urlsplit
@@ -68,24 +69,16 @@ def check_command(
 def lead_on(found: CheckedSite, path: Path, *, connected: bool) -> None:
     """Say what to type after a check: the same again, the devices, the doctor, or the files of who has no wire."""
     from gateway.cli.onward import next_step, repeat
+    from gateway.config.reaching import by_files
 
     if found.faults:
         repeat(f"check {path}")
     elif urlsplit(found.site.controller.url).scheme == CARRIED and not connected:
         next_step(f"self-test {path}")
-    elif _by_files(found.site):
+    elif by_files(found.site):
         next_step(f"day FOLDER --site {path}")
     else:
         next_step(f"doctor {path}" if connected else f"check {path} --connect")
-
-
-def _by_files(site: Any) -> bool:
-    """Whether its owner brings result files: no instrument on a wire, no places to push from or no known control."""
-    from gateway.config.reaching import UNKNOWN, told_to
-
-    told = [told_to(one, "instrument") for one in site.instruments]
-    unknown = not site.moves.safe or site.controller.serial == UNKNOWN
-    return unknown and all(one is not None and one.typed for one in told)
 
 
 def checked(path: Path) -> CheckedSite:
@@ -183,10 +176,8 @@ def tell(found: CheckedSite, path: Path, rows: Sequence[tuple[str, ...]], *, as_
         told = {"faults": notes, "remarks": list(found.remarks), "devices": devices}
         show_json({"site": name, "file": str(path), "valid": not found.faults, **told})
         return
-    for fault in found.faults:
-        _line(fault.error(str(path)), "red")
-    for doubt in found.doubts:
-        _line(doubt.error(str(path)), "yellow")
+    _lines([fault.error(str(path)) for fault in found.faults], "red")
+    _lines([doubt.error(str(path)) for doubt in found.doubts], "yellow")
     for remark in found.remarks:
         say_line(remark, 2, colour="yellow")
     if found.faults:
@@ -200,7 +191,9 @@ def tell(found: CheckedSite, path: Path, rows: Sequence[tuple[str, ...]], *, as_
         show_table("devices", DEVICE_KEYS, rows)
 
 
-def _line(error: TrueflankError, colour: str) -> None:
-    say_line(f"{error.where}: {error.code}: {error.what}", 2, colour=colour)
-    if error.hint:
-        say_line(f"  -> {error.hint}", 5)
+def _lines(errors: Sequence[TrueflankError], colour: str) -> None:
+    """One line for each; a cure that several in a row share stands once, behind the last of them."""
+    for error, following in zip_longest(errors, errors[1:]):
+        say_line(f"{error.where}: {error.code}: {error.what}", 2, colour=colour)
+        if error.hint and (following is None or error.hint != following.hint):
+            say_line(f"  -> {error.hint}", 5)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import stat
 from collections.abc import Iterator, Mapping
 from datetime import UTC, date, datetime
@@ -20,6 +21,8 @@ LOGOS = (".svg", ".png", ".jpg", ".jpeg")
 FILE_ROLES = ("file", "gear-file")
 _OTHERS = stat.S_IRGRP | stat.S_IROTH
 MOST_SECRET = 1 << 16
+_LITERAL = re.compile(r"^~|\$\w|\$\{|%\w+%")
+"""What a shell would replace in a path, and nobody does here."""
 
 
 def disk_faults(reading: SiteReading, path: Path) -> tuple[Fault, ...]:
@@ -58,6 +61,8 @@ def _store(tree: Any, site: Any, folder: Path) -> Iterator[Fault]:
         yield broken(tree, ("site", "store"), words("W-CFG-NOT-EMPTY"))
     if isinstance(store, str | Path) and (folder / store).exists() and not (folder / store).is_dir():
         yield _fault(tree, ("site", "store"), folder / store, words("W-CFG-NO-FOLDER"))
+    if isinstance(store, str | Path) and _LITERAL.search(str(store)) and not (folder / store).exists():
+        yield broken(tree, ("site", "store"), words("W-CFG-LITERAL-PATH"), doubt=True)
 
 
 def _ports(tree: Any, site: Any) -> Iterator[Fault]:

@@ -10,7 +10,7 @@ from drivers.errors import words
 from drivers.terms import spoken
 from gateway.cli.onward import next_step
 from gateway.cli.options import load_site
-from gateway.cli.show import echo, show_json, show_table
+from gateway.cli.show import say_line, show_json, show_table
 
 
 def show_day_of_run(site: Path, axes: Sequence[str], *, apply: bool, as_json: bool) -> None:
@@ -20,8 +20,9 @@ def show_day_of_run(site: Path, axes: Sequence[str], *, apply: bool, as_json: bo
 
     tree = load_site(site)
     if not as_json:
-        for name in set(typed_rotary(tree)) & set(axes or (one.name for one in tree.axes)):
-            echo(f"W-CFG-TYPED-ROTARY: {name}: {words('W-CFG-TYPED-ROTARY')}")
+        for name in typed_rotary(tree):
+            if not axes or name in axes:
+                say_line(f"W-CFG-TYPED-ROTARY: {name}: {words('W-CFG-TYPED-ROTARY')}", 2)
     named = "".join(f" --axis {name}" for name in axes)
     _show(day_of_run(tree, apply=apply, axes=axes), f"run {site}{named}", apply=apply, as_json=as_json)
 
@@ -44,12 +45,12 @@ def _show(day: Any, command: str, *, apply: bool, as_json: bool) -> None:
     )
     counts = {"mountings": len(day.mountings), "blanks": day.blanks}
     counts |= {"presses": len(day.presses), "resets": len(day.resets)}
-    echo(words("S-DAY-COUNTS", **counts))
+    say_line(words("S-DAY-COUNTS", **counts), 2)
     stages = ", ".join(f"{stage} {hours:.1f} h" for stage, hours in day.by_stage().items())
-    echo(words("S-DAY-HOURS", hours=f"{day.hours:.1f}", stages=stages, extra=f"{day.most_extra_h:.1f}"))
+    say_line(words("S-DAY-HOURS", hours=f"{day.hours:.1f}", stages=stages, extra=f"{day.most_extra_h:.1f}"), 2)
     if day.unprotected:
-        echo(words("P-UNPROTECTED", road=day.unprotected))
-    echo(words("S-DAY-SUPPOSES" if apply else "S-DAY-NO-APPLY"))
+        say_line(words("P-UNPROTECTED", road=day.unprotected), 2)
+    say_line(words("S-DAY-SUPPOSES" if apply else "S-DAY-NO-APPLY"), 2)
     next_step(command + (" --apply --machine NAME" if apply else ""))
 
 

@@ -20,6 +20,7 @@ from gateway.cli.show import with_site
 
 A_SECOND = 4
 BAR = 28
+TO_GO = len("about 10:00 to go")
 
 
 class InTurn(Console):
@@ -99,13 +100,13 @@ def _bars(counts: Iterable[Count], now: float) -> Table:
     """One line for each count: how far, of what, time to go."""
     rows = Table.grid(padding=(0, 1))
     rows.add_column(width=BAR)
+    rows.add_column(min_width=TO_GO, no_wrap=True)
     rows.add_column(overflow="ellipsis", no_wrap=True)
-    rows.add_column(no_wrap=True)
     for count in counts:
         left = count.left_s(now)
         rows.add_row(
             ProgressBar(total=count.total, completed=count.done, width=BAR),
-            Text(visible(count.said)),
             Text("" if left is None else f"about {clock_text(left)} to go"),
+            Text(visible(count.said)),
         )
     return rows

@@ -13,6 +13,7 @@ from gateway.capture.rig import setup_of
 from gateway.capture.sense import sense_plan
 from gateway.capture.targets import measuring_plan, targets_of
 from gateway.config import AxisSection, SiteFile, one_start, open_road, plans_together
+from gateway.config.reaching import typed_rotary
 from gateway.correct.plan.plan import CROSS
 from gateway.model.axis import LOCATIONS
 from gateway.tooth import SetupValues
@@ -33,9 +34,12 @@ Told = Iterator[Piece]
 def day_of_run(site: SiteFile, *, apply: bool, axes: Collection[str] = ()) -> DayPlan:
     """The day of `run` with these axes, all where none is named.
 
-    Raises ConfigError (E-RUN-AXIS; E-DAY-ROAD where no program of ours runs).
+    A rotary axis whose readings would be typed takes no time: no run measures it. Raises ConfigError (E-RUN-AXIS;
+    E-DAY-ROAD where no program of ours runs).
     """
-    day = _Day(with_axes(site, axes))
+    named = with_axes(site, axes)
+    left_out = typed_rotary(named)
+    day = _Day(named.model_copy(update={"axes": tuple(one for one in named.axes if one.name not in left_out)}))
     live = [axis for axis in day.site.axes if axis.measure.file is None]
     last = live[-1:] if live == list(day.site.axes) else []
     applied = day.applied(cross=False, stands=_outlasting(last)) if apply else ()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import shutil
 from pathlib import Path
 
@@ -503,6 +504,45 @@ def test_an_overrun_beyond_the_travel_is_a_doubt_and_no_fault(folder: Path) -> N
     assert "reverses at -405" in found.doubts[0].error("f").what
 
 
+@pytest.mark.parametrize(
+    ("right", "wrong", "path", "told"),
+    [
+        ("travel = [0.0, 360.0]", "travel = [0.0, 6.283]", ("axes", 1, "travel"), "turns without end"),
+        ("[site]\n", "[site]\napprovals = true\n", ("site", "approvals"), "1 or 2"),
+        ('component = "EXX"', 'component = "EXX"\nbeam = true', ("axes", 0, "measure", "beam"), "1 or -1"),
+        ('letter = "X"', 'letter = "\N{GREEK CAPITAL LETTER CHI}"', ("axes", 0, "letter"), "other alphabets"),
+    ],
+)
+def test_what_only_looks_right_is_a_fault(
+    folder: Path, right: str, wrong: str, path: tuple[str | int, ...], told: str
+) -> None:
+    (found,) = checked(written(folder, changed(right, wrong))).faults
+    assert found.path == path
+    assert told in found.error("f").what
+
+
+@pytest.mark.parametrize("store", ["~/runs", "$HOME/runs", "%TEMP%/runs"])
+def test_what_only_a_shell_would_replace_in_a_path_is_doubted(folder: Path, store: str) -> None:
+    found = checked(written(folder, changed("[site]\n", f'[site]\nstore = "{store}"\n')))
+    assert [one.path for one in found.doubts] == [("site", "store")]
+
+
+def test_a_refused_name_is_told_once_and_not_again_by_all_that_name_it(tmp_path: Path) -> None:
+    """Whoever used it may have meant it: "did you mean Z1" would lead astray."""
+    text = (GEAR.parents[1] / "sites" / "opcua-grinder.toml").read_text(encoding="utf-8")
+    for right, wrong, path in (
+        ('name = "X1" ', 'name = "\N{CYRILLIC CAPITAL LETTER HA}1" ', ("axes", 0, "name")),
+        ('name = "laser"', 'name = "la\N{ZERO WIDTH SPACE}ser"', ("instruments", 0, "name")),
+    ):
+        reading = read_site(written(tmp_path, text.replace(right, wrong, 1)))
+        assert [one.path for one in (*reading.faults, *reading.doubts)] == [path]
+
+
+def test_a_cure_that_several_faults_share_stands_once(folder: Path) -> None:
+    path = written(folder, changed('"EXX"', '"EXQ"').replace("feed = 900.0", "feed = 0.0"))
+    assert CliRunner().invoke(app, ["check", str(path)]).output.count("correct the value") == 1
+
+
 def test_the_command_tells_people_and_programs(folder: Path) -> None:
     path = written(folder, changed('"EXX"', '"EXQ"').replace("feed = 900.0", "feed = 0.0"))
     shown = CliRunner().invoke(app, ["check", str(path)])
@@ -554,6 +594,16 @@ def test_typed_readings_of_a_rotary_axis_are_doubted_where_a_run_is_meant(tmp_pa
     assert "typed readings" in str(doubt.fields)
     planned = CliRunner().invoke(app, ["run", str(GEAR.parents[1] / "sites" / "files-only.toml"), "--plan"])
     assert "W-CFG-TYPED-ROTARY: C1: a run measures" in planned.output
+    assert "rotary (typed)" not in planned.output
+
+
+@pytest.mark.parametrize(("serial", "place"), [("unknown", "X1 = [-400.0, 0.0]"), ("SN 77", "")])
+def test_who_brings_files_is_asked_for_no_place_to_push_from(tmp_path: Path, serial: str, place: str) -> None:
+    text = (GEAR.parents[1] / "sites" / "files-only.toml").read_text(encoding="utf-8")
+    text = text.replace('serial = "unknown"', f'serial = "{serial}"')
+    site = tmp_path / "site.toml"
+    site.write_text(re.sub(r"^safe = .*$", f"safe = {{ {place} }}", text, flags=re.MULTILINE), encoding="utf-8")
+    assert [one.code for one in (*checked(site).faults, *checked(site).doubts)] == []
 
 
 def test_a_carried_control_is_not_waited_for_and_the_next_step_is_one_that_it_knows(tmp_path: Path) -> None:
