@@ -47,8 +47,9 @@ async def leave(
         left = await withdrawn(supervisor)
         was_stopped = isinstance(why, asyncio.CancelledError)
         if left.kind != "nothing" and (was_stopped or not left.clear):
-            say("P-LEFT", words=left.words)
             stop.tell(left.words)
+            if not was_stopped:  # else the last word of the command says it
+                say("P-LEFT", words=left.words)
         if was_stopped:
             _note(folder, store, clock, say, stop, left)
 

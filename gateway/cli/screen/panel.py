@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import sys
 import threading
-from collections.abc import Callable, Iterable
-from contextlib import AbstractContextManager, nullcontext
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import AbstractContextManager, ExitStack, contextmanager, nullcontext
 from typing import Any
 
 from rich.console import Console, Group
@@ -46,6 +47,26 @@ class _Live(Live):
         console.turn = self._lock
 
 
+@contextmanager
+def _no_carets() -> Iterator[None]:
+    """While the block lasts the terminal echoes no ^C: it would go to the next line, and the panel not be erased."""
+    if sys.platform == "win32" or not sys.stdin.isatty():
+        yield
+        return
+    import termios
+
+    def set_to(flags: int) -> None:
+        now = termios.tcgetattr(sys.stdin)
+        termios.tcsetattr(sys.stdin, termios.TCSANOW, [*now[:3], flags, *now[4:]])
+
+    before = termios.tcgetattr(sys.stdin)[3]
+    set_to(before & ~termios.ECHOCTL)
+    try:
+        yield
+    finally:
+        set_to(before)
+
+
 class LivePanel:
     """A `Scene` on the terminal; it is drawn from a thread of its own, so its clocks run while a command waits."""
 
@@ -56,11 +77,14 @@ class LivePanel:
         self._live = _Live(self._console, self.drawn)
 
     def __enter__(self) -> LivePanel:
-        self._live.__enter__()
+        with ExitStack() as entered:
+            entered.enter_context(_no_carets())
+            entered.enter_context(self._live)
+            self._entered = entered.pop_all()
         return self
 
     def __exit__(self, *left: Any) -> None:
-        self._live.__exit__(*left)
+        self._entered.__exit__(*left)
 
     def keep(self, line: str, *, loud: bool = False) -> None:
         """A line that stays above the panel."""

@@ -226,6 +226,23 @@ def test_a_line_stays_whatever_the_panel_does_while_it_is_printed() -> None:
     assert stays == ["X1: sign proved", "kept for good"]
 
 
+@pytest.mark.skipif(sys.platform == "win32", reason="its console echoes no Ctrl-C")
+def test_a_ctrl_c_is_not_echoed_into_the_panel(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The echo went to the next line, and two lines of the panel stayed on the screen."""
+    import pty
+    import termios
+
+    ours, theirs = pty.openpty()
+    with open(ours, "wb", buffering=0), open(theirs, encoding="utf-8") as stdin:
+        monkeypatch.setattr(sys, "stdin", stdin)
+        flags = [termios.tcgetattr(stdin)[3]]
+        with LivePanel("trueflank: site", Scene(began=0.0), lambda: 0.0, InTurn(file=io.StringIO())):
+            flags.append(termios.tcgetattr(stdin)[3])
+        flags.append(termios.tcgetattr(stdin)[3])
+    assert [bool(one & termios.ECHOCTL) for one in flags] == [True, False, True]
+    assert flags[0] == flags[2]
+
+
 def test_a_terminal_gets_the_panel(plain: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     plain.setattr(sys.stderr, "isatty", lambda: True)
     with progress(quiet=False) as say:
