@@ -24,7 +24,7 @@ BAR = 28
 TO_GO = len("about 10:00 to go")
 
 
-class InTurn(Console):
+class PanelConsole(Console):
     """A console on which one thread prints at a time.
 
     A live display goes up by the height it had when a print began. A second thread's print in between changes that
@@ -42,7 +42,7 @@ class InTurn(Console):
 class _Live(Live):
     """Rich's live display; every print on its console waits for its own turn to be over."""
 
-    def __init__(self, console: InTurn, drawn: Callable[[], Panel]) -> None:
+    def __init__(self, console: PanelConsole, drawn: Callable[[], Panel]) -> None:
         super().__init__(console=console, get_renderable=drawn, refresh_per_second=A_SECOND, transient=True)
         console.turn = self._lock
 
@@ -70,10 +70,10 @@ def _no_carets() -> Iterator[None]:
 class LivePanel:
     """A `Scene` on the terminal; it is drawn from a thread of its own, so its clocks run while a command waits."""
 
-    def __init__(self, title: str, scene: Scene, now: Callable[[], float], console: InTurn | None = None) -> None:
+    def __init__(self, title: str, scene: Scene, now: Callable[[], float], console: PanelConsole | None = None) -> None:
         self._title, self._scene, self._now = title, scene, now
         self._lock = threading.Lock()
-        self._console = console or InTurn(stderr=True, highlight=False)
+        self._console = console or PanelConsole(stderr=True, highlight=False)
         self._live = _Live(self._console, self.drawn)
 
     def __enter__(self) -> LivePanel:

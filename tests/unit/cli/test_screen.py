@@ -18,7 +18,7 @@ from rich.console import Console
 from drivers.errors import TrueflankError, catalogue, words
 from gateway.audience import KINDS, Audience, kind_of
 from gateway.cli import voice
-from gateway.cli.screen.panel import InTurn, LivePanel
+from gateway.cli.screen.panel import PanelConsole, LivePanel
 from gateway.cli.screen.scene import Scene, clock_text
 from gateway.cli.screen.telling import progress
 from gateway.cli.voice import Voice
@@ -166,7 +166,7 @@ def test_minutes_are_said_as_a_clock() -> None:
 @pytest.mark.parametrize("width", [100, 160])
 def test_the_panel_says_what_to_do_and_since_when_in_every_width(width: int) -> None:
     told, time = io.StringIO(), {"now": 0.0}
-    console = InTurn(file=told, width=width, force_terminal=True, highlight=False)
+    console = PanelConsole(file=told, width=width, force_terminal=True, highlight=False)
     with LivePanel("trueflank: site", Scene(began=0.0), lambda: time["now"], console) as panel:
         panel.told("P-SETUP-PLAN", {"number": 3, "total": 28, "setup": "EXX-X1"})
         panel.told("P-START-SETUP", {"axis": "X1", "program": "TFSENSEX", "setup": "TRUEFLANK SETUP EXX ON X"})
@@ -213,7 +213,7 @@ def _screen(written: str) -> list[str]:
 def test_a_line_stays_whatever_the_panel_does_while_it_is_printed() -> None:
     """A panel that got shorter while a line above it was printed took lines with it."""
     written = io.StringIO()
-    console = InTurn(file=written, width=100, force_terminal=True, force_interactive=True, highlight=False)
+    console = PanelConsole(file=written, width=100, force_terminal=True, force_interactive=True, highlight=False)
     with LivePanel("trueflank: site", Scene(began=0.0), lambda: 0.0, console) as panel:
         panel.told("P-MOUNT", {"setup": "EXX-X1", "words": "mount it"})
         panel.told("P-START", {"axis": "X1", "program": "TFMEASX"})
@@ -236,7 +236,7 @@ def test_a_ctrl_c_is_not_echoed_into_the_panel(monkeypatch: pytest.MonkeyPatch) 
     with open(ours, "wb", buffering=0), open(theirs, encoding="utf-8") as stdin:
         monkeypatch.setattr(sys, "stdin", stdin)
         flags = [termios.tcgetattr(stdin)[3]]
-        with LivePanel("trueflank: site", Scene(began=0.0), lambda: 0.0, InTurn(file=io.StringIO())):
+        with LivePanel("trueflank: site", Scene(began=0.0), lambda: 0.0, PanelConsole(file=io.StringIO())):
             flags.append(termios.tcgetattr(stdin)[3])
         flags.append(termios.tcgetattr(stdin)[3])
     assert [bool(one & termios.ECHOCTL) for one in flags] == [True, False, True]
