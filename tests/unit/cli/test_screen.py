@@ -18,7 +18,7 @@ from rich.console import Console
 from drivers.errors import TrueflankError, catalogue, words
 from gateway.audience import KINDS, Audience, kind_of
 from gateway.cli import voice
-from gateway.cli.screen.panel import PanelConsole, LivePanel
+from gateway.cli.screen.panel import LivePanel, PanelConsole
 from gateway.cli.screen.scene import Scene, clock_text
 from gateway.cli.screen.telling import progress
 from gateway.cli.voice import Voice
