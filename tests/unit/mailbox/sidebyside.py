@@ -6,7 +6,7 @@ import random
 import struct
 import zlib
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -33,6 +33,7 @@ ODD = (0, 1, 2, 3, 4, 5, 6, 9, 0x10, 0x11, 50, 51, 61, 0x7FFF, 0x8000, 0xFFFF)
 TOO_LONG = 4000
 RESTLESS = {5, *range(302, 306), 355, 366, *range(369, 375)}  # what follows the machine, refreshed twice a second
 LOOK = 7
+FATES = {"press": 12, "disturb": 3, "other": 2, "nobody": 1, "silence": 1}  # of a command that waits, by weight
 
 
 def crc(words: Sequence[int]) -> int:
@@ -61,6 +62,7 @@ class Pair:
         self.double = Plc(self.benches[0].nck, self.clock, PlcSettings.of({"word_order": order}))
         self.text = TextPlc(read, self.benches[1].nck, low_first=low_first)
         self.load: Load | None = None
+        self.fates = FATES
         self.beats = self.later = self._cycles = 0
         self.seen: Counter[tuple[int, int]] = Counter()
 
@@ -262,7 +264,7 @@ class Pair:
         await self.until(head[1], DONE | FAILED | WAITING)
         while self.text.registers[5] & WAITING:
             assert self.states()[0][0] & WAITING
-            fate = self.chance.choices(("press", "disturb", "other", "nobody", "silence"), (12, 3, 2, 1, 1))[0]
+            fate = self.chance.choices(list(self.fates), list(self.fates.values()))[0]
             if fate == "nobody":
                 await self.pass_seconds(61.0)
             elif fate == "silence":
@@ -315,7 +317,7 @@ class Pair:
         elif what == "alarm":
             self.each(lambda nck: nck.drive_alarm(ALARM, "coolant"))
         else:
-            self.each(_moving)
+            self.each(moving)
 
     def release(self, on: bool) -> None:
         """The switch at the panel."""
@@ -371,7 +373,8 @@ class Pair:
         return first, second
 
 
-def _moving(nck: Any) -> None:
+def moving(nck: Any) -> None:
+    """Somebody starts a program."""
     if nck.select(MAIN) == 0:
         nck.nc_start()
 
@@ -389,14 +392,17 @@ def _written(nck: Any, name: str, value: float) -> None:
         return
 
 
-def side_by_side(read: Library, seed: str, count: int, *, low_first: bool, **spec: Any) -> Counter[tuple[int, int]]:
+def side_by_side(
+    read: Library, seed: str, count: int, *, low_first: bool, fates: Mapping[str, int] = FATES, **spec: Any
+) -> Counter[tuple[int, int]]:
     """So many commands, the text as it was read; how often each ended with which code.
 
-    Raises AssertionError with what differs.
+    ``fates`` is what becomes of a command that waits for a confirmation. Raises AssertionError with what differs.
     """
 
     async def main() -> Counter[tuple[int, int]]:
         async with Pair(read, seed, low_first=low_first, **spec) as pair:
+            pair.fates = dict(fates)
             for place in range(count):
                 await pair.between()
                 await pair.command()
