@@ -20,6 +20,7 @@ from gateway.workflow.bench import store_of
 from gateway.workflow.part.grinding import grind_site
 from simulators.cell import Cell, cell_running
 from simulators.cellfile import load_cell, with_plan
+from tests.closing.judge import places
 from tests.unit.simulators.planned_run import ground
 from tests.unit.simulators.test_cell import load_table, settled
 
@@ -72,10 +73,12 @@ def nothing(at: np.ndarray) -> np.ndarray:
     return np.zeros_like(at)
 
 
-def load_cross(cell: Cell, values: np.ndarray) -> None:
-    """X(C) over the whole turn, as a service engineer would load it."""
-    step = 360.0 / (len(values) - 1)
-    parameters = {"INPUT_AXIS": "C1", "OUTPUT_AXIS": "X1", "STEP": step, "MIN": 0.0, "MAX": 360.0, "IS_MODULO": 1}
+def load_cross(cell: Cell, values: np.ndarray, over: str = "C1") -> None:
+    """X over C's whole turn, or over Z from 0 to 300, as a service engineer would load it."""
+    turn = over == "C1"
+    end = 360.0 if turn else 300.0
+    parameters = {"INPUT_AXIS": over, "OUTPUT_AXIS": "X1", "STEP": end / (len(values) - 1), "MIN": 0.0, "MAX": end}
+    parameters["IS_MODULO"] = int(turn)
     for name, value in parameters.items():
         cell.nck.set(f"$AN_CEC_{name}[0]", value, 0)
     for place, value in enumerate(values):
@@ -139,6 +142,29 @@ def test_the_part_is_what_the_truth_says_and_set_up_values_and_tables_show_on_it
         assert after.live["C1"] != part.live["C1"]
         assert after.live["Z1"] == part.live["Z1"] or "AN_CEC" in folder.read_text("tables-Z1-after.spf")
         assert "$MA_ENC_COMP_ENABLE[0,C1]=1" in folder.read_text("tables-C1-after.spf")
+
+    on_cell(tmp_path, story)
+
+
+@pytest.mark.long
+def test_a_reversal_is_taken_up_within_a_stroke_only_where_bit_1_is_off(tmp_path: Path) -> None:
+    """A cross table over Z moves X up and down in every stroke; a push sets the bit of MD32454 that keeps it deaf."""
+
+    async def story(cell: Cell, site: SiteFile, clock: LoopClock) -> None:
+        middle = cell.file.part.grinding.height_mm
+        at = np.arange(0.0, 301.0, 4.0)
+        load_cross(cell, 0.001 * np.maximum(0.0, 1.0 - np.abs(at - middle) / 12.0), "Z1")
+        cell.nck.set("$MA_BACKLASH[0,X1]", 0.008, 0)
+        flanks = []
+        for mode in (2, 0):
+            cell.nck.set("$MA_BACKLASH_MODE[0,X1]", mode, 0)
+            await settled(cell)
+            await made(cell, site, clock, f"mode{mode}", SetupValues())
+            work = cell.shop.ground
+            there = places(cell.file.part)
+            flanks.append((work, there.set_right(work.surplus_um(SPACES, there.t, there.z))))
+        deaf, hearing = (there.trued(one[1]) for one in flanks)
+        print(rms(deaf), rms(hearing), rms(hearing - deaf))
 
     on_cell(tmp_path, story)
 

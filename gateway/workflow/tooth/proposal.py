@@ -4,14 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from math import hypot
 from pathlib import Path
 
 import numpy as np
 
 from drivers.errors import ConfigError, words
 from drivers.types.tables import CompensationTable, LiveSet
-from gateway.config import SiteFile, WorkSection
+from gateway.config import SiteFile
 from gateway.correct.flank.compensability import tangential_cure
 from gateway.correct.flank.noise import noise_patterns
 from gateway.correct.flank.tables import Table
@@ -24,10 +23,7 @@ from gateway.correct.outlook.worthwhile import worthwhile
 from gateway.correct.plan.layers import LayeredCorrection, correct
 from gateway.correct.plan.plan import CROSS, Plan, cross_specs
 from gateway.correct.plan.records import record
-from gateway.domain.captures import Capture
 from gateway.domain.proposals import Proposal, TableChange
-from gateway.domain.values import COVERAGE
-from gateway.evaluate.behaviour.approach_scatter import approach_of, instrument_noise
 from gateway.evaluate.behaviour.fine_structure import Hidden
 from gateway.gear.cycloid import CycloidGear
 from gateway.gear.flank import FlankGrid, flank_grid
@@ -45,7 +41,9 @@ from gateway.workflow.bench import Bench
 from gateway.workflow.errors21.components import grids
 from gateway.workflow.tooth.crosstables import acting_cross, cross_changes
 from gateway.workflow.tooth.everything import outlooks, told_of
+from gateway.workflow.tooth.oneway import ground_one_way
 from gateway.workflow.tooth.sentences import doubted, explained, measure_better, told
+from gateway.workflow.tooth.shop import drifting, noisy, shop_of
 
 PROFILE, WIDTH = 11, 5
 
@@ -119,7 +117,10 @@ async def propose_tooth(
     worst = dominant(task.grinding, task.grid, model, outlook.flank)
     needed = (*told(tooth, model, found=found, gains=gains, left_alone=left), *measure_better(worst))
     axes = outlooks(own, cross)
-    why = (*explained(tooth, model, found), *_drifting(task.shop, at.site.work), *_noisy(measured), *told_of(axes))
+    index = task.names[task.grinding.index]
+    turns = ground_one_way(index, measured[index].capture, at.site.work, own, task.grid.section.h)
+    why = (*explained(tooth, model, found), *drifting(task.shop, at.site.work), *noisy(measured), *turns)
+    why = (*why, *told_of(axes))
     tooth = replace(tooth, axes=axes, said=(*needed, *why), background=why)
     at.folder.put(stages.TOOTH, tooth, (at.folder.digest(stages.PROPOSAL), *parents))
     return proposal, tooth
@@ -183,7 +184,7 @@ class _Task:
             grid,
             plan,
             model,
-            _shop(at.site.work, measured, letters, grinding),
+            shop_of(at.site.work, measured, letters, grinding),
             tuple(_lettered(one.new, letters) for one in own if one.new.kind == "axis" and not one.skipped),
             tuple(_lettered(one, letters) for one in (*acting, *acting_cross(at, live))),
             live,
@@ -233,66 +234,3 @@ def _lettered(table: CompensationTable, letters: Mapping[str, str]) -> Compensat
     """A table of the control in the chain's letters."""
     out, over = (letters.get(name, name) for name in (table.output_axis, table.input_axis))
     return replace(table, output_axis=out, input_axis=over)
-
-
-def _with_drift(shop: Shop, captures: Mapping[str, Capture], grinding: Grinding) -> Shop:
-    """Drift measured is drift believed: the larger of what the site file says and what the captures saw."""
-    seen = {letter: abs(capture.drift_per_h) for letter, capture in captures.items()}
-    return replace(
-        shop,
-        drift_um_per_h=max(shop.drift_um_per_h, seen.get(grinding.infeed, 0.0)),
-        drift_arcsec_per_h=max(shop.drift_arcsec_per_h, seen.get(grinding.index, 0.0)),
-    )
-
-
-def _drifting(shop: Shop, work: WorkSection | None) -> tuple[str, ...]:
-    """Where a drift was seen that is larger than the site file's, in words."""
-    said = _said_of(work)
-    pairs = (
-        ("infeed", shop.drift_um_per_h, said.drift_um_per_h, "um"),
-        ("index", shop.drift_arcsec_per_h, said.drift_arcsec_per_h, "arcsec"),
-    )
-    return tuple(
-        words("S-TOOTH-DRIFT", what=what, seen=f"{seen:.1f}", said=f"{told:g}", unit=unit)
-        for what, seen, told, unit in pairs
-        if seen > told
-    )
-
-
-def _noisy(measured: Mapping[str, MeasuredAxis]) -> tuple[str, ...]:
-    """Where the instrument at rest scatters more than its readings' own windows show, in words."""
-    captures = {name: item.capture for name, item in measured.items() if item.capture.rest_count}
-    return tuple(
-        words(
-            "S-TOOTH-NOISE",
-            axis=name,
-            noise=f"{one.rest_u:.2g}",
-            axis_own=f"{approach_of(one).scatter:.2g}",
-            unit=one.unit,
-        )
-        for name, one in captures.items()
-        if instrument_noise(one) > one.reading_u
-    )
-
-
-def _said_of(work: WorkSection | None) -> Shop:
-    """What the site file says of clamping, drift and times; the usual where it says nothing."""
-    if work is None:
-        return Shop()
-    keys = ("clamping_um", "drift_um_per_h", "drift_arcsec_per_h", "part_h")
-    return replace(Shop(), **{key: getattr(work, key) for key in keys}, size_um=work.inspection_size_um / COVERAGE)
-
-
-def _shop(
-    work: WorkSection | None, measured: Mapping[str, MeasuredAxis], letters: Mapping[str, str], grinding: Grinding
-) -> Shop:
-    """What the site file and the captures say of clamping, drift and repeatability; the usual for the rest."""
-    captures = {letters.get(name, name): item.capture for name, item in measured.items()}
-    shop = _with_drift(_said_of(work), captures, grinding)
-    known = {letter: approach_of(capture) for letter, capture in captures.items()}
-    if grinding.infeed in known:
-        shop = replace(shop, infeed_um=known[grinding.infeed].scatter)
-    if grinding.index in known:
-        turned = known[grinding.index]
-        shop = replace(shop, index_arcsec=hypot(turned.scatter, turned.reversal))
-    return shop

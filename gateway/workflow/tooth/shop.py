@@ -1,0 +1,79 @@
+"""What the captures and the site file tell of the shop: drift, clamping, scatter; and what is said of it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from math import hypot
+
+from drivers.errors import words
+from gateway.config import WorkSection
+from gateway.correct.outlook.flank_uncertainty import Shop
+from gateway.domain.captures import Capture
+from gateway.domain.values import COVERAGE
+from gateway.evaluate.behaviour.approach_scatter import approach_of, instrument_noise
+from gateway.gear.grinding import Grinding
+from gateway.workflow.axes.measure import MeasuredAxis
+
+
+def _with_drift(shop: Shop, captures: Mapping[str, Capture], grinding: Grinding) -> Shop:
+    """Drift measured is drift believed: the larger of what the site file says and what the captures saw."""
+    seen = {letter: abs(capture.drift_per_h) for letter, capture in captures.items()}
+    return replace(
+        shop,
+        drift_um_per_h=max(shop.drift_um_per_h, seen.get(grinding.infeed, 0.0)),
+        drift_arcsec_per_h=max(shop.drift_arcsec_per_h, seen.get(grinding.index, 0.0)),
+    )
+
+
+def drifting(shop: Shop, work: WorkSection | None) -> tuple[str, ...]:
+    """Where a drift was seen that is larger than the site file's, in words."""
+    said = _said_of(work)
+    pairs = (
+        ("infeed", shop.drift_um_per_h, said.drift_um_per_h, "um"),
+        ("index", shop.drift_arcsec_per_h, said.drift_arcsec_per_h, "arcsec"),
+    )
+    return tuple(
+        words("S-TOOTH-DRIFT", what=what, seen=f"{seen:.1f}", said=f"{told:g}", unit=unit)
+        for what, seen, told, unit in pairs
+        if seen > told
+    )
+
+
+def noisy(measured: Mapping[str, MeasuredAxis]) -> tuple[str, ...]:
+    """Where the instrument at rest scatters more than its readings' own windows show, in words."""
+    captures = {name: item.capture for name, item in measured.items() if item.capture.rest_count}
+    return tuple(
+        words(
+            "S-TOOTH-NOISE",
+            axis=name,
+            noise=f"{one.rest_u:.2g}",
+            axis_own=f"{approach_of(one).scatter:.2g}",
+            unit=one.unit,
+        )
+        for name, one in captures.items()
+        if instrument_noise(one) > one.reading_u
+    )
+
+
+def _said_of(work: WorkSection | None) -> Shop:
+    """What the site file says of clamping, drift and times; the usual where it says nothing."""
+    if work is None:
+        return Shop()
+    keys = ("clamping_um", "drift_um_per_h", "drift_arcsec_per_h", "part_h")
+    return replace(Shop(), **{key: getattr(work, key) for key in keys}, size_um=work.inspection_size_um / COVERAGE)
+
+
+def shop_of(
+    work: WorkSection | None, measured: Mapping[str, MeasuredAxis], letters: Mapping[str, str], grinding: Grinding
+) -> Shop:
+    """What the site file and the captures say of clamping, drift and repeatability; the usual for the rest."""
+    captures = {letters.get(name, name): item.capture for name, item in measured.items()}
+    shop = _with_drift(_said_of(work), captures, grinding)
+    known = {letter: approach_of(capture) for letter, capture in captures.items()}
+    if grinding.infeed in known:
+        shop = replace(shop, infeed_um=known[grinding.infeed].scatter)
+    if grinding.index in known:
+        turned = known[grinding.index]
+        shop = replace(shop, index_arcsec=hypot(turned.scatter, turned.reversal))
+    return shop
