@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Any, Literal
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from simulators.cellfile.part import InspectionMachine
 from simulators.cellfile.terms import CellSection, Name, Terms
@@ -31,6 +31,12 @@ class Noise(CellSection):
     sample: float = Field(default=0.0, ge=0)
     drift_per_h: float = 0.0
     outliers: Outliers = Outliers()
+
+    @model_validator(mode="after")
+    def _changing(self) -> Noise:
+        if self.stop_s and not self.stop:
+            raise ValueError("stop_s says how long the noise `stop` lasts: give stop too, or leave stop_s out")
+        return self
 
 
 class Laser(CellSection):

@@ -237,3 +237,8 @@ def test_air_that_moves_is_seen_by_an_axis_at_rest() -> None:
     assert set(calm.offsets(still, spacing_s)) == {seen[0]}
     left = moving.offsets(np.concatenate([np.linspace(50.0, 60.0, 10), np.full(30, 60.0)]), spacing_s)
     assert left[-1] == moving.offset(1)
+
+
+def test_a_time_for_a_noise_that_is_not_there_is_refused() -> None:
+    with pytest.raises(ValueError, match="give stop too"):
+        Noise(stop_s=2.0)
