@@ -44,13 +44,21 @@ def path_given(one: Any, call: str) -> None:
         raise ConfigError("E-LIBRARY-KIND", call, call=f"tf.{call}", wanted="a path", given=_said(one), how=how)
 
 
+def wholes_given(call: str, **given: Any) -> None:
+    """Raise ConfigError (E-LIBRARY-KIND) where a seed or a count is no whole number of 0 or more."""
+    for name, one in given.items():
+        if isinstance(one, bool) or not isinstance(one, int | np.integer) or one < 0:
+            how = "a whole number, 0 or more"
+            raise ConfigError("E-LIBRARY-KIND", call, call=f"tf.{call}", wanted=name, given=_shown(one), how=how)
+
+
 def numbers_given(positions: Any, unit: AxisUnit, call: str) -> FloatArray:
-    """Positions as numbers, of any shape. Raises ConfigError (E-LIBRARY-KIND) for anything else."""
+    """Positions as finite numbers, of any shape. Raises ConfigError (E-LIBRARY-KIND) for anything else."""
     try:
         found = np.asarray(positions)
     except ValueError:  # rows of different lengths
         found = np.asarray("")
-    if found.size and found.dtype.kind not in "iuf":
+    if found.size and (found.dtype.kind not in "iuf" or not np.all(np.isfinite(found))):
         how = f"a number, or a regular table of numbers, in {unit}"
         raise ConfigError("E-LIBRARY-KIND", call, call=call, wanted="positions", given=_shown(positions), how=how)
     return np.asarray(found, dtype=np.float64)

@@ -21,7 +21,7 @@ from gateway.evaluate.standards.registry import evaluate_by
 from gateway.model.components import standard_uncertainty, value
 from gateway.model.means import fit_means
 from trueflank.frames import frame
-from trueflank.given import ASKS, axis_unit_of, motion_name, numbers_given, of_kind, path_given, units_fit
+from trueflank.given import ASKS, axis_unit_of, motion_name, numbers_given, of_kind, path_given, units_fit, wholes_given
 
 SHOWN = {"um": "µm", "arcsec": "arcsec"}
 
@@ -178,6 +178,7 @@ def evaluate(
     `gateway.evaluate.standards.registry.evaluate_by`.
     """
     of_kind(measured, Measured, "evaluate")
+    wholes_given("evaluate", seed=seed)
     found = evaluate_by(
         str(standard), measured.targets, measured.deviations, measured.unit, seed=seed, monte_carlo=monte_carlo
     )

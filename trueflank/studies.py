@@ -16,7 +16,7 @@ from gateway.study.machine import error_names, grid_of, grinding_of, plan_of, tr
 from gateway.study.work import Study, corrected
 from gateway.study.work import study as worked
 from trueflank.frames import frame
-from trueflank.given import of_kind
+from trueflank.given import of_kind, wholes_given
 from trueflank.tooth import Gear, Machine
 
 
@@ -50,6 +50,7 @@ def rank(
     """
     of_kind(machine, Machine, "rank")
     of_kind(gear, Gear, "rank")
+    wholes_given("rank", trajectories=trajectories, seed=seed)
     if output not in OUTPUTS or spans not in ("measured", "equal"):
         known = ", ".join((*OUTPUTS, "measured", "equal"))
         raise ModelError("E-SENS-OUTPUT", "rank", output=f"{output}, {spans}", known=known)
@@ -154,4 +155,5 @@ def study(machine: Machine, gear: Gear, *, trajectories: int = 20, seed: int = 1
     """
     of_kind(machine, Machine, "study")
     of_kind(gear, Gear, "study")
+    wholes_given("study", trajectories=trajectories, seed=seed)
     return Studied(worked(gear.data, machine.data, r=trajectories, seed=seed))
