@@ -19,7 +19,7 @@ from gateway.siteplan import WorkSection
 from gateway.store import Store
 from gateway.tooth import SetupValues
 from gateway.workflow.loop import tooth_loop
-from gateway.workflow.tooth.proposal import _drifting, _said_of, _with_drift
+from gateway.workflow.tooth.shop import _said_of, _with_drift, drifting
 from tests.unit.components.site import site_data
 
 AT = np.linspace(0.0, 400.0, 11)
@@ -50,9 +50,9 @@ def test_the_larger_of_the_site_file_and_what_was_seen_counts_and_is_said() -> N
     fast, slow = shop(-2.0, 0.1), shop(0.1, 0.0)
     assert (fast.drift_um_per_h, fast.drift_arcsec_per_h) == (2.0, 0.5)
     assert slow.drift_um_per_h == 0.3
-    (told,) = _drifting(fast, WORK)
+    (told,) = drifting(fast, WORK)
     assert "infeed drifted by 2.0 µm per hour" in told
-    assert _drifting(slow, WORK) == ()
+    assert drifting(slow, WORK) == ()
 
 
 class Loop(tooth_loop._Loop):
