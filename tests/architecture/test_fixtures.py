@@ -16,6 +16,10 @@ WHOLLY_LONG = {
         "test_the_whole_demo_asks_for_what_is_listed_and_the_day_foretells_it",
     ): "test_further_stops_of_a_plan_need_no_press",
     (
+        "test_grinding.py",
+        "test_a_reversal_is_taken_up_within_a_stroke_only_where_bit_1_is_off",
+    ): "tests/unit/tooth/test_reversal_on_tooth.py",
+    (
         "test_reversals.py",
         "test_a_constant_reversal_is_gone_at_and_between_the_targets",
     ): "test_the_demo_machines_rotary_axis_gets_better_as_promised",

@@ -16,7 +16,7 @@ from gateway.evaluate.behaviour.approach_scatter import approach_of
 
 
 def ground_one_way(
-    axis: str, capture: Capture, work: WorkSection | None, own: Sequence[TableChange], lever_mm: FloatArray
+    axis: str, capture: Capture, work: WorkSection | None, own: Sequence[TableChange], *, lever_mm: FloatArray
 ) -> tuple[str, ...]:
     """What the reversal of the index ``axis`` makes on the flank; nothing where it was come to from one side only.
 

@@ -118,7 +118,7 @@ async def propose_tooth(
     needed = (*told(tooth, model, found=found, gains=gains, left_alone=left), *measure_better(worst))
     axes = outlooks(own, cross)
     index = task.names[task.grinding.index]
-    turns = ground_one_way(index, measured[index].capture, at.site.work, own, task.grid.section.h)
+    turns = ground_one_way(index, measured[index].capture, at.site.work, own, lever_mm=task.grid.section.h)
     why = (*explained(tooth, model, found), *drifting(task.shop, at.site.work), *noisy(measured), *turns)
     why = (*why, *told_of(axes))
     tooth = replace(tooth, axes=axes, said=(*needed, *why), background=why)
