@@ -30,7 +30,9 @@ def content(text: str, mark: str, where: str) -> Iterator[tuple[int, str]]:
 
 
 def number(token: str, where: str, line: int) -> float:
-    """A finite number below 1e9. Raises FileFormatError (E-EXCHANGE-NUMBER)."""
+    """A finite number below 1e9. Raises FileFormatError (E-EXCHANGE-EMPTY, E-EXCHANGE-NUMBER)."""
+    if not token.strip():
+        raise FileFormatError("E-EXCHANGE-EMPTY", where, line=line)
     try:
         value = float(token)
     except ValueError:

@@ -10,7 +10,7 @@ import csv
 import io
 import re
 from collections.abc import Iterator, Mapping, Sequence
-from typing import Literal, TypeVar
+from typing import Any, Literal, TypeVar
 
 import numpy as np
 
@@ -151,8 +151,15 @@ def _table(rows: Sequence[tuple[int, Mapping[str, str]]], where: str) -> Compens
     at = np.asarray([number(row["position"], where, one) for one, row in rows])
     rising(at, where)
     back = [row["deviation_reverse"] for _, row in rows]
+    kind = _word(head, "kind", KINDS, where, line)
+    units = _word(head, "input_unit", AXIS_UNITS, where, line), _word(head, "deviation_unit", OUTPUTS, where, line)
+    if kind == "axis" and (units[0] != units[1] or head["input_axis"] != head["output_axis"]):
+        told: dict[str, Any] = {
+            key: head[key][:20] for key in ("input_axis", "output_axis", "input_unit", "deviation_unit")
+        }
+        raise FileFormatError("E-EXCHANGE-OWN", where, line=line, **told)
     return CompensationTable(
-        kind=_word(head, "kind", KINDS, where, line),
+        kind=kind,
         input_axis=head["input_axis"],
         output_axis=head["output_axis"],
         minimum=float(at[0]),
@@ -160,8 +167,8 @@ def _table(rows: Sequence[tuple[int, Mapping[str, str]]], where: str) -> Compens
         step=0.0,
         deviations=tuple(number(row["deviation"], where, one) for one, row in rows),
         modulo=_word(head, "modulo", MODULO, where, line),
-        input_unit=_word(head, "input_unit", AXIS_UNITS, where, line),
-        output_unit=_word(head, "deviation_unit", OUTPUTS, where, line),
+        input_unit=units[0],
+        output_unit=units[1],
         direction=_word(head, "direction", WAYS, where, line),
         places=tuple(float(one) for one in at),
         reverse=tuple(number(word, where, one) for (one, _), word in zip(rows, back, strict=True)) if any(back) else (),

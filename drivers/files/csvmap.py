@@ -18,7 +18,8 @@ from drivers.files.tables.indexed import indexed, is_indexed
 from drivers.files.tables.layout import COLUMNS, NONE, UNITS, Layout, layout, understood
 from drivers.files.tables.order import by_order, counted
 from drivers.files.tables.sheet import Row, Sheet, heading_of, sheet_of
-from drivers.files.text import decode, end_doubts, other_texts, read_bytes
+from drivers.files.text import end_doubts, other_texts, read_bytes
+from drivers.local.letters import decode
 from drivers.types.results import MeasuredSet
 from drivers.types.values import FloatArray
 from drivers.units import deviation_scale, deviation_unit, typed_unit

@@ -19,7 +19,8 @@ from drivers.files.declared import declared
 from drivers.files.numbers import decimal, whole
 from drivers.files.signature import signature_of
 from drivers.files.tables.sheet import cells
-from drivers.files.text import decode, end_doubts, read_bytes
+from drivers.files.text import end_doubts, read_bytes
+from drivers.local.letters import decode
 from drivers.types.gears import GearInspection
 from drivers.units import MM_PER_INCH
 

@@ -13,7 +13,8 @@ import numpy as np
 
 from drivers.errors import FileFormatError
 from drivers.files.numbers import decimal
-from drivers.files.text import decode, end_doubts, read_bytes
+from drivers.files.text import end_doubts, read_bytes
+from drivers.local.letters import decode
 from drivers.types.results import MeasuredSet
 from drivers.units import mm_to_um
 

@@ -14,7 +14,8 @@ from drivers.errors import ConfigError, FileFormatError
 from drivers.files.environment import KEYS, environment, environment_words
 from drivers.files.numbers import no_readings
 from drivers.files.rtltext import RtlText, lookup, parse, render
-from drivers.files.text import decode, read_bytes
+from drivers.files.text import read_bytes
+from drivers.local.letters import decode
 from drivers.types.results import MeasuredSet
 from drivers.types.values import FloatArray
 from drivers.units import AxisUnit, deg_to_arcsec, mm_to_um, rad_to_arcsec, typed_unit

@@ -21,7 +21,7 @@ from drivers.errors import ConfigError, FileFormatError, FileUnreadable
 from drivers.files.csvtext import plain, recording_lines
 from drivers.files.numbers import decimal
 from drivers.files.rtltext import keyed, lookup
-from drivers.files.text import decode
+from drivers.local.letters import decode
 from drivers.recordings import Recording
 from drivers.units import ARCSEC_PER_RAD, UM_PER_MM, DeviationUnit, typed_unit
 

@@ -8,13 +8,19 @@ from pathlib import Path
 from typing import Any
 
 from drivers import registry
-from drivers.errors import ConfigError, TableError
+from drivers.errors import ConfigError, FileFormatError, TableError
+from drivers.local.letters import decode
 from drivers.types.exchange import ErrorSet, ReadAs
 from drivers.types.tables import CompensationTable
 from drivers.units import AxisUnit
 from gateway.cli.files.tables import table_data, table_format, write_text
 from gateway.cli.show import echo, show_json
+from gateway.table.plausible import doubts
 
+ZIPPED = b"PK\3\4"
+"""How a workbook begins, whatever its name ends with."""
+SHEETS = "cp1252"
+"""What spreadsheet programs write where they say no encoding, and text is not UTF-8."""
 ROUNDED = 1e-3  # um or arcsec: less is no rounding that anybody would see
 TABLES, ERRORS, OWN = "table-exchange", "error-exchange", "tables"
 WORDS = {TABLES: "compensation tables", ERRORS: "errors of a machine"}
@@ -58,15 +64,23 @@ def exchange(wish: ExchangeOptions, measured: CompensationTable | None, *, as_js
             "E-EXCHANGE-KIND", str(wish.source), source=wish.source.name, found=WORDS[found], to=wish.to,
             wanted=WORDS[role],
         )  # fmt: skip
-    text, rows, largest = _errors(wish, content) if isinstance(content, ErrorSet) else _tables(wish, content, wish.form)
+    if isinstance(content, ErrorSet):
+        notes: tuple[str, ...] = ()
+        text, rows, largest = _errors(wish, content)
+    else:
+        notes = doubts(content)
+        text, rows, largest = _tables(wish, content, _form_of(wish))
     write_text(wish.output, text, force=wish.force)
     if as_json:
-        show_json({"file": str(wish.output), "format": wish.to, "rows": rows, "rounding": largest})
+        told = {"rows": rows, "rounding": largest, "notes": list(notes)}
+        show_json({"file": str(wish.output), "format": wish.to, **told})
         return
     unit = (
         "µm or arcsec" if isinstance(content, ErrorSet) else {"um": "µm", "arcsec": "arcsec"}[content[0].deviation_unit]
     )
     echo(f"{wish.output}: {wish.to}, {rows} points; read back, the largest difference is {largest:.4f} {unit}")
+    for note in notes:
+        echo(f"note: {note}", colour="yellow")
     if not isinstance(content, ErrorSet) and largest > ROUNDED:
         _finer(wish, content, largest, unit)
     echo("the comments of the file say unit and sign; next: prove the sign on the machine before you use the file")
@@ -113,12 +127,19 @@ def _read(driver: Any, text: str, wish: ExchangeOptions) -> tuple[CompensationTa
     return found
 
 
+def _form_of(wish: ExchangeOptions) -> str:
+    """The form to write: one word may name the form of the file that is read instead."""
+    both = [registry.load(name, TABLES)().forms for name in (wish.origin, wish.to) if name in registry.known(TABLES)]
+    return "" if len(both) == 2 and wish.form in both[0] and wish.form not in both[1] else wish.form
+
+
 def _text(path: Path) -> str:
-    """Raises ConfigError (E-CLI-READ)."""
-    try:
-        return table_data(path).decode("utf-8-sig")
-    except UnicodeDecodeError as error:
-        raise ConfigError("E-CLI-READ", str(path), why="it is no text in UTF-8") from error
+    """Text in whatever encoding a spreadsheet program saves. Raises ConfigError (E-CLI-READ), FileFormatError."""
+    data = table_data(path)
+    text = decode(data, SHEETS, str(path)) if not data.startswith(ZIPPED) else "\0"
+    if "\0" in text:
+        raise FileFormatError("E-EXCHANGE-NO-TEXT", str(path))
+    return text
 
 
 def _of_axis(tables: Sequence[CompensationTable], wish: ExchangeOptions) -> tuple[CompensationTable, ...]:

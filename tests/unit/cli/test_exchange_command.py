@@ -86,6 +86,47 @@ def test_what_cannot_be_is_refused_and_nothing_is_written(tmp_path: Path) -> Non
     assert not out.exists()
 
 
+SHEET = (
+    "kind,output_axis,input_axis,input_unit,deviation_unit,modulo,direction,position,deviation,deviation_reverse\n"
+    "axis,X,X,mm,µm,0,0,0,0,-8\naxis,X,X,mm,µm,0,0,25,{typed},-6\naxis,X,X,mm,µm,0,0,50,5,-4\n"
+)
+TO_SCREW = ("--from", "table-csv", "--to", "linuxcnc", "--axis", "X", "-o")
+
+
+@pytest.mark.parametrize("encoding", ["utf-8-sig", "utf-16", "utf-16-le", "cp1252"])
+def test_a_sheet_is_read_in_every_encoding_that_spreadsheets_save(tmp_path: Path, encoding: str) -> None:
+    sheet = tmp_path / "x.csv"
+    sheet.write_text(SHEET.format(typed=2), encoding=encoding)
+    assert "note:" not in typed("convert", sheet, *TO_SCREW, tmp_path / "x.comp")
+    assert (tmp_path / "x.comp").read_text().splitlines()[1].split() == ["25.000000000", "-0.002000000", "0.006000000"]
+
+
+def test_a_workbook_under_another_name_is_told_as_one(tmp_path: Path) -> None:
+    (tmp_path / "x.csv").write_bytes(b"PK\3\4 and what else a workbook holds")
+    assert refused("convert", tmp_path / "x.csv", *TO_SCREW, tmp_path / "x.comp").code == "E-EXCHANGE-NO-TEXT"
+
+
+def test_numbers_that_no_axis_has_are_refused_and_unlikely_ones_told(tmp_path: Path) -> None:
+    sheet, screw = tmp_path / "x.csv", tmp_path / "x.comp"
+    sheet.write_text(SHEET.format(typed=5000))
+    assert refused("convert", sheet, *TO_SCREW, screw).code == "E-EXCHANGE-LARGE"
+    assert not screw.exists()
+    sheet.write_text(SHEET.format(typed=50))
+    assert "changes by 50 µm between 0 and 25 mm" in typed("convert", sheet, *TO_SCREW, screw)
+    sheet.write_text(SHEET.format(typed=290))
+    assert "at 25 mm: 290 µm is much for an axis" in typed("convert", sheet, *TO_SCREW, screw, "--force")
+
+
+def test_a_screw_file_of_positions_comes_back_and_is_not_taken_for_one_of_trims(tmp_path: Path) -> None:
+    sheet, screw, again = (tmp_path / name for name in ("x.csv", "x.comp", "again.csv"))
+    sheet.write_text(SHEET.format(typed=2))
+    typed("convert", sheet, *TO_SCREW, screw, "--form", "positions")
+    back = ("convert", screw, "--from", "linuxcnc", "--to", "table-csv", "--axis", "X", "-o", again)
+    assert refused(*back).code == "E-EXCHANGE-LARGE"
+    typed(*back, "--form", "positions")
+    assert "axis,X,X,mm,um,0,0,25.0,2.0,-6.0" in again.read_text().splitlines()
+
+
 def test_fitted_errors_stand_at_their_positions_with_what_is_not_known() -> None:
     line = Component(
         "EXX",

@@ -20,7 +20,7 @@ from drivers.files.pos import parse_pos
 from drivers.files.rtl import measured_set
 from drivers.files.rtltext import RtlText, parse, render
 from drivers.files.rtx import RtxHead, read_head
-from drivers.files.text import decode
+from drivers.local.letters import decode
 from drivers.types.gears import GearInspection
 from drivers.types.results import MeasuredSet
 from tests.sizes import soak

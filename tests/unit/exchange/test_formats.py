@@ -248,7 +248,9 @@ BAD = {
     "no direction": ("table-csv", TYPED.replace(",0,0,", ",0,up,"), "E-EXCHANGE-WORD"),
     "no modulo": ("table-csv", TYPED.replace(",0,0,", ",no,0,"), "E-EXCHANGE-WORD"),
     "comma in commas": ("table-csv", TYPED.replace("2.5", "2,5"), "E-EXCHANGE-WIDTH"),
-    "half a column": ("table-csv", TYPED.replace("-6.0", ""), "E-EXCHANGE-NUMBER"),
+    "half a column": ("table-csv", TYPED.replace("-6.0", ""), "E-EXCHANGE-EMPTY"),
+    "deg and um": ("table-csv", TYPED.replace(",mm,", ",deg,"), "E-EXCHANGE-OWN"),
+    "own over another": ("table-csv", TYPED.replace("axis,X,X", "axis,X,Y"), "E-EXCHANGE-OWN"),
 }
 
 

@@ -1,0 +1,45 @@
+"""Bytes that name no encoding to text: byte order mark, else UTF-16 by its look, else UTF-8, else a code page."""
+
+from __future__ import annotations
+
+import codecs
+
+from drivers.errors import FileFormatError
+
+MARKS = (
+    (codecs.BOM_UTF8, "utf-8-sig"),
+    (codecs.BOM_UTF16_LE, "utf-16"),
+    (codecs.BOM_UTF16_BE, "utf-16"),
+)
+SAMPLE, MOSTLY = 400, 0.7
+
+
+def decode(data: bytes, codepage: str, where: str) -> str:
+    """Text of a file that names no encoding. Raises FileFormatError (E-FILE-ENCODING)."""
+    for mark, encoding in MARKS:
+        if data.startswith(mark):
+            return _decode(data, encoding, where)
+    wide = _unmarked(data)
+    if wide:
+        return _decode(data, wide, where)
+    try:
+        return data.decode("utf-8")
+    except UnicodeDecodeError:
+        return _decode(data, codepage, where)
+
+
+def _unmarked(data: bytes) -> str:
+    """UTF-16 without its mark, by the empty half of nearly every letter; "" for any other text."""
+    head = data[:SAMPLE]
+    halves = head[0::2], head[1::2]
+    empty = [half.count(0) / len(half) if half else 0.0 for half in halves]
+    if len(data) % 2 or abs(empty[0] - empty[1]) < MOSTLY:
+        return ""
+    return "utf-16-be" if empty[0] > empty[1] else "utf-16-le"
+
+
+def _decode(data: bytes, encoding: str, where: str) -> str:
+    try:
+        return data.decode(encoding)
+    except (UnicodeDecodeError, LookupError) as error:
+        raise FileFormatError("E-FILE-ENCODING", where, encoding=encoding, why=str(error)) from error
