@@ -31,12 +31,13 @@ class ToCarry(BaseException):
 class PieceOfWork:
     """What the files are carried for. ``name`` is the same each time it is begun again; "" for what is done in one go.
 
-    ``start``: "fresh" refuses while other work waits for its files, "go-on" takes up what waits under its own name,
-    "instead" sets aside whatever waits. ``ends``: it ends with `ToCarry`; else it waits for the files.
+    ``start``: "fresh" refuses while other work waits for its files, "go-on" takes up what waits under its own name, or
+    begins, "resume" takes it up and never begins, "instead" sets aside whatever waits. ``ends``: it ends with
+    `ToCarry`; else it waits for the files.
     """
 
     name: str = ""
-    start: Literal["fresh", "go-on", "instead"] = "fresh"
+    start: Literal["fresh", "go-on", "resume", "instead"] = "fresh"
     ends: bool = False
 
 

@@ -60,7 +60,8 @@ def way_of(*, offline: bool, resume: bool) -> Iterator[None]:
 def carried_for(folder: RunFolder, driver: str, *, apply: bool) -> Iterator[None]:
     """The piece of work of a push of this run; as on the wire where nobody asked for files.
 
-    Raises ConfigError: E-OFF-ROAD where the control has a wire, E-OFF-APPLY where nothing is to be written.
+    Raises ConfigError: E-OFF-ROAD where the control has a wire, E-OFF-APPLY where nothing is to be written. What is
+    resumed and was never begun, or has ended, is refused when the control is opened.
     """
     way = _way.get()
     if not way:
@@ -70,16 +71,20 @@ def carried_for(folder: RunFolder, driver: str, *, apply: bool) -> Iterator[None
         raise ConfigError("E-OFF-ROAD", "--offline", driver=driver)
     if not apply:
         raise ConfigError("E-OFF-APPLY", "--offline")
-    with carrying(PieceOfWork(f"push {folder.run_id}", "go-on" if way == "resume" else "fresh", ends=True)):
+    again: Literal["go-on", "resume"] = "go-on" if _waits(folder) else "resume"
+    with carrying(PieceOfWork(f"push {folder.run_id}", again if way == "resume" else "fresh", ends=True)):
         yield
 
 
 def going_on(at: Bench) -> CarriedPush | None:
     """The push of this run that waits for its files; None where none has begun, or this is none by files."""
-    if _way.get() != "resume" or not at.folder.has(stages.CARRIED):
-        return None
-    found = at.folder.get(stages.CARRIED, CarriedPush)
-    return None if found.over else found
+    return _waits(at.folder) if _way.get() == "resume" else None
+
+
+def _waits(folder: RunFolder) -> CarriedPush | None:
+    """The push of a run that was begun and has not ended."""
+    found = folder.get(stages.CARRIED, CarriedPush) if folder.has(stages.CARRIED) else None
+    return None if found is None or found.over else found
 
 
 def begun(at: Bench, approvals: Mapping[str, Taken]) -> CarriedPush | None:

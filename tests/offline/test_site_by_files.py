@@ -115,6 +115,8 @@ def test_a_table_goes_in_by_files_and_comes_out_again(tmp_path: Path) -> None:
         before = site.cell.figures("C1")["M"]
         outcome, ways = await site.pushed(folder)
         assert ways == 4
+        with pytest.raises(DevicesFailed, match="E-OFF-NOTHING"):
+            await site.push(folder, resume=True)
         change = folder.get(stages.PROPOSAL, Proposal).changes[0]
         assert folder.facts["stages"][stages.push(change.name)]
         assert site.cell.figures("C1")["M"] < 0.7 * before
@@ -139,6 +141,8 @@ def test_what_waits_for_its_files_is_not_begun_twice(tmp_path: Path) -> None:
         folder = await site.proposed()
         site.proved()
         await site.tested()
+        with pytest.raises(DevicesFailed, match="E-OFF-NOTHING"):
+            await site.push(folder, resume=True)
         with pytest.raises(ToCarry):
             await site.push(folder, resume=False)
         for again in (site.push(folder, resume=False), site.proposed()):
