@@ -28,6 +28,11 @@ class LeftFinding:
     still_on: ClassVar[bool] = False
 
     @property
+    def stands(self) -> bool:
+        """Whether it was asked to end and is still there: a person at the control ends it."""
+        return self.after is not None and not self.after.clear
+
+    @property
     def words(self) -> str:
         """The finding as people read it."""
         return self.found.words if self.after is None else self.after.words

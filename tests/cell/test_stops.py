@@ -11,6 +11,9 @@ from pathlib import Path
 import pytest
 
 from drivers.clock import run_virtual
+from gateway.errors import RollbackFailed
+from gateway.push.undo import recovery
+from gateway.push.undo.restoring import hold
 from tests import attacks
 from tests.cell.stops import ACTIVE, RESET, Killing, Moment, Shop, cleared, come, shop, stopped, table_of
 
@@ -201,3 +204,22 @@ def test_kills_at_thirty_moments(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     found = kills(tmp_path, moments(30, seed), Killing(monkeypatch))
     print(dict(found))
     assert sum(found.values()) == 30
+
+
+@pytest.mark.long
+def test_a_recovery_that_leaves_the_old_table_out_ends_as_a_failure(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Held is no success, though all is off; where the way back works again, the next recovery takes it."""
+
+    async def main() -> None:
+        async with shop(tmp_path) as at:
+            await stopped(at, at.work(), "between the halves", lambda: None)
+            with monkeypatch.context() as patch:
+                patch.setattr(recovery, "roll_back", hold)
+                with pytest.raises(RollbackFailed) as caught:
+                    await at.recovery(apply=True)
+            assert (caught.value.code, caught.value.exit_code) == ("E-PUSH-HELD", 9)
+            assert await cleared(at) == []
+
+    run_virtual(main)

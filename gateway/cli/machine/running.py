@@ -9,7 +9,7 @@ from typing import Any
 import typer
 
 from drivers.clock import Clock, LoopClock
-from drivers.errors import words
+from drivers.errors import DeviceError, words
 from gateway.cli import voice
 from gateway.cli.onward import after_look, after_run, consent, next_step
 from gateway.cli.options import load_site
@@ -105,9 +105,12 @@ def recover_command(site: Path, apply: bool, machine: str, *, take: str = "", as
         raise typer.Exit(StillOn.exit_code)
     if not findings and not as_json:
         echo(f"{tree.site.name}: no push was left unfinished, and nothing of ours is left in the control")
+    stands = any(finding.stands for finding in findings)
     if not as_json:
-        undone = bool(findings) and not apply
+        undone = stands or (bool(findings) and not apply)
         next_step(f"recover {site} --apply --machine {tree.site.name}" if undone else f"verify-table {site}")
+    if stands:
+        raise typer.Exit(DeviceError.exit_code)
 
 
 def _counted(details: tuple[str, ...]) -> tuple[str, ...]:

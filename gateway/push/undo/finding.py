@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, ClassVar, Literal
 
 from drivers.errors import words
 from drivers.types.abilities import Marker
@@ -41,6 +41,7 @@ class PushFinding:
     backup: str
     difference: tuple[str, ...] = ()
     still_on: bool = False
+    stands: ClassVar[bool] = False
 
     @property
     def words(self) -> str:

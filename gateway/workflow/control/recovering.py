@@ -25,6 +25,8 @@ from gateway.workflow.control.contexts import push_context, table_context
 from gateway.workflow.leaving import LeftFinding, clear
 from gateway.workflow.witness import Witness
 
+HELD = ("held-on", "held")
+
 
 async def recover_site(
     site: SiteFile, site_path: Path, *, apply: bool, machine_name: str, clock: Clock, say: Say
@@ -34,27 +36,26 @@ async def recover_site(
     With `apply` what each finding offers is carried out; a program that stands until a person presses keeps the rest.
 
     Looking reads the live tables and changes none. A journal that cannot be believed is told and left alone. The
-    findings with something still on come first. Raises WriteRefused when nothing is offered, StillOn
-    (E-PUSH-HELD-ON) when what was carried out left something on.
+    findings with something still on come first. Raises WriteRefused when nothing is offered; where the old table did
+    not come back StillOn (E-PUSH-HELD-ON) or, once all is off, RollbackFailed (E-PUSH-HELD).
     """
     check_name(site, apply, machine_name)
     with run_or_look(site, site_path, "recovering", look=not apply) as folder:
         async with bench(site, site_path, folder=folder, clock=clock, say=say, instruments=()) as at:
-            findings, left_on = await _all(at, apply=apply)
+            findings, held = await _all(at, apply=apply)
             if not apply:
                 looked(at, "recover", found=len(findings))
-        folder.set_state("held-on" if left_on else "recovered")
-    for record in left_on:
-        failure = outcome_error(record)
-        if failure is not None:
-            raise failure
+        folder.set_state(held[0].outcome if held else "recovered")
+    failure = outcome_error(held[0]) if held else None
+    if failure is not None:
+        raise failure
     return tuple(sorted(findings, key=lambda finding: not finding.still_on))
 
 
 async def _all(at: Bench, *, apply: bool) -> tuple[list[PushFinding | LeftFinding], list[PushRecord]]:
-    """What is found, and what of it is still on after it was carried out."""
+    """What is found, and what of it did not go back to the old table, what is still on first."""
     findings: list[PushFinding | LeftFinding] = []
-    left_on: list[PushRecord] = []
+    held: list[PushRecord] = []
     left, may_write = at.supervisor.left, apply
     if not left.clear:
         findings.append(told := await _left(at, left, apply=apply))
@@ -66,8 +67,8 @@ async def _all(at: Bench, *, apply: bool) -> tuple[list[PushFinding | LeftFindin
     for found in unfinished(at.store.root / JOURNALS, at.machine.serial, begun):
         finding, record = await _one(at, found, apply=may_write)
         findings.append(finding)
-        left_on += [record] if record is not None and record.outcome == "held-on" else []
-    return findings, left_on
+        held += [record] if record is not None and record.outcome in HELD else []
+    return findings, sorted(held, key=lambda record: HELD.index(record.outcome))
 
 
 async def _left(at: Bench, found: LeftOver, *, apply: bool) -> LeftFinding:
