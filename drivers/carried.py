@@ -40,6 +40,12 @@ class PieceOfWork:
     start: Literal["fresh", "go-on", "resume", "instead"] = "fresh"
     ends: bool = False
 
+    def refused(self, waits: str | None) -> str:
+        """The code that speaks against it, "" for none, where ``waits`` waits for its files (None: nothing does)."""
+        if waits is None:
+            return "E-OFF-NOTHING" if self.start == "resume" else ""
+        return "" if waits == self.name and self.start in ("go-on", "resume") else "E-OFF-BEGUN"
+
 
 _IN_ONE_GO = PieceOfWork()
 _work: ContextVar[PieceOfWork] = ContextVar("piece of work", default=_IN_ONE_GO)

@@ -153,6 +153,10 @@ WHOLLY_LONG = {
         "test_switches.py",
         "test_ways_of_one_control_are_told_apart_and_nothing_else_is",
     ): "test_leniencies_that_reading_alone_can_tell_are_named",
+    (
+        "test_stops.py",
+        "test_a_recovery_that_leaves_the_old_table_out_ends_as_a_failure",
+    ): "test_recovery_switches_off_and_then_restores_however_often_it_was_tried",
     ("test_wire.py", "test_the_gateway_killed_in_the_middle_of_a_push"): "test_killed_in_a_fresh_process",
     (
         "test_site_by_files.py",

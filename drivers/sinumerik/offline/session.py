@@ -65,9 +65,8 @@ class CarriedSession(UaSession):
     async def open(self, secrets: Secrets, timeout_s: float, writing: Secrets | None = None) -> None:
         """From the beginning of the work under way; nobody logs in.
 
-        Raises ToCarry where the control was never seen; DeviceRefused: E-OFF-BEGUN while other work waits for its
-        files, E-OFF-NOTHING where none waits that could be gone on with; ConfigError (E-OFF-NONE, E-OFF-FOLDER),
-        FileFormatError.
+        Raises ToCarry where the control was never seen, DeviceRefused (E-OFF-BEGUN, E-OFF-NOTHING) for other work than
+        waits for its files, ConfigError (E-OFF-NONE, E-OFF-FOLDER), FileFormatError.
         """
         del secrets, timeout_s, writing
         self._folder.prepare()
@@ -88,10 +87,8 @@ class CarriedSession(UaSession):
         if work.start == "instead" or (waits is not None and not waits and not work.ends):
             unseen = any(not step.answered for step in self._folder.steps())
             self._folder.conclude(self._folder.newest())
-        elif waits is not None and not (waits == work.name and work.start in ("go-on", "resume")):
-            raise DeviceRefused("E-OFF-BEGUN", self._where, what=waits or "another command")
-        elif waits is None and work.start == "resume":
-            raise DeviceRefused("E-OFF-NOTHING", self._where, what=work.name)
+        elif code := work.refused(waits):
+            raise DeviceRefused(code, self._where, what=work.name if waits is None else waits or "another command")
         self._folder.call(work.name)
         return unseen
 
