@@ -9,6 +9,7 @@ import ssl
 from collections import deque
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, nullcontext
+from functools import partial
 from ipaddress import ip_address
 from pathlib import Path
 from typing import Any
@@ -17,6 +18,7 @@ import uvicorn
 from uvicorn.protocols.http.h11_impl import H11Protocol
 
 from drivers.errors import ConfigError
+from gateway.daemon.handshakes import Handshakes
 
 GRACE_S = 2
 HEAD_S = 5.0
@@ -122,11 +124,12 @@ class InTime(H11Protocol):
 class Entrance(socket.socket):
     """Takes a bounded number of callers in a turn of the loop, and answers at once whom ``answer`` refuses.
 
-    ``answer`` gets what a caller has sent so far and its address; b"" lets it in. Over TLS nothing can be read here.
-    A loop that does not call `accept` (Windows) lets all in, and they are refused when they ask.
+    ``answer`` gets what a caller has sent so far and its address; b"" lets it in. Over TLS nothing can be read here:
+    ``enter`` gets every caller. A loop that does not call `accept` (Windows) lets all in: refused when they ask.
     """
 
     answer: Callable[[bytes, str], bytes] = staticmethod(lambda _data, _address: b"")
+    enter: Callable[[socket.socket], None] | None = None
     _left = AT_ONCE
 
     def accept(self) -> tuple[socket.socket, Any]:
@@ -136,7 +139,9 @@ class Entrance(socket.socket):
                 self._left -= 1
                 caller, address = super().accept()
                 caller.setblocking(False)
-                if not self._is_refused(caller, str(address[0])):
+                if self.enter is not None:
+                    self.enter(caller)
+                elif not self._is_refused(caller, str(address[0])):
                     return caller, address
             raise BlockingIOError
         except OSError:
@@ -163,6 +168,7 @@ class PageServer(uvicorn.Server):
     def __init__(self, config: uvicorn.Config, waiting: InTurn) -> None:
         super().__init__(config)
         self._waiting = waiting
+        self._handshakes: Handshakes | None = None
         self.listening = asyncio.Event()
 
     def capture_signals(self) -> nullcontext[None]:  # type: ignore[override]
@@ -173,10 +179,26 @@ class PageServer(uvicorn.Server):
         """Start as usual, then say so."""
         await super().startup(sockets)
         for one in sockets or ():
-            if isinstance(one, Entrance) and not self.config.is_ssl:
+            if isinstance(one, Entrance) and (context := self.config.ssl) is not None:
+                one.enter = self._before_tls(context).enter
+            elif isinstance(one, Entrance):
                 one.answer = self._waiting.answer
             one.listen(BACKLOG)  # the loop takes few at a time; those that wait their turn wait here
         self.listening.set()
+
+    def _before_tls(self, context: ssl.SSLContext) -> Handshakes:
+        given = {"config": self.config, "server_state": self.server_state, "app_state": self.lifespan.state}
+        protocol = partial(self.config.http_protocol_class, **given)
+        self._handshakes = Handshakes(protocol, context, patience_s=HEAD_S, grace_s=GRACE_S)
+        return self._handshakes
+
+    async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
+        """End as usual; who has not been let in yet is hung up on first."""
+        if self._handshakes is not None:
+            for server in self.servers:
+                server.close()
+            await self._handshakes.end()
+        await super().shutdown(sockets)
 
 
 def server_of(

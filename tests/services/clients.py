@@ -1,6 +1,6 @@
 """Clients of a service in a process of their own: half-open connections, streams, crowds; prints what they met as JSON.
 
-`python clients.py PORT TOKEN SITE HALF CROWD STREAMS SECONDS`; nothing of ours is imported, so time is the wall's.
+`python clients.py PORT TOKEN SITE HALF CROWD STREAMS SECONDS [tls]`; nothing of ours is imported: time is the wall's.
 """
 # ruff: noqa: TID251
 
@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import asyncio
 import json
+import ssl
 import sys
 import time
 from contextlib import suppress
@@ -15,6 +16,9 @@ from pathlib import Path
 
 PORT, TOKEN, SITE = int(sys.argv[1]), sys.argv[2], sys.argv[3]
 HALF, CROWD, STREAMS, SECONDS = (int(word) for word in sys.argv[4:8])
+TLS = ssl.create_default_context() if sys.argv[8:] == ["tls"] else None
+if TLS is not None:
+    TLS.check_hostname, TLS.verify_mode = False, ssl.CERT_NONE
 HEAD = f"Host: 127.0.0.1:{PORT}\r\nAuthorization: Bearer {TOKEN}\r\nConnection: close\r\n\r\n"
 
 
@@ -23,7 +27,7 @@ async def ask(path: str, seconds: float = 60.0) -> tuple[int, float]:
     begun = time.perf_counter()
     status = 0
     with suppress(OSError, ValueError, IndexError):
-        reader, writer = await asyncio.open_connection("127.0.0.1", PORT)
+        reader, writer = await asyncio.open_connection("127.0.0.1", PORT, ssl=TLS)
         writer.write(f"GET {path} HTTP/1.1\r\n{HEAD}".encode())
         line = await reader.readline()
         status = int(line.split()[1])
@@ -33,11 +37,11 @@ async def ask(path: str, seconds: float = 60.0) -> tuple[int, float]:
 
 
 async def half_open() -> float:
-    """Begins a head and never ends it: how long it was borne, s."""
+    """Begins a head (over TLS: a handshake) and never ends it: how long it was borne, s."""
     begun = time.perf_counter()
     with suppress(OSError):
         reader, writer = await asyncio.open_connection("127.0.0.1", PORT)
-        writer.write(b"GET /healthz HT")
+        writer.write(b"\x16\x03\x01" if TLS else b"GET /healthz HT")
         await reader.read()
         writer.close()
     return time.perf_counter() - begun

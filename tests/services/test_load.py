@@ -22,7 +22,7 @@ from gateway.broker.token import token_path
 from gateway.daemon.served import ServedPlace
 from gateway.live import onlooker
 from gateway.say import Say
-from tests.unit.web.test_daemon import SITE, served
+from tests.unit.web.test_daemon import SECURE, SITE, certificate, served
 
 pytestmark = [
     pytest.mark.services,
@@ -52,8 +52,9 @@ async def bridge(seconds: int) -> AsyncIterator[int]:
         await child.wait()
 
 
-async def clients(port: int, token: str, *numbers: int) -> dict[str, Any]:
-    words = [sys.executable, str(CLIENTS), str(port), token, "hall-3", *map(str, numbers)]
+async def clients(url: httpx.URL, token: str, *numbers: int) -> dict[str, Any]:
+    tls = ["tls"] if url.scheme == "https" else []
+    words = [sys.executable, str(CLIENTS), str(url.port), token, "hall-3", *map(str, numbers), *tls]
     child = await asyncio.create_subprocess_exec(*words, stdout=subprocess.PIPE)
     out, _err = await child.communicate()
     found: dict[str, Any] = json.loads(out)
@@ -90,7 +91,9 @@ def own_s(probe: tuple[float, float, float], idle: list[tuple[float, float]]) ->
     return took - waited_there - (after - before)
 
 
-def captured(folder: Path, monkeypatch: pytest.MonkeyPatch, numbers: tuple[int, int, int], seconds: int) -> Any:
+def captured(
+    folder: Path, monkeypatch: pytest.MonkeyPatch, numbers: tuple[int, int, int], seconds: int, *, secure: bool = False
+) -> Any:
     """What clients met while a capture went on, and what it got: (clients, samples, lost, latest lags)."""
     met: dict[str, Any] = {"samples": 0, "lost": 0, "lag": [], "idle": []}
     places: list[ServedPlace] = []
@@ -126,8 +129,8 @@ def captured(folder: Path, monkeypatch: pytest.MonkeyPatch, numbers: tuple[int, 
 
         token = token_path(folder).read_text(encoding="ascii").strip()
         lags = asyncio.create_task(lag(met["lag"], met["idle"]))
-        crowd = asyncio.create_task(clients(client.base_url.port or 0, token, *numbers, seconds - 2))
-        probe = asyncio.create_task(clients(client.base_url.port or 0, token, 0, 0, 0, seconds - 2))
+        crowd = asyncio.create_task(clients(client.base_url, token, *numbers, seconds - 2))
+        probe = asyncio.create_task(clients(client.base_url, token, 0, 0, 0, seconds - 2))
         places[0].begin(work, kind="run", who="anna")
         met["clients"] = await crowd
         probed = await probe
@@ -136,7 +139,10 @@ def captured(folder: Path, monkeypatch: pytest.MonkeyPatch, numbers: tuple[int, 
         lags.cancel()
         await asyncio.gather(lags, return_exceptions=True)
 
-    served(folder, body)
+    if secure:
+        served(folder, body, site=SECURE, trust=certificate(folder))
+    else:
+        served(folder, body)
     met["health_s"] = sorted(own_s(tuple(one), met["idle"]) for one in met["probes"])
     return met
 
@@ -164,6 +170,18 @@ def test_a_crowd_and_half_open_connections_hold_up_neither_health_nor_capture(
     assert found["borne_s"][2] < 60.0, "and each in the end"
     assert sum(found["crowd"].values()) == 2000
     assert set(found["crowd"]) <= {"200", "429", "503"}
+
+
+def test_over_tls_a_crowd_holds_up_neither_health_nor_capture(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    met = captured(tmp_path, monkeypatch, (1000, 2000, 0), 12, secure=True)
+    said = told(met)
+    found = met["clients"]
+    assert (met["samples"], met["lost"]) == (12 * RATE, 0)
+    assert found["health"] == [200]
+    assert met["health_s"][-1] < 1.0, said
+    assert found["borne_s"][2] < 15.0, "what is no handshake is ended: in a crowd at once, else within 5 s"
+    assert sum(found["crowd"].values()) == 2000
+    assert set(found["crowd"]) <= {"0", "200", "429", "503"}, "0: hung up on before its handshake"
 
 
 def test_eight_pages_on_a_50_khz_capture_lose_no_sample_and_hold_up_nothing(

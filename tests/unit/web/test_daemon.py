@@ -348,27 +348,29 @@ async def nothing_wrong(_say: Say) -> object:
     return None
 
 
-def serving(folder: Path, devices: Callable[[], Devices] = Devices) -> Serving:
-    return Serving(SITE, folder / "site.toml", Store(folder), devices, nothing_wrong)
+def serving(folder: Path, devices: Callable[[], Devices] = Devices, site: SiteFile = SITE) -> Serving:
+    return Serving(site, folder / "site.toml", Store(folder), devices, nothing_wrong)
 
 
 def served(
     folder: Path,
     body: Callable[[httpx.AsyncClient, asyncio.Event], Awaitable[None]],
     devices: Devices | None = None,
+    site: SiteFile = SITE,
+    trust: ssl.SSLContext | bool = True,
 ) -> float:
     """Serve on a free port, do `body`, stop; returns how long the stop took in seconds."""
 
     async def main() -> float:
         loop = asyncio.get_running_loop()
         stop, url = asyncio.Event(), loop.create_future()
-        one = serving(folder, lambda: devices or Devices())
+        one = serving(folder, lambda: devices or Devices(), site)
         daemon = asyncio.create_task(serve([one], clock=LoopClock(), stop=stop, port=0, ready=url.set_result))
         await asyncio.wait((daemon, url), return_when=asyncio.FIRST_COMPLETED)
         if daemon.done():
             await daemon
         bearer = {"Authorization": f"Bearer {token_path(folder).read_text(encoding='ascii').strip()}"}
-        async with httpx.AsyncClient(base_url=url.result(), trust_env=False, headers=bearer) as client:
+        async with httpx.AsyncClient(base_url=url.result(), trust_env=False, headers=bearer, verify=trust) as client:
             await body(client, stop)
             begun = loop.time()
             stop.set()
@@ -508,6 +510,11 @@ def test_a_second_daemon_on_the_same_store_is_refused_with_the_pid(tmp_path: Pat
     served(tmp_path, body)
 
 
+SECURE = SITE.model_copy(
+    update={"service": ServiceSection(certificate=Path("gateway.pem"), key=Path("key.pem"), hosts=("gateway.hall",))}
+)
+
+
 def certificate(folder: Path) -> ssl.SSLContext:
     """A certificate of 127.0.0.1 and its key in a folder; who trusts it alone."""
     key = ec.generate_private_key(ec.SECP256R1())
@@ -527,11 +534,7 @@ def certificate(folder: Path) -> ssl.SSLContext:
 
 def test_with_a_certificate_it_is_served_over_tls_alone_and_its_cookie_is_secure(tmp_path: Path) -> None:
     trust = certificate(tmp_path)
-    secure = SITE.model_copy(
-        update={
-            "service": ServiceSection(certificate=Path("gateway.pem"), key=Path("key.pem"), hosts=("gateway.hall",))
-        }
-    )
+    secure = SECURE
 
     async def main() -> None:
         loop = asyncio.get_running_loop()
@@ -559,6 +562,22 @@ def test_with_a_certificate_it_is_served_over_tls_alone_and_its_cookie_is_secure
         await daemon
 
     asyncio.run(main())
+
+
+def test_over_tls_a_handshake_that_does_not_come_is_ended(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(listening, "HEAD_S", 0.5)
+
+    async def body(client: httpx.AsyncClient, _stop: asyncio.Event) -> None:
+        halves = [await asyncio.open_connection("127.0.0.1", client.base_url.port) for _one in range(20)]
+        for _reader, writer in halves[::2]:
+            writer.write(b"\x16\x03\x01")
+        assert (await client.get("/healthz")).status_code == 200
+        for reader, writer in halves:
+            with contextlib.suppress(ConnectionError):
+                assert await reader.read() == b""
+            writer.close()
+
+    assert served(tmp_path, body, site=SECURE, trust=certificate(tmp_path)) < 3.0
 
 
 async def test_a_certificate_that_cannot_be_used_is_a_message(tmp_path: Path) -> None:
