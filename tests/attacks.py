@@ -32,6 +32,9 @@ What this does not prove: the simulated control is a reading of manuals. No real
 """
 
 
+BY_HAND = "\n## "
+"""What stands on the page from here on is no count of attacks."""
+
 # What the judge of the pushes says of a wrong table (`tests/push/oracle.py`); all else that is wrong is a word.
 WRONG_TABLE = ("neither the old nor the new table", "a torn table")
 
@@ -108,7 +111,7 @@ def _row(family: str, road: str, one: Count) -> str:
 
 
 def main(folder: str, target: str, command: str) -> int:
-    """Write the page; 1 where anything was wrong or nothing was counted."""
+    """Write the page, and leave what was measured by hand below it; 1 where anything was wrong or nothing counted."""
     counts = added(Path(folder))
     told = {
         "date": datetime.now(UTC).date().isoformat(),
@@ -116,7 +119,10 @@ def main(folder: str, target: str, command: str) -> int:
         "version": metadata.version("trueflank"),
         "command": command,
     }
-    Path(target).write_text(page(counts, told), encoding="utf-8")
+    place = Path(target)
+    before = place.read_text(encoding="utf-8") if place.exists() else ""
+    by_hand = before[before.index(BY_HAND) :] if BY_HAND in before else ""
+    place.write_text(page(counts, told) + by_hand, encoding="utf-8")
     print(f"{target}: {sum(one.tries for one in counts)} tries")
     return int(not counts or any(one.wrong_tables or one.false_words for one in counts))
 

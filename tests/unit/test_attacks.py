@@ -21,7 +21,11 @@ def test_counts_of_two_processes_become_one_row(tmp_path: Path, monkeypatch: pyt
         attacks.Count("line lost", "OPC UA", 1219, 1, 2),
         attacks.Count("line lost", "mailbox", 4, 0, 0),
     )
+    (tmp_path / "page.md").write_text("# Old\n\n| old | row |\n\n## The service\n\nBy hand.\n")
     assert attacks.main(str(tmp_path), str(tmp_path / "page.md"), "make attacks") == 1
+    text = (tmp_path / "page.md").read_text()
+    assert text.endswith("\n\n## The service\n\nBy hand.\n")
+    assert "| old |" not in text
     rows = (tmp_path / "page.md").read_text().splitlines()
     assert "| line lost | OPC UA | 1 219 | 1 | 2 |" in rows
     assert "| **all** |  | 1 223 | 1 | 2 |" in rows
