@@ -9,6 +9,7 @@ from typing import Annotated, Any
 import typer
 
 from drivers.errors import ConfigError, catalogue, words
+from gateway.cli.exits import of_verdicts
 from gateway.cli.onward import next_step
 from gateway.cli.options import JsonOption, load_site
 from gateway.cli.screen.telling import progress
@@ -167,10 +168,11 @@ def _facts(measured: Any) -> tuple[str, str]:
 def _make(found: Any, gathering: Any, said: Any, *, site: Path, connect: bool, language: str, as_json: bool) -> None:
     from drivers.clock import LoopClock
     from gateway.workflow.day.making import at_the_control, from_files, keep_day, keys_of, write_site
+    from gateway.workflow.results.conformity import data_of, line_of
 
     path = write_site(site, gathering.folder, found.setups)
     tree = load_site(path)
-    keys = keys_of(tree, found.setups)
+    keys, now = keys_of(tree, found.setups), LoopClock().utc()
     with progress(quiet=as_json, at=(tree, path)) as say:
         if connect:
 
@@ -179,19 +181,23 @@ def _make(found: Any, gathering: Any, said: Any, *, site: Path, connect: bool, l
 
             outcome = run_to_end(main())
         else:
-            outcome = from_files(tree, path, found.setups, folder=gathering, answers=said, say=say)
+            outcome = from_files(tree, path, found.setups, folder=gathering, answers=said, utc=now, say=say)
     data = _data(found, outcome)
     keep_day(outcome, data)
-    report = _report(outcome.run_folder, language)
+    report, judged = _report(outcome.run_folder, language)
+    code = of_verdicts([one.decision.verdict for one in judged])
     if as_json:
-        show_json({**data, "report": report, "setups": list(keys)})
-        return
+        show_json({**data, "report": report, "setups": list(keys), "conformity": [data_of(one) for one in judged]})
+        raise typer.Exit(code)
     _tell(outcome, report)
+    for one in judged:
+        say_line(line_of(one), 2)
     _onward(outcome, "" if connect else f"day {gathering.folder} --site {site} --connect")
+    raise typer.Exit(code)
 
 
-def _report(folder: Path, language: str) -> Mapping[str, object]:
-    """The run's report, and the calibration report where its library is there."""
+def _report(folder: Path, language: str) -> tuple[Mapping[str, object], Any]:
+    """The run's report and the calibration report, where its library is there; and the site's limits as decided."""
     from drivers.clock import LoopClock
     from gateway.store import RunFolder
     from gateway.workflow.results.reporting import material_of, write_report
@@ -202,10 +208,10 @@ def _report(folder: Path, language: str) -> Mapping[str, object]:
     try:
         from gateway.workflow.results.documenting import Told, with_told, write_document
     except ModuleNotFoundError as error:
-        return {**told, "missing": str(error.name)}
+        return {**told, "missing": str(error.name)}, material.judged
     made = write_document(with_told(material, Told(language=language)), folder, LoopClock().utc())
     run.adopt(*made.files)
-    return {**told, "number": made.number, "pdf": str(made.pdf)}
+    return {**told, "number": made.number, "pdf": str(made.pdf)}, material.judged
 
 
 def _data(found: Any, outcome: Any) -> dict[str, Any]:

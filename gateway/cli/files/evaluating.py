@@ -37,6 +37,7 @@ class EvaluationOptions:
     phase: str = ""
     tolerances: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     plot: Path | None = None
+    site: Path | None = None
 
     @property
     def recompensates(self) -> bool:
@@ -159,6 +160,7 @@ def _evaluate(item: Any, asked: EvaluationOptions, drawn: list[MeasuredFile]) ->
     from gateway.evaluate.behaviour.repetitions import out_of_line
     from gateway.evaluate.optics import corrections
     from gateway.evaluate.standards.registry import evaluate_by
+    from gateway.workflow.files.doubles import SAID, simulated_set
 
     measured, path = item.content, Path(item.label)
     if not isinstance(measured, MeasuredSet):
@@ -187,6 +189,8 @@ def _evaluate(item: Any, asked: EvaluationOptions, drawn: list[MeasuredFile]) ->
             *out_of_line(measured.targets, deviations, unit),
             *measured.warnings,
             *item.notes,
+            *_undecided(measured, asked),
+            *((SAID,) if simulated_set(measured) else ()),
         ],
         "supposed": list(supposed),
     }
@@ -194,8 +198,21 @@ def _evaluate(item: Any, asked: EvaluationOptions, drawn: list[MeasuredFile]) ->
 
 def _limits(measured: Any, asked: EvaluationOptions) -> dict[str, float]:
     """What was typed stands before the site's limits of this axis."""
-    own = asked.tolerances.get(asked.axis or measured.header.get("Axis", "").strip(), {})
-    return {**own, **asked.limits}
+    return {**asked.tolerances.get(_axis(measured, asked), {}), **asked.limits}
+
+
+def _axis(measured: Any, asked: EvaluationOptions) -> str:
+    return asked.axis or str(measured.header.get("Axis", "")).strip()
+
+
+def _undecided(measured: Any, asked: EvaluationOptions) -> tuple[str, ...]:
+    """Why a site that was named decides nothing of this file: silence would be taken for a pass."""
+    axis = _axis(measured, asked)
+    if not asked.site or axis in asked.tolerances:
+        return ()
+    known = ", ".join(asked.tolerances) or "none"
+    named = f"axis {axis}" if axis else "no axis, which --axis can name"
+    return (f"no tolerance of the site is decided: the file is of {named}; for this standard the site has: {known}",)
 
 
 def _deviations(measured: Any, asked: EvaluationOptions, path: Path) -> tuple[Any, Any]:

@@ -85,5 +85,6 @@ def evaluate(
         phase=phase,
         tolerances=tolerances_of(site, standard),
         plot=plot,
+        site=site,
     )
     evaluate_files(files or [], asked, as_json=as_json)

@@ -28,6 +28,8 @@ def with_conditions(capture: Capture, axis: AxisSection, site: SiteFile, stood: 
     One from a file has no feed and no dwell, and nobody knows where the other axes stood.
     """
     own = axis.measure.file is None
+    # A file's set-up names no instrument: what made it is the one that the site has for this axis.
+    usual = (one.measure.instrument for one in site.axes if one.name == axis.name)
     return replace(
         capture,
         conditions=Conditions(
@@ -37,7 +39,7 @@ def with_conditions(capture: Capture, axis: AxisSection, site: SiteFile, stood: 
             warm_up=site.report.warm_up,
             operator=site.report.operator,
             compensation=_acting(capture.live),
-            stated=stated(site, axis.measure.instrument),
+            stated=stated(site, axis.measure.instrument or next(usual, "")),
             stands=stood,
         ),
     )

@@ -7,6 +7,7 @@ import os
 import shutil
 from collections.abc import Sequence
 from dataclasses import dataclass
+from datetime import datetime
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +19,7 @@ from gateway.say import Say
 from gateway.store import RunFolder
 from gateway.store.disk import write_whole
 from gateway.workflow import stages
+from gateway.workflow.axes.conditions import tell_overdue
 from gateway.workflow.bench import new_run
 from gateway.workflow.day.answers import Answers
 from gateway.workflow.day.forecast import ToothForecast, forecast
@@ -27,12 +29,12 @@ from gateway.workflow.errors21.components import PlanOutcome, conclude, grids, m
 from gateway.workflow.errors21.filesetup import capture_of, read_setup
 from gateway.workflow.errors21.fromsetups import axes_measured
 from gateway.workflow.errors21.setups import Planned, key_of, planned
+from gateway.workflow.files.doubles import simulated_set
 from gateway.workflow.tooth.correcting import ToothOutcome, correct_site
 from gateway.workflow.tooth.proposal import work_of
 
 HEAD = "Made by `trueflank day` from {site} and the files of {folder}; the next `trueflank day` writes it anew."
 MARK = "# Made by `trueflank day`"
-DOUBLE = "simulated"
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,7 +66,7 @@ def write_site(site_path: Path, folder: Path, setups: Sequence[Placed], where: P
     names = {one["component"] for one in new}
     old = [one for one in tree.get("setups", ()) if (one.get("component"), one.get("axis")) not in taken]
     tree["setups"] = [*(one for one in old if one.get("source") != "none" or one["component"] not in names), *new]
-    if any(DOUBLE in text.lower() for one in setups for text in one.file.words.values()):
+    if any(one.file.measured is not None and simulated_set(one.file.measured) for one in setups):
         tree["site"] = {**tree["site"], "simulated": True}
     text = site_text(tree, HEAD.format(site=site_path.name, folder=folder.resolve().name))
     write_whole(path, text.encode())
@@ -94,13 +96,15 @@ def from_files(
     *,
     folder: DayFolder,
     answers: Answers,
+    utc: datetime,
     say: Say,
 ) -> DayOutcome:
     """Everything without a control: captures as the files have them, error model, forecast.
 
-    No table can be pushed from it, for nobody knows what compensated. Raises what reading and evaluating raise; the
-    run folder keeps the error.
+    No table can be pushed from it, for nobody knows what compensated. Raises CaptureError (E-CAP-OVERDUE), and what
+    reading and evaluating raise; the run folder keeps the error.
     """
+    tell_overdue(site, utc.date(), say)
     run = new_run(site, site_path)
     say("P-RUN", folder=str(run.path))
     work = work_of(site, site_path) if site.work is not None else None

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict, replace
 from math import hypot, sqrt
+from typing import Any
 
 from drivers.errors import words
 from gateway.config import SiteFile
@@ -40,16 +41,19 @@ def conforming(outcome: Outcome, found: Sequence[Judged]) -> Outcome:
     if not found:
         return outcome
     *told, last = outcome.lines
-    lines = (*told, *(_line(one) for one in found), last)
+    lines = (*told, *(line_of(one) for one in found), last)
     code = outcome.exit_code or of_verdicts(one.decision.verdict for one in found)
-    decided = [
-        {"of": one.of, "standard": one.standard, "as_left": one.as_left, **asdict(one.decision)} for one in found
-    ]
-    data = {**outcome.data, "conformity": decided}
+    data = {**outcome.data, "conformity": [data_of(one) for one in found]}
     return replace(outcome, lines=lines, data=data, exit_code=code)
 
 
-def _line(one: Judged) -> str:
+def data_of(one: Judged) -> dict[str, Any]:
+    """A decided limit for --json."""
+    return {"of": one.of, "standard": one.standard, "as_left": one.as_left, **asdict(one.decision)}
+
+
+def line_of(one: Judged) -> str:
+    """A decided limit in words."""
     decision = one.decision
     figures = {"value": number(decision.value), "U": number(decision.U), "limit": f"{decision.limit:g}"}
     said = {"of": one.of, "parameter": decision.parameter, "verdict": decision.verdict.upper(), **figures}

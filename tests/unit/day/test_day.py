@@ -13,6 +13,7 @@ from typer.testing import CliRunner
 
 from drivers.errors import TrueflankError
 from gateway.cli import app
+from gateway.domain.captures import Capture
 from gateway.model.components import value
 from gateway.model.known import ErrorModel
 from gateway.model.preset import TWENTY_ONE
@@ -129,6 +130,26 @@ def test_a_square_that_was_not_turned_over_is_asked_for_its_own_angle_once(tmp_p
     assert asked(tmp_path, typed="0,8\n").exit_code == 0
     again = json.loads(asked(tmp_path, "--no-ask", "--json").stdout)
     assert "B0Z" in [row["name"] for row in again["errors"] if row["state"] == "measured"]
+
+
+def test_limits_of_the_site_are_decided_and_an_overdue_calibration_is_told_or_refused(tmp_path: Path) -> None:
+    small(tmp_path, "x_pos.rtl")
+    with (tmp_path / "site.toml").open("a", encoding="utf-8") as file:
+        file.write('[[equipment]]\nname = "laser head"\ninstrument = "laser"\num_per_m = 0.2\ndue = "2020-01-01"\n')
+        file.write('[[tolerances]]\naxis = "X1"\nlimits = { A = 0.5 }\n')
+    kept = '[axes.X1]\ndatum = 0\ndirection = "+"\n'
+    (tmp_path / "day.answers.toml").write_text(kept, encoding="utf-8")
+    told = asked(tmp_path, "--no-ask")
+    assert told.exit_code == 13, told.output
+    folder = RunFolder(next((tmp_path / "runs").glob("2*")))
+    conditions = folder.get(stages.capture("X1", "before"), Capture).conditions
+    assert conditions is not None
+    assert conditions.stated == {"um_per_m": 0.2}
+    assert "laser head (2020-01-01)" in told.output
+    assert "FAIL" in told.output
+    with (tmp_path / "site.toml").open("a", encoding="utf-8") as file:
+        file.write("[report]\nrefuse_overdue = true\n")
+    assert refused(asked(tmp_path, "--no-ask")).code == "E-CAP-OVERDUE"
 
 
 def test_two_files_of_one_thing_a_copy_a_broken_one_and_another_axis_are_each_said(tmp_path: Path) -> None:
