@@ -13,6 +13,7 @@ from drivers.types.values import FloatArray
 
 LARGEST = 1e9
 MOST_LINES = 200_000
+PLAIN = str.maketrans({"\u00b5": "u", "\u03bc": "u", "\u00b0": " deg", "\u2212": "-"})
 
 
 def content(text: str, mark: str, where: str) -> Iterator[tuple[int, str]]:
@@ -86,4 +87,5 @@ def own_table(
 
 def comment(text: str) -> str:
     """Text as one line of plain ASCII, for a file that a control reads."""
-    return "".join(char if " " <= char <= "~" else "?" for char in text)[:180]
+    plain = text.translate(PLAIN)
+    return "".join(char if " " <= char <= "~" else "?" for char in plain)[:180]

@@ -74,7 +74,7 @@ class Store:
                 return RunFolder(path)
         folders = self._folders()
         matches = [path for path in folders if path.name.startswith(str(run))] if str(run) else []
-        if run == LATEST:
+        if str(run) == LATEST:
             matches = folders[-1:]
         if len(matches) == 1:
             return RunFolder(matches[0])

@@ -10,7 +10,7 @@ import csv
 import io
 import re
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from drivers.errors import FileFormatError
 from drivers.files.columns import READING_UNITS
@@ -77,7 +77,8 @@ def sheet_of(text: str, understands: Understands, where: str) -> Sheet | None:
     for index in range(min(len(lines), MOST_LINES)):
         found = _headed(lines, index, understands, where)
         if found is not None:
-            return found
+            above = [(at, line) for at, line in remarks if at < found.at]
+            return replace(found, said={**_said(above), **found.said})
     for at, line in remarks:
         found = _headed([(at, line), *(one for one in lines if one[0] > at)], 0, understands, where)
         if found is not None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -56,7 +56,7 @@ def convert_file(wish: ConversionOptions, *, as_json: bool) -> None:
     measured = reader(wish.result, wish.unit).read(wish.result)
     request = _request(wish, _complete(wish, measured))
     made = convert(measured, request)
-    text = table_format().write(made.tables, wish.form or _form(wish.output), _comments(wish))
+    text = table_format().write(made.tables, wish.form or _form(wish.output), _comments(wish, measured))
     known = TableMachine(references={request.axis: request.reference}, units={request.axis: measured.axis_unit})
     findings = table_format().findings(text, str(wish.output), known)
     wrong = any(one.severity == "wrong" for one in findings)
@@ -88,19 +88,25 @@ def _exchange(wish: ConversionOptions, *, as_json: bool) -> None:
         store=wish.store,
     )
     from_file = not wish.origin and wish.to in registry.known(TABLES)
-    exchange(asked, _measured(wish) if from_file else None, as_json=as_json)
+    if not from_file:
+        exchange(asked, None, as_json=as_json)
+        return
+    table, simulated = _measured(wish)
+    exchange(replace(asked, simulated=simulated), table, as_json=as_json)
 
 
-def _measured(wish: ConversionOptions) -> Any:
-    """The table of a measured file, at its own targets and with a curve for each direction."""
+def _measured(wish: ConversionOptions) -> tuple[Any, bool]:
+    """The table of a measured file, at its own targets and with a curve for each direction; whether of a double."""
     from gateway.table.conversion import datum_of
     from gateway.table.free import as_measured
+    from gateway.workflow.files.doubles import simulated_set
 
     if not wish.axis:
         raise ConfigError("E-CLI-AXIS", str(wish.result))
     measured = reader(wish.result, wish.unit).read(wish.result)
     reference = _complete(wish, measured)
-    return as_measured(measured, wish.axis.strip().upper(), reference, datum_of([_pair(word) for word in wish.datum]))
+    datum = datum_of([_pair(word) for word in wish.datum])
+    return as_measured(measured, wish.axis.strip().upper(), reference, datum), simulated_set(measured)
 
 
 def _request(wish: ConversionOptions, reference: float) -> Any:
@@ -155,10 +161,13 @@ def _form(output: Path) -> str:
     return FORMS.get(output.suffix.lower(), "program")
 
 
-def _comments(wish: ConversionOptions) -> list[str]:
+def _comments(wish: ConversionOptions, measured: Any) -> list[str]:
     """What stands in the file for its next reader; the control takes plain ASCII."""
+    from gateway.workflow.files.doubles import SAID, simulated_set
+
     datum = ", ".join(wish.datum)
     lines = [
+        *((SAID,) if simulated_set(measured) else ()),
         f"made by trueflank from {wish.result.name}",
         f"datum (file=machine) {datum}; zero at machine position {wish.reference:g}",
         "replaces the live table, is not added to it",

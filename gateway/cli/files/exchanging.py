@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -28,7 +28,10 @@ WORDS = {TABLES: "compensation tables", ERRORS: "errors of a machine"}
 
 @dataclass(frozen=True, slots=True)
 class ExchangeOptions:
-    """What was typed: source and its format ("" a measured file or a run), target format, axis, form, output."""
+    """What was typed: source and its format ("" a measured file or a run), target format, axis, form, output.
+
+    ``simulated``: a double made the measured file.
+    """
 
     source: Path
     origin: str
@@ -39,6 +42,7 @@ class ExchangeOptions:
     output: Path
     force: bool
     store: Path
+    simulated: bool = False
 
 
 def is_exchange(name: str) -> bool:
@@ -57,6 +61,10 @@ def exchange(wish: ExchangeOptions, measured: CompensationTable | None, *, as_js
     Raises ConfigError (E-EXCHANGE-NAME, E-EXCHANGE-KIND, E-CLI-EXISTS ...), FileFormatError, TableError.
     """
     role = _role(wish.to)
+    from gateway.workflow.files.doubles import DOUBLE
+
+    if wish.origin and DOUBLE.upper().encode() in table_data(wish.source):
+        wish = replace(wish, simulated=True)
     content = (measured,) if measured is not None else _content(wish)
     found = ERRORS if isinstance(content, ErrorSet) else TABLES
     if found != role:
@@ -153,7 +161,9 @@ def _of_axis(tables: Sequence[CompensationTable], wish: ExchangeOptions) -> tupl
 
 
 def _comments(wish: ExchangeOptions) -> list[str]:
-    return [f"made by trueflank from {wish.source.name}"]
+    from gateway.workflow.files.doubles import SAID
+
+    return [*((SAID,) if wish.simulated else ()), f"made by trueflank from {wish.source.name}"]
 
 
 def _tables(wish: ExchangeOptions, tables: Sequence[CompensationTable], form: str) -> tuple[str, int, float]:

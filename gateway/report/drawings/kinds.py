@@ -8,10 +8,11 @@ from typing import Protocol, cast
 import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.projections.polar import PolarAxes
+from matplotlib.ticker import MaxNLocator
 
 from gateway.domain.values import FloatArray
 from gateway.report.drawings.curves import NEW, REVERSE, RULE, calm
-from gateway.report.drawings.plots import png, svg_file
+from gateway.report.drawings.plots import SIMULATED, png, svg_file
 from gateway.report.drawings.ruler import INK, QUIET, ruled
 
 COLOURS = (NEW, REVERSE, INK, QUIET)
@@ -60,6 +61,16 @@ class DrawnPicture(Protocol):
         """Round the turn."""
         ...
 
+    @property
+    def fitted(self) -> bool:
+        """Whether each curve's line is drawn too."""
+        ...
+
+    @property
+    def simulated(self) -> bool:
+        """Whether a double took part."""
+        ...
+
 
 def draw(picture: DrawnPicture, path: Path) -> None:
     """Write a PNG, or an SVG by its ending. Raises StoreError (E-REPORT-WRITE)."""
@@ -67,10 +78,11 @@ def draw(picture: DrawnPicture, path: Path) -> None:
     def paint(figure: Figure) -> None:
         (_round if picture.polar else _along)(figure, picture)
 
+    stamp = SIMULATED if picture.simulated else ""
     if path.suffix.lower() == ".svg":
-        svg_file((178.0, 100.0), paint, path)
+        svg_file((178.0, 178.0 if picture.polar else 100.0), paint, path, stamp)
     else:
-        png((7.0, 7.0) if picture.polar else (7.0, 3.9), paint, path)
+        png((7.0, 7.0) if picture.polar else (7.0, 3.9), paint, path, stamp)
 
 
 def _along(figure: Figure, picture: DrawnPicture) -> None:
@@ -81,6 +93,10 @@ def _along(figure: Figure, picture: DrawnPicture) -> None:
     for place, curve in enumerate(picture.curves):
         colour, line = COLOURS[place % 4], LINES[place // 4 % 4]
         panel.plot(curve.x, curve.y, line, color=colour, lw=1.15, marker="o", ms=2.4, mew=0, label=curve.label)
+        if picture.fitted:
+            panel.plot(curve.x, np.polyval(np.polyfit(curve.x, curve.y, 1), curve.x), "--", color=colour, lw=0.7)
+    if "deg" in picture.axes[0]:
+        panel.xaxis.set_major_locator(MaxNLocator(9, steps=[1.5, 3, 4.5, 6, 9]))
     panel.set_xlabel(picture.axes[0])
     panel.set_ylabel(picture.axes[1])
     _headed(figure, picture)
@@ -107,7 +123,9 @@ def _round(figure: Figure, picture: DrawnPicture) -> None:
 
 
 def _headed(figure: Figure, picture: DrawnPicture) -> None:
-    figure.text(0.02, 0.94, picture.kind, fontsize=11, weight="bold", color=INK)
     handles, labels = figure.axes[0].get_legend_handles_labels()
+    figure.text(0.02, 0.94, picture.kind, fontsize=11, weight="bold", color=INK)
+    if len(labels) == 1:
+        figure.text(0.98, 0.94, labels[0], fontsize=8, color=INK, ha="right")
     if len(labels) > 1:
         figure.legend(handles, labels, loc="upper right", ncols=min(len(labels), 3), frameon=False, fontsize=8)

@@ -113,11 +113,13 @@ def png(size_inch: tuple[float, float], paint: Callable[[Figure], None], path: P
     _write(path, picture.getvalue())
 
 
-def svg_file(size_mm: tuple[float, float], paint: Callable[[Figure], None], path: Path) -> None:
-    """One drawing as an SVG file of its own. Raises StoreError (E-REPORT-WRITE)."""
+def svg_file(size_mm: tuple[float, float], paint: Callable[[Figure], None], path: Path, stamp: str = "") -> None:
+    """One drawing as an SVG file of its own, a stamp across its middle. Raises StoreError (E-REPORT-WRITE)."""
     with mpl.rc_context(_STYLE):
         figure = Figure(figsize=(size_mm[0] * _MM, size_mm[1] * _MM), facecolor="white")
         paint(figure)
+        if stamp:
+            figure.text(0.5, 0.5, stamp, ha="center", va="center", **_STAMP)
         picture = io.BytesIO()
         figure.savefig(picture, format="svg", metadata={"Date": None})
     _write(path, picture.getvalue())

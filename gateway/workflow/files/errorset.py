@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from drivers.errors import ConfigError
@@ -11,6 +13,7 @@ from gateway.model.components import value
 from gateway.model.known import ErrorModel
 from gateway.store import RunFolder
 from gateway.workflow import stages
+from gateway.workflow.files.doubles import SAID, simulated_run
 
 POINTS = 51
 
@@ -19,7 +22,9 @@ def errors_of_run(folder: RunFolder, points: int = POINTS) -> ErrorSet:
     """All errors that a run of `measure` or `close` knows. Raises ConfigError (E-EXCHANGE-NO-ERRORS)."""
     if stages.ERRORS not in folder.stages:
         raise ConfigError("E-EXCHANGE-NO-ERRORS", str(folder.path))
-    return error_set(folder.get(stages.ERRORS, ErrorModel), points)
+    found = error_set(folder.get(stages.ERRORS, ErrorModel), points)
+    told = (SAID,) if simulated_run(folder) else ()
+    return replace(found, notes=(*told, f"run {folder.run_id}", *found.notes))
 
 
 def error_set(model: ErrorModel, points: int = POINTS) -> ErrorSet:

@@ -18,6 +18,7 @@ from drivers.types.values import CompensatedFor
 from gateway.domain.captures import Capture, Corrections
 from gateway.store import Maps, RunFolder, Store
 from gateway.store.rawstream import open_stream
+from gateway.workflow.files.doubles import DOUBLE, simulated_run
 from gateway.workflow.files.importing import GEAR, MEASURED, Content, How, read_file
 
 FORMS = ("rtl", "rta", "csv", "rtx")
@@ -80,7 +81,8 @@ def _run_items(folder: RunFolder, axis: str, phase: str) -> Iterator[MeasuredIte
 def measured_of(capture: Capture, folder: RunFolder) -> MeasuredSet:
     """A capture as a result file would hold it; targets stay machine coordinates."""
     header = {"Machine": str(folder.facts["site"]), "Serial No": str(folder.facts["machine"].get("serial", ""))}
-    header |= {"Date": capture.started_utc, "Axis": capture.axis, "TITLE": f"{capture.component} {folder.run_id}"}
+    title = f"{capture.component} {folder.run_id}" + (f" {DOUBLE.upper()}" if simulated_run(folder) else "")
+    header |= {"Date": capture.started_utc, "Axis": capture.axis, "TITLE": title}
     return MeasuredSet(
         targets=capture.targets,
         deviations=capture.deviations,

@@ -61,7 +61,10 @@ class Drawn:
 
 @dataclass(frozen=True, slots=True)
 class KindAnswer:
-    """Figures, curves on one scale, and notes; ``standard`` says where the formulas come from."""
+    """Figures, curves on one scale, and notes; ``standard`` says where the formulas come from.
+
+    ``fitted``: the figures are slopes, so each curve is drawn with its line. ``simulated``: a double took part.
+    """
 
     kind: str
     standard: str
@@ -70,6 +73,8 @@ class KindAnswer:
     axes: tuple[str, str]
     polar: bool = False
     notes: tuple[str, ...] = ()
+    simulated: bool = False
+    fitted: bool = False
 
     def decided(self, limits: Mapping[str, float]) -> tuple[tuple[Decision, str], ...]:
         """Verdict and unit of each figure that a limit names: whole, or by its last word, then in every file.
@@ -96,6 +101,7 @@ class KindAnswer:
             ],
             "curves": [{"label": one.label, "x": one.x.tolist(), "y": one.y.tolist()} for one in self.curves],
             "notes": list(self.notes),
+            "simulated": self.simulated,
         }
 
 

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 
 from gateway.errors import ModelError
 from gateway.workflow.files import linearkinds, rotarykinds
+from gateway.workflow.files.doubles import SAID, simulated_set
 from gateway.workflow.files.kindrecords import KindAnswer, KindQuestion, MeasuredFile
 
 Evaluate = Callable[[tuple[MeasuredFile, ...], KindQuestion], KindAnswer]
@@ -31,4 +33,7 @@ def known_kind(kind: str) -> None:
 def evaluate_kind(kind: str, files: tuple[MeasuredFile, ...], asked: KindQuestion) -> KindAnswer:
     """Evaluate files of one kind. Raises ModelError (E-KIND-NAME, E-KIND-FILES, E-KIND-UNIT and those of the kind)."""
     known_kind(kind)
-    return KINDS[kind](files, asked)
+    answer = KINDS[kind](files, asked)
+    if any(simulated_set(one.measured) for one in files):
+        return replace(answer, simulated=True, notes=(*answer.notes, SAID))
+    return answer

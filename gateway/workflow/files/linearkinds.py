@@ -83,7 +83,7 @@ def straight(files: Files, _asked: KindQuestion) -> KindAnswer:
         standard="ISO 230-1:2012",
         figures=tuple(figures),
         curves=tuple(curves),
-        axes=POSITION_UM,
+        axes=(POSITION_UM[0], "from the least-squares line  µm"),
     )
 
 
@@ -142,6 +142,7 @@ def square(files: Files, asked: KindQuestion) -> KindAnswer:
         curves=curves,
         axes=POSITION_UM,
         notes=(*notes, *SCATTER_ONLY),
+        fitted=True,
     )
 
 
@@ -188,6 +189,7 @@ def parallelism(files: Files, _asked: KindQuestion) -> KindAnswer:
         curves=curves,
         axes=POSITION_UM,
         notes=SCATTER_ONLY,
+        fitted=True,
     )
 
 

@@ -53,6 +53,7 @@ def axis_location(files: Files, asked: KindQuestion) -> KindAnswer:
         curves=curves,
         axes=axes,
         notes=found.flags,
+        fitted=True,
     )
 
 

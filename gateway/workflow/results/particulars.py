@@ -6,12 +6,10 @@ from pathlib import Path
 
 from gateway.config import SiteFile
 from gateway.config.paper.sections import EquipmentSection
-from gateway.report.material import InstrumentNote
 from gateway.report.particulars import Maker, NamedMachine, Particulars, Parties, Registered
 
 MOST_LOGO_BYTES = 2_000_000
 LOGOS = ("svg", "png", "jpg", "jpeg")
-SIMULATED = "simulated"
 
 
 def particulars_of(site: SiteFile, site_path: Path, day: str = "") -> Particulars:
@@ -69,13 +67,3 @@ def _logo(site: SiteFile, site_path: Path) -> tuple[bytes, str]:
     except OSError:
         return b"", ""
     return (data, ending) if ending in LOGOS and len(data) <= MOST_LOGO_BYTES else (b"", "")
-
-
-def was_simulated(site: SiteFile, instruments: tuple[InstrumentNote, ...]) -> bool:
-    """Whether a double was in the loop: by the site file, or by the word of any device itself."""
-    return site.site.simulated or any(_says_so(one) for one in instruments)
-
-
-def _says_so(one: InstrumentNote) -> bool:
-    words = (one.identity.model, *one.identity.notes, *one.notices)
-    return any(SIMULATED in text.lower() for text in words)

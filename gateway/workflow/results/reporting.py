@@ -39,9 +39,10 @@ from gateway.workflow.axes.measure import budget_of
 from gateway.workflow.axes.propose import size_of
 from gateway.workflow.bench import site_recorded
 from gateway.workflow.errors21.setups import planned
+from gateway.workflow.files.doubles import was_simulated
 from gateway.workflow.results.conformity import judged
 from gateway.workflow.results.overview import index_html, results_csv
-from gateway.workflow.results.particulars import particulars_of, was_simulated
+from gateway.workflow.results.particulars import particulars_of
 from gateway.workflow.results.tooth import found, proof_of, tooth_of
 
 WRITTEN = ("report.", "calibration-report.", "results.csv", "index.html")

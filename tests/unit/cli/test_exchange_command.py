@@ -42,6 +42,18 @@ def test_a_measured_file_becomes_a_screw_file_with_both_directions(tmp_path: Pat
     assert table.reverse[1] - table.deviations[1] == pytest.approx(0.376, abs=1e-3)  # the reversal stays
 
 
+def test_what_a_double_measured_says_so_in_every_file_that_comes_of_it(tmp_path: Path) -> None:
+    measured, screw, listed, own = (tmp_path / name for name in ("d.rtl", "x.comp", "x.lis", "x.ini"))
+    text = MEASURED[0].read_text(encoding="cp1252")
+    measured.write_text(text.replace("TITLE:", "TITLE: SIMULATED"), encoding="cp1252")
+    assert "SIMULATED" in measured.read_text(encoding="cp1252")
+    typed("convert", measured, *MEASURED[1:], "--to", "linuxcnc", "-o", screw)
+    typed("convert", screw, "--from", "linuxcnc", "--to", "twincat", "--axis", "X", "-o", listed)
+    grid = ("--min", "50", "--max", "150", "--step", "50")
+    typed("convert", measured, "--axis", "AX1", *MEASURED[3:], *grid, "--to", "eec", "-o", own)
+    assert all("SIMULATED" in one.read_text() for one in (screw, listed, own))
+
+
 def test_one_format_becomes_the_other_and_the_rounding_is_said(tmp_path: Path) -> None:
     screw, listed, sheet = (tmp_path / name for name in ("x.comp", "x.lis", "x.csv"))
     typed("convert", *MEASURED, "--to", "linuxcnc", "-o", screw)

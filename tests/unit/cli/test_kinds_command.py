@@ -9,6 +9,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from matplotlib.figure import Figure
 from typer.testing import CliRunner
 
 from drivers.errors import TrueflankError
@@ -173,3 +174,25 @@ def test_limits_of_any_kind_are_decided(tmp_path: Path) -> None:
         (one,) = json.loads(told.output)["verdicts"]
         assert (one["parameter"], one["limit"]) == ("r.csv B", float(limit))
     assert refused(made, *kind, "--limit", "A=1") == "E-EVAL-LIMIT-NAME"
+
+
+@pytest.mark.parametrize("ending", ["png", "svg"])
+def test_a_picture_of_what_a_double_measured_bears_the_stamp(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, ending: str
+) -> None:
+    words: list[str] = []
+    text = Figure.text
+
+    def heard(figure: Figure, x: float, y: float, word: str, **more: object) -> object:
+        words.append(word)
+        return text(figure, x, y, word, **more)
+
+    monkeypatch.setattr(Figure, "text", heard)
+    run = table(tmp_path / "x.csv", "mm", "um", PLACES, lambda x, way, turn: 0.01 * x)
+    picture = tmp_path / f"x.{ending}"
+    RUNNER.invoke(app, ["evaluate", str(run), "--plot", str(picture)], catch_exceptions=False)
+    assert "SIMULATED" not in words
+    run.write_text("# TITLE: EXX SIMULATED\n" + run.read_text())
+    told = RUNNER.invoke(app, ["evaluate", str(run), "--plot", str(picture)], catch_exceptions=False)
+    assert "SIMULATED" in words
+    assert "SIMULATED: a simulated device took part" in told.output

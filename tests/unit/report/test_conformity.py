@@ -21,9 +21,9 @@ from gateway.store import RunFolder, Store
 from gateway.workflow import stages
 from gateway.workflow.axes.conditions import stated, tell_overdue
 from gateway.workflow.axes.measure import budget_of
+from gateway.workflow.files.doubles import was_simulated
 from gateway.workflow.loop.verdict import closed
 from gateway.workflow.results.conformity import conforming, judged
-from gateway.workflow.results.particulars import was_simulated
 from gateway.workflow.results.reporting import material_of, standing_report, write_report
 from tests.unit.report import closing, synthetic
 from tests.unit.report.test_document import texts

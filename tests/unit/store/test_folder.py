@@ -120,6 +120,7 @@ def test_open_by_id_prefix_or_path(tmp_path: Path) -> None:
     assert store.open(one.run_id).path == one.path
     assert store.open(str(two.path)).path == two.path
     assert store.open(one.run_id[:19]).path == one.path
+    assert store.open(Path("latest")).path == store.open("latest").path == two.path
     for wrong in ("2026", "nothing", ""):
         with pytest.raises(StoreError) as caught:
             store.open(wrong)
