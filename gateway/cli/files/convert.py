@@ -13,9 +13,8 @@ from drivers.errors import ConfigError
 from drivers.tablefile import TableMachine
 from drivers.terms import TableKind, spoken
 from drivers.units import AxisUnit
-from gateway.cli.files.evaluating import reader
 from gateway.cli.files.exchanging import TABLES, ExchangeOptions, exchange, is_exchange, known_formats
-from gateway.cli.files.tables import number, show_findings, table_format, write_text
+from gateway.cli.files.tables import number, reader, show_findings, table_format, write_text
 from gateway.cli.show import echo, show_json
 
 FORMS = {".ini": "ini", ".arc": "archive"}

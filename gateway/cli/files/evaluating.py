@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import inspect
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -10,7 +9,6 @@ from typing import Any
 
 import typer
 
-from drivers import registry
 from drivers.errors import ConfigError, TrueflankError
 from drivers.terms import shown
 from gateway.cli.exits import of_verdicts
@@ -266,17 +264,6 @@ def verdict(item: Any) -> dict[str, Any]:
 def _step(item: Any) -> dict[str, Any]:
     names = ("step", "by", "words", "coefficients", "undone")
     return {name: getattr(item, name) for name in names}
-
-
-def reader(path: Path, unit: str = "") -> Any:
-    """The driver for a result file by its ending. Raises ConfigError (E-CLI-FILE) for unknown endings."""
-    name = path.suffix.lower().lstrip(".")
-    known = registry.known("file")
-    if name not in known:
-        endings = ", ".join(f".{ending}" for ending in sorted(known))
-        raise ConfigError("E-CLI-FILE", str(path), ending=path.suffix or "(none)", known=endings)
-    factory = known[name].load()
-    return factory(unit=unit) if unit and "unit" in inspect.signature(factory).parameters else factory()
 
 
 def _show(result: dict[str, Any]) -> None:

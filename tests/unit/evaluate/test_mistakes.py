@@ -10,7 +10,7 @@ import pytest
 
 from drivers.types.sensing import Ambient
 from drivers.units import arcsec_to_rad, rad_to_arcsec
-from gateway.cli.files.evaluating import reader
+from gateway.cli.files.tables import reader
 from gateway.errors import AmbientOutOfRange, ModelError
 from gateway.evaluate.geometry import harmonics, lever, squareness, straightness
 from gateway.evaluate.geometry.straightness import StraightnessRun
