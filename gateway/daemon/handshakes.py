@@ -19,14 +19,11 @@ class Handshakes:
     """Begins handshakes few at a time, the newest caller's first: a question for health does not wait for a crowd.
 
     What is asked cannot be read before the handshake, so nobody can be told why: who came too late for its turn finds
-    the connection closed. ``patience_s`` is how long a caller may be silent, wait, or take for its handshake.
+    the connection closed. ``patience_s`` is how long a caller may be silent, take for its handshake, or take its leave.
     """
 
-    def __init__(
-        self, protocol: Callable[[], asyncio.Protocol], context: ssl.SSLContext, *, patience_s: float, grace_s: float
-    ) -> None:
-        self._protocol, self._context = protocol, context
-        self._patience_s, self._grace_s = patience_s, grace_s
+    def __init__(self, protocol: Callable[[], asyncio.Protocol], context: ssl.SSLContext, *, patience_s: float) -> None:
+        self._protocol, self._context, self._patience_s = protocol, context, patience_s
         self._loop = asyncio.get_running_loop()
         self._silent: dict[socket.socket, asyncio.TimerHandle] = {}
         self._waiting: deque[socket.socket] = deque()
@@ -66,7 +63,7 @@ class Handshakes:
                 caller,
                 ssl=self._context,
                 ssl_handshake_timeout=self._patience_s,
-                ssl_shutdown_timeout=self._grace_s,
+                ssl_shutdown_timeout=self._patience_s,
             )
 
     async def end(self) -> None:

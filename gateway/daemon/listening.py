@@ -189,7 +189,7 @@ class PageServer(uvicorn.Server):
     def _before_tls(self, context: ssl.SSLContext) -> Handshakes:
         given = {"config": self.config, "server_state": self.server_state, "app_state": self.lifespan.state}
         protocol = partial(self.config.http_protocol_class, **given)
-        self._handshakes = Handshakes(protocol, context, patience_s=HEAD_S, grace_s=GRACE_S)
+        self._handshakes = Handshakes(protocol, context, patience_s=HEAD_S)
         return self._handshakes
 
     async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
@@ -254,9 +254,11 @@ def _family(address: str, *, secure: bool) -> socket.AddressFamily:
     return socket.AF_INET6 if known.version == 6 else socket.AF_INET
 
 
-def url_of(listener: socket.socket, *, secure: bool) -> str:
-    """Where the page is."""
+def url_of(listener: socket.socket, *, secure: bool, name: str = "") -> str:
+    """Where the page is; one that listens at every address is told by ``name``, else as this computer reaches it."""
     host, port = listener.getsockname()[:2]
+    if ip_address(host).is_unspecified:
+        host = name or "localhost"
     return f"{'https' if secure else 'http'}://{f'[{host}]' if ':' in host else host}:{port}/"
 
 

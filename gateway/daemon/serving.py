@@ -64,7 +64,7 @@ async def serve(
         server = server_of(create_app(service), certificate, key, at_the_door(service.doors.asks))
         broker = Broker(Lending(places), clock)
         async with broker.open(roots):
-            url = url_of(listener, secure=secure)
+            url = url_of(listener, secure=secure, name=next(iter(first.site.service.hosts), ""))
             await together(server, listener, places, clock=clock, until=stop.wait(), ready=lambda: ready(url))
 
 

@@ -544,6 +544,7 @@ def test_with_a_certificate_it_is_served_over_tls_alone_and_its_cookie_is_secure
         told |= {"host": "0.0.0.0", "accounts": UserAccounts(tmp_path, Hasher(1, 8))}  # noqa: S104
         daemon = asyncio.create_task(serve([one], **told))  # type: ignore[arg-type]
         await asyncio.wait((daemon, url), return_when=asyncio.FIRST_COMPLETED)
+        assert url.result().startswith("https://gateway.hall:"), "0.0.0.0 is no address to open"
         port = url.result().rpartition(":")[2].rstrip("/")
         async with httpx.AsyncClient(base_url=f"https://127.0.0.1:{port}", trust_env=False, verify=trust) as client:
             body = {

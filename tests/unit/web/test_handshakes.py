@@ -51,7 +51,7 @@ class Callers:
 
 
 def made(patience_s: float = 5.0) -> Handshakes:
-    return Handshakes(asyncio.Protocol, ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER), patience_s=patience_s, grace_s=1.0)
+    return Handshakes(asyncio.Protocol, ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER), patience_s=patience_s)
 
 
 async def until(done: Any) -> None:
@@ -107,7 +107,7 @@ async def test_a_handshake_that_is_not_whole_in_time_is_ended(tmp_path: Path) ->
     certificate(tmp_path)
     context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
     context.load_cert_chain(tmp_path / "gateway.pem", tmp_path / "key.pem")
-    at = Handshakes(asyncio.Protocol, context, patience_s=0.2, grace_s=0.2)
+    at = Handshakes(asyncio.Protocol, context, patience_s=0.2)
     ours, theirs = socket.socketpair()
     ours.setblocking(False)
     theirs.setblocking(False)
