@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import os
 import socket
 from collections.abc import Callable, Coroutine, Sequence
 from contextlib import ExitStack
@@ -55,7 +56,8 @@ async def serve(
         for root in roots:
             held.enter_context(locked(root))
         first = sites[0]
-        held.enter_context(logged_into(LogBook(first.store.root, clock.utc)))
+        book = LogBook(first.store.root, clock.utc)
+        held.enter_context(logged_into(book))
         certificate, key = _tls(first)
         secure = certificate is not None
         listener = held.enter_context(listener_on(host, port, secure=secure))
@@ -65,7 +67,17 @@ async def serve(
         broker = Broker(Lending(places), clock)
         async with broker.open(roots):
             url = url_of(listener, secure=secure, name=next(iter(first.site.service.hosts), ""))
-            await together(server, listener, places, clock=clock, until=stop.wait(), ready=lambda: ready(url))
+
+            def answers() -> None:
+                _noted(book, f"{software()} serves {', '.join(places)} at {url}, process {os.getpid()}")
+                ready(url)
+
+            held.callback(_noted, book, "the service ended")
+            await together(server, listener, places, clock=clock, until=stop.wait(), ready=answers)
+
+
+def _noted(book: LogBook, text: str) -> None:
+    book.add("INFO", "P-SERVICE-LOG", {"source": "service", "text": text})
 
 
 def _loaded() -> tuple[object, ...]:

@@ -124,6 +124,8 @@ class Publisher:
             try:
                 async with self._connect() as publish:
                     await self._say(publish, online=True)
+                    if told:
+                        _LOG.info("the MQTT broker accepts messages again, %d waited", self._spool.queued)
                     pause, told = 1.0, False
                     self._connected = True
                     try:

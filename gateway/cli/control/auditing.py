@@ -35,7 +35,8 @@ def verify_command(
     for problem in kept.problems:
         echo(problem)
     audit.demand(root, (*exported, *kept.heads))
-    echo(f"{root}: {health.head.seq} records in {health.files} files are whole; head {health.head}")
+    files = counted(health.files, "file", "files")
+    echo(f"{root}: {health.head.seq} records in {files} are whole; head {health.head}")
     wrong = counted(len(kept.problems), "file is not as it was kept", "files are not as they were kept")
     echo(f"{counted(kept.runs, 'run', 'runs')}: {wrong if kept.problems else 'every file is as it was kept'}")
     if health.torn_bytes:

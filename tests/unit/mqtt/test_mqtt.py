@@ -66,7 +66,10 @@ async def working(publisher: Publisher) -> AsyncIterator[None]:
 
 
 @pytest.mark.parametrize("hours", few((13.0, 400.0), 1))
-async def test_a_server_away_for_hours_loses_nothing(tmp_path: Path, hours: float) -> None:
+async def test_a_server_away_for_hours_loses_nothing(
+    tmp_path: Path, hours: float, caplog: pytest.LogCaptureFixture
+) -> None:
+    caplog.set_level("INFO", "trueflank.mqtt")
     clock, server = LoopClock(), FakeServer()
     publisher = Publisher("hall-3", "trueflank", Spool(tmp_path, 64 * MB), clock=clock, connect=server.connect)
     async with working(publisher):
@@ -85,6 +88,9 @@ async def test_a_server_away_for_hours_loses_nothing(tmp_path: Path, hours: floa
         server.away = False
         await clock.sleep(120.0)
         assert publisher.standing.connected
+    away, again = (one.getMessage() for one in caplog.records)
+    assert "E-MQTT-AWAY" in away
+    assert f"accepts messages again, {count - 1} waited" in again
     assert server.numbers() == list(range(1, count + 1))
     taken = [one for one in server.got if one["kind"] == "taken"]
     assert [one["data"]["target"] for one in taken] == [float(number) for number in range(1, count)]

@@ -44,6 +44,7 @@ from gateway.push.records import journal
 from gateway.say import Say
 from gateway.stopping import StopAsked, Stopped, current, obey
 from gateway.store import Store
+from gateway.store.logbook import lines_of
 from gateway.users import UserAccounts, first_token_path
 from gateway.users.passwords import Hasher
 from gateway.views.stored import last_result, newest_runs, pushes_held, stored_report
@@ -389,6 +390,7 @@ def test_serves_the_page_and_stops_in_time(tmp_path: Path) -> None:
         seen["health"] = (await client.get("/healthz")).json()
         seen["page"] = (await client.get("/status")).text
         seen["data"] = (await client.get("/api/v1/sites/hall-3/status")).json()
+        seen["url"] = str(client.base_url)
         seen["foreign"] = (await client.get("/healthz", headers={"Host": "attack.example"})).status_code
         seen["headers"] = (await client.get("/healthz")).headers
 
@@ -398,6 +400,9 @@ def test_serves_the_page_and_stops_in_time(tmp_path: Path) -> None:
     assert seen["data"]["state"] == "ready"
     assert seen["foreign"] == 400
     assert "server" not in seen["headers"]
+    begun, ended = (one for one in lines_of(tmp_path) if one["fields"].get("source") == "service")
+    assert f"serves hall-3 at {seen['url']}" in begun["words"]
+    assert "ended" in ended["words"]
 
 
 RUN = "/api/v1/sites/hall-3/commands/run"
