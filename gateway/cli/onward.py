@@ -6,7 +6,7 @@ from collections.abc import Collection, Sequence
 from pathlib import Path
 
 from drivers.checks import CheckLine
-from gateway.cli.show import echo
+from gateway.cli.show import NEXT, echo
 
 NEVER_TESTED = frozenset({"W-DOC-UNTESTED", "W-OFF-UNSEEN"})
 UNTESTED = frozenset({"E-INT-NO-SELF-TEST", "E-INT-OTHER-SELF-TEST", "E-INT-SELF-TEST"})
@@ -15,7 +15,7 @@ PUSHED = ("better", "unchanged", "committed", "pushed")
 
 def next_step(command: str) -> None:
     """Say the next command."""
-    echo(f"next: trueflank {command}")
+    echo(f"{NEXT}trueflank {command}")
 
 
 def consent(driver: str, machine: str) -> str:

@@ -21,6 +21,7 @@ _SITE = re.compile(r"(?<=trueflank )([a-z][a-z-]*(?: [a-z]+)?) SITE\b")
 """The site file in a command that a text recommends: the texts are one for all sites."""
 
 
+NEXT = "next: "
 _GIVEN = {"site": ""}
 
 
@@ -40,21 +41,31 @@ def with_site(text: str) -> str:
 
 
 def echo(text: str = "", *, err: bool = False, colour: str | None = None, bold: bool = False) -> None:
-    """Print a line: the one place from which words reach a terminal, so nothing in a name can steer one."""
-    typer.secho(visible(shown(with_site(text))), fg=colour, bold=bold, err=err)
+    """Print a line: the one place from which words reach a terminal, so nothing in a name can steer one.
+
+    A terminal gets it broken between words; a command to copy stays one line.
+    """
+    # Named here: left to find it, click goes past whoever stands in for the stream, as the live panel does.
+    stream = sys.stderr if err else sys.stdout
+    said = visible(shown(with_site(text)))
+    if stream.isatty() and not said.startswith(NEXT):
+        said = folded(said, shutil.get_terminal_size().columns, 2)
+    typer.secho(said, file=stream, fg=colour, bold=bold)
 
 
 def say_line(text: str, hang: int, *, err: bool = False, colour: str | None = None) -> None:
     """Print a sentence; a terminal gets it broken between words, ``hang`` columns in after its first line."""
     stream = sys.stderr if err else sys.stdout
-    if not stream.isatty():
-        echo(text, err=err, colour=colour)  # another program gets it as one line
-        return
-    echo(folded(visible(shown(with_site(text))), shutil.get_terminal_size().columns, hang), err=err, colour=colour)
+    if stream.isatty():  # another program gets it as one line
+        text = folded(visible(shown(with_site(text))), shutil.get_terminal_size().columns, hang)
+    echo(text, err=err, colour=colour)
 
 
 def folded(text: str, width: int, hang: int) -> str:
-    """Text in lines of ``width`` columns at most, broken at blanks alone: a path stays whole, for whoever copies it."""
+    """Text in lines of ``width`` columns at most, broken at blanks alone: a path stays whole, for whoever copies it.
+
+    A line that fits stays as it is, blanks and all.
+    """
     filled = textwrap.TextWrapper(
         width=max(width, hang + 20),
         subsequent_indent=" " * hang,
@@ -62,7 +73,7 @@ def folded(text: str, width: int, hang: int) -> str:
         break_on_hyphens=False,
         replace_whitespace=False,
     )
-    return "\n".join(filled.fill(line) for line in text.split("\n"))
+    return "\n".join(line if len(line) <= width else filled.fill(line) for line in text.split("\n"))
 
 
 def show_json(data: Any) -> None:
@@ -99,7 +110,8 @@ def show_table(title: str, headings: Sequence[str], rows: Iterable[Sequence[str]
     def plain(text: str) -> Text:
         return Text(visible(shown(with_site(text))))
 
-    table = Table(title=plain(title), title_justify="left", title_style="bold")
+    echo(title, bold=True)  # as the table's own it would be broken to the table's width
+    table = Table()
     for index, heading in enumerate(headings):
         table.add_column(plain(heading), justify="left" if index == 0 else "right")
     for row in rows:

@@ -26,7 +26,7 @@ class Outcome:
     lines: tuple[str, ...]
     data: dict[str, Any]
     exit_code: int = 0
-    title: str = "before and after (ISO 230-2:2014)"
+    title: str = ""
     headings: tuple[str, ...] = ()
     points: tuple[str, ...] = ()
     details: tuple[str, ...] = ()

@@ -16,7 +16,7 @@ from gateway.interlocks.table import largest_change, steepest
 from gateway.store import RunFolder
 from gateway.workflow.outcome import Outcome
 
-HEADINGS = ("table", "unit", "points", "acts now", "new", "largest change", "steepest", "predicted (k=2)")
+HEADINGS = ("table", "unit", "points", "now", "new", "largest change", "steepest", "predicted (k=2)")
 
 
 def shown(

@@ -13,7 +13,7 @@ from drivers.errors import TrueflankError, words
 from gateway.audience import Audience, kind_of
 from gateway.cli import voice
 from gateway.cli.screen.scene import Scene
-from gateway.cli.show import echo
+from gateway.cli.show import begun_with, echo
 from gateway.cli.voice import Voice
 from gateway.say import Say
 
@@ -37,6 +37,10 @@ def progress(
     ``at`` is a site and its file, ``folder`` a run's: their store keeps the log. With ``own_operator`` nobody here is
     asked to press anything. An error that leaves the block is kept in the log.
     """
+    if folder is not None:
+        from gateway.workflow.bench import site_path_of
+
+        begun_with({"site": site_path_of(folder)})
     clock = LoopClock()
     title, run = _title(at, folder), "" if folder is None else str(folder.run_id)
     log = _log(at, folder, clock)

@@ -55,6 +55,9 @@ def details_of(material: ReportMaterial) -> tuple[str, ...]:
     return (*details((one.verdict for one in axes if one.verdict is not None), acting), *background)
 
 
+AGAIN, ONCE = "before and after (ISO 230-2:2014)", "as measured (ISO 230-2:2014)"
+
+
 def outcome_of(
     state: str,
     run_folder: str,
@@ -80,6 +83,7 @@ def outcome_of(
         state=state,
         run_folder=run_folder,
         rows=_rows(evaluations),
+        title=AGAIN if any(after is not None for _, after in evaluations.values()) else ONCE,
         headings=("", *(f"{axis}, {before.unit}" for axis, (before, _) in evaluations.items())),
         lines=tuple(lines),
         data=data,

@@ -18,9 +18,11 @@ from rich.console import Console
 from drivers.errors import TrueflankError, catalogue, words
 from gateway.audience import KINDS, Audience, kind_of
 from gateway.cli import voice
+from gateway.cli.onward import next_step
 from gateway.cli.screen.panel import LivePanel, PanelConsole
 from gateway.cli.screen.scene import Scene, clock_text
 from gateway.cli.screen.telling import progress
+from gateway.cli.show import echo
 from gateway.cli.voice import Voice
 from gateway.push.records.steps import SAID, step_words
 from gateway.store import Store
@@ -241,6 +243,30 @@ def test_a_ctrl_c_is_not_echoed_into_the_panel(monkeypatch: pytest.MonkeyPatch) 
         flags.append(termios.tcgetattr(stdin)[3])
     assert [bool(one & termios.ECHOCTL) for one in flags] == [True, False, True]
     assert flags[0] == flags[2]
+
+
+def test_what_is_echoed_meanwhile_stands_above_the_panel(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Click, left to find the stream, wrote into the panel: the line was lost, and half of the panel stayed."""
+    monkeypatch.setattr(sys, "stderr", io.TextIOWrapper(io.BytesIO(), encoding="utf-8"))
+    written = io.StringIO()
+    console = PanelConsole(file=written, width=100, force_terminal=True, force_interactive=True, highlight=False)
+    with LivePanel("trueflank: site", Scene(began=0.0), lambda: 0.0, console) as panel:
+        panel.told("P-RUN", {"folder": "runs/1"})
+        panel.refresh()
+        echo("stopping", err=True)
+    assert [line for line in _screen(written.getvalue()) if line] == ["stopping"]
+
+
+def test_a_terminal_gets_lines_broken_between_words_and_a_command_whole(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("COLUMNS", "40")
+    for isatty, lines in ((True, 4), (False, 1)):
+        stream = io.StringIO()
+        monkeypatch.setattr(stream, "isatty", lambda isatty=isatty: isatty)
+        monkeypatch.setattr(sys, "stdout", stream)
+        echo("mounted " * 15)
+        assert len(stream.getvalue().splitlines()) == lines
+        next_step("push " + "latest " * 15)
+        assert len(stream.getvalue().splitlines()) == lines + 1
 
 
 def test_a_terminal_gets_the_panel(plain: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
