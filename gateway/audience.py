@@ -33,7 +33,6 @@ LOUD = (
     "P-PUSH-WITHOUT",
     "P-PUSH-WITHOUT-FLANK",
     "P-SELF-TEST-FAILED",
-    "P-STOPPED-PUSH",
     "P-STOPPING",
     "P-STOPPING-STILL",
     "P-TABLE-ALARM",
@@ -99,6 +98,7 @@ DETAIL = (
     "P-PUSH-RELEASED",
     "P-PUSH-STEP",
     "P-SIGN-PROVED",
+    "P-STOPPED-PUSH",
     "P-WATCH-SAME",
 )
 KINDS = {

@@ -110,14 +110,21 @@ class LivePanel:
         rows: list[Any] = [_bars(scene.counts.values(), now)] if scene.counts else []
         rows += [Text(f"! {visible(with_site(text))}", style="bold red") for text in (scene.open_road,) if text]
         rows += [Text(visible(text)) for text in (scene.step,) if text]
-        rows += [Text(f"  {visible(move)}") for move in scene.moves]
+        rows += [_hung("  ", Text(visible(move))) for move in scene.moves]
         if scene.ask:
             waited = clock_text(now - scene.asked)
-            rows.append(Text(f"> {visible(with_site(scene.ask))}", style="bold yellow"))
+            rows.append(_hung("> ", Text(visible(with_site(scene.ask)), style="bold yellow")))
             rows.append(Text(f"  waiting for this {waited}", style="yellow"))
         elif scene.within:
             rows.append(Text(visible(scene.within), style="dim"))
         return rows or [Text("working")]
+
+
+def _hung(mark: str, said: Text) -> Table:
+    """A sentence behind its mark, which further lines of it leave free."""
+    row = Table.grid()
+    row.add_row(Text(mark, style=said.style), said)
+    return row
 
 
 def _bars(counts: Iterable[Count], now: float) -> Table:

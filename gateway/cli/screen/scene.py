@@ -69,7 +69,7 @@ class Scene:
             self.open_road = words(code, **fields)
             return
         if kind is Audience.ASK:
-            self.ask, self.asked = words(code, **fields), now
+            self._asked(words(code, **fields), now)
         elif kind is Audience.MOVE:
             # What is said after an ask belongs to the next one.
             self.moves, self.ask = (*(() if self.ask else self.moves), words(code, **fields)), ""
@@ -81,6 +81,12 @@ class Scene:
             self.within = words(code, **fields)
         else:
             self._answered()
+
+    def _asked(self, ask: str, now: float) -> None:
+        """What was said before another ask belongs to that one."""
+        if self.ask and self.ask != ask:
+            self.moves = ()
+        self.ask, self.asked = ask, now
 
     def _answered(self) -> None:
         self.ask = self.within = ""

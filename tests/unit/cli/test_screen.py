@@ -132,7 +132,7 @@ def test_a_scene_knows_what_to_do_since_when_and_how_long_it_takes() -> None:
     scene = Scene(began=0.0)
     scene.told("P-SETUP-PLAN", {"number": 1, "total": 4, "setup": "EXX-X1"}, 0.0)
     scene.told("P-START", {"axis": "X1", "program": "TFMEASX"}, 10.0)
-    assert "press" in scene.ask
+    assert "Press" in scene.ask
     assert scene.asked == 10.0
     for done in (1, 11):
         scene.told("P-STOP", {"axis": "X1", "program": "TFMEASX", "done": done, "total": 21}, 100.0 + done)
@@ -155,6 +155,8 @@ def test_what_will_move_stands_with_the_question_until_it_is_answered() -> None:
     scene.told("P-START", {"axis": "X1", "program": "TFMEASX"}, 2.0)
     assert [move[:2] for move in scene.moves] == ["X4", "X5"]
     assert scene.ask
+    scene.told("P-PUSH-EFFECT", {"axis": "X1", "count": 3}, 2.5)
+    assert scene.moves == ()
     scene.told("P-MOVE-STANDS", {"axis": "X6", "unit": "mm", "place": "6"}, 3.0)
     assert ([move[:2] for move in scene.moves], scene.ask) == (["X6"], "")
     scene.told("P-STOP", {"axis": "X1", "program": "TFMEASX", "done": 1, "total": 21}, 4.0)
