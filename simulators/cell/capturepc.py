@@ -13,7 +13,7 @@ from simulators.cell.control import CellNck
 from simulators.cell.results import STOP_S, CapturePc
 from simulators.cellfile import CellAxis, Sensor, Setup
 from simulators.optics import OpticsBench
-from simulators.optics.readings import component_of, reading
+from simulators.optics.readings import component_of, looks_along, reading
 from simulators.optics.sensor import watched
 from simulators.optics.stops import Stops
 from simulators.truth import AxisMotion, Scatter, generator
@@ -46,9 +46,10 @@ class SetupPc:
         return self.bench.cell.axis(self.setup.axis)
 
     def save(self, path: Path, repetitions: int) -> Path:
-        """Write target, direction, repetition, deviation, the last in um or arcsec whatever the axis is."""
+        """Write target, direction, repetition, deviation, the last in um or arcsec as its heading says."""
         target = "target_deg" if self.axis.kind == "rotary" else "target"
-        rows = [f"{target},direction,repetition,deviation", *self._rows(self.deviations(repetitions))]
+        unit = "arcsec" if looks_along(self.setup) in "ABC" else "um"
+        rows = [f"{target},direction,repetition,deviation_{unit}", *self._rows(self.deviations(repetitions))]
         path.write_text("\n".join(rows) + "\n", encoding="utf-8")
         return path
 

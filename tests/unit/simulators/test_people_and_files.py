@@ -10,9 +10,13 @@ import numpy as np
 import pytest
 
 from drivers.clock import LoopClock, run_virtual
+from drivers.errors import FileFormatError
+from drivers.files.csvmap import parse_csv
 from gateway.config import load_site
+from simulators.cell import Cell
+from simulators.cell.filed import write_setup_file
 from simulators.cell.site import quoted, site_text
-from simulators.cellfile import CellFile, load_cell, packaged
+from simulators.cellfile import CellFile, load_cell, packaged, with_plan
 from simulators.cellfile import OperatorSection as OperatorSpec
 from simulators.files import FileContent, result_text
 from simulators.operator import Operator
@@ -203,3 +207,18 @@ def test_the_site_file_of_a_packaged_cell_is_valid(name: str, tmp_path: Path) ->
 @pytest.mark.parametrize("text", ["plain", 'with "quotes"', "C:\\cells\\a", "new\nline", "Grad \u00b0"])
 def test_text_survives_the_site_file(text: str) -> None:
     assert tomllib.loads(f"key = {quoted(text)}") == {"key": text}
+
+
+@pytest.mark.parametrize(
+    ("component", "axis", "unit"), [("EYX", "X1", "um"), ("EAX", "X1", "arcsec"), ("A0C", "Z1", "um")]
+)
+async def test_the_table_of_a_set_up_names_its_unit_so_that_it_is_read_however_small_its_readings_are(
+    tmp_path: Path, component: str, axis: str, unit: str
+) -> None:
+    cell = Cell(with_plan(load_cell("demo")), tmp_path, LoopClock())
+    heading, *rows = write_setup_file(cell, component, axis, tmp_path / "table.csv").read_text().splitlines()
+    small = [f"{row.rpartition(',')[0]},0.0001" for row in rows]
+    read = parse_csv("\n".join([heading, *small]), "", "table.csv", mixed=True)
+    assert read.deviations == pytest.approx(0.0001)
+    with pytest.raises(FileFormatError, match="E-FILE-CSV-UNIT"):
+        parse_csv("\n".join([heading.removesuffix(f"_{unit}"), *small]), "", "table.csv", mixed=True)
