@@ -179,6 +179,8 @@ async def running(folder: Path, files: Mapping[str, str] | None = None) -> Async
         await host.person("home")
         await host.start_agent()
         yield host
+        said = (folder / "agent.log").read_text() if (folder / "agent.log").exists() else ""
+        assert "Traceback" not in said, said
     finally:
         if host._agent is not None:
             await host.kill_agent()
