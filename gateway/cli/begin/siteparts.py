@@ -76,7 +76,7 @@ def axis_tree(axis: AxisToMeasure) -> dict[str, Any]:
     low, high, step = grid(axis)
     targets: dict[str, Any] = {"first": low, "last": high, "count": "iso230-2"}
     if axis.modulo:
-        targets = {"first": 0.0, "last": TURN - 15.0, "count": 24, "offset_fraction": 0.2}
+        targets = {"first": 0.0, "last": TURN, "count": 25, "offset_fraction": 0.2}  # 0 and 360 deg: does it close?
     tree: dict[str, Any] = {"name": axis.name, "letter": axis.letter, "kind": "rotary" if axis.rotary else "linear"}
     tree["travel"] = list(axis.travel)
     tree["reference"] = min(max(0.0, low), high)

@@ -88,6 +88,6 @@ def _numbered(found: Document, material: ReportMaterial) -> Document:
         digest.update(name.encode() + data)
     day, end = material.run_id[:8], material.run_id.rpartition("-")[2]
     number = "-".join(
-        part for part in (material.particulars.number_prefix, day, end, digest.hexdigest()[:DIGITS]) if part
+        part for part in (material.particulars.number_prefix.rstrip("-"), day, end, digest.hexdigest()[:DIGITS]) if part
     )
     return replace(found, number=number)

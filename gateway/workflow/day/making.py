@@ -7,7 +7,7 @@ import os
 import shutil
 from collections.abc import Sequence
 from dataclasses import dataclass
-from datetime import datetime
+from datetime import date, datetime
 from pathlib import Path
 from typing import Any
 
@@ -104,7 +104,7 @@ def from_files(
     No table can be pushed from it, for nobody knows what compensated. Raises CaptureError (E-CAP-OVERDUE), and what
     reading and evaluating raise; the run folder keeps the error.
     """
-    tell_overdue(site, utc.date(), say)
+    tell_overdue(site, _measured_on(setups, utc.date()), say)
     run = new_run(site, site_path)
     say("P-RUN", folder=str(run.path))
     work = work_of(site, site_path) if site.work is not None else None
@@ -122,6 +122,18 @@ def from_files(
         raise
     outlook = forecast(plan.model, work, grids(site)) if work is not None else None
     return DayOutcome(site_path, run.path, plan, outlook)
+
+
+def _measured_on(setups: Sequence[Placed], today: date) -> date:
+    """The last day that the files say, today where one of them says none."""
+    found = []
+    for one in setups:
+        said = one.file.measured.header.get("Date", "") if one.file.measured is not None else ""
+        try:
+            found.append(date.fromisoformat(said.strip()[:10]))
+        except ValueError:
+            return today
+    return max(found, default=today)
 
 
 def _store(run: RunFolder, one: Planned, placed: Placed, *, folder: DayFolder, answers: Answers) -> None:

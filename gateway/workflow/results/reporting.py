@@ -130,21 +130,24 @@ def material_of(folder: RunFolder) -> ReportMaterial:
         for name, digest in facts["files"].items()
         if not name.startswith(WRITTEN)
     )
+    began, ended = facts["created_utc"], _last_moment(axes, tooth, facts["created_utc"])
+    if equipment is None and any(one.capture_before is not None for one in axes):
+        began, ended = _days_of_files(axes)
     material = ReportMaterial(
         site=site.site.name,
         machine=equipment.machine if equipment is not None else _machine(facts["machine"]),
         run_id=folder.run_id,
         outcome=outcome_of(verdict, tooth),
         axes=axes,
-        started_utc=facts["created_utc"],
-        ended_utc=_last_moment(axes, tooth, facts["created_utc"]),
+        started_utc=began,
+        ended_utc=ended,
         software=f"trueflank {facts['software']}",
         instruments=instruments,
         files=files,
         hashes={stage: folder.digest(stage) for stage in folder.stages},
         findings=tuple(str(error.get("what", "")) for error in folder.errors),
         tooth=tooth,
-        particulars=particulars_of(site, path, facts["created_utc"]),
+        particulars=particulars_of(site, path, ended or facts["created_utc"]),
         simulated=was_simulated(site, instruments),
         unprotected=open_road(site),
     )
@@ -250,6 +253,13 @@ def _proof(verdict: Verdict | None, axis: str) -> SignProof | None:
 def _axis_verdict(verdict: Verdict | None, axis: str) -> AxisVerdict | None:
     axes = verdict.axes if verdict is not None else ()
     return next((item for item in axes if item.axis == axis), None)
+
+
+def _days_of_files(axes: tuple[AxisMaterial, ...]) -> tuple[str, str]:
+    """First and last moment that the files of a run without devices say; "" where they say none."""
+    said = sorted(one.capture_before.started_utc for one in axes if one.capture_before is not None)
+    dated = [moment for moment in said if moment]
+    return (dated[0], dated[-1]) if dated else ("", "")
 
 
 def _last_moment(axes: tuple[AxisMaterial, ...], tooth: ToothMaterial | None, otherwise: str) -> str:

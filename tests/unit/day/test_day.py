@@ -19,6 +19,7 @@ from gateway.model.known import ErrorModel
 from gateway.model.preset import TWENTY_ONE
 from gateway.store import RunFolder
 from gateway.workflow import stages
+from gateway.workflow.results.reporting import material_of
 from simulators.cell.site import section
 from tests.unit.components.machine import ARCSEC, PLACES, Machine
 from tests.unit.components.site import site_data
@@ -145,6 +146,7 @@ def test_limits_of_the_site_are_decided_and_an_overdue_calibration_is_told_or_re
     conditions = folder.get(stages.capture("X1", "before"), Capture).conditions
     assert conditions is not None
     assert conditions.stated == {"um_per_m": 0.2}
+    assert material_of(folder).started_utc == "2026-11-20 09:15", "not the day on which the files were read"
     assert "laser head (2020-01-01)" in told.output
     assert "FAIL" in told.output
     with (tmp_path / "site.toml").open("a", encoding="utf-8") as file:

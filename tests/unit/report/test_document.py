@@ -191,7 +191,7 @@ def test_the_number_follows_from_what_is_said(made: Document, material: ReportMa
     small = replace(material, axes=(), tooth=None)
     one, same = document(small), document(small)
     other = document(replace(small, particulars=Particulars(parties=Parties(customer="Another"))))
-    prefixed = document(replace(small, particulars=Particulars(number_prefix="K")))
+    prefixed = document(replace(small, particulars=Particulars(number_prefix="K-")))
     assert one.number == same.number != other.number
     assert prefixed.number.startswith("K-2026-03-")
     assert made.number
