@@ -105,7 +105,7 @@ def _sections(text: str, where: str) -> tuple[dict[str, Lines], bool]:
     lines = _BREAK.split(text)
     if len(text.rstrip()) >= ENOUGH and "HEADER::".startswith(text.rstrip()):
         raise _cut(text, where)
-    first = next((line.strip() for line in lines if line.strip()), "")
+    first = next((line.rstrip() for line in lines if line.strip()), "")
     if first != "HEADER::":
         raise FileFormatError("E-FILE-DETECT", where, found=first[:40])
     grown: dict[str, list[tuple[int, str]]] = {}

@@ -263,7 +263,7 @@ def test_points_that_find_no_contact_are_counted(monkeypatch: pytest.MonkeyPatch
     with pytest.raises(ModelError) as caught:
         exact(grinding_of(yk7350b({"EXX": 0.005})), 0.0, spread(RV40E, 4), 0.0)
     assert caught.value.code == "E-GEAR-ENVELOPE"
-    assert "4 flank point" in caught.value.what
+    assert caught.value.fields["count"] == 4
 
 
 def test_names_of_the_twenty_one() -> None:
