@@ -189,6 +189,8 @@ def in_words(one: Mapping[str, Any], given: object = "") -> str:
     if kind == "string_too_long":
         return words("W-CFG-LONG", most=limits["max_length"])
     if kind in ("too_long", "too_short") and limits.get("field_type") == "Tuple":
+        if limits["actual_length"] == 0:
+            return words("W-CFG-NONE-GIVEN")
         least = limits.get("min_length", limits.get("max_length"))
         return words("W-CFG-COUNT", least=least, found=limits["actual_length"])
     return str(one["msg"]).removeprefix(FIRST)

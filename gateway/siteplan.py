@@ -33,6 +33,7 @@ Whole = Annotated[int, Strict()]
 Flag = Annotated[bool, Strict()]
 """A text is no number, and true is no 1: a site file says what it means."""
 _UNTRUE = BeforeValidator(lambda value: str(value) if isinstance(value, bool) else value)
+Offset = Annotated[float, Strict(), Field(ge=-10000.0, le=10000.0)]
 Sense = Annotated[Literal[1, -1], _UNTRUE]
 People = Annotated[Literal[1, 2] | None, _UNTRUE]
 
@@ -140,7 +141,7 @@ class SetupSection(Section):
         description="largest allowed standard deviation while averaging; left out: as for the axis",
     )
     sense: Sense = Field(default=1, description="-1: the reading decreases for a positive error of the moving part")
-    offset_mm: tuple[Number, Number, Number] | None = Field(
+    offset_mm: tuple[Offset, Offset, Offset] | None = Field(
         default=None, description="measured point minus functional point, in machine directions, mm"
     )
     largest: Number | None = Field(

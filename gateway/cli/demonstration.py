@@ -24,7 +24,7 @@ from gateway.cli.show import echo
 
 GRACE_S = 10.0
 STARTER = (sys.executable, "-m", "simulators.cell")
-EXPECT = {False: "all of the loop takes about three minutes", True: "the axes alone take about a minute and a half"}
+EXPECT = {False: "all of the loop takes about four minutes", True: "the axes alone take about a minute and a half"}
 
 
 @dataclass(frozen=True, slots=True)

@@ -29,11 +29,12 @@ from gateway.config.rules import (
 
 MOTION = re.compile(r"E[A-Z][A-Z]")
 # What lies beyond is taken for a slip of the unit: no machine tool travels so short, feeds so slow, scatters so.
-LEAST_TRAVEL_MM, LONG_MIN, LONG_S, STABLE, LEAST_EXPANSION = 5.0, 20.0, 60.0, (0.005, 50.0), 0.01
+LEAST_TRAVEL_MM, LONG_MIN, LONG_S, STABLE, LEAST_EXPANSION = 5.0, 20.0, 60.0, (0.005, 50.0), 0.02
 FASTEST = {"mm": 120_000.0, "deg": 72_000.0}  # a minute
 LONGEST_JOG_DEG, MOMENT_S = 1.0, 0.02
+SHORTEST_JOG = {"mm": 0.1, "deg": 0.001}
 NEAR_TURN = 0.1
-LEAST_TARGETS = 5
+LEAST_TARGETS, LEAST_STEPS = 5, 4
 LIVE_KEYS = ("instrument", "targets", "beam", "dead_path_mm")
 FILE_KEYS = ("file_datum", "file_axis_sense", "file_unit")
 
@@ -104,6 +105,8 @@ def _unit_slips(tree: Mapping[str, Any], axis: Any) -> Iterator[Fault]:
         yield broken(tree, (*measure.place, "feed"), words("W-CFG-UNIT-FAST", unit=unit), doubt=True)
     if rotary and "jog" in given and measure.jog is not None and measure.jog > LONGEST_JOG_DEG:
         yield broken(tree, (*measure.place, "jog"), words("W-CFG-UNIT-JOG"), doubt=True)
+    if "jog" in given and measure.jog is not None and 0.0 < measure.jog < SHORTEST_JOG[unit]:
+        yield broken(tree, (*measure.place, "jog"), words("W-CFG-UNIT-JOG-SHORT", unit=unit), doubt=True)
     if stable is not None and not STABLE[0] <= stable <= STABLE[1]:
         told = words("W-CFG-UNIT-STABLE", unit="arcsec" if rotary else "um")
         yield broken(tree, (*measure.place, "stable"), told, doubt=True)
@@ -129,6 +132,8 @@ def _unmeasured(tree: Mapping[str, Any], axis: Any, measure: Any) -> Iterator[Fa
         return
     if not isinstance(targets.count, str) and len(at) < LEAST_TARGETS:
         yield broken(tree, targets.place, words("W-CFG-TARGETS-FEW", least=LEAST_TARGETS), doubt=True)
+    if table.step > 0.0 and (steps := (table.maximum - table.minimum) / table.step) < LEAST_STEPS:
+        yield broken(tree, (*table.place, "step"), words("W-CFG-STEPS-FEW", points=round(steps) + 1), doubt=True)
     widest = max(*(after - before for before, after in pairwise(at)), table.step)
     if axis.modulo:
         beyond, key = TURN_DEG - (at[-1] - at[0]), "maximum"

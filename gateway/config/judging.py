@@ -9,12 +9,13 @@ from dataclasses import replace
 from typing import Any
 
 from drivers.errors import words
+from drivers.local.names import shown
 from gateway.config.axisfaults import axis_faults
-from gateway.config.faults import Fault
+from gateway.config.faults import Fault, called
 from gateway.config.keyfaults import broken
 from gateway.config.movesfaults import moves_faults
 from gateway.config.paper.faults import paper_faults
-from gateway.config.places import Path
+from gateway.config.places import Path, held
 from gateway.config.reaching import reach_faults
 from gateway.config.sections import SiteFile
 from gateway.config.seen import seen
@@ -63,14 +64,34 @@ def _escaped(tree: Mapping[str, Any], site: Any) -> Iterator[Fault]:
 
 
 def _slips(tree: Mapping[str, Any], site: Any) -> Iterator[Fault]:
-    """Paths of the other system, and assumed errors smaller than any machine's."""
+    """Paths of the other system, assumed errors that no machine has, a broker's keys that do not fit each other."""
     store = getattr(site.site, "store", None)
     if os.sep == "/" and store is not None and _WINDOWS.search(str(store)):
         yield broken(tree, ("site", "store"), words("W-CFG-PATH-WINDOWS"), doubt=True)
     for key, unit in (("linear_um", "um"), ("angular_arcsec", "arcsec")):
         value = getattr(site.assumed, key, None)
-        if isinstance(value, int | float) and value < LEAST_ASSUMED:
-            yield broken(tree, ("assumed", key), words("W-CFG-UNIT-ASSUMED", unit=unit), doubt=True)
+        if isinstance(value, int | float) and not LEAST_ASSUMED <= value <= MOST_ASSUMED:
+            code = "W-CFG-UNIT-ASSUMED" if value < LEAST_ASSUMED else "W-CFG-UNIT-ASSUMED-MUCH"
+            yield broken(tree, ("assumed", key), words(code, unit=unit), doubt=True)
+    mqtt = getattr(site.service, "mqtt", None)
+    if hasattr(mqtt, "place"):
+        yield from _broker(tree, mqtt)
+
+
+def _broker(tree: Mapping[str, Any], mqtt: Any) -> Iterator[Fault]:
+    """A name without a password, and the port of encrypted messages without what proves the server."""
+    if mqtt.user and mqtt.password_file is None and not mqtt.password_env:
+        yield broken(tree, (*mqtt.place, "user"), words("W-CFG-USER-ALONE"), doubt=True)
+    if mqtt.port == MQTT_TLS and mqtt.ca is None and "ca" not in held(tree, mqtt.place):
+        yield broken(tree, (*mqtt.place, "port"), words("W-CFG-TLS-PORT"), doubt=True)
+
+
+def _nothing_measures(tree: Mapping[str, Any], site: Any) -> Iterator[Fault]:
+    """Instruments that axes and set-ups name, in a file that has no section for any."""
+    named = [one for one in (*(axis.measure for axis in site.axes), *site.setups) if getattr(one, "instrument", None)]
+    if not site.instruments and "instruments" not in tree and named and not set(tree) - set(SiteFile.model_fields):
+        fields = {"key": called(tree, (*named[0].place, "instrument")), "name": shown(named[0].instrument)}
+        yield replace(broken(tree, ("instruments",), words("W-CFG-NO-INSTRUMENTS", **fields)), later=True)
 
 
 def texts(tree: Any, path: Path = ()) -> Iterator[tuple[Path, str]]:
@@ -82,9 +103,19 @@ def texts(tree: Any, path: Path = ()) -> Iterator[tuple[Path, str]]:
             yield from texts(part, (*path, key))
 
 
-LEAST_ASSUMED = 0.05  # um or arcsec
+LEAST_ASSUMED, MOST_ASSUMED = 0.05, 500.0  # um or arcsec
+MQTT_TLS = 8883
 _WINDOWS = re.compile(r"\A[A-Za-z]:|\\")
 _ESCAPED = "\a\b\t\n\f\r\v\x1b"
 Rule = Callable[[Mapping[str, Any], Any], Iterable[Fault]]
-_NOW: tuple[Rule, ...] = (_names, _escaped, _slips, axis_faults, setup_faults, moves_faults, paper_faults)
+_NOW: tuple[Rule, ...] = (
+    _names,
+    _escaped,
+    _slips,
+    _nothing_measures,
+    axis_faults,
+    setup_faults,
+    moves_faults,
+    paper_faults,
+)
 _LATER: tuple[Rule, ...] = (reach_faults, work_faults)

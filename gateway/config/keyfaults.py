@@ -26,6 +26,8 @@ _PATTERNS = {
     "dresser_letter": "W-CFG-LETTER",
     "component": "W-CFG-COMPONENT",
     "name": "W-CFG-SITE-NAME",
+    "work_side": "W-CFG-SIDE",
+    "tool_side": "W-CFG-SIDE",
 }
 
 
@@ -178,8 +180,9 @@ def _why(tree: Any, path: Path, one: Mapping[str, Any]) -> str:
         return words("W-CFG-LIST-OF", least=needed)
     if needed and isinstance(given, list) and kind == "missing":
         return words("W-CFG-SHORT", least=needed, found=len(given))
-    if kind == "string_pattern_mismatch" and key in _PATTERNS:
-        return words(_PATTERNS[str(key)])
+    pattern = _PATTERNS.get(str(next((part for part in reversed(path) if isinstance(part, str)), "")))
+    if kind == "string_pattern_mismatch" and pattern:
+        return words(pattern)
     if key == "count" and kind != "value_error":
         return words("W-CFG-TARGET-COUNT", most=MOST_TARGETS)
     return in_words(one, given)

@@ -13,14 +13,19 @@ from gateway.config.reaching import by_files
 from gateway.config.rules import bounds, is_pair, within
 
 _SAFE = ("moves", "safe")
+ANY = "any"
+_FEEDS = (("feed_mm", 20.0, "mm"), ("feed_deg", 5.0, "deg"))
+"""Feeds below which a push would crawl from place to place, per minute: more likely a slip of the unit."""
 
 
 def moves_faults(tree: Mapping[str, Any], site: Any) -> Iterator[Fault]:
-    """Places that are no range or beyond the travel, and one doubt that names every axis without a place."""
+    """Places that are no range or beyond the travel, feeds of another unit, and every axis without a place."""
     written = held(tree, _SAFE)
     given = written if isinstance(written, Mapping) else {}
     axes = {axis.name: axis for axis in site.axes if isinstance(axis.name, str)}
     for name, place in given.items():
+        if place == ANY and getattr(axes.get(name), "kind", None) == "linear":
+            yield broken(tree, (*_SAFE, name), words("W-CFG-PLACE-ANY"), doubt=True)
         if not is_pair(place):
             continue
         if place[0] >= place[1]:
@@ -31,6 +36,10 @@ def moves_faults(tree: Mapping[str, Any], site: Any) -> Iterator[Fault]:
             if beyond:
                 apart = place[1] <= low or place[0] >= high
                 yield broken(tree, (*_SAFE, name), words("W-CFG-OUTSIDE", low=low, high=high), doubt=not apart)
+    for key, least, unit in _FEEDS:
+        feed = getattr(site.moves, key, None)
+        if isinstance(feed, int | float) and 0.0 < feed < least:
+            yield broken(tree, ("moves", key), words("W-CFG-UNIT-SLOW", unit=unit), doubt=True)
     dresser = getattr(site.work, "dresser", None)
     known = [*axes, *([dresser] if isinstance(dresser, str) and dresser else [])]
     missing = [name for name in known if name not in given]

@@ -26,6 +26,7 @@ _NUMBERED = {"tcp", "socket", "opc.tcp"}
 _OPEN_TO_MANY = {"terminal", "folder", "memory"}
 _DOTTED = re.compile(r"[\d.]+")
 """A host of digits and points alone must be four numbers up to 255: no name is made so."""
+_HOST = re.compile(r"[A-Za-z0-9](?:[A-Za-z0-9._-]*[A-Za-z0-9])?\.?|[0-9A-Fa-f:.]+(?:%[A-Za-z0-9._-]+)?")
 _SERIAL = re.compile(r"COM[1-9][0-9]*|/dev/\S+", re.IGNORECASE)
 
 
@@ -215,6 +216,6 @@ def _is_host(url: str, *, needs_port: bool) -> bool:
             known = ip_address(host)
             if known.is_unspecified or known.is_multicast or str(known) == "255.255.255.255":
                 return False
-        return bool(host) and has_port and parts.port != 0 and " " not in url
+        return bool(_HOST.fullmatch(host)) and has_port and parts.port != 0 and " " not in url
     except ValueError:
         return False

@@ -26,6 +26,7 @@ _NUMBER = r"[+-]?\d[\d.]*"
 _MEANT = (
     ("W-CFG-STRAIGHT", re.compile("[\u201c\u201d\u201e\u2018\u2019\u201a\u00ab\u00bb]")),
     ("W-CFG-INVISIBLE", re.compile("[\u00a0\u1680\u2000-\u200f\u2028-\u202f\u205f-\u2064\u3000\ufeff]")),
+    ("W-CFG-FULLWIDTH", re.compile("[\uff01-\uff5e\u3001\u3002]")),
     ("W-CFG-MINUS", re.compile("[\u2010-\u2015\u2212]")),
     ("W-CFG-DATE", re.compile(r"=\s*(?:\d{1,2}[./]\d{1,2}[./]\d{2,4}|\d{4}[-./]\d{1,2}[-./]\d{1,2})")),
     ("W-CFG-POINTS", re.compile(r"=\s*[+-]?(?:\d+\.\d+\.\d+|\d{1,3}(?:,\d{3})+\.\d|\d{1,3}(?:[ ']\d{3})+\b)")),

@@ -12,6 +12,7 @@ from typing import Any
 
 from drivers import registry
 from drivers.errors import ConfigError, words
+from drivers.local.names import shown
 from gateway.config import Fault, SiteReading
 from gateway.config.faults import called
 from gateway.config.keyfaults import broken
@@ -63,6 +64,10 @@ def _store(tree: Any, site: Any, folder: Path) -> Iterator[Fault]:
         yield _fault(tree, ("site", "store"), folder / store, words("W-CFG-NO-FOLDER"))
     if isinstance(store, str | Path) and _LITERAL.search(str(store)) and not (folder / store).exists():
         yield broken(tree, ("site", "store"), words("W-CFG-LITERAL-PATH"), doubt=True)
+    elif isinstance(store, str | Path) and str(store) and not (folder / store).parent.exists():
+        yield broken(
+            tree, ("site", "store"), words("W-CFG-STORE-NEW", folder=shown((folder / store).parent)), doubt=True
+        )
 
 
 def _ports(tree: Any, site: Any) -> Iterator[Fault]:

@@ -14,7 +14,7 @@ from gateway.errors import ModelError
 from gateway.evaluate.standards.flank_tolerances import FIGURES
 from gateway.evaluate.standards.registry import standard
 
-LEAST_LIMIT = 0.05
+LEAST_LIMIT, MOST_LIMIT = 0.05, 1000.0
 OF_CLASS = ("module_mm", "diameter_mm", "width_mm")
 
 
@@ -37,6 +37,17 @@ def paper_faults(tree: Mapping[str, Any], site: Any) -> Iterator[Fault]:
         yield from _figures(tree, one)
         yield from _limits(tree, one, limits)
     yield from _gear(tree, site.gear_tolerance)
+    yield from _sides(tree, site.machine)
+
+
+def _sides(tree: Mapping[str, Any], machine: Any) -> Iterator[Fault]:
+    """An axis carries the work or the tool, once."""
+    seen: list[Any] = []
+    for key in ("work_side", "tool_side"):
+        for number, letter in enumerate(getattr(machine, key, None) or ()):
+            if letter in seen:
+                yield broken(tree, ("machine", key, number), words("W-CFG-SIDE-TWICE"))
+            seen.append(letter)
 
 
 def _limits(tree: Mapping[str, Any], one: Any, before: set[tuple[str, str, str]]) -> Iterator[Fault]:
@@ -49,6 +60,8 @@ def _limits(tree: Mapping[str, Any], one: Any, before: set[tuple[str, str, str]]
         path, key = (*one.place, "limits", name), (str(one.axis), str(one.standard), name)
         if isinstance(limit, int | float) and 0 < limit < LEAST_LIMIT:
             yield broken(tree, path, words("W-CFG-UNIT-LIMIT"), doubt=True)
+        if isinstance(limit, int | float) and limit > MOST_LIMIT:
+            yield broken(tree, path, words("W-CFG-UNIT-LIMIT-MUCH"), doubt=True)
         if key in before:
             yield broken(tree, path, words("W-CFG-LIMIT-TWICE"))
         before.add(key)
@@ -64,7 +77,7 @@ def _figures(tree: Mapping[str, Any], one: Any) -> Iterator[Fault]:
         return
     for name in one.limits if isinstance(one.limits, Mapping) else ():
         if name not in known:
-            yield no_such(tree, (*one.place, "limits", name), "figure", known)
+            yield no_such(tree, (*one.place, "limits", name), "figure", known, by_key=True)
 
 
 def _gear(tree: Mapping[str, Any], one: Any) -> Iterator[Fault]:
@@ -72,7 +85,7 @@ def _gear(tree: Mapping[str, Any], one: Any) -> Iterator[Fault]:
         return
     for name in one.limits if isinstance(one.limits, Mapping) else ():
         if name not in FIGURES:
-            yield no_such(tree, (*one.place, "limits", name), "figure", FIGURES)
+            yield no_such(tree, (*one.place, "limits", name), "figure", FIGURES, by_key=True)
     missing = [key for key in OF_CLASS if getattr(one, key) is None]
     if one.grade is not None and missing:
         yield broken(tree, (*one.place, "grade"), words("W-CFG-CLASS", missing=", ".join(missing)))

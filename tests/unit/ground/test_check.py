@@ -191,6 +191,12 @@ MISTAKES = [
     ("[moves]", "[[equipment]]\nname = 'head'\ncalibrated = '10.1.2026'\n[moves]", 70, 14, "YYYY-MM-DD"),
     ("[moves]", "[[tolerances]]\naxis = 'X1'\nlimits = { A = -8.0 }\n[moves]", 70, 16, "tolerance of X1: limits.A"),
     ("[moves]", "[[tolerances]]\naxis = 'X1'\nlimits = {}\n[moves]", 70, 10, "names no limit"),
+    ("[moves]", "[[tolerances]]\naxis = 'X1'\nlimits = { a = 8.0 }\n[moves]", 70, 16, "did you mean A?"),
+    ("[moves]", "[machine]\nwork_side = ['Q']\n[moves]", 69, 14, "letters of axes"),
+    ("[moves]", "[machine]\nwork_side = ['X']\ntool_side = ['Z', 'X']\n[moves]", 70, 19, "stands here already"),
+    ("park = { C1 = 0.0 }", "offset_mm = [0.0, 0.0, 150000.0]", 66, 24, "10000 at most"),
+    ("192.168.214.1", "192.168,214.1", 6, 7, "needs a host"),
+    ("192.168.214.1", "\u0441ontrol-7", 6, 7, "needs a host"),
 ]
 
 BROKEN = [
@@ -242,6 +248,8 @@ BROKEN = [
     ("offset_fraction = 0.2 }", "offset_fraction = 0.2, }", 33, "the last comma"),
     ("targets = { first = -400.0, last = 0.0,", "targets = {\n  first = -400.0,\n  last = 0.0,\n ", 33, "on one line"),
     ("{ first = -400.0, last = 0.0, count = 21, offset_fraction = 0.2 }", "(-400.0, 0.0)", 33, "square brackets"),
+    ("feed = 6000.0", "feed = \uff16\uff10\uff10\uff10", 34, "full-width"),
+    ("travel = [-420.0, 20.0]", "travel = [-420.0\u3001 20.0]", 28, "full-width"),
     ("[moves]", "[machine]\nyear = 10.01.2026\n[moves]", 69, "year-month-day"),
 ]
 
@@ -277,6 +285,22 @@ DOUBTS = [
     ("feed = 900.0", "feed = 90000.0", 53, "the unit is deg/min"),
     ("jog = 0.1", "jog = 10.0", 55, "0.1 is usual"),
     ("[moves]", "[assumed]\nlinear_um = 0.005\n[moves]", 69, "less than any machine has"),
+    ("[moves]", "[assumed]\nangular_arcsec = 5000.0\n[moves]", 69, "more than any machine tool has"),
+    (
+        "[moves]",
+        "[[tolerances]]\naxis = 'X1'\nlimits = { A = 8000.0 }\n[moves]",
+        70,
+        "more than any machine tool is allowed",
+    ),
+    ("X1 = [-400.0, 0.0]", 'X1 = "any"', 69, "suits a spindle"),
+    ("[moves]", "[moves]\nfeed_mm = 0.5", 69, "the unit is mm/min"),
+    ("[moves]", "[moves]\nfeed_deg = 0.1", 69, "the unit is deg/min"),
+    ("feed = 6000.0", "feed = 6000.0\njog = 0.001", 35, "may not show its direction"),
+    ("feed = 6000.0", "feed = 6000.0\nexpansion_ppm_per_k = 0.0115", 35, "1e-6/K"),
+    ("step = 20.0", "step = 400.0", 40, "only 2 points"),
+    ("[site]\n", "[site]\nstore = '/nowhere/runs'\n", 2, "no folder /nowhere yet"),
+    ("[moves]", "[service.mqtt]\nhost = 'b'\nuser = 'u'\n[moves]", 70, "without a password"),
+    ("[moves]", "[service.mqtt]\nhost = 'b'\nport = 8883\n[moves]", 70, "clear text"),
     ("[moves]", "[[equipment]]\nname = 'a'\n[[equipment]]\nname = 'a'\n[moves]", 71, "same name and serial"),
     ("[moves]", "[[equipment]]\nname = 'head'\ndue = 2021-01-10\n[moves]", 70, "due on 2021-01-10"),
     ("[moves]", "[[equipment]]\nname = 'head'\ncalibrated = 2199-01-10\n[moves]", 70, "a day to come"),
@@ -358,6 +382,22 @@ def test_a_file_that_says_nothing_is_told_how_to_begin(folder: Path) -> None:
     for text in ("", "  \n\n", "# a site\n"):
         (fault,) = checked(written(folder, text)).faults
         assert "trueflank init" in str(fault.error("f"))
+
+
+def test_instruments_that_are_named_and_nowhere_described_are_missed(folder: Path) -> None:
+    """In a file without the section nobody asked for a name that no section has: the file was called valid."""
+    text = re.sub(r"\[\[instruments\]\]\n(.+\n)+", "", WHOLE)
+    (fault,) = checked(written(folder, text)).faults
+    assert (fault.line, fault.column, fault.path) == (1, 1, ("instruments",))
+    assert "no [[instruments]] section, and axis X1: measure.instrument names laser" in str(fault.error("f"))
+    mistyped = WHOLE.replace("[[instruments]]", "[[instrument]]")
+    assert {fault.code for fault in checked(written(folder, mistyped)).faults} == {"E-CFG-KEY"}
+
+
+def test_an_empty_list_is_not_taken_for_a_decimal_comma(folder: Path) -> None:
+    text = "axes = []\n" + re.sub(r"\[\[axes\]\](.|\n)*?(?=\[\[setups)", "", WHOLE)
+    told = [str(fault.error("f")) for fault in checked(written(folder, text)).faults if fault.path == ("axes",)]
+    assert ["is empty: give one at least" in one and "decimal comma" not in one for one in told] == [True]
 
 
 WORK = """
