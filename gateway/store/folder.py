@@ -12,6 +12,7 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from drivers.errors import words
 from drivers.local.names import is_file_name, shown
 from drivers.local.ownfiles import is_link
 from drivers.terms import in_todays_words
@@ -245,7 +246,9 @@ class RunFolder:
     def _entry(self, stage: str) -> dict[str, Any]:
         stages = self._known()["stages"]
         if stage not in stages:
-            raise StoreError("E-STORE-STAGE", str(self.path), stage=stage, known=", ".join(stages))
+            raise StoreError(
+                "E-STORE-STAGE", str(self.path), stage=stage, known=", ".join(stages) or words("W-CFG-NONE")
+            )
         entry: dict[str, Any] = stages[stage]
         return entry
 

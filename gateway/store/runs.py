@@ -6,7 +6,7 @@ import contextlib
 import os
 import re
 import secrets
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from datetime import UTC, datetime
 from importlib import metadata
 from itertools import islice
@@ -25,6 +25,8 @@ def _utc_now() -> datetime:
 
 
 LATEST = "latest"
+MEASURES = "measures"
+"""Key of a plan: false in a run that can measure nothing, after which `latest` is still the run before it."""
 
 
 class Store:
@@ -66,6 +68,8 @@ class Store:
     def open(self, run: str | Path) -> RunFolder:
         """A run by its id, by the start of its id when only one matches, by its path, or `latest`.
 
+        `latest` passes over self-tests: who was asked for one before a push types `push latest` again after it.
+
         Raises StoreError (E-STORE-EMPTY, E-STORE-RUN, E-STORE-LINK), CorruptRecord, FutureSchema.
         """
         inside = (self.root / run,) if is_file_name(str(run)) else ()
@@ -75,7 +79,7 @@ class Store:
         folders = self._folders()
         matches = [path for path in folders if path.name.startswith(str(run))] if str(run) else []
         if str(run) == LATEST:
-            matches = folders[-1:]
+            matches = [next((one for one in reversed(folders) if _measures(one)), folders[-1])] if folders else []
         if len(matches) == 1:
             return RunFolder(matches[0])
         if not folders:
@@ -116,3 +120,12 @@ class Store:
     def _folders(self) -> list[Path]:
         with disk_errors(self.root):
             return [self.root / name for name in reversed(self._names()) if (self.root / name / RUN_FILE).exists()]
+
+
+def _measures(path: Path) -> bool:
+    """Whether a run could measure something, also where it failed; one that cannot be read counts."""
+    try:
+        plan = RunFolder(path).plan
+    except StoreError:
+        return True
+    return not isinstance(plan, Mapping) or plan.get(MEASURES) is not False

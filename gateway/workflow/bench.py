@@ -32,6 +32,7 @@ from gateway.push.records.journal import JOURNALS
 from gateway.push.records.sent import SentBook
 from gateway.say import Say
 from gateway.store import Proofs, RunFolder, Store
+from gateway.store.runs import MEASURES
 from gateway.supervisor import Supervisor
 from gateway.walk import Patience
 from gateway.workflow.leaving import leave
@@ -105,15 +106,17 @@ def store_of(site: SiteFile, site_path: Path) -> Store:
     return Store((site_path.parent / site.site.store).resolve())
 
 
-def new_run(site: SiteFile, site_path: Path, store: Store | None = None) -> RunFolder:
+def new_run(site: SiteFile, site_path: Path, store: Store | None = None, *, measures: bool = True) -> RunFolder:
     """A run folder that remembers the site file: its path and its text as it was, without any secret.
 
     In the site's store, or in another one. The path is seen from the run's own folder, so that no record tells how this
-    computer's folders are called; a folder for a short time may be elsewhere, and tells the whole.
+    computer's folders are called; a folder for a short time may be elsewhere, and tells the whole. One that can measure
+    nothing (not ``measures``) is never the latest.
     """
     path = site_path.resolve()
     told = str(path) if store is not None else _from_run(path, store_of(site, site_path).root)
-    folder = (store or store_of(site, site_path)).create(site.site.name, {"site_file": told})
+    plan = {"site_file": told} if measures else {"site_file": told, MEASURES: False}
+    folder = (store or store_of(site, site_path)).create(site.site.name, plan)
     folder.write_text(KEPT, without_secrets_text(site_path.read_text(encoding="utf-8")))
     return folder
 

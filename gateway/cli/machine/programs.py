@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -76,7 +77,21 @@ def self_test_command(
     """Let the control try every word of our programs: you start it, nothing moves, the outcome is kept."""
     from gateway.cli.machine.running import show_outcome
 
-    show_outcome(self_tested(site, axis, quiet=as_json), as_json=as_json, onward=f"run {site}")
+    show_outcome(self_tested(site, axis, quiet=as_json), as_json=as_json, onward=_after(site))
+
+
+def _after(site: Path) -> str:
+    """What to type after a self-test: the push that asked for it, where its run is the latest; else a run."""
+    from gateway.config import load_site
+    from gateway.errors import StoreError
+    from gateway.store.runs import LATEST
+    from gateway.workflow.bench import store_of
+
+    with contextlib.suppress(StoreError):
+        latest = store_of(load_site(site), site).open(LATEST).summary()
+        if latest.state == "proposed":
+            return f"push {latest.path}"
+    return f"run {site}"
 
 
 def self_tested(

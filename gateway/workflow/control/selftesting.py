@@ -23,7 +23,7 @@ async def self_test_site(site: SiteFile, site_path: Path, *, axis: str, clock: C
     Each outcome is kept before the next begins. Raises ConfigError (E-RUN-AXIS), DeviceRefused (E-SELF-TEST) when
     words were not passed, DeadlineExceeded (E-NC-NO-START) when nobody started it, StoreError.
     """
-    folder = new_run(site, site_path)
+    folder = new_run(site, site_path, measures=False)
     folder.set_state("self-testing")
     try:
         async with bench(site, site_path, folder=folder, clock=clock, say=say, instruments=()) as at:

@@ -52,6 +52,18 @@ def test_one_run_by_any_of_its_names(tmp_path: Path) -> None:
     assert "E-CAP-BEAM: the beam was lost" in shown
 
 
+def test_a_self_test_between_run_and_push_is_not_the_latest_run(tmp_path: Path) -> None:
+    """`push latest` said "self-test first", and after it found nothing to push in the self-test's own run."""
+    _, second = a_store(tmp_path)
+    store = Store(tmp_path, lambda: datetime(2026, 3, 3, tzinfo=UTC))
+    tested = store.create("hall-3", {"measures": False})
+    assert store.open("latest").run_id == second
+    assert store.open(tested.run_id).run_id == tested.run_id
+    alone = Store(tmp_path / "alone", lambda: datetime(2026, 3, 3, tzinfo=UTC))
+    only = alone.create("hall-3", {"measures": False})
+    assert alone.open("latest").run_id == only.run_id
+
+
 def test_a_report_of_the_latest_run_of_an_empty_store_is_refused(tmp_path: Path) -> None:
     told = RUNNER.invoke(app, ["runs", "show", "latest", "--store", str(tmp_path)])
     assert "E-STORE-EMPTY" in str(told.exception)

@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 from pydantic import ValidationError
 
 from drivers.errors import ConfigError
+from gateway.interlocks.limits import LEAST_DRIFT_K
 from simulators.cellfile import CellFile, load_cell, packaged
 from simulators.truth import AxisMotion, Hysteresis, Truth
 from simulators.truth.climate import Climate
@@ -75,6 +76,14 @@ def test_hysteresis_stays_between_its_ends_however_the_axis_moves(path: list[flo
     assert np.all(np.abs(whole) <= 1.0)
     piecewise = Hysteresis(distance)
     np.testing.assert_allclose([piecewise.follow(np.asarray([p]))[0] for p in path], whole, atol=1e-9)
+
+
+@pytest.mark.parametrize("name", packaged())
+def test_a_shipped_machine_stays_in_the_warmth_that_every_push_allows(name: str) -> None:
+    """At 300 times a coffee, or a busy PC, is a shift at the machine: its push was refused for 2 K (E-INT-WARMTH)."""
+    climate = Climate(load_cell(name).climate)
+    felt = [climate.sensed(60.0 * minute).material_degc for minute in range(12 * 60)]
+    assert max(felt) - min(felt) < LEAST_DRIFT_K
 
 
 @pytest.mark.parametrize("name", packaged())
