@@ -60,6 +60,12 @@ class CompensationTable:
         return f"{self.output_axis}({self.input_axis})"
 
     @property
+    def called(self) -> str:
+        """As people call it: the axis table by its axis, a cross table by both: X1, C1-reversal, X1(Z1)."""
+        own = {"axis": self.output_axis, "reversal": f"{self.output_axis}-reversal"}
+        return own.get(self.kind, self.name)
+
+    @property
     def is_plain(self) -> bool:
         """Whether points of equal step and one curve for both directions are all there is to it."""
         return not self.places and not self.reverse

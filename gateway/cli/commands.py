@@ -15,6 +15,7 @@ from gateway.cli.options import (
     JsonOption,
     MachineOption,
     PlanOption,
+    PointsOption,
     RiskOption,
     RunArgument,
     SiteArgument,
@@ -50,7 +51,7 @@ def run(
 def push(
     run_folder: RunArgument,
     axis: TablesOption = None,
-    points: Annotated[bool, typer.Option("--points", help="Show every interpolation point.")] = False,
+    points: PointsOption = False,
     apply: ApplyOption = False,
     machine: MachineOption = "",
     risk: RiskOption = "",

@@ -34,6 +34,7 @@ TablesOption = Annotated[
     list[str] | None,
     typer.Option("--axis", help="Only this axis or table, as the proposal names it; may be repeated."),
 ]
+PointsOption = Annotated[bool, typer.Option("--points", help="Show every interpolation point.")]
 SpeedOption = Annotated[
     float, typer.Option(min=1, max=500, help="Machine seconds in one second of yours; deadlines keep to yours.")
 ]

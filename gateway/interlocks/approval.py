@@ -7,7 +7,7 @@ from datetime import datetime
 
 from drivers.errors import words
 from gateway.domain.proposals import Approval
-from gateway.interlocks.facts import ROUNDING, PushFacts, Refusal, Rule, called, no
+from gateway.interlocks.facts import ROUNDING, PushFacts, Refusal, Rule, no
 from gateway.interlocks.limits import APPROVED_AHEAD, APPROVED_FOR, MAX_AGE, WARN_AGE
 from gateway.interlocks.measured import unmeasured
 from gateway.interlocks.table import largest_change, steepest
@@ -29,14 +29,14 @@ def _steep(facts: PushFacts) -> Iterator[Refusal]:
     slope, limit = steepest(facts.table), facts.bounds.warn_slope
     if limit + ROUNDING < slope <= facts.bounds.slope + ROUNDING:
         fields = {"slope": round(slope, 4), "limit": limit, "per": facts.table.input_unit}
-        yield from no("W-INT-SLOPE", table=called(facts.table), unit=facts.table.deviation_unit, **fields)
+        yield from no("W-INT-SLOPE", table=facts.table.called, unit=facts.table.deviation_unit, **fields)
 
 
 def _far(facts: PushFacts) -> Iterator[Refusal]:
     change, limit = largest_change(facts.change), facts.bounds.warn_change
     if limit + ROUNDING < change <= facts.bounds.change + ROUNDING:
         fields = {"change": round(change, 3), "limit": limit}
-        yield from no("W-INT-CHANGE", table=called(facts.table), unit=facts.table.deviation_unit, **fields)
+        yield from no("W-INT-CHANGE", table=facts.table.called, unit=facts.table.deviation_unit, **fields)
 
 
 def _old(facts: PushFacts) -> Iterator[Refusal]:
@@ -56,13 +56,13 @@ def _found(facts: PushFacts) -> Iterator[Refusal]:
     """What the proposal itself found doubtful, but for what is judged here by its own limit."""
     for finding in facts.change.findings:
         if finding.startswith("W-") and not finding.startswith(_JUDGED_HERE):
-            yield from no("W-INT-FINDING", table=called(facts.table), finding=finding)
+            yield from no("W-INT-FINDING", table=facts.table.called, finding=finding)
 
 
 def _flat(facts: PushFacts) -> Iterator[Refusal]:
     beyond, widest = unmeasured(facts) if facts.table.kind == "axis" else (0.0, 0.0)
     if ROUNDING < beyond <= 0.5 * widest + ROUNDING:
-        yield from no("W-INT-COVERAGE", table=called(facts.table), beyond=round(beyond + widest, 3), interval=widest)
+        yield from no("W-INT-COVERAGE", table=facts.table.called, beyond=round(beyond + widest, 3), interval=widest)
 
 
 def _forgetful(facts: PushFacts) -> Iterator[Refusal]:
@@ -102,7 +102,7 @@ def _agreed(facts: PushFacts) -> Iterator[Refusal]:
     yield from found
     if not found:
         why = "; ".join(warning.words for warning in warnings(facts)) or words("W-INT-APPROVAL-ASKED")
-        yield from no("E-INT-APPROVAL-MISSING", table=called(facts.table), needed=wanted, have=len(people) + 1, why=why)
+        yield from no("E-INT-APPROVAL-MISSING", table=facts.table.called, needed=wanted, have=len(people) + 1, why=why)
 
 
 def _people(problems: Mapping[Approval, tuple[Refusal, ...]]) -> set[str]:
@@ -165,7 +165,7 @@ def _audit(facts: PushFacts) -> Iterator[Refusal]:
 
 def _proposed(facts: PushFacts) -> Iterator[Refusal]:
     if not facts.request.proposed:
-        yield from no("E-INT-NOT-PROPOSED", table=called(facts.table), plan=facts.plan[:12])
+        yield from no("E-INT-NOT-PROPOSED", table=facts.table.called, plan=facts.plan[:12])
 
 
 APPROVED: tuple[Rule, ...] = (_agreed, _risked, _audit, _proposed)

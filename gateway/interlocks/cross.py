@@ -8,7 +8,7 @@ import numpy as np
 
 from drivers.types.tables import CompensationTable
 from drivers.units import deviation_scale
-from gateway.interlocks.facts import ROUNDING, PushFacts, Refusal, Rule, called, no, others_now, rest_of, value_at
+from gateway.interlocks.facts import ROUNDING, PushFacts, Refusal, Rule, no, others_now, rest_of, value_at
 
 ALIKE = 0.9
 ALIKE_SIZES = (0.5, 2.0)
@@ -17,9 +17,9 @@ ALIKE_SIZES = (0.5, 2.0)
 def _type(facts: PushFacts) -> Iterator[Refusal]:
     table = facts.table
     if facts.is_cross and table.table_type != 0:
-        yield from no("E-INT-TYPE", table=called(table), index=table.index, found=table.table_type)
+        yield from no("E-INT-TYPE", table=table.called, index=table.index, found=table.table_type)
     if facts.is_cross and table.direction not in (-1, 0, 1):
-        yield from no("E-INT-DIRECTION", table=called(table), found=table.direction)
+        yield from no("E-INT-DIRECTION", table=table.called, found=table.direction)
 
 
 def _self(facts: PushFacts) -> Iterator[Refusal]:
@@ -27,9 +27,9 @@ def _self(facts: PushFacts) -> Iterator[Refusal]:
     table = facts.table
     own = facts.is_cross and table.input_axis == table.output_axis and table.direction == 0
     if own and table.output_unit == "mm":
-        yield from no("E-INT-SELF", table=called(table), axis=table.output_axis)
+        yield from no("E-INT-SELF", table=table.called, axis=table.output_axis)
     elif own and facts.live is not None and facts.live.own.enabled and _alike(table, facts.live.own.table):
-        yield from no("E-INT-BOTH-LAYERS", table=called(table), axis=table.output_axis)
+        yield from no("E-INT-BOTH-LAYERS", table=table.called, axis=table.output_axis)
 
 
 def _alike(one: CompensationTable, two: CompensationTable) -> bool:
@@ -60,7 +60,7 @@ def _index(facts: PushFacts) -> Iterator[Refusal]:
         )
         if found.index == table.index and not mine and (one.enabled or any(found.deviations)):
             way = {1: " +", -1: " -"}.get(found.direction, "")
-            yield from no("E-INT-INDEX", table=called(table), index=table.index, found=found.name + way)
+            yield from no("E-INT-INDEX", table=table.called, index=table.index, found=found.name + way)
 
 
 def _factor(facts: PushFacts) -> Iterator[Refusal]:
@@ -69,7 +69,7 @@ def _factor(facts: PushFacts) -> Iterator[Refusal]:
     wanted = facts.table.multiply_by - 1
     known = {one.table.index for one in (*facts.live.cross, *facts.live.others)} | {facts.table.index}
     if wanted not in known:
-        yield from no("E-INT-FACTOR", table=called(facts.table), index=facts.table.index, factor=wanted)
+        yield from no("E-INT-FACTOR", table=facts.table.called, index=facts.table.index, factor=wanted)
 
 
 def _sum(facts: PushFacts) -> Iterator[Refusal]:

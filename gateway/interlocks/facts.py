@@ -217,12 +217,6 @@ def no(code: str, **fields: object) -> Iterator[Refusal]:
     yield Refusal(code, fields)
 
 
-def called(table: CompensationTable) -> str:
-    """A table as people call it: the axis table by its axis, a cross table by both of them: X1, C1-reversal, X1(Z1)."""
-    own = {"axis": table.output_axis, "reversal": f"{table.output_axis}-reversal"}
-    return own.get(table.kind, table.name)
-
-
 def value_at(table: CompensationTable, position: float, approach: Approach = 1) -> float:
     """Deviation of a table at a position in its input axis' unit, reached by ``approach``; never loaded: zero."""
     loaded = table.step > 0 or bool(table.places)

@@ -8,7 +8,7 @@ from drivers.terms import spoken
 from drivers.types.machine import ChannelStatus
 from drivers.types.orders import SignProof
 from drivers.units import deviation_scale
-from gateway.interlocks.facts import ROUNDING, PushFacts, Refusal, Rule, called, no, others_now, value_at
+from gateway.interlocks.facts import ROUNDING, PushFacts, Refusal, Rule, no, others_now, value_at
 from gateway.interlocks.limits import (
     PROOF_COVERAGE,
     PROOF_SIZES,
@@ -66,7 +66,7 @@ def _axis_units(facts: PushFacts) -> Iterator[Refusal]:
     table = facts.table
     for axis, unit in ((facts.axis_state, table.output_unit), (facts.input_state, table.input_unit)):
         if axis is not None and axis.unit != unit:
-            yield from no("E-INT-UNIT", table=called(table), axis=axis.name, wanted=unit, found=axis.unit)
+            yield from no("E-INT-UNIT", table=table.called, axis=axis.name, wanted=unit, found=axis.unit)
             return
 
 
@@ -128,7 +128,7 @@ def _skipped(facts: PushFacts) -> Iterator[Refusal]:
 def _nothing(facts: PushFacts) -> Iterator[Refusal]:
     change = facts.change
     if change.old_enabled and change.new == change.old:
-        yield from no("E-INT-NOTHING", table=called(change.new))
+        yield from no("E-INT-NOTHING", table=change.new.called)
 
 
 def _marker(facts: PushFacts) -> Iterator[Refusal]:
@@ -156,7 +156,7 @@ def _key(facts: PushFacts) -> Iterator[Refusal]:
 
 def _base(facts: PushFacts) -> Iterator[Refusal]:
     if facts.purpose == "table" and not facts.change.base_digest:
-        yield from no("E-INT-NO-BASE", table=called(facts.table))
+        yield from no("E-INT-NO-BASE", table=facts.table.called)
     if facts.unchanged is False:
         yield from no("E-INT-LOST-UPDATE", axis=facts.change.axis, base=facts.change.base_digest[:12])
 

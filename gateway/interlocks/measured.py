@@ -12,7 +12,7 @@ from drivers.types.values import FloatArray
 from gateway.domain.captures import Capture
 from gateway.domain.proposals import TableChange
 from gateway.evaluate.behaviour.repetitions import good_readings, lost, pass_offsets
-from gateway.interlocks.facts import ROUNDING, PushFacts, Refusal, Rule, called, no
+from gateway.interlocks.facts import ROUNDING, PushFacts, Refusal, Rule, no
 from gateway.interlocks.limits import (
     CROSS_DRIFT_K,
     EXPANSION_DOUBT,
@@ -91,7 +91,7 @@ def _coverage(facts: PushFacts) -> Iterator[Refusal]:
         table, targets = facts.table, facts.request.capture.targets
         first, last = float(np.min(targets)), float(np.max(targets))
         span = {"minimum": table.minimum, "maximum": table.maximum}
-        yield from no("E-INT-COVERAGE", table=called(table), first=first, last=last, **span)
+        yield from no("E-INT-COVERAGE", table=table.called, first=first, last=last, **span)
 
 
 def unmeasured(facts: PushFacts) -> tuple[float, float]:

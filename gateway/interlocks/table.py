@@ -11,7 +11,7 @@ from drivers.types.tables import CompensationTable
 from drivers.types.values import Approach
 from drivers.units import deviation_scale
 from gateway.domain.proposals import TableChange
-from gateway.interlocks.facts import ROUNDING, PushFacts, Refusal, Rule, called, no, value_at
+from gateway.interlocks.facts import ROUNDING, PushFacts, Refusal, Rule, no, value_at
 from gateway.interlocks.limits import COARSEST_UM
 
 TURN_DEG = 360.0
@@ -21,7 +21,7 @@ def _output(facts: PushFacts) -> Iterator[Refusal]:
     table = facts.table
     own_input = table.kind == "cross" or table.input_axis == table.output_axis
     if table.output_axis != facts.change.axis or not own_input:
-        yield from no("E-INT-OTHER-AXIS", table=called(table), axis=facts.change.axis)
+        yield from no("E-INT-OTHER-AXIS", table=table.called, axis=facts.change.axis)
 
 
 def _held(facts: PushFacts) -> Iterator[Refusal]:
@@ -55,33 +55,33 @@ def _grid(facts: PushFacts) -> Iterator[Refusal]:
     if not whole or abs((table.maximum - table.minimum) / table.step - intervals) > 1e-6:
         minimum, maximum, step = grid
         count = len(table.deviations)
-        yield from no("E-INT-GRID", table=called(table), minimum=minimum, maximum=maximum, step=step, count=count)
+        yield from no("E-INT-GRID", table=table.called, minimum=minimum, maximum=maximum, step=step, count=count)
 
 
 def _findings(facts: PushFacts) -> Iterator[Refusal]:
     """Warnings (W-...) are for the reader of the proposal; what else was found is a reason."""
     for finding in facts.change.findings:
         if not finding.startswith("W-"):
-            yield from no("E-INT-FINDING", table=called(facts.table), finding=finding)
+            yield from no("E-INT-FINDING", table=facts.table.called, finding=finding)
 
 
 def _values(facts: PushFacts) -> Iterator[Refusal]:
     table, unit = facts.table, facts.table.deviation_unit
     values = np.asarray((*table.deviations, *table.reverse), dtype=np.float64)
     if not table.deviations or not np.all(np.isfinite(values)):
-        yield from no("E-INT-FINITE", table=called(table))
+        yield from no("E-INT-FINITE", table=table.called)
         return
     largest, bounds = float(np.max(np.abs(values))), facts.bounds
     limit = bounds.reversal if table.kind == "reversal" else bounds.value
     if largest > limit + ROUNDING:
-        yield from no("E-INT-VALUE", table=called(table), value=largest, limit=limit, unit=unit)
+        yield from no("E-INT-VALUE", table=table.called, value=largest, limit=limit, unit=unit)
     slope = steepest(table)
     if slope > bounds.slope + ROUNDING:
         limit, per = bounds.slope, table.input_unit
-        yield from no("E-INT-SLOPE", table=called(table), slope=round(slope, 4), limit=limit, unit=unit, per=per)
+        yield from no("E-INT-SLOPE", table=table.called, slope=round(slope, 4), limit=limit, unit=unit, per=per)
     for curve in (table.deviations, table.reverse):
         if table.modulo and curve and abs(curve[0] - curve[-1]) > bounds.reference:
-            yield from no("E-INT-MODULO", table=called(table), first=curve[0], last=curve[-1], unit=unit)
+            yield from no("E-INT-MODULO", table=table.called, first=curve[0], last=curve[-1], unit=unit)
 
 
 def steepest(table: CompensationTable) -> float:
@@ -96,7 +96,7 @@ def _turn(facts: PushFacts) -> Iterator[Refusal]:
     table = facts.table
     wrong = abs(table.maximum - table.minimum - TURN_DEG) > ROUNDING or table.input_unit != "deg"
     if table.modulo and wrong:
-        yield from no("E-INT-TURN", table=called(table), minimum=table.minimum, maximum=table.maximum)
+        yield from no("E-INT-TURN", table=table.called, minimum=table.minimum, maximum=table.maximum)
 
 
 def _reference(facts: PushFacts) -> Iterator[Refusal]:
@@ -104,7 +104,7 @@ def _reference(facts: PushFacts) -> Iterator[Refusal]:
     value = (value_at(facts.table, place, 1) + value_at(facts.table, place, -1)) / 2.0
     if not abs(value) <= facts.bounds.reference + ROUNDING:
         fields = {"reference": facts.request.moved.reference, "value": value, "limit": facts.bounds.reference}
-        yield from no("E-INT-REF-VALUE", table=called(facts.table), unit=facts.table.deviation_unit, **fields)
+        yield from no("E-INT-REF-VALUE", table=facts.table.called, unit=facts.table.deviation_unit, **fields)
 
 
 def largest_change(change: TableChange) -> float:
@@ -127,7 +127,7 @@ def _change(facts: PushFacts) -> Iterator[Refusal]:
     largest = largest_change(facts.change)
     if largest > facts.bounds.change + ROUNDING:
         fields = {"change": round(largest, 3), "limit": facts.bounds.change}
-        yield from no("E-INT-CHANGE", table=called(facts.table), unit=facts.table.deviation_unit, **fields)
+        yield from no("E-INT-CHANGE", table=facts.table.called, unit=facts.table.deviation_unit, **fields)
 
 
 def _agreement(facts: PushFacts) -> Iterator[Refusal]:

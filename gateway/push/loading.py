@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from drivers.errors import PointsDiffer, TableActs, TrueflankError
@@ -10,7 +11,7 @@ from drivers.types.orders import PushBatch, PushOrder, ReadBack
 from drivers.types.tables import CompensationTable, LiveSet, LiveTable
 from gateway.errors import VerifyError, WriteRefused
 from gateway.interlocks import refusals
-from gateway.interlocks.facts import called, rest_of, value_at
+from gateway.interlocks.facts import rest_of, value_at
 from gateway.moving import shown, shown_there, tell_motion
 from gateway.push import conversation
 from gateway.push.asking import with_all
@@ -32,6 +33,9 @@ class TableLoad:
 
 Loads = tuple[TableLoad, ...]
 Faults = dict[Work, VerifyError]
+OFF = ("P-MOVE-SWITCH-OFF", "P-MOVE-OFF-STILL")
+ON = ("P-MOVE-SWITCH-ON", "P-MOVE-ON-STILL")
+"""What is said of tables that move their axis when they are switched, and of those that do not."""
 
 
 async def load(loads: Loads) -> Faults:
@@ -58,8 +62,7 @@ async def load(loads: Loads) -> Faults:
     await tell_motion(context.controller, context.say)
     if context.controller.capabilities.switches_now:
         once = context.controller.capabilities.one_start
-        for one in loads:
-            await _say_switch(one)
+        _say_moves(OFF, loads, [await _acting(one) for one in loads])
         if once:
             await _say_switched_on(loads)
         code = "P-PUSH-START" if once else "P-PUSH-LOAD"
@@ -134,17 +137,15 @@ async def _alone(work: Work) -> None:
     await work.only_ours()
 
 
-async def _say_switch(one: TableLoad) -> None:
-    """By how much switching off will move the output axis where the input axis stands then."""
+async def _acting(one: TableLoad) -> float:
+    """By how much switching off will move the output axis where the input axis stands then, um or arcsec."""
     work, order, base = one.work, one.order, one.base
     if order.table.kind == "reversal":
-        amount = work.restore_to.table.deviations[0] if base is not None else work.change.new.deviations[0]
-    elif base is not None:
-        amount = await _worth(work, order.table, table_in(base, order.table))
-    else:
-        axis = (await work.context.controller.state()).axes[work.axis]
-        amount = axis.cross_compensation if order.table.kind == "cross" else axis.encoder_compensation
-    _say_moves("P-MOVE-SWITCH-OFF", work, order, amount)
+        return float((work.restore_to.table if base is not None else work.change.new).deviations[0])
+    if base is not None:
+        return await _worth(work, order.table, table_in(base, order.table))
+    axis = (await work.context.controller.state()).axes[work.axis]
+    return axis.cross_compensation if order.table.kind == "cross" else axis.encoder_compensation
 
 
 async def _worth(work: Work, table: CompensationTable, switched: LiveTable) -> float:
@@ -160,10 +161,19 @@ async def _worth(work: Work, table: CompensationTable, switched: LiveTable) -> f
     return own + sum(value_at(one, places.get(one.input_axis, one.minimum)) for one in others)
 
 
-def _say_moves(code: str, work: Work, order: PushOrder, amount: float) -> None:
-    told = {"amount": round(abs(amount), 2), "deviation_unit": order.table.deviation_unit}
-    place = {"input": order.table.input_axis, "place": shown(work.agreeing_position), "unit": order.table.input_unit}
-    work.context.say(code, axis=work.axis, table=called(order.table), **told, **place)
+def _say_moves(codes: tuple[str, str], loads: Loads, amounts: Sequence[float]) -> None:
+    """Each table that moves its axis when it is switched, um or arcsec; in one sentence those that move nothing."""
+    still = []
+    for one, amount in zip(loads, amounts, strict=True):
+        work, table, most = one.work, one.order.table, round(abs(amount), 2)
+        if most:
+            told = {"amount": most, "deviation_unit": table.deviation_unit}
+            place = {"input": table.input_axis, "place": shown(work.agreeing_position), "unit": table.input_unit}
+            work.context.say(codes[0], axis=work.axis, table=table.called, **told, **place)
+        else:
+            still.append(table.called)
+    if still:
+        loads[0].work.context.say(codes[1], tables=", ".join(still))
 
 
 def _stood(work: Work) -> dict[str, object]:
@@ -259,10 +269,8 @@ async def _ask_release(loads: Loads) -> None:
 
 
 async def _say_switched_on(loads: Loads) -> None:
-    for one in loads:
-        if one.order.enable:
-            amount = await _worth(one.work, one.order.table, LiveTable(one.order.table, True))
-            _say_moves("P-MOVE-SWITCH-ON", one.work, one.order, amount)
+    on = tuple(one for one in loads if one.order.enable)
+    _say_moves(ON, on, [await _worth(one.work, one.order.table, LiveTable(one.order.table, True)) for one in on])
 
 
 async def _ask_again(one: TableLoad) -> None:

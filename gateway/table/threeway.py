@@ -102,7 +102,7 @@ def compare(live: LiveTable, approved: LiveTable, before: LiveTable | None, allo
     table, points = approved.table, len(approved.table.deviations)
     return ThreeWay(
         kind=kind,
-        name=table.name,
+        name=table.called,
         unit=table.deviation_unit,
         points=points,
         places=places,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from datetime import datetime, timedelta
 from functools import partial
@@ -54,11 +54,15 @@ class Look:
         return self.expected.push.table
 
     @property
-    def lines(self) -> tuple[str, str]:
-        """What it was compared with, and what is live."""
-        push = self.expected.push
-        said = words("W-VERIFY-AGAINST-PUSH", table=self.name, transaction=push.transaction, utc=push.utc)
-        return said, self.found.words
+    def against(self) -> str:
+        """What it was compared with."""
+        return against((self,))
+
+
+def against(looks: Sequence[Look]) -> str:
+    """What tables of one push were compared with."""
+    push, names = looks[0].expected.push, ", ".join(look.name for look in looks)
+    return words("W-VERIFY-AGAINST-PUSH", table=names, transaction=push.transaction, utc=push.utc)
 
 
 async def expected_of(at: Bench, axis: str = "") -> tuple[PushedTable, ...]:
@@ -101,11 +105,11 @@ def compare_with(wanted: tuple[PushedTable, ...], live: LiveSet) -> tuple[Look, 
     )
 
 
-def keep_looks(at: Bench, looks: tuple[Look, ...]) -> None:
-    """Record every comparison, and say what is not as it was left."""
+def keep_looks(at: Bench, looks: tuple[Look, ...], *, aloud: bool = True) -> None:
+    """Record every comparison, and say what is not as it was left unless it is the answer to who asked."""
     for look in looks:
         same = look.found.kind == "as-approved"
-        if not same:
+        if aloud and not same:
             at.say("P-TABLE-ALARM", table=look.name, words=look.found.words)
         told = {"table": look.name, "found": look.found.words, "run": at.folder.run_id}
         problem = audit.note(

@@ -118,8 +118,9 @@ async def test_each_press_of_a_push_is_said_with_what_moves_and_who_stands_where
     others = [fields["others"] for code, fields in said if code == "P-MOVE-OTHERS"][-1]
     assert re.findall(r"\b[A-Z]1 at", others) == ["C1 at", "X1 at"]
     assert "in its safe place (-100 to 100)" in others
-    off = next(fields for code, fields in said if code == "P-MOVE-SWITCH-OFF")
-    assert (off["axis"], off["amount"], off["input"]) == ("X1", 0.0, "Z1")
+    off = next(fields for code, fields in said if code == "P-MOVE-OFF-STILL")
+    assert "moves no axis" in words("P-MOVE-OFF-STILL", **off)
+    assert "P-MOVE-SWITCH-OFF" not in dict(said)
     on_again = next(fields for code, fields in said if code == "P-MOVE-SWITCH-ON")
     assert (on_again["axis"], on_again["input"]) == ("X1", "Z1")
 

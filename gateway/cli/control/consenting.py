@@ -10,7 +10,15 @@ import typer
 from drivers.carried import PieceOfWork, carrying
 from drivers.terms import spoken
 from gateway.cli.onward import after_dry, consent, next_step
-from gateway.cli.options import ApplyOption, JsonOption, MachineOption, RunArgument, SiteArgument, StoreOption
+from gateway.cli.options import (
+    ApplyOption,
+    JsonOption,
+    MachineOption,
+    PointsOption,
+    RunArgument,
+    SiteArgument,
+    StoreOption,
+)
 from gateway.cli.stopping import run_to_end
 
 TableOption = Annotated[
@@ -52,6 +60,7 @@ def rollback(
     apply: ApplyOption = False,
     machine: MachineOption = "",
     store: StoreOption = Path("runs"),
+    points: PointsOption = False,
     as_json: JsonOption = False,
 ) -> None:
     """Say what the last committed push of an axis replaced; with --apply put that table back."""
@@ -64,7 +73,7 @@ def rollback(
         asked: dict[str, Any] = {"table": axis, "apply": apply, "machine_name": machine, "say": say}
         outcome = run_to_end(_main(lambda clock: roll_back_site(site, path, clock=clock, **asked)))
     dry = after_dry("rollback", place, axis, site.site.name)
-    show_outcome(outcome, as_json=as_json, onward=f"verify-table {path}" if apply else dry)
+    show_outcome(outcome, as_json=as_json, points=points, onward=f"verify-table {path}" if apply else dry)
 
 
 def verify_table_command(
@@ -86,7 +95,9 @@ def verify_table_command(
         asked: dict[str, Any] = {"table": axis, "run": folder, "say": say}
         with carrying(PieceOfWork(f"verify-table {axis} {run}", "go-on", ends=True)):
             outcome = run_to_end(_main(lambda clock: verify_table(tree, site, clock=clock, **asked)))
-    onward = f"rollback {site} --axis {axis or 'AXIS'}" if outcome.exit_code else f"audit verify {site}"
+    rows = outcome.data.get("tables", [outcome.data])
+    wrong = next((one["axis"] for one in rows if one.get("kind") != "as-approved"), axis)
+    onward = f"rollback {site} --axis {wrong}" if outcome.exit_code else f"audit verify {site}"
     show_outcome(outcome, as_json=as_json, onward=onward)
 
 

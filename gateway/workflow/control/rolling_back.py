@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+from collections.abc import Iterator
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -15,6 +16,7 @@ from drivers.types.values import Approach
 from gateway import audit
 from gateway.config import SiteFile
 from gateway.errors import WriteRefused
+from gateway.moving import shown
 from gateway.push import PushContext, outcome_error
 from gateway.push.records.history import Committed, committed, to_undo
 from gateway.push.records.journal import JOURNALS
@@ -69,12 +71,25 @@ def context_of(at: Bench, table: CompensationTable) -> PushContext:
 async def _shown(at: Bench, done: Committed, context: PushContext) -> Outcome:
     asked = await ask_undo(done, context)
     reasons = [reason.words for reason in asked.refusals]
-    lines = [words("W-ROLLBACK-PLAN", table=done.table, transaction=done.transaction, utc=done.utc), *_difference(done)]
+    points = _difference(done)
+    lines = [words("W-ROLLBACK-PLAN", table=done.table, transaction=done.transaction, utc=done.utc), _largest(done)]
     lines += [f"  {reason}" for reason in reasons] or ["  " + words("W-ROLLBACK-FREE")]
     lines.append(words("W-ROLLBACK-DRY"))
     looked(at, "rollback", table=done.table, undoes=done.transaction)
     data = {"transaction": done.transaction, "table": done.table, "refusals": reasons, "applied": False}
-    return Outcome(state="looked", run_folder="", rows=(), lines=tuple(lines), data=data)
+    return Outcome(state="looked", run_folder="", rows=(), lines=tuple(lines), points=tuple(points), data=data)
+
+
+def _largest(done: Committed) -> str:
+    """The point at which the table changes most, in words."""
+    unit, new = done.new.table.deviation_unit, done.new.table
+    if new.kind == "reversal":
+        was, becomes = (effective(one).deviations[0] for one in (done.new, done.old))
+        return words("W-ROLLBACK-REVERSAL", was=round(was, 2), becomes=round(becomes, 2), unit=unit)
+    changes = [(becomes - was, float(place), was, becomes) for place, _, was, becomes in _changes(done)]
+    _, place, was, becomes = max(changes, key=lambda one: abs(one[0]))
+    told = {"was": round(was, 2), "becomes": round(becomes, 2), "unit": unit}
+    return words("W-ROLLBACK-LARGEST", place=shown(place), place_unit=new.input_unit, count=len(changes), **told)
 
 
 def _difference(done: Committed) -> list[str]:
@@ -83,15 +98,23 @@ def _difference(done: Committed) -> list[str]:
     if new.table.kind == "reversal":
         was, becomes = (effective(one).deviations[0] for one in (new, old))
         return [f"  {was:+9.3f} -> {becomes:+9.3f} {new.table.deviation_unit}"]
+    unit, both = new.table.deviation_unit, bool(new.table.reverse or old.table.reverse)
+    lines = [words("W-ROLLBACK-POINTS", table=done.table)]
+    for place, way, was, becomes in _changes(done):
+        side = f"  {'+-'[way < 0]}" if both else ""
+        lines.append(f"  {place:10.3f}{side} {was:+9.3f} -> {becomes:+9.3f} {unit}")
+    return lines
+
+
+def _changes(done: Committed) -> Iterator[tuple[float, Approach, float, float]]:
+    """Each point of the larger of both tables, the direction of travel, what acts there now and what would act."""
+    new, old = done.new, done.old
     places = max((new.table, old.table), key=lambda table: len(table.deviations)).positions
     ways: tuple[Approach, ...] = (1, -1) if new.table.reverse or old.table.reverse else (1,)
-    unit, lines = new.table.deviation_unit, []
     for way in ways:
         now, then = toward(effective(new), places, way), toward(effective(old), places, way)
-        side = f"  {'+-'[way < 0]}" if len(ways) > 1 else ""
         for place, was, becomes in zip(places, now, then, strict=True):
-            lines.append(f"  {place:10.3f}{side} {was:+9.3f} -> {becomes:+9.3f} {unit}")
-    return lines
+            yield float(place), way, float(was), float(becomes)
 
 
 async def _applied(at: Bench, done: Committed, context: PushContext) -> Outcome:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -20,7 +20,7 @@ from gateway.say import Say
 from gateway.store import RunFolder
 from gateway.table.threeway import compare
 from gateway.workflow import stages
-from gateway.workflow.aftercare import Look, compare_with, expected_of, keep_looks
+from gateway.workflow.aftercare import Look, against, compare_with, expected_of, keep_looks
 from gateway.workflow.bench import Bench, bench, kept_in, run_or_look
 from gateway.workflow.consents import looked
 from gateway.workflow.control.contexts import push_context
@@ -60,7 +60,7 @@ async def _against_pushes(at: Bench, table: str) -> Outcome:
     for axis, live in zip(names, await read_axes(at, names), strict=True):
         at.folder.write_text(f"live-tables{suffix}" if table else f"live-tables-{axis}{suffix}", live.native)
         found = compare_with(wanted, live)
-        keep_looks(at, found)
+        keep_looks(at, found, aloud=False)
         looks += found
     return _outcome(at, table, looks)
 
@@ -68,17 +68,30 @@ async def _against_pushes(at: Bench, table: str) -> Outcome:
 def _outcome(at: Bench, table: str, looks: list[Look]) -> Outcome:
     kinds = {look.found.kind for look in looks} - {"as-approved"}
     at.folder.set_state(f"table-{min(kinds) if kinds else 'as-approved'}")
-    rows = [{"axis": one.name, "against": one.lines[0], "digest": one.digest, **one.found.as_data()} for one in looks]
+    rows = [{"axis": one.name, "against": one.against, "digest": one.digest, **one.found.as_data()} for one in looks]
     data: dict[str, Any] = rows[0] if table else {"tables": rows}
-    lines = tuple(line for look in looks for line in look.lines)
     return Outcome(
         state=at.folder.state,
         run_folder=str(at.folder.path),
         rows=(),
-        lines=lines,
+        lines=tuple(_said(looks)),
         data=data,
         exit_code=DIFFERS_EXIT if kinds else 0,
     )
+
+
+def _said(looks: Sequence[Look]) -> Iterator[str]:
+    """What was compared with which push, once for each, and what is live: what is in order in one line."""
+    pushes: dict[int, list[Look]] = {}
+    for look in looks:
+        pushes.setdefault(look.expected.push.transaction, []).append(look)
+    for together in pushes.values():
+        yield against(together)
+        right = [look.found for look in together if look.found.kind == "as-approved"]
+        for enabled in (True, False):
+            if same := [found for found in right if found.live_enabled is enabled]:
+                yield replace(same[0], name=", ".join(found.name for found in same)).words
+        yield from (look.found.words for look in together if look.found not in right)
 
 
 async def read_axes(at: Bench, names: Sequence[str]) -> tuple[LiveSet, ...]:
