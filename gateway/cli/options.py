@@ -15,7 +15,10 @@ from drivers.local.tomlfile import read_toml
 SiteArgument = Annotated[Path, typer.Argument(help="Site file (TOML).", show_default=False)]
 RunArgument = Annotated[
     str,
-    typer.Argument(help="Run folder; its id, a unique beginning of it, or latest, with --store.", show_default=False),
+    typer.Argument(
+        help="Run folder; its id, a unique beginning of it, or latest (the last that measured), with --store.",
+        show_default=False,
+    ),
 ]
 JsonOption = Annotated[bool, typer.Option("--json", help="Print the result as JSON.")]
 ApplyOption = Annotated[bool, typer.Option("--apply", help="Write to the controller (else: propose only).")]

@@ -246,11 +246,9 @@ class RunFolder:
     def _entry(self, stage: str) -> dict[str, Any]:
         stages = self._known()["stages"]
         if stage not in stages:
-            raise StoreError(
-                "E-STORE-STAGE", str(self.path), stage=stage, known=", ".join(stages) or words("W-CFG-NONE")
-            )
-        entry: dict[str, Any] = stages[stage]
-        return entry
+            known = ", ".join(stages) or words("W-CFG-NONE")
+            raise StoreError("E-STORE-STAGE", str(self.path), stage=stage, known=known)
+        return dict(stages[stage])
 
     def _place(self, name: object) -> Path:
         """Where a file lies that `run.json` names: in this folder. Raises CorruptRecord (E-STORE-PLACE)."""

@@ -68,7 +68,8 @@ class Store:
     def open(self, run: str | Path) -> RunFolder:
         """A run by its id, by the start of its id when only one matches, by its path, or `latest`.
 
-        `latest` passes over self-tests: who was asked for one before a push types `push latest` again after it.
+        `latest` passes over what measures nothing (self-test, rollback, recovery, disable): after one of these, who was
+        about to push types `push latest` again.
 
         Raises StoreError (E-STORE-EMPTY, E-STORE-RUN, E-STORE-LINK), CorruptRecord, FutureSchema.
         """

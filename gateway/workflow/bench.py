@@ -138,12 +138,12 @@ def site_path_of(folder: RunFolder) -> Path | None:
 
 @contextmanager
 def run_or_look(site: SiteFile, site_path: Path, state: str, *, look: bool) -> Iterator[RunFolder]:
-    """The folder of a run that begins with ``state``; of a ``look``, which changes nothing, one that goes with it.
+    """The folder of a run that measures nothing and begins with ``state``; of a ``look`` one that goes with it.
 
     What stays of a look is its line in the audit log (`gateway.workflow.consents.looked`).
     """
     with TemporaryDirectory(prefix="trueflank-look-") as short_lived:
-        folder = new_run(site, site_path, Store(Path(short_lived)) if look else None)
+        folder = new_run(site, site_path, Store(Path(short_lived)) if look else None, measures=False)
         folder.set_state(state)
         try:
             yield folder

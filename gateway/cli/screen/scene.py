@@ -9,6 +9,9 @@ from drivers.errors import words
 from gateway.audience import Audience, kind_of
 
 OPEN_ROAD = "P-UNPROTECTED"
+TABLE_STEP = "P-PUSH-STEP"
+APART = frozenset({"P-ACTING", "P-PART", "P-RUN", "P-SIGN"})
+"""Steps that belong to none of a count of steps: it is over when one of them begins."""
 FIRST_GUESS_S = 3.0
 COUNTED = ("done", "total"), ("number", "total")
 
@@ -56,6 +59,7 @@ class Scene:
     began: float
     step: str = ""
     within: str = ""
+    tables: tuple[str, tuple[str, ...]] = ("", ())
     open_road: str = ""
     ask: str = ""
     asked: float = 0.0
@@ -77,10 +81,19 @@ class Scene:
             self._counted(code, fields, now)
         elif kind is Audience.STEP:
             self._begun(code, fields, now)
+        elif code == TABLE_STEP:
+            self._for_table(fields)
         elif kind is Audience.DETAIL:
             self.within = words(code, **fields)
         else:
             self._answered()
+
+    def _for_table(self, fields: Mapping[str, object]) -> None:
+        """A step of one table of a batch stands in one line with the same step of the others."""
+        step, before = str(fields.get("step", "")), self.tables
+        names = (*(before[1] if before[0] == step else ()), str(fields.get("axis", "")))
+        self.tables = step, tuple(dict.fromkeys(names))
+        self.within = words(TABLE_STEP, **{**fields, "axis": ", ".join(self.tables[1])})
 
     def _asked(self, ask: str, now: float) -> None:
         """What was said before another ask belongs to that one."""
@@ -96,6 +109,8 @@ class Scene:
         """A step of so many stands above what happens in it."""
         self._answered()
         self.counts.pop("inner", None)
+        if code in APART:
+            self.counts.pop("outer", None)
         if "number" not in fields:
             self.step = words(code, **fields)
             return

@@ -163,6 +163,24 @@ def test_what_will_move_stands_with_the_question_until_it_is_answered() -> None:
     assert scene.moves == ()
 
 
+def test_a_step_of_a_batch_names_its_tables_in_one_line() -> None:
+    scene = Scene(began=0.0)
+    for step in ("DISABLE", "LOADED"):
+        for axis in ("X1", "Z1", "C1-reversal"):
+            scene.told("P-PUSH-STEP", {"axis": axis, "step": step, "said": step_words(step)}, 1.0)
+        assert scene.within == f"X1, Z1, C1-reversal: {step_words(step)}"
+
+
+def test_the_count_of_set_ups_is_gone_when_a_part_is_ground() -> None:
+    """It stood at "set-up 28 of 28, about 0:00 to go" while parts were ground and tables pushed."""
+    scene = Scene(began=0.0)
+    scene.told("P-SETUP-PLAN", {"number": 28, "total": 28, "setup": "EZZ-Z1"}, 0.0)
+    scene.told("P-MEASURE", {"axis": "Z1", "component": "EZZ", "phase": "before"}, 0.0)
+    assert "outer" in scene.counts
+    scene.told("P-PART", {"part": "before", "x_um": 0.0, "c_arcsec": 0.0, "dressing_um": 0.0}, 1.0)
+    assert scene.counts == {}
+
+
 def test_minutes_are_said_as_a_clock() -> None:
     assert [clock_text(one) for one in (5.4, 65, 3661)] == ["0:05", "1:05", "1:01:01"]
 
