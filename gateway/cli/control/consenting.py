@@ -97,7 +97,8 @@ def verify_table_command(
             outcome = run_to_end(_main(lambda clock: verify_table(tree, site, clock=clock, **asked)))
     rows = outcome.data.get("tables", [outcome.data])
     wrong = next((one["axis"] for one in rows if one.get("kind") != "as-approved"), axis)
-    onward = f"rollback {site} --axis {wrong}" if outcome.exit_code else f"audit verify {site}"
+    back = f"recover {site}" if outcome.data.get("unfinished") else f"rollback {site} --axis {wrong}"
+    onward = back if outcome.exit_code else f"audit verify {site}"
     show_outcome(outcome, as_json=as_json, onward=onward)
 
 

@@ -99,7 +99,7 @@ def recover_command(site: Path, apply: bool, machine: str, *, take: str = "", as
         findings = run_to_end(main(say))
     if as_json:
         show_json([finding.as_data() for finding in findings])
-    for finding in () if as_json else findings:
+    for finding in () if as_json or apply else findings:  # what is carried out was said before it was
         echo(finding.words, colour="red" if finding.still_on else None, bold=finding.still_on)
     if not apply and any(finding.still_on for finding in findings):
         raise typer.Exit(StillOn.exit_code)

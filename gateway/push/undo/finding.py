@@ -29,7 +29,7 @@ class PushFinding:
     """What one unfinished push left. ``code`` is its catalogue entry, ``action`` what is offered.
 
     ``difference`` says, where somebody else wrote, what is neither old nor new. ``still_on``: something is enabled,
-    or may be, that no push stands for; it is told before all else.
+    or may be, that no push stands for; it is told before all else. ``table``: which one of a push of several.
     """
 
     transaction: int
@@ -41,13 +41,14 @@ class PushFinding:
     backup: str
     difference: tuple[str, ...] = ()
     still_on: bool = False
+    table: str = ""
     stands: ClassVar[bool] = False
 
     @property
     def words(self) -> str:
         """The finding as people read it."""
         last = step_words(self.last)
-        told = {"axis": self.axis, "transaction": self.transaction, "last": last, "backup": self.backup}
+        told = {"axis": self.table or self.axis, "transaction": self.transaction, "last": last, "backup": self.backup}
         text = f"{self.code}: {words(self.code, **told, count=MOST_TRIES)}"
         return f"{text}: {'; '.join(self.difference)}" if self.difference else text
 
@@ -56,6 +57,7 @@ class PushFinding:
         return {
             "transaction": self.transaction,
             "axis": self.axis,
+            "table": self.table or self.axis,
             "code": self.code,
             "action": self.action,
             "journal": str(self.journal),
@@ -105,6 +107,7 @@ def verdict(found: JournalRead, live: LiveTable | Seen | None, allowed: float, m
         backup=backup,
         difference=difference,
         still_on=loud,
+        table=found.of,
     )
 
 

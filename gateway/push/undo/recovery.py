@@ -12,9 +12,10 @@ from typing import Literal
 
 import numpy as np
 
-from drivers.errors import DeadlineExceeded, TransportError, TrueflankError
+from drivers.errors import DeadlineExceeded, TransportError, TrueflankError, words
 from drivers.types.abilities import Marker, TableLimits
 from drivers.types.machine import ChannelStatus
+from drivers.types.orders import SignProof
 from drivers.types.tables import CompensationTable, LiveSet
 from gateway.domain.outcomes import PushRecord
 from gateway.domain.proposals import TableChange
@@ -35,6 +36,9 @@ from gateway.push.undo.restoring import held, hold, roll_back, second_readings
 from gateway.push.unexpected import foreseen, unheard
 from gateway.push.work import Transaction, Work
 
+Read = dict[tuple[str, SignProof | None], LiveSet]
+"""Live tables of an output axis; for a cross table by the proof that they were read by."""
+
 
 def unfinished(journals: Path, serial: str, begun: journal.Begun | None = None) -> tuple[JournalRead, ...]:
     """What journals of a machine tell of each table that did not end, oldest first; ``begun`` as in `left_open`."""
@@ -42,8 +46,10 @@ def unfinished(journals: Path, serial: str, begun: journal.Begun | None = None) 
     return tuple(part for found in every for part in found.parts if not part.finished)
 
 
-async def look(found: JournalRead, context: PushContext) -> PushFinding:
+async def look(found: JournalRead, context: PushContext, read: Read | None = None) -> PushFinding:
     """Read the controller and say what an unfinished push left; changes no compensation.
+
+    Looks at several tables share what they ``read``, as long as nothing is changed in between: one press, not one each.
 
     A controller that cannot be read, or whose program still waits, gives a finding that says so.
     """
@@ -54,7 +60,7 @@ async def look(found: JournalRead, context: PushContext) -> PushFinding:
         with foreseen(context.axis.name):
             if context.machine.differences(await context.controller.identify()):
                 return without_controller
-            seen, allowed = await _see(found, context)
+            seen, allowed = await _see(found, context, {} if read is None else read)
     except (TransportError, DeadlineExceeded):
         return without_controller
     except TrueflankError:
@@ -72,14 +78,17 @@ async def _unreadable(found: JournalRead, context: PushContext, otherwise: PushF
     return replace(otherwise, code="R-PUSH-UNREADABLE", action="disable", still_on=True)
 
 
-async def _see(found: JournalRead, context: PushContext) -> tuple[Seen | None, float]:
+async def _see(found: JournalRead, context: PushContext, read: Read) -> tuple[Seen | None, float]:
     state = await context.controller.state()
     if state.channel is not ChannelStatus.RESET:
         context.say("P-PUSH-RESET", axis=context.axis.name)
         return None, 0.0
     _old, new = tables_of(found, context.meant)
     limits = await context.controller.table_limits(context.axis.name, new.kind, new.index)
-    live = await conversation.read_loaded(context)
+    question = context.axis.name, context.proof if new.kind == "cross" else None
+    if question not in read:
+        read[question] = await conversation.read_loaded(context)
+    live = read[question]
     marker = await context.controller.marker() if context.controller.capabilities.marker else None
     ours = marker is None or marker.transaction in journal.orders_of(found) or _known(context, marker)
     neighbours = _neighbours_on(aside(live, _beside(found, context)), new)
@@ -233,7 +242,7 @@ async def _carry_out(work: Work, finding: PushFinding, action: str) -> PushRecor
         reading = await disabling.read(work.context, disabling.order_of(work.change.new))
         return work.record(await held(work, finding.code, off=await disabling.switch_off(work, reading)))
     if action != "finish":
-        return work.record(await roll_back(work, finding.code))
+        return work.record(await roll_back(work, words("W-PUSH-UNFINISHED")))
     axis = work.context.moved
     base = await conversation.read_live(work.context)
     positions = effect_positions(work.change.new, work.restore_to, axis.room, axis.overrun)

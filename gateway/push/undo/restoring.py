@@ -35,9 +35,9 @@ async def roll_back(work: Work, why: str) -> Outcome:
             proved = work.last == "MEASURED"
             work.note("ROLLING_BACK", why=why)
             if proved:
-                work.context.say("P-PUSH-PROOF-OFF", axis=work.axis)
+                work.context.say("P-PUSH-PROOF-OFF", axis=work.name)
             else:
-                work.context.say("P-PUSH-RESTORE", axis=work.axis, why=why)
+                work.context.say("P-PUSH-RESTORE", axis=work.name, why=why)
             await _restore(work)
             await work.finish("none")
             work.note("ROLLED_BACK")

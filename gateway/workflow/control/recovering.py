@@ -17,7 +17,7 @@ from gateway.push import PushContext, outcome_error
 from gateway.push.records.history import tables_of
 from gateway.push.records.journal import JOURNALS, JournalRead, machine_folder, tidy
 from gateway.push.undo.finding import PushFinding, verdict
-from gateway.push.undo.recovery import look, recover, unfinished
+from gateway.push.undo.recovery import Read, look, recover, unfinished
 from gateway.say import Say
 from gateway.workflow.bench import Bench, bench, check_name, run_or_look
 from gateway.workflow.consents import looked, not_recovered, recovered, tell
@@ -64,8 +64,9 @@ async def _all(at: Bench, *, apply: bool) -> tuple[list[PushFinding | LeftFindin
     for ended in tidy(machine_folder(at.store.root / JOURNALS, at.machine.serial), begun):
         if ended.entries:
             at.say("P-RECOVER", words=verdict(ended, None, 0.0).words)
+    read: Read | None = None if may_write else {}
     for found in unfinished(at.store.root / JOURNALS, at.machine.serial, begun):
-        finding, record = await _one(at, found, apply=may_write)
+        finding, record = await _one(at, found, apply=may_write, read=read)
         findings.append(finding)
         held += [record] if record is not None and record.outcome in HELD else []
     return findings, sorted(held, key=lambda record: HELD.index(record.outcome))
@@ -80,15 +81,14 @@ async def _left(at: Bench, found: LeftOver, *, apply: bool) -> LeftFinding:
     return LeftFinding(found, after)
 
 
-async def _one(at: Bench, found: JournalRead, *, apply: bool) -> tuple[PushFinding, PushRecord | None]:
+async def _one(
+    at: Bench, found: JournalRead, *, apply: bool, read: Read | None
+) -> tuple[PushFinding, PushRecord | None]:
     context = _context(at, found)
-    if context is None:
-        finding = verdict(found, None, 0.0)
+    finding = verdict(found, None, 0.0) if context is None else await look(found, context, read)
+    if apply:
         at.say("P-RECOVER", words=finding.words)
-        return finding, None
-    finding = await look(found, context)
-    at.say("P-RECOVER", words=finding.words)
-    if not apply:
+    if context is None or not apply:
         return finding, None
     record = await _recovered(at, found, context, finding)
     tell(at, recovered(at, finding.code, record))

@@ -16,6 +16,8 @@ from gateway.domain.proposals import Proposal
 from gateway.errors import StoreError
 from gateway.push import conversation
 from gateway.push.compare import table_in, tolerance
+from gateway.push.records.journal import JOURNALS
+from gateway.push.undo.recovery import unfinished
 from gateway.say import Say
 from gateway.store import RunFolder
 from gateway.table.threeway import compare
@@ -69,7 +71,8 @@ def _outcome(at: Bench, table: str, looks: list[Look]) -> Outcome:
     kinds = {look.found.kind for look in looks} - {"as-approved"}
     at.folder.set_state(f"table-{min(kinds) if kinds else 'as-approved'}")
     rows = [{"axis": one.name, "against": one.against, "digest": one.digest, **one.found.as_data()} for one in looks]
-    data: dict[str, Any] = rows[0] if table else {"tables": rows}
+    left = unfinished(at.store.root / JOURNALS, at.machine.serial)
+    data: dict[str, Any] = {**(rows[0] if table else {"tables": rows}), "unfinished": len(left)}
     return Outcome(
         state=at.folder.state,
         run_folder=str(at.folder.path),

@@ -190,6 +190,31 @@ def test_while_the_program_still_waits_the_finding_says_press_reset(tmp_path: Pa
     assert caught.value.code == "E-PUSH-NO-OFFER"
 
 
+def test_looks_at_tables_of_one_axis_share_one_program(tmp_path: Path) -> None:
+    """Each table of an interrupted batch asked for a press of its own, and all were told by their axis' name."""
+    here, found = _held(tmp_path)
+    here.machine.nck_reset()
+    again, read = bench(tmp_path, machine=here.machine), {}
+    first = run_virtual(lambda: look(found, again.context, read))
+    assert first.code == "R-PUSH-ENABLED"
+    asked = len(again.told)
+    second = run_virtual(lambda: look(replace(found, of="X1-reversal"), again.context, read))
+    assert (second.code, len(again.told), len(read)) == (first.code, asked, 1)
+    assert (first.words.split(",")[0], second.words.split(",")[0]) == (
+        "R-PUSH-ENABLED: X1",
+        "R-PUSH-ENABLED: X1-reversal",
+    )
+
+
+def test_what_is_restored_is_said_with_a_reason_and_no_code(tmp_path: Path) -> None:
+    here, found = _held(tmp_path)
+    here.machine.nck_reset()
+    again = bench(tmp_path, machine=here.machine)
+    run_virtual(lambda: recover(found, again.context))
+    (told,) = [fields for code, fields in again.told if code == "P-PUSH-RESTORE"]
+    assert told == {"axis": "X1", "why": "its push was interrupted"}
+
+
 def test_finish_proves_the_new_table(tmp_path: Path) -> None:
     here, found = _held(tmp_path)
     here.machine.nck_reset()
