@@ -56,7 +56,8 @@ def wizard_text(file: Path, asker: Questioner) -> str:
     from gateway.config.writing import site_text
 
     folder = file.resolve().parent
-    road = asker.ask("road", "P-INIT-ROAD", "opcua", _one_of(tuple(ROADS)))
+    known = _one_of(tuple(ROADS))
+    road = _plain(asker.ask("road", "P-INIT-ROAD", "opcua", lambda text: known(_plain(text))))
     name = asker.ask("name", "P-INIT-NAME", "mill" if road == "linuxcnc" else "grinder", _machine_name)
     control = _control(asker, road, folder)
     facts = _facts(road, control, folder, asker)
@@ -233,6 +234,11 @@ def _own_gear(folder: Path) -> str:
 
 
 # ---- what will do as an answer ------------------------------------------------------------------------
+
+
+def _plain(text: str) -> str:
+    """A word as its key has it: "OPC UA" and "OpcUa" are opcua."""
+    return re.sub(r"[ _-]", "", text.lower())
 
 
 def _one_of(allowed: tuple[str, ...]) -> Any:

@@ -283,7 +283,7 @@ def test_an_owner_of_a_mailbox_gets_a_checked_file_though_no_plc_answers_yet(tmp
     with socket.create_server(("127.0.0.1", 0)) as closed:
         port = closed.getsockname()[1]
     url = f"tcp://127.0.0.1:{port}"
-    done = ran(tmp_path, "--yes", "--answer", "road=mailbox", "--answer", f"url={url}", "--answer", "serial=YK-1")
+    done = ran(tmp_path, "--yes", "--answer", "road=Mail-Box", "--answer", f"url={url}", "--answer", "serial=YK-1")
     assert done.exit_code == 0, done.output
     assert "cannot be read now" in done.output
     found = checked(tmp_path / "site.toml")
