@@ -53,6 +53,7 @@ async def look(found: JournalRead, context: PushContext, read: Read | None = Non
 
     A controller that cannot be read, or whose program still waits, gives a finding that says so.
     """
+    found = _as_told_now(found)
     without_controller = verdict(found, None, 0.0)
     if without_controller.code not in ("R-PUSH-UNKNOWN", "R-PUSH-TRIES"):
         return without_controller
@@ -66,6 +67,12 @@ async def look(found: JournalRead, context: PushContext, read: Read | None = Non
     except TrueflankError:
         return await _unreadable(found, context, without_controller)
     return verdict(found, seen, allowed, context.meant)
+
+
+def _as_told_now(found: JournalRead) -> JournalRead:
+    """A table's part of a journal, read anew: the recovery of another table of the transaction may have told of it."""
+    several = found.whole is not None and found.path.exists()
+    return journal.read(found.path).part(found.of) if several else found
 
 
 async def _unreadable(found: JournalRead, context: PushContext, otherwise: PushFinding) -> PushFinding:
@@ -145,8 +152,7 @@ async def recover(
 
 async def _recovered(found: JournalRead, context: PushContext, action: Literal["offered", "finish"]) -> PushRecord:
     with machine_lock(journal.machine_folder(context.journals, context.machine.serial)):
-        if found.whole is not None:  # the recovery of another table of the transaction may have told of this one
-            found = journal.read(found.path).part(found.of)
+        found = _as_told_now(found)
         finding = await look(found, context)
         if finding.code == "R-PUSH-TRIES":
             raise WriteRefused("E-PUSH-TRIES", found.path.name, count=MOST_TRIES, backup=finding.backup)
