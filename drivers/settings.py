@@ -144,6 +144,8 @@ def _broken(key: str, why: str, *, between: bool = False) -> SettingFault:
     return SettingFault(key, "E-CFG-SETTING-VALUE", {"key": shown(key), "why": why}, between)
 
 
+PAIRS = 3
+"""Values of the longest list that a key has of a fixed length: ends of a range, three directions."""
 _KINDS = {
     "float_type": "W-CFG-NUMBER",
     "int_type": "W-CFG-WHOLE",
@@ -189,11 +191,18 @@ def in_words(one: Mapping[str, Any], given: object = "") -> str:
     if kind == "string_too_long":
         return words("W-CFG-LONG", most=limits["max_length"])
     if kind in ("too_long", "too_short") and limits.get("field_type") == "Tuple":
-        if limits["actual_length"] == 0:
-            return words("W-CFG-NONE-GIVEN")
-        least = limits.get("min_length", limits.get("max_length"))
-        return words("W-CFG-COUNT", least=least, found=limits["actual_length"])
+        return _counted(kind, limits)
     return str(one["msg"]).removeprefix(FIRST)
+
+
+def _counted(kind: str, limits: Mapping[str, Any]) -> str:
+    """Why a list has too few or too many values."""
+    found, most = limits["actual_length"], limits.get("max_length", 0)
+    if found == 0:
+        return words("W-CFG-NONE-GIVEN")
+    if kind == "too_long" and most > PAIRS:
+        return words("W-CFG-COUNT-MOST", most=most, found=found)
+    return words("W-CFG-COUNT", least=limits.get("min_length", most), found=found)
 
 
 def _plain(limit: Any) -> str:

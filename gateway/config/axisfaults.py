@@ -27,6 +27,7 @@ from gateway.config.rules import (
     within,
 )
 
+AXIS_NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
 MOTION = re.compile(r"E[A-Z][A-Z]")
 # What lies beyond is taken for a slip of the unit: no machine tool travels so short, feeds so slow, scatters so.
 LEAST_TRAVEL_MM, LONG_MIN, LONG_S, STABLE, LEAST_EXPANSION = 5.0, 20.0, 60.0, (0.005, 50.0), 0.02
@@ -34,7 +35,7 @@ FASTEST = {"mm": 120_000.0, "deg": 72_000.0}  # a minute
 LONGEST_JOG_DEG, MOMENT_S = 1.0, 0.02
 SHORTEST_JOG = {"mm": 0.1, "deg": 0.001}
 NEAR_TURN = 0.1
-LEAST_TARGETS, LEAST_STEPS = 5, 4
+LEAST_TARGETS, LEAST_STEPS, LEAST_REPETITIONS = 5, 4, 3
 LIVE_KEYS = ("instrument", "targets", "beam", "dead_path_mm")
 FILE_KEYS = ("file_datum", "file_axis_sense", "file_unit")
 
@@ -63,6 +64,8 @@ def _axis(tree: Mapping[str, Any], axis: Any) -> Iterator[Fault]:
         yield broken(tree, (*place, "travel"), words("W-CFG-MODULO-TRAVEL"))
     if isinstance(axis.name, str) and axis.name[:1] in LINEAR + ROTARY and axis.name[:1] != letter and axis.letter:
         yield broken(tree, (*place, "letter"), words("W-CFG-OTHER-LETTER", name=shown(axis.name)), doubt=True)
+    if isinstance(axis.name, str) and AXIS_NAME.fullmatch(axis.name) is None:
+        yield broken(tree, (*place, "name"), words("W-CFG-AXIS-NAME"), doubt=True)
     low, high = bounds(axis)
     if axis.reference is not None and not within(axis.reference, low, high):
         yield broken(tree, (*place, "reference"), words("W-CFG-REFERENCE", low=low, high=high))
@@ -161,6 +164,8 @@ def _measured(tree: Mapping[str, Any], site: Any, axis: Any) -> Iterator[Fault]:
         fault = broken(tree, (*place, "component"), words("W-CFG-OWN", own=own, letter=letter))
         yield replace(fault, later=MOTION.fullmatch(str(measure.component)) is None)
     yield from _idle(tree, measure)
+    if isinstance(measure.repetitions, int) and measure.repetitions < LEAST_REPETITIONS and measure.file is None:
+        yield broken(tree, (*place, "repetitions"), words("W-CFG-REPETITIONS", least=LEAST_REPETITIONS), doubt=True)
     if measure.file is None:
         yield from instrument_faults(tree, site, (*place, "instrument"), measure.instrument)
         yield from _unmeasured(tree, axis, measure)

@@ -26,6 +26,7 @@ _PATTERNS = {
     "dresser_letter": "W-CFG-LETTER",
     "component": "W-CFG-COMPONENT",
     "name": "W-CFG-SITE-NAME",
+    "number_prefix": "W-CFG-PREFIX",
     "work_side": "W-CFG-SIDE",
     "tool_side": "W-CFG-SIDE",
 }
@@ -114,6 +115,9 @@ def _meaning(key: str, known: list[str]) -> str:
     meant = next((name for name, called_so in _CALLED.items() if key.lower() in called_so and name in known), "")
     if meant:
         return words("W-CFG-GUESS", word=meant)
+    if key in SiteFile.model_fields:
+        many = is_list(SiteFile.model_fields[key].annotation)
+        return words("W-CFG-ELSEWHERE", places=f"[[{key}]]" if many else f"[{key}]")
     there = sorted(name for name, keys in _sections().items() if key in keys)
     return guess(key, known) or (words("W-CFG-ELSEWHERE", places=", ".join(there)) if there else "")
 

@@ -168,8 +168,11 @@ def _report(tree: Any, site: Any, folder: Path) -> Iterator[Fault]:
 
 
 def _calibrations(tree: Any, site: Any) -> Iterator[Fault]:
-    """Days of the register beside today."""
+    """The machine's year and the days of the register beside today."""
     today = datetime.now(UTC).date()
+    year = getattr(site.machine, "year", None)
+    if isinstance(year, int) and year > today.year:
+        yield broken(tree, ("machine", "year"), words("W-CFG-FUTURE", day=year), doubt=True)
     for one in site.equipment:
         for key, code in (("calibrated", "W-CFG-FUTURE"), ("due", "W-CFG-OVERDUE")):
             day = getattr(one, key)

@@ -83,9 +83,11 @@ def _figures(tree: Mapping[str, Any], one: Any) -> Iterator[Fault]:
 def _gear(tree: Mapping[str, Any], one: Any) -> Iterator[Fault]:
     if not hasattr(one, "place"):
         return
-    for name in one.limits if isinstance(one.limits, Mapping) else ():
+    for name, limit in one.limits.items() if isinstance(one.limits, Mapping) else ():
         if name not in FIGURES:
             yield no_such(tree, (*one.place, "limits", name), "figure", FIGURES, by_key=True)
+        elif isinstance(limit, int | float) and 0 < limit < LEAST_LIMIT:
+            yield broken(tree, (*one.place, "limits", name), words("W-CFG-UNIT-LIMIT"), doubt=True)
     missing = [key for key in OF_CLASS if getattr(one, key) is None]
     if one.grade is not None and missing:
         yield broken(tree, (*one.place, "grade"), words("W-CFG-CLASS", missing=", ".join(missing)))

@@ -195,6 +195,9 @@ MISTAKES = [
     ("[moves]", "[machine]\nwork_side = ['Q']\n[moves]", 69, 14, "letters of axes"),
     ("[moves]", "[machine]\nwork_side = ['X']\ntool_side = ['Z', 'X']\n[moves]", 70, 19, "stands here already"),
     ("park = { C1 = 0.0 }", "offset_mm = [0.0, 0.0, 150000.0]", 66, 24, "10000 at most"),
+    ("[moves]", "[report]\nnumber_prefix = 'No 1'\n[moves]", 69, 17, "without blanks"),
+    ("first = -400.0, last = 0.0, count = 21", f"positions = {[*range(-400, 0)] * 6}", 33, 25, "2000 values at most"),
+    ("[[setups]]", "[[axes.setups]]", 62, 1, "this key belongs to [[setups]]"),
     ("192.168.214.1", "192.168,214.1", 6, 7, "needs a host"),
     ("192.168.214.1", "\u0441ontrol-7", 6, 7, "needs a host"),
 ]
@@ -285,6 +288,9 @@ DOUBTS = [
     ("feed = 900.0", "feed = 90000.0", 53, "the unit is deg/min"),
     ("jog = 0.1", "jog = 10.0", 55, "0.1 is usual"),
     ("[moves]", "[assumed]\nlinear_um = 0.005\n[moves]", 69, "less than any machine has"),
+    ("feed = 6000.0", "feed = 6000.0\nrepetitions = 1", 35, "fewer than 3 repetitions"),
+    ("[moves]", "[machine]\nyear = 2150\n[moves]", 69, "a day to come"),
+    ("[moves]", "[gear_tolerance]\nlimits = { F_p = 0.02 }\n[moves]", 69, "less than any machine keeps"),
     ("[moves]", "[assumed]\nangular_arcsec = 5000.0\n[moves]", 69, "more than any machine tool has"),
     (
         "[moves]",
@@ -392,6 +398,11 @@ def test_instruments_that_are_named_and_nowhere_described_are_missed(folder: Pat
     assert "no [[instruments]] section, and axis X1: measure.instrument names laser" in str(fault.error("f"))
     mistyped = WHOLE.replace("[[instruments]]", "[[instrument]]")
     assert {fault.code for fault in checked(written(folder, mistyped)).faults} == {"E-CFG-KEY"}
+
+
+def test_a_blank_in_the_name_of_an_axis_is_doubted(folder: Path) -> None:
+    found = checked(written(folder, WHOLE.replace('"X1"', '"X 1"')))
+    assert (25, "no control names an axis so") in [(one.line, str(one.fields["why"])[:27]) for one in found.doubts]
 
 
 def test_an_empty_list_is_not_taken_for_a_decimal_comma(folder: Path) -> None:
