@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Sequence
 from pathlib import Path
+from typing import Any
 
 from drivers.checks import CheckLine
 from gateway.cli.show import NEXT, echo
@@ -38,6 +39,16 @@ def after_look(refused_by: Collection[str], folder: str, site: str, options: str
     if UNTESTED.intersection(refused_by):
         return f"self-test {site}"
     return f"push {folder}" if refused_by else f"push {folder} {options}"
+
+
+def after_recovery(findings: Collection[Any], site: str, machine: str, *, apply: bool) -> str:
+    """After a recovery: what is offered is carried out, what could not be read is looked at again."""
+    if any(finding.stands for finding in findings):
+        return f"recover {site} --apply --machine {machine}"
+    if apply or not findings:
+        return f"verify-table {site}"
+    offered = any(finding.action != "none" for finding in findings)
+    return f"recover {site} --apply --machine {machine}" if offered else f"recover {site}"
 
 
 def after_dry(command: str, place: str, axis: str, machine: str) -> str:

@@ -28,6 +28,12 @@ class LeftFinding:
     still_on: ClassVar[bool] = False
 
     @property
+    def action(self) -> str:
+        """What is offered."""
+        now = self.found if self.after is None else self.after
+        return "none" if now.clear else "end"
+
+    @property
     def stands(self) -> bool:
         """Whether it was asked to end and is still there: a person at the control ends it."""
         return self.after is not None and not self.after.clear
@@ -40,7 +46,7 @@ class LeftFinding:
     def as_data(self) -> dict[str, Any]:
         """The finding as JSON data."""
         now = self.found if self.after is None else self.after
-        return {"left_over": now.as_data(), "action": "none" if now.clear else "end", "what": self.words}
+        return {"left_over": now.as_data(), "action": self.action, "what": self.words}
 
 
 async def leave(

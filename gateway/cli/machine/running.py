@@ -11,7 +11,7 @@ import typer
 from drivers.clock import Clock, LoopClock
 from drivers.errors import DeviceError, words
 from gateway.cli import voice
-from gateway.cli.onward import after_look, after_run, consent, next_step
+from gateway.cli.onward import after_look, after_recovery, after_run, consent, next_step
 from gateway.cli.options import load_site
 from gateway.cli.screen.telling import progress
 from gateway.cli.show import echo, show_json, show_table
@@ -107,8 +107,7 @@ def recover_command(site: Path, apply: bool, machine: str, *, take: str = "", as
         echo(f"{tree.site.name}: no push was left unfinished, and nothing of ours is left in the control")
     stands = any(finding.stands for finding in findings)
     if not as_json:
-        undone = stands or (bool(findings) and not apply)
-        next_step(f"recover {site} --apply --machine {tree.site.name}" if undone else f"verify-table {site}")
+        next_step(after_recovery(findings, str(site), tree.site.name, apply=apply))
     if stands:
         raise typer.Exit(DeviceError.exit_code)
 

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
 from drivers.checks import CheckLine, fine, unknown, wrong
 from gateway.cli.control.connecting import kept_tests
-from gateway.cli.onward import after_doctor, after_look, after_run, consent
+from gateway.cli.onward import after_doctor, after_look, after_recovery, after_run, consent
 from gateway.cli.show import counted, folded
 from gateway.config import load_site
 from gateway.store import SelfTestBook
@@ -86,3 +87,16 @@ def test_the_next_command_names_the_road_and_the_axis_that_got_worse() -> None:
     assert after_look((), "R", "S", carried) == "push R --offline --apply --machine M"
     assert after_run("worse", "R", "S", wired, worse=["X1", "C1"]) == "rollback S --axis X1"
     assert after_run("unchanged", "R", "S", wired) == "verify-table S"
+
+
+def test_what_could_not_be_read_is_looked_at_again_and_not_carried_out() -> None:
+    """Nothing was offered, and `--apply` was the next step all the same: it was refused."""
+    unread, offered, stands = (
+        SimpleNamespace(action=action, stands=stands)
+        for action, stands in (("none", False), ("restore", False), ("end", True))
+    )
+    assert after_recovery((unread,), "S", "M", apply=False) == "recover S"
+    assert after_recovery((unread, offered), "S", "M", apply=False) == "recover S --apply --machine M"
+    assert after_recovery((offered,), "S", "M", apply=True) == "verify-table S"
+    assert after_recovery((stands,), "S", "M", apply=True) == "recover S --apply --machine M"
+    assert after_recovery((), "S", "M", apply=False) == "verify-table S"
