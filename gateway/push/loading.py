@@ -169,9 +169,9 @@ def _say_moves(codes: tuple[str, str], loads: Loads, amounts: Sequence[float]) -
         if most:
             told = {"amount": most, "deviation_unit": table.deviation_unit}
             place = {"input": table.input_axis, "place": shown(work.agreeing_position), "unit": table.input_unit}
-            work.context.say(codes[0], axis=work.axis, table=table.called, **told, **place)
+            work.context.say(codes[0], axis=work.axis, table=work.change.name, **told, **place)
         else:
-            still.append(table.called)
+            still.append(work.change.name)
     if still:
         loads[0].work.context.say(codes[1], tables=", ".join(still))
 
