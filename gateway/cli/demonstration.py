@@ -20,6 +20,7 @@ from drivers.local.extras import need
 from gateway.cli.machine.programs import self_tested
 from gateway.cli.machine.running import run_site_command
 from gateway.cli.machine.whole_loop import close_site_command
+from gateway.cli.onward import next_step
 from gateway.cli.show import echo
 
 GRACE_S = 10.0
@@ -116,6 +117,7 @@ def run_demo(folder: Path, cell: str, speed: float, seed: int | None, *, axes: b
         seconds = (clock.utc() - started).total_seconds()
     if not as_json:
         echo(f"(all of it took {seconds:.0f} s)")
+        next_step(f"report latest --store {folder / 'runs'}")
 
 
 def list_cells() -> None:
