@@ -13,7 +13,7 @@ from gateway.workflow import stages
 from simulators.cell import Cell
 from simulators.cell.judge import Judge
 from tests.cell.bench import Judged, main_job, short
-from tests.sizes import long
+from tests.sizes import long, soak
 
 
 def _never_worse(judged: Judged) -> None:
@@ -55,7 +55,7 @@ def test_the_demo_machines_rotary_axis_gets_better_as_promised(tmp_path: Path) -
     assert [head for head in heads if f"run {run}," not in head] == [], "what was sent says whose it is"
 
 
-@pytest.mark.parametrize("axis", [long("X1"), pytest.param("Z1", marks=pytest.mark.soak)])
+@pytest.mark.parametrize("axis", [long("X1"), soak("Z1")])
 def test_the_demo_machines_linear_axes_get_better_as_promised(tmp_path: Path, axis: str) -> None:
     judged = main_job(tmp_path, edit=short((axis,), 21, 4))
     _linear_as_promised(judged, axis)
@@ -64,7 +64,7 @@ def test_the_demo_machines_linear_axes_get_better_as_promised(tmp_path: Path, ax
 @pytest.mark.parametrize(
     ("seed", "flip", "axes", "senses"),
     [
-        long((7, True, ("C1",), {"laser": 1, "calibrator": 1})),
+        soak((7, True, ("C1",), {"laser": 1, "calibrator": 1})),
         long((8, False, ("X1", "C1"), {"laser": -1, "calibrator": -1})),
     ],
 )

@@ -21,6 +21,7 @@ from tests.cell.test_components import truth_of, without_positioning
 from tests.cell.test_hostile import Term, bump, period, wave, with_terms
 from tests.closing.families import relative
 from tests.selftested import cell_running
+from tests.sizes import soak
 
 
 @pytest.mark.long
@@ -29,7 +30,7 @@ from tests.selftested import cell_running
     [
         ("EXX", "X1", bump(-130.0, 15.0, -8.0), 3.5),
         # The table's step holds nothing of 8 mm: its 6 um stay, and the scatter of the outermost means.
-        ("EXX", "X1", period(8.0, 3.0), 7.5),
+        soak(("EXX", "X1", period(8.0, 3.0), 7.5)),
         ("ECC", "C1", wave(36, 3.0), 4.0),
     ],
 )
