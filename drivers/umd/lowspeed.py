@@ -84,19 +84,9 @@ class LowSpeed:
         return at, rows[at, DATA]
 
     @property
-    def laser_power(self) -> int | None:
-        """Code 1, in the counter's own unit; None while not heard."""
-        return self._latest.get(LASER_POWER)
-
-    @property
     def signal_strength(self) -> int | None:
         """Code 2, in the counter's own unit; None while not heard."""
         return self._latest.get(SIGNAL_STRENGTH)
-
-    @property
-    def diagnostics(self) -> dict[int, int]:
-        """Codes 101 to 122 as last heard."""
-        return {code: value for code, value in self._latest.items() if code in DIAGNOSTICS}
 
     def _offer(self, code: int, fact: Fact, values: list[int]) -> None:
         before = fact.value

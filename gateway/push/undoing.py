@@ -18,7 +18,7 @@ from gateway.interlocks.facts import no
 from gateway.push import conversation
 from gateway.push.asking import Asked, place_for, refused, unfinished_names
 from gateway.push.beginning import Task, begun
-from gateway.push.compare import effect_positions, same_table, table_in, tolerance
+from gateway.push.compare import effect_positions, same_table, table_in
 from gateway.push.context import PushContext
 from gateway.push.effect import prove_effect
 from gateway.push.loading import TableLoad, load, release
@@ -175,11 +175,3 @@ def _there(wanted: LiveTable, live: LiveTable, allowed: float) -> bool:
 def compare_live(live: LiveTable, done: Committed, allowed: float) -> ThreeWay:
     """The live table against the one a push wrote and the one before it."""
     return compare(live, done.new, done.old, allowed)
-
-
-async def compare_now(done: Committed, context: PushContext) -> ThreeWay:
-    """Read the live table and compare it; changes no compensation. Raises what the port raises."""
-    table = done.new.table
-    limits = await context.controller.table_limits(done.axis, table.kind, table.index)
-    seen = await conversation.read_live(context)
-    return compare_live(table_in(seen, table), done, tolerance(limits, table))

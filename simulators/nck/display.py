@@ -82,11 +82,6 @@ class Display:
         """Protection level active, 0..7; smaller has more rights."""
         return self.core.access_level
 
-    @property
-    def feed_override(self) -> float:
-        """Feed override in percent."""
-        return self.core.override_percent
-
     def axis_state(self, name: str) -> AxisView:
         """An axis now, by machine name, AXn or letter. Raises NckRefusal 12550."""
         return self.core.view(self.core.axis(name).index)

@@ -50,11 +50,6 @@ class Configuration:
         """The axes that there are, in order."""
         return tuple(name for name in self.places if name)
 
-    @property
-    def has_gaps(self) -> bool:
-        """Whether a number has no axis: then the place among the names is no number."""
-        return "" in self.places
-
     def number(self, axis: str, where: str) -> int:
         """1-based number of an axis. Raises UnsupportedDevice (E-NC-AXIS)."""
         if axis not in self.names:
