@@ -7,7 +7,6 @@ before people are told to carry it. ``done`` keeps the steps of work that has co
 
 from __future__ import annotations
 
-import codecs
 import json
 import os
 import shutil
@@ -17,6 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from drivers.errors import ConfigError, FileFormatError
+from drivers.local.letters import decode
 from drivers.local.ownfiles import made_folder, opened, read_own
 
 CARRY, BACK, STEPS, DONE = "carry", "back", "steps", "done"
@@ -212,11 +212,9 @@ class StepFolder:
         try:
             if path.stat().st_size > MOST_BYTES:
                 raise FileFormatError("E-OFF-FILE", str(path), why=f"more than {MOST_BYTES} bytes")
-            return without_head(_decoded(read_own(path)))
+            return without_head(decode(read_own(path), "latin-1", str(path)))
         except OSError as error:
             raise FileFormatError("E-OFF-FILE", str(path), why=error.strerror or str(error)) from error
-        except UnicodeError as error:
-            raise FileFormatError("E-OFF-FILE", str(path), why="it is no text") from error
 
     def conclude(self, last: CarriedStep | None) -> None:
         """The work has ended: its steps are set aside, nothing is left to carry. Raises ConfigError (E-OFF-FOLDER)."""
@@ -267,13 +265,6 @@ def stick_name(path: str) -> str:
     """A file of the control -> its name on a stick: TFLIVE_X1.SPF."""
     stem, _, ending = path.rpartition("/")[2].removeprefix("_N_").rpartition("_")
     return f"{stem}.{ending}"
-
-
-def _decoded(data: bytes) -> str:
-    """Text as a control or a person's editor wrote it: with a mark of its encoding, or a byte a character."""
-    if data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
-        return data.decode("utf-16")
-    return data.removeprefix(codecs.BOM_UTF8).decode("latin-1")
 
 
 def without_head(text: str) -> str:
