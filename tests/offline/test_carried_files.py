@@ -133,7 +133,8 @@ async def test_what_is_not_whole_is_asked_for_again(tmp_path: Path, harm: Callab
         assert isinstance(await asked(world), LiveSet)
 
 
-async def test_what_only_looks_harmed_is_taken(tmp_path: Path) -> None:
+@pytest.mark.parametrize("letters", ["utf-16", "utf-16-le", "utf-8-sig"])
+async def test_what_only_looks_harmed_is_taken(tmp_path: Path, letters: str) -> None:
     """Line ends and encodings of an editor, protected files, the same file twice, and what is no file of ours."""
     async with offline_world(LoopClock(), tmp_path) as world:
         await introduced(world)
@@ -145,7 +146,7 @@ async def test_what_only_looks_harmed_is_taken(tmp_path: Path) -> None:
         head = "%_N_TFLIVE_X1_SPF\r\n;$PATH=/_N_SPF_DIR\r\n"
         table.write_bytes(head.encode() + table.read_bytes().replace(b"\n", b"\r\n"))
         table.chmod(0o400)
-        form.write_bytes(form.read_text().encode("utf-16"))
+        form.write_bytes(form.read_text().encode(letters))
         (back / "film.mp4").write_bytes(bytes((4 << 20) + 1))
         (back / "._TFTOLD.SPF").write_bytes(b"\x00\x05\x16\x07")
         (carry / "mine").mkdir()
