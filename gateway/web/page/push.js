@@ -20,7 +20,7 @@ const MANY = 4;
 function open(root) {
   const parts = { plan: h("div", { class: "panel" }), steps: h("div", { class: "panel" }), back: h("div", { class: "panel back" }), answer: h("div", { class: "panel answer", "aria-live": "polite" }) };
   show(root, h("div", { class: "two" }, h("div", { class: "stack" }, parts.plan, parts.steps), h("div", { class: "stack" }, parts.back, parts.answer)));
-  const drawPlan = () => plan(parts.plan).catch((error) => show(parts.plan, h("p", { class: "fault", role: "alert" }, told(error))));
+  const drawPlan = () => plan(parts.plan).catch((error) => { delete parts.plan.dataset.key; show(parts.plan, h("p", { class: "fault", role: "alert" }, told(error))); });
   const draw = () => { steps(parts.steps); back(parts.back); answer(parts.answer); };
   drawPlan();
   draw();
@@ -30,16 +30,24 @@ function open(root) {
 
 async function plan(box) {
   const runs = await proposals();
-  if (!runs.length) return show(box, h("p", { class: "empty" }, t("correct.none")));
+  if (!runs.length) {
+    delete box.dataset.key;
+    return show(box, h("p", { class: "empty" }, t("correct.none")));
+  }
   const run = chosen(asked, runs);
   asked.run = run.run_id;
   const proposal = await record(run.run_id, "proposal");
   const busy = Boolean(state.status.run);
   const needed = state.file.site.approvals;
+  const agreed = state.approved[run.run_id]?.until > Date.now();
+  // A key that is drawn anew between press and release hears no press.
+  const key = JSON.stringify([runs.map((one) => [one.run_id, one.state]), run.run_id, busy, may("operator"), agreed && state.approved[run.run_id].by, document.documentElement.lang]);
+  if (box.dataset.key === key) return;
+  box.dataset.key = key;
   show(box, h("div", { class: "row head" }, h("h2", {}, t("push.plan")), h("label", { class: "inline" }, t("evaluate.run"), h("select", { id: "pick-run", onchange: (event) => { asked.run = event.target.value; plan(box); } }, runs.map((one) => h("option", { value: one.run_id, selected: one === run }, `${when(one.created_utc)} · ${stateOf(one)}`))))),
     h("ul", { class: `moves${proposal.changes.length > MANY ? " many" : ""}` }, proposal.changes.map((one) => h("li", {}, h("b", {}, nameOf(one)), ` ${plain(one.skipped) || t("push.replaces", { points: one.new.deviations.length, old: t(one.old_enabled ? "correct.was_on" : "correct.was_off") })}`))),
     h("p", {}, t(needed > 1 ? "push.two" : "push.one")),
-    h("p", { id: "approved" }, state.approved[run.run_id]?.until > Date.now() ? `✔ ${t("push.approved_by", { names: state.approved[run.run_id].by.join(", ") })}` : `○ ${t("push.not_approved")}`),
+    h("p", { id: "approved" }, agreed ? `✔ ${t("push.approved_by", { names: state.approved[run.run_id].by.join(", ") })}` : `○ ${t("push.not_approved")}`),
     h("div", { class: "keys start three" },
       h("button", { id: "show-plan", disabled: busy || !may("operator"), onclick: () => give("push", { run: run.run_id }) }, `1 · ${t("push.show")}`),
       h("button", { id: "approve", disabled: busy, onclick: () => approve(run.run_id) }, `2 · ${t("push.approve")}`),
