@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+from drivers.errors import ConfigError
 from gateway.cli.options import JsonOption, StoreOption
 
 
@@ -37,7 +38,7 @@ def evaluate(
     distance: Annotated[float, typer.Option(min=0, help="Of a tilt: between the two sensors, mm.")] = 0.0,
     order: Annotated[list[int] | None, typer.Option(help="Of harmonics: this order. May be repeated.")] = None,
     site: Annotated[
-        Path | None, typer.Option(help="Site file whose tolerances are decided too.", show_default=False)
+        Path | None, typer.Option(help="Of positioning: site file whose tolerances count.", show_default=False)
     ] = None,
     plot: Annotated[Path | None, typer.Option(help="Picture (.png or .svg).", show_default=False)] = None,
     store: StoreOption = Path("runs"),
@@ -50,6 +51,8 @@ def evaluate(
         list_standards(as_json=as_json)
         return
     if kind != "positioning":
+        if site is not None:  # its tolerances are of positioning: ignored, they would be taken for a pass
+            raise ConfigError("E-CLI-SITE-KIND", "--site", kind=kind)
         from gateway.cli.files.geometry import KindOptions, evaluate_kinds
         from gateway.workflow.files.kindrecords import KindQuestion
 

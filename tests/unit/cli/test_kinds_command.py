@@ -196,3 +196,10 @@ def test_a_picture_of_what_a_double_measured_bears_the_stamp(
     told = RUNNER.invoke(app, ["evaluate", str(run), "--plot", str(picture)], catch_exceptions=False)
     assert "SIMULATED" in words
     assert "SIMULATED: a simulated device took part" in told.output
+
+
+def test_a_site_whose_limits_no_kind_decides_is_refused_and_never_ignored(tmp_path: Path) -> None:
+    found = table(tmp_path / "a.csv", "mm", "um", PLACES, lambda at, way, turn: 0.001 * at)
+    site = tmp_path / "site.toml"
+    site.write_text("")
+    assert refused(found, "--kind", "straightness", "--site", site) == "E-CLI-SITE-KIND"
