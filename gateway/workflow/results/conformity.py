@@ -26,8 +26,14 @@ def judged(site: SiteFile, material: ReportMaterial) -> tuple[Judged, ...]:
 
     Raises ModelError where a standard cannot evaluate an axis.
     """
-    axes = {one.axis: one for one in material.axes} | {one.letter: one for one in material.axes}
-    found = [one for said in site.tolerances if said.axis in axes for one in _axis(axes[said.axis], said)]
+    letters = {axis.name: axis.letter for axis in site.axes}
+    found = [
+        one
+        for said in site.tolerances
+        for axis in material.axes
+        if axis.axis == said.axis or axis.letter in (said.axis, letters.get(said.axis))
+        for one in _axis(axis, said)
+    ]
     if site.gear_tolerance is not None and material.tooth is not None:
         found += _gear(material.tooth, site.gear_tolerance)
     return tuple(found)

@@ -109,7 +109,7 @@ def _axis(name: str, item: MeasuredItem) -> AxisMaterial:
     alpha = measured.expansion_ppm_per_k if measured.expansion_ppm_per_k is not None else EXPANSION_PPM_PER_K
     budget, supposed = file_budget(unit, travel, material, alpha)
     result = evaluate(measured.targets, measured.deviations, unit, budget=budget)
-    letter = name if measured.header.get("Axis", "").strip() else ""
+    letter = shown(measured.header.get("Axis", "").strip())
     done = item.corrections or corrections.begin(measured.compensated_for)
     notes = (
         *measured.warnings,
