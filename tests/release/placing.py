@@ -42,7 +42,7 @@ def built(folder: Path, source: Path = ROOT) -> tuple[Path, Path]:
 
 def demo_starts(programs: Path, folder: Path, before: tuple[str, ...] = ()) -> None:
     """Start `trueflank demo` in a folder, wait until the control has tried our programs, and end it."""
-    command = [*before, str(programs / "trueflank"), "demo", "--folder", str(folder / "demo")]
+    command = [*before, str(programs / "trueflank"), "demo", "-v", "--folder", str(folder / "demo")]
     told = subprocess.STDOUT  # progress is for people: it goes to the other stream
     seen = []
     with subprocess.Popen(command, cwd=folder, env=clean(), stdout=subprocess.PIPE, stderr=told, text=True) as child:

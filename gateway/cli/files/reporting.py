@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -45,6 +46,9 @@ def report(
         for line in lines:
             echo(line)
         echo(f"calibration report {made.number}: {made.pdf}")
+        if made.verdicts:
+            counted = ", ".join(f"{count} {verdict.upper()}" for verdict, count in Counter(made.verdicts).items())
+            echo(f"limits of the site: {counted}")
         again = f"evaluate {what[0]}" if _files(what) else f"runs show {what[0]} --store {store}"
         next_step(
             again if language else f"report {' '.join(what)}{'' if _files(what) else f' --store {store}'} --language de"

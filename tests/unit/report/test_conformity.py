@@ -197,6 +197,19 @@ def test_files_become_a_report_and_evaluate_decides_by_the_site(tmp_path: Path) 
     assert json.loads(found.output)[0]["verdicts"][0]["parameter"] == "A"
 
 
+def test_a_report_decides_on_every_file_whose_axis_has_the_letter(tmp_path: Path) -> None:
+    """The files say X, the site X1; what the report of each ends with is what `evaluate` ends with."""
+    path = site(tmp_path, tolerance("A = 0.001"))
+    source = next((Path(__file__).parents[2] / "golden" / "files").rglob("basic.rtl"))
+    asked = ["--site", str(path), "--out", str(tmp_path / "out")]
+    other = tmp_path / "again.rtl"
+    other.write_bytes(source.read_bytes())
+    for files in ([source], [source, other]):
+        done = CliRunner().invoke(app, ["report", *map(str, files), *asked])
+        assert done.exit_code in (13, 21), done.output
+        assert f"limits of the site: {len(files)} NOT DECIDABLE" in done.output
+
+
 def test_a_double_in_the_loop_is_told_by_every_file_of_the_run(tmp_path: Path) -> None:
     path = site(tmp_path)
     real = write_report(stored(tmp_path, path))
