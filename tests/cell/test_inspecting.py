@@ -119,7 +119,7 @@ def test_a_part_is_inspected_and_guards_its_machine(tmp_path: Path, monkeypatch:
         assert hands.said[-1] == "P-INSPECTED"
         assert any("clamping eccentricity" in line for line in found.said)
         assert found.figures["F_p"] > found.figures["f_p"] > 0.2
-        assert run.get("inspected-after", InspectedFlank).fitted.rms_um == found.fitted.rms_um
+        assert run.get("inspected-after", InspectedFlank).fitted.rms_um == pytest.approx(found.fitted.rms_um, rel=1e-12)
         raw = run.get("inspected-after-raw", inspecting.RawInspection)
         assert raw.whole.points_mm[:, 2].min() == pytest.approx(0.5)
         assert await hands.refused(run) == "E-INSPECT-SAME"

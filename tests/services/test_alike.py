@@ -58,6 +58,8 @@ def said(site: Path, words: Sequence[str], *, measures: bool) -> tuple[int, list
     text = f"{done.stdout}\n--\n{done.stderr}"
     for pattern, name in EACH:
         text = pattern.sub(name, text)
+    if words == ("self-test",):  # its next step is the push that waits by then: none does in the first round
+        text = re.sub(r"^next: .*$", "next:", text, flags=re.MULTILINE)
     return done.returncode, (NUMBER.sub("N", text) if measures else text).splitlines()
 
 
