@@ -6,17 +6,14 @@ from collections.abc import Mapping
 from math import isfinite
 from typing import Any
 
-from drivers.types.results import MeasuredSet
-from drivers.units import DeviationUnit, deviation_unit
+from drivers.units import deviation_unit
 from gateway.domain.captures import Capture
 from gateway.domain.figures import Evaluation
 from gateway.evaluate.standards import decision
 from gateway.evaluate.standards.registry import evaluate_by, standards
-from gateway.evaluate.uncertainty.budget import file_budget
+from gateway.evaluate.uncertainty.budget import measured_budget
 from gateway.store import RunFolder
 from gateway.workflow.files.exporting import measured_of
-
-USUAL_PPM_PER_K = 11.5
 
 
 def known_standards() -> list[dict[str, str]]:
@@ -35,17 +32,10 @@ def figures_by(folder: RunFolder, axis: str, phase: str, *, name: str, limits: M
     capture = folder.get(f"capture-{axis}-{phase}", Capture)
     measured = measured_of(capture, folder)
     unit = deviation_unit(capture.axis_unit)
-    budget = _budget(measured, unit)
+    budget, _supposed = measured_budget(measured)
     found = evaluate_by(name, capture.targets, capture.deviations, unit, budget=budget, monte_carlo=False)
     verdicts = found.decided(limits)
     return _told(found.standard.name, unit, found.values, found.U, verdicts, found.flags)
-
-
-def _budget(measured: MeasuredSet, unit: DeviationUnit) -> Any:
-    sensors = measured.ambient_start.material_degc
-    material = sum(sensors) / len(sensors) if sensors else None
-    alpha = USUAL_PPM_PER_K if measured.expansion_ppm_per_k is None else measured.expansion_ppm_per_k
-    return file_budget(unit, float(measured.targets.max() - measured.targets.min()), material, alpha)
 
 
 def _stored(kept: Evaluation, limits: Mapping[str, float]) -> dict[str, Any]:

@@ -17,14 +17,13 @@ from gateway.evaluate.behaviour.repetitions import out_of_line
 from gateway.evaluate.optics import corrections
 from gateway.evaluate.standards.iso230_2 import evaluate
 from gateway.evaluate.standards.registry import closure_notes, set_up_notes
-from gateway.evaluate.uncertainty.budget import file_budget
+from gateway.evaluate.uncertainty.budget import measured_budget
 from gateway.report.material import AxisMaterial, FileUsed, ReportMaterial
 from gateway.store import RunFolder, Store
 from gateway.store.disk import disk_errors
 from gateway.workflow.files.exporting import MeasuredItem, items
 from gateway.workflow.files.importing import MEASURED, STATE, How
 
-EXPANSION_PPM_PER_K = 11.5
 DOUBLE = "simulated"
 LONGEST_NAME = 32
 
@@ -103,11 +102,7 @@ def _names(found: Sequence[MeasuredItem]) -> Iterator[str]:
 def _axis(name: str, item: MeasuredItem) -> AxisMaterial:
     measured = _measured(item)
     unit = deviation_unit(measured.axis_unit)
-    travel = float(measured.targets.max() - measured.targets.min())
-    sensors = measured.ambient_start.material_degc
-    material = sum(sensors) / len(sensors) if sensors else None
-    alpha = measured.expansion_ppm_per_k if measured.expansion_ppm_per_k is not None else EXPANSION_PPM_PER_K
-    budget, supposed = file_budget(unit, travel, material, alpha)
+    budget, supposed = measured_budget(measured)
     result = evaluate(measured.targets, measured.deviations, unit, budget=budget)
     letter = shown(measured.header.get("Axis", "").strip())
     done = item.corrections or corrections.begin(measured.compensated_for)

@@ -25,6 +25,7 @@ from gateway.domain.equipment import SenseProof
 from gateway.errors import CaptureError, CorruptRecord
 from gateway.store import Maps, Store
 from gateway.store.rawstream import open_stream
+from gateway.views.figured import figures_by, known_standards
 from gateway.workflow import stages
 from gateway.workflow.files.importing import How, import_file
 from tests.unit.capture.test_live import AXIS
@@ -183,6 +184,19 @@ def a_run(tmp_path: Path) -> str:
     folder.put(stages.capture("X1", "before"), capture)
     folder.put(stages.capture("X1", "after"), capture)
     return folder.run_id
+
+
+@pytest.mark.parametrize("standard", [one["name"] for one in known_standards()])
+def test_every_standard_on_the_page_gives_the_figures_and_u_of_the_command(tmp_path: Path, standard: str) -> None:
+    run_id = a_run(tmp_path)
+    command = told("evaluate", run_id, "--standard", standard, "--axis", "X1", "--phase", "before")[0]
+    folder = Store(tmp_path / "runs").open(run_id)
+    rows = figures_by(folder, "X1", "before", name=standard, limits={})["rows"]
+    assert rows
+    known = {one["parameter"]: one["U"] for one in rows if one["U"] is not None}
+    assert known or command["monte_carlo"]  # of older standards the command draws U
+    assert known == pytest.approx({name: command["U"][name] for name in known})
+    assert all(one["value"] == command[one["parameter"]] for one in rows)
 
 
 def test_a_runs_capture_is_evaluated_and_exported(tmp_path: Path) -> None:
