@@ -64,6 +64,7 @@ class Work:
     ``begun`` says that a load may have written something. ``marked`` is the order whose number the controller's marker
     carries. ``cut_short`` says that a load may have stopped in its middle, ``torn`` that a control which has restarted
     since may act by half a table once it is on.
+    ``loaded`` is what a recovery has just read there: nobody is asked to have it saved again.
     ``seen`` is the table as it was read last, None once something was announced since; ``protected`` that the control
     refused to write it as one that is on, whatever its switch reads.
     """
@@ -85,6 +86,7 @@ class Work:
     effect: tuple[tuple[float, float, float], ...] = ()
     marked: PushOrder | None = None
     base: LiveSet | None = None
+    loaded: LiveSet | None = None
     cut_short: bool = False
     torn: bool = False
     confirmed: bool = False

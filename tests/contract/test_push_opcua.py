@@ -24,6 +24,7 @@ from gateway.domain.proposals import TableChange
 from gateway.errors import VerifyError
 from gateway.push import PushContext, look, prove_sign, push_table, recover, unfinished
 from gateway.push.compare import table_in
+from gateway.push.undo.finding import PushFinding
 from simulators.nck.spec import NckSpec
 from tests.contract.opcua_stage import AXES, Stage, on_stage, plan
 from tests.placed import PLACES, placed
@@ -297,7 +298,15 @@ async def test_the_marker_outlives_session_and_programs_until_it_is_recovered(ke
         async with starting(on):
             finding = await look(found, mine)
             assert finding.action == "restore", finding
-            assert (await recover(found, mine)).outcome == "rolled-back"
+            told: list[PushFinding] = []
+            heard: list[str] = []
+            mine = replace(mine, say=lambda code, /, **fields: heard.append(code))
+            assert (await recover(found, mine, tell=told.append)).outcome == "rolled-back"
+        assert told == [finding]
+        assert [heard.count(code) for code in ("P-NC-READ", "P-PUSH-START")] == [
+            2,
+            1,
+        ]  # before, between and after: 3 presses
         marker = await other.marker()
         assert marker is not None
         assert marker.state == "none"

@@ -6,6 +6,7 @@ compensation, and nothing is written before a person asks for it.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Literal
@@ -137,23 +138,35 @@ def _place(found: JournalRead, context: PushContext) -> float:
 
 
 async def recover(
-    found: JournalRead, context: PushContext, action: Literal["offered", "finish"] = "offered"
+    found: JournalRead,
+    context: PushContext,
+    action: Literal["offered", "finish"] = "offered",
+    tell: Callable[[PushFinding], None] | None = None,
 ) -> PushRecord:
-    """Carry out what `look` offers: close, switch off, restore the old table; "finish" proves a new one that is on.
+    """Look, and carry out what is offered: close, switch off, restore the old table; "finish" proves a new one.
 
+    ``tell`` hears what was found before anything is done about it.
     Raises WriteRefused (E-PUSH-NO-OFFER, E-PUSH-TRIES, E-INT-NAME) with nothing written, BusyError, StoreError.
     """
     if context.typed_name != context.site_name:
         typed = context.typed_name or "nothing"
         raise WriteRefused("E-INT-NAME", found.path.name, typed=typed, wanted=context.site_name)
     with foreseen(context.axis.name):
-        return await _recovered(found, unheard(context), action)
+        return await _recovered(found, unheard(context), action, tell)
 
 
-async def _recovered(found: JournalRead, context: PushContext, action: Literal["offered", "finish"]) -> PushRecord:
+async def _recovered(
+    found: JournalRead,
+    context: PushContext,
+    action: Literal["offered", "finish"],
+    tell: Callable[[PushFinding], None] | None,
+) -> PushRecord:
     with machine_lock(journal.machine_folder(context.journals, context.machine.serial)):
         found = _as_told_now(found)
-        finding = await look(found, context)
+        read: Read = {}
+        finding = await look(found, context, read)
+        if tell is not None:
+            tell(finding)
         if finding.code == "R-PUSH-TRIES":
             raise WriteRefused("E-PUSH-TRIES", found.path.name, count=MOST_TRIES, backup=finding.backup)
         may_finish = finding.code == "R-PUSH-ENABLED" and found.latest("purpose") == "table"
@@ -163,6 +176,7 @@ async def _recovered(found: JournalRead, context: PushContext, action: Literal["
             return _closed(found, finding)
         limits = await _limits(found, context)
         work = _work(found, context, _whole(found, context), limits)
+        work.loaded = next(iter(read.values()), None)
         with closed_at_the_end((work,)):
             if finding.action == "restore":
                 alike = _alike(found, context)

@@ -85,23 +85,30 @@ async def _one(
     at: Bench, found: JournalRead, *, apply: bool, read: Read | None
 ) -> tuple[PushFinding, PushRecord | None]:
     context = _context(at, found)
-    finding = verdict(found, None, 0.0) if context is None else await look(found, context, read)
-    if apply:
-        at.say("P-RECOVER", words=finding.words)
     if context is None or not apply:
+        finding = verdict(found, None, 0.0) if context is None else await look(found, context, read)
+        if apply:
+            at.say("P-RECOVER", words=finding.words)
         return finding, None
-    record = await _recovered(at, found, context, finding)
-    tell(at, recovered(at, finding.code, record))
-    return finding, record
+    return await _recovered(at, found, context)
 
 
-async def _recovered(at: Bench, found: JournalRead, context: PushContext, finding: PushFinding) -> PushRecord:
-    """Carry out the offer; one that ends without a record is kept in the audit log too."""
+async def _recovered(at: Bench, found: JournalRead, context: PushContext) -> tuple[PushFinding, PushRecord]:
+    """Look and carry out the offer; one that ends without a record is kept in the audit log too."""
+    finding = verdict(found, None, 0.0)
+
+    def hear(seen: PushFinding) -> None:
+        nonlocal finding
+        finding = seen
+        at.say("P-RECOVER", words=seen.words)
+
     try:
-        return await recover(found, context)
+        record = await recover(found, context, tell=hear)
     except (TrueflankError, asyncio.CancelledError) as error:
         tell(at, not_recovered(at, finding.code, found.number, error))
         raise
+    tell(at, recovered(at, finding.code, record))
+    return finding, record
 
 
 def _context(at: Bench, found: JournalRead) -> PushContext | None:
