@@ -32,8 +32,9 @@ from gateway.push.records.history import tables_of
 from gateway.push.records.journal import JournalRead
 from gateway.push.records.lock import machine_lock
 from gateway.push.undo import disabling
+from gateway.push.undo.confirming import second_readings
 from gateway.push.undo.finding import MOST_TRIES, PushFinding, Seen, announced, before, coupled, verdict
-from gateway.push.undo.restoring import held, hold, roll_back, second_readings
+from gateway.push.undo.restoring import held, hold, roll_back
 from gateway.push.unexpected import foreseen, unheard
 from gateway.push.work import Transaction, Work
 

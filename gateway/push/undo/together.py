@@ -10,7 +10,8 @@ from gateway.push import conversation
 from gateway.push.compare import table_in
 from gateway.push.loading import TableLoad, load, release
 from gateway.push.snapshot import live_of
-from gateway.push.undo.restoring import SETTLE_S, all_back, as_before, asked_to_restore, hold, still_held
+from gateway.push.undo.confirming import SETTLE_S
+from gateway.push.undo.restoring import all_back, as_before, asked_to_restore, hold, still_held
 from gateway.push.unexpected import foreseen
 from gateway.push.work import Outcome, Work, note_all
 from gateway.table.comparison import differences
