@@ -30,6 +30,33 @@ TOLD = """async ([code, fields, language]) => {
   return plain(`${made}. The prediction held at every target within k = 3.`);
 }"""
 
+# What happens all the time at a machine: a reading is taken, something is said, a command goes on. Keys that are no longer
+# on the page after that, and fields that lost what was being typed: a person was just pressing or typing there.
+LOST = """async (taken) => {
+  const { state, changed } = await import('/static/page/state.js');
+  const [asked, status] = [window.fetch, state.status];
+  let open = 0;
+  window.fetch = (...given) => { open += 1; return asked(...given).finally(() => { open -= 1; }); };
+  const goesOn = async (done) => {
+    const run = { kind: 'run', run_id: 'now', who: 'anna', axis: 'C1', stage: 'before', done, total: 9, words: '', steps: [], moves: [], ask: null, started_utc: '2026-03-02T11:00:00+00:00' };
+    Object.assign(state, { status: { ...status, run }, taken: [...state.taken, { ...taken, deviation: done }], jobs: [...state.jobs] });
+    changed('frame', 'status', 'jobs', 'said', 'taken', 'reading', 'ambient', 'waiting');
+    for (let calm = 0; calm < 5; calm = open ? 0 : calm + 1) await new Promise((over) => setTimeout(over, 20));
+  };
+  await goesOn(1);
+  for (const one of document.querySelectorAll('summary')) one.parentElement.open = true;
+  const keys = [...document.querySelectorAll('button, select, input, textarea, summary')];
+  const fields = keys.filter((one) => one.type === 'number' || one.type === 'text' || one.type === 'password');
+  for (const one of fields) one.value = '7';
+  await goesOn(2);
+  Object.assign(state, { status, taken: [] });
+  window.fetch = asked;
+  changed('frame', 'status', 'taken');
+  const told = (one) => one.outerHTML.slice(0, 120);
+  return { seen: keys.length, lost: [...keys.filter((one) => !one.isConnected), ...fields.filter((one) => one.value !== '7')].map(told), shut: [...document.querySelectorAll('details:not([open])')].map(told) };
+}"""
+TAKEN = {"axis": "C1", "target": 0.0, "approach": 1, "part": "before", "repetition": 1}
+
 
 def ground(text: str) -> str:
     """The cell's short site with its gear as the work."""
@@ -67,6 +94,7 @@ def test_a_person_signs_in_tests_the_control_and_looks_at_every_screen(tmp_path:
             anna.go(screen)
             anna.page.locator("main .panel h2, main .panel tr").first.wait_for()
         _numbers(anna)
+        _pressed(anna)
         _mountings(anna)
         assert anna.done(anna.give("#self-test"))["error"] is None
         _told(anna)
@@ -95,6 +123,17 @@ def _numbers(anna: Person) -> None:
         flank = run.get(stages.inspected(part), InspectedFlank).fitted
         expect(page.locator(f"[data-flank={part}]")).to_have_text(text(flank.rms_um))
     looked_at(anna, "journey-report-tooth")
+
+
+def _pressed(anna: Person) -> None:
+    """Whatever a command tells meanwhile, no key is taken from under a finger and no field is emptied."""
+    anna.page.locator(".chip.state.ready, .chip.state.attention").wait_for()
+    for screen in SCREENS:
+        anna.go(screen)
+        anna.page.locator("main .panel h2, main .panel tr").first.wait_for()
+        found = anna.page.evaluate(LOST, TAKEN)
+        assert found["seen"] > len(SCREENS), screen
+        assert (found["lost"], found["shut"]) == ([], []), screen
 
 
 def _mountings(anna: Person) -> None:

@@ -3,7 +3,7 @@ import { get, post } from "./api.js";
 import { plotOf } from "./captureplot.js";
 import { targetList } from "./capturetargets.js";
 import { confirmed, shown, textAsked } from "./dialogs.js";
-import { h, show, write } from "./dom.js";
+import { h, same, show, write } from "./dom.js";
 import { clock, number, signed, unit } from "./figures.js";
 import { mounting } from "./drawing.js";
 import { stuckFor, untested } from "./sentence.js";
@@ -86,9 +86,7 @@ function air(box) {
   const data = state.ambient;
   const value = (label, text) => h("div", { class: "cell" }, h("small", {}, label), h("b", {}, text));
   const age = data.at ? t("capture.age", { seconds: Math.round((data.age_s ?? 0) + (Date.now() - data.at) / 1000) }) : t("capture.no_air");
-  const key = JSON.stringify([data, age, document.documentElement.lang]);
-  if (box.dataset.key === key) return;
-  box.dataset.key = key;
+  if (same(box, data, age)) return;
   const material = data.material_degc?.length ? data.material_degc.map((one) => number(one, 2)).join(" · ") : null;
   show(box, value(t("capture.air"), `${number(data.air_degc, 2)} °C`), value(t("capture.pressure"), `${number(data.pressure_hpa, 1)} hPa`),
     value(t("capture.humidity"), `${number(data.humidity_pct, 0)} %`), value(t("capture.material"), `${material ?? "–"} °C`), value(t("capture.read"), age));
@@ -130,9 +128,7 @@ function dayLeft(run, setup) {
 function commands(box) {
   const run = state.status.run;
   const first = untested() ? "self-test" : "measure-axes";
-  const key = JSON.stringify([run?.kind, run?.run_id, first, document.documentElement.lang]);
-  if (box.dataset.key === key) return;
-  box.dataset.key = key;
+  if (same(box, run?.kind, run?.run_id, first)) return;
   const allowed = may("operator");
   const give = (path, body, title, what) => async () => {
     if (await confirmed(title, what)) post(`${base()}/commands/${path}`, body).catch((error) => shown(title, [h("p", { class: "fault" }, told(error))]));

@@ -1,7 +1,7 @@
 // The deviations as they are taken: both directions, every repetition, the tolerance band, where the axis is going.
 import { axisOf, devOf, part, unitOf } from "./capture.js";
 import { band, limits, mark, plot, upright } from "./charts.js";
-import { h, show } from "./dom.js";
+import { h, same, show } from "./dom.js";
 import { unit } from "./figures.js";
 import { state } from "./state.js";
 import { t } from "./words.js";
@@ -28,11 +28,12 @@ export function plotOf(box) {
     last && upright(last.target, on, "current"),
     ...found.map((one, number) => mark(one.target, values[number], one.approach, on, `${one.approach > 0 ? "up" : "down"} r${Math.min(one.repetition, 5)}`, one === last ? 7 : 4.5)),
   ];
+  const picture = plot({ x, y, label: t("capture.plot", { axis: axis.axis }), xName: `${t("chart.target")} [${unit(axis.unit)}]`, yName: `${t("chart.deviation")} [${u}]`, nodes });
+  if (same(box, axis.axis, u)) return box.lastElementChild.replaceWith(picture);
   const tolerance = h("input", { id: "tolerance", type: "number", min: 0, step: 0.5, value: half || "", inputmode: "decimal", onchange: (event) => {
     localStorage.setItem(`tolerance ${axis.axis}`, event.target.value);
     plotOf(box);
   } });
-  show(box, h("div", { class: "row head" }, h("h2", {}, t("capture.plot", { axis: axis.axis })), h("span", { class: "legend" }, h("i", { class: "up" }, "▷"), t("chart.up"), h("i", { class: "down" }, "◁"), t("chart.down")),
-    h("label", { class: "inline" }, t("capture.tolerance"), tolerance, u)),
-  plot({ x, y, label: t("capture.plot", { axis: axis.axis }), xName: `${t("chart.target")} [${unit(axis.unit)}]`, yName: `${t("chart.deviation")} [${u}]`, nodes }));
+  return show(box, h("div", { class: "row head" }, h("h2", {}, t("capture.plot", { axis: axis.axis })), h("span", { class: "legend" }, h("i", { class: "up" }, "▷"), t("chart.up"), h("i", { class: "down" }, "◁"), t("chart.down")),
+    h("label", { class: "inline" }, t("capture.tolerance"), tolerance, u)), picture);
 }

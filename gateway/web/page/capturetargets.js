@@ -3,7 +3,7 @@ import { post } from "./api.js";
 import { axisOf, devOf, part } from "./capture.js";
 import { shownAxis } from "./captureplot.js";
 import { confirmed, shown } from "./dialogs.js";
-import { h, show } from "./dom.js";
+import { h, same, show, write } from "./dom.js";
 import { number, signed, unit } from "./figures.js";
 import { base, may, state } from "./state.js";
 import { t, told } from "./words.js";
@@ -13,20 +13,30 @@ export function targetList(box) {
   const found = part(axis.axis);
   const targets = [...new Set([...axis.targets, ...found.map((one) => one.target)])].sort((a, b) => a - b);
   const last = found[found.length - 1];
-  const rows = targets.map((target, at) => row(axis, found.filter((one) => one.target === target), { target, at, last }));
-  const body = h("tbody", {}, rows);
-  show(box, h("table", {}, h("thead", {}, h("tr", {}, h("th", {}, t("capture.number")), h("th", {}, `${t("chart.target")} [${unit(axis.unit)}]`), h("th", {}, "▷"), h("th", {}, "◁"), h("th", {}, t("capture.mean")), h("th", {}, h("span", { class: "hidden" }, t("capture.again"))))), body));
-  const current = body.querySelector(".current");
-  if (current) box.scrollTop = current.offsetTop - box.clientHeight / 2;
+  // The keys stay while readings come.
+  if (!same(box, axis.axis, targets)) show(box, h("table", {}, h("thead", {}, h("tr", {}, h("th", {}, t("capture.number")), h("th", {}, `${t("chart.target")} [${unit(axis.unit)}]`), h("th", {}, "▷"), h("th", {}, "◁"), h("th", {}, t("capture.mean")), h("th", {}, h("span", { class: "hidden" }, t("capture.again"))))), h("tbody", {}, targets.map((target, at) => row(axis, target, at)))));
+  const rows = box.querySelectorAll("tbody tr");
+  const before = box.querySelector(".current");
+  targets.forEach((target, at) => tell(rows[at], found.filter((one) => one.target === target), last?.target === target));
+  const current = box.querySelector(".current");
+  if (current && current !== before) box.scrollTop = current.offsetTop - box.clientHeight / 2;
 }
 
-function row(axis, found, { target, at, last }) {
+function row(axis, target, at) {
+  return h("tr", {}, h("td", { class: "num" }, at + 1), h("td", { class: "num" }, number(target, 3)), h("td", { class: "dots" }), h("td", { class: "dots" }), h("td", { class: "num" }),
+    h("td", {}, h("button", { class: "again", "aria-label": t("capture.again_at", { target: number(target, 3) }), onclick: () => again(axis, target) }, "↻")));
+}
+
+function tell(line, found, current) {
   const mean = found.length ? found.reduce((sum, one) => sum + devOf(one), 0) / found.length : null;
   const count = (way) => found.filter((one) => one.approach === way).length;
   const dots = (way) => (count(way) > 3 ? `● ${count(way)}` : "●".repeat(count(way)) || "○");
-  return h("tr", { class: last?.target === target ? "current" : null }, h("td", { class: "num" }, at + 1), h("td", { class: "num" }, number(target, 3)),
-    h("td", { class: "dots" }, dots(1)), h("td", { class: "dots" }, dots(-1)), h("td", { class: "num" }, mean === null ? "–" : signed(mean, 2)),
-    h("td", {}, h("button", { class: "again", disabled: !found.length || !state.status.run || !may("operator"), "aria-label": t("capture.again_at", { target: number(target, 3) }), onclick: () => again(axis, target) }, "↻")));
+  const [up, down, middle, key] = [...line.children].slice(2);
+  line.className = current ? "current" : "";
+  write(up, dots(1));
+  write(down, dots(-1));
+  write(middle, mean === null ? "–" : signed(mean, 2));
+  key.firstChild.disabled = !found.length || !state.status.run || !may("operator");
 }
 
 async function again(axis, target) {

@@ -1,7 +1,7 @@
 // The devices, and the doctor's lines about the road to the control, each with its fix.
 import { post } from "./api.js";
 import { shown } from "./dialogs.js";
-import { h, show } from "./dom.js";
+import { h, same, show } from "./dom.js";
 import { when } from "./figures.js";
 import { accounts } from "./people.js";
 import { base, may, on, state } from "./state.js";
@@ -25,9 +25,7 @@ function open(root) {
 }
 
 function devices(box) {
-  const key = JSON.stringify([state.status.devices, document.documentElement.lang]);
-  if (box.dataset.key === key) return;
-  box.dataset.key = key;
+  if (same(box, state.status.devices)) return;
   show(box, h("h2", {}, t("connect.devices")), h("table", {}, h("thead", {}, h("tr", {}, [t("connect.state"), t("connect.name"), t("connect.driver"), t("push.since")].map((one) => h("th", {}, one)))),
     h("tbody", {}, state.status.devices.map((one) => [h("tr", {}, h("td", { class: `state ${one.state.replace(" ", "-")}` }, `${MARK[one.state]} ${t(`device.${one.state.replace(" ", "_")}`)}`), h("td", {}, h("b", {}, one.name)), h("td", {}, one.driver), h("td", {}, when(one.since_utc))),
       one.error && h("tr", {}, h("td", { colspan: 4, class: "fault" }, told(one.error)))]))));
@@ -48,9 +46,7 @@ function grouped(lines) {
 function doctor(box) {
   const job = state.jobs.find((one) => one.kind === "doctor");
   const busy = Boolean(state.status.run);
-  const key = JSON.stringify([job?.job, job?.state, busy, document.documentElement.lang]);
-  if (box.dataset.key === key) return;
-  box.dataset.key = key;
+  if (same(box, job?.job, job?.state, busy)) return;
   const lines = grouped(job?.data?.lines ?? []);
   const bad = lines.filter((one) => one.outcome !== "ok");
   const examine = () => post(`${base()}/commands/doctor`).catch((error) => shown(t("connect.examine"), [h("p", { class: "fault" }, told(error))]));

@@ -1,7 +1,7 @@
 // Old and new tables as the control interpolates them, their difference, what was found, and what the axis will show.
 import { get } from "./api.js";
 import { band, level, limits, line, plot } from "./charts.js";
-import { h, show } from "./dom.js";
+import { failed, h, same, show } from "./dom.js";
 import { array, number, unit, when } from "./figures.js";
 import { record } from "./evaluate.js";
 import { base, chosen, on, state } from "./state.js";
@@ -38,18 +38,19 @@ export function valueAt(table, position) {
 function open(root) {
   const [head, body] = [h("div", { class: "panel choose" }), h("div", { class: "two" })];
   show(root, head, body);
-  const draw = () => drawAll(head, body).catch((error) => show(body, h("p", { class: "fault", role: "alert" }, told(error))));
+  const draw = () => drawAll(head, body).catch((error) => failed(body, told(error)));
   draw();
   return on("status", draw);
 }
 
 async function drawAll(head, body) {
   const runs = await proposals();
-  if (!runs.length) return show(body, h("p", { class: "empty" }, t("correct.none")));
+  if (!runs.length) return same(body) || show(body, h("p", { class: "empty" }, t("correct.none")));
   const run = chosen(asked, runs);
   asked.run = run.run_id;
   const proposal = await record(run.run_id, "proposal");
   asked.change = Math.min(asked.change, proposal.changes.length - 1);
+  if (same(body, runs.map((one) => [one.run_id, one.state, one.stages.length]), asked)) return null;
   const again = () => drawAll(head, body);
   const tooth = asked.tooth && run.stages.includes("tooth");
   show(head, h("label", { class: "inline" }, t("evaluate.run"), h("select", { id: "pick-run", onchange: (event) => { asked.run = event.target.value; again(); } }, runs.map((one) => h("option", { value: one.run_id, selected: one === run }, `${when(one.created_utc)} · ${stateOf(one)}`)))),

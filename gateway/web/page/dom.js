@@ -30,6 +30,28 @@ export function show(node, ...children) {
   return node;
 }
 
+// Whether a box shows just this already: a key that is drawn anew between press and release hears no press, and a
+// field loses what is being typed.
+export function same(box, ...what) {
+  const key = JSON.stringify([...what, document.documentElement.lang]);
+  if (box.dataset.key === key) return true;
+  box.dataset.key = key;
+  return false;
+}
+
+// What went wrong in place of a box; whatever comes next is drawn.
+export function failed(box, text) {
+  delete box.dataset.key;
+  return show(box, h("p", { class: "fault", role: "alert" }, text));
+}
+
+// Other words around what was typed: that stays.
+export function reworded(box, draw) {
+  const typed = [...box.querySelectorAll("input")].map((one) => [one.name, one.value]);
+  draw();
+  for (const one of box.querySelectorAll("input")) one.value = typed.find(([name]) => name === one.name)?.[1] ?? one.value;
+}
+
 export function write(node, text) {
   if (node.textContent !== text) node.textContent = text;
 }

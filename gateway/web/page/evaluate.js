@@ -2,7 +2,7 @@
 import { get } from "./api.js";
 import { band, level, limits, line, mark, plot } from "./charts.js";
 import { shown } from "./dialogs.js";
-import { h, show } from "./dom.js";
+import { failed, h, same, show } from "./dom.js";
 import { array, number, signed, unit, when } from "./figures.js";
 import { base, chosen, on, state } from "./state.js";
 import { plain, stateOf, t, told } from "./words.js";
@@ -28,19 +28,20 @@ function open(root) {
   const head = h("div", { class: "panel choose" });
   const body = h("div", { class: "two" });
   show(root, head, body);
-  const draw = () => drawAll(head, body).catch((error) => show(body, h("p", { class: "fault", role: "alert" }, told(error))));
+  const draw = () => drawAll(head, body).catch((error) => failed(body, told(error)));
   draw();
   return on("status", draw);
 }
 
 async function drawAll(head, body) {
   const runs = await measuredRuns();
-  if (!runs.length) return show(body, h("p", { class: "empty" }, t("evaluate.none")));
+  if (!runs.length) return same(body) || show(body, h("p", { class: "empty" }, t("evaluate.none")));
   const run = chosen(asked, runs);
   const sets = run.stages.filter((stage) => stage.startsWith("evaluation-")).map((stage) => stage.slice(11).match(/^(.*)-([^-]+)$/)).filter(Boolean);
   asked.run = run.run_id;
   const set = sets.find(([, axis, phase]) => axis === asked.axis && phase === asked.phase) ?? sets[0];
   [, asked.axis, asked.phase] = set;
+  if (same(body, runs.map((one) => [one.run_id, one.state, one.stages.length]), asked)) return null;
   const standards = await get("/api/v1/standards");
   const again = () => drawAll(head, body);
   const pick = (name, options, value) => h("label", { class: "inline" }, t(`evaluate.${name}`), h("select", { id: `pick-${name}`, onchange: (event) => { choose(name, event.target.value); again(); } },
@@ -50,8 +51,8 @@ async function drawAll(head, body) {
     pick("standard", [["", t("evaluate.stored")], ...standards.map((one) => [one.name, one.name])], asked.standard));
   const evaluation = await record(asked.run, `evaluation-${asked.axis}-${asked.phase}`);
   const capture = await record(asked.run, `capture-${asked.axis}-${asked.phase}`);
-  const figures = await at(`figures/${encodeURIComponent(asked.axis)}?${new URLSearchParams({ phase: asked.phase, standard: asked.standard, limits: limitText() })}`);
-  show(body, h("div", { class: "panel plots" }, curve(evaluation, capture)), h("div", { class: "panel figures" }, table(figures, { evaluation, capture, again, says: standards.find((one) => one.name === figures.standard)?.says ?? "" })));
+  const figures = await figuresNow();
+  show(body, h("div", { class: "panel plots" }, curve(evaluation, capture)), h("div", { class: "panel figures" }, table(figures, { evaluation, capture, says: standards.find((one) => one.name === figures.standard)?.says ?? "" })));
 }
 
 function choose(name, value) {
@@ -62,6 +63,8 @@ function choose(name, value) {
 const limitKey = () => `limits ${asked.axis} ${asked.standard}`;
 const limitsKept = () => JSON.parse(localStorage.getItem(limitKey()) ?? "{}");
 const limitText = () => Object.entries(limitsKept()).map(([name, value]) => `${name}:${value}`).join(",");
+
+const figuresNow = () => at(`figures/${encodeURIComponent(asked.axis)}?${new URLSearchParams({ phase: asked.phase, standard: asked.standard, limits: limitText() })}`);
 
 export function curve(evaluation, capture) {
   const [x, up, down] = [array(evaluation.targets), array(evaluation.mean_up), array(evaluation.mean_down)];
@@ -83,22 +86,23 @@ export function curve(evaluation, capture) {
 
 const VERDICT = { pass: ["✔", "pass"], fail: ["✖", "fail"], "not decidable": ["?", "open"] };
 
-function table(figures, { evaluation, capture, again, says }) {
+function table(figures, { evaluation, capture, says }) {
   const u = unit(figures.unit);
   const limit = (row) => h("input", { type: "number", min: 0, step: 0.1, inputmode: "decimal", id: `limit-${row.parameter}`, "aria-label": t("evaluate.limit_of", { name: row.parameter }), value: row.limit ?? "", onchange: (event) => {
     const found = limitsKept();
     if (Number(event.target.value) > 0) found[row.parameter] = Number(event.target.value);
     else delete found[row.parameter];
     localStorage.setItem(limitKey(), JSON.stringify(found));
-    again();
+    figuresNow().then((judged) => { for (const one of judged.rows) show(verdicts.get(one.parameter), verdict(one)); }, (error) => shown(t("evaluate.limit"), [h("p", { class: "fault" }, told(error))]));
   } });
+  const verdicts = new Map(figures.rows.map((row) => [row.parameter, h("td", {})]));
   const verdict = (row) => {
     if (!row.verdict) return h("span", { class: "muted" }, "–");
     const [symbol, look] = VERDICT[row.verdict];
     return h("span", { class: `verdict ${look}` }, `${symbol} ${t(`verdict.${look}`)}`);
   };
   return [h("h2", {}, figures.standard), h("table", {}, h("thead", {}, h("tr", {}, h("th", {}, t("evaluate.figure")), h("th", {}, `[${u}]`), h("th", {}, "U (k=2)"), h("th", {}, t("evaluate.limit")), h("th", {}, t("evaluate.verdict")))),
-    h("tbody", {}, [...figures.rows].sort((a, b) => rank(a) - rank(b)).map((row) => h("tr", {}, h("th", { scope: "row" }, symbol(row.parameter)), h("td", { class: "num" }, h("button", { class: "number", "data-figure": row.parameter, "aria-label": t("evaluate.behind", { name: row.parameter }), onclick: () => behind(row, { evaluation, capture, u, figures, says }) }, number(row.value))), h("td", { class: "num" }, number(row.U)), h("td", {}, limit(row)), h("td", {}, verdict(row)))))),
+    h("tbody", {}, [...figures.rows].sort((a, b) => rank(a) - rank(b)).map((row) => h("tr", {}, h("th", { scope: "row" }, symbol(row.parameter)), h("td", { class: "num" }, h("button", { class: "number", "data-figure": row.parameter, "aria-label": t("evaluate.behind", { name: row.parameter }), onclick: () => behind(row, { evaluation, capture, u, figures, says }) }, number(row.value))), h("td", { class: "num" }, number(row.U)), h("td", {}, limit(row)), show(verdicts.get(row.parameter), verdict(row)))))),
   figures.flags.length > 0 && h("details", {}, h("summary", {}, t("evaluate.notes", { count: figures.flags.length })), h("ul", {}, figures.flags.map((one) => h("li", {}, plain(one))))), h("p", { class: "muted" }, plain(figures.rule))];
 }
 

@@ -1,7 +1,7 @@
 // What is always visible: machine, control, tables, consent, who; the one sentence; the screens; the stop key.
 import { post } from "./api.js";
 import { confirmed } from "./dialogs.js";
-import { h, show } from "./dom.js";
+import { h, same, show } from "./dom.js";
 import { clock } from "./figures.js";
 import { languages } from "./signin.js";
 import { screens } from "./screens.js";
@@ -11,23 +11,28 @@ import { sentence } from "./sentence.js";
 import { plain, t, told } from "./words.js";
 
 export function build({ again, load }) {
-  const top = h("header", { class: "top" });
+  const bar = { machine: h("div", { class: "machine" }), told: h("div", { class: "chips" }), menu: h("div", { class: "person" }) };
+  const top = h("header", { class: "top" }, Object.values(bar));
   const now = h("section", { class: "now", "aria-live": "polite", id: "now" });
   const rail = h("nav", { class: "rail", "aria-label": t("frame.steps") });
   const body = h("main", { class: "screen", id: "screen", tabindex: "-1" });
-  const low = h("footer", { class: "low" });
-  const redraw = () => { drawRail(rail, go); open(body); drawLow(low); drawTop(top, { again, load, redraw }); drawNow(now); };
+  const foot = { work: h("div", { class: "work" }), stop: h("div", { class: "stopping" }) };
+  const low = h("footer", { class: "low" }, Object.values(foot));
+  const redraw = () => { drawRail(rail, go); open(body); drawLow(foot); drawTop(bar, { again, load, redraw }); drawNow(now); };
   const go = (name) => { state.screen = name; location.hash = name; redraw(); body.focus({ preventScroll: true }); };
   state.go = go;
   const wanted = location.hash.slice(1);
   if (wanted in screens) state.screen = wanted;
-  on("frame", () => { drawTop(top, { again, load, redraw }); drawNow(now); drawLow(low); drawRail(rail, go); });
-  setInterval(() => { tick(top); drawNow(now); }, 1000);
+  for (const end of ends) end();
+  const timer = setInterval(() => { tick(top); drawNow(now); }, 1000);
+  ends = [on("frame", () => { drawTop(bar, { again, load, redraw }); drawNow(now); drawLow(foot); }), () => clearInterval(timer)];
   redraw();
   return [top, now, rail, body, low];
 }
 
 let close = () => {};
+// A frame that another one takes the place of draws no more.
+let ends = [];
 
 function open(body) {
   close();
@@ -36,25 +41,23 @@ function open(body) {
 }
 
 function drawRail(rail, go) {
-  const key = JSON.stringify([state.screen, state.status?.state, document.documentElement.lang]);
-  if (rail.dataset.key === key) return;
-  rail.dataset.key = key;
-  show(rail, Object.entries(screens).map(([name, one], at) =>
+  if (same(rail, state.screen)) return;
+  show(rail, Object.keys(screens).map((name, at) =>
     h("button", { class: "step", id: `go-${name}`, "aria-current": state.screen === name ? "page" : null, onclick: () => go(name) },
-      h("span", { class: "number", "aria-hidden": "true" }, at + 1), h("span", {}, t(`frame.${name}`)), one.mark?.() ?? null)));
+      h("span", { class: "number", "aria-hidden": "true" }, at + 1), h("span", {}, t(`frame.${name}`)))));
 }
 
 const MARK = { running: "▶", ready: "✔", attention: "▲", "still-on": "✖", open: "✔", "in use": "▶", lost: "▲", failed: "✖", closed: "○" };
 export const mark = (name) => h("span", { "aria-hidden": "true", class: "mark" }, MARK[name] ?? "?");
 
-function drawTop(top, more) {
+// Machine and menu stay while what is told between them changes.
+function drawTop({ machine: place, told: chips, menu: person }, more) {
   const status = state.status;
-  const key = JSON.stringify([status?.state, status?.devices, status?.control, status?.held, status?.alarms, state.tables?.tables?.map((one) => one.id), state.armed, state.offline, document.documentElement.lang]);
-  if (top.dataset.key === key) return;
-  top.dataset.key = key;
+  if (!same(place, state.site, state.sites, state.tables?.serial)) show(place, machine(more), h("small", {}, state.tables?.serial ?? ""));
+  if (!same(person, state.me.name)) show(person, menu(more));
+  if (same(chips, status?.state, status?.devices, status?.control, status?.held, status?.alarms, state.tables?.tables?.map((one) => one.id), state.armed, state.offline)) return;
   const control = status.devices.find((one) => one.name === "controller") ?? status.devices[0];
-  show(top,
-    h("div", { class: "machine" }, machine(more), h("small", {}, state.tables?.serial ?? "")),
+  show(chips,
     status.simulated && h("strong", { class: "chip simulated" }, t("frame.simulated")),
     status.unprotected && h("strong", { class: "chip bad unprotected", title: plain(status.unprotected) }, t("frame.unprotected")),
     state.offline && h("strong", { class: "chip bad", role: "alert" }, `▲ ${t("frame.offline")}`),
@@ -62,7 +65,7 @@ function drawTop(top, more) {
     control && chip(control.state.replace(" ", "-"), t("frame.control"), [mark(control.state), ` ${standing(control, status.control)}`], control.driver),
     status.control?.alarms.length > 0 && chip("bad", t("frame.alarms"), [`▲ ${status.control.alarms.slice(0, 3).join(" ")}`]),
     status.left.length > 0 && h("span", { class: "chip attention" }, `▲ ${t("frame.left")}`),
-    tables(), held(), h("span", { class: "gap" }), consent(), menu(more));
+    tables(), held(), h("span", { class: "gap" }), consent());
 }
 
 // After a command the devices are opened again of themselves: that asks for nobody's attention.
@@ -131,24 +134,18 @@ function menu({ again, redraw }) {
 
 function drawNow(now) {
   const { loud, head, more } = sentence();
-  const key = JSON.stringify([loud, head, more, document.documentElement.lang]);
-  if (now.dataset.key === key) return;
-  now.dataset.key = key;
+  if (same(now, loud, head, more)) return;
   now.className = `now ${loud}${head.length > 90 ? " long" : ""}`;
   show(now, h("h1", {}, head), more && h("p", {}, more));
 }
 
-function drawLow(low) {
+function drawLow({ work, stop: place }) {
   const run = state.status.run;
-  const key = JSON.stringify([run?.kind, run?.done, run?.total, run?.who, state.stopping, document.documentElement.lang]);
-  if (low.dataset.key === key) return;
-  low.dataset.key = key;
+  if (!same(place, !run, may("operator", "service"))) show(place, h("small", { id: "no-emergency" }, t("frame.no_emergency")),
+    h("button", { class: "stop", id: "stop", disabled: !run || !may("operator", "service"), "aria-describedby": "no-emergency", onclick: stop }, `■ ${t("frame.stop")}`));
+  if (same(work, run?.kind, run?.done, run?.total, run?.who, run?.axis, run?.stage)) return;
   const progress = run?.total ? h("progress", { max: run.total, value: run.done, "aria-label": t("frame.progress") }) : null;
-  show(low,
-    h("div", { class: "work" }, run ? [t(`kind.${run.kind.replace("-", "_")}`), run.who, `${run.axis} ${run.stage}`.trim()].filter(Boolean).join(" · ") : t("frame.idle"), progress, run?.total ? ` ${run.done} / ${run.total}` : ""),
-    h("div", { class: "stopping" },
-      h("small", { id: "no-emergency" }, t("frame.no_emergency")),
-      h("button", { class: "stop", id: "stop", disabled: !run || !may("operator", "service"), "aria-describedby": "no-emergency", onclick: stop }, `■ ${t("frame.stop")}`)));
+  show(work, run ? [t(`kind.${run.kind.replace("-", "_")}`), run.who, `${run.axis} ${run.stage}`.trim()].filter(Boolean).join(" · ") : t("frame.idle"), progress, run?.total ? ` ${run.done} / ${run.total}` : "");
 }
 
 async function stop() {

@@ -1,7 +1,7 @@
 // The errors of the machine with their bands, what each does to the tooth, and the flank as it would be with others.
 import { get } from "./api.js";
 import { band, level, limits, line, plot } from "./charts.js";
-import { h, s, show, write } from "./dom.js";
+import { failed, h, s, same, show, write } from "./dom.js";
 import { number, unit, when } from "./figures.js";
 import { unrolled } from "./flankmap.js";
 import { base, chosen, on, state } from "./state.js";
@@ -14,26 +14,23 @@ const at = (path) => get(`${base()}/runs/${encodeURIComponent(asked.run)}/${path
 function open(root) {
   const [head, body] = [h("div", { class: "panel choose" }), h("div", { class: "two" })];
   show(root, head, body);
-  let shownRun = null;
-  const draw = (anew) => drawAll(head, body, anew ? null : shownRun).then((run) => { shownRun = run; }, (error) => show(body, h("p", { class: "fault", role: "alert" }, told(error))));
+  const draw = () => drawAll(head, body).catch((error) => failed(body, told(error)));
   draw();
-  return on("status", () => draw());
+  return on("status", draw);
 }
 
 // A run's errors never change: what a person has set stays as it is until another run is there or is chosen.
-async function drawAll(head, body, before) {
+async function drawAll(head, body) {
   const { runs } = await get(`${base()}/runs?most=50`);
   const able = runs.filter((one) => !one.problem && one.stages.includes("errors"));
-  if (!able.length) return show(body, h("p", { class: "empty" }, t(state.plan.setups.length ? "model.none" : "model.no_setups")));
+  if (!able.length) return same(body) || show(body, h("p", { class: "empty" }, t(state.plan.setups.length ? "model.none" : "model.no_setups")));
   const run = chosen(asked, able);
-  const key = `${run.run_id} ${able.length} ${document.documentElement.lang}`;
-  if (key === before) return key;
   if (asked.run !== run.run_id) Object.assign(asked, { run: run.run_id, sizes: {} });
-  const choose = (event) => { Object.assign(asked, { run: event.target.value, sizes: {} }); drawAll(head, body, null); };
+  if (same(body, run.run_id, able.length)) return;
+  const choose = (event) => { Object.assign(asked, { run: event.target.value, sizes: {} }); drawAll(head, body); };
   show(head, h("label", { class: "inline" }, t("evaluate.run"), h("select", { id: "pick-run", onchange: choose }, able.map((one) => h("option", { value: one.run_id, selected: one === run }, `${when(one.created_utc)} · ${stateOf(one)}`)))),
-    h("span", { class: "gap" }), h("button", { id: "as-measured", onclick: () => { asked.sizes = {}; drawAll(head, body, null); } }, t("model.as_measured")));
+    h("span", { class: "gap" }), h("button", { id: "as-measured", onclick: () => { asked.sizes = {}; delete body.dataset.key; drawAll(head, body); } }, t("model.as_measured")));
   drawRun(body, await at("model"));
-  return key;
 }
 
 function drawRun(body, found) {

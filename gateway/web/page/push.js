@@ -3,7 +3,7 @@ import { post } from "./api.js";
 import { confirmed, machineTyped, secondPerson, shown } from "./dialogs.js";
 import { nameOf, proposals } from "./correct.js";
 import { record } from "./evaluate.js";
-import { h, show } from "./dom.js";
+import { failed, h, same, show } from "./dom.js";
 import { when } from "./figures.js";
 import { capital, heldWords } from "./sentence.js";
 import { lamps } from "./lamps.js";
@@ -20,7 +20,7 @@ const MANY = 4;
 function open(root) {
   const parts = { plan: h("div", { class: "panel" }), steps: h("div", { class: "panel" }), back: h("div", { class: "panel back" }), answer: h("div", { class: "panel answer", "aria-live": "polite" }) };
   show(root, h("div", { class: "two" }, h("div", { class: "stack" }, parts.plan, parts.steps), h("div", { class: "stack" }, parts.back, parts.answer)));
-  const drawPlan = () => plan(parts.plan).catch((error) => { delete parts.plan.dataset.key; show(parts.plan, h("p", { class: "fault", role: "alert" }, told(error))); });
+  const drawPlan = () => plan(parts.plan).catch((error) => failed(parts.plan, told(error)));
   const draw = () => { steps(parts.steps); back(parts.back); answer(parts.answer); };
   drawPlan();
   draw();
@@ -30,20 +30,14 @@ function open(root) {
 
 async function plan(box) {
   const runs = await proposals();
-  if (!runs.length) {
-    delete box.dataset.key;
-    return show(box, h("p", { class: "empty" }, t("correct.none")));
-  }
+  if (!runs.length) return same(box) || show(box, h("p", { class: "empty" }, t("correct.none")));
   const run = chosen(asked, runs);
   asked.run = run.run_id;
   const proposal = await record(run.run_id, "proposal");
   const busy = Boolean(state.status.run);
   const needed = state.file.site.approvals;
   const agreed = state.approved[run.run_id]?.until > Date.now();
-  // A key that is drawn anew between press and release hears no press.
-  const key = JSON.stringify([runs.map((one) => [one.run_id, one.state]), run.run_id, busy, may("operator"), agreed && state.approved[run.run_id].by, document.documentElement.lang]);
-  if (box.dataset.key === key) return;
-  box.dataset.key = key;
+  if (same(box, runs.map((one) => [one.run_id, one.state]), run.run_id, busy, may("operator"), agreed && state.approved[run.run_id].by)) return;
   show(box, h("div", { class: "row head" }, h("h2", {}, t("push.plan")), h("label", { class: "inline" }, t("evaluate.run"), h("select", { id: "pick-run", onchange: (event) => { asked.run = event.target.value; plan(box); } }, runs.map((one) => h("option", { value: one.run_id, selected: one === run }, `${when(one.created_utc)} · ${stateOf(one)}`))))),
     h("ul", { class: `moves${proposal.changes.length > MANY ? " many" : ""}` }, proposal.changes.map((one) => h("li", {}, h("b", {}, nameOf(one)), ` ${plain(one.skipped) || t("push.replaces", { points: one.new.deviations.length, old: t(one.old_enabled ? "correct.was_on" : "correct.was_off") })}`))),
     h("p", {}, t(needed > 1 ? "push.two" : "push.one")),
@@ -122,9 +116,7 @@ function back(box) {
   // What a program of ours left in the control is put right by the same key as a push that did not end.
   const open_ = held.length > 0 || state.status.left.length > 0;
   const busy = Boolean(state.status.run);
-  const key = JSON.stringify([tables, held, open_, busy, document.documentElement.lang]);
-  if (box.dataset.key === key) return;
-  box.dataset.key = key;
+  if (same(box, tables, held, open_, busy)) return;
   show(box, h("h2", {}, t("push.ways_back")),
     held.map((one) => h("p", { class: one.loud ? "fault" : "warn", role: "alert" }, `${one.loud ? "✖" : "▲"} ${capital(heldWords(one))}`)),
     h("div", { class: "keys start" }, h("button", { id: "recover", class: open_ ? "primary" : null, disabled: busy || !may("operator", "service"), onclick: () => give("recover", {}) }, t("push.recover")),
@@ -154,9 +146,8 @@ function answer(box) {
   const run = state.status.run;
   const lines = run ? state.said.filter((one) => !["count", "detail"].includes(one.kind)).slice(-12).map((one) => say(one.code, one.fields, 0, one.words)) : ((job?.lines ?? []).filter((one) => !PLACES.test(one)));
   const error = run ? null : job?.error;
-  const key = JSON.stringify([lines, error, job?.job, Boolean(run), document.documentElement.lang]);
-  if (box.dataset.key === key) return;
-  box.dataset.key = key;
+  if (same(box, lines, error, job?.job, Boolean(run))) return;
   const head = run ? t("push.at_work") : job ? `${t(`kind.${job.kind.replace("-", "_")}`)}: ${t(`job.${job.state}`)}` : t("push.no_answer");
-  show(box, h("h2", {}, head), error && h("p", { class: "fault", id: "refused", role: "alert" }, told(error)), h("ul", { class: "lines" }, lines.map((one) => h("li", {}, capital(plain(one))))));
+  const once = toldOnce(error ? [told(error), ...lines] : lines, false);
+  show(box, h("h2", {}, head), error && h("p", { class: "fault", id: "refused", role: "alert" }, once.shift()), h("ul", { class: "lines" }, once.map((one) => h("li", {}, capital(plain(one))))));
 }

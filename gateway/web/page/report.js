@@ -2,7 +2,7 @@
 import { get, post } from "./api.js";
 import { shown } from "./dialogs.js";
 import { curve, measuredRuns, record } from "./evaluate.js";
-import { h, show } from "./dom.js";
+import { failed, h, same, show } from "./dom.js";
 import { array, number, unit, when } from "./figures.js";
 import { limits, level, line, plot } from "./charts.js";
 import { base, chosen, may, on, state } from "./state.js";
@@ -16,22 +16,23 @@ const asked = { run: "", axis: "", tooth: false };
 function open(root) {
   const [head, body] = [h("div", { class: "panel choose" }), h("div", { class: "two" })];
   show(root, head, body);
-  const draw = () => drawAll(head, body).catch((error) => show(body, h("p", { class: "fault", role: "alert" }, told(error))));
+  const draw = () => drawAll(head, body).catch((error) => failed(body, told(error)));
   draw();
   return on("jobs", draw);
 }
 
 async function drawAll(head, body) {
   const runs = await measuredRuns();
-  if (!runs.length) return show(body, h("p", { class: "empty" }, t("evaluate.none")));
+  if (!runs.length) return same(body) || show(body, h("p", { class: "empty" }, t("evaluate.none")));
   const run = chosen(asked, runs, runs.find((one) => one.stages.includes("verdict")) ?? runs[0]);
   asked.run = run.run_id;
   const axes = [...new Set(run.stages.filter((one) => one.startsWith("evaluation-")).map((one) => one.slice(11).replace(/-[^-]+$/, "")))];
   if (!axes.includes(asked.axis)) [asked.axis] = axes;
-  const again = () => drawAll(head, body);
   const inspected = run.stages.includes("inspected-before");
   const tooth = asked.tooth && inspected;
   const busy = state.status.run?.run_id === run.run_id;
+  if (same(body, runs.map((one) => [one.run_id, one.state, one.stages.length]), asked, busy)) return null;
+  const again = () => drawAll(head, body);
   const link = (name, text) => h("a", { class: "key", href: `${base()}/runs/${encodeURIComponent(run.run_id)}/${name}`, target: "_blank", rel: "noopener" }, text);
   show(head, h("label", { class: "inline" }, t("evaluate.run"), h("select", { id: "pick-run", onchange: (event) => { asked.run = event.target.value; again(); } }, runs.map((one) => h("option", { value: one.run_id, selected: one === run }, `${when(one.created_utc)} · ${stateOf(one)}`)))),
     h("div", { class: "tabs", role: "group", "aria-label": t("evaluate.axis") }, axes.map((one) => h("button", { "aria-pressed": String(!tooth && one === asked.axis), onclick: () => { Object.assign(asked, { axis: one, tooth: false }); again(); } }, one)),

@@ -1,6 +1,6 @@
 // Where the service has no site file yet: the questions of `init`, one after the other, then the file.
 import { get, post } from "./api.js";
-import { h, show } from "./dom.js";
+import { h, reworded, show } from "./dom.js";
 import { languages } from "./signin.js";
 import { capital } from "./sentence.js";
 import { plain, say, t, told } from "./words.js";
@@ -62,7 +62,7 @@ export function setUp(enter) {
   };
   const ways = () => [seen.asked.length > 0 && h("button", { type: "button", id: "back", onclick: () => back(seen.asked.length - 1) }, t("dialog.back")),
     seen.told.some((one) => one.loud) && h("button", { type: "button", id: "anew", onclick: () => ask(true) }, t("setup.anew"))];
-  const draw = () => show(box, h("div", { class: "row head" }, h("h1", {}, "trueflank"), languages(draw)),
+  const draw = () => show(box, h("div", { class: "row head" }, h("h1", {}, "trueflank"), languages(() => reworded(box, draw))),
     h("section", { class: "card", tabindex: 0, role: "region", "aria-label": t("setup.title", { file: "" }) }, h("small", {}, t("setup.title", { file: seen.file })), ...found(seen), busy ? h("p", { id: "asking" }, t("setup.asks")) : question(seen, kept, { give, make, ways }), said),
     seen.asked.length > 0 && given(seen, back, busy));
   ask();

@@ -1,13 +1,13 @@
 // Sign-in with a password or a PIN, and the first account.
 import { get, post } from "./api.js";
-import { h, show } from "./dom.js";
+import { h, reworded, show } from "./dom.js";
 import { LANGUAGES, language, speak, t, told } from "./words.js";
 
 export function signIn(enter) {
   const box = h("main", { class: "signin" });
   // Where nobody has an account yet nobody can sign in: the first one is what to do.
   let begins = false;
-  const draw = () => show(box, h("div", { class: "row head" }, h("h1", {}, "trueflank"), languages(draw)), begins ? first(enter) : usual(enter));
+  const draw = () => show(box, h("div", { class: "row head" }, h("h1", {}, "trueflank"), languages(() => reworded(box, draw))), begins ? first(enter) : usual(enter));
   get("/healthz").then((found) => { begins = Boolean(found.first_start); }, () => {}).then(draw);
   return box;
 }
