@@ -202,7 +202,7 @@ class Desk:
         def say(code: str, /, **fields: object) -> None:
             job.heard(code, fields)
             if self.run is not None:
-                self.run = replace(told(self.run, code, fields), run_id=job.view.run_id)
+                self.run = replace(told(self.run, code, fields), run_id=job.view.run_id, steps=job.view.steps)
             self._hear(code, fields)
 
         return await job.work(say)

@@ -15,6 +15,7 @@ from gateway.views import JobView
 
 RunStarter = Callable[[Say], Awaitable[object]]
 MOST_KEPT = 50
+MOST_STEPS = 200
 
 
 @dataclass(slots=True)
@@ -57,6 +58,9 @@ class Job:
             self.begin(PurePath(str(fields.get("folder", ""))).name)
         elif code == "P-OPEN" and fields.get("run") and not self.view.run_id:
             self.begin(str(fields["run"]))
+        elif code == "P-PUSH-STEP":
+            step = (str(fields.get("axis", "")), str(fields.get("step", "")))
+            self.view = replace(self.view, steps=(*self.view.steps, step)[-MOST_STEPS:])
         self.view = replace(self.view, words=words(code, **fields))
 
     def done(self, outcome: object, clock: Clock) -> None:

@@ -10,7 +10,6 @@ from gateway.audience import Audience, kind_of
 from gateway.daemon.hub import plain_fields
 from gateway.views import JobView, RunView
 
-MOST_STEPS = 200
 MOST_MOVES = 40
 
 
@@ -38,9 +37,6 @@ def told(run: RunView, code: str, fields: Mapping[str, object]) -> RunView:
         ask=_asked(run, code, fields),
         moves=_moves(run, code, fields),
     )
-    if code == "P-PUSH-STEP":
-        steps = (*run.steps, (str(fields.get("axis", "")), str(fields.get("step", ""))))
-        said = replace(said, steps=steps[-MOST_STEPS:])
     if code != "P-STOP":
         return replace(said, stage=str(fields.get("program", run.stage)), done=0, total=0)
     done, total = (_count(fields.get(name)) for name in ("done", "total"))

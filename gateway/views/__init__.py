@@ -97,6 +97,7 @@ class JobView:
     """One command as the daemon knows it: ``state`` is running, ended, failed or stopped.
 
     ``lines`` are what a terminal would show at its end, ``data`` the same as data, ``exit_code`` that of a terminal.
+    ``steps`` are those of a push so far, axis and step of its journal.
     """
 
     job: int
@@ -111,6 +112,7 @@ class JobView:
     exit_code: int = 0
     data: Mapping[str, object] | None = None
     error: Mapping[str, object] | None = None
+    steps: tuple[tuple[str, str], ...] = ()
 
 
 @dataclass(frozen=True, slots=True)

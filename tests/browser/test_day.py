@@ -158,6 +158,8 @@ def _pushed(anna: Person, page: Page, at: Hall) -> None:
     # The axis table and its reversal go in one transaction, step by step together: nine lamps, none of them left.
     expect(page.locator(".lamps li")).to_have_count(9)
     expect(page.locator(".lamps .done, .lamps .spared")).to_have_count(9)
+    page.reload()
+    expect(page.locator(".lamps .done, .lamps .spared")).to_have_count(9)
     looked_at(anna, "day-12-pushed")
     reported(anna, at)
 

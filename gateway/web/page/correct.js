@@ -1,7 +1,7 @@
 // Old and new tables as the control interpolates them, their difference, what was found, and what the axis will show.
 import { get } from "./api.js";
 import { band, level, limits, line, plot } from "./charts.js";
-import { failed, h, same, show } from "./dom.js";
+import { failed, h, same, show, turn } from "./dom.js";
 import { array, number, unit, when } from "./figures.js";
 import { record } from "./evaluate.js";
 import { base, chosen, on, state } from "./state.js";
@@ -51,16 +51,17 @@ async function drawAll(head, body) {
   const proposal = await record(run.run_id, "proposal");
   asked.change = Math.min(asked.change, proposal.changes.length - 1);
   if (same(body, runs.map((one) => [one.run_id, one.state, one.stages.length]), asked)) return null;
+  const put = turn(body);
   const again = () => drawAll(head, body);
   const tooth = asked.tooth && run.stages.includes("tooth");
   show(head, h("label", { class: "inline" }, t("evaluate.run"), h("select", { id: "pick-run", onchange: (event) => { asked.run = event.target.value; again(); } }, runs.map((one) => h("option", { value: one.run_id, selected: one === run }, `${when(one.created_utc)} · ${stateOf(one)}`)))),
     h("div", { class: "tabs", role: "group", "aria-label": t("correct.tables") }, proposal.changes.map((one, at) => h("button", { "aria-pressed": String(!tooth && at === asked.change), onclick: () => { Object.assign(asked, { change: at, tooth: false }); again(); } }, nameOf(one))),
       run.stages.includes("tooth") && h("button", { id: "tooth", "aria-pressed": String(tooth), onclick: () => { asked.tooth = true; again(); } }, t("tooth.tooth"))));
-  if (tooth) return show(body, ...await predictedTooth(run));
+  if (tooth) return put(...await predictedTooth(run));
   const change = proposal.changes[asked.change];
   const axis = state.plan.axes.find((one) => one.axis === change.new.input_axis) ?? state.plan.axes[0];
-  if (!change.new.deviations.length || change.skipped) return show(body, h("div", { class: "panel" }, h("p", { class: "empty" }, plain(change.skipped) || t("correct.none"))));
-  show(body, h("div", { class: "panel plots" }, tables(change, axis), predicted(change, axis)), h("div", { class: "panel", tabindex: 0, role: "region", "aria-label": t("correct.facts") }, facts(change, axis, proposal)));
+  if (!change.new.deviations.length || change.skipped) return put(h("div", { class: "panel" }, h("p", { class: "empty" }, plain(change.skipped) || t("correct.none"))));
+  put(h("div", { class: "panel plots" }, tables(change, axis), predicted(change, axis)), h("div", { class: "panel", tabindex: 0, role: "region", "aria-label": t("correct.facts") }, facts(change, axis, proposal)));
 }
 
 function tables(change, axis) {

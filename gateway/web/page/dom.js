@@ -39,6 +39,12 @@ export function same(box, ...what) {
   return false;
 }
 
+// Shows what was fetched for a box, unless the box was asked for something else meanwhile.
+export function turn(box) {
+  const key = box.dataset.key;
+  return (...children) => box.dataset.key === key && show(box, ...children);
+}
+
 // What went wrong in place of a box; whatever comes next is drawn.
 export function failed(box, text) {
   delete box.dataset.key;

@@ -2,7 +2,7 @@
 import { get } from "./api.js";
 import { band, level, limits, line, mark, plot } from "./charts.js";
 import { shown } from "./dialogs.js";
-import { failed, h, same, show } from "./dom.js";
+import { failed, h, same, show, turn } from "./dom.js";
 import { array, number, signed, unit, when } from "./figures.js";
 import { base, chosen, on, state } from "./state.js";
 import { plain, stateOf, t, told } from "./words.js";
@@ -42,6 +42,7 @@ async function drawAll(head, body) {
   const set = sets.find(([, axis, phase]) => axis === asked.axis && phase === asked.phase) ?? sets[0];
   [, asked.axis, asked.phase] = set;
   if (same(body, runs.map((one) => [one.run_id, one.state, one.stages.length]), asked)) return null;
+  const put = turn(body);
   const standards = await get("/api/v1/standards");
   const again = () => drawAll(head, body);
   const pick = (name, options, value) => h("label", { class: "inline" }, t(`evaluate.${name}`), h("select", { id: `pick-${name}`, onchange: (event) => { choose(name, event.target.value); again(); } },
@@ -52,7 +53,7 @@ async function drawAll(head, body) {
   const evaluation = await record(asked.run, `evaluation-${asked.axis}-${asked.phase}`);
   const capture = await record(asked.run, `capture-${asked.axis}-${asked.phase}`);
   const figures = await figuresNow();
-  show(body, h("div", { class: "panel plots" }, curve(evaluation, capture)), h("div", { class: "panel figures" }, table(figures, { evaluation, capture, says: standards.find((one) => one.name === figures.standard)?.says ?? "" })));
+  put(h("div", { class: "panel plots" }, curve(evaluation, capture)), h("div", { class: "panel figures" }, table(figures, { evaluation, capture, says: standards.find((one) => one.name === figures.standard)?.says ?? "" })));
 }
 
 function choose(name, value) {
@@ -101,13 +102,13 @@ function table(figures, { evaluation, capture, says }) {
     const [symbol, look] = VERDICT[row.verdict];
     return h("span", { class: `verdict ${look}` }, `${symbol} ${t(`verdict.${look}`)}`);
   };
-  return [h("h2", {}, figures.standard), h("table", {}, h("thead", {}, h("tr", {}, h("th", {}, t("evaluate.figure")), h("th", {}, `[${u}]`), h("th", {}, "U (k=2)"), h("th", {}, t("evaluate.limit")), h("th", {}, t("evaluate.verdict")))),
+  return [h("h2", {}, figures.standard), h("table", {}, h("thead", {}, h("tr", {}, h("th", {}, t("evaluate.figure")), h("th", { class: "num" }, `[${u}]`), h("th", { class: "num" }, "U (k=2)"), h("th", {}, t("evaluate.limit")), h("th", {}, t("evaluate.verdict")))),
     h("tbody", {}, [...figures.rows].sort((a, b) => rank(a) - rank(b)).map((row) => h("tr", {}, h("th", { scope: "row" }, symbol(row.parameter)), h("td", { class: "num" }, h("button", { class: "number", "data-figure": row.parameter, "aria-label": t("evaluate.behind", { name: row.parameter }), onclick: () => behind(row, { evaluation, capture, u, figures, says }) }, number(row.value))), h("td", { class: "num" }, number(row.U)), h("td", {}, limit(row)), show(verdicts.get(row.parameter), verdict(row)))))),
   figures.flags.length > 0 && h("details", {}, h("summary", {}, t("evaluate.notes", { count: figures.flags.length })), h("ul", {}, figures.flags.map((one) => h("li", {}, plain(one))))), h("p", { class: "muted" }, plain(figures.rule))];
 }
 
 // As the standard writes them, the five of both directions first.
-const FIRST = ["E", "R", "B", "A", "M"];
+const FIRST = ["E", "R", "B", "A", "M", "E_up", "E_down", "R_up", "R_down", "B_mean", "A_up", "A_down"];
 const rank = (row) => (FIRST.includes(row.parameter) ? FIRST.indexOf(row.parameter) : FIRST.length);
 const symbol = (name) => name.replace("_up", "↑").replace("_down", "↓").replace("B_mean", "B̄");
 
@@ -148,5 +149,5 @@ function behind(row, { evaluation, capture, u, figures, says }) {
   const rows = x.map((one, i) => h("tr", {}, h("td", { class: "num" }, number(one, 3)), columns.map((_one, column) => cell(i, column))));
   shown(`${row.parameter} = ${number(row.value, 3)} ${u}`, [(own || says.startsWith("= ISO 230-2:")) && FORMULA[row.parameter] && h("p", { class: "formula" }, FORMULA[row.parameter]), !own && h("p", {}, `${figures.standard} ${plain(says)}`), marked.size > 0 && h("p", { class: "muted" }, t("evaluate.used")),
     h("p", {}, t("evaluate.readings", { count: array(capture.deviations).length, repetitions: array(capture.deviations)[0]?.length ?? 0 })),
-    h("div", { class: "scroll", tabindex: "0" }, h("table", {}, h("thead", {}, h("tr", {}, [t("chart.target"), "x̄↑", "x̄↓", "s↑", "s↓", "B"].map((one) => h("th", {}, one)))), h("tbody", {}, rows)))]);
+    h("div", { class: "scroll", tabindex: "0" }, h("table", {}, h("thead", {}, h("tr", {}, [t("chart.target"), "x̄↑", "x̄↓", "s↑", "s↓", "B"].map((one) => h("th", { class: "num" }, one)))), h("tbody", {}, rows)))]);
 }

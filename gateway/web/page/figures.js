@@ -14,7 +14,15 @@ export function signed(value, digits = 2) {
   return Number(value) > 0 && Number(Number(value).toFixed(digits)) !== 0 ? `+${text}` : text;
 }
 
-export const when = (utc) => (utc ? `${utc.slice(0, 10)} ${utc.slice(11, 16)}` : "–");
+// A moment as the clock on the wall beside the screen has it; records hold UTC.
+export function when(utc) {
+  if (!utc) return "–";
+  const at = new Date(utc);
+  const two = (value) => String(value).padStart(2, "0");
+  return `${at.getFullYear()}-${two(at.getMonth() + 1)}-${two(at.getDate())} ${two(at.getHours())}:${two(at.getMinutes())}`;
+}
+
+export const day = (utc) => when(utc).slice(0, 10);
 
 export function clock(seconds) {
   const whole = Math.max(0, Math.round(seconds));

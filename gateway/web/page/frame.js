@@ -2,7 +2,7 @@
 import { post } from "./api.js";
 import { confirmed } from "./dialogs.js";
 import { h, same, show } from "./dom.js";
-import { clock } from "./figures.js";
+import { clock, day } from "./figures.js";
 import { languages } from "./signin.js";
 import { screens } from "./screens.js";
 import { hush, quiet } from "./sounds.js";
@@ -92,7 +92,7 @@ function tables() {
   if (!known.length) return h("span", { class: "chip" }, t("frame.no_tables"));
   const differs = Object.keys(state.tables.alarms ?? {});
   return h("span", { class: `chip tables ${differs.length ? "bad" : ""}`, title: known.map((one) => `${one.table} ${one.id} ${one.utc}`).join("\n") },
-    known.slice(0, 3).map((one) => h("span", { class: "table" }, h("span", {}, h("b", {}, one.table), ` ${one.id.slice(0, 4)}`), h("small", {}, `${one.utc.slice(0, 10)}${one.enabled ? "" : ` ${t("frame.off")}`}`))),
+    known.slice(0, 3).map((one) => h("span", { class: "table" }, h("span", {}, h("b", {}, one.table), ` ${one.id.slice(0, 4)}`), h("small", {}, `${day(one.utc)}${one.enabled ? "" : ` ${t("frame.off")}`}`))),
     known.length > 3 && h("small", {}, `+${known.length - 3}`), differs.length > 0 && h("b", {}, ` ▲ ${t("frame.differs")}`));
 }
 

@@ -1,7 +1,7 @@
 // The errors of the machine with their bands, what each does to the tooth, and the flank as it would be with others.
 import { get } from "./api.js";
 import { band, level, limits, line, plot } from "./charts.js";
-import { failed, h, s, same, show, write } from "./dom.js";
+import { failed, h, s, same, show, turn, write } from "./dom.js";
 import { number, unit, when } from "./figures.js";
 import { unrolled } from "./flankmap.js";
 import { base, chosen, on, state } from "./state.js";
@@ -30,7 +30,9 @@ async function drawAll(head, body) {
   const choose = (event) => { Object.assign(asked, { run: event.target.value, sizes: {} }); drawAll(head, body); };
   show(head, h("label", { class: "inline" }, t("evaluate.run"), h("select", { id: "pick-run", onchange: choose }, able.map((one) => h("option", { value: one.run_id, selected: one === run }, `${when(one.created_utc)} · ${stateOf(one)}`)))),
     h("span", { class: "gap" }), h("button", { id: "as-measured", onclick: () => { asked.sizes = {}; delete body.dataset.key; drawAll(head, body); } }, t("model.as_measured")));
-  drawRun(body, await at("model"));
+  const put = turn(body);
+  const found = await at("model");
+  if (put()) drawRun(body, found);
 }
 
 function drawRun(body, found) {
@@ -58,7 +60,7 @@ function ordered(found) {
 function table(rows, found, { pick, flank }) {
   const most = Math.max(...(found.tooth?.ranking ?? []).map((one) => one.high_um), 1e-9);
   const heads = ["model.error", "model.curve", "model.range", ...(found.tooth ? ["model.effect", "model.try"] : [])];
-  return h("table", { class: "errors" }, h("thead", {}, h("tr", {}, heads.map((one) => h("th", {}, t(one))))), h("tbody", {}, rows.map((row) =>
+  return h("table", { class: "errors" }, h("thead", {}, h("tr", {}, heads.map((one) => h("th", { class: one === "model.range" ? "num" : null }, t(one))))), h("tbody", {}, rows.map((row) =>
     h("tr", { "data-error": row.name }, h("td", {}, h("button", { class: "error", "aria-pressed": "false", onclick: () => pick(row.name) }, row.name)), h("td", {}, spark(row)), h("td", { class: "num range" }, range(row)),
       found.tooth && [h("td", { class: "effect" }, effect(found.tooth.ranking.find((one) => one.error === row.name), most), cure(found.tooth.cures.find((one) => one.error === row.name))), slider(row, found.tooth.sizes[row.name], flank)]))));
 }

@@ -16,7 +16,7 @@ export async function accounts(box) {
     const body = { roles: ROLES.filter((name) => form.has(name)), password: form.get("password"), pin: form.get("pin") };
     put(`/api/v1/users/${encodeURIComponent(form.get("name").trim())}`, body).then(() => accounts(box), (error) => { said.textContent = told(error); });
   };
-  show(box, h("h2", {}, t("people.title")), h("table", {}, h("tbody", {}, users.map((one) => h("tr", {}, h("td", {}, h("b", {}, one.name)), h("td", {}, one.roles.map((name) => t(`role.${name}`)).join(", ")), h("td", {}, one.pin ? "PIN ✔" : ""))))),
+  show(box, h("h2", {}, t("people.title")), h("table", {}, h("tbody", {}, users.map((one) => h("tr", {}, h("td", {}, h("b", {}, one.name)), h("td", {}, one.roles.map((name) => t(`role.${name}`)).join(document.documentElement.lang === "zh" ? "、" : ", ")), h("td", {}, one.pin ? "PIN ✔" : ""))))),
     h("details", {}, h("summary", {}, t("people.add")), h("form", { id: "add-person", onsubmit: send, class: "grid" }, field(t("signin.name"), h("input", { name: "name", required: true, autocomplete: "off" })), field(t("signin.new_password"), h("input", { name: "password", type: "password", minlength: 10, autocomplete: "new-password" })),
       field(t("people.pin"), h("input", { name: "pin", type: "password", inputmode: "numeric", pattern: "\\d{6,12}", autocomplete: "off" })), h("div", { class: "row" }, roles), said, h("button", { class: "primary" }, t("people.save")))));
 }

@@ -95,14 +95,16 @@ function toldOnce(lines, known) {
   });
 }
 const newestPlan = (run) => lastLook(run)?.lines ?? [];
-const lookedAt = (run) => new Date(lastLook(run).ended_utc ?? lastLook(run).started_utc).toTimeString().slice(0, 5);
+const lookedAt = (run) => when(lastLook(run).ended_utc || lastLook(run).started_utc).slice(11);
 
 function steps(box) {
   const run = state.status.run;
   // Tables of one transaction go step by step together: they share their lamps until one of them stays behind.
+  // After its end they stay as they came to be, on every page.
+  const every = run ? state.steps : (state.jobs.find((one) => OWN.includes(one.kind))?.steps ?? []);
   const together = new Map();
-  for (const axis of new Set(state.steps.map(([one]) => one))) {
-    const kinds = state.steps.filter(([one]) => one === axis).map(([, kind]) => kind);
+  for (const axis of new Set(every.map(([one]) => one))) {
+    const kinds = every.filter(([one]) => one === axis).map(([, kind]) => kind);
     const known = together.get(String(kinds)) ?? { names: [], kinds };
     known.names.push(axis);
     together.set(String(kinds), known);

@@ -2,7 +2,7 @@
 import { get, post } from "./api.js";
 import { shown } from "./dialogs.js";
 import { curve, measuredRuns, record } from "./evaluate.js";
-import { failed, h, same, show } from "./dom.js";
+import { failed, h, same, show, turn } from "./dom.js";
 import { array, number, unit, when } from "./figures.js";
 import { limits, level, line, plot } from "./charts.js";
 import { base, chosen, may, on, state } from "./state.js";
@@ -32,17 +32,18 @@ async function drawAll(head, body) {
   const tooth = asked.tooth && inspected;
   const busy = state.status.run?.run_id === run.run_id;
   if (same(body, runs.map((one) => [one.run_id, one.state, one.stages.length]), asked, busy)) return null;
+  const put = turn(body);
   const again = () => drawAll(head, body);
   const link = (name, text) => h("a", { class: "key", href: `${base()}/runs/${encodeURIComponent(run.run_id)}/${name}`, target: "_blank", rel: "noopener" }, text);
   show(head, h("label", { class: "inline" }, t("evaluate.run"), h("select", { id: "pick-run", onchange: (event) => { asked.run = event.target.value; again(); } }, runs.map((one) => h("option", { value: one.run_id, selected: one === run }, `${when(one.created_utc)} · ${stateOf(one)}`)))),
     h("div", { class: "tabs", role: "group", "aria-label": t("evaluate.axis") }, axes.map((one) => h("button", { "aria-pressed": String(!tooth && one === asked.axis), onclick: () => { Object.assign(asked, { axis: one, tooth: false }); again(); } }, one)),
       inspected && h("button", { id: "tooth", "aria-pressed": String(tooth), onclick: () => { asked.tooth = true; again(); } }, t("tooth.tooth"))),
     h("span", { class: "gap" }), h("button", { id: "trends", onclick: trends }, t("trends.open")), h("button", { id: "make-report", disabled: busy || !may("operator"), onclick: () => made(run.run_id) }, t("report.make")), link("report", t("report.open")), link("files/report.json", "JSON"), link("files/results.csv", "CSV"));
-  if (tooth) return show(body, ...await verifiedTooth(run));
+  if (tooth) return put(...await verifiedTooth(run));
   const [before, after] = [await kept(run, "before"), await kept(run, "after")];
   const verdict = run.stages.includes("verdict") ? await record(run.run_id, "verdict") : null;
   const own = verdict?.axes.find((one) => one.axis === asked.axis);
-  show(body, h("div", { class: "panel plots" }, verdict && band(verdict), compared(before, after)), h("div", { class: "panel", tabindex: 0, role: "region", "aria-label": t("frame.report") }, figures(before, after), own && h("p", { class: "verdict-words" }, plain(own.words)), h("h2", {}, t("report.other")), await other(run, runs, before)));
+  put(h("div", { class: "panel plots" }, verdict && band(verdict), compared(before, after)), h("div", { class: "panel", tabindex: 0, role: "region", "aria-label": t("frame.report") }, figures(before, after), own && h("p", { class: "verdict-words" }, plain(own.words)), h("h2", {}, t("report.other")), await other(run, runs, before)));
 }
 
 async function kept(run, phase) {
@@ -81,7 +82,7 @@ function figures(before, after) {
   const u = unit(before.evaluation.unit);
   const names = ["E", "R", "B", "A", "M"];
   const cell = (set, name, phase) => h("td", { class: "num", "data-figure": `${name} ${phase}` }, set ? number(set.evaluation[name]) : "–");
-  return [h("h2", {}, `${before.evaluation.standard} [${u}]`), h("table", {}, h("thead", {}, h("tr", {}, ["", t("phase.before"), "U", t("phase.after"), "U"].map((one) => h("th", {}, one)))),
+  return [h("h2", {}, `${before.evaluation.standard} [${u}]`), h("table", {}, h("thead", {}, h("tr", {}, ["", t("phase.before"), "U", t("phase.after"), "U"].map((one) => h("th", { class: "num" }, one)))),
     h("tbody", {}, names.map((name) => h("tr", {}, h("th", { scope: "row" }, name), cell(before, name, "before"), h("td", { class: "num muted" }, number(before.evaluation.U[name])), cell(after, name, "after"), h("td", { class: "num muted" }, after ? number(after.evaluation.U[name]) : "–")))))];
 }
 
@@ -93,7 +94,7 @@ async function other(run, runs, before) {
   const pick = async (event) => {
     if (!event.target.value) return show(place);
     const stage = `evaluation-${asked.axis}-before`;
-    show(place, overlay([["old", when(run.created_utc), before.evaluation], ["new", event.target.value.slice(0, 15), await record(event.target.value, stage)]], before.capture));
+    show(place, overlay([["old", when(run.created_utc), before.evaluation], ["new", when(rest.find((one) => one.run_id === event.target.value).created_utc), await record(event.target.value, stage)]], before.capture));
   };
   return h("div", {}, h("label", { class: "inline" }, t("report.with"), h("select", { id: "pick-other", onchange: pick }, h("option", { value: "" }, "–"), rest.map((one) => h("option", { value: one.run_id }, `${when(one.created_utc)} · ${stateOf(one)}`)))), place);
 }

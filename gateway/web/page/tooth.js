@@ -37,6 +37,6 @@ export async function verifiedTooth(run) {
   const verdict = run.stages.includes("tooth-verdict") ? await record(run.run_id, "tooth-verdict") : null;
   const figures = [...new Set(found.flatMap((one) => Object.keys(one.figures)))];
   return [h("div", { class: "panel plots" }, maps(found.map((one, at) => [parts[at], t(`phase.${parts[at]}`), one.fitted]))),
-    h("div", { class: "panel", tabindex: 0, role: "region", "aria-label": t("tooth.flank") }, h("table", {}, h("thead", {}, h("tr", {}, ["[µm]", ...parts.map((one) => t(`phase.${one}`))].map((one) => h("th", {}, one)))),
+    h("div", { class: "panel", tabindex: 0, role: "region", "aria-label": t("tooth.flank") }, h("table", {}, h("thead", {}, h("tr", {}, h("th", {}, "[µm]"), parts.map((one) => h("th", { class: "num" }, t(`phase.${one}`))))),
       h("tbody", {}, figures.map((name) => h("tr", {}, h("th", { scope: "row" }, name), found.map((one) => h("td", { class: "num" }, number(one.figures[name]))))))), verdict && h("p", { class: "verdict-words" }, plain(verdict.words)))];
 }

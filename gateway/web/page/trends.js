@@ -3,7 +3,7 @@ import { get } from "./api.js";
 import { limits, mark, plot } from "./charts.js";
 import { shown } from "./dialogs.js";
 import { h, s, show } from "./dom.js";
-import { number, unit, when } from "./figures.js";
+import { day, number, unit, when } from "./figures.js";
 import { base, state } from "./state.js";
 import { t, told } from "./words.js";
 
@@ -30,7 +30,7 @@ export async function trends() {
 const wanted = (measured, text) => [measured[Number(text.split(" ")[0])], text.split(" ")[1]];
 
 function due(measured) {
-  const word = (one) => h("td", { class: one.due ? "fault" : null }, `${one.due ? "▲" : "✔"} ${one.due_utc.slice(0, 10)}`);
+  const word = (one) => h("td", { class: one.due ? "fault" : null }, `${one.due ? "▲" : "✔"} ${day(one.due_utc)}`);
   return h("div", { class: "scroll", tabindex: 0, role: "region", "aria-label": t("trends.due") }, h("table", { class: "due" }, h("thead", {}, h("tr", {}, [t("frame.machine"), t("trends.serial"), t("evaluate.axis"), t("trends.last"), t("trends.due")].map((one) => h("th", {}, one)))),
     h("tbody", {}, measured.map((one) => h("tr", {}, h("td", {}, one.site === state.site ? h("b", {}, one.site) : one.site), h("td", {}, one.serial), h("td", {}, one.subject), h("td", {}, when(one.utc)), word(one))))));
 }
@@ -45,5 +45,5 @@ async function drawn(place, one, parameter) {
   const nodes = (on) => points.flatMap((point, at) => [bar(at, on), mark(days[at], point.value, point.phase === "after" ? 1 : -1, on, point.phase === "after" ? "up" : "down", 6)]);
   const newest = points[points.length - 1];
   return show(place, h("div", { class: "row head" }, h("span", {}, `${one.site} · ${one.subject} · ${parameter}: `, h("b", { id: "trend-newest" }, number(newest.value)), ` ${unit(newest.unit)} (${t(`phase.${newest.phase}`)})`), h("span", { class: "legend" }, h("i", { class: "down" }, "◁"), t("phase.before"), h("i", { class: "up" }, "▷"), t("phase.after"))),
-    plot({ x: limits([...days, 0, 1], 0.05), y: limits([...low, ...high, 0]), label: `${one.subject} ${parameter}`, xName: t("trends.days", { from: points[0].created_utc.slice(0, 10) }), yName: `${parameter} [${unit(newest.unit)}]`, nodes }));
+    plot({ x: limits([...days, 0, 1], 0.05), y: limits([...low, ...high, 0]), label: `${one.subject} ${parameter}`, xName: t("trends.days", { from: day(points[0].created_utc) }), yName: `${parameter} [${unit(newest.unit)}]`, nodes }));
 }

@@ -1,5 +1,6 @@
 // Every sentence in the person's language, from the one catalogue of the product.
 import { get } from "./api.js";
+import { unit } from "./figures.js";
 import { teller } from "./retold.js";
 
 let texts = { page: {}, codes: {}, terms: {}, english: {} };
@@ -14,16 +15,15 @@ export function language() {
 
 export async function speak(code) {
   texts = await get(`/static/words/${code}.json`);
-  const english = Object.entries(texts.english).map(([one, parts]) => [one, parts.map((text) => text.replace(UNIT.usual, symbolOf))]);
+  const english = Object.entries(texts.english).map(([one, parts]) => [one, parts.map((text) => text.replace(UNIT.usual, unit))]);
   retold = english.length ? teller(Object.fromEntries(english), texts.terms, (one, part, fields) => shown(filled(texts.codes[one][part], fields))) : (text) => text;
   localStorage.setItem("language", code);
   document.documentElement.lang = code;
 }
 
 // "um" is also a German word: there it is a unit only behind a number or in front of a sign.
-const UNIT = { de: /(?<=[\d)>] ?|\bin )um(?![\w\-="`])|(?<![\w\-./="`])degC(?![\w\-="`])/g, usual: /(?<![\w\-./="`])(?:um|degC)(?![\w\-="`])/g };
-const symbolOf = (found) => (found === "um" ? "µm" : "°C");
-const shown = (text) => text.replace(UNIT[document.documentElement.lang] ?? UNIT.usual, symbolOf);
+const UNIT = { de: /(?<=[\d)>] ?|\bin )um(?![\w\-="`])|(?<![\w\-./="`])degC(?![\w\-="`])|(?<=[\d)}] ?)arcsec(?!\w)/g, usual: /(?<![\w\-./="`])(?:um|degC)(?![\w\-="`])|(?<=[\d)}] ?)arcsec(?!\w)/g };
+const shown = (text) => text.replace(UNIT[document.documentElement.lang] ?? UNIT.usual, unit);
 
 // A format of the catalogue: {name}, {name:.2f}, {name:+.1f}, {name:g}.
 function filled(text, fields) {

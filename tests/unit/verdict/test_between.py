@@ -57,7 +57,7 @@ def comb(size: float) -> Truth:
 def test_a_good_table_is_confirmed_between_the_targets() -> None:
     good = verdict(as_the_table)
     assert (good.improved, good.worse, good.within_prediction) == (True, False, True)
-    assert "6 positions between the targets, not measured before, confirm it" in good.words
+    assert "Positions between the targets, not measured before, confirm it (6)" in good.words
     assert judge((good,), (PUSH,), ()).outcome == "better"
 
 
