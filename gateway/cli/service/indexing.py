@@ -44,7 +44,7 @@ def compare_command(
         show_json({"machines": found})
         return
     for one in found:
-        sure = "" if one["expanded"] is None else f" +/- {one['expanded']:.3g}"
+        sure = "" if one["expanded"] is None else f" +- {one['expanded']:.3g}"
         figure = f"{one['value']:.3g}{sure} {shown(one['unit'])}"
         echo(f"{one['serial']:<20} {one['site']:<20} {figure:<22} {one['phase']:<7} {one['created_utc'][:10]}")
     if not found:

@@ -273,7 +273,7 @@ def test_the_last_line_is_the_tooths_figure(material: ReportMaterial) -> None:
     assert verdict is not None
     figures = f"flank RMS {verdict.before_set_right_um:.2f} µm -> {verdict.after_um:.2f} µm"
     assert (
-        tooth_lines(material)[-1] == f"tooth: {figures} (predicted 0.21 +/- 0.08 µm, k = 2), set-up values not counted"
+        tooth_lines(material)[-1] == f"tooth: {figures} (predicted 0.21 +- 0.08 µm, k = 2), set-up values not counted"
     )
     proposed = ToothMaterial(errors=tooth.errors, proposal=tooth.proposal, gear=tooth.gear)
     assert tooth_lines(replace(material, tooth=proposed))[-1].endswith(

@@ -110,7 +110,7 @@ def test_a_whole_closing_run_comes_out_of_its_folder_as_it_went_in(run: RunFolde
     assert tooth.verdict.words.replace(" um", " µm") in paths.html.read_text()
     figure = f"{tooth.verdict.before_set_right_um:.2f} µm -> {tooth.verdict.after_um:.2f} µm"
     assert lines_of(material_of(run))[-1] == (
-        f"tooth: flank RMS {figure} (predicted 0.21 +/- 0.08 µm, k = 2), set-up values not counted"
+        f"tooth: flank RMS {figure} (predicted 0.21 +- 0.08 µm, k = 2), set-up values not counted"
     )
 
 
