@@ -56,10 +56,15 @@ def pushes_held(store: Store) -> tuple[HeldView, ...]:
         return (HeldView(f"{error.code}: {error.what}", loud=True, code=error.code, fields=dict(error.fields)),)
 
 
+def has_report(store: Store, run_id: str) -> bool:
+    """Whether a run has a report page to be shown."""
+    return (store.root / run_id / REPORT_FILE).is_file()
+
+
 def stored_report(store: Store, run_id: str) -> str | None:
     """A run's report page as stored, its hash checked; None when there is none. Raises StoreError."""
     path = store.root / run_id
-    if not (path / RUN_FILE).is_file() or not (path / REPORT_FILE).is_file():
+    if not (path / RUN_FILE).is_file() or not has_report(store, run_id):
         return None
     return RunFolder(path).read_text(REPORT_FILE)
 
@@ -80,9 +85,8 @@ def sealed_file(folder: RunFolder, name: str) -> bytes:
 
 
 def _past(store: Store, run_id: str) -> PastRun:
-    path = store.root / run_id
     try:
-        return past_run(RunFolder(path).summary(), report=(path / REPORT_FILE).is_file())
+        return past_run(RunFolder(store.root / run_id).summary(), report=has_report(store, run_id))
     except StoreError as error:
         return PastRun(run_id, "", "unreadable", error.what, report=False)
 

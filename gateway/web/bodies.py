@@ -29,7 +29,7 @@ class SignIn(Body):
 
 
 class FirstStart(Body):
-    """The first account, made with the token that the service wrote into its state folder."""
+    """The first account, made with the token that the service wrote into the folder of the runs."""
 
     token: Secret
     name: Text

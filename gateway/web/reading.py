@@ -21,7 +21,7 @@ from gateway.users import Person
 from gateway.views import as_data
 from gateway.views.measuring import plan_of
 from gateway.views.pushed import standing_tables
-from gateway.views.stored import sealed_file, stored_report
+from gateway.views.stored import has_report, sealed_file, stored_report
 from gateway.web.doors import needs, service_of, session_of, site_of
 from gateway.web.gate import REPORT_POLICY
 from gateway.web.ports import ServedSite
@@ -63,10 +63,11 @@ def plan(request: Request, site: str) -> dict[str, Any]:
 def runs(
     request: Request, site: str, most: Annotated[int, Query(ge=1, le=500)] = 50, before: str = ""
 ) -> dict[str, Any]:
-    """Stored runs, newest first; ``before`` goes on behind a run id."""
+    """Stored runs, newest first, and whether each has a report; ``before`` goes on behind a run id."""
     store = site_of(request, site).store
     found = store.newest(most + 1, before)
-    listed = [{**asdict(one), "path": str(one.path)} for one in map(store.summary, found[:most])]
+    seen = map(store.summary, found[:most])
+    listed = [{**asdict(one), "path": str(one.path), "report": has_report(store, one.run_id)} for one in seen]
     return {"runs": listed, "more": len(found) > most}
 
 

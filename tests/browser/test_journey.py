@@ -11,6 +11,7 @@ import pytest
 from playwright.sync_api import Browser, Route, expect
 
 from gateway.domain.proposals import Proposal
+from gateway.interlocks.table import largest_change
 from gateway.tooth import InspectedFlank
 from gateway.workflow import stages
 from simulators.cell.site import section
@@ -96,6 +97,8 @@ def test_a_person_signs_in_tests_the_control_and_looks_at_every_screen(tmp_path:
         for screen in SCREENS:
             anna.go(screen)
             anna.page.locator("main .panel h2, main .panel tr").first.wait_for()
+        anna.page.go_back()
+        anna.page.locator(f"main.{SCREENS[-2]}").wait_for()
         _numbers(anna)
         _pressed(anna)
         _mountings(anna)
@@ -121,6 +124,9 @@ def _numbers(anna: Person) -> None:
     for name, flank in (("before", predicted.before), ("own", predicted.with_own), ("after", predicted.after)):
         expect(page.locator(f"[data-flank={name}]")).to_have_text(text(flank.rms_um))
     looked_at(anna, "journey-correct-tooth")
+    anna.go("push")
+    change = run.get(stages.PROPOSAL, Proposal).changes[0]
+    expect(page.locator("ul.moves li")).to_contain_text(f" {text(largest_change(change))} ")
     anna.go("report")
     page.locator("#tooth").click()
     for part in ("before", "after"):

@@ -77,6 +77,12 @@ function tables(change, axis) {
     plot({ x: limits(xs, 0.02), y: limits([...fresh, ...old, ...difference, 0]), label: t("correct.table", { name: nameOf(change) }), xName: `${change.new.input_axis} [${unit(axis.unit)}]`, yName: `[${u}]`, nodes })];
 }
 
+// By how much the axis moves at most once the new table acts in place of what acts now.
+export function largest({ new: table, old, old_enabled: on_ }) {
+  const moved = table.deviations.map((one, at) => Math.abs(one - (on_ ? valueAt(old, grid(table)[at]) : 0)));
+  return `${number(Math.max(...moved))} ${deviationUnit({ new: table })}`;
+}
+
 const deviationUnit = (change) => unit(change.new.output_unit === "deg" ? "arcsec" : "um");
 
 function predicted(change, axis) {
@@ -91,10 +97,9 @@ function facts(change, axis, proposal) {
   const table = change.new;
   const slopes = table.deviations.slice(1).map((one, at) => Math.abs(one - table.deviations[at]) / table.step);
   const u = deviationUnit(change);
-  const most = Math.max(...table.deviations.map((one, at) => Math.abs(one - (change.old_enabled ? valueAt(change.old, grid(table)[at]) : 0))));
   const rows = [[t("correct.points"), `${table.deviations.length}`], [t("correct.range"), `${number(table.minimum, 3)} … ${number(table.maximum, 3)} ${unit(axis.unit)}, ${t("correct.step")} ${number(table.step, 3)}`],
     [t("correct.size"), `${number(Math.min(...table.deviations))} … ${number(Math.max(...table.deviations))} ${u}`], [t("correct.slope"), `${number(Math.max(...slopes, 0), 3)} ${u}/${unit(axis.unit)}`],
-    [t("correct.most"), `${number(most)} ${u}`], [t("correct.before"), t(change.old_enabled ? "correct.was_on" : "correct.was_off")], [t("correct.made"), when(proposal.created_utc)]];
+    [t("correct.most"), largest(change)], [t("correct.before"), t(change.old_enabled ? "correct.was_on" : "correct.was_off")], [t("correct.made"), when(proposal.created_utc)]];
   const findings = [...change.findings, ...proposal.warnings];
   return [h("h2", {}, t("correct.facts")), h("dl", { class: "facts" }, rows.map(([name, text]) => h("div", {}, h("dt", {}, name), h("dd", {}, text)))),
     h("h2", {}, t("correct.findings")), findings.length ? h("ul", { class: "findings" }, findings.map((one) => h("li", {}, `▲ ${plain(one)}`))) : h("p", {}, `✔ ${t("correct.clean")}`),

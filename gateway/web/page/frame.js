@@ -19,17 +19,21 @@ export function build({ again, load }) {
   const foot = { work: h("div", { class: "work" }), stop: h("div", { class: "stopping" }) };
   const low = h("footer", { class: "low" }, Object.values(foot));
   const redraw = () => { drawRail(rail, go); open(body); drawLow(foot); drawTop(bar, { again, load, redraw }); drawNow(now); };
-  const go = (name) => { state.screen = name; location.hash = name; redraw(); body.focus({ preventScroll: true }); };
-  state.go = go;
-  const wanted = location.hash.slice(1);
-  if (wanted in screens) state.screen = wanted;
+  const shown = (name) => { state.screen = name; redraw(); body.focus({ preventScroll: true }); };
+  const go = (name) => { location.hash = name; shown(name); };
+  const wanted = () => (location.hash.slice(1) in screens ? location.hash.slice(1) : FIRST);
+  state.screen = wanted();
+  // The browser's own back key.
+  const back = () => { if (wanted() !== state.screen) shown(wanted()); };
+  addEventListener("hashchange", back);
   for (const end of ends) end();
   const timer = setInterval(() => { tick(top); drawNow(now); }, 1000);
-  ends = [on("frame", () => { drawTop(bar, { again, load, redraw }); drawNow(now); drawLow(foot); }), () => clearInterval(timer)];
+  ends = [on("frame", () => { drawTop(bar, { again, load, redraw }); drawNow(now); drawLow(foot); }), () => clearInterval(timer), () => removeEventListener("hashchange", back)];
   redraw();
   return [top, now, rail, body, low];
 }
 
+const FIRST = "capture";
 let close = () => {};
 // A frame that another one takes the place of draws no more.
 let ends = [];

@@ -1,7 +1,7 @@
 // Into the control: what will move, who agrees, the nine steps, and the ways back, always in reach.
 import { post } from "./api.js";
 import { confirmed, machineTyped, secondPerson, shown } from "./dialogs.js";
-import { nameOf, proposals } from "./correct.js";
+import { largest, nameOf, proposals } from "./correct.js";
 import { record } from "./evaluate.js";
 import { failed, h, same, show } from "./dom.js";
 import { when } from "./figures.js";
@@ -39,7 +39,7 @@ async function plan(box) {
   const agreed = state.approved[run.run_id]?.until > Date.now();
   if (same(box, runs.map((one) => [one.run_id, one.state]), run.run_id, busy, may("operator"), agreed && state.approved[run.run_id].by)) return;
   show(box, h("div", { class: "row head" }, h("h2", {}, t("push.plan")), h("label", { class: "inline" }, t("evaluate.run"), h("select", { id: "pick-run", onchange: (event) => { asked.run = event.target.value; plan(box); } }, runs.map((one) => h("option", { value: one.run_id, selected: one === run }, `${when(one.created_utc)} · ${stateOf(one)}`))))),
-    h("ul", { class: `moves${proposal.changes.length > MANY ? " many" : ""}` }, proposal.changes.map((one) => h("li", {}, h("b", {}, nameOf(one)), ` ${plain(one.skipped) || t("push.replaces", { points: one.new.deviations.length, old: t(one.old_enabled ? "correct.was_on" : "correct.was_off") })}`))),
+    h("ul", { class: `moves${proposal.changes.length > MANY ? " many" : ""}` }, proposal.changes.map((one) => h("li", {}, h("b", {}, nameOf(one)), ` ${plain(one.skipped) || t("push.replaces", { points: one.new.deviations.length, axis: one.axis, most: largest(one), old: t(one.old_enabled ? "correct.was_on" : "correct.was_off") })}`))),
     h("p", {}, t(needed > 1 ? "push.two" : "push.one")),
     h("p", { id: "approved" }, agreed ? `✔ ${t("push.approved_by", { names: state.approved[run.run_id].by.join(", ") })}` : `○ ${t("push.not_approved")}`),
     h("div", { class: "keys start three" },
@@ -149,7 +149,8 @@ function answer(box) {
   const lines = run ? state.said.filter((one) => !["count", "detail"].includes(one.kind)).slice(-12).map((one) => say(one.code, one.fields, 0, one.words)) : ((job?.lines ?? []).filter((one) => !PLACES.test(one)));
   const error = run ? null : job?.error;
   if (same(box, lines, error, job?.job, Boolean(run))) return;
-  const head = run ? t("push.at_work") : job ? `${t(`kind.${job.kind.replace("-", "_")}`)}: ${t(`job.${job.state}`)}` : t("push.no_answer");
+  // A look at a push is none.
+  const head = run ? t("push.at_work") : job ? `${job.data?.refusals ? t("push.show") : t(`kind.${job.kind.replace("-", "_")}`)}: ${t(`job.${job.state}`)}` : t("push.no_answer");
   const once = toldOnce(error ? [told(error), ...lines] : lines, false);
   show(box, h("h2", {}, head), error && h("p", { class: "fault", id: "refused", role: "alert" }, once.shift()), h("ul", { class: "lines" }, once.map((one) => h("li", {}, capital(plain(one))))));
 }

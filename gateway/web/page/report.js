@@ -5,7 +5,7 @@ import { curve, measuredRuns, record } from "./evaluate.js";
 import { failed, h, same, show, turn } from "./dom.js";
 import { array, number, unit, when } from "./figures.js";
 import { limits, level, line, plot } from "./charts.js";
-import { base, chosen, may, on, state } from "./state.js";
+import { base, changed, chosen, may, on, state } from "./state.js";
 import { verifiedTooth } from "./tooth.js";
 import { trends } from "./trends.js";
 import { plain, stateOf, t, told } from "./words.js";
@@ -31,14 +31,14 @@ async function drawAll(head, body) {
   const inspected = run.stages.includes("inspected-before");
   const tooth = asked.tooth && inspected;
   const busy = state.status.run?.run_id === run.run_id;
-  if (same(body, runs.map((one) => [one.run_id, one.state, one.stages.length]), asked, busy)) return null;
+  if (same(body, runs.map((one) => [one.run_id, one.state, one.stages.length, one.report]), asked, busy)) return null;
   const put = turn(body);
   const again = () => drawAll(head, body);
   const link = (name, text) => h("a", { class: "key", href: `${base()}/runs/${encodeURIComponent(run.run_id)}/${name}`, target: "_blank", rel: "noopener" }, text);
   show(head, h("label", { class: "inline" }, t("evaluate.run"), h("select", { id: "pick-run", onchange: (event) => { asked.run = event.target.value; again(); } }, runs.map((one) => h("option", { value: one.run_id, selected: one === run }, `${when(one.created_utc)} · ${stateOf(one)}`)))),
     h("div", { class: "tabs", role: "group", "aria-label": t("evaluate.axis") }, axes.map((one) => h("button", { "aria-pressed": String(!tooth && one === asked.axis), onclick: () => { Object.assign(asked, { axis: one, tooth: false }); again(); } }, one)),
       inspected && h("button", { id: "tooth", "aria-pressed": String(tooth), onclick: () => { asked.tooth = true; again(); } }, t("tooth.tooth"))),
-    h("span", { class: "gap" }), h("button", { id: "trends", onclick: trends }, t("trends.open")), h("button", { id: "make-report", disabled: busy || !may("operator"), onclick: () => made(run.run_id) }, t("report.make")), link("report", t("report.open")), link("files/report.json", "JSON"), link("files/results.csv", "CSV"));
+    h("span", { class: "gap" }), h("button", { id: "trends", onclick: trends }, t("trends.open")), h("button", { id: "make-report", disabled: busy || !may("operator"), onclick: () => made(run.run_id) }, t("report.make")), run.report && [link("report", t("report.open")), link("files/report.json", "JSON"), link("files/results.csv", "CSV")]);
   if (tooth) return put(...await verifiedTooth(run));
   const [before, after] = [await kept(run, "before"), await kept(run, "after")];
   const verdict = run.stages.includes("verdict") ? await record(run.run_id, "verdict") : null;
@@ -54,6 +54,7 @@ async function kept(run, phase) {
 async function made(run) {
   try {
     await post(`${base()}/runs/${encodeURIComponent(run)}/report`);
+    changed("jobs");
     window.open(`${base()}/runs/${encodeURIComponent(run)}/report`, "_blank", "noopener");
   } catch (error) {
     shown(t("report.make"), [h("p", { class: "fault" }, told(error))]);
