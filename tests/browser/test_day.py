@@ -199,6 +199,8 @@ def _held(anna: Person, at: Hall, browser: Browser) -> Person:
     anna.driven(anna.give("#write", anna.site), until=".lamps li:nth-child(4).done")
     anna.keep("day-14-waits-at-the-control")
     at.kill()
+    anna.sees("#now.attention", "does not answer")
+    looked_at(anna, "day-14-no-service")
     anna.page.context.close()
     at.serve()
     anna = Person(opened(browser, at), at, "anna")

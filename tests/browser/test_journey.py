@@ -105,6 +105,7 @@ def test_a_person_signs_in_tests_the_control_and_looks_at_every_screen(tmp_path:
         assert anna.done(anna.give("#self-test"))["error"] is None
         _told(anna)
         _by_the_clock(anna, browser)
+        _signed_out(anna)
     assert wrong == []
 
 
@@ -185,6 +186,16 @@ def _by_the_clock(anna: Person, browser: Browser) -> None:
     page.goto(anna.at.url)
     told = page.evaluate("async () => (await import('/static/page/figures.js')).when('2026-03-02T23:30:00+00:00')")
     assert told == "2026-03-03 07:30"
+
+
+def _signed_out(anna: Person) -> None:
+    """Whose session is over is asked to sign in by the next key, and is then where the key was pressed."""
+    anna.go("connect")
+    anna.page.context.clear_cookies()
+    anna.page.locator("#doctor").click()
+    anna.page.locator("dialog #yes").click()
+    anna.sign_in()
+    anna.page.locator("main.connect").wait_for()
 
 
 def _told(anna: Person) -> None:

@@ -1,7 +1,11 @@
 // Asks the service; an answer that is an error is thrown as its record.
 let csrf = "";
 
+// What to do when the service no longer knows who is here.
+let gone = () => {};
+
 export const setKey = (key) => { csrf = key; };
+export const whenGone = (act) => { gone = act; };
 
 async function ask(method, path, body, headers = {}) {
   const sent = body === undefined ? undefined : JSON.stringify(body);
@@ -13,6 +17,7 @@ async function ask(method, path, body, headers = {}) {
     throw { code: "OFFLINE", what: "OFFLINE", do: "", fields: {} };
   }
   const told = answer.headers.get("content-type")?.startsWith("application/json") ? await answer.json() : await answer.text();
+  if (told?.code === "E-WEB-LOGIN") gone();
   if (!answer.ok) throw typeof told === "object" ? { ...told, status: answer.status } : { code: "OFFLINE", what: told, do: "", fields: {} };
   return told;
 }

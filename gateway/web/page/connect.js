@@ -26,7 +26,7 @@ function open(root) {
 
 function devices(box) {
   if (same(box, state.status.devices)) return;
-  show(box, h("h2", {}, t("connect.devices")), h("table", {}, h("thead", {}, h("tr", {}, [t("connect.state"), t("connect.name"), t("connect.driver"), t("push.since")].map((one) => h("th", {}, one)))),
+  show(box, h("h2", {}, t("connect.devices")), h("table", { class: "devices" }, h("thead", {}, h("tr", {}, [t("connect.state"), t("connect.name"), t("connect.driver"), t("push.since")].map((one) => h("th", {}, one)))),
     h("tbody", {}, state.status.devices.map((one) => [h("tr", {}, h("td", { class: `state ${one.state.replace(" ", "-")}` }, `${MARK[one.state]} ${t(`device.${one.state.replace(" ", "_")}`)}`), h("td", {}, h("b", {}, one.name)), h("td", {}, one.driver), h("td", {}, when(one.since_utc))),
       one.error && h("tr", {}, h("td", { colspan: 4, class: "fault" }, told(one.error), h("p", { class: "fix" }, `→ ${t("connect.again")}`)))]))));
 }

@@ -64,9 +64,8 @@ function drawTop({ machine: place, told: chips, menu: person }, more) {
   show(chips,
     status.simulated && h("strong", { class: "chip simulated" }, t("frame.simulated")),
     status.unprotected && h("strong", { class: "chip bad unprotected", title: plain(status.unprotected) }, t("frame.unprotected")),
-    state.offline && h("strong", { class: "chip bad", role: "alert" }, `▲ ${t("frame.offline")}`),
-    !status.held.length && stands(status),
-    control && chip(control.state.replace(" ", "-"), t("frame.control"), [mark(control.state), ` ${standing(control, status.control)}`], control.driver),
+    !status.held.length && !state.offline && stands(status),
+    control && !state.offline && chip(control.state.replace(" ", "-"), t("frame.control"), [mark(control.state), ` ${standing(control, status.control)}`], control.driver),
     status.control?.alarms.length > 0 && chip("bad", t("frame.alarms"), [`▲ ${status.control.alarms.slice(0, 3).join(" ")}`]),
     status.left.length > 0 && h("span", { class: "chip attention" }, `▲ ${t("frame.left")}`),
     tables(), held(), h("span", { class: "gap" }), consent());

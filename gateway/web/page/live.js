@@ -4,11 +4,13 @@ import { click, loss } from "./sounds.js";
 import { base, changed, state } from "./state.js";
 
 let source = null;
+let retry = 0;
+const AGAIN_MS = 2000;
 // What stands in the service as it was after the last command: a page that never saw a short one asks for it too.
 let coming = Promise.resolve();
 
-export function listen(expired) {
-  source?.close();
+export function listen() {
+  deaf();
   source = new EventSource(`${base()}/stream`);
   const hear = (kind, take) => source.addEventListener(kind, (event) => take(JSON.parse(event.data), event));
   source.onopen = () => {
@@ -19,7 +21,9 @@ export function listen(expired) {
   source.onerror = () => {
     state.offline = true;
     changed("frame");
-    get("/api/v1/me").catch((error) => { if (error.status === 401) { source.close(); expired(); } });
+    get("/api/v1/me").catch(() => {});
+    // A service that just begins refuses the stream: then the browser does not try again by itself.
+    if (source.readyState === EventSource.CLOSED) retry = setTimeout(listen, AGAIN_MS);
   };
   hear("picture", picture);
   hear("state", picture);
@@ -35,7 +39,10 @@ export function listen(expired) {
 
 const again = () => { coming = refresh().catch(() => {}); };
 
-export const deaf = () => source?.close();
+export function deaf() {
+  clearTimeout(retry);
+  source?.close();
+}
 
 function picture(data) {
   const before = state.status;

@@ -1,5 +1,5 @@
 // Begins: language, who is signed in, then the frame with its screens.
-import { get, setKey } from "./api.js";
+import { get, setKey, whenGone } from "./api.js";
 import { h, show } from "./dom.js";
 import { build } from "./frame.js";
 import { deaf, listen, refresh } from "./live.js";
@@ -16,6 +16,7 @@ function look() {
 
 export async function enter() {
   let me;
+  whenGone(() => {});
   try {
     me = await get("/api/v1/me");
   } catch {
@@ -24,13 +25,14 @@ export async function enter() {
   }
   setKey(me.csrf ?? "");
   state.me = me;
+  whenGone(enter);
   state.sites = await get("/api/v1/sites");
   if (!state.sites.length) return show(root, setUp(enter));
   const wanted = localStorage.getItem("site");
   state.site = (state.sites.find((one) => one.site === wanted) ?? state.sites[0]).site;
   await load();
   show(root, ...build({ again: enter, load }));
-  listen(enter);
+  listen();
   document.title = `${state.site} – trueflank`;
 }
 

@@ -90,5 +90,5 @@ export function toldApart(error) {
   // What happened on a wire says nothing without whose wire it is.
   const whose = error.code.startsWith("E-LINK-") && error.where ? `${error.where}${document.documentElement.lang === "zh" ? "：" : ": "}` : "";
   const parts = [whose + say(error.code, error.fields, 0, error.what), say(error.code, error.fields, 1, error.do)].map(plain);
-  return parts.map((one) => one && `${one[0].toUpperCase()}${one.slice(1).replace(/[.。]$/, "")}${document.documentElement.lang === "zh" ? "。" : "."}`);
+  return parts.map((one) => one && `${/^\w+:\/\//.test(one) ? one[0] : one[0].toUpperCase()}${one.slice(1).replace(/[.。]$/, "")}${document.documentElement.lang === "zh" ? "。" : "."}`);
 }
