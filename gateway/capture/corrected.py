@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from drivers.types.results import MeasuredSet
@@ -150,6 +152,8 @@ def from_file(axis: AxisSection, measured: MeasuredSet, live: LiveSet | None, so
     targets, deviations = targets[order], deviations[order]
     _inside(axis, targets, source)
     done = corrections.begin(measured.compensated_for)
+    if measured.expansion_ppm_per_k is not None:
+        done = replace(done, details={"expansion.ppm_per_k": measured.expansion_ppm_per_k})
     if axis.kind == "linear" and measured.compensated_for == "air":
         deviations, done = _to_20(axis, measured, targets, deviations, done, source)
     return Capture(

@@ -292,3 +292,8 @@ class SiteFile(Section):
     gear_tolerance: paper.GearToleranceSection | None = Field(default=None, description="limits of the gear's figures")
     report: paper.ReportSection = Field(default=paper.ReportSection(), description="the calibration report")
     service: ServiceSection = Field(default=ServiceSection(), description="the service: pages and people")
+
+    def meant(self, said: str) -> AxisSection | None:
+        """The axis that a file or a person means, by its name, else by its letter; None where it is none of these."""
+        named = (axis for axis in self.axes if axis.name == said)
+        return next(named, next((axis for axis in self.axes if axis.letter == said), None))

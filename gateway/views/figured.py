@@ -11,9 +11,8 @@ from gateway.domain.captures import Capture
 from gateway.domain.figures import Evaluation
 from gateway.evaluate.standards import decision
 from gateway.evaluate.standards.registry import evaluate_by, standards
-from gateway.evaluate.uncertainty.budget import measured_budget
+from gateway.evaluate.uncertainty.budget import budget_of
 from gateway.store import RunFolder
-from gateway.workflow.files.exporting import measured_of
 
 
 def known_standards() -> list[dict[str, str]]:
@@ -30,9 +29,8 @@ def figures_by(folder: RunFolder, axis: str, phase: str, *, name: str, limits: M
     if not name:
         return _stored(folder.get(f"evaluation-{axis}-{phase}", Evaluation), limits)
     capture = folder.get(f"capture-{axis}-{phase}", Capture)
-    measured = measured_of(capture, folder)
     unit = deviation_unit(capture.axis_unit)
-    budget, _supposed = measured_budget(measured)
+    budget = budget_of(capture)
     found = evaluate_by(name, capture.targets, capture.deviations, unit, budget=budget, monte_carlo=False)
     verdicts = found.decided(limits)
     return _told(found.standard.name, unit, found.values, found.U, verdicts, found.flags)

@@ -20,7 +20,7 @@ from gateway.workflow.files.kindrecords import KindQuestion, MeasuredFile
 class EvaluationOptions:
     """How files are to be evaluated: None and "" leave things as the file has them.
 
-    ``tolerances`` are a site's limits by axis name and letter, for the standard that is asked for.
+    ``site`` is a whole site file: its tolerances are decided, and its register says U of the equipment.
     """
 
     standard: str = "2014"
@@ -33,9 +33,8 @@ class EvaluationOptions:
     store: Path = Path("runs")
     axis: str = ""
     phase: str = ""
-    tolerances: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     plot: Path | None = None
-    site: Path | None = None
+    site: Any = None
 
     @property
     def recompensates(self) -> bool:
@@ -52,23 +51,6 @@ def limits_of(texts: Sequence[str]) -> dict[str, float]:
             found[name.strip()] = float(number)
         except ValueError:
             raise ConfigError("E-CLI-LIMIT", "--limit", text=text) from None
-    return found
-
-
-def tolerances_of(site: Path | None, asked: str) -> dict[str, dict[str, float]]:
-    """A site's limits by the standard asked for, by axis name and by letter. Raises ConfigError."""
-    if site is None:
-        return {}
-    from gateway.config import load_site
-    from gateway.evaluate.standards.registry import standard
-
-    tree = load_site(site)
-    letters = {axis.name: axis.letter for axis in tree.axes}
-    found: dict[str, dict[str, float]] = {}
-    for one in tree.tolerances:
-        if standard(one.standard) == standard(asked):
-            for key in (one.axis, letters[one.axis]):
-                found.setdefault(key, {}).update(one.limits)
     return found
 
 
@@ -165,9 +147,9 @@ def _evaluate(item: Any, asked: EvaluationOptions, drawn: list[MeasuredFile]) ->
         raise ConfigError("E-CLI-KIND", item.label, kind=type(measured).__name__)
     deviations, record = _deviations(measured, asked, path)
     drawn.append(MeasuredFile(path.name, replace(measured, deviations=deviations)))
-    if item.corrections is not None and not asked.recompensates:
-        record = item.corrections
-    budget, supposed = _budget(measured, asked)
+    if item.capture is not None and not asked.recompensates:
+        record = item.capture.corrections
+    budget, supposed = _budget(item, asked)
     unit = deviation_unit(measured.axis_unit)
     found = evaluate_by(asked.standard, measured.targets, deviations, unit, budget=budget, seed=asked.seed)
     return {
@@ -196,7 +178,10 @@ def _evaluate(item: Any, asked: EvaluationOptions, drawn: list[MeasuredFile]) ->
 
 def _limits(measured: Any, asked: EvaluationOptions) -> dict[str, float]:
     """What was typed stands before the site's limits of this axis."""
-    return {**asked.tolerances.get(_axis(measured, asked), {}), **asked.limits}
+    from gateway.workflow.results.conformity import limits_of_axis
+
+    known = limits_of_axis(asked.site, _axis(measured, asked), asked.standard) if asked.site is not None else {}
+    return {**known, **asked.limits}
 
 
 def _axis(measured: Any, asked: EvaluationOptions) -> str:
@@ -205,10 +190,12 @@ def _axis(measured: Any, asked: EvaluationOptions) -> str:
 
 def _undecided(measured: Any, asked: EvaluationOptions) -> tuple[str, ...]:
     """Why a site that was named decides nothing of this file: silence would be taken for a pass."""
+    from gateway.workflow.results.conformity import limited_axes, limits_of_axis
+
     axis = _axis(measured, asked)
-    if not asked.site or axis in asked.tolerances:
+    if asked.site is None or limits_of_axis(asked.site, axis, asked.standard):
         return ()
-    known = ", ".join(asked.tolerances) or "none"
+    known = ", ".join(limited_axes(asked.site, asked.standard)) or "none"
     named = f"axis {axis}" if axis else "no axis, which --axis can name"
     return (f"no tolerance of the site is decided: the file is of {named}; for this standard the site has: {known}",)
 
@@ -234,13 +221,24 @@ def _deviations(measured: Any, asked: EvaluationOptions, path: Path) -> tuple[An
     )
 
 
-def _budget(measured: Any, asked: EvaluationOptions) -> tuple[Any, tuple[str, ...]]:
+def _budget(item: Any, asked: EvaluationOptions) -> tuple[Any, tuple[str, ...]]:
+    """By what was typed, what the file or run says, and what its record or the site's register states of equipment."""
     from gateway.evaluate.optics import air
-    from gateway.evaluate.uncertainty.budget import measured_budget
+    from gateway.evaluate.uncertainty.budget import measured_budget, with_lever
 
-    given = asked.material_degc
+    given, measured, capture = asked.material_degc, item.content, item.capture
     material = None if given is None else air.required("material_degc", given, "--material-degc")
-    return measured_budget(measured, material, asked.expansion_ppm_per_k)
+    if capture is not None:
+        stated = capture.conditions.stated if capture.conditions is not None else {}
+        budget, supposed = measured_budget(measured, material, asked.expansion_ppm_per_k, stated)
+        return with_lever(budget, capture), supposed
+    return measured_budget(measured, material, asked.expansion_ppm_per_k, _stated(measured, asked))
+
+
+def _stated(measured: Any, asked: EvaluationOptions) -> dict[str, float]:
+    from gateway.workflow.axes.conditions import stated_of
+
+    return stated_of(asked.site, _axis(measured, asked)) if asked.site is not None else {}
 
 
 def _outcome(outcome: Any) -> dict[str, Any]:

@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from drivers.errors import ConfigError
-from gateway.cli.options import JsonOption, StoreOption
+from gateway.cli.options import JsonOption, StoreOption, load_site
 
 
 def evaluate(
@@ -38,14 +38,15 @@ def evaluate(
     distance: Annotated[float, typer.Option(min=0, help="Of a tilt: between the two sensors, mm.")] = 0.0,
     order: Annotated[list[int] | None, typer.Option(help="Of harmonics: this order. May be repeated.")] = None,
     site: Annotated[
-        Path | None, typer.Option(help="Of positioning: site file whose tolerances count.", show_default=False)
+        Path | None,
+        typer.Option(help="Of positioning: site file whose tolerances and equipment count.", show_default=False),
     ] = None,
     plot: Annotated[Path | None, typer.Option(help="Picture (.png or .svg).", show_default=False)] = None,
     store: StoreOption = Path("runs"),
     as_json: JsonOption = False,
 ) -> None:
     """Evaluate result files or runs: positioning to ISO 230-2 or another standard, or another --kind of geometry."""
-    from gateway.cli.files.evaluating import EvaluationOptions, evaluate_files, limits_of, list_standards, tolerances_of
+    from gateway.cli.files.evaluating import EvaluationOptions, evaluate_files, limits_of, list_standards
 
     if standard == "list":
         list_standards(as_json=as_json)
@@ -86,8 +87,7 @@ def evaluate(
         store=store,
         axis=axis,
         phase=phase,
-        tolerances=tolerances_of(site, standard),
         plot=plot,
-        site=site,
+        site=load_site(site) if site is not None else None,
     )
     evaluate_files(files or [], asked, as_json=as_json)

@@ -23,7 +23,8 @@ def report(
     store: StoreOption = Path("runs"),
     language: Annotated[str, typer.Option(help="en, de or zh; left out: as the site file says.")] = "",
     site: Annotated[
-        Path | None, typer.Option(help="Site file whose letterhead and tolerances count.", show_default=False)
+        Path | None,
+        typer.Option(help="Site file whose letterhead, tolerances and equipment count.", show_default=False),
     ] = None,
     out: Annotated[
         Path | None, typer.Option(help="Folder to write to; left out: the run's own, or here.", show_default=False)
@@ -70,7 +71,7 @@ def _of_run(what: list[str], store: Path, told: Any, out: Path | None) -> tuple[
 
     folder = Store(store).open(what[0])
     if imported(folder):
-        material = with_told(material_of_import(folder), told)
+        material = with_told(material_of_import(folder, told.tree), told)
         made = write_document(material, out or folder.path, LoopClock().utc())
         return made, (), made.as_data()
     material = material_of(folder)
@@ -98,6 +99,7 @@ def _of_files(
     from gateway.workflow.results.documenting import with_told, write_document
     from gateway.workflow.results.fromfiles import material_of_files
 
-    material = with_told(material_of_files([Path(one) for one in what], How(unit), Store(store)), told)
+    read = material_of_files([Path(one) for one in what], How(unit), Store(store), told.tree)
+    material = with_told(read, told)
     made = write_document(material, out or Path(), LoopClock().utc())
     return made, tuple(material.findings), made.as_data()

@@ -3,19 +3,25 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import hypot, inf, sqrt
+from types import MappingProxyType
 
 import numpy as np
 import scipy
 
 from drivers.types.results import MeasuredSet
 from drivers.units import DeviationUnit, deviation_unit
+from gateway.domain.captures import Capture
+from gateway.domain.values import COVERAGE
 from gateway.errors import ModelError
 
 LABEL = "U (k = 2): GUM, own coefficients"
 DEVICE_UM_PER_M, TEMPERATURE_RANGE_K = 0.5, 0.2
 """What is assumed of a laser system (U, k = 2) and of the range of temperatures where no certificate states more."""
+LATERAL_RANGE_MM = 1.0
+"""How far a beam may run off over any travel: by range, not by angle, so that it counts where an axis is short."""
+NOTHING_STATED: Mapping[str, float] = MappingProxyType({})
 RECTANGULAR = 0.6  # ISO/TR 230-9: U = 2 R / (2 sqrt 3) = 0.577 R, printed as 0.6 R
 
 
@@ -73,7 +79,7 @@ def linear_budget(
     expansion_ppm_per_k: float,
     off_20_k: float,
     calibration_um_per_m: float = DEVICE_UM_PER_M,
-    lateral_range_mm: float = 1.0,
+    lateral_range_mm: float = LATERAL_RANGE_MM,
     temperature_range_k: float = TEMPERATURE_RANGE_K,
     expansion_range_ppm_per_k: float = 2.0,
     eve_um: float | None = None,
@@ -91,23 +97,30 @@ def linear_budget(
 UNKNOWN_OFF_20_K = 15.0
 """Where nobody measured the material: a workshop between 5 and 35 degC."""
 ROTARY_DEVICE_ARCSEC = 1.0
+EXPANSION_PPM_PER_K = 11.5
+"""Of steel, where nobody said another."""
 
 
 def file_budget(
     unit: DeviationUnit,
     travel: float,
     material_degc: float | None,
-    expansion_ppm_per_k: float = 11.5,
+    expansion_ppm_per_k: float = EXPANSION_PPM_PER_K,
     eve: float | None = None,
+    stated: Mapping[str, float] = NOTHING_STATED,
 ) -> tuple[Budget, tuple[str, ...]]:
-    """The budget of a test known only from its file, and what had to be supposed, in words.
+    """The usual budget of a test, and what had to be supposed, in words.
 
     ``travel`` in mm or deg. The material's temperature is never taken to be 20 degC: unknown is a wide range.
+    ``stated`` by certificates (k = 2) stands in place of what is supposed: um_per_m, kelvin, arcsec.
     """
     if unit == "arcsec":
-        return Budget(turning=ROTARY_DEVICE_ARCSEC, eve=eve), ("U supposes a rotary calibrator of 1 arcsec (k = 2)",)
+        turning = stated.get("arcsec", ROTARY_DEVICE_ARCSEC)
+        supposed = () if "arcsec" in stated else ("U supposes a rotary calibrator of 1 arcsec (k = 2)",)
+        return Budget(turning=turning, eve=eve), supposed
     off = UNKNOWN_OFF_20_K if material_degc is None else material_degc - 20.0
-    notes = ["U supposes a laser of 0.5 um/m (k = 2) aligned to 1 mm/m, and expansion known within 2 ppm/K"]
+    laser = "a laser" if "um_per_m" in stated else f"a laser of {DEVICE_UM_PER_M:g} um/m (k = 2)"
+    notes = [f"U supposes {laser} aligned within {LATERAL_RANGE_MM:g} mm, and expansion known within 2 ppm/K"]
     if material_degc is None:
         notes.append("the material's temperature is not known: U supposes 5 to 35 degC")
     if travel == 0.0:
@@ -116,25 +129,51 @@ def file_budget(
         travel,
         expansion_ppm_per_k=expansion_ppm_per_k,
         off_20_k=off,
-        lateral_range_mm=min(1.0, travel / 1000.0),
+        calibration_um_per_m=stated.get("um_per_m", DEVICE_UM_PER_M),
+        temperature_range_k=stated["kelvin"] / RECTANGULAR if "kelvin" in stated else TEMPERATURE_RANGE_K,
         eve_um=eve,
     )
     return budget, tuple(notes)
 
 
 def measured_budget(
-    measured: MeasuredSet, material_degc: float | None = None, expansion_ppm_per_k: float | None = None
+    measured: MeasuredSet | Capture,
+    material_degc: float | None = None,
+    expansion_ppm_per_k: float | None = None,
+    stated: Mapping[str, float] = NOTHING_STATED,
 ) -> tuple[Budget, tuple[str, ...]]:
-    """`file_budget` of one result file: by what is given, else by what it says itself."""
+    """`file_budget` of what was measured: by what is given, else by what it says itself."""
     sensors = measured.ambient_start.material_degc
     read = sum(sensors) / len(sensors) if sensors else None
-    stated = (expansion_ppm_per_k, measured.expansion_ppm_per_k, 11.5)
+    given = (expansion_ppm_per_k, _expansion(measured), EXPANSION_PPM_PER_K)
     return file_budget(
         deviation_unit(measured.axis_unit),
         float(np.ptp(measured.targets)),
         read if material_degc is None else material_degc,
-        next(value for value in stated if value is not None),
+        next(value for value in given if value is not None),
+        stated=stated,
     )
+
+
+def _expansion(measured: MeasuredSet | Capture) -> float | None:
+    if isinstance(measured, Capture):
+        return measured.corrections.details.get("expansion.ppm_per_k")
+    return measured.expansion_ppm_per_k
+
+
+def budget_of(capture: Capture) -> Budget:
+    """`measured_budget` of a capture, with what certificates state, and `with_lever`."""
+    stated = capture.conditions.stated if capture.conditions is not None else NOTHING_STATED
+    return with_lever(measured_budget(capture, stated=stated)[0], capture)
+
+
+def with_lever(budget: Budget, capture: Capture) -> Budget:
+    """The budget with what angles that nobody measured leave of a capture along a line."""
+    if capture.axis_unit == "deg":
+        return budget
+    # A range has two ends, and an angle nobody measured is another at each.
+    lever = COVERAGE * sqrt(2.0) * capture.lever_u
+    return replace(budget, misalignment=hypot(budget.misalignment, lever))
 
 
 def expanded(n: int, eve: float, systematic: float, targets: int = 1) -> Mapping[str, float]:

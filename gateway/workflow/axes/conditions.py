@@ -54,6 +54,12 @@ def stated(site: SiteFile, instrument: str) -> dict[str, float]:
     return found
 
 
+def stated_of(site: SiteFile, axis: str) -> dict[str, float]:
+    """`stated` for what measures an axis, by its name or letter; for an axis that is unknown, of no instrument."""
+    meant = site.meant(axis)
+    return stated(site, (meant.measure.instrument or "") if meant is not None else "")
+
+
 def _acting(live: LiveSet | None) -> str:
     """Names of the tables that were on: "X1, X1(C1)"; "-" for none, "" where nobody knows."""
     if live is None:

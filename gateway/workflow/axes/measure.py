@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from math import hypot, sqrt
 from pathlib import Path
 
 import numpy as np
@@ -26,19 +25,10 @@ from gateway.config import AxisSection, Targets
 from gateway.domain.captures import Capture
 from gateway.domain.equipment import Equipment, Item, SenseProof
 from gateway.domain.figures import Evaluation
-from gateway.domain.values import COVERAGE
 from gateway.evaluate.behaviour.whole_travel import over_travel
 from gateway.evaluate.standards.iso230_2 import evaluate, told_incurable
-from gateway.evaluate.uncertainty.budget import (
-    DEVICE_UM_PER_M,
-    RECTANGULAR,
-    TEMPERATURE_RANGE_K,
-    UNKNOWN_OFF_20_K,
-    Budget,
-    linear_budget,
-)
+from gateway.evaluate.uncertainty.budget import budget_of
 from gateway.store import Maps, RunFolder
-from gateway.table.proposal import InstrumentU
 from gateway.walk import question
 from gateway.workflow import stages
 from gateway.workflow.aftercare import look_at
@@ -194,33 +184,6 @@ async def fetch_tables(at: Bench, axis: AxisSection) -> LiveSet:
     """Read what compensates an axis now; writes no table and moves nothing."""
     asked = question(axis.facts, at.patience)
     return await at.supervisor.controller.live_tables(asked, at.say)
-
-
-def budget_of(capture: Capture) -> Budget:
-    """Expanded uncertainties (k = 2) of one capture: instrument, temperature and expansion over its travel.
-
-    Laser system 0.5 um/m; temperature measured within 0.2 K, an unknown one never taken to be 20 degC; expansion
-    coefficient within 2 ppm/K. A rotary
-    calibrator as `InstrumentU.usual` has it: what is proposed and what is reported rest on the same figure. What a
-    certificate states stands in place of these assumptions.
-    """
-    stated = capture.conditions.stated if capture.conditions is not None else {}
-    if capture.axis_unit == "deg":
-        return Budget(turning=stated.get("arcsec", InstrumentU.usual("arcsec").constant))
-    material = capture.ambient_start.material_degc
-    off = float(material[0]) - 20.0 if material else UNKNOWN_OFF_20_K
-    length_mm = float(capture.targets[-1] - capture.targets[0])
-    expansion = capture.corrections.details.get("expansion.ppm_per_k", 11.5)
-    budget = linear_budget(
-        length_mm,
-        expansion_ppm_per_k=expansion,
-        off_20_k=off,
-        calibration_um_per_m=stated.get("um_per_m", DEVICE_UM_PER_M),
-        temperature_range_k=stated["kelvin"] / RECTANGULAR if "kelvin" in stated else TEMPERATURE_RANGE_K,
-    )
-    # A range has two ends, and an angle nobody measured is another at each.
-    lever = COVERAGE * sqrt(2.0) * capture.lever_u
-    return replace(budget, misalignment=hypot(budget.misalignment, lever))
 
 
 def _figure(value: float | None) -> str:

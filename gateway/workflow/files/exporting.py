@@ -27,11 +27,11 @@ STREAM = ".f64"
 
 @dataclass(frozen=True, slots=True)
 class MeasuredItem:
-    """Something measured, by where it is: a file, or a run and its stage. ``corrections`` where the run says them."""
+    """Something measured, by where it is: a file, or a run and its stage with the ``capture`` that it was."""
 
     label: str
     content: Content
-    corrections: Corrections | None = None
+    capture: Capture | None = None
     notes: tuple[str, ...] = ()
 
 
@@ -67,7 +67,7 @@ def _run_items(folder: RunFolder, axis: str, phase: str) -> Iterator[MeasuredIte
         if stage.startswith("capture-"):
             capture = folder.get(stage, Capture)
             if axis in ("", capture.axis, capture.component[-1:]) and stage.endswith(phase):
-                yield MeasuredItem(label, measured_of(capture, folder), capture.corrections)
+                yield MeasuredItem(label, measured_of(capture, folder), capture)
         elif stage == MEASURED:
             yield MeasuredItem(label, folder.get(stage, MeasuredSet))
         elif stage == GEAR:

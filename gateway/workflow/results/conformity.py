@@ -26,17 +26,36 @@ def judged(site: SiteFile, material: ReportMaterial) -> tuple[Judged, ...]:
 
     Raises ModelError where a standard cannot evaluate an axis.
     """
-    letters = {axis.name: axis.letter for axis in site.axes}
     found = [
         one
         for said in site.tolerances
         for axis in material.axes
-        if axis.axis == said.axis or axis.letter in (said.axis, letters.get(said.axis))
+        if said.axis == _name(site, axis.axis, axis.letter)
         for one in _axis(axis, said)
     ]
     if site.gear_tolerance is not None and material.tooth is not None:
         found += _gear(material.tooth, site.gear_tolerance)
     return tuple(found)
+
+
+def limits_of_axis(site: SiteFile, axis: str, asked: str) -> dict[str, float]:
+    """The site's limits of an axis (its name or letter) by the standard asked for. Raises ModelError."""
+    name = _name(site, axis)
+    mine = (one.limits for one in site.tolerances if one.axis == name and standard(one.standard) == standard(asked))
+    return {key: limit for limits in mine for key, limit in limits.items()}
+
+
+def limited_axes(site: SiteFile, asked: str) -> tuple[str, ...]:
+    """Axes that have limits by the standard asked for, by name. Raises ModelError."""
+    return tuple(
+        dict.fromkeys(one.axis for one in site.tolerances if standard(one.standard) == standard(asked) and one.limits)
+    )
+
+
+def _name(site: SiteFile, *said: str) -> str | None:
+    """Name of the axis that the first of these means."""
+    meant = (site.meant(one) for one in said)
+    return next((axis.name for axis in meant if axis is not None), None)
 
 
 def conforming(outcome: Outcome, found: Sequence[Judged]) -> Outcome:

@@ -29,6 +29,11 @@ class Told:
     language: str = ""
     site: tuple[SiteFile, Path] | None = None
 
+    @property
+    def tree(self) -> SiteFile | None:
+        """The other site file's content."""
+        return self.site[0] if self.site is not None else None
+
 
 @dataclass(frozen=True, slots=True)
 class DocumentPaths:

@@ -12,6 +12,7 @@ from drivers.local.names import shown
 from drivers.types.identity import MachineIdentity
 from drivers.types.results import MeasuredSet
 from drivers.units import deviation_unit
+from gateway.config import SiteFile
 from gateway.domain.captures import Capture, Corrections
 from gateway.evaluate.behaviour.repetitions import out_of_line
 from gateway.evaluate.optics import corrections
@@ -21,6 +22,7 @@ from gateway.evaluate.uncertainty.budget import measured_budget
 from gateway.report.material import AxisMaterial, FileUsed, ReportMaterial
 from gateway.store import RunFolder, Store
 from gateway.store.disk import disk_errors
+from gateway.workflow.axes.conditions import stated_of
 from gateway.workflow.files.exporting import MeasuredItem, items
 from gateway.workflow.files.importing import MEASURED, STATE, How
 
@@ -33,18 +35,18 @@ def imported(folder: RunFolder) -> bool:
     return folder.state == STATE and folder.has(MEASURED)
 
 
-def material_of_import(folder: RunFolder) -> ReportMaterial:
-    """A run that imported a result file, as a report shows it. Raises CorruptRecord."""
+def material_of_import(folder: RunFolder, site: SiteFile | None = None) -> ReportMaterial:
+    """A run that imported a result file, as a report shows it, with U by a site's register. Raises CorruptRecord."""
     plan = folder.plan
     said = plan.get("imported", {}) if isinstance(plan, Mapping) else {}
     name = str(said.get("name", folder.run_id))
     item = MeasuredItem(name, folder.get(MEASURED, MeasuredSet))
     file = FileUsed(name, str(said.get("sha256", "")), "imported")
-    return _material((item,), (file,), folder.run_id, str(folder.facts["created_utc"]))
+    return _material((item,), (file,), folder.run_id, str(folder.facts["created_utc"]), site)
 
 
-def material_of_files(paths: Sequence[Path], how: How, store: Store) -> ReportMaterial:
-    """Result files as a report shows them, each an axis as found.
+def material_of_files(paths: Sequence[Path], how: How, store: Store, site: SiteFile | None = None) -> ReportMaterial:
+    """Result files as a report shows them, each an axis as found; what a site's register states goes into U.
 
     Raises ConfigError (E-CLI-KIND) for a file that holds no targets, and what reading a file raises.
     """
@@ -55,12 +57,14 @@ def material_of_files(paths: Sequence[Path], how: How, store: Store) -> ReportMa
         with disk_errors(path):
             files.append(FileUsed(path.name, hashlib.sha256(path.read_bytes()).hexdigest(), "result file"))
     digest = hashlib.sha256("".join(one.sha256 for one in files).encode()).hexdigest()
-    return _material(found, files, f"files-{digest[:8]}", "")
+    return _material(found, files, f"files-{digest[:8]}", "", site)
 
 
-def _material(found: Iterable[MeasuredItem], files: Sequence[FileUsed], run_id: str, created: str) -> ReportMaterial:
+def _material(
+    found: Iterable[MeasuredItem], files: Sequence[FileUsed], run_id: str, created: str, site: SiteFile | None
+) -> ReportMaterial:
     found = tuple(found)
-    axes = tuple(_axis(name, item) for name, item in zip(_names(found), found, strict=True))
+    axes = tuple(_axis(name, item, site) for name, item in zip(_names(found), found, strict=True))
     heads = [item.header for item in (_measured(one) for one in found)]
     moments = sorted(head["Date"] for head in heads if head.get("Date"))
     first = moments[0] if moments else created
@@ -99,13 +103,13 @@ def _names(found: Sequence[MeasuredItem]) -> Iterator[str]:
         yield name if seen[name] == 1 else f"{name} ({seen[name]})"
 
 
-def _axis(name: str, item: MeasuredItem) -> AxisMaterial:
+def _axis(name: str, item: MeasuredItem, site: SiteFile | None) -> AxisMaterial:
     measured = _measured(item)
     unit = deviation_unit(measured.axis_unit)
-    budget, supposed = measured_budget(measured)
-    result = evaluate(measured.targets, measured.deviations, unit, budget=budget)
     letter = shown(measured.header.get("Axis", "").strip())
-    done = item.corrections or corrections.begin(measured.compensated_for)
+    budget, supposed = measured_budget(measured, stated=stated_of(site, letter) if site is not None else {})
+    result = evaluate(measured.targets, measured.deviations, unit, budget=budget)
+    done = item.capture.corrections if item.capture is not None else corrections.begin(measured.compensated_for)
     notes = (
         *measured.warnings,
         *item.notes,

@@ -17,6 +17,7 @@ from gateway.domain.figures import Component, Evaluation
 from gateway.domain.outcomes import ActingCheck, AxisVerdict, PushRecord, Verdict
 from gateway.domain.proposals import Proposal, TableChange
 from gateway.errors import StoreError
+from gateway.evaluate.uncertainty.budget import budget_of
 from gateway.report import (
     TOOTH_PICTURES,
     AxisMaterial,
@@ -35,7 +36,6 @@ from gateway.report.missing import PUSHED
 from gateway.store import RunFolder
 from gateway.tooth import AxisOutlook, ToothProposal
 from gateway.workflow import stages
-from gateway.workflow.axes.measure import budget_of
 from gateway.workflow.axes.propose import size_of
 from gateway.workflow.bench import site_recorded
 from gateway.workflow.errors21.setups import planned

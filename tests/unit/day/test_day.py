@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import shutil
+from html import unescape
 from pathlib import Path
 
 import numpy as np
@@ -14,6 +15,7 @@ from typer.testing import CliRunner
 from drivers.errors import TrueflankError
 from gateway.cli import app
 from gateway.domain.captures import Capture
+from gateway.domain.figures import Evaluation
 from gateway.model.components import value
 from gateway.model.known import ErrorModel
 from gateway.model.preset import TWENTY_ONE
@@ -152,6 +154,33 @@ def test_limits_of_the_site_are_decided_and_an_overdue_calibration_is_told_or_re
     with (tmp_path / "site.toml").open("a", encoding="utf-8") as file:
         file.write("[report]\nrefuse_overdue = true\n")
     assert refused(asked(tmp_path, "--no-ask")).code == "E-CAP-OVERDUE"
+
+
+def test_one_file_has_one_U_in_day_evaluate_and_report_and_what_a_certificate_states_moves_it(tmp_path: Path) -> None:
+    """U(M) by Annex A of ISO 230-2 from the readings themselves: eve of both directions, and four systematic terms."""
+    small(tmp_path, "x_pos.rtl")
+    path, file, out = tmp_path / "site.toml", tmp_path / "day" / "x_pos.rtl", tmp_path / "out"
+    (tmp_path / "day.answers.toml").write_text('[axes.X1]\ndatum = 0\ndirection = "+"\n', encoding="utf-8")
+    bare, found = path.read_text(encoding="utf-8"), []
+    length_m = float(np.ptp(PLACES["X"])) / 1000.0
+    for um_per_m, register in ((0.5, ""), (3.0, "um_per_m = 3.0\n"), (3.0, "um_per_m = 3.0\nkelvin = 4.0\n")):
+        head = '[[equipment]]\nname = "head"\ninstrument = "laser"\n'
+        path.write_text(f"{bare}\n{head}{register}" if register else bare, encoding="utf-8")
+        day = json.loads(asked(tmp_path, "--no-ask", "--json").stdout)
+        by_day = RunFolder(Path(day["run_folder"])).get(stages.evaluation("X1", "before"), Evaluation).U
+        words = ["evaluate", str(file), "--site", str(path), "--json"]
+        evaluated = json.loads(CliRunner().invoke(app, words).stdout)[0]
+        done = CliRunner().invoke(app, ["report", str(file), "--site", str(path), "--out", str(out)])
+        assert done.exit_code == 0, done.output
+        page = unescape((out / "calibration-report.html").read_text(encoding="utf-8"))
+        for key in ("A", "E", "M"):
+            assert evaluated["U"][key] == pytest.approx(by_day[key], rel=1e-12)
+            assert f"U({key}) {by_day[key]:.2f}" in page
+        supposed = " ".join(evaluated["supposed"])
+        assert ("0.5 um/m" in supposed) is (not register)
+        warm = 8.0 * length_m * (4.0 if "kelvin" in register else 0.6 * 0.2)
+        found.append(by_day["M"] ** 2 - (um_per_m * length_m) ** 2 - warm**2)
+    assert found == pytest.approx([found[0]] * 3, rel=1e-6), "all else of U(M) is the same"
 
 
 def test_two_files_of_one_thing_a_copy_a_broken_one_and_another_axis_are_each_said(tmp_path: Path) -> None:

@@ -15,12 +15,12 @@ from gateway.cli import app
 from gateway.config import SiteFile, load_site, read_site
 from gateway.domain.captures import Conditions
 from gateway.errors import CaptureError
+from gateway.evaluate.uncertainty.budget import budget_of
 from gateway.report import InstrumentNote, ReportMaterial
 from gateway.report.document.whole import document
 from gateway.store import RunFolder, Store
 from gateway.workflow import stages
 from gateway.workflow.axes.conditions import stated, tell_overdue
-from gateway.workflow.axes.measure import budget_of
 from gateway.workflow.files.doubles import was_simulated
 from gateway.workflow.loop.verdict import closed
 from gateway.workflow.results.conformity import conforming, judged
@@ -199,15 +199,19 @@ def test_files_become_a_report_and_evaluate_decides_by_the_site(tmp_path: Path) 
 
 def test_a_report_decides_on_every_file_whose_axis_has_the_letter(tmp_path: Path) -> None:
     """The files say X, the site X1; what the report of each ends with is what `evaluate` ends with."""
-    path = site(tmp_path, tolerance("A = 0.001"))
-    source = next((Path(__file__).parents[2] / "golden" / "files").rglob("basic.rtl"))
-    asked = ["--site", str(path), "--out", str(tmp_path / "out")]
+    source = Path(__file__).parents[2] / "golden" / "files" / "environment.rtl"
     other = tmp_path / "again.rtl"
     other.write_bytes(source.read_bytes())
-    for files in ([source], [source, other]):
-        done = CliRunner().invoke(app, ["report", *map(str, files), *asked])
-        assert done.exit_code in (13, 21), done.output
-        assert f"limits of the site: {len(files)} NOT DECIDABLE" in done.output
+    for limit, word, code in ((500.0, "PASS", 0), (0.001, "FAIL", 13)):
+        path = site(tmp_path, tolerance(f"A = {limit}"))
+        for files in ([source], [source, other]):
+            done = CliRunner().invoke(
+                app, ["report", *map(str, files), "--site", str(path), "--out", str(tmp_path / "out")]
+            )
+            assert done.exit_code == code, done.output
+            assert f"limits of the site: {len(files)} {word}" in done.output
+            told = CliRunner().invoke(app, ["evaluate", *map(str, files), "--site", str(path)])
+            assert (told.exit_code, told.output.count(f": {word}")) == (code, len(files)), told.output
 
 
 def test_a_double_in_the_loop_is_told_by_every_file_of_the_run(tmp_path: Path) -> None:
