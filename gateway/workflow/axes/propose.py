@@ -128,7 +128,7 @@ def _rest(means: RobustMeans, turned: TableChange | None) -> float:
 
 
 def size_of(change: TableChange) -> str:
-    """Points and span of the new table, in words; of a reversal what acts, what will, and what B is left."""
+    """Points, span and direction of the new table in words; of a reversal what acts, what will, and what B is left."""
     unit = change.new.deviation_unit
     if change.new.kind == "reversal":
         was = change.old.deviations[0] if change.old_enabled else 0.0
@@ -141,5 +141,9 @@ def size_of(change: TableChange) -> str:
             U=f"{U:.2f}",
             unit=unit,
         )
-    low, high = min(change.new.deviations), max(change.new.deviations)
-    return f"{len(change.new.deviations)} points, {low:+.2f} .. {high:+.2f} {unit}"
+    new = change.new
+    span = {"low": f"{min(new.deviations):+.2f}", "high": f"{max(new.deviations):+.2f}", "unit": unit}
+    size = words("W-TABLE-SPAN", points=len(new.deviations), **span)
+    if new.direction == 0:
+        return size
+    return words("W-TABLE-ONE-WAY", size=size, axis=new.input_axis, way="+" if new.direction > 0 else "-")

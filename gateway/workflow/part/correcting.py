@@ -33,6 +33,7 @@ from gateway.study.machine import gear_of
 from gateway.tooth import FlankMap, GearProposal, GroundPart, InspectedFlank
 from gateway.workflow import stages
 from gateway.workflow.axes.measure import fetch_tables, store_equipment
+from gateway.workflow.axes.propose import size_of
 from gateway.workflow.bench import Bench, bench, new_run
 from gateway.workflow.consents import proposed, tell
 from gateway.workflow.errors21.components import grids
@@ -60,7 +61,7 @@ class FromGearOutcome:
         before, after = f"{self.gear.before.rms_um:.2f}", f"{self.gear.after.rms_um:.2f}"
         count = sum(not change.skipped for change in self.proposal.changes)
         told = words("P-FROM-GEAR", part=self.gear.part, before=before, after=after, tables=count)
-        changes = [f"{one.name}: {one.new.name} {one.skipped or _size(one)}" for one in self.proposal.changes]
+        changes = [f"{one.name}: {one.new.name} {one.skipped or size_of(one)}" for one in self.proposal.changes]
         notes = [f"note: {line}" for line in self.gear.said]
         return (told, words("W-INSPECT-SETUP", **values), *changes, *notes, f"run folder: {self.run_folder}")
 
@@ -132,7 +133,7 @@ async def _proposed(at: Bench, flank: InspectedFlank, run: RunFolder) -> FromGea
     tell(at, proposed(at, proposal))
     at.folder.set_state("proposed")
     for change in changes:
-        at.say("P-PROPOSED", axis=change.name, words=change.skipped or _size(change))
+        at.say("P-PROPOSED", axis=change.name, words=change.skipped or size_of(change))
     return FromGearOutcome(gear, proposal, str(at.folder.path))
 
 
@@ -149,11 +150,6 @@ def _same_tables(run: RunFolder, part: str, live: Mapping[str, LiveSet]) -> tupl
 
 def _nothing(changes: Sequence[TableChange]) -> tuple[str, ...]:
     return () if changes else (words("S-INSPECT-NO-CROSS"),)
-
-
-def _size(change: TableChange) -> str:
-    low, high = min(change.new.deviations), max(change.new.deviations)
-    return f"{len(change.new.deviations)} points, {low:+.2f} .. {high:+.2f} {change.new.deviation_unit}"
 
 
 def from_flank(
