@@ -1,6 +1,6 @@
 // What is always visible: machine, control, tables, consent, who; the one sentence; the screens; the stop key.
 import { post } from "./api.js";
-import { confirmed } from "./dialogs.js";
+import { confirmed, shown } from "./dialogs.js";
 import { h, same, show } from "./dom.js";
 import { clock, day } from "./figures.js";
 import { languages } from "./signin.js";
@@ -19,12 +19,12 @@ export function build({ again, load }) {
   const foot = { work: h("div", { class: "work" }), stop: h("div", { class: "stopping" }) };
   const low = h("footer", { class: "low" }, Object.values(foot));
   const redraw = () => { drawRail(rail, go); open(body); drawLow(foot); drawTop(bar, { again, load, redraw }); drawNow(now); };
-  const shown = (name) => { state.screen = name; redraw(); body.focus({ preventScroll: true }); };
-  const go = (name) => { location.hash = name; shown(name); };
+  const turnTo = (name) => { state.screen = name; redraw(); body.focus({ preventScroll: true }); };
+  const go = (name) => { location.hash = name; turnTo(name); };
   const wanted = () => (location.hash.slice(1) in screens ? location.hash.slice(1) : FIRST);
   state.screen = wanted();
   // The browser's own back key.
-  const back = () => { if (wanted() !== state.screen) shown(wanted()); };
+  const back = () => { if (wanted() !== state.screen) turnTo(wanted()); };
   addEventListener("hashchange", back);
   for (const end of ends) end();
   const timer = setInterval(() => { tick(top); drawNow(now); }, 1000);
@@ -153,6 +153,6 @@ function drawLow({ work, stop: place }) {
 
 async function stop() {
   if (!(await confirmed(t("frame.stop"), t("frame.stop_what")))) return;
-  post(`${base()}/stop`).catch((error) => alert(told(error)));
+  post(`${base()}/stop`).catch((error) => shown(t("frame.stop"), [h("p", { class: "fault" }, told(error))]));
 }
 

@@ -5,12 +5,12 @@ import { largest, nameOf, proposals } from "./correct.js";
 import { record } from "./evaluate.js";
 import { failed, h, same, show } from "./dom.js";
 import { when } from "./figures.js";
-import { capital, heldWords } from "./sentence.js";
+import { heldWords } from "./sentence.js";
 import { lamps } from "./lamps.js";
 import { refresh } from "./live.js";
 import { field } from "./signin.js";
 import { base, changed, chosen, may, on, state } from "./state.js";
-import { plain, say, stateOf, t, told } from "./words.js";
+import { capital, plain, say, stateOf, t, told } from "./words.js";
 
 export const push = { open };
 const asked = { run: "" };

@@ -34,7 +34,7 @@ async function drawAll(head, body) {
   if (same(body, runs.map((one) => [one.run_id, one.state, one.stages.length, one.report]), asked, busy)) return null;
   const put = turn(body);
   const again = () => drawAll(head, body);
-  const link = (name, text) => h("a", { class: "key", href: `${base()}/runs/${encodeURIComponent(run.run_id)}/${name}`, target: "_blank", rel: "noopener" }, text);
+  const link = (name, text) => linkTo(run.run_id, name, text);
   show(head, h("label", { class: "inline" }, t("evaluate.run"), h("select", { id: "pick-run", onchange: (event) => { asked.run = event.target.value; again(); } }, runs.map((one) => h("option", { value: one.run_id, selected: one === run }, `${when(one.created_utc)} · ${stateOf(one)}`)))),
     h("div", { class: "tabs", role: "group", "aria-label": t("evaluate.axis") }, axes.map((one) => h("button", { "aria-pressed": String(!tooth && one === asked.axis), onclick: () => { Object.assign(asked, { axis: one, tooth: false }); again(); } }, one)),
       inspected && h("button", { id: "tooth", "aria-pressed": String(tooth), onclick: () => { asked.tooth = true; again(); } }, t("tooth.tooth"))),
@@ -51,11 +51,14 @@ async function kept(run, phase) {
   return run.stages.includes(stage) ? { evaluation: await record(run.run_id, stage), capture: await record(run.run_id, stage.replace("evaluation", "capture")) } : null;
 }
 
+const linkTo = (run, name, text) => h("a", { class: "key", href: `${base()}/runs/${encodeURIComponent(run)}/${name}`, target: "_blank", rel: "noopener" }, text);
+
 async function made(run) {
   try {
     await post(`${base()}/runs/${encodeURIComponent(run)}/report`);
     changed("jobs");
-    window.open(`${base()}/runs/${encodeURIComponent(run)}/report`, "_blank", "noopener");
+    // A browser that took its time for a report opens no window by itself: a person presses once more.
+    shown(t("report.make"), [linkTo(run, "report", t("report.open"))]);
   } catch (error) {
     shown(t("report.make"), [h("p", { class: "fault" }, told(error))]);
   }

@@ -1,6 +1,6 @@
 // The one large sentence: what to do now, and what more there is to know about it.
 import { state } from "./state.js";
-import { plain, say, t, told, toldApart } from "./words.js";
+import { capital, plain, say, t, told, toldApart } from "./words.js";
 
 export function sentence() {
   const found = chosen();
@@ -74,6 +74,3 @@ function parts(error) {
 }
 
 export const heldWords = (one) => say(one.code, one.fields, 0, plain(one.words));
-
-// A key of a file stays as it is written there.
-export const capital = (text) => (/^\w+\.\w/.test(text) ? text : text.charAt(0).toUpperCase() + text.slice(1));

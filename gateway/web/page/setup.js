@@ -2,8 +2,7 @@
 import { get, post } from "./api.js";
 import { h, reworded, show } from "./dom.js";
 import { languages } from "./signin.js";
-import { capital } from "./sentence.js";
-import { plain, say, t, told } from "./words.js";
+import { capital, plain, say, t, told } from "./words.js";
 
 const ROADS = ["opcua", "mailbox", "carried", "linuxcnc", "files"];
 const AGAIN_MS = 500;

@@ -51,6 +51,9 @@ export function say(code, fields, part = 0, otherwise = "") {
   return known ? atPage(shown(filled(known[part], fields))) : atPage(retold(otherwise)) || code;
 }
 
+// As a sentence begins; a key of a file, and an address, stay as they are written.
+export const capital = (text) => (/^\w+(?:\.\w|:\/\/)/.test(text) ? text : text.charAt(0).toUpperCase() + text.slice(1));
+
 // What a run came to, in its state's word.
 export function stateOf(run) {
   const found = t(`runstate.${run.state}`);
@@ -90,5 +93,5 @@ export function toldApart(error) {
   // What happened on a wire says nothing without whose wire it is.
   const whose = error.code.startsWith("E-LINK-") && error.where ? `${error.where}${document.documentElement.lang === "zh" ? "：" : ": "}` : "";
   const parts = [whose + say(error.code, error.fields, 0, error.what), say(error.code, error.fields, 1, error.do)].map(plain);
-  return parts.map((one) => one && `${/^\w+:\/\//.test(one) ? one[0] : one[0].toUpperCase()}${one.slice(1).replace(/[.。]$/, "")}${document.documentElement.lang === "zh" ? "。" : "."}`);
+  return parts.map((one) => one && `${capital(one).replace(/[.。]$/, "")}${document.documentElement.lang === "zh" ? "。" : "."}`);
 }
