@@ -33,6 +33,8 @@ export function build({ again, load }) {
   return [top, now, rail, body, low];
 }
 
+// So many letters of the large sentence stand in one line of the small screen; Chinese ones take twice the room.
+const LINE = 66;
 const FIRST = "capture";
 let close = () => {};
 // A frame that another one takes the place of draws no more.
@@ -138,7 +140,7 @@ function menu({ again, redraw }) {
 function drawNow(now) {
   const { loud, head, more } = sentence();
   if (same(now, loud, head, more)) return;
-  now.className = `now ${loud}${head.length > 90 ? " long" : ""}`;
+  now.className = `now ${loud}${head.length > (document.documentElement.lang === "zh" ? LINE / 2 : LINE) ? " long" : ""}`;
   show(now, h("h1", {}, head), more && h("p", {}, more));
 }
 

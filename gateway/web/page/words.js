@@ -22,7 +22,7 @@ export async function speak(code) {
 }
 
 // "um" is also a German word: there it is a unit only behind a number or in front of a sign.
-const UNIT = { de: /(?<=[\d)>] ?|\bin )um(?![\w\-="`])|(?<![\w\-./="`])degC(?![\w\-="`])|(?<=[\d)}] ?)arcsec(?!\w)/g, usual: /(?<![\w\-./="`])(?:um|degC)(?![\w\-="`])|(?<=[\d)}] ?)arcsec(?!\w)/g };
+const UNIT = { de: /(?<=[\d)>] ?|\bin )um(?![\w\-="`])|(?<![\w\-./="`])degC(?![\w\-="`])|(?<=[\d)}] ?)(?:arcsec|deg)(?!\w)/g, usual: /(?<![\w\-./="`])(?:um|degC)(?![\w\-="`])|(?<=[\d)}] ?)(?:arcsec|deg)(?!\w)/g };
 const shown = (text) => text.replace(UNIT[document.documentElement.lang] ?? UNIT.usual, unit);
 
 // A format of the catalogue: {name}, {name:.2f}, {name:+.1f}, {name:g}.
