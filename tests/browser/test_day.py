@@ -199,7 +199,7 @@ def _held(anna: Person, at: Hall, browser: Browser) -> Person:
     approves(anna.page, "bob", PIN)
     anna.sees("#approved", "bob")
     at.do("auto off")
-    anna.driven(anna.give("#write", anna.site), until=".lamps li:nth-child(4).done")
+    anna.driven(anna.give("#write", anna.site), until="body:has(#stop:enabled) .lamps li:nth-child(4).done")
     anna.keep("day-14-waits-at-the-control")
     at.kill()
     anna.sees("#now.attention", "does not answer")
