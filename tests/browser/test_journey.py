@@ -101,6 +101,7 @@ def test_a_person_signs_in_tests_the_control_and_looks_at_every_screen(tmp_path:
         anna.page.locator(f"main.{SCREENS[-2]}").wait_for()
         _numbers(anna)
         _pressed(anna)
+        _lamps(anna)
         _mountings(anna)
         assert anna.done(anna.give("#self-test"))["error"] is None
         _told(anna)
@@ -165,6 +166,20 @@ def _pressed(anna: Person) -> None:
         found = anna.page.evaluate(LOST, [AT_WORK, TAKEN])
         assert found["seen"] > len(SCREENS), screen
         assert found["lost"] == [], screen
+
+
+def _lamps(anna: Person) -> None:
+    """A test table that goes back once its sign is measured is no fault; a table that goes back is."""
+    shown = """async (kinds) => {
+      const { lamps } = await import('/static/page/lamps.js');
+      const box = lamps('X1', kinds, true);
+      const count = (what) => box.querySelectorAll(what).length;
+      return [count('.done'), count('.wrong, .next, .fault'), box.lastChild.textContent];
+    }"""
+    steps = ["SNAPSHOT", "BACKUP", "DISABLE", "LOADED", "ENABLE"]
+    proved = anna.page.evaluate(shown, [*steps, "MEASURED", "ROLLING_BACK"])
+    assert proved == [5, 0, "Sign measured; the test table goes back"]
+    assert anna.page.evaluate(shown, [*steps, "ROLLING_BACK"]) == [5, 2, "Restoring the old table"]
 
 
 def _mountings(anna: Person) -> None:

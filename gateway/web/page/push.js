@@ -24,7 +24,14 @@ function open(root) {
   const draw = () => { steps(parts.steps); back(parts.back); answer(parts.answer); };
   drawPlan();
   draw();
-  const ends = [on("frame", draw), on("jobs", () => { drawPlan(); draw(); }), on("said", draw)];
+  // While a command is at work the keys are off, from its first picture on.
+  let busy = Boolean(state.status.run);
+  const began = () => {
+    if (Boolean(state.status.run) === busy) return;
+    busy = !busy;
+    drawPlan();
+  };
+  const ends = [on("status", began), on("frame", draw), on("jobs", () => { drawPlan(); draw(); }), on("said", draw)];
   return () => { for (const end of ends) end(); };
 }
 
