@@ -217,5 +217,7 @@ def _held(anna: Person, at: Hall, browser: Browser) -> Person:
     anna.driven(job)
     assert anna.done(job)["error"] is None
     expect(anna.page.locator("#recover-apply")).to_have_count(0)
+    expect(anna.page.locator(".lamps .wrong")).to_have_count(0)
+    anna.sees(".lamps .good", "old table")
     looked_at(anna, "day-16-recovered")
     return anna

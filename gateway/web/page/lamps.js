@@ -11,7 +11,9 @@ export function lamps(axis, kinds, running) {
   const own = begun >= 0 ? kinds.slice(begun) : kinds;
   // Once its sign is measured a test table goes back, as was told before: nothing went wrong.
   const proof = own.includes("MEASURED");
-  const wrong = own.find((one) => WRONG.includes(one) && !(proof && one === "ROLLING_BACK"));
+  // What went wrong is over once the old table acts again.
+  const restored = own.includes("ROLLED_BACK");
+  const wrong = !restored && own.find((one) => WRONG.includes(one) && !(proof && one === "ROLLING_BACK"));
   const done = STEPS.filter((one) => own.includes(one));
   const next = STEPS.find((_one, at) => !own.some((kind) => STEPS.indexOf(kind) >= at));
   // A step that a later one overtook was not needed: a reversal alone asks for no restart.
@@ -19,5 +21,5 @@ export function lamps(axis, kinds, running) {
   const look = (step) => (own.includes(step) ? "done" : STEPS.indexOf(step) < last ? "spared" : wrong && step === next ? "wrong" : running && !proof && done.length && step === next ? "next" : "open");
   const symbol = { done: "✔", spared: "–", wrong: "✖", next: "▶", open: "○" };
   return h("div", { class: "lamps" }, axis && h("b", { class: "axis" }, axis), h("ol", {}, STEPS.map((step, at) =>
-    h("li", { class: look(step) }, h("span", { "aria-hidden": "true" }, symbol[look(step)]), h("span", {}, `${at + 1} ${t(`lamp.${step.toLowerCase()}`)}`, look(step) === "spared" && [h("br"), h("small", {}, t("lamp.spared"))])))), wrong ? h("strong", { class: "fault", role: "alert" }, t(`lamp.${wrong.toLowerCase()}`)) : proof && h("p", {}, t("lamp.measured")));
+    h("li", { class: look(step) }, h("span", { "aria-hidden": "true" }, symbol[look(step)]), h("span", {}, `${at + 1} ${t(`lamp.${step.toLowerCase()}`)}`, look(step) === "spared" && [h("br"), h("small", {}, t("lamp.spared"))])))), wrong ? h("strong", { class: "fault", role: "alert" }, t(`lamp.${wrong.toLowerCase()}`)) : restored ? h("p", { class: "good" }, `✔ ${t("lamp.rolled_back")}`) : proof && h("p", {}, t("lamp.measured")));
 }
