@@ -35,6 +35,8 @@ TOLD = """async ([code, fields, language]) => {
 # longer on the page after that, and fields that lost what was being typed: a person was just pressing or typing there.
 LOST = """async ([run, taken]) => {
   const { state, changed } = await import('/static/page/state.js');
+  const { deaf, listen } = await import('/static/page/live.js');
+  deaf();
   const [asked, status] = [window.fetch, state.status];
   let open = 0;
   window.fetch = (...given) => { open += 1; return asked(...given).finally(() => { open -= 1; }); };
@@ -53,6 +55,7 @@ LOST = """async ([run, taken]) => {
   Object.assign(state, { status, taken: [] });
   window.fetch = asked;
   changed('frame', 'status', 'taken');
+  listen();
   const lost = [...keys.filter((one) => !one.isConnected), ...fields.filter((one) => one.value !== '7')];
   const shut = [...document.querySelectorAll('details:not([open])')];
   return { seen: keys.length, lost: [...lost, ...shut].map((one) => one.outerHTML.slice(0, 120)) };
