@@ -18,7 +18,7 @@ import numpy as np
 
 from drivers.errors import ConfigError, FileFormatError
 from drivers.files.declared import declared
-from drivers.files.numbers import beyond, decimal, no_readings, whole
+from drivers.files.numbers import beyond, decimal, missing, no_readings, whole
 from drivers.files.tables.order import PASSES, pass_in
 from drivers.files.text import end_doubts
 from drivers.types.results import MeasuredSet
@@ -219,7 +219,7 @@ def _of_passes(line: str, columns: ColumnMap, at: int, where: str) -> list[_Row]
     found = []
     for place, cell in enumerate(values):
         run, way = pass_in(place, len(values), columns.passes)
-        if cell:
+        if not missing(cell):
             found.append(_Row(at, target, _number(cell, columns, at, where), run, way))
     return found
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from math import isnan, nan
 from pathlib import Path
 from typing import Any
 
@@ -11,14 +12,14 @@ import numpy as np
 from drivers.errors import ConfigError, FileFormatError
 from drivers.files.columns import TARGET_UNITS, ColumnMap, read_columns
 from drivers.files.csvtext import table_text
-from drivers.files.numbers import beyond, decimal, no_readings, whole
+from drivers.files.numbers import beyond, decimal, missing, no_readings, whole
 from drivers.files.signature import signature_of
 from drivers.files.tables.headwords import DIRECTIONS
 from drivers.files.tables.indexed import indexed, is_indexed
 from drivers.files.tables.layout import COLUMNS, NONE, UNITS, Layout, layout, understood
 from drivers.files.tables.order import by_order, counted
 from drivers.files.tables.sheet import Row, Sheet, heading_of, sheet_of
-from drivers.files.text import end_doubts, other_texts, read_bytes
+from drivers.files.text import end_doubts, other_texts, plain_minus, read_bytes
 from drivers.local.letters import decode
 from drivers.types.results import MeasuredSet
 from drivers.types.values import FloatArray
@@ -68,7 +69,7 @@ class CsvFormat:
         """Read a file, by the declared columns if there are any. Raises FileFormatError with line and reason."""
         where = str(path)
         data = read_bytes(path)
-        text = decode(data, self._codepage, where)
+        text = plain_minus(decode(data, self._codepage, where))
         if self._columns is not None:
             return read_columns(text, self._columns, where)
         try:
@@ -77,7 +78,7 @@ class CsvFormat:
             if error.code != "E-FILE-CSV-HEADER":
                 raise
             # A heading that nobody understands may be in another country's code page.
-            other = next((one for one in other_texts(data) if sheet_of(one, understood, where)), None)
+            other = next((one for one in map(plain_minus, other_texts(data)) if sheet_of(one, understood, where)), None)
             if other is None:
                 raise
         return parse_csv(other, self._unit, where, mixed=self._mixed, ways=self._ways)
@@ -179,7 +180,7 @@ def _rows(sheet: Sheet, found: Layout, ways: str, where: str) -> tuple[list[tupl
         numbers = counted([(target, way) for target, way, _r, _value in read])
         read = [(target, way, number, value) for (target, way, _r, value), number in zip(read, numbers, strict=True)]
     rows = [((target, way, number), value) for target, way, number, value in read]
-    return [(at, *one) for (at, _row), one in zip(sheet.rows, rows, strict=True)], notes
+    return [(at, *one) for (at, _row), one in zip(sheet.rows, rows, strict=True) if not isnan(one[1])], notes
 
 
 def _way_of(run: int, ways: str) -> int:
@@ -195,7 +196,7 @@ def _of_passes(row: Row, found: Layout, at: int, where: str) -> list[tuple[Key, 
     readings = []
     for column, way, number in found.passes:
         value = decimal(row[column], comma=found.comma)
-        if value is None and row[column]:
+        if value is None and not missing(row[column]):
             raise _wrong(where, at, f"{row[column]!r} is not a {found.reading}")
         if value is not None:
             readings.append(((float(target), way, number), float(value)))
@@ -203,11 +204,13 @@ def _of_passes(row: Row, found: Layout, at: int, where: str) -> list[tuple[Key, 
 
 
 def _of_row(row: Row, found: Layout, at: int, where: str) -> tuple[float, int, int, float]:
-    """Target, way, repetition (0 where no column tells one) and reading."""
+    """Target, way, repetition (0 where no column tells one) and reading, NaN where the cell says that there is none."""
     target_text, way_text, repetition_text, value_text = (
         row[column] if column != NONE else "" for column in found.columns
     )
     target, value = decimal(target_text, comma=found.comma), decimal(value_text, comma=found.comma)
+    if value is None and value_text.strip("-") and missing(value_text):
+        value = nan  # an empty cell and a lone mark may be where a file was cut
     way = DIRECTIONS.get(way_text.lower()) if found.columns[1] != NONE else 0
     repetition = whole(repetition_text) if found.columns[2] != NONE else 0
     for good, text, wanted in (
@@ -218,7 +221,7 @@ def _of_row(row: Row, found: Layout, at: int, where: str) -> tuple[float, int, i
     ):
         if not good:
             raise _wrong(where, at, f"{text!r} is not {wanted}")
-    if found.beside != NONE:
+    if found.beside != NONE and not isnan(value or 0.0):
         _agree(row, found, (float(target or 0.0), float(value or 0.0)), at, where)
     return float(target or 0.0), way or 0, repetition or 0, float(value or 0.0)
 

@@ -14,6 +14,7 @@ from drivers.types.values import FloatArray
 
 MOST_READINGS = 4_000_000
 LONGEST_FIXED = 18
+NO_NUMBER = frozenset({"", "nan", "n/a", "na", "#n/a", "#nv", "null", "none"})
 # Of a target in mm or deg, of a deviation in um or arcsec: a kilometre that the axis is off is no measurement.
 FARTHEST = 1e9
 _DECIMAL = re.compile(r"[+-]?(?:\d{1,18}(?:\.\d{0,30})?|\.\d{1,30})(?:[eE][+-]?\d{1,2})?\Z", re.ASCII)
@@ -25,6 +26,11 @@ def decimal(token: str, *, comma: bool = False) -> float | None:
     if comma:
         token = token.replace(",", ".") if token.count(",") <= 1 and "." not in token else ""
     return float(token) if _DECIMAL.match(token) else None
+
+
+def missing(token: str) -> bool:
+    """Whether a cell says that there is no reading: empty, dashes, or what spreadsheets write for no number."""
+    return token.strip("-–—").lower() in NO_NUMBER
 
 
 def whole(token: str) -> int | None:

@@ -23,7 +23,7 @@ from drivers.files.numbers import decimal
 from drivers.files.rtltext import keyed, lookup
 from drivers.local.letters import decode
 from drivers.recordings import Recording
-from drivers.units import ARCSEC_PER_RAD, UM_PER_MM, DeviationUnit, typed_unit
+from drivers.units import ARCSEC_PER_DEG, ARCSEC_PER_RAD, UM_PER_MM, DeviationUnit, typed_unit
 
 UNITS: dict[str, tuple[DeviationUnit, float]] = {
     "mm": ("um", UM_PER_MM),
@@ -31,6 +31,7 @@ UNITS: dict[str, tuple[DeviationUnit, float]] = {
     "mrad": ("arcsec", ARCSEC_PER_RAD / 1e3),
     "urad": ("arcsec", ARCSEC_PER_RAD / 1e6),
     "arcsec": ("arcsec", 1.0),
+    "deg": ("arcsec", ARCSEC_PER_DEG),
 }
 MARK = b"Data:\r\n"
 LONGEST_HEADER = 8192
@@ -42,7 +43,7 @@ WORDS = ("Machine", "Serial No", "Date", "By", "Axis", "Location")
 
 
 class RtxFormat:
-    """Dynamic file driver "rtx"; `unit` is mm, um, mrad, urad or arcsec, as the capture program was set."""
+    """Dynamic file driver "rtx"; `unit` is mm, um, mrad, urad, arcsec or deg, as the capture program was set."""
 
     def __init__(self, unit: str = "", codepage: str = "cp1252") -> None:
         unit = typed_unit(unit)

@@ -40,6 +40,11 @@ def other_texts(data: bytes) -> Iterator[str]:
                 continue
 
 
+def plain_minus(text: str) -> str:
+    """The text with the minus of typesetters as that of programs."""
+    return text.replace("\u2212", "-")
+
+
 def end_doubts(text: str) -> tuple[str, ...]:
     """A text whose last line has no end may have been cut in the middle of a number."""
     return () if text.endswith(("\n", "\r")) else ("the last line has no line end: is the file whole?",)

@@ -16,16 +16,28 @@ SAMPLE, MOSTLY = 400, 0.7
 
 def decode(data: bytes, codepage: str, where: str) -> str:
     """Text of a file that names no encoding. Raises FileFormatError (E-FILE-ENCODING)."""
-    for mark, encoding in MARKS:
-        if data.startswith(mark):
-            return _decode(data, encoding, where)
-    wide = _unmarked(data)
-    if wide:
-        return _decode(data, wide, where)
+    told = _told(data)
+    if told:
+        return _decode(data, told, where)
     try:
         return data.decode("utf-8")
     except UnicodeDecodeError:
         return _decode(data, codepage, where)
+
+
+def beginning(data: bytes, codepage: str) -> str:
+    """Text of the first bytes of a file, for people to look at: the same choice, a letter cut at the end left out."""
+    told = _told(data)
+    try:
+        return codecs.getincrementaldecoder(told or "utf-8")().decode(data)
+    except UnicodeDecodeError:
+        return data.decode(told or codepage, "replace")
+
+
+def _told(data: bytes) -> str:
+    """The encoding that a mark or the look of the bytes tells, "" for neither."""
+    marked = (encoding for mark, encoding in MARKS if data.startswith(mark))
+    return next(marked, "") or _unmarked(data)
 
 
 def _unmarked(data: bytes) -> str:

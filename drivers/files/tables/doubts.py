@@ -13,6 +13,8 @@ NEAR = 0.01
 """Of the targets' span: readings all within it of their targets are positions, within it of zero deviations."""
 SMALLEST = 0.2  # um or arcsec: below it a whole table without a unit is asked for it
 LEAST_OF_TURN, TURN = 4, 360.0
+_NUMBER = re.compile(r"[+-]?[0-9]*[.,]?[0-9.,]*(?:[eE][+-]?[0-9]+)?\Z")
+_DATE = re.compile(r"[0-3]?[0-9]\.[01]?[0-9]\.(?:[0-9]{2}){1,2}\Z")
 _THOUSANDS = re.compile(r"[+-]?[1-9][0-9]{0,2}(,[0-9]{3})+\Z")
 
 
@@ -37,9 +39,23 @@ def whole_turn(sheet: Sheet, column: int, *, comma: bool) -> bool:
     return even and any(abs(whole - TURN) <= NEAR for whole in (span, span + max(steps)))
 
 
+def _is_number(cell: str) -> bool:
+    return _NUMBER.match(cell) is not None and not _DATE.match(cell)
+
+
+def both_marks(sheet: Sheet, columns: Sequence[int]) -> tuple[int, str, str] | None:
+    """Line and two numbers, one with a comma and one with a point: one of the marks may separate thousands."""
+    found = [(at, row[one]) for at, row in sheet.rows for one in columns if one < len(row) and _is_number(row[one])]
+    pointed = next(((at, cell) for at, cell in found if "." in cell), None)
+    with_comma = next(((at, cell) for at, cell in found if "," in cell), None)
+    if pointed is None or with_comma is None:
+        return None
+    return max(pointed[0], with_comma[0]), pointed[1], with_comma[1]
+
+
 def decimal_comma(sheet: Sheet) -> bool:
     """Whether numbers have a decimal comma: commas occur in the rows, and points do not."""
-    numbers = [cell for _at, row in sheet.rows for cell in row if cell[:1] in "+-0123456789,."]
+    numbers = [cell for _at, row in sheet.rows for cell in row if _is_number(cell)]
     text = " ".join(numbers)
     if "," not in text or "." in text:
         return False

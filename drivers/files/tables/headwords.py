@@ -27,7 +27,7 @@ WORDS: dict[Meaning, str] = {
     ),
     "direction": (
         "direction, approach, direction of approach, approach direction, dir, way, richtung, "
-        "anfahrrichtung, verfahrrichtung, 方向, sens, direzione, senso, verso, richting, dirección, sentido, "
+        "anfahrrichtung, anfahrt, verfahrrichtung, 方向, sens, direzione, senso, verso, richting, dirección, sentido, "
         "kierunek, направление"
     ),
     "repetition": (
@@ -53,8 +53,8 @@ UP_WORDS = (
     "adelante, ida, прямое, прямой, прямо, вперёд, вперед, туда, 往, heen"
 )
 DOWN_WORDS = (
-    "bwd, rev, backwards, negative, negativ, zurück, rückwärts, rück, ab, abwärts, ↓, ←, 反, 反向, 负, 負, 负向, 反程, "
-    "retour, indietro, ritorno, atrás, vuelta, обратное, обратный, обратно, назад, 復, terug"
+    "bwd, rev, backwards, negative, negativ, zurück, rückwärts, rück, her, ab, abwärts, ↓, ←, 反, 反向, 负, 負, 负向, "
+    "反程, retour, indietro, ritorno, atrás, vuelta, обратное, обратный, обратно, назад, 復, terug"
 )
 UPWARD, DOWNWARD = UP | set(UP_WORDS.split(", ")), DOWN | set(DOWN_WORDS.split(", "))
 DIRECTIONS: dict[str, int] = dict.fromkeys(UPWARD, 0) | dict.fromkeys(DOWNWARD, 1)

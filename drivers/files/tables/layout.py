@@ -13,7 +13,7 @@ from typing import Literal
 from drivers.errors import FileFormatError
 from drivers.files.columns import READING_UNITS, TARGET_UNITS
 from drivers.files.numbers import decimal
-from drivers.files.tables.doubts import NEAR, decimal_comma, too_small, whole_turn
+from drivers.files.tables.doubts import NEAR, both_marks, decimal_comma, too_small, whole_turn
 from drivers.files.tables.headwords import (
     PLACE,
     HeadCell,
@@ -92,6 +92,10 @@ def layout(sheet: Sheet, unit: str, where: str, *, mixed: bool = False, ways: st
     if found is None:
         raise FileFormatError("E-FILE-CSV-HEADER", where, found=" ".join(sheet.heads)[:80], columns=", ".join(COLUMNS))
     columns, reading, beside = found
+    read = [column for column, _way, _number in passes] or [columns[3]]
+    marks = both_marks(sheet, (columns[0], *read))
+    if marks is not None:
+        raise FileFormatError("E-FILE-CSV-MARKS", where, line=marks[0], one=marks[1], other=marks[2])
     stated = (heads[columns[0]].unit, heads[columns[3]].unit)
     if reading == "deviation" and not (stated[1] or unit) and too_small(sheet, columns, passes, comma=comma):
         raise _open("E-FILE-CSV-UNIT", where, sheet, [column for column, _way, _number in passes] or [columns[3]])

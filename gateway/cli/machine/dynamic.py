@@ -28,7 +28,7 @@ def dynamic_command(
     wait: Annotated[float, typer.Option(min=0.0, help="Seconds to wait for the trigger.")] = 60.0,
     axis: Annotated[str, typer.Option(help="Which axis is looked at, for the record.")] = "",
     channel: Annotated[str, typer.Option(help="Channel of the instrument (default: its first).")] = "",
-    unit: Annotated[str, typer.Option(help="Unit of an .rtx's samples: mm, um, mrad, urad or arcsec.")] = "",
+    unit: Annotated[str, typer.Option(help="Unit of an .rtx's samples: mm, um, mrad, urad, arcsec or deg.")] = "",
     band: Annotated[
         float | None, typer.Option(min=1e-6, help="Settled within this, um or arcsec.", show_default=False)
     ] = None,

@@ -116,7 +116,7 @@ def _harmonics(axis: AxisMaterial, t: Tongue) -> TableBlock | None:
     lines = []
     for place, cells in enumerate(zip_longest(*(rows for _key, rows in known), fillvalue=("", ""))):
         lines.append((str(place + 1), *(text for cell in cells for text in cell)))
-    return TableBlock(head, tuple(lines), "r" * len(head), dense=True)
+    return TableBlock(head, tuple(lines), "l" + "r" * (len(head) - 1), dense=True)
 
 
 def _orders(found: Evaluation) -> list[tuple[str, str]]:

@@ -38,16 +38,16 @@ def _errors(tooth: ToothMaterial, t: Tongue) -> Iterator[Block]:
     if tooth.errors is None:
         return
     rows = tuple(
-        (one.name, signed(one.low), signed(one.high), number(one.U), UNIT[one.unit], t(one.state))
+        (one.name, signed(one.low), signed(one.high), f"{number(one.U)} {UNIT[one.unit]}", t(one.state))
         for one in error_rows(tooth.errors)
     )
     half = -(-len(rows) // 2)
     yield Heading(t("errors"))
     yield PictureBlock(drawings.motions(tooth), drawings.WIDE, t("motions_said"))
     yield Paragraph(t("errors_said"), "small")
-    lines = tuple((*rows[i], "", *(rows[half + i] if half + i < len(rows) else ("",) * 6)) for i in range(half))
-    head = (t("error"), t("low"), t("high"), "U", "", t("state"))
-    yield TableBlock((*head, "", *head), lines, "lrrrll" + "l" + "lrrrll", dense=True, wide=(6,))
+    lines = tuple((*rows[i], "", *(rows[half + i] if half + i < len(rows) else ("",) * 5)) for i in range(half))
+    head = (t("error"), t("low"), t("high"), "U", t("state"))
+    yield TableBlock((*head, "", *head), lines, "lrrrl" + "l" + "lrrrl", dense=True, wide=(5,))
 
 
 def _ranking(tooth: ToothMaterial, t: Tongue) -> Iterator[Block]:

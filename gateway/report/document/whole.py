@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import re
 from dataclasses import replace
 
 from gateway.report.document.annex import axis_annex
@@ -28,6 +29,7 @@ from gateway.report.material import ReportMaterial
 from gateway.report.sentences import still_on
 
 DIGITS = 6
+DAY = re.compile(r"(\d{4})-(\d\d)-(\d\d)")
 
 
 def document(material: ReportMaterial) -> Document:
@@ -81,12 +83,18 @@ def _annex(material: ReportMaterial, t: Tongue) -> tuple[Block, ...]:
 
 
 def _numbered(found: Document, material: ReportMaterial) -> Document:
-    """Prefix, the run's day and end, first digits of what the document says: another content, another number."""
+    """Prefix, day, the run's end, first digits of what the document says: another content, another number.
+
+    The day is the run's; of files it is the day they were measured, and there is none where no file says it.
+    """
     plain = as_plain(found, ())
     digest = hashlib.sha256(json.dumps(plain.data, sort_keys=True).encode())
     for name, data in sorted(plain.files.items()):
         digest.update(name.encode() + data)
     day, end = material.run_id[:8], material.run_id.rpartition("-")[2]
+    if end == material.run_id or not day[:4].isdigit():
+        measured = DAY.match(material.started_utc)
+        day = "".join(measured.groups()) if measured else ""
     number = "-".join(
         part for part in (material.particulars.number_prefix.rstrip("-"), day, end, digest.hexdigest()[:DIGITS]) if part
     )

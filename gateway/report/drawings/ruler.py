@@ -96,6 +96,9 @@ class Ruler(Artist):
         self._panel = panel
         self._text = Text(0.0, 0.0, "", fontsize=size, color=INK)
         panel.add_artist(self)
+        for side in ("left", "bottom"):
+            # Ticks put the frame where it belongs; without one it lies at the zero of the data.
+            panel.spines[side].set_position(("outward", 0.0))
         figure = cast(Figure, panel.get_figure(root=True))
         self._text.set_figure(figure)
         for axis in (panel.xaxis, panel.yaxis):

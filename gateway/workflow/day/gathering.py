@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Literal
 
 from drivers.errors import ConfigError, FileFormatError, FileUnreadable, TrueflankError
+from drivers.local.letters import beginning
 from drivers.local.names import shown
 from drivers.types.gears import GearInspection
 from drivers.types.results import MeasuredSet
@@ -169,7 +170,7 @@ def _undescribed(name: str, path: Path) -> DayFile:
             data = file.read(HEAD_BYTES)
     except OSError as error:
         raise FileUnreadable("E-FILE-READ", str(path), why=error.strerror or str(error)) from error
-    text = data.decode("utf-16" if data[:2] in (b"\xff\xfe", b"\xfe\xff") else "cp1252", "replace")
+    text = beginning(data, "cp1252")
     head = tuple(shown(line[:LINE]) for line in text.splitlines()[:HEAD_LINES])
     refused = FileFormatError(
         "E-DAY-UNDESCRIBED", name, ending=path.suffix, head="\n".join(f"    {one}" for one in head)

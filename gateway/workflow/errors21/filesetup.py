@@ -8,7 +8,7 @@ from pathlib import Path
 from drivers.errors import ConfigError, FileFormatError
 from drivers.types.results import MeasuredSet
 from drivers.types.tables import LiveSet
-from drivers.units import rad_to_arcsec
+from drivers.units import deg_to_arcsec, rad_to_arcsec
 from gateway.capture.corrected import from_file
 from gateway.domain.captures import Capture
 from gateway.errors import CaptureError
@@ -17,6 +17,7 @@ from gateway.workflow.errors21.setups import Planned
 from gateway.workflow.files.importing import How, driver_of, read_file
 
 ANGLES = ("mrad", "urad", "arcsec", "deg")
+ARCSEC = {"mrad": rad_to_arcsec(1e-3), "urad": rad_to_arcsec(1e-6), "deg": deg_to_arcsec(1.0)}
 # Drivers that bring deviations to um or arcsec themselves, once they are told the file's unit.
 CONVERTING = ("rta", "csv")
 KNOWN = (".rtl", ".rta", ".csv", ".pos")
@@ -75,7 +76,7 @@ def _factor(one: Planned) -> float:
     """From the numbers of a file of lengths to um or arcsec; nothing of a positioning is scaled."""
     if one.positioning:
         return 1.0
-    return {"urad": float(rad_to_arcsec(1e-6)), "mrad": float(rad_to_arcsec(1e-3))}.get(one.setup.unit, 1.0)
+    return ARCSEC.get(one.setup.unit, 1.0)
 
 
 def capture_of(one: Planned, measured: MeasuredSet, live: LiveSet | None, source: str) -> Capture:

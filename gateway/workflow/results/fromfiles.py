@@ -57,7 +57,7 @@ def material_of_files(paths: Sequence[Path], how: How, store: Store, site: SiteF
         with disk_errors(path):
             files.append(FileUsed(path.name, hashlib.sha256(path.read_bytes()).hexdigest(), "result file"))
     digest = hashlib.sha256("".join(one.sha256 for one in files).encode()).hexdigest()
-    return _material(found, files, f"files-{digest[:8]}", "", site)
+    return _material(found, files, f"files-{digest[:6]}", "", site)
 
 
 def _material(

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from gateway.config import SiteFile
@@ -12,6 +14,7 @@ from gateway.workflow.errors21.filesetup import read_setup
 from gateway.workflow.errors21.setups import planned
 from tests.unit.components.site import site_data
 
+GOLDEN = Path(__file__).parents[2] / "golden" / "files"
 ROWS = "0,+,1,0.5\n10,+,1,1.25\n10,-,1,-1.5\n0,-,1,0.25\n"
 
 
@@ -35,3 +38,14 @@ def test_a_length_that_says_so_is_no_angle(tmp_path: Path) -> None:
     with pytest.raises(CaptureError) as caught:
         read_setup(path, one, "grinder", None)
     assert caught.value.code == "E-DAY-UNIT"
+
+
+@pytest.mark.parametrize(("unit", "arcsec"), [("deg", 3600.0), ("mrad", 206.264806), ("urad", 0.206264806)])
+def test_an_angle_in_a_file_of_lengths_is_scaled_from_its_stated_unit(tmp_path: Path, unit: str, arcsec: float) -> None:
+    """An .rtl holds no unit of an angle: its numbers are those of the unit that the site file states."""
+    one = next(one for one in planned(SiteFile.model_validate(site_data())) if one.unit == "arcsec")
+    stated = replace(one, setup=one.setup.model_copy(update={"unit": unit}))
+    path = tmp_path / "pitch.rtl"
+    path.write_bytes((GOLDEN / "basic.rtl").read_bytes())
+    plain = read_setup(path, one, "grinder", None).deviations
+    np.testing.assert_allclose(read_setup(path, stated, "grinder", None).deviations, arcsec * plain, rtol=1e-8)

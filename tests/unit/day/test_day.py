@@ -219,6 +219,15 @@ def test_a_layout_that_nobody_described_is_refused_with_its_first_lines(tmp_path
     assert refused(told).code == "E-DAY-NO-RESULTS"
 
 
+@pytest.mark.parametrize("encoding", ["utf-16-le", "utf-16", "utf-8"])
+def test_the_first_lines_of_such_a_layout_are_shown_in_its_own_letters(tmp_path: Path, encoding: str) -> None:
+    small(tmp_path)
+    (tmp_path / "day" / "x.rts").write_bytes("Gerät Nº 7\r\nzwölf\r\n".encode(encoding) * 400)
+    told = asked(tmp_path, typed="no\n")
+    assert "Gerät Nº 7" in told.output
+    assert "zwölf" in told.output
+
+
 @pytest.mark.parametrize(
     ("text", "code"),
     [

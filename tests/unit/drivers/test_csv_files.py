@@ -85,7 +85,7 @@ def test_a_unit_that_is_unknown_or_contradicts_the_header() -> None:
     ("target,direction", "target,target", "E-FILE-CSV-HEADER", "direction"),
     ("0,+,1,1.25", "0,+,1,1.25x", "E-FILE-LINE", "line 3"),
     ("0,+,1,1.25", "0,+,1,", "E-FILE-LINE", "line 3"),
-    ("0,+,1,1.25", "0,+,1,nan", "E-FILE-LINE", "line 3"),
+    ("0,+,1,1.25", "0,+,1,inf", "E-FILE-LINE", "line 3"),
     ("0,+,1,1.25", "0,+,1,1,25", "E-FILE-LINE", "5 columns"),
     ("0,+,1,1.25", "0,+,1", "E-FILE-LINE", "3 columns"),
     ("0,+,1,1.25", "0,sideways,1,1.25", "E-FILE-LINE", "direction"),

@@ -87,3 +87,46 @@ def test_a_quoted_thousand_is_no_decimal_comma(tmp_path: Path) -> None:
     text = 'Target (mm),Up 1 (µm),Down 1 (µm)\n"1,000",3,4\n"2,000",5,6\n"3,000",7,8\n'
     with pytest.raises(FileFormatError, match="E-FILE-LINE"):
         read(text, tmp_path)
+
+
+def lines(spoil: str = "", head: str = "Soll [mm];Anfahrt;Lauf;Abweichung [µm]", ways: str = "Hin Her") -> str:
+    """The readings a row each, the ways of the first run first; the reading at 50 mm, run 2, from above is spoilt."""
+    rows = [
+        f"{at};{word};{run + 1};{spoil if spoil and (at, run, way) == (50.0, 1, 1) else READINGS[at][run][way]}"
+        for at in reversed(READINGS)
+        for run in (0, 1)
+        for way, word in enumerate(ways.split())
+    ]
+    return "\n".join([head, *rows, ""])
+
+
+@pytest.mark.parametrize("word", ["NaN", "#N/A", "#NV", "n/a", "---", "-"])
+def test_a_cell_without_a_reading_is_a_missing_one_in_a_row_and_in_a_column_of_a_pass(
+    word: str, tmp_path: Path
+) -> None:
+    wanted = WANTED.copy()
+    wanted[1, 1, 1] = np.nan
+    if word.strip("-"):
+        np.testing.assert_array_equal(read(lines(word), tmp_path), wanted)
+    else:
+        with pytest.raises(FileFormatError, match="E-FILE-LINE"):  # a file that was cut in a number looks like this
+            read(lines(word), tmp_path)
+    wide = "Soll [mm];Hin 1 [µm];Rück 1 [µm];Hin 2 [µm];Rück 2 [µm]\n"
+    wide += "".join(";".join(map(str, row)) + "\n" for row in ROWS)
+    np.testing.assert_array_equal(read(wide.replace("3.75", word), tmp_path), wanted)
+
+
+def test_a_minus_of_typesetters_and_a_column_of_moments_spoil_no_number(tmp_path: Path) -> None:
+    text = lines().replace("-", "\u2212")
+    np.testing.assert_array_equal(read(text, tmp_path), WANTED)
+    head, *rows = text.replace(".", ",").splitlines()
+    timed = "\n".join([f"Datum;{head}", *(f"12.03.2025;{row}" for row in rows), ""])
+    np.testing.assert_array_equal(read(timed, tmp_path), WANTED)
+
+
+def test_thousands_are_refused_by_their_line_with_both_marks_named(tmp_path: Path) -> None:
+    text = lines().replace(".", ",").replace("100,5;", "1.000,5;")
+    with pytest.raises(FileFormatError, match="E-FILE-CSV-MARKS") as caught:
+        read(text, tmp_path)
+    assert "line 2" in caught.value.what
+    assert "1.000,5" in caught.value.what

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+from dataclasses import replace
 from pathlib import Path
 
 from gateway.report.document.whole import document
@@ -24,6 +26,18 @@ def test_a_report_of_files_names_them_and_what_stands_above_their_tables(tmp_pat
     assert all(f"{one.path}: sha256 {one.sha256}" in said for one in found.files)
     assert "report.json" not in said
     assert "degC" not in said
+
+
+def test_the_number_of_a_report_of_files_is_day_files_and_content(tmp_path: Path) -> None:
+    """The day they were measured where one says it; the same files in two languages share all but the last part."""
+    for said, form in (("Date,2024-03-02\n", r"20240302-[0-9a-f]{6}-[0-9a-f]{6}"), ("", "[0-9a-f]{6}-[0-9a-f]{6}")):
+        (tmp_path / "a.csv").write_text(f"{said}{TABLE}")
+        found = material_of_files([tmp_path / "a.csv"], How(), Store(tmp_path / "runs"))
+        german = replace(found, particulars=replace(found.particulars, language="de"))
+        one, again, other = (document(said).number for said in (found, found, german))
+        assert re.fullmatch(form, one)
+        assert one == again != other
+        assert one.rpartition("-")[0] == other.rpartition("-")[0]
 
 
 def test_two_files_of_one_axis_have_two_names(tmp_path: Path) -> None:

@@ -11,6 +11,7 @@ from matplotlib.ticker import MaxNLocator
 
 from gateway.report.drawings.curves import calm
 from gateway.report.drawings.plots import svg
+from gateway.report.drawings.ruler import ruled
 
 
 def texts(paint: object) -> list[str]:
@@ -74,3 +75,19 @@ def test_labels_of_panels_one_above_the_other_are_lined_up_where_asked() -> None
     svg((80, 80), paint, "Drawing")
     first, second = (panel.yaxis.label.get_position()[0] for panel in places)
     assert first == second
+
+
+def test_the_frame_stands_at_the_panel_and_not_at_the_zero_of_the_data() -> None:
+    kept: list[Axes] = []
+
+    def paint(figure: Figure) -> None:
+        panel = ruled(figure)[0, 0]
+        kept.append(panel)
+        calm(panel, zero=False, grid="x")
+        panel.barh([0, 1, 2], [3.0, 2.0, 1.0])
+        panel.set_ylim(2.6, -0.6)
+
+    svg((80, 80), paint, "Drawing")
+    spines, box = kept[0].spines, kept[0].bbox
+    assert spines["bottom"].get_window_extent().y0 == box.y0
+    assert spines["left"].get_window_extent().x0 == box.x0
