@@ -18,7 +18,7 @@ import numpy as np
 
 from drivers.errors import ConfigError, FileFormatError
 from drivers.files.declared import declared
-from drivers.files.numbers import beyond, decimal, missing, no_readings, whole
+from drivers.files.numbers import beyond, decimal, missing, no_readings, untaken, whole
 from drivers.files.tables.order import PASSES, pass_in
 from drivers.files.text import end_doubts
 from drivers.types.results import MeasuredSet
@@ -165,7 +165,8 @@ def read_columns(text: str, columns: ColumnMap, where: str) -> MeasuredSet:
     unit, scale = READING_UNITS[columns.reading_unit]
     header = {"Columns": ", ".join(f"{item.name}={getattr(columns, item.name)}" for item in fields(columns))}
     missing = int(np.isnan(deviations).sum())
-    warnings = (*((f"readings missing: {missing}",) if missing else ()), *end_doubts(text))
+    left = untaken([at for at, _line in kept], [row.line for row in rows])
+    warnings = (*((f"readings missing: {missing}",) if missing else ()), *left, *end_doubts(text))
     return MeasuredSet(targets, deviations * scale, unit, header=header, warnings=warnings)
 
 

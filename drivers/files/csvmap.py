@@ -12,7 +12,7 @@ import numpy as np
 from drivers.errors import ConfigError, FileFormatError
 from drivers.files.columns import TARGET_UNITS, ColumnMap, read_columns
 from drivers.files.csvtext import table_text
-from drivers.files.numbers import beyond, decimal, missing, no_readings, whole
+from drivers.files.numbers import beyond, decimal, missing, no_readings, untaken, whole
 from drivers.files.signature import signature_of
 from drivers.files.tables.headwords import DIRECTIONS
 from drivers.files.tables.indexed import indexed, is_indexed
@@ -106,7 +106,8 @@ def parse_csv(text: str, unit: str, where: str, *, mixed: bool = False, ways: st
         raise FileFormatError("E-FILE-CSV-HEADER", where, found=found, columns=", ".join(COLUMNS))
     found_layout = layout(sheet, unit, where, mixed=mixed, ways=ways)
     rows, notes = _rows(sheet, found_layout, ways, where)
-    return _set_of(rows, found_layout, where, text, said=sheet.said, notes=(*notes, *sheet.notes))
+    left = untaken([at for at, _row in sheet.rows], [at for at, _key, _value in rows])
+    return _set_of(rows, found_layout, where, text, said=sheet.said, notes=(*notes, *left, *sheet.notes))
 
 
 def _by_indices(text: str, where: str) -> MeasuredSet:

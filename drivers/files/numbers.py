@@ -6,6 +6,7 @@ A short file may claim a huge grid: it is refused before it gets one.
 from __future__ import annotations
 
 import re
+from collections.abc import Iterable
 
 import numpy as np
 
@@ -14,6 +15,7 @@ from drivers.types.values import FloatArray
 
 MOST_READINGS = 4_000_000
 LONGEST_FIXED = 18
+MOST_TOLD = 8
 NO_NUMBER = frozenset({"", "nan", "n/a", "na", "#n/a", "#nv", "null", "none"})
 # Of a target in mm or deg, of a deviation in um or arcsec: a kilometre that the axis is off is no measurement.
 FARTHEST = 1e9
@@ -31,6 +33,14 @@ def decimal(token: str, *, comma: bool = False) -> float | None:
 def missing(token: str) -> bool:
     """Whether a cell says that there is no reading: empty, dashes, or what spreadsheets write for no number."""
     return token.strip("-–—").lower() in NO_NUMBER
+
+
+def untaken(lines: Iterable[int], read: Iterable[int]) -> tuple[str, ...]:
+    """A note of lines that hold no reading at all: where all of a target's do, the result has no such target."""
+    known = set(read)
+    left = [str(line) for line in lines if line not in known]
+    more = f" and {len(left) - MOST_TOLD} more" if len(left) > MOST_TOLD else ""
+    return (f"no reading was taken in line {', '.join(left[:MOST_TOLD])}{more}",) if left else ()
 
 
 def whole(token: str) -> int | None:

@@ -6,7 +6,7 @@ only against a head exported earlier to where he cannot reach it.
 
 from __future__ import annotations
 
-from gateway.audit.actor import acting, os_user, person
+from gateway.audit.actor import acting, os_user, person, signed_in
 from gateway.audit.chain import AUDIT, append
 from gateway.audit.checking import Health, Problem, check, demand, sound
 from gateway.audit.entries import CORRECTION, TORN, AuditEntry, ChainHead, Happening, head_of, line_of
@@ -58,6 +58,7 @@ __all__ = [
     "os_user",
     "person",
     "record",
+    "signed_in",
     "size",
     "sound",
     "standing",

@@ -28,6 +28,11 @@ else:
 _signed_in: ContextVar[str] = ContextVar("signed in", default="")
 
 
+def signed_in() -> str:
+    """Who is signed in at the service for what this task does; "" at a keyboard."""
+    return _signed_in.get()
+
+
 def person() -> str:
     """In whose name this task works; the operating system's user where nobody signed in for it."""
     return _signed_in.get() or os_user()

@@ -7,6 +7,7 @@ from dataclasses import replace
 from datetime import date
 
 from drivers.types.tables import LiveSet
+from gateway import audit
 from gateway.config import AxisSection, SiteFile
 from gateway.domain.captures import Capture, Conditions
 from gateway.errors import CaptureError
@@ -37,7 +38,7 @@ def with_conditions(capture: Capture, axis: AxisSection, site: SiteFile, stood: 
             overrun=axis.measure.overrun if own else None,
             dwell_s=axis.measure.dwell_s if own else None,
             warm_up=site.report.warm_up,
-            operator=site.report.operator,
+            operator=site.report.operator or (audit.signed_in() if own else ""),
             compensation=_acting(capture.live),
             stated=stated(site, axis.measure.instrument or next(usual, "")),
             stands=stood,

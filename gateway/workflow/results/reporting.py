@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -139,6 +139,7 @@ def material_of(folder: RunFolder) -> ReportMaterial:
         run_id=folder.run_id,
         outcome=outcome_of(verdict, tooth),
         axes=axes,
+        operator=_people(axes),
         started_utc=began,
         ended_utc=ended,
         software=f"trueflank {facts['software']}",
@@ -152,6 +153,13 @@ def material_of(folder: RunFolder) -> ReportMaterial:
         unprotected=open_road(site),
     )
     return replace(material, judged=judged(site, material))
+
+
+def _people(axes: Sequence[AxisMaterial]) -> str:
+    """Who measured, as the captures say."""
+    taken = (one for axis in axes for one in (axis.capture_before, axis.capture_after))
+    said = (one.conditions.operator for one in taken if one is not None and one.conditions is not None)
+    return ", ".join(dict.fromkeys(name for name in said if name))
 
 
 def outcome_of(verdict: Verdict | None, tooth: ToothMaterial | None) -> Outcome:

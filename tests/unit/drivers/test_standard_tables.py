@@ -130,3 +130,15 @@ def test_thousands_are_refused_by_their_line_with_both_marks_named(tmp_path: Pat
         read(text, tmp_path)
     assert "line 2" in caught.value.what
     assert "1.000,5" in caught.value.what
+
+
+def test_a_line_without_any_reading_is_told_for_its_target_is_no_part_of_the_result(tmp_path: Path) -> None:
+    wide = "Soll [mm];Hin 1 [µm];Rück 1 [µm];Hin 2 [µm];Rück 2 [µm]\n"
+    wide += "".join(";".join(map(str, row)) + "\n" for row in ROWS)
+    path = tmp_path / "table.csv"
+    path.write_text(f"{wide}200;;NaN;-;#N/A\n", encoding="utf-8")
+    found = CsvFormat().read(path)
+    assert 200.0 not in found.targets
+    assert f"no reading was taken in line {len(ROWS) + 2}" in found.warnings
+    path.write_text(wide, encoding="utf-8")
+    assert not [one for one in CsvFormat().read(path).warnings if one.startswith("no reading")]

@@ -11,8 +11,9 @@ import pytest
 from typer.testing import CliRunner
 
 from drivers.types.identity import Identity
+from gateway.audit import acting
 from gateway.cli import app
-from gateway.config import SiteFile, load_site, read_site
+from gateway.config import AxisSection, SiteFile, load_site, read_site
 from gateway.domain.captures import Conditions
 from gateway.errors import CaptureError
 from gateway.evaluate.uncertainty.budget import budget_of
@@ -20,7 +21,7 @@ from gateway.report import InstrumentNote, ReportMaterial
 from gateway.report.document.whole import document
 from gateway.store import RunFolder, Store
 from gateway.workflow import stages
-from gateway.workflow.axes.conditions import stated, tell_overdue
+from gateway.workflow.axes.conditions import stated, tell_overdue, with_conditions
 from gateway.workflow.files.doubles import was_simulated
 from gateway.workflow.loop.verdict import closed
 from gateway.workflow.results.conformity import conforming, judged
@@ -156,9 +157,30 @@ def stored(folder: Path, path: Path) -> RunFolder:
     assert axis.capture_before is not None
     run.put(stages.evaluation("X1", "before"), axis.before)
     run.put(
-        stages.capture("X1", "before"), replace(axis.capture_before, conditions=Conditions(feed=1000.0, stands=STOOD))
+        stages.capture("X1", "before"),
+        replace(axis.capture_before, conditions=Conditions(feed=1000.0, stands=STOOD, operator="anna")),
     )
     return run
+
+
+def test_who_is_signed_in_is_who_measured_unless_the_site_file_names_somebody(tmp_path: Path) -> None:
+    tree = load_site(site(tmp_path))
+    capture = synthetic.material().axes[0].capture_before
+    assert capture is not None
+
+    read = tree.axes[0]
+    live = read.model_copy(update={"measure": read.measure.model_copy(update={"file": None})})
+
+    def named(of: SiteFile, axis: AxisSection = live) -> str:
+        found = with_conditions(capture, axis, of, {}).conditions
+        return "nobody" if found is None else found.operator
+
+    assert named(tree) == ""
+    with acting("anna"):
+        assert named(tree) == "anna"
+        assert named(tree, read) == "", "who gives a file has not measured it"
+        own = tree.model_copy(update={"report": tree.report.model_copy(update={"operator": "B. Smith"})})
+        assert named(own) == "B. Smith"
 
 
 def test_the_report_ends_with_its_verdict_and_tells_equipment_and_conditions(tmp_path: Path) -> None:
@@ -174,6 +196,7 @@ def test_the_report_ends_with_its_verdict_and_tells_equipment_and_conditions(tmp
         "1000 mm/min",
         "does not conform",
         "C 90 deg, Z 150 mm",
+        "anna",
     ):
         assert word in told
     shown = CliRunner().invoke(app, ["report", str(run.path), "--json"])
