@@ -107,7 +107,7 @@ def recover(at: ServedSite, clock: Clock, body: bodies.Recover) -> Work:
         asked: dict[str, Any] = {"apply": body.apply, "machine_name": body.machine}
         found = await recover_site(at.site, at.path, clock=clock, say=say, **asked)
         data = {"findings": [one.as_data() for one in found]}
-        return Outcome("recovered", "", rows=(), lines=tuple(one.words for one in found), data=data)
+        return Outcome("recovered", "", rows=(), lines=tuple(one.at_last for one in found), data=data)
 
     return work
 

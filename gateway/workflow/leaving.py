@@ -43,6 +43,11 @@ class LeftFinding:
         """The finding as people read it."""
         return self.found.words if self.after is None else self.after.words
 
+    @property
+    def at_last(self) -> str:
+        """How it stands now."""
+        return self.words
+
     def as_data(self) -> dict[str, Any]:
         """The finding as JSON data."""
         now = self.found if self.after is None else self.after

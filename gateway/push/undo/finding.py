@@ -30,6 +30,7 @@ class PushFinding:
 
     ``difference`` says, where somebody else wrote, what is neither old nor new. ``still_on``: something is enabled,
     or may be, that no push stands for; it is told before all else. ``table``: which one of a push of several.
+    ``ended``: the outcome of what was done about it, "" for nothing.
     """
 
     transaction: int
@@ -42,6 +43,7 @@ class PushFinding:
     difference: tuple[str, ...] = ()
     still_on: bool = False
     table: str = ""
+    ended: str = ""
     stands: ClassVar[bool] = False
 
     @property
@@ -51,6 +53,15 @@ class PushFinding:
         told = {"axis": self.table or self.axis, "transaction": self.transaction, "last": last, "backup": self.backup}
         text = f"{self.code}: {words(self.code, **told, count=MOST_TRIES)}"
         return f"{text}: {'; '.join(self.difference)}" if self.difference else text
+
+    @property
+    def at_last(self) -> str:
+        """How it stands now: the outcome of what was done about it, else the finding."""
+        if not self.ended:
+            return self.words
+        back = self.ended == "rolled-back"
+        told = {} if back else {"outcome": self.ended}
+        return words("P-RECOVERED" if back else "P-PUSH-END", axis=self.table or self.axis, **told)
 
     def as_data(self) -> dict[str, Any]:
         """The finding as JSON data."""
@@ -65,6 +76,7 @@ class PushFinding:
             "backup": self.backup,
             "difference": list(self.difference),
             "still_on": self.still_on,
+            "ended": self.ended,
             "what": self.words,
         }
 

@@ -108,7 +108,7 @@ async def _recovered(at: Bench, found: JournalRead, context: PushContext) -> tup
         tell(at, not_recovered(at, finding.code, found.number, error))
         raise
     tell(at, recovered(at, finding.code, record))
-    return finding, record
+    return replace(finding, ended=record.outcome), record
 
 
 def _context(at: Bench, found: JournalRead) -> PushContext | None:

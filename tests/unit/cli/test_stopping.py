@@ -23,10 +23,12 @@ async def _waits_for_ever() -> None:
 
 @pytest.fixture(autouse=True)
 def heard() -> Iterator[None]:
-    """A shell's background job ignores Ctrl-C; these tests ask for it."""
-    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    """A shell's background job ignores Ctrl-C, and what nohup started ignores SIGHUP; these tests ask for both."""
+    before = {name: signal.signal(getattr(signal, name), signal.SIG_DFL) for name in HERE}
+    signal.signal(signal.SIGINT, signal.default_int_handler)
     yield
-    signal.signal(signal.SIGINT, before)
+    for name, handler in before.items():
+        signal.signal(getattr(signal, name), handler)
 
 
 @pytest.mark.parametrize("name", HERE)

@@ -144,6 +144,8 @@ def recovered(root: Path, machine: Machine, old: LiveTable) -> str:
     assert finding.code == expected(machine, old, found.kinds)
     record = run_virtual(lambda: recover(found, again.context))
     assert record.outcome == "rolled-back"
+    assert finding.at_last == finding.words
+    assert replace(finding, ended=record.outcome).at_last == "X1: the old table acts again"
     assert machine.own == old
     assert unfinished(root / "journal", MACHINE.serial) == ()
     return finding.code
