@@ -1,4 +1,4 @@
-"""Who is called with many values says which is which; a public class name says one thing."""
+"""Who is called with many values says which is which; a class name says one thing in its package."""
 
 from __future__ import annotations
 
@@ -17,9 +17,6 @@ FOREIGN = {"add_method", "SinumerikSession", "clamped"}
 """Signatures that are not ours (asyncua's), and one that takes any number of names."""
 LEFT = {}
 """Rooms that still call with more, and how often at most: these numbers only shrink."""
-TWICE = {"Declared", "Jump", "Program", "Scope"}
-"""Words of the NC language: `drivers/sinumerik/legality` reads it to judge it, `simulators/nck/language` to run it.
-Neither may know the other, so what both say of a variable, a jump, a program and a scope has the one name of it."""
 
 
 @cache
@@ -73,12 +70,10 @@ def test_nothing_public_is_built_or_called_by_more_than_four_positions() -> None
     assert {room: words for room, words in found.items() if len(words) > LEFT[room]} == {}
 
 
-def test_a_public_class_name_lives_once() -> None:
-    homes: dict[str, list[str]] = defaultdict(list)
+def test_a_class_name_is_unique_in_its_package() -> None:
+    homes: dict[tuple[str, str], list[str]] = defaultdict(list)
     for place, code in _sources().items():
-        if place.startswith("trueflank/"):  # the library's names are the field's, and stand in no other room's way
-            continue
+        package = place.rpartition("/")[0]
         for name in re.findall(r"^class ([A-Za-z]\w*)", code, re.MULTILINE):
-            homes[name].append(place)
-    assert {name: places for name, places in homes.items() if len(places) > 1 and name not in TWICE} == {}
-    assert sorted(name for name in TWICE if len(homes[name]) < 2) == [], "take these off the list"
+            homes[package, name].append(place)
+    assert {names: places for names, places in homes.items() if len(places) > 1} == {}
