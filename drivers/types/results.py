@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
+from drivers.types.doubts import Doubt
 from drivers.types.sensing import Ambient
 from drivers.types.values import CompensatedFor, FloatArray
 from drivers.units import AxisUnit
@@ -27,3 +28,4 @@ class MeasuredSet:
     expansion_ppm_per_k: float | None = None
     header: Mapping[str, str] = field(default_factory=dict)
     warnings: tuple[str, ...] = ()
+    doubts: tuple[Doubt, ...] = ()

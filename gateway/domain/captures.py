@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Literal
 
+from drivers.types.doubts import Doubt
 from drivers.types.sensing import Ambient
 from drivers.types.tables import LiveSet
 from drivers.units import AxisUnit, DeviationUnit
@@ -108,6 +109,7 @@ class Capture:
     rest_u: float = 0.0
     rest_count: int = 0
     conditions: Conditions | None = None
+    doubts: tuple[Doubt, ...] = ()
 
     @property
     def unit(self) -> DeviationUnit:
