@@ -41,8 +41,9 @@ def _open(name: str, flags: int, *, secret: bool) -> int:
     path = Path(name)
     # Where the system has no O_NOFOLLOW, looking before is what is left.
     no_link(path)
+    shared = 0 if secret or not flags & os.O_CREAT else _of_group(path.parent) & 0o060
     try:
-        return os.open(name, flags | _SAFELY, 0o600 if secret else 0o600 | _of_group(path.parent) & 0o060)
+        return os.open(name, flags | _SAFELY, 0o600 | shared)
     except OSError as error:
         if error.errno == errno.ELOOP:
             raise _linked(path) from error

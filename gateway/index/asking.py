@@ -56,12 +56,15 @@ class SiteIndex:
         found: Rows = self._now().search(text, serial=serial, most=most)
         return found
 
-    def trend(self, parameter: str, *, serial: str = "", subject: str = "", phase: str = "") -> Rows:
+    def trend(
+        self, parameter: str, *, serial: str = "", subject: str = "", phase: str = "", before: str = "", most: int = 0
+    ) -> Rows:
         """As `RunIndex.trend`. Raises ConfigError (E-INDEX-FIGURE) for a figure that no run holds."""
         from gateway.index.catching import known
 
         known(parameter, subject)
-        found: Rows = self._now().trend(parameter, serial=serial, subject=subject, phase=phase)
+        index = self._now()
+        found: Rows = index.trend(parameter, serial=serial, subject=subject, phase=phase, before=before, most=most)
         return found
 
     def tables(self, *, serial: str = "") -> Rows:

@@ -10,21 +10,14 @@ from sqlalchemy.exc import SQLAlchemyError
 
 from drivers.errors import ConfigError
 from gateway.config import SiteFile
-from gateway.errors import StoreError
 from gateway.index.keeping import RunIndex
-from gateway.index.rows import (
-    FLANK,
-    FLANK_PARAMETERS,
-    PARAMETERS,
-    figures_of,
-    journals_seal,
-    row_of,
-    seal_of,
-    tables_of,
-)
+from gateway.index.rows import FLANK, FLANK_PARAMETERS, PARAMETERS, journals_seal, read_run, seal_of, tables_of
 from gateway.push.records.history import machines
 from gateway.push.records.journal import JOURNALS
-from gateway.store import RunFolder, RunSummary, Store
+from gateway.store import Store
+
+BATCH = 200
+"""Runs written in one transaction: a commit waits for the disk, and one that is refused loses no more than these."""
 
 
 def rebuilt(index: RunIndex, store: Store) -> int:
@@ -48,15 +41,13 @@ def caught_up(index: RunIndex, store: Store) -> int:
 def _caught_up(index: RunIndex, store: Store) -> int:
     known, marks = index.seals(), store.marks()
     changed = 0
-    for run_id, mark in marks.items():
-        if run_id in known and index.looked.get(run_id) == (mark, known[run_id]):
-            continue
-        run = store.summary(run_id)
-        seal = seal_of(run)
-        if known.get(run_id) != seal:
-            _put(index, run, seal)
-            changed += 1
-        index.looked[run_id] = (mark, seal)
+    ahead = [one for one in marks.items() if one[0] not in known or index.looked.get(one[0]) != (one[1], known[one[0]])]
+    for start in range(0, len(ahead), BATCH):
+        read = {run_id: (mark, store.summary(run_id)) for run_id, mark in ahead[start : start + BATCH]}
+        new = [run for _mark, run in read.values() if seal_of(run) != known.get(run.run_id)]
+        index.put([read_run(index.gateway, run) for run in new])
+        index.looked.update({run_id: (mark, seal_of(run)) for run_id, (mark, run) in read.items()})
+        changed += len(new)
     gone = sorted(set(known) - set(marks))
     if gone:
         index.drop(gone)
@@ -74,15 +65,6 @@ def _tables_caught_up(index: RunIndex, journals: Path) -> None:
     rows = [row for serial in machines(journals) for row in tables_of(index.gateway, journals, serial, seal)]
     index.put_tables(rows)
     index.no_tables = "" if rows else seal
-
-
-def _put(index: RunIndex, run: RunSummary, seal: str) -> None:
-    row = row_of(index.gateway, run, seal)
-    try:
-        figures = tuple(figures_of(index.gateway, RunFolder(run.path))) if not run.problem else ()
-    except StoreError:
-        figures = ()  # it changed while it was read: the next time finds it
-    index.put(row, figures)
 
 
 def index_of(site: SiteFile, path: Path, store: Store) -> RunIndex:
@@ -126,10 +108,4 @@ def compared(index: RunIndex, parameter: str, *, subject: str, phase: str = "aft
     stands in the row, which says so. Raises ConfigError (E-INDEX-FIGURE), StoreError (E-INDEX).
     """
     known(parameter, subject)
-    newest: dict[tuple[str, str], dict[str, Any]] = {}
-    for wanted in ("before",) if phase == "before" else ("before", phase):
-        for point in index.trend(parameter, subject=subject, phase=wanted):
-            key = (str(point["serial"]), str(point["site"]))
-            if key not in newest or str(point["created_utc"]) >= str(newest[key]["created_utc"]):
-                newest[key] = point
-    return sorted(newest.values(), key=lambda point: -abs(float(point["value"])))
+    return index.newest(parameter, subject=subject, phases=("before",) if phase == "before" else ("before", phase))

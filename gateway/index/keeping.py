@@ -6,7 +6,7 @@ import contextlib
 import os
 import threading
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import asdict
+from dataclasses import asdict, fields
 from pathlib import Path
 from typing import Any
 
@@ -24,6 +24,7 @@ STEPS = (
     "gateway.index.migrations.env",
     "gateway.index.migrations.versions.v0001_runs_and_figures",
     "gateway.index.migrations.versions.v0002_active_tables",
+    "gateway.index.migrations.versions.v0003_newest_figures",
 )
 """Modules that alembic loads by their files."""
 MOST_ROWS = 10_000
@@ -113,14 +114,16 @@ class RunIndex:
             rows = at.execute(select(RUNS.c.run_id, RUNS.c.seal).where(RUNS.c.gateway == self.gateway))
             return {str(run): str(seal) for run, seal in rows}
 
-    def put(self, run: IndexedRun, figures: Iterable[IndexedFigure]) -> None:
-        """A run anew, whole or not at all."""
-        rows = [asdict(one) for one in figures]
+    def put(self, runs: Iterable[tuple[IndexedRun, Iterable[IndexedFigure]]]) -> None:
+        """Write runs with their figures in place of their previous rows, in one transaction."""
+        rows = [(run, list(figures)) for run, figures in runs]
+        figures = [_with_run(figure, run) for run, of_run in rows for figure in of_run]
         with self._at() as at:
-            self._drop(at, [run.run_id])
-            at.execute(insert(RUNS), asdict(run))
+            self._drop(at, [run.run_id for run, _figures in rows])
             if rows:
-                at.execute(insert(FIGURES), rows)
+                at.execute(insert(RUNS), [_columns(run) for run, _figures in rows])
+            if figures:
+                at.execute(insert(FIGURES), figures)
 
     def drop(self, runs: Sequence[str]) -> None:
         """Forget runs whose folders are gone."""
@@ -185,25 +188,56 @@ class RunIndex:
         with self._at() as at:
             return [dict(row._mapping) for row in at.execute(wanted)]  # noqa: SLF001 - the library's public name
 
-    def trend(self, parameter: str, *, serial: str = "", subject: str = "", phase: str = "") -> list[dict[str, Any]]:
-        """One parameter over time, oldest first: of one machine and axis, or of all to compare them."""
-        joined = FIGURES.join(RUNS, (FIGURES.c.gateway == RUNS.c.gateway) & (FIGURES.c.run_id == RUNS.c.run_id))
-        shown = (RUNS.c.created_utc, RUNS.c.serial, RUNS.c.site, FIGURES)
-        wanted = select(*shown).select_from(joined).where(FIGURES.c.parameter == parameter)
-        for column, value in ((RUNS.c.serial, serial), (FIGURES.c.subject, subject), (FIGURES.c.phase, phase)):
+    def trend(
+        self, parameter: str, *, serial: str = "", subject: str = "", phase: str = "", before: str = "", most: int = 0
+    ) -> list[dict[str, Any]]:
+        """The newest ``most`` figures of one parameter (10 000 where 0), oldest first.
+
+        They are of one machine and axis, or of all. ``before`` is the time of the oldest figure of the previous page:
+        only older ones follow.
+        """
+        wanted = select(FIGURES).where(FIGURES.c.parameter == parameter)
+        for column, value in ((FIGURES.c.serial, serial), (FIGURES.c.subject, subject), (FIGURES.c.phase, phase)):
             wanted = wanted.where(column == value) if value else wanted
-        ordered = wanted.order_by(RUNS.c.created_utc, FIGURES.c.subject, FIGURES.c.phase.desc()).limit(MOST_ROWS)
+        wanted = wanted.where(FIGURES.c.created_utc < before) if before else wanted
+        newest = wanted.order_by(FIGURES.c.created_utc.desc(), FIGURES.c.subject.desc(), FIGURES.c.phase)
         with self._at() as at:
-            return [dict(row._mapping) for row in at.execute(ordered)]  # noqa: SLF001 - the library's public name
+            found = at.execute(newest.limit(min(most or MOST_ROWS, MOST_ROWS)))
+            return [dict(row._mapping) for row in found][::-1]  # noqa: SLF001 - the library's public name
+
+    def newest(self, parameter: str, *, subject: str, phases: Sequence[str]) -> list[dict[str, Any]]:
+        """The newest figure of each machine and site, by amount, largest first; of two of one run the later phase.
+
+        ``phases`` are those that count, the later one last.
+        """
+        machine = (FIGURES.c.serial, FIGURES.c.site)
+        wanted = (FIGURES.c.parameter == parameter, FIGURES.c.subject == subject, FIGURES.c.phase.in_(phases))
+        last = (
+            select(*machine, func.max(FIGURES.c.created_utc).label("utc")).where(*wanted).group_by(*machine).subquery()
+        )
+        same = (FIGURES.c.serial == last.c.serial) & (FIGURES.c.site == last.c.site)
+        rows = select(FIGURES).join(last, same & (FIGURES.c.created_utc == last.c.utc)).where(*wanted)
+        with self._at() as at:
+            found = [dict(row._mapping) for row in at.execute(rows)]  # noqa: SLF001 - the library's public name
+        found.sort(key=lambda row: (phases.index(row["phase"]), row["run_id"], row["gateway"]))
+        each = {(row["serial"], row["site"]): row for row in found}
+        return sorted(each.values(), key=lambda row: (-abs(float(row["value"])), row["serial"], row["site"]))
 
     def last_measured(self) -> list[dict[str, Any]]:
         """When each machine's axes and flank were measured last."""
-        joined = FIGURES.join(RUNS, (FIGURES.c.gateway == RUNS.c.gateway) & (FIGURES.c.run_id == RUNS.c.run_id))
-        newest = func.max(RUNS.c.created_utc).label("utc")
-        keys = (RUNS.c.serial, RUNS.c.site, FIGURES.c.subject)
-        wanted = select(*keys, newest).select_from(joined).group_by(*keys).order_by(*keys)
+        keys = (FIGURES.c.serial, FIGURES.c.site, FIGURES.c.subject)
+        wanted = select(*keys, func.max(FIGURES.c.created_utc).label("utc")).group_by(*keys).order_by(*keys)
         with self._at() as at:
             return [dict(row._mapping) for row in at.execute(wanted)]  # noqa: SLF001 - the library's public name
+
+
+def _columns(record: IndexedRun | IndexedFigure) -> dict[str, Any]:
+    """A flat record by the names of its fields; `asdict` would copy each value deeply."""
+    return {field.name: getattr(record, field.name) for field in fields(record)}
+
+
+def _with_run(figure: IndexedFigure, run: IndexedRun) -> dict[str, Any]:
+    return _columns(figure) | {"serial": run.serial, "site": run.site, "created_utc": run.created_utc}
 
 
 def _engine(url: str) -> Engine:

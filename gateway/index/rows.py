@@ -76,9 +76,9 @@ class IndexedTable:
     seal: str
 
 
-def row_of(gateway: str, run: RunSummary, seal: str) -> IndexedRun:
-    """A run as its line in the list of runs has it."""
-    return IndexedRun(
+def read_run(gateway: str, run: RunSummary) -> tuple[IndexedRun, list[IndexedFigure]]:
+    """A run as its line in the list of runs has it, with its figures; none where it cannot be read."""
+    row = IndexedRun(
         gateway=gateway,
         run_id=run.run_id,
         site=run.site,
@@ -87,18 +87,17 @@ def row_of(gateway: str, run: RunSummary, seal: str) -> IndexedRun:
         state=run.state,
         software=run.software,
         problem=run.problem,
-        seal=seal,
+        seal=seal_of(run),
     )
+    try:
+        return row, list(figures_of(gateway, RunFolder(run.path))) if not run.problem else []
+    except StoreError:
+        return row, []  # it changed while it was read: the next time finds it
 
 
 def seal_of(run: RunSummary) -> str:
-    """What changes whenever a run does; "" where it cannot be read."""
-    if run.problem:
-        return f"unreadable {run.problem}"[:64]
-    try:
-        return sha256(canonical(dict(RunFolder(run.path).facts)))
-    except (StoreError, TypeError, ValueError):
-        return ""
+    """What changes whenever a run does, or what keeps it from being read."""
+    return f"unreadable {run.problem}"[:64] if run.problem else run.seal
 
 
 def tables_of(gateway: str, journals: Path, serial: str, seal: str) -> Iterator[IndexedTable]:

@@ -26,8 +26,13 @@ _FIGURE = (
     Column("value", Float, nullable=False),
     Column("expanded", Float, nullable=True),
     Column("unit", String(20), nullable=False),
+    # The run's own, written with each figure: the newest figure of each machine is found without a join.
+    Column("serial", String(200), nullable=False, server_default=""),
+    Column("site", String(120), nullable=False, server_default=""),
+    Column("created_utc", String(40), nullable=False, server_default=""),
     ForeignKeyConstraint(["gateway", "run_id"], ["run.gateway", "run.run_id"], ondelete="CASCADE"),
-    Index("figure_by_subject", "subject", "parameter", "phase"),
+    Index("figure_by_machine", "parameter", "subject", "phase", "serial", "site", "created_utc"),
+    Index("figure_by_time", "serial", "site", "subject", "created_utc"),
 )
 _TABLE = (
     Column("gateway", String(200), primary_key=True),

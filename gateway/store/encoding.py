@@ -63,6 +63,7 @@ def read_typed(data: Any, hint: Any, path: str, where: str) -> Any:
         raise CorruptRecord("E-STORE-FIELD", where, field=path, why=str(error)) from error
 
 
+@functools.cache
 def _family(hint: Any) -> str:
     """Which kind of declared type this is, by one word."""
     origin = get_origin(hint)

@@ -28,7 +28,10 @@ BESIDE = seal.BESIDE
 
 @dataclass(frozen=True, slots=True)
 class RunSummary:
-    """One line of the list of runs; ``problem`` says why a run cannot be read ("" when it can)."""
+    """One line of the list of runs; ``problem`` says why a run cannot be read ("" when it can).
+
+    ``seal`` is the sha256 of `run.json` as it was read.
+    """
 
     run_id: str
     path: Path
@@ -39,6 +42,7 @@ class RunSummary:
     software: str = ""
     stages: tuple[str, ...] = ()
     problem: str = ""
+    seal: str = ""
 
 
 class RunFolder:
@@ -241,6 +245,7 @@ class RunFolder:
             machine=facts["machine"].get("serial", ""),
             software=facts["software"],
             stages=tuple(facts["stages"]),
+            seal=records.sha256(self._last[0]),
         )
 
     def _entry(self, stage: str) -> dict[str, Any]:

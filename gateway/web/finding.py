@@ -23,10 +23,22 @@ def search(request: Request, site: str, text: Word = "", serial: Word = "", most
 
 @routes.get("/trend")
 def trend(
-    request: Request, site: str, parameter: Word, serial: Word = "", subject: Word = "", phase: Word = ""
+    request: Request,
+    site: str,
+    parameter: Word,
+    serial: Word = "",
+    subject: Word = "",
+    phase: Word = "",
+    before: Word = "",
+    most: Annotated[int, Query(ge=1, le=10_000)] = 10_000,
 ) -> dict[str, Any]:
-    """One parameter over time (E, R, B, A, M of an axis, rms of the flank), each with its U; all machines at once."""
-    return {"points": site_of(request, site).index.trend(parameter, serial=serial, subject=subject, phase=phase)}
+    """One parameter over time (E, R, B, A, M of an axis, rms of the flank), each with its U, oldest first.
+
+    The newest ``most``; the page before it begins ``before`` the time of its first point.
+    """
+    index = site_of(request, site).index
+    points = index.trend(parameter, serial=serial, subject=subject, phase=phase, before=before, most=most)
+    return {"points": points}
 
 
 @routes.get("/due")

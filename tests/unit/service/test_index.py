@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import shutil
 import sys
+import time
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
@@ -14,7 +15,7 @@ from sqlalchemy import create_engine, inspect
 from drivers.errors import ConfigError
 from gateway import audit
 from gateway.errors import StoreError
-from gateway.index import IndexedFigure, IndexedRun, SiteIndex
+from gateway.index import IndexedFigure, IndexedRun, SiteIndex, keeping
 from gateway.index.catching import caught_up, compared, due_of, rebuilt
 from gateway.index.keeping import RunIndex, index_url
 from gateway.index.schema import METADATA
@@ -155,12 +156,19 @@ def test_an_index_of_an_older_program_gets_the_tables_that_it_lacks(tmp_path: Pa
     engine = create_engine(index_url(tmp_path))
     with engine.begin() as connection:
         connection.exec_driver_sql("DROP TABLE active_table")
+        for name in ("figure_by_machine", "figure_by_time"):
+            connection.exec_driver_sql(f"DROP INDEX {name}")
+        for name in ("serial", "site", "created_utc"):
+            connection.exec_driver_sql(f"ALTER TABLE figure DROP COLUMN {name}")
+        connection.exec_driver_sql("CREATE INDEX figure_by_subject ON figure (subject, parameter, phase)")
         connection.exec_driver_sql("UPDATE alembic_version SET version_num = '0001'")
     engine.dispose()
     written(tmp_path / JOURNALS, 1, 0.0, 1.0, serial=PUSHED)
     index = RunIndex(tmp_path)
     assert caught_up(index, store) == 0
     assert [one["name"] for one in index.tables()] == ["X1"]
+    (point,) = index.trend("E")
+    assert (point["site"], point["created_utc"]) == ("hall-3", index.search()[0]["created_utc"])
 
 
 def test_the_steps_end_at_the_tables_that_the_program_knows(tmp_path: Path) -> None:
@@ -199,7 +207,7 @@ def test_one_error_is_compared_across_machines_by_the_newest_of_each(tmp_path: P
             run_id = f"{serial}-{day}"
             run = IndexedRun("g", f"{run_id}-{phase}", site, serial, f"2026-01-0{day}", "", "", "", "")
             figure = IndexedFigure("g", run.run_id, "X1", phase, "E", value, 0.5, "um")
-            index.put(run, (figure,))
+            index.put([(run, (figure,))])
     found = [(one["serial"], one["phase"], one["value"]) for one in compared(index, "E", subject="X1")]
     assert found == [("SN-3", "before", 5.0), ("SN-2", "before", 3.0), ("SN-1", "after", 2.0)]
     before = [(one["serial"], one["value"]) for one in compared(index, "E", subject="X1", phase="before")]
@@ -208,6 +216,54 @@ def test_one_error_is_compared_across_machines_by_the_newest_of_each(tmp_path: P
     for figure, subject in (("Q", "X1"), ("rms", "X1"), ("E", "flank"), ("", "X1"), ("e", "X1")):
         with pytest.raises(ConfigError, match="E-INDEX-FIGURE"):
             compared(index, figure, subject=subject)
+
+
+MONTH_S = 30 * 86_400
+
+
+def fleet(index: RunIndex, machines: int, runs: int, parameters: str) -> None:
+    """``runs`` monthly runs of each machine with its axes' figures; machine 0 was measured last years ago."""
+    began = datetime(2016, 1, 1, tzinfo=UTC)
+    for run in range(runs):
+        rows = []
+        for machine in range(int(run > 0), machines):
+            utc = (began + timedelta(seconds=run * MONTH_S + machine)).isoformat()
+            row = IndexedRun("g", f"r{run}-{machine}", "hall", f"SN-{machine}", utc, "", "", "", "")
+            value = float(machine + 1000 * (run == runs - 1 or machine == 0))
+            kinds = [(axis, phase, name) for axis in ("X1", "Z1", "C1") for phase in PHASES for name in parameters]
+            figures = [IndexedFigure("g", row.run_id, *kind, value, None, "um") for kind in kinds]
+            rows.append((row, figures))
+        index.put(rows)
+
+
+PHASES = ("before", "after")
+
+
+@pytest.mark.parametrize(
+    ("machines", "runs", "parameters"),
+    [(20, 20, "E"), pytest.param(500, 67, "ERBAM", marks=[pytest.mark.long, pytest.mark.timeout(900)])],
+)
+def test_the_newest_of_each_machine_is_found_among_any_number_of_figures(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, machines: int, runs: int, parameters: str
+) -> None:
+    """An answer has a most of rows, which must never be the oldest ones: here each is far below the rows there are."""
+    monkeypatch.setattr(keeping, "MOST_ROWS", machines)
+    index = RunIndex(tmp_path)
+    index.open()
+    fleet(index, machines, runs, parameters)
+    began = time.process_time()
+    found = compared(index, "E", subject="X1")
+    due = index.last_measured()
+    used = time.process_time() - began
+    assert [(one["serial"], one["value"], one["phase"]) for one in found] == [
+        (f"SN-{machine}", 1000.0 + machine, "after") for machine in reversed(range(machines))
+    ]
+    assert len(due) == 3 * machines
+    page = index.trend("E", serial="SN-1", subject="X1", phase="after", most=12)
+    assert [one["run_id"] for one in page] == [f"r{run}-1" for run in range(runs - 12, runs)]
+    older = index.trend("E", serial="SN-1", subject="X1", phase="after", most=3, before=page[0]["created_utc"])
+    assert [one["run_id"] for one in older] == [f"r{run}-1" for run in range(runs - 15, runs - 12)]
+    print(f"{machines * runs * len(parameters) * 6} figures: {used:.3f} s of processor")
 
 
 def test_a_back_up_put_back_is_whole_and_is_found_again(tmp_path: Path) -> None:
