@@ -13,8 +13,8 @@ class Doubt:
     """One doubt about readings, by the code of its text; the text is written only where a person reads it.
 
     ``where`` names the file, line or target. A ``blocking`` doubt is so large that neither a verdict nor a table comes
-    of the readings until a person has settled it; any other is shown with the figures. The text's fields are ``names`` and
-    ``numbers``.
+    of the readings until a person has settled it; any other is shown with the figures. The fields of the text are
+    ``names`` and ``numbers``.
     """
 
     code: str
