@@ -2,7 +2,7 @@
 
 Inputs are scaled to [0, 1] on p levels with step D = p / (2 (p - 1)); EE_i = [y(x + D e_i) - y(x)] / D.
 On ranges symmetric about zero the mean effect of an even output (maximum, RMS) vanishes, so mu* ranks.
-Source: Morris 1991, Campolongo 2007; sampling by SALib.
+Source: Morris 1991 (sampling: equation 3, written for all trajectories at once), Campolongo 2007.
 """
 
 from __future__ import annotations
@@ -41,11 +41,13 @@ def trajectories(d: int, r: int, p: int = 4, seed: int = 1) -> FloatArray:
         raise ModelError("E-SENS-LEVELS", "Morris", levels=p)
     if d < 1 or r < 1:
         raise ModelError("E-SENS-SIZE", "Morris", inputs=d, trajectories=r)
-    from SALib.sample.morris import sample  # noqa: PLC0415 - SALib takes more than a second to import
-
-    problem = {"num_vars": d, "names": [f"x{i}" for i in range(d)], "bounds": [[0.0, 1.0]] * d}
-    points = sample(problem, r, num_levels=p, seed=seed)
-    return np.asarray(points, dtype=np.float64).reshape(r, d + 1, d)
+    rng = np.random.default_rng(seed)
+    step = p / (2.0 * (p - 1))
+    low = rng.integers(0, p // 2, (r, d)) / (p - 1)
+    rising = rng.integers(0, 2, (r, d)).astype(bool)
+    turn = rng.permuted(np.broadcast_to(np.arange(d), (r, d)), axis=1)
+    has_moved = np.arange(d + 1)[None, :, None] > turn[:, None, :]
+    return np.asarray(low[:, None, :] + step * (has_moved == rising[:, None, :]))
 
 
 def elementary_effects(points: ArrayLike, outputs: ArrayLike) -> FloatArray:

@@ -6,10 +6,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from gateway.domain.values import FloatArray
 from gateway.sensitivity.morris import Indices, indices
+
+BoolArray = NDArray[np.bool_]
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,13 +68,22 @@ def _bootstrap(sizes: FloatArray, resamples: int, seed: int) -> FloatArray:
     return weights @ sizes
 
 
-def _ties(draws: FloatArray, tail: float) -> FloatArray:
-    greater = (draws[:, :, None] > draws[:, None, :]).mean(axis=0)
-    equal = (draws[:, :, None] == draws[:, None, :]).mean(axis=0)
-    before = greater + equal / 2.0
-    tied = (before > tail) & (before < 1.0 - tail)
-    np.fill_diagonal(tied, val=False)
-    return np.asarray(tied, dtype=np.float64)
+def _ties(draws: FloatArray, tail: float) -> BoolArray:
+    """Which inputs' order is not settled, (d, d), of draws (resamples, d).
+
+    P(i before j) counts equal draws half. Pairs whose outer bounds do not meet are settled without counting: were a
+    draw of j above one of i, either i would be below its bound or j above its own, and both are rare enough.
+    """
+    low = np.quantile(draws, tail / 2.0, axis=0, method="lower")
+    high = np.quantile(draws, 1.0 - tail / 2.0, axis=0, method="higher")
+    by_input = np.ascontiguousarray(draws.T)
+    tied = np.zeros((by_input.shape[0], by_input.shape[0]), dtype=bool)
+    for i, own in enumerate(by_input):
+        others = i + 1 + np.flatnonzero((low[i + 1 :] <= high[i]) & (high[i + 1 :] >= low[i]))
+        drawn = by_input[others]
+        before = (np.count_nonzero(own > drawn, axis=1) + np.count_nonzero(own >= drawn, axis=1)) / (2.0 * own.size)
+        tied[i, others] = (before > tail) & (before < 1.0 - tail)
+    return np.asarray(tied | tied.T)
 
 
 def _one(
@@ -82,7 +93,7 @@ def _one(
     stats: Indices,
     bounds: tuple[FloatArray, FloatArray],
     ranks: tuple[FloatArray, FloatArray],
-    ties: FloatArray,
+    ties: BoolArray,
 ) -> Ranked:
     return Ranked(
         name=names[i],

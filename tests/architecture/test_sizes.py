@@ -18,7 +18,6 @@ LOADED_BY_NAME = {"drivers/registry.py", "gateway/cli/lazily.py"}
 STILL_BY_NAME: set[str] = set()
 """Files that load modules by a text and will not: this list only shrinks."""
 LIBRARIES = {
-    "SALib": {"gateway.sensitivity"},
     "aiomqtt": {"gateway.mqtt"},
     "alembic": {"gateway.index"},
     "argon2": {"gateway.users"},

@@ -7,7 +7,7 @@ import pytest
 
 from gateway.errors import ModelError
 from gateway.sensitivity.morris import elementary_effects, exhaustive, indices, trajectories
-from gateway.sensitivity.ranks import ranking
+from gateway.sensitivity.ranks import _ties, ranking
 
 
 def test_a_linear_function_has_its_coefficients_as_effects() -> None:
@@ -33,6 +33,39 @@ def test_indices_agree_with_salib_on_a_coupled_function() -> None:
     assert np.allclose(ours.mu, np.asarray(theirs["mu"]))
     assert np.allclose(ours.mu_star, np.asarray(theirs["mu_star"]))
     assert np.allclose(ours.sigma, np.asarray(theirs["sigma"]))
+
+
+@pytest.mark.parametrize(("inputs", "levels"), [(5, 4), (3, 6), (1, 2)])
+def test_trajectories_are_those_of_morris_and_of_salib(inputs: int, levels: int) -> None:
+    """On the grid, each input moved once by the one step either way, in any order; as often as SALib's samples do."""
+    from SALib.sample.morris import sample
+
+    ours = trajectories(inputs, 600, levels, seed=4)
+    problem = {"num_vars": inputs, "names": list("abcde"[:inputs]), "bounds": [[0.0, 1.0]] * inputs}
+    theirs = sample(problem, 600, num_levels=levels, seed=4).reshape(600, inputs + 1, inputs)
+    step = levels / (2.0 * (levels - 1))
+    for points in (ours, theirs):
+        assert np.allclose(points * (levels - 1), np.rint(points * (levels - 1)))
+        assert points.min() >= 0.0
+        assert points.max() <= 1.0 + 1e-12
+        moves = np.diff(points, axis=1)
+        assert np.allclose(np.sort(np.abs(moves), axis=1)[:, -1], step)
+        assert np.allclose(np.abs(moves).sum(axis=1), step)
+    for figure in (lambda x: x[:, 0].mean(axis=0), lambda x: (np.diff(x, axis=1) > 0.0).any(axis=1).mean(axis=0)):
+        assert np.allclose(figure(ours), 0.5, atol=0.09)
+        assert np.allclose(figure(theirs), 0.5, atol=0.09)
+    turns = np.argmax(np.abs(np.diff(ours, axis=1)) > 0.0, axis=1).mean(axis=0)
+    assert np.allclose(turns, (inputs - 1) / 2.0, atol=0.25)
+
+
+def test_what_is_settled_without_counting_is_settled_by_counting() -> None:
+    rng = np.random.default_rng(9)
+    for scale in (0.05, 0.5, 3.0):
+        draws = np.abs(rng.normal(rng.normal(5.0, 2.0, 30), scale, (200, 30))).round(1)
+        greater = (draws[:, :, None] > draws[:, None, :]).mean(axis=0)
+        before = greater + (draws[:, :, None] == draws[:, None, :]).mean(axis=0) / 2.0
+        wanted = (before > 0.025) & (before < 0.975) & ~np.eye(30, dtype=bool)
+        assert np.array_equal(_ties(draws, 0.025), wanted)
 
 
 def test_several_outputs_are_worked_at_once() -> None:
