@@ -109,7 +109,10 @@ class CertificateView:
 
 @dataclass(frozen=True, slots=True)
 class TrustView:
-    """What a server shows now beside what is pinned for it. ``accepted_by`` and ``accepted_utc`` of the pinned one."""
+    """What a server shows now beside what is pinned for it. ``accepted_by`` and ``accepted_utc`` of the pinned one.
+
+    ``reason`` is why it was accepted although it was not valid then.
+    """
 
     url: str
     shown: CertificateView
@@ -118,6 +121,7 @@ class TrustView:
     own: CertificateView | None = None
     accepted_by: str = ""
     accepted_utc: str = ""
+    reason: str = ""
 
     @property
     def equal(self) -> bool:

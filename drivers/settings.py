@@ -104,6 +104,10 @@ class DriverSettings(BaseModel):
         del url
         return ""
 
+    def excused(self) -> tuple[str, str]:
+        """Who accepted a certificate of this road that was not valid then, and why; ("", "") where nobody did."""
+        return "", ""
+
     @property
     def plans_together(self) -> int:
         """How many stop plans a person starts with one press; 0 where none is started by a program."""

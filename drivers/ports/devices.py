@@ -116,8 +116,11 @@ class Trust(Protocol):
         """What the server shows now beside what is pinned; nothing changes. Raises what the wire raises."""
         ...
 
-    async def accept(self, thumbprint: str, who: str, timeout_s: float) -> TrustView:
-        """Pin what the server shows now, if its thumbprint is the typed one. Raises DeviceRefused (E-TRUST-OTHER)."""
+    async def accept(self, thumbprint: str, who: str, timeout_s: float, reason: str = "") -> TrustView:
+        """Pin what the server shows now, if its thumbprint is the typed one. Raises DeviceRefused (E-TRUST-OTHER).
+
+        One that is not valid now needs a ``reason``, which is kept with it.
+        """
         ...
 
 

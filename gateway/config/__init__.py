@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from gateway.config.faults import Fault, SiteFaults
 from gateway.config.loading import SiteReading, load_site, read_site
-from gateway.config.reaching import one_start, open_road, plans_together
+from gateway.config.reaching import excused_certificate, one_start, open_road, plans_together
 from gateway.config.reference import schema
 from gateway.config.sections import (
     AxisSection,
@@ -50,6 +50,7 @@ __all__ = [
     "Targets",
     "WorkSection",
     "WorkingWindow",
+    "excused_certificate",
     "load_site",
     "one_start",
     "open_road",

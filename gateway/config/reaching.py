@@ -125,6 +125,12 @@ def open_road(site: SiteFile) -> str:
     return "" if told is None else told.unprotected(site.controller.url)
 
 
+def excused_certificate(site: SiteFile) -> tuple[str, str]:
+    """Who accepted the control's certificate although it was not valid, and why; ("", "") where nobody did."""
+    told = _told(site)
+    return ("", "") if told is None else told.excused()
+
+
 def plans_together(site: SiteFile) -> int:
     """How many stop plans a person starts with one press; 0 where the road runs no programs of ours."""
     told = _told(site)

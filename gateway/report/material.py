@@ -173,7 +173,8 @@ class ReportMaterial:
     """A whole run as the report shows it; dates are ISO 8601, ``hashes`` name -> sha256 of a record.
 
     ``simulated``: a double was in the loop, by its own word or the site file's. ``unprotected`` says why others on the
-    network could read or change what passed to the control; "" where they could not.
+    network could read or change what passed to the control; "" where they could not. ``excused``: who accepted the
+    control's certificate although it was not valid, and why.
     """
 
     site: str
@@ -193,4 +194,5 @@ class ReportMaterial:
     particulars: Particulars = field(default_factory=Particulars)
     simulated: bool = False
     unprotected: str = ""
+    excused: tuple[str, str] = ("", "")
     judged: tuple[Judged, ...] = ()

@@ -102,7 +102,11 @@ def when(stamp: str) -> str:
 
 def open_road(report: ReportMaterial) -> tuple[str, ...]:
     """One line where the connection to the control was not protected."""
-    return (f"The connection to the control was unprotected: {report.unprotected}.",) if report.unprotected else ()
+    told = [f"The connection to the control was unprotected: {report.unprotected}."] if report.unprotected else []
+    who, why = report.excused
+    if why:
+        told.append(f"The control's certificate was not valid; {who} accepted it: {why}.")
+    return tuple(told)
 
 
 def still_on(report: ReportMaterial) -> tuple[str, ...]:

@@ -2,10 +2,47 @@
 
 from __future__ import annotations
 
+import random
+import re
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import ClassVar
+
+from asyncua.ua.status_codes import code_to_name_doc
+
+# By OPC 10000-4, 7.39: what an operation answers while its source is away, and what a service answers.
+_SOURCE = (
+    "BadCommunicationError",
+    "BadNoCommunication",
+    "BadWaitingForInitialData",
+    "BadNotConnected",
+    "BadOutOfService",
+    "BadDeviceFailure",
+    "BadSensorFailure",
+    "BadResourceUnavailable",
+)
+_BUSY = (
+    "BadServerTooBusy",
+    "BadTcpServerTooBusy",
+    "BadInvalidState",
+    "BadOutOfMemory",
+    "BadTimeout",
+    "BadInternalError",
+)
+_SESSION = ("BadSessionIdInvalid", "BadSessionClosed", "BadSecureChannelIdInvalid", "BadSessionNotActivated")
+_FINAL = re.compile(
+    r"Access|Allowed|Writable|Readable|Executable|Rights|Identity|Signature|Insufficient|Unknown$|"
+    r"IdInvalid|IndexRange|NotSupported|NotImplemented|Unsupported|Deleted|NotInView|TypeDef|MethodInv"
+)
+STARTING = {
+    "source": _SOURCE,
+    "busy": _BUSY,
+    "session": _SESSION,
+    "any": tuple(
+        sorted(name for name, _ in code_to_name_doc.values() if name[:3] == "Bad" and not _FINAL.search(name))
+    ),
+}
 
 
 @dataclass(slots=True)
@@ -19,7 +56,9 @@ class Manners:
     ``most_read`` and ``most_write``: nodes one request may name, 0 for no limit; ``tells_limits``: whether the
     server says so. ``silent_file_nodes``: with the access level too low a write through a file node is
     answered "good" and lost, as a real control was seen to do. ``quantise``: what a written number becomes.
-    ``on_request``: called with the name of each service before it is served.
+    ``on_request``: called with the name of each service before it is served. ``starting``: what the server answers
+    while the NCK restarts, drawn at each question by ``starting_seed``: a status of "source" (no value yet), "busy",
+    "session" (the session is gone) or "any" of the standard but missing rights and absent nodes.
     """
 
     answer_s: float = 0.0
@@ -34,6 +73,17 @@ class Manners:
     silent_file_nodes: bool = True
     quantise: Callable[[float], float] | None = None
     on_request: Callable[[str], None] = lambda _service: None
+    starting: str = "source"
+    starting_seed: int = 0
+    started: list[str] = field(default_factory=list)
+    _drawn: random.Random | None = None
+
+    def starts(self) -> str:
+        """The next status of a server whose NCK restarts."""
+        if self._drawn is None:
+            self._drawn = random.Random(self.starting_seed)
+        self.started.append(self._drawn.choice(STARTING[self.starting]))
+        return self.started[-1]
 
 
 @dataclass(slots=True)

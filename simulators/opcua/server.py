@@ -114,7 +114,11 @@ class SinumerikServer:
         methods = Methods(nck, set_up.file_write_level, set_up.largest_copy, set_up.copy_refusal)
         files = ServedFiles(nck, set_up.file_write_level, self.manners)
         self._core = SinumerikInternalServer(
-            accounts=Accounts(accounts_of(set_up.users)), space=Space(nck), methods=methods, files=files, clock=clock
+            accounts=Accounts(accounts_of(set_up.users)),
+            space=Space(nck, self.manners.starts),
+            methods=methods,
+            files=files,
+            clock=clock,
         )
         self._core.session_limit = set_up.session_limit
         self._core.file_nodes, self._core.event_source = set_up.file_nodes, set_up.alarm_events

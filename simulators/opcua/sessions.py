@@ -47,6 +47,8 @@ class SinumerikSession(InternalSession):
         """Values by identifier; everything else from the standard address space."""
         home = self._home
         await self._serve("read", len(params.NodesToRead), home.manners.most_read)
+        if home.manners.starting == "session" and home.files.nck.booting:
+            raise ServiceError(getattr(ua.StatusCodes, home.manners.starts()))
         other = [item for item in params.NodesToRead if not home.is_own(item.NodeId)]
         rest: Iterator[ua.DataValue] = iter(())
         if other:

@@ -37,8 +37,9 @@ _WRITE_LEVEL = 7  # protection level handed to the NCK with a write over OPC UA:
 class Space:
     """Reads and writes by identifier for one account at a time."""
 
-    def __init__(self, nck: Nck) -> None:
+    def __init__(self, nck: Nck, starts: Callable[[], str] = lambda: "BadCommunicationError") -> None:
         self._nck = nck
+        self._starts = starts
         self._axes = nck.spec.places
         self._channel: dict[str, Callable[[], Value]] = {
             "/Channel/State/chanStatus": lambda: int(nck.channel_status),
@@ -83,7 +84,7 @@ class Space:
         if not account.may(_right(address, "Read")):
             raise Refused("BadUserAccessDenied")
         if self._nck.booting:
-            raise Refused("BadCommunicationError")
+            raise Refused(self._starts())
         values = self._values(address)
         kind = nodes.kind_of(address.path)
         return kind, (list(values) if address.last is not None else values[0])
@@ -162,7 +163,7 @@ class Space:
         if not account.may(_right(address, "Write")):
             raise Refused("BadUserAccessDenied")
         if self._nck.booting:
-            raise Refused("BadCommunicationError")
+            raise Refused(self._starts())
         names = nodes.to_names(address, self._axes)
         if not names:
             raise Refused("BadNotWritable")

@@ -179,7 +179,7 @@ async def test_fault_50_no_more_nodes_in_one_request_than_the_server_takes(keys:
             assert [on.nck.get(f"R[{90 + place}]") for place in range(6)] == [0.0, 1.0, 2.0, 3.0, 4.0, 5.0]
         else:
             before = on.server.requests.services["write"]
-            error = await refused(device._session.write(values, 5.0), "E-UA-REFUSED")
+            error = await refused(device._session.write(values, 5.0), "E-UA-LIMIT")
             assert error.fields["status"] == "BadTooManyOperations"
             assert on.server.requests.services["write"] == before + 1
             assert not on.server.requests.written

@@ -14,7 +14,7 @@ from dataclasses import replace
 from typing import Any, Literal
 
 from drivers.clock import Clock
-from drivers.errors import TrueflankError, UnsupportedDevice
+from drivers.errors import DeviceRefused, TrueflankError, UnsupportedDevice
 from drivers.limits import VALUE_RESOLUTION, largest_value
 from drivers.ports.devices import Tell
 from drivers.programs import Origin, ProgramText, SelfTest, SelfTested
@@ -81,6 +81,8 @@ class SinumerikOpcUa(Leaver, RunsPlans):
             *parts, channel=self._settings.channel, clock=clock, where=name, reopen=self._open_again
         )
         self._configuration = Configuration((), (), ())
+        self._dialogue.reopen = self._rejoin
+        self._machine: MachineIdentity | None = None
 
     # ---- device -------------------------------------------------------------------------------------
 
@@ -116,11 +118,20 @@ class SinumerikOpcUa(Leaver, RunsPlans):
     async def _open_again(self) -> None:
         await self.open(self._reader.timeout_s)
 
+    async def _rejoin(self) -> None:
+        """A fresh session with the same machine. Raises as `open`, DeviceRefused (E-UA-OTHER) for another one."""
+        serial = self._machine.serial if self._machine is not None else ""
+        found = await self.open(self._reader.timeout_s)
+        if serial and found.serial != serial:
+            await self._session.close()
+            raise DeviceRefused("E-UA-OTHER", self.name, serial=serial, found=found.serial)
+
     async def identify(self) -> MachineIdentity:
         """Serial number, NCK version, axis names and unit system, read afresh."""
         self._configuration = await self._reader.configuration()
         self._dialogue.names = self._configuration.places
-        return await self._reader.identity(self._configuration.names)
+        self._machine = await self._reader.identity(self._configuration.names)
+        return self._machine
 
     async def state(self) -> MachineState:
         """Everything in one request. Raises TransportError (E-UA-NCK-DOWN) while the NCK restarts."""

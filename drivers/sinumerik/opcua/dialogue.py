@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Awaitable, Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
 
 from drivers.clock import Clock
@@ -12,6 +12,7 @@ from drivers.sinumerik.ncprogram.words import COUNT, MARKED, Phase, Word
 from drivers.sinumerik.opcua.machine import ALARM_PLACES, MachineReader, channel_status
 from drivers.sinumerik.opcua.session import nodes
 from drivers.sinumerik.opcua.session.client import UaSession
+from drivers.sinumerik.opcua.session.status import is_not_yet
 from drivers.sinumerik.opcua.settings import UaSettings
 from drivers.types.machine import ChannelStatus
 
@@ -84,6 +85,7 @@ class Dialogue:
         self.book: SentPrograms | None = None
         self.sent: Sent | None = None
         self.names: tuple[str, ...] = ()
+        self.reopen: Callable[[], Awaitable[None]] | None = None
         self.pace = Pace(settings.fast_poll_s, settings.poll_s)
 
     async def begin(self, axis_number: int, number: int, program: str, others: tuple[int, ...] = ()) -> None:
@@ -173,13 +175,35 @@ class Dialogue:
         )
 
     async def look_through_restart(self) -> Glance | None:
-        """One look; None while the NCK restarts."""
+        """One look; None while the NCK restarts: any status but a missing right, an absent node and a lost session."""
         try:
             return await self.look()
-        except TransportError as error:
-            if error.code != "E-UA-NCK-DOWN":
+        except TrueflankError as error:
+            if not is_not_yet(error) or not self._session.is_open:
                 raise
             return None
+
+    async def look_after_activation(self) -> Glance | None:
+        """As `look_through_restart`; a session that the restart ended is opened again, until the server lets us in.
+
+        Raises the server's refusal of rights or of an absent node, and what `reopen` raises for another machine.
+        """
+        try:
+            return await self.look()
+        except TrueflankError as error:
+            if not self._passes(error):
+                raise
+        try:
+            if not self._session.is_open and self.reopen is not None:
+                await self.reopen()
+        except TrueflankError as error:
+            if not self._passes(error):
+                raise
+        return None
+
+    def _passes(self, error: TrueflankError) -> bool:
+        lost = isinstance(error, TransportError) and not self._session.is_open
+        return is_not_yet(error) or (lost and self.reopen is not None)
 
     async def _alarm_numbers(self, count: int) -> tuple[int, ...]:
         places = range(1, min(count, ALARM_PLACES) + 1)

@@ -15,14 +15,14 @@ from drivers.clock import Clock
 from drivers.errors import DeviceRefused, TrueflankError
 from drivers.sinumerik.opcua.bedside.bed import Bedside
 from drivers.sinumerik.opcua.bedside.examination import at_the_bed
-from drivers.sinumerik.opcua.bedside.server import reads_alone
+from drivers.sinumerik.opcua.bedside.server import CLOCK_LIMIT_S, reads_alone
 from drivers.sinumerik.opcua.machine import MachineReader
-from drivers.sinumerik.opcua.session.certificates import KeyPair, load
+from drivers.sinumerik.opcua.session.certificates import KeyPair, last_record, load
 from drivers.sinumerik.opcua.session.client import UaSession
 from drivers.sinumerik.opcua.session.login import Offer, no_policy
 from drivers.sinumerik.opcua.session.secrets import secrets_of, writing_of
 from drivers.sinumerik.opcua.settings import UaSettings
-from drivers.sinumerik.opcua.trust import last_record, view
+from drivers.sinumerik.opcua.trust import view
 from drivers.sinumerik.reach import host_and_port, reach
 
 DEFAULT_PORT = 4840
@@ -83,9 +83,17 @@ class UaDoctor:
         except TrueflankError as error:
             return [failed(error, "endpoint", "unknown")]
         lines = [fine("W-DOC-ENDPOINT", "endpoint", offered=", ".join(offer.security)), self._policy(offer)]
+        lines += self._clocks()
         if self._settings.secured:
             lines += await asyncio.to_thread(self._certificates, offer, self._clock.utc())
         return lines
+
+    def _clocks(self) -> list[CheckLine]:
+        """By the first answer, before a login that may fail for it; equal clocks are told after the login."""
+        ahead_s = self._session.ahead_s
+        if ahead_s is None or abs(ahead_s) <= CLOCK_LIMIT_S:
+            return []
+        return [wrong("E-DOC-CLOCK", "clock", apart_s=round(ahead_s), limit_s=CLOCK_LIMIT_S)]
 
     def _policy(self, offer: Offer) -> CheckLine:
         if not self._settings.secured:
@@ -115,7 +123,11 @@ class UaDoctor:
         accepted = last_record(place)
         who = f"{accepted['who']} at {accepted['utc']}" if accepted else "a person not recorded"
         line = fine("W-DOC-CERTIFICATE", "certificate", thumbprint=shown.sha256, until=shown.valid_until, who=who)
-        return [_valid(line, now, shown.valid_from, shown.valid_until)]
+        judged = _valid(line, now, shown.valid_from, shown.valid_until)
+        if accepted.get("reason"):
+            told = fine("W-DOC-EXCUSED", "certificate", who=who, reason=accepted["reason"])
+            return [line if judged.code == "E-DOC-EXPIRED" else judged, told]
+        return [judged]
 
     # ---- the login ------------------------------------------------------------------------------------
 

@@ -227,8 +227,7 @@ class MachineReader:
     def _up(self, found: list[Reading]) -> list[Reading]:
         for reading in found:
             if is_down(reading.status):
-                fields = {"status": reading.status, "what": reading.path}
-                raise TransportError("E-UA-NCK-DOWN", self._where, retryable=True, **fields)
+                raise refusal(reading.status, self._where, "read", reading.path)
         return found
 
     def _good(self, readings: Sequence[Reading]) -> list[Any]:

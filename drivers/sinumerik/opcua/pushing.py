@@ -145,14 +145,23 @@ class Pushing:
         return tuple(found)
 
     async def until(
-        self, transaction: int, timeout_s: float, reached: Callable[[Glance | None, Glance], T | None]
+        self,
+        transaction: int,
+        timeout_s: float,
+        reached: Callable[[Glance | None, Glance], T | None],
+        *,
+        activated: bool = False,
     ) -> T:
-        """Look until ``reached(before, seen)`` says something other than None of the program with this number."""
+        """Look until ``reached(before, seen)`` says something other than None of the program with this number.
+
+        Once tables are ``activated`` a restart may end the session too, which is then opened again.
+        """
+        look = self._dialogue.look_after_activation if activated else self._dialogue.look_through_restart
         end = self._clock.now() + timeout_s
         before: Glance | None = None
         self._dialogue.pace.again()
         while True:
-            seen = await self._dialogue.look_through_restart()
+            seen = await look()
             if seen is not None:
                 await self._dialogue.check_alarms(seen)
                 ours = seen.word(Word.TRANSACTION) == transaction
@@ -205,7 +214,7 @@ class Pushing:
 
         The switch itself (MD32700, or SD41300) is read too where this user may; both must say so.
         """
-        if not await self.until(passed[0].transaction, timeout_s, self._is_decided):
+        if not await self.until(passed[0].transaction, timeout_s, self._is_decided, activated=True):
             self._left = passed, self._clock.now()
             return (False,) * len(passed)
         return tuple([order.enable and await self._switched(order, configuration) for order in passed])
@@ -280,7 +289,7 @@ async def activation(
     seen_down, settled_since = False, None
     dialogue.pace.again()
     while True:
-        seen = await dialogue.look_through_restart()
+        seen = await dialogue.look_after_activation()
         now = clock.now()
         seen_down = seen_down or seen is None or not seen.referenced
         if seen is None or not _is_back(seen):

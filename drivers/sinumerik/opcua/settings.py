@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Any, ClassVar, Literal
 
 from pydantic import Field
@@ -11,6 +12,7 @@ from drivers.errors import words
 from drivers.settings import CertificatePathText, DriverSettings, FilePathText, FolderPathText, Rule, VariableText
 from drivers.sinumerik.ncprogram.words import COUNT, SetupWord, Words
 from drivers.sinumerik.opcua.session import nodes
+from drivers.sinumerik.opcua.session.certificates import last_record
 
 # Best first; both sign and encrypt. The last one is what every control has.
 POLICIES = ("Aes256_Sha256_RsaPss", "Basic256Sha256")
@@ -104,6 +106,14 @@ class UaSettings(DriverSettings):
         """OPC UA without signature and encryption."""
         del url
         return "" if self.secured else words("W-UA-UNPROTECTED")
+
+    def excused(self) -> tuple[str, str]:
+        """As the record beside the pinned certificate has it; what cannot be read says nothing."""
+        try:
+            found = last_record(Path(self.server_certificate)) if self.secured and self.server_certificate else {}
+        except (OSError, ValueError):
+            return "", ""
+        return (str(found.get("who", "")), str(found["reason"])) if found.get("reason") else ("", "")
 
     @property
     def plans_together(self) -> int:

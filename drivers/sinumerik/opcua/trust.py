@@ -6,7 +6,6 @@ import asyncio
 import json
 import os
 from collections.abc import Mapping
-from datetime import datetime
 from pathlib import Path
 from typing import Any
 
@@ -18,9 +17,9 @@ from drivers.clock import Clock
 from drivers.errors import ConfigError, DeviceRefused
 from drivers.local.ownfiles import made_parents, opened
 from drivers.sinumerik.opcua.session import certificates
-from drivers.sinumerik.opcua.session.certificates import load
+from drivers.sinumerik.opcua.session.certificates import last_record, load, record_of
 from drivers.sinumerik.opcua.session.client import UaSession
-from drivers.sinumerik.opcua.session.login import Offer, no_policy
+from drivers.sinumerik.opcua.session.login import Offer, holds, no_policy, out_of_time
 from drivers.sinumerik.opcua.session.secrets import APPLICATION_URI, client_folder
 from drivers.sinumerik.opcua.settings import UaSettings
 
@@ -43,28 +42,30 @@ class UaTrust:
         """
         return await asyncio.to_thread(self._view, await self._shown(timeout_s))
 
-    async def accept(self, thumbprint: str, who: str, timeout_s: float) -> TrustView:
+    async def accept(self, thumbprint: str, who: str, timeout_s: float, reason: str = "") -> TrustView:
         """Pin the certificate that the server shows now, if it is the one whose thumbprint was typed.
 
+        One that is not valid now needs a ``reason``, which is kept and told with every connection and report.
         The old one is kept beside it; who accepted which and when is added to a record in the same folder.
         Raises as `show`, DeviceRefused (E-TRUST-OTHER, E-UA-EXPIRED), ConfigError (E-UA-SECRET).
         """
-        certificate = await self._shown(timeout_s)
+        session = UaSession(self._url, self._clock, self.name)
+        certificate = await self._shown(timeout_s, session)
         shown = view(certificate)
         if not shown.is_called(thumbprint):
             raise DeviceRefused("E-TRUST-OTHER", self.name, typed=thumbprint or "nothing", shown=shown.sha256)
-        if not shown.valid_from <= self._clock.utc() <= shown.valid_until:
-            since, until = shown.valid_from.isoformat(), shown.valid_until.isoformat()
-            raise DeviceRefused("E-UA-EXPIRED", self.name, since=since, until=until)
+        valid = holds(certificate, self._clock.utc())
+        if not (valid or reason.strip()):
+            raise out_of_time(certificate, session.ahead_s, self.name)
         try:
-            await asyncio.to_thread(self._pin, certificate, who, self._clock.utc())
+            await asyncio.to_thread(self._pin, certificate, who, "" if valid else reason.strip())
         except OSError as error:
             key, path = "server_certificate", self._settings.server_certificate
             raise ConfigError("E-UA-SECRET", self.name, key=key, path=path, why=str(error)) from error
         return await asyncio.to_thread(self._view, certificate)
 
-    async def _shown(self, timeout_s: float) -> x509.Certificate:
-        offer: Offer = await UaSession(self._url, self._clock, self.name).offer(timeout_s)
+    async def _shown(self, timeout_s: float, session: UaSession | None = None) -> x509.Certificate:
+        offer: Offer = await (session or UaSession(self._url, self._clock, self.name)).offer(timeout_s)
         if not offer.best(self._settings.policies) or offer.certificate is None:
             raise no_policy(offer, self._settings.policies, self.name)
         return offer.certificate
@@ -82,9 +83,10 @@ class UaTrust:
             own=view(load(own.read_bytes())),
             accepted_by=str(last.get("who", "")),
             accepted_utc=str(last.get("utc", "")),
+            reason=str(last.get("reason", "")),
         )
 
-    def _pin(self, certificate: x509.Certificate, who: str, now: datetime) -> None:
+    def _pin(self, certificate: x509.Certificate, who: str, reason: str) -> None:
         place = Path(self._settings.server_certificate)
         made_parents(place)
         before = view(load(place.read_bytes())).sha256 if place.is_file() else ""
@@ -93,8 +95,9 @@ class UaTrust:
         fresh = place.with_name(f".{place.name}.new")
         _store(fresh, certificate.public_bytes(Encoding.DER), "wb")
         fresh.replace(place)
-        record = {"utc": now.isoformat(), "who": who, "url": self._url}
+        record = {"utc": self._clock.utc().isoformat(), "who": who, "url": self._url}
         record |= {"accepted": view(certificate).sha256, "before": before}
+        record |= {"reason": reason} if reason else {}
         _store(record_of(place), (json.dumps(record) + "\n").encode(), "ab")
 
 
@@ -107,21 +110,6 @@ def view(certificate: x509.Certificate) -> CertificateView:
         valid_from=certificate.not_valid_before_utc,
         valid_until=certificate.not_valid_after_utc,
     )
-
-
-def record_of(place: Path) -> Path:
-    """Where it is written down who accepted what, one JSON object a line."""
-    return place.with_name(f"{place.name}.accepted.jsonl")
-
-
-def last_record(place: Path) -> dict[str, Any]:
-    """Of the certificate pinned now; empty when it was put there by other means."""
-    path = record_of(place)
-    if not path.is_file() or not place.is_file():
-        return {}
-    pinned = view(load(place.read_bytes())).sha256
-    records = [json.loads(line) for line in path.read_text(encoding="utf-8").splitlines() if line.strip()]
-    return next((record for record in reversed(records) if record.get("accepted") == pinned), {})
 
 
 def _store(path: Path, content: bytes, mode: str) -> None:

@@ -72,12 +72,24 @@ def show_command(site: SiteArgument, as_json: JsonOption = False) -> None:
         raise typer.Exit(NOT_ALL_WELL)
 
 
-def accept_command(site: SiteArgument, thumbprint: ThumbprintOption, as_json: JsonOption = False) -> None:
+ReasonOption = Annotated[
+    str,
+    typer.Option(
+        help="Why a certificate that is not valid now is accepted; kept, and told by doctor and in every report.",
+        show_default=False,
+    ),
+]
+
+
+def accept_command(
+    site: SiteArgument, thumbprint: ThumbprintOption, reason: ReasonOption = "", as_json: JsonOption = False
+) -> None:
     """Pin the certificate that the server shows now, if its thumbprint is the one you read at the control."""
     from gateway import audit
     from gateway.workflow.control.trusting import accepted
 
-    tell(run_to_end(accepted(load(site), site, thumbprint, who=audit.person(), clock=LoopClock())), as_json=as_json)
+    work = accepted(load(site), site, thumbprint, who=audit.person(), clock=LoopClock(), reason=reason)
+    tell(run_to_end(work), as_json=as_json)
 
 
 def load(site: Path) -> Any:
@@ -176,7 +188,7 @@ def tell(view: TrustView, *, as_json: bool) -> None:
         named = {"shown": view.shown, "pinned": view.pinned, "own": view.own}
         data: dict[str, Any] = {name: record(one) if one else None for name, one in named.items()}
         data |= {"url": view.url, "file": view.place, "equal": view.equal}
-        show_json({**data, "accepted_by": view.accepted_by, "accepted_utc": view.accepted_utc})
+        show_json({**data, "accepted_by": view.accepted_by, "accepted_utc": view.accepted_utc, "reason": view.reason})
         return
     echo(view.url)
     for title, one in (("shown now", view.shown), ("pinned", view.pinned), ("this gateway's own", view.own)):
@@ -186,6 +198,8 @@ def tell(view: TrustView, *, as_json: bool) -> None:
     code = "W-TRUST-EQUAL" if view.equal else "W-TRUST-CHANGED" if view.pinned else "W-TRUST-NONE"
     who = f"{view.accepted_by}, {view.accepted_utc}" if view.accepted_by else "a person not recorded"
     echo(words(code, file=view.place, who=who))
+    if view.reason:
+        echo(words("W-TRUST-EXCUSED", who=who, reason=view.reason))
     if not view.equal:
         echo(f"  -> {TrueflankError(code, file=view.place, who=who).hint}")
 

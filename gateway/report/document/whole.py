@@ -58,6 +58,8 @@ def document(material: ReportMaterial) -> Document:
 
 def _main(material: ReportMaterial, t: Tongue) -> tuple[Block, ...]:
     said = (t("unprotected"),) if material.unprotected else ()
+    who, why = material.excused
+    said += (t("excused", who=who, why=why),) if why else ()
     warned = tuple(Paragraph(line, "strong") for line in (*still_on(material), *said))
     first = (*warned, *parties(material, t), *answer(material, t), *conformity(material, t))
     # Conditions stand with the axes they belong to: they fill what the charts leave of a page.

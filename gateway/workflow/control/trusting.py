@@ -18,17 +18,25 @@ async def shown_by(site: SiteFile, clock: Clock) -> TrustView:
     return await _trust(site, clock).show(site.controller.timeout_s)
 
 
-async def accepted(site: SiteFile, path: Path, thumbprint: str, *, who: str, clock: Clock) -> TrustView:
+async def accepted(
+    site: SiteFile, path: Path, thumbprint: str, *, who: str, clock: Clock, reason: str = ""
+) -> TrustView:
     """Pin what the site's control shows now, if the typed thumbprint is its own. Raises as `Trust.accept`."""
     root, timeout_s = store_of(site, path).root, site.controller.timeout_s
-    return await accept(_trust(site, clock), root, thumbprint, who, clock=clock, timeout_s=timeout_s)
+    return await accept(_trust(site, clock), root, thumbprint, who, clock=clock, timeout_s=timeout_s, reason=reason)
 
 
-async def accept(trust: Trust, root: Path, thumbprint: str, who: str, *, clock: Clock, timeout_s: float) -> TrustView:
-    """Pin by a thumbprint, kept in the audit log of the store at ``root``. Raises as `Trust.accept`, StoreError."""
+async def accept(
+    trust: Trust, root: Path, thumbprint: str, who: str, *, clock: Clock, timeout_s: float, reason: str = ""
+) -> TrustView:
+    """Pin by a thumbprint, with the reason for one that is not valid now; kept in the audit log at ``root``.
+
+    Raises as `Trust.accept`, StoreError.
+    """
     audit.demand(root)
-    view = await trust.accept(thumbprint, who, timeout_s)
+    view = await trust.accept(thumbprint, who, timeout_s, reason)
     told = {"url": view.url, "sha256": view.shown.sha256, "subject": view.shown.subject}
+    told |= {"reason": view.reason} if view.reason else {}
     audit.record(root, "trust-accept", clock=clock, actor=who, role="service", details=told)
     return view
 

@@ -10,7 +10,7 @@ from pathlib import Path
 from drivers.types.identity import MachineIdentity
 from drivers.types.orders import SignProof
 from gateway.capture.gathered.raw import RawCapture
-from gateway.config import AxisSection, SiteFile, open_road
+from gateway.config import AxisSection, SiteFile, excused_certificate, open_road
 from gateway.domain.captures import Capture
 from gateway.domain.equipment import Equipment
 from gateway.domain.figures import Component, Evaluation
@@ -151,6 +151,7 @@ def material_of(folder: RunFolder) -> ReportMaterial:
         particulars=particulars_of(site, path, ended or facts["created_utc"]),
         simulated=was_simulated(site, instruments),
         unprotected=open_road(site),
+        excused=excused_certificate(site),
     )
     return replace(material, judged=judged(site, material))
 

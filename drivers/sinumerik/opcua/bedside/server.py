@@ -26,8 +26,10 @@ async def clock(bed: Bedside) -> list[CheckLine]:
     theirs = await bed.session.server_time(bed.timeout_s)
     if theirs is None:
         return [unknown("W-DOC-NO-CLOCK", "clock")]
-    apart_s = abs((theirs.replace(tzinfo=UTC) - bed.clock.utc()).total_seconds())
-    if apart_s > CLOCK_LIMIT_S:
+    apart_s = (theirs.replace(tzinfo=UTC) - bed.clock.utc()).total_seconds()
+    if abs(apart_s) > CLOCK_LIMIT_S:
+        if abs(bed.session.ahead_s or 0.0) > CLOCK_LIMIT_S:
+            return []  # told before the login already
         return [wrong("E-DOC-CLOCK", "clock", apart_s=round(apart_s), limit_s=CLOCK_LIMIT_S)]
     return [fine("W-DOC-CLOCK", "clock", apart_s=round(apart_s, 1))]
 

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
+from typing import Any
 
 from cryptography import x509
 from cryptography.hazmat.primitives import hashes, serialization
@@ -52,6 +54,37 @@ def fingerprint(certificate: x509.Certificate) -> str:
 def short_fingerprint(certificate: x509.Certificate) -> str:
     """SHA-1 of the DER form, which OPC UA calls the thumbprint (OPC 10000-4), as pairs of hex digits."""
     return certificate.fingerprint(hashes.SHA1()).hex(":").upper()  # noqa: S303 - for comparing by eye
+
+
+def uri_of(pair: KeyPair | None) -> str:
+    """The application's name (URI) in a certificate; "" without one. Never raises: it is only told."""
+    if pair is None:
+        return ""
+    try:
+        names = load(pair.certificate.read_bytes()).extensions.get_extension_for_class(x509.SubjectAlternativeName)
+    except (OSError, ValueError, x509.ExtensionNotFound):
+        return ""
+    return next(iter(names.value.get_values_for_type(x509.UniformResourceIdentifier)), "")
+
+
+def record_of(place: Path) -> Path:
+    """Where it is written down who accepted what, one JSON object a line."""
+    return place.with_name(f"{place.name}.accepted.jsonl")
+
+
+def last_record(place: Path) -> dict[str, Any]:
+    """Of the certificate pinned now; empty when it was put there by other means."""
+    path = record_of(place)
+    if not path.is_file() or not place.is_file():
+        return {}
+    pinned = fingerprint(load(place.read_bytes()))
+    records = [json.loads(line) for line in path.read_text(encoding="utf-8").splitlines() if line.strip()]
+    return next((record for record in reversed(records) if record.get("accepted") == pinned), {})
+
+
+def excuse_of(place: Path) -> str:
+    """Why a person accepted the pinned certificate although it was not valid then; "" where nobody did."""
+    return str(last_record(place).get("reason", ""))
 
 
 def _pem(key: rsa.RSAPrivateKey) -> bytes:

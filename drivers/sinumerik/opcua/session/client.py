@@ -15,6 +15,7 @@ from typing import Any
 from drivers.clock import Clock
 from drivers.errors import DeviceRefused, LinkBroken, RemoteProtocolError, UnsupportedDevice
 from drivers.sinumerik.opcua.session import login, nodes, requests
+from drivers.sinumerik.opcua.session.certificates import uri_of
 from drivers.sinumerik.opcua.session.connection import UaConnection, node_id
 from drivers.sinumerik.opcua.session.login import CHANNEL_S, SESSION_S
 from drivers.sinumerik.opcua.session.requests import AlarmEvent, Reading, ServerLimits
@@ -68,7 +69,8 @@ class UaSession(UaConnection):
 
     async def _enter(self, secrets: Secrets) -> None:
         self._secrets = secrets
-        policies = await login.check_trust(secrets, self._asked, self._clock.utc(), self._where)
+        self._own_uri = await asyncio.to_thread(uri_of, secrets.own)
+        policies = await login.check_trust(secrets, self._asked, self._clock.utc, self._where)
         client, opened_at = await self._logged_in(secrets, policies)
         await self._translated("read", "the namespace", self._look_around(client, opened_at))
         self._alive = asyncio.get_running_loop().create_task(self._keep_alive(), name=f"keep-alive of {self._where}")

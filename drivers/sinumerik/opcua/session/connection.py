@@ -20,8 +20,8 @@ from drivers.clock import Clock
 from drivers.errors import LinkBroken, TrueflankError
 from drivers.sinumerik.opcua.session import login, requests
 from drivers.sinumerik.opcua.session import values as typed_values
-from drivers.sinumerik.opcua.session.login import SESSION_S, Offer
-from drivers.sinumerik.opcua.session.secrets import Secrets
+from drivers.sinumerik.opcua.session.login import SESSION_S, Offer, apart
+from drivers.sinumerik.opcua.session.secrets import APPLICATION_URI, Secrets
 from drivers.sinumerik.opcua.session.status import Stage, foreign, is_lost, refusal
 
 T = TypeVar("T")
@@ -54,6 +54,13 @@ class UaConnection:
         self._renew_at, self._sign_s = 0.0, SESSION_S
         self._why = "it was never opened"
         self._policy = ""
+        self._ahead_s: float | None = None
+        self._own_uri = ""
+
+    @property
+    def ahead_s(self) -> float | None:
+        """How far the server's clock was ahead of ours at its first answer, s; None where it gave no time."""
+        return self._ahead_s
 
     @property
     def is_open(self) -> bool:
@@ -73,7 +80,21 @@ class UaConnection:
             return await self._asked()
 
     async def _asked(self) -> Offer:
-        return await self._translated("read", "the end points", login.ask(self._url, self._where))
+        offer = await self._translated("read", "the end points", login.ask(self._url, self._where))
+        given = offer.server_utc
+        self._ahead_s = None if given is None else (given - self._clock.utc()).total_seconds()
+        return offer
+
+    def _told(self, error: TrueflankError) -> TrueflankError:
+        """What two clocks or two names differ by belongs to a refusal that speaks of them."""
+        if error.code == "E-UA-CLOCK":
+            if self._ahead_s is None:
+                error.code = "E-UA-CLOCK-UNKNOWN"
+            error.fields |= {"ahead_s": apart(self._ahead_s)}
+        if error.fields.get("status") in ("BadCertificateUriInvalid", "BadServerUriInvalid"):
+            error.code = "E-UA-URI"
+            error.fields |= {"sent": APPLICATION_URI, "certificate": self._own_uri or "none", "url": self._url}
+        return error
 
     async def _logged_in(self, secrets: Secrets, policies: Sequence[str]) -> tuple[Any, float]:
         """A client that is logged in, and since when; another policy is tried only where the first got no channel."""
@@ -150,10 +171,10 @@ class UaConnection:
         try:
             result = await work
         except ua.UaStatusCodeError as error:
-            name = ua.StatusCode(error.code).name
+            name = requests.code_name(error.code)
             if stage == "login" or is_lost(name):
                 self._break(name)
-            raise refusal(name, self._where, stage, what) from error
+            raise self._told(refusal(name, self._where, stage, what)) from error
         except TrueflankError:
             self._break("login was refused" if stage == "login" else "the server is not as expected")
             raise

@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
 from collections.abc import Awaitable, Callable
 from dataclasses import dataclass
-from datetime import datetime
+from datetime import UTC, datetime
 from typing import Any
 
 from asyncua import ua
 from asyncua.client.client import Client
 from asyncua.crypto.security_policies import SecurityPolicyAes256Sha256RsaPss, SecurityPolicyBasic256Sha256
 from asyncua.crypto.uacrypto import CertProperties
+from asyncua.ua.ua_binary import struct_from_binary
 from cryptography import x509
 from cryptography.hazmat.primitives.serialization import Encoding
 
@@ -22,6 +24,7 @@ from drivers.sinumerik.opcua.settings import POLICIES
 
 SESSION_S = 60.0
 CHANNEL_S = 3600.0
+EARLIEST_YEAR = 1990  # a time before that is the zero of OPC UA: the server gives none
 LIBRARY_TIMEOUT_S = 86400.0  # the caller's deadline rules, never the library's own
 
 
@@ -32,12 +35,13 @@ _CLASSES = dict(zip(POLICIES, (SecurityPolicyAes256Sha256RsaPss, SecurityPolicyB
 class Offer:
     """Security a server offers, as "policy/mode", and the certificate it shows (None: none at all).
 
-    ``policies`` are those of ours that it offers with sign and encrypt, best first.
+    ``policies`` are those of ours that it offers with sign and encrypt, best first. ``server_utc`` is its clock.
     """
 
     security: tuple[str, ...]
     policies: tuple[str, ...]
     certificate: x509.Certificate | None
+    server_utc: datetime | None = None
 
     def best(self, wanted: tuple[str, ...]) -> str:
         """The best policy that is wanted and offered; "" where there is none."""
@@ -53,7 +57,7 @@ async def ask(url: str, where: str) -> Offer:
     try:
         await probe.connect_socket()
         await probe.send_hello()
-        endpoints = await _shown(probe, url, where)
+        endpoints, server_utc = await _shown(probe, url, where)
     finally:
         probe.disconnect_socket()
     ours = [end for end in endpoints if _policy(end) in _CLASSES and _encrypts(end)]
@@ -61,18 +65,27 @@ async def ask(url: str, where: str) -> Offer:
     names = sorted({f"{_policy(end)}/{end.SecurityMode.name.rstrip('_')}" for end in endpoints})
     offered = {_policy(end) for end in ours}
     policies = tuple(name for name in POLICIES if name in offered)
-    return Offer(tuple(names), policies, load(shown[0]) if shown else None)
+    return Offer(tuple(names), policies, load(shown[0]) if shown else None, server_utc)
 
 
-async def _shown(probe: Any, url: str, where: str) -> list[Any]:
-    """End points over a channel without security. A server without policy None refuses it or hangs up."""
+async def _shown(probe: Any, url: str, where: str) -> tuple[list[Any], datetime | None]:
+    """End points over a channel without security, and the time of that answer by the server's clock.
+
+    A server without policy None refuses the channel or hangs up.
+    """
+    request = ua.GetEndpointsRequest()
+    request.Parameters.EndpointUrl = url
     try:
         await probe.open_secure_channel()
-        endpoints = await probe.get_endpoints()
+        data = await probe.uaclient.protocol.send_request(request)
+        response = struct_from_binary(ua.GetEndpointsResponse, data)
+        response.ResponseHeader.ServiceResult.check()
         await probe.close_secure_channel()
     except (ua.UaStatusCodeError, ConnectionError, AssertionError) as error:
         raise RemoteProtocolError("E-UA-NO-OFFER", where, url=url) from error
-    return list(endpoints)
+    given = response.ResponseHeader.Timestamp
+    known = isinstance(given, datetime) and given.year >= EARLIEST_YEAR
+    return list(response.Endpoints or []), given.replace(tzinfo=UTC) if known else None
 
 
 def _policy(end: Any) -> str:
@@ -103,21 +116,32 @@ def no_policy(offer: Offer, wanted: tuple[str, ...], where: str) -> DeviceRefuse
     return DeviceRefused("E-UA-POLICY", where, wanted=" or ".join(wanted), offered=offered)
 
 
-def check_pinned(pinned: x509.Certificate, now: datetime, where: str) -> None:
-    """Refuse a pinned certificate that does not hold now, whatever its server shows. Raises E-UA-EXPIRED."""
-    if not pinned.not_valid_before_utc <= now <= pinned.not_valid_after_utc:
-        since, until = pinned.not_valid_before_utc.isoformat(), pinned.not_valid_after_utc.isoformat()
-        raise DeviceRefused("E-UA-EXPIRED", where, since=since, until=until)
+def holds(certificate: x509.Certificate, now: datetime) -> bool:
+    """Whether a certificate is valid at a time."""
+    return certificate.not_valid_before_utc <= now <= certificate.not_valid_after_utc
+
+
+def apart(ahead_s: float | None) -> str:
+    """How far the server's clock is ahead of ours as an error names it; "?" where it gave no time."""
+    return "?" if ahead_s is None else f"{ahead_s:+.0f}"
+
+
+def out_of_time(certificate: x509.Certificate, ahead_s: float | None, where: str) -> DeviceRefused:
+    """The error for a server's certificate that is not valid now, with the difference of the clocks."""
+    since, until = certificate.not_valid_before_utc.isoformat(), certificate.not_valid_after_utc.isoformat()
+    return DeviceRefused("E-UA-EXPIRED", where, since=since, until=until, ahead_s=apart(ahead_s))
 
 
 async def check_trust(
-    secrets: Secrets, ask_: Callable[[], Awaitable[Offer]], now: datetime, where: str
+    secrets: Secrets, ask_: Callable[[], Awaitable[Offer]], now: Callable[[], datetime], where: str
 ) -> tuple[str, ...]:
     """Compare certificates before anything is entrusted to a server; policies to try in order, "" without security.
 
-    Whether our own and the pinned one hold now is asked before anything is sent. A server that answers nobody
-    without a login cannot be asked; then the channel itself must prove the pinned certificate, first by the policy
-    that every control has. Raises as `check`, `check_pinned` and `check_own`, and what ``ask_`` raises.
+    Our own must be valid before anything is sent. The pinned one must be valid now, unless a person accepted it with
+    a reason although it is not; that is judged after the server's first answer, which tells its clock. A server that
+    answers nobody without a login cannot be asked; then the channel itself must prove the pinned certificate, first
+    by the policy that every control has.
+    Raises as `check` and `check_own`, DeviceRefused (E-UA-EXPIRED), and what ``ask_`` raises.
     """
     if secrets.pinned is None or secrets.own is None:
         return ("",)
@@ -127,11 +151,14 @@ async def check_trust(
     except (OSError, ValueError) as error:
         given = {"key": "client_folder", "path": path, "why": str(error)}
         raise ConfigError("E-UA-SECRET", where, **given) from error  # type: ignore[arg-type]
-    check_own(own, str(path), now, where)
-    check_pinned(secrets.pinned, now, where)
-    try:
+    check_own(own, str(path), now(), where)
+    offer = None
+    with contextlib.suppress(RemoteProtocolError):
         offer = await ask_()
-    except RemoteProtocolError:
+    if not (holds(secrets.pinned, now()) or secrets.excuse):
+        given = offer.server_utc if offer is not None else None
+        raise out_of_time(secrets.pinned, None if given is None else (given - now()).total_seconds(), where)
+    if offer is None:
         return tuple(reversed(secrets.policies))
     return (check(offer, secrets.pinned, secrets.policies, where),)
 

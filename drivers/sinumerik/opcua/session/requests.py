@@ -184,7 +184,12 @@ def _reading(path: str, value: Any, where: str, now: datetime | None) -> Reading
 def status_name(status: Any) -> str:
     """A status by its name; the library calls "Good" what it does not know of the good ones."""
     known = status.name != "Good" or status.value == ua.StatusCodes.Good
-    return str(status.name) if known else f"Good {status.value:#010x}"
+    return code_name(status.value) if known else f"Good {status.value:#010x}"
+
+
+def code_name(code: int) -> str:
+    """The name of a status code; the low half tells more about a value and is no part of the name."""
+    return str(ua.StatusCode(code & 0xFFFF0000).name)
 
 
 def judged(found: Sequence[Reading], where: str) -> list[Reading]:

@@ -21,7 +21,8 @@ APPLICATION_URI = "urn:trueflank:gateway"
 class Secrets:
     """What a login needs, read from where the settings point: ``pinned`` and ``own`` are None without security.
 
-    ``policies`` may be used, best first.
+    ``policies`` may be used, best first. ``excuse`` is why a person accepted the pinned certificate although it was
+    not valid; "" where nobody did.
     """
 
     user: str
@@ -29,6 +30,7 @@ class Secrets:
     pinned: x509.Certificate | None = None
     own: KeyPair | None = None
     policies: tuple[str, ...] = POLICIES
+    excuse: str = ""
 
 
 def secrets_of(settings: UaSettings, where: str) -> Secrets:
@@ -52,7 +54,8 @@ def secrets_of(settings: UaSettings, where: str) -> Secrets:
         own = certificates.own_key_pair(folder, "trueflank", APPLICATION_URI, "localhost")
     except OSError as error:
         raise ConfigError("E-UA-SECRET", where, key="client_folder", path=str(folder), why=str(error)) from error
-    return Secrets(user=settings.user, password=password, pinned=pinned, own=own, policies=settings.policies)
+    given = {"user": settings.user, "password": password, "policies": settings.policies}
+    return Secrets(**given, pinned=pinned, own=own, excuse=certificates.excuse_of(Path(path)))  # type: ignore[arg-type]
 
 
 def writing_of(settings: UaSettings, secrets: Secrets, where: str) -> Secrets | None:

@@ -16,74 +16,80 @@ from drivers.errors import (
     TrueflankError,
     UnsupportedDevice,
 )
+from drivers.sinumerik.opcua.session.families import Family, family
 
 Stage = Literal["login", "read", "write", "call"]
 
-_LOGIN = frozenset(
-    {"BadUserAccessDenied", "BadIdentityTokenRejected", "BadIdentityTokenInvalid", "BadUserSignatureInvalid"}
-)
-_TRUST = frozenset({"BadSecurityChecksFailed", "BadSecurityPolicyRejected", "BadSecurityModeRejected", "BadNoMatch"})
-_SESSIONS = frozenset({"BadTooManySessions", "BadMaxConnectionsReached", "BadTcpServerTooBusy"})
-_DOWN = frozenset(
-    {"BadCommunicationError", "BadNotConnected", "BadOutOfService", "BadResourceUnavailable", "BadServerHalted"}
-)
-_ABSENT = frozenset({"BadAttributeIdInvalid", "BadNodeIdUnknown", "BadNodeIdInvalid", "BadMethodInvalid"})
-_RIGHTS = frozenset({"BadUserAccessDenied", "BadRequestNotAllowed", "BadNotWritable"})
-_LOST = frozenset(
-    {
-        "BadSessionIdInvalid",
-        "BadSessionClosed",
-        "BadSessionNotActivated",
-        "BadSecureChannelIdInvalid",
-        "BadConnectionClosed",
-    }
-)
+_TRANSPORT: dict[Family, str] = {"down": "E-UA-NCK-DOWN", "lost": "E-UA-LOST"}
+_REFUSED: dict[Family, str] = {
+    "rights": "E-UA-RIGHTS",
+    "login": "E-UA-RIGHTS",
+    "absent": "E-UA-LEVEL",  # of a call: the method is there, the access level at the panel is too low for it
+    "busy": "E-UA-BUSY",
+    "clock": "E-UA-CLOCK",
+    "trust": "E-UA-TRUST-US",
+    "limits": "E-UA-LIMIT",
+    "licence": "E-UA-LICENCE",
+    "type": "E-UA-TYPE",
+    "file": "E-UA-FILE",
+    "fault": "E-UA-FAULT",
+}
+_LOGIN: dict[Family, str] = {
+    "rights": "E-UA-LOGIN",
+    "login": "E-UA-LOGIN",
+    "clock": "E-UA-CLOCK",
+    "trust": "E-UA-TRUST-US",
+    "limits": "E-UA-SESSIONS",
+    "busy": "E-UA-SESSIONS",
+    "licence": "E-UA-LICENCE",
+    "fault": "E-UA-FAULT",
+}
 
 
 def is_lost(status: str) -> bool:
     """Whether a status means that session or channel are gone and a fresh client is needed."""
-    return status in _LOST
+    return family(status) == "lost"
 
 
 def is_down(status: str) -> bool:
-    """Whether a status means that the server lives but the NCK behind it does not answer."""
-    return status in _DOWN
+    """Whether a status means that the server lives but the NCK behind it gives no value."""
+    return family(status) == "down"
 
 
 def is_absent(status: str) -> bool:
     """Whether the server has no such node."""
-    return status in _ABSENT
+    return family(status) == "absent"
+
+
+def is_not_yet(error: TrueflankError) -> bool:
+    """Whether a read that failed so may succeed later, while a control restarts.
+
+    Any status but a missing right and an absent node: no list of what a starting server answers would be complete.
+    """
+    status = error.fields.get("status")
+    return isinstance(status, str) and family(status) not in ("good", "rights", "login", "absent")
 
 
 def refusal(status: str, where: str, stage: Stage, what: str) -> TrueflankError:
     """The exception for a bad status; ``what`` names the variable, method or user concerned."""
+    kind = family(status)
     if stage == "login":
         return _at_login(status, where, what)
-    if status in _DOWN:
-        return TransportError("E-UA-NCK-DOWN", where, retryable=stage == "read", status=status, what=what)
-    if status in _LOST:
-        return TransportError("E-UA-LOST", where, retryable=stage == "read", status=status, what=what)
-    if status.startswith(("Good", "Uncertain")):
+    if kind in ("unsure", "late"):
         return _unsure(status, where, stage, what)
-    if status in _ABSENT:
+    if kind in _TRANSPORT:
+        return TransportError(_TRANSPORT[kind], where, retryable=stage == "read", status=status, what=what)
+    if kind == "absent" and not (status == "BadNotSupported" and stage == "call"):
         return UnsupportedDevice("E-UA-ABSENT", where, status=status, what=what)
-    if status in _RIGHTS:
-        return DeviceRefused("E-UA-RIGHTS", where, status=status, what=what)
-    if status == "BadNotSupported" and stage == "call":
-        return DeviceRefused("E-UA-LEVEL", where, status=status, what=what)
-    if status == "BadTypeMismatch":
-        return DeviceRefused("E-UA-TYPE", where, status=status, what=what)
-    if status == "BadInvalidState":
-        return DeviceRefused("E-UA-BUSY", where, status=status, what=what)
-    if status in ("BadNotFound", "BadFileNotFound"):
-        return DeviceRefused("E-UA-FILE", where, status=status, what=what)
-    return DeviceRefused("E-UA-REFUSED", where, status=status, what=what)
+    if kind == "protocol":
+        return RemoteProtocolError("E-UA-PROTOCOL", where, why=f"{status}: {what}", status=status)
+    return _refused(_REFUSED.get(kind, "E-UA-REFUSED"), where, status=status, what=what)
 
 
 def _unsure(status: str, where: str, stage: Stage, what: str) -> TrueflankError:
     """Neither good nor bad: a value that is not live, or a write or call of which nobody knows the end."""
     if stage == "read":
-        return TransportError("E-UA-STALE", where, retryable=True, what=what, why=status)
+        return TransportError("E-UA-STALE", where, retryable=True, what=what, why=status, status=status)
     return TransportError("E-UA-UNCONFIRMED", where, status=status, what=what)
 
 
@@ -121,13 +127,16 @@ def foreign(error: Exception, stage: Stage, where: str, url: str) -> TrueflankEr
     return RemoteProtocolError("E-UA-PROTOCOL", where, why=f"{type(error).__name__}: {error}")
 
 
-def _at_login(status: str, where: str, what: str) -> TrueflankError:
-    if status in _LOGIN:
-        return DeviceRefused("E-UA-LOGIN", where, status=status, user=what)
-    if status in _TRUST or status.startswith("BadCertificate"):
-        return DeviceRefused("E-UA-TRUST-US", where, status=status)
-    if status in _SESSIONS:
-        return DeviceRefused("E-UA-SESSIONS", where, status=status)
-    if status in _DOWN or status in _LOST:
+def _at_login(status: str, where: str, user: str) -> TrueflankError:
+    kind = "trust" if status == "BadNoMatch" else family(status)  # so a server answers a policy it does not have
+    if kind in ("down", "lost", "late", "unsure"):
         return TransportError("E-UA-LOST", where, retryable=True, status=status, what="login")
-    return DeviceRefused("E-UA-REFUSED", where, status=status, what="login")
+    if kind == "protocol":
+        return RemoteProtocolError("E-UA-PROTOCOL", where, why=f"{status}: login", status=status)
+    return _refused(_LOGIN.get(kind, "E-UA-REFUSED"), where, status=status, what="login", user=user)
+
+
+def _refused(code: str, where: str, **fields: str) -> DeviceRefused:
+    """Whoever knows the clocks says by how much they differ; until then it is not known."""
+    clock = {"ahead_s": "?"} if code == "E-UA-CLOCK" else {}
+    return DeviceRefused(code, where, **(fields | clock))  # type: ignore[arg-type]
