@@ -57,7 +57,7 @@ def document(material: ReportMaterial) -> Document:
 
 
 def _main(material: ReportMaterial, t: Tongue) -> tuple[Block, ...]:
-    said = (t("unprotected"),) if material.unprotected else ()
+    said: tuple[str, ...] = (t("unprotected"),) if material.unprotected else ()
     who, why = material.excused
     said += (t("excused", who=who, why=why),) if why else ()
     warned = tuple(Paragraph(line, "strong") for line in (*still_on(material), *said))

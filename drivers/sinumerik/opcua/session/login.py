@@ -156,8 +156,8 @@ async def check_trust(
     with contextlib.suppress(RemoteProtocolError):
         offer = await ask_()
     if not (holds(secrets.pinned, now()) or secrets.excuse):
-        given = offer.server_utc if offer is not None else None
-        raise out_of_time(secrets.pinned, None if given is None else (given - now()).total_seconds(), where)
+        theirs = offer.server_utc if offer is not None else None
+        raise out_of_time(secrets.pinned, None if theirs is None else (theirs - now()).total_seconds(), where)
     if offer is None:
         return tuple(reversed(secrets.policies))
     return (check(offer, secrets.pinned, secrets.policies, where),)
