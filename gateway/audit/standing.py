@@ -14,6 +14,7 @@ from gateway.store.disk import disk_errors
 BEGUN, ENDING = "push-begun", "push-ending"
 PROPOSED, APPROVED, USED = "propose", "approve", "approval-used"
 DIFFERS, AS_PUSHED = "table-differs", "table-as-pushed"
+MARKER_LOST = "push-marker-lost"
 # What a line of this kind leaves in the control's marker; None leaves whatever stood there.
 _LEFT: Mapping[str, bool] = {"committed": True, "held": True, "none": False}
 
@@ -25,7 +26,8 @@ class Standing:
     ``plans`` are (plan hash, hash of the stored proposal) pairs that were proposed; ``approved`` and ``used`` hashes of
     approvals; ``begun`` transactions, ``announced`` those of them with a journal; ``last_mark`` the transaction whose
     end the control's marker should still name (0 none); ``alarms`` what was found at each table at the last look, where
-    it was not as pushed; ``looked`` when each table was compared last (UTC).
+    it was not as pushed; ``looked`` when each table was compared last (UTC), ``kinds`` what was found then.
+    ``marker_lost`` are axis, transaction and reason where the control's marker could not be written last.
     """
 
     prefixes: set[int] = field(default_factory=set)
@@ -37,6 +39,8 @@ class Standing:
     last_mark: int = 0
     alarms: dict[str, str] = field(default_factory=dict)
     looked: dict[str, str] = field(default_factory=dict)
+    kinds: dict[str, str] = field(default_factory=dict)
+    marker_lost: dict[str, str] = field(default_factory=dict)
 
     def take(self, entry: Mapping[str, Any], serial: str) -> None:
         """One more line of the log; of another machine only its hash."""
@@ -54,6 +58,10 @@ class Standing:
             (self.approved if action == APPROVED else self.used).add(str(details.get("approval", "")))
         elif action == ENDING:
             self.last_mark = number if _LEFT.get(str(details.get("state")), False) else 0
+            self.marker_lost = {}
+        elif action == MARKER_LOST:
+            told = {"axis": details.get("table", ""), "transaction": number, "why": details.get("why", "")}
+            self.marker_lost = {key: str(value) for key, value in told.items()}
         else:
             self._take_table(action, str(details.get("table", "")), entry)
 
@@ -61,6 +69,7 @@ class Standing:
         """Comparisons, and what ends an alarm: the table was written anew."""
         if action in (DIFFERS, AS_PUSHED):
             self.looked[table] = str(entry["utc"])
+            self.kinds[table] = str(entry["details"].get("kind", "differs" if action == DIFFERS else "as-approved"))
         if action == DIFFERS:
             self.alarms[table] = str(entry["details"].get("found", ""))
         elif action in (AS_PUSHED, "push-committed", "rollback-committed"):

@@ -53,7 +53,8 @@ def after_recovery(findings: Collection[Any], site: str, machine: str, *, apply:
 
 def after_dry(command: str, place: str, axis: str, machine: str) -> str:
     """After saying what a command would do: the same with consent."""
-    return f"{command} {place} --axis {axis} --apply --machine {machine}"
+    only = f" --axis {axis}" if axis else ""
+    return f"{command} {place}{only} --apply --machine {machine}"
 
 
 def repeat(command: str) -> None:

@@ -16,6 +16,10 @@ class PushRecord:
     """What a push did to one axis: the outcome in one word and every step with its time.
 
     "held": stopped half way, and a read-back says that the table is off. "held-on": it is still on, or unknown.
+    ``reasons`` are all reasons why it did not end as asked, first cause first (none: it did; a record of an older
+    version has none). ``marker`` is why the control's marker could not be written at the end ("": it was).
+    ``codes`` are those of the first ``steps`` in the catalogue (none: a record of an older version).
+    ``purpose`` is "restore" for a rollback: "committed" says that the older table is back.
     """
 
     transaction: int
@@ -24,6 +28,15 @@ class PushRecord:
     steps: tuple[str, ...]
     backup_path: str
     effect: tuple[tuple[float, float, float], ...] = ()
+    reasons: tuple[str, ...] = ()
+    marker: str = ""
+    codes: tuple[str, ...] = ()
+    purpose: Literal["table", "sign-proof", "restore"] = "table"
+
+    @property
+    def why(self) -> str:
+        """All reasons in one line; "" where it ended as asked."""
+        return "; ".join(self.reasons)
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,7 +44,7 @@ class SwitchRecord:
     """What a disable-only order did to one table; ``table`` as in a proposal ("X1", a cross table with its number).
 
     "off" and "already-off" are said of what was read back. ``before`` and ``after`` are the acting compensation, in
-    ``unit``; None where it could not be read. ``steps`` say why it is still on, or every reason against it.
+    ``unit``; None where it could not be read. ``reasons`` are why it is still on, or every reason against it.
     """
 
     transaction: int
@@ -42,6 +55,7 @@ class SwitchRecord:
     before: float | None
     after: float | None
     steps: tuple[str, ...] = ()
+    reasons: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)

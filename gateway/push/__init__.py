@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
-from drivers.errors import TrueflankError
+from collections.abc import Iterable
+from typing import Any
+
+from drivers.errors import TrueflankError, words
 from gateway.domain.outcomes import PushRecord
 from gateway.errors import RollbackFailed, StillOn, VerifyError, WriteRefused
 from gateway.push.asking import Asked, ask, ended_before, goes_on
@@ -30,6 +33,7 @@ __all__ = [
     "ended_before",
     "goes_on",
     "look",
+    "outcome_alarms",
     "outcome_error",
     "plan_hash",
     "prove_sign",
@@ -45,15 +49,24 @@ __all__ = [
 
 def outcome_error(record: PushRecord) -> TrueflankError | None:
     """The error a shell should end with for a push that did not do what was asked; None when it did."""
-    last = record.steps[-1] if record.steps else ""
+    why = record.why or words("W-PUSH-NO-REASON")
+    told: dict[str, Any] = {"axis": record.axis, "why": why, "backup": record.backup_path or words("W-PUSH-NO-BACKUP")}
     if record.outcome == "refused":
-        reasons = [step for step in record.steps if step.startswith("E-")] or [last]
-        return WriteRefused("E-PUSH-REFUSED", record.axis, count=len(reasons), reasons="; ".join(reasons))
+        return WriteRefused("E-PUSH-REFUSED", record.axis, count=max(len(record.reasons), 1), reasons=why)
+    back = record.purpose == "restore"
     if record.outcome == "rolled-back":
-        why = next((step for step in record.steps if " ROLLING_BACK" in step), last)
-        return VerifyError("E-PUSH-ROLLED-BACK", record.axis, axis=record.axis, why=why)
+        return VerifyError("E-ROLLBACK-UNDONE" if back else "E-PUSH-ROLLED-BACK", record.axis, **told)
     if record.outcome == "held":
-        return RollbackFailed("E-PUSH-HELD", record.axis, axis=record.axis, backup=record.backup_path or "none")
+        return RollbackFailed("E-ROLLBACK-HELD" if back else "E-PUSH-HELD", record.axis, **told)
     if record.outcome == "held-on":
-        return StillOn("E-PUSH-HELD-ON", record.axis, axis=record.axis, backup=record.backup_path or "none")
+        return StillOn("E-ROLLBACK-HELD-ON" if back else "E-PUSH-HELD-ON", record.axis, **told)
     return None
+
+
+def outcome_alarms(records: Iterable[PushRecord]) -> tuple[str, ...]:
+    """What must be put right although the tables are as asked: a marker of the control that could not be written."""
+    told = {record.transaction: record for record in records if record.marker}
+    return tuple(
+        "W-PUSH-MARKER: " + words("W-PUSH-MARKER", axis=one.axis, transaction=number, why=one.marker)
+        for number, one in told.items()
+    )

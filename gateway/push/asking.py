@@ -121,7 +121,8 @@ def refused(context: PushContext, axis: str, reasons: tuple[Refusal, ...]) -> Pu
     """The record of a push that wrote nothing, every reason one step."""
     for reason in reasons:
         context.say("P-PUSH-REFUSED", axis=axis, reason=reason.words)
-    return PushRecord(0, axis, outcome="refused", steps=tuple(reason.words for reason in reasons), backup_path="")
+    told = tuple(reason.words for reason in reasons)
+    return PushRecord(0, axis, outcome="refused", steps=told, backup_path="", reasons=told)
 
 
 async def still_allowed(work: Work, live: LiveSet, brought: Mapping[str, float]) -> tuple[Refusal, ...]:

@@ -90,7 +90,13 @@ def _first(work: Work) -> None:
         actor=context.actor,
         approved_by=sorted({approval.actor for approval in context.approvals}),
         sign=context.sense,
+        consent=_consent(context),
     )
+
+
+def _consent(context: PushContext) -> str:
+    """The same for every transaction that one consent leads to: its run and when that push began; else ""."""
+    return f"{context.run_id} {context.consent_utc.isoformat()}" if context.run_id and context.consent_utc else ""
 
 
 def _announce(works: Sequence[Work]) -> None:

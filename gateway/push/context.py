@@ -48,6 +48,10 @@ class AuditLog(Protocol):
         """Keep how the control's marker is about to say that it ended; a log that takes nothing stops nothing."""
         ...
 
+    def marker_lost(self, transaction: int, table: str, state: str, why: str) -> None:
+        """Keep that the control's marker could not be brought to ``state``; stops nothing either."""
+        ...
+
     def head(self) -> int:
         """The first 64 bits of the log's head; 0 for none."""
         ...

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 from drivers.errors import words
 from drivers.terms import spoken
 from drivers.types.orders import PushOrder, ReadBack
@@ -76,3 +78,10 @@ def is_beside(live: LiveSet, work: Work) -> bool:
     """Whether a cross table of the same output and transaction is on: whoever switches this one leaves it on."""
     beside = {one.index for one in work.beside if one.kind == "cross"}
     return work.change.new.kind == "cross" and any(one.enabled and one.table.index in beside for one in live.cross)
+
+
+def leave_out(work: Work, there: Iterable[Work], base: LiveSet) -> None:
+    """Tables that are as wanted are no part of what is sent: they stand beside as any other of the axis do."""
+    gone = [other.change.new for other in there]
+    work.beside = tuple(table for table in work.beside if table not in gone)
+    work.coupled = is_coupled(base, work)

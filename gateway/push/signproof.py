@@ -169,9 +169,13 @@ async def _in_and_out(of: Mapping[Work, TrialTable], lives: Lives, eyes: Eyes) -
 def _not_held(ended: Mapping[Work, Outcome], failure: TrueflankError | None) -> None:
     for work, outcome in ended.items():
         if outcome == "held-on":
-            raise StillOn("E-PUSH-HELD-ON", work.axis, axis=work.axis, backup=work.backup_path) from failure
+            raise StillOn(
+                "E-PUSH-HELD-ON", work.axis, axis=work.axis, backup=work.backup_path, why=str(failure)
+            ) from failure
         if outcome == "held":
-            raise RollbackFailed("E-PUSH-HELD", work.axis, axis=work.axis, backup=work.backup_path) from failure
+            raise RollbackFailed(
+                "E-PUSH-HELD", work.axis, axis=work.axis, backup=work.backup_path, why=str(failure)
+            ) from failure
 
 
 async def _loaded(works: Sequence[Work], lives: Sequence[LiveSet]) -> None:

@@ -26,10 +26,11 @@ from gateway.push.effect import prove_all
 from gateway.push.loading import Faults, TableLoad, load, release
 from gateway.push.places import common_places
 from gateway.push.plan import plan_hash
-from gateway.push.readback import is_coupled
+from gateway.push.readback import leave_out
 from gateway.push.records import journal
 from gateway.push.records.lock import machine_lock
 from gateway.push.records.replaying import replaying
+from gateway.push.records.steps import step_words
 from gateway.push.snapshot import already, snapshot
 from gateway.push.undo.leasing import leased
 from gateway.push.undo.restoring import all_back, still_held
@@ -68,7 +69,8 @@ async def push_tables(wishes: Sequence[Wish], stays: Stays = _alone_is_fine) -> 
     asked = {place: wish for place, wish in enumerate(wishes) if not wish[0].skipped}
     for place, (change, _) in enumerate(wishes):
         if change.skipped:
-            found[place] = PushRecord(0, change.axis, outcome="skipped", steps=(change.skipped,), backup_path="")
+            why = (change.skipped,)
+            found[place] = PushRecord(0, change.axis, outcome="skipped", steps=why, backup_path="", reasons=why)
     if asked:
         with foreseen(", ".join(dict.fromkeys(change.axis for change, _ in asked.values()))):
             quiet = [(change, unheard(context)) for change, context in asked.values()]
@@ -136,7 +138,7 @@ def _same_again(change: TableChange, context: PushContext) -> PushRecord | None:
     outcome = _ENDED.get(found.kinds[-1]) if found is not None else None
     if found is None or outcome is None:
         return None
-    steps = tuple(f"{entry.facts.get('utc', '')} {entry.kind}" for entry in found.entries)
+    steps = tuple(f"{entry.facts.get('utc', '')} {step_words(entry.kind)}" for entry in found.entries)
     shown = tuple((float(one[0]), float(one[1]), float(one[2])) for one in found.latest("shown") or ())
     return PushRecord(
         found.number,
@@ -145,6 +147,7 @@ def _same_again(change: TableChange, context: PushContext) -> PushRecord | None:
         steps=steps,
         backup_path=str(found.latest("path") or ""),
         effect=shown,
+        reasons=found.reasons if outcome == "rolled-back" else (),
     )
 
 
@@ -168,10 +171,8 @@ async def _push(works: Sequence[Work], stays: Stays) -> dict[Work, Outcome]:
 
 def _leave_out(left: Sequence[Work], there: dict[Work, Outcome], bases: dict[Work, LiveSet]) -> None:
     """A table that is live already is no part of what is sent: it stands beside as any other of its axis does."""
-    gone = [work.change.new for work in there]
     for work in left:
-        work.beside = tuple(table for table in work.beside if table not in gone)
-        work.coupled = is_coupled(bases[work], work)
+        leave_out(work, there, bases[work])
 
 
 def _refuse(works: Sequence[Work], reasons: dict[Work, tuple[Refusal, ...]]) -> dict[Work, Outcome]:
@@ -182,6 +183,7 @@ def _refuse(works: Sequence[Work], reasons: dict[Work, tuple[Refusal, ...]]) -> 
             work.context.say("P-PUSH-REFUSED", axis=work.name, reason=reason.words)
         work.note("ABORTED", why=f"reasons: {len(told)}")
         work.steps += [reason.words for reason in told]
+        work.because(*(reason.words for reason in told))
     return dict.fromkeys(works, "refused")
 
 

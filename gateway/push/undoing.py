@@ -1,10 +1,12 @@
-"""A committed push taken back as a transaction of its own: the table from before it, under the same checks.
+"""Committed pushes taken back as a transaction of their own: the tables from before them, under the same checks.
 
-The table to put back is known from the journal, so no sign is proved; but it is put back only over the very table
-that push wrote. What anybody else has written since is left alone and told.
+Each table to put back is known from the journal, so no sign is proved; but it is put back only over the very table
+that its push wrote. What anybody else has written since is left alone and told.
 """
 
 from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -12,25 +14,29 @@ from drivers.errors import TrueflankError, words
 from drivers.types.tables import LiveSet, LiveTable
 from gateway.domain.outcomes import PushRecord
 from gateway.domain.proposals import TableChange
-from gateway.errors import VerifyError
+from gateway.errors import StoreError, VerifyError
 from gateway.interlocks import PushFacts, Refusal, refusals
 from gateway.interlocks.facts import no
 from gateway.push import conversation
 from gateway.push.asking import Asked, place_for, refused, unfinished_names
-from gateway.push.beginning import Task, begun
-from gateway.push.compare import effect_positions, same_table, table_in
+from gateway.push.beginning import Task, abort, begun
+from gateway.push.compare import same_table, table_in
 from gateway.push.context import PushContext
-from gateway.push.effect import prove_effect
-from gateway.push.loading import TableLoad, load, release
+from gateway.push.effect import prove_all
+from gateway.push.loading import Faults, TableLoad, load, release
+from gateway.push.places import common_places, together
+from gateway.push.readback import leave_out
 from gateway.push.records import journal
 from gateway.push.records.history import Committed
 from gateway.push.records.lock import machine_lock
-from gateway.push.snapshot import snapshot
-from gateway.push.undo.restoring import roll_back
+from gateway.push.snapshot import live_of, snapshot
+from gateway.push.undo.restoring import all_back
 from gateway.push.unexpected import foreseen, unheard
-from gateway.push.work import Outcome, Work
+from gateway.push.work import Outcome, Work, note_all
 from gateway.table.comparison import differences
 from gateway.table.threeway import ThreeWay, compare
+
+Undo = tuple[Committed, PushContext]
 
 
 def undoing(done: Committed) -> TableChange:
@@ -48,17 +54,35 @@ def undoing(done: Committed) -> TableChange:
     )
 
 
-async def ask_undo(done: Committed, context: PushContext) -> Asked:
-    """Every reason not to take it back now; reads only. The live table is compared once it is applied."""
+async def ask_undo(done: Committed, context: PushContext, place: float | None = None) -> Asked:
+    """Every reason not to take it back now; reads only. The live table is compared once it is applied.
+
+    ``place`` is where the input axis will stand, where other tables of the transaction have a say in it.
+    """
     change = undoing(done)
     table = change.new
     limits = await context.controller.table_limits(change.axis, table.kind, table.index)
-    place = place_for(done.new, change, context)
+    if place is None:
+        place = place_for(done.new, change, context)
     names = unfinished_names(context)
     facts = await conversation.facts_at_start(
         context, change, purpose="restore", limits=limits, agreeing_position=place, unfinished=names
     )
     return Asked(limits, place, tuple(_reasons(facts)), marker=facts.marker)
+
+
+async def ask_undos(undos: Sequence[Undo]) -> tuple[Asked, ...]:
+    """As `ask_undo`, of tables that go back in one transaction: their input axes have one place each."""
+    places = common_places([(undoing(done), context) for done, context in undos])
+    return tuple([await ask_undo(done, context, places[context.moved.name]) for done, context in undos])
+
+
+def groups(undos: Sequence[Undo]) -> tuple[tuple[Undo, ...], ...]:
+    """What goes back in one transaction each, as few as the control and its axes' places allow."""
+    changes = [undoing(undo[0]) for undo in undos]
+    wishes = {id(change): undo for change, undo in zip(changes, undos, strict=True)}
+    grouped = together([(change, undo[1]) for change, undo in zip(changes, undos, strict=True)])
+    return tuple(tuple(wishes[id(change)] for change, _ in group) for group in grouped)
 
 
 def _reasons(facts: PushFacts) -> list[Refusal]:
@@ -82,88 +106,159 @@ def _reasons(facts: PushFacts) -> list[Refusal]:
 
 
 async def undo(done: Committed, context: PushContext) -> PushRecord:
-    """Put back what was live before ``done``; the record's outcome says how it ended ("committed": it is back).
+    """Put back what was live before ``done``; as `undo_tables` of this one."""
+    (record,) = await undo_tables(((done, context),))
+    return record
 
-    "refused" with nothing written when an interlock speaks against it or the live table is not the one ``done``
-    wrote. Raises BusyError (E-PUSH-BUSY), StoreError, and the port's errors as long as nothing has been written.
+
+async def undo_tables(undos: Sequence[Undo]) -> tuple[PushRecord, ...]:
+    """Put back what was live before each of these pushes, in one transaction; a record for each, in order.
+
+    An outcome "committed" says that the older table is back. Whatever fails once something was sent leads all of them
+    to the newer tables again ("rolled-back"), or is held. "refused" with nothing written when an interlock speaks
+    against one of them, or a live table is not the one that its push wrote. Raises BusyError (E-PUSH-BUSY), StoreError,
+    and the port's errors as long as nothing has been written.
     """
-    with foreseen(done.axis):
-        return await _undone(done, unheard(context))
+    with foreseen(_names_of(undos)):
+        return await _undone([(done, unheard(context)) for done, context in undos])
 
 
-async def _undone(done: Committed, context: PushContext) -> PushRecord:
-    folder = journal.machine_folder(context.journals, context.machine.serial)
-    with machine_lock(folder):
-        asked = await ask_undo(done, context)
-        if asked.refusals or asked.agreeing_position is None:
-            return refused(context, done.axis, asked.refusals)
-        task = Task(
-            undoing(done), context, asked.limits, agreeing_position=asked.agreeing_position, marker=asked.marker
-        )
-        with begun((task,), "restore") as (work,):
-            work.note("UNDOES", undoes=done.transaction)
-            return work.record(await _undo(work, done))
+def _names_of(undos: Sequence[Undo]) -> str:
+    return ", ".join(done.table for done, _ in undos)
 
 
-async def _undo(work: Work, done: Committed) -> Outcome:
+async def _undone(undos: Sequence[Undo]) -> tuple[PushRecord, ...]:
+    context = undos[0][1]
+    with machine_lock(journal.machine_folder(context.journals, context.machine.serial)):
+        answers = await ask_undos(undos)
+        if any(asked.refusals or asked.agreeing_position is None for asked in answers):
+            return _all_refused(undos, [asked.refusals for asked in answers])
+        tasks = [
+            Task(
+                undoing(done), one, asked.limits, agreeing_position=asked.agreeing_position or 0.0, marker=asked.marker
+            )
+            for (done, one), asked in zip(undos, answers, strict=True)
+        ]
+        with begun(tasks, "restore") as works:
+            pairs = dict(zip(works, (done for done, _ in undos), strict=True))
+            for work, done in pairs.items():
+                work.note("UNDOES", undoes=done.transaction, enable=done.old.enabled)
+            ended = await _undo(pairs)
+            return tuple(work.record(ended[work]) for work in works)
+
+
+def _all_refused(undos: Sequence[Undo], each: Sequence[tuple[Refusal, ...]]) -> tuple[PushRecord, ...]:
+    """What speaks against one speaks against all: they would go together."""
+    rest = tuple({one.words: one for reasons in each for one in reasons}.values())
+    return tuple(
+        refused(context, done.axis, reasons or rest) for (done, context), reasons in zip(undos, each, strict=True)
+    )
+
+
+async def _undo(undos: dict[Work, Committed]) -> dict[Work, Outcome]:
+    works = tuple(undos)
     try:
-        with foreseen(work.axis):
-            (base,) = await snapshot((work,))
-            live = table_in(base, work.change.new)
-            reasons = await _still_allowed(work, base)
+        with foreseen(_names(works)):
+            bases = dict(zip(works, await snapshot(works), strict=True))
+            live = {work: table_in(bases[work], work.change.new) for work in works}
+            brought = {work.context.moved.name: work.agreeing_position for work in works}
+            reasons = {work: await _still_allowed(work, bases[work], brought) for work in works}
     except TrueflankError as error:
-        work.note("ABORTED", why=str(error))
+        abort(works, str(error))
         raise
-    if _there(done.old, live, work.allowed):
-        work.note("ABORTED", why="the old table is already live")
-        return "already-applied"
-    seen = compare_live(live, done, work.allowed)
-    if seen.kind != "as-approved":
-        reasons = (*no("E-PUSH-UNDO-FOREIGN", transaction=done.transaction, difference=seen.words), *reasons)
-    if reasons:
-        work.note("ABORTED", why=f"reasons: {len(reasons)}")
-        work.steps += refused(work.context, work.axis, reasons).steps
-        return "refused"
-    return await _exchange(work, done, base)
+    there: dict[Work, Outcome] = {
+        work: "already-applied" for work in works if _there(undos[work].old, live[work], work.allowed)
+    }
+    left = {work: done for work, done in undos.items() if work not in there}
+    for work, done in left.items():
+        seen = compare_live(live[work], done, work.allowed)
+        if seen.kind != "as-approved":
+            foreign = no("E-PUSH-UNDO-FOREIGN", transaction=done.transaction, difference=seen.words)
+            reasons[work] = (*foreign, *reasons[work])
+    if there:
+        note_all(tuple(there), "COMMITTED")  # somebody has put them back: nothing is left to take back of them
+    if any(reasons[work] for work in left):
+        return there | _refuse(tuple(left), reasons)
+    for work in left:
+        leave_out(work, there, bases[work])
+    return there | (await _exchange(left, bases) if left else {})
 
 
-async def _exchange(work: Work, done: Committed, base: LiveSet) -> Outcome:
+def _refuse(works: Sequence[Work], reasons: dict[Work, tuple[Refusal, ...]]) -> dict[Work, Outcome]:
+    every = tuple({one.words: one for work in works for one in reasons[work]}.values())
+    for work in works:
+        told = reasons[work] or every
+        record = refused(work.context, work.axis, told)
+        work.note("ABORTED", why=f"reasons: {len(told)}")
+        work.steps += record.steps
+        work.because(*record.reasons)
+    return dict.fromkeys(works, "refused")
+
+
+async def _exchange(undos: dict[Work, Committed], bases: dict[Work, LiveSet]) -> dict[Work, Outcome]:
+    works = tuple(undos)
     try:
-        with foreseen(work.axis):
-            await _put_back(work, done, base)
-            await work.finish("committed")
-            work.note("COMMITTED")
+        with foreseen(_names(works)):
+            await _put_back(undos, bases)
+            await works[0].finish("committed")
+            note_all(works, "COMMITTED")
+    except StoreError:
+        raise
     except TrueflankError as failure:
-        if work.marked is None:  # nothing was sent: nothing to take back
-            work.note("ABORTED", why=str(failure))
+        if all(work.marked is None for work in works):  # nothing was sent: nothing to take back
+            abort(works, str(failure))
             raise
-        return await roll_back(work, str(failure))
-    return "committed"
+        return await all_back(works, str(failure))
+    return dict.fromkeys(works, "committed")
 
 
-async def _still_allowed(work: Work, base: LiveSet) -> tuple[Refusal, ...]:
-    place = work.agreeing_position
+async def _still_allowed(work: Work, base: LiveSet, brought: Mapping[str, float]) -> tuple[Refusal, ...]:
     facts = await conversation.facts_at_start(
-        work.context, work.change, purpose="restore", limits=work.limits, agreeing_position=place, live=base
+        work.context,
+        work.change,
+        purpose="restore",
+        limits=work.limits,
+        agreeing_position=work.agreeing_position,
+        live=base,
+        brought=brought,
     )
     return tuple(_reasons(facts))
 
 
-async def _put_back(work: Work, done: Committed, base: LiveSet) -> None:
-    old = done.old
-    order = work.order(old.table, old.enabled, "restore", work.whole.number)
-    loads = (TableLoad(work, order, base),)
-    await load(loads)
+async def _put_back(undos: dict[Work, Committed], bases: dict[Work, LiveSet]) -> None:
+    """Both halves, the proof of each table that acts again, and what is read of all at the end.
+
+    Raises VerifyError where one is not as it should be: then all go to the newer tables again.
+    """
+    loads = tuple(
+        TableLoad(work, work.order(done.old.table, done.old.enabled, "restore", work.whole.number), bases[work])
+        for work, done in undos.items()
+    )
+    faults = await load(loads)
+    _demand_none(faults)
+    acting = {work.change.new for work, done in undos.items() if done.old.enabled}
+    for work in undos:
+        work.acting = tuple(table for table in work.beside if table in acting)
     await release(loads)
-    if old.enabled:
-        axis = work.context.moved
-        await prove_effect(work, effect_positions(old.table, work.restore_to, axis.room, axis.overrun), base)
-        work.note("EFFECT", shown=[list(place) for place in work.effect])
-        return
-    found = table_in(await conversation.read_live(work.context), old.table)
-    if not _there(old, found, work.allowed):
-        different = differences(old.table, found.table, work.allowed) or (words("W-LIVE-SWITCH"),)
-        raise VerifyError("E-PUSH-NOT-RESTORED", work.axis, axis=work.axis, first=different[0])
+    proved = [work for work, done in undos.items() if done.old.enabled]
+    if proved:
+        await prove_all(proved, bases, faults)
+        _demand_none(faults)
+    off = [work for work in undos if work not in proved]
+    for work, live in zip(off, await live_of(off) if off else (), strict=True):
+        old, found = undos[work].old, table_in(live, undos[work].old.table)
+        if not _there(old, found, work.allowed):
+            different = differences(old.table, found.table, work.allowed) or (words("W-LIVE-SWITCH"),)
+            raise VerifyError("E-PUSH-NOT-RESTORED", work.axis, axis=work.axis, first=different[0])
+
+
+def _demand_none(faults: Faults) -> None:
+    if faults:
+        raise next(iter(faults.values()))
+
+
+def _names(works: Sequence[Work]) -> str:
+    return ", ".join(work.name for work in works)
 
 
 def _there(wanted: LiveTable, live: LiveTable, allowed: float) -> bool:

@@ -20,7 +20,7 @@ from gateway.push.compare import tolerance
 from gateway.push.context import PushContext
 from gateway.push.records import journal, numbering
 from gateway.push.records.replaying import foretold, replaying
-from gateway.push.records.steps import step_words
+from gateway.push.records.steps import step_code, step_words
 from gateway.push.unexpected import foreseen
 from gateway.stopping import current
 
@@ -67,6 +67,8 @@ class Work:
     ``loaded`` is what a recovery has just read there: nobody is asked to have it saved again.
     ``seen`` is the table as it was read last, None once something was announced since; ``protected`` that the control
     refused to write it as one that is on, whatever its switch reads.
+    ``codes`` are those of the ``steps``; ``reasons`` are why it does not end as asked, ``marker_lost`` why the marker
+    could not be written at its end.
     """
 
     context: PushContext
@@ -95,6 +97,9 @@ class Work:
     last: str = "nothing"
     seen: LiveTable | None = None
     protected: bool = False
+    reasons: list[str] = field(default_factory=list)
+    codes: list[str] = field(default_factory=list)
+    marker_lost: str = ""
 
     @property
     def axis(self) -> str:
@@ -121,10 +126,15 @@ class Work:
         self.whole.journal.append(kind, utc=self._utc(), **({"of": self.of} if self.of else {}), **facts)
         self.noted(kind, facts)
 
+    def because(self, *reasons: str) -> None:
+        """Keep why it does not end as asked, each reason once; the record holds them."""
+        self.reasons += [reason for reason in dict.fromkeys(reasons) if reason and reason not in self.reasons]
+
     def noted(self, kind: str, facts: Mapping[str, object]) -> None:
         """Tell what the journal holds by now."""
         self.last = kind
         told = ", ".join(f"{key} {value}" for key, value in facts.items() if isinstance(value, (str, int)))
+        self.codes.append(step_code(kind))
         self.steps.append(f"{self._utc()} {step_words(kind)}" + (f": {told}" if told else ""))
         self.context.say("P-PUSH-STEP", axis=self.name, step=kind, said=step_words(kind))
 
@@ -207,7 +217,14 @@ class Work:
                 await self.only_ours()
                 await self.context.controller.finish_push(tuple(replace(one, head=head) for one in together), state)
         except TrueflankError as error:
-            self.steps.append(f"{self._utc()} the marker could not be written: {error}")
+            self._marker_lost(state, str(error))
+
+    def _marker_lost(self, state: str, why: str) -> None:
+        """The tables are as they are; what the control's marker says of them is not: an alarm, kept in the log."""
+        self.marker_lost = why
+        self.context.say("P-PUSH-MARKER", axis=self.name, transaction=self.whole.number, why=why)
+        if self.context.log is not None:
+            self.context.log.marker_lost(self.whole.number, self.change.name, state, why)
 
     def kept(self, name: str, text: str) -> str:
         """Keep a text for good; returns its run folder and name: a record holds no path of this computer."""
@@ -222,7 +239,16 @@ class Work:
             self.context.say("P-PUSH-END", axis=self.change.name, outcome=outcome)
         steps = tuple(self.steps)
         return PushRecord(
-            self.whole.number, self.axis, outcome=outcome, steps=steps, backup_path=self.backup_path, effect=self.effect
+            self.whole.number,
+            self.axis,
+            outcome=outcome,
+            steps=steps,
+            backup_path=self.backup_path,
+            effect=self.effect,
+            reasons=tuple(self.reasons),
+            marker=self.marker_lost,
+            codes=tuple(self.codes),
+            purpose=self.whole.purpose,
         )
 
     def _utc(self) -> str:

@@ -107,9 +107,9 @@ class Disable(Body):
 
 
 class RollBack(Body):
-    """The last committed push of a table taken back."""
+    """What the last consent changed taken back: of an axis, of one table, or ("") all of it."""
 
-    table: Text
+    table: Text = ""
     apply: bool = False
     machine: Text = ""
 

@@ -148,7 +148,13 @@ async def in_push(at: Bench, axis: str) -> Callable[[LiveSet], tuple[str, ...]]:
 def standing_alarms(at: Bench, axis: str = "") -> tuple[str, ...]:
     """What the last looks found that was not put right since, of one axis or of all."""
     known = Witness(at).standing
-    return alarms_of(known, axis) if axis else tuple(known.alarms.values())
+    return alarms_of(known, axis) if axis else every_alarm(known)
+
+
+def every_alarm(known: audit.Standing) -> tuple[str, ...]:
+    """All alarms of a machine: tables that are not as pushed, and a marker that could not be written, with its code."""
+    lost = (f"W-PUSH-MARKER: {words('W-PUSH-MARKER', **known.marker_lost)}",) if known.marker_lost else ()
+    return (*known.alarms.values(), *lost)
 
 
 def due(store: Store, serial: str, now: datetime, hour: int) -> tuple[str, ...]:
@@ -174,7 +180,7 @@ class StandingAlarms:
             as_of = audit.size(self._root)
             if as_of != self._as_of:
                 known = audit.standing(self._root, self._serial)
-                self._alarms, self._as_of = tuple(known.alarms.values()), as_of
+                self._alarms, self._as_of = every_alarm(known), as_of
         except StoreError as error:
             return (str(error),)
         return self._alarms

@@ -20,7 +20,7 @@ from gateway.workflow import stages
 from gateway.workflow.bench import Bench
 from gateway.workflow.witness import Witness, anchors
 
-UNSURE = frozenset({"E-PUSH-JOURNAL", "E-PUSH-HELD", "E-PUSH-UNEXPECTED"})
+UNSURE = frozenset({"E-PUSH-JOURNAL", "E-PUSH-HELD", "E-PUSH-HELD-ON", "E-PUSH-UNEXPECTED"})
 
 
 def consented(at: Bench, change: TableChange, context: PushContext, taken: Taken | None = None) -> PushContext:

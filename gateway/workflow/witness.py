@@ -44,6 +44,18 @@ class Witness:
             self._root, audit.ENDING, clock=self._clock, serial=self._serial, transaction=transaction, details=told
         )
 
+    def marker_lost(self, transaction: int, table: str, state: str, why: str) -> None:
+        """Keep that the control's marker does not say how a transaction ended."""
+        told = {"table": table, "state": state, "why": why, "run": self._run}
+        audit.note(
+            self._root,
+            audit.MARKER_LOST,
+            clock=self._clock,
+            serial=self._serial,
+            transaction=transaction,
+            details=told,
+        )
+
     def head(self) -> int:
         """The first 64 bits of the head; 0 where the log has none to give."""
         try:

@@ -56,14 +56,20 @@ def approve(
 
 def rollback(
     place: Annotated[str, typer.Argument(metavar="SITE|RUN", help="Site file, or run.", show_default=False)],
-    axis: TableOption,
+    axis: Annotated[
+        str,
+        typer.Option(
+            "--axis",
+            help=f"Only what moves this machine axis, or one table: {spoken().name('cross', 'C1', 3)}; else all.",
+        ),
+    ] = "",
     apply: ApplyOption = False,
     machine: MachineOption = "",
     store: StoreOption = Path("runs"),
     points: PointsOption = False,
     as_json: JsonOption = False,
 ) -> None:
-    """Say what the last committed push of an axis replaced; with --apply put that table back."""
+    """Say what the last push replaced, table by table; with --apply put all of it back. Exit 9: a table stays on."""
     from gateway.cli.machine.running import show_outcome
     from gateway.cli.screen.telling import progress
     from gateway.workflow.control.rolling_back import roll_back_site

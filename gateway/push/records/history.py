@@ -9,14 +9,16 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from drivers.errors import words
 from drivers.local.ownfiles import read_own
 from drivers.terms import spoken
 from drivers.types.tables import CompensationTable, LiveTable
 from drivers.types.values import Sense
 from gateway.errors import StoreError
-from gateway.push.compare import table_facts, table_from
+from gateway.push.compare import COARSEST, table_facts, table_from
 from gateway.push.records import journal, numbering
 from gateway.push.records.journal import JournalRead
+from gateway.table.comparison import differences
 
 Meant = Callable[[CompensationTable, Sense], CompensationTable]
 """A table that was kept in a sense, as it is meant now: the driver's `table_by` with today's proof."""
@@ -33,7 +35,7 @@ class Committed:
     """A push that ended well: ``old`` was live before it, ``new`` since; ``undoes`` the push it took back (0: none).
 
     ``table`` names the table as in a proposal ("C1", a cross table with its number); ``backup`` is where the old text
-    is kept.
+    is kept. ``consent`` is the same of every table that one consent changed, whatever transactions it took.
     """
 
     transaction: int
@@ -45,6 +47,7 @@ class Committed:
     undoes: int
     backup: str
     journal: Path
+    consent: str = ""
 
 
 def committed(journals: Path, serial: str, table: str, meant: Meant = as_kept) -> tuple[Committed, ...]:
@@ -53,10 +56,59 @@ def committed(journals: Path, serial: str, table: str, meant: Meant = as_kept) -
     ``meant`` gives cross tables as deviations by the machine's proof. Raises StoreError (E-PUSH-JOURNAL) when a
     journal cannot be believed: then nobody knows what should be live.
     """
+    return tuple(push for push in every_push(journals, serial, meant) if push.table == table)
+
+
+def every_push(journals: Path, serial: str, meant: Meant = as_kept) -> tuple[Committed, ...]:
+    """Every committed push of a machine, of all its tables, oldest first. Raises as `committed`."""
     folder = journal.machine_folder(journals, serial)
     every = (_committed(one, meant) for one in _parts(folder))
-    pushes = [push for push in every if push is not None and push.table == table]
-    return _in_order(folder, pushes)
+    return _in_order(folder, [push for push in every if push is not None])
+
+
+@dataclass(frozen=True, slots=True)
+class ConsentSet:
+    """What one consent changed in a machine and nobody has taken back since, newest first.
+
+    ``tables`` go back together; ``rest`` are tables of the same consent that were not asked for and go on acting.
+    """
+
+    tables: tuple[Committed, ...]
+    rest: tuple[Committed, ...] = ()
+
+    @property
+    def names(self) -> str:
+        """The tables that go back, in words."""
+        return ", ".join(one.table for one in self.tables)
+
+    @property
+    def transactions(self) -> str:
+        """The transactions it took, in words."""
+        return ", ".join(map(str, sorted({one.transaction for one in self.tables})))
+
+
+def consent_set(pushes: tuple[Committed, ...], asked: str = "") -> ConsentSet | None:
+    """The set that a rollback restores: what the newest consent changed that nobody has taken back.
+
+    ``asked`` is a machine axis (every table that moves it: its own, its reversal, its cross tables), one table by its
+    name, or "" for all; the newest consent is that of the tables asked for. ``pushes`` as `every_push` gives them.
+    Recovery, page, report and comparison take their set from here. None where nothing is left to take back.
+    """
+    left: dict[str, list[Committed]] = {}
+    for push in pushes:
+        stack = left.setdefault(push.table, [])
+        if push.undoes:
+            left[push.table] = [other for other in stack if other.transaction != push.undoes]
+        else:
+            stack.append(push)
+    order = {id(push): place for place, push in enumerate(pushes)}
+    tops = sorted((stack[-1] for stack in left.values() if stack), key=lambda one: -order[id(one)])
+    mine = [one for one in tops if not asked or asked in (one.table, one.axis)]
+    if not mine:
+        return None
+    same = [one for one in tops if one.consent == mine[0].consent]
+    tables = tuple(one for one in same if one in mine)
+    return ConsentSet(tables, tuple(one for one in same if one not in mine))
 
 
 def _in_order(folder: Path, pushes: list[Committed]) -> tuple[Committed, ...]:
@@ -127,7 +179,43 @@ def standing(journals: Path, serial: str) -> tuple[Committed, ...]:
 
 def table_id(push: Committed) -> str:
     """The first twelve digits of a table's own hash: the same points in the same form have the same."""
-    facts = json.dumps(table_facts(push.new.table), sort_keys=True, default=str)
+    return _id(push.new.table)
+
+
+@dataclass(frozen=True, slots=True)
+class TableName:
+    """A table by what people can compare: the id of its points, and when it was written or first seen (UTC).
+
+    ``id`` is "" where no table acts.
+    """
+
+    id: str = ""
+    utc: str = ""
+
+    @property
+    def words(self) -> str:
+        """As people read it, the id short as every screen shows it."""
+        if not self.id:
+            return words("W-TABLE-NONE")
+        return words("W-TABLE-NAMED", id=self.id[:6], date=self.utc[:16].replace("T", " ") or "?")
+
+
+def named(pushes: tuple[Committed, ...], table: str, live: LiveTable, seen: str = "") -> TableName:
+    """The name of what stands in the place of a table, as the push gave it that wrote it; ``seen`` where none did.
+
+    What a control gives back may be rounded to its last place, so points within `COARSEST` are the same table.
+    """
+    if not live.enabled:
+        return TableName()
+    for push in reversed(pushes):
+        wrote = push.table == table and not push.undoes and push.new.enabled
+        if wrote and not differences(push.new.table, live.table, COARSEST):
+            return TableName(table_id(push), push.utc)
+    return TableName(_id(live.table), seen)
+
+
+def _id(table: CompensationTable) -> str:
+    facts = json.dumps(table_facts(table), sort_keys=True, default=str)
     return hashlib.sha256(facts.encode("utf-8")).hexdigest()[:12]
 
 
@@ -167,7 +255,14 @@ def _committed(found: JournalRead, meant: Meant) -> Committed | None:
         undoes=int(found.latest("undoes") or 0),
         backup=str(found.latest("path") or ""),
         journal=found.path,
+        consent=_consent(found),
     )
+
+
+def _consent(found: JournalRead) -> str:
+    """What ties together the transactions of one consent; a journal of an older version has its run's folder for it."""
+    folder = str(found.latest("path") or "").rpartition("/")[0]
+    return str(found.latest("consent") or folder or f"transaction {found.number}")
 
 
 def tables_of(found: JournalRead, meant: Meant = as_kept) -> tuple[LiveTable, CompensationTable]:

@@ -27,6 +27,7 @@ from drivers.terms import in_todays_words
 from gateway.errors import StoreError
 
 JOURNALS = "journal"
+ENDS_BADLY = ("ROLLING_BACK", "HELD", "STOPPED", "ABORTED")
 FINAL = ("COMMITTED", "ROLLED_BACK", "ABORTED", "CLOSED")
 FREE_BYTES = 50_000_000
 _START = "0" * 64
@@ -69,6 +70,12 @@ class JournalRead:
     def kinds(self) -> tuple[str, ...]:
         """What happened, in order."""
         return tuple(entry.kind for entry in self.entries)
+
+    @property
+    def reasons(self) -> tuple[str, ...]:
+        """Why it did not go on as asked, first cause first, each once."""
+        told = (str(one.facts["why"]) for one in self.entries if one.kind in ENDS_BADLY and one.facts.get("why"))
+        return tuple(dict.fromkeys(told))
 
     @property
     def finished(self) -> bool:

@@ -37,6 +37,11 @@ SAID: Mapping[str, str] = {
 }
 
 
+def step_code(kind: str) -> str:
+    """The catalogue's code of a step; "" for an unknown kind."""
+    return SAID.get(kind, "")
+
+
 def step_words(kind: str) -> str:
     """The step of a journal entry in words, e.g. "old table backed up" of BACKUP; an unknown kind in plain letters."""
     code = SAID.get(kind)

@@ -140,10 +140,10 @@ async def disable(order: DisableOrder, context: PushContext, found: JournalRead 
         asked = await ask_disable(order, context)
         if asked.refusals:
             return _record(
-                order, "refused", asked=asked, after=None, steps=tuple(reason.words for reason in asked.refusals)
+                order, "refused", asked=asked, after=None, reasons=tuple(reason.words for reason in asked.refusals)
             )
         if asked.reading is not None and asked.reading.off and found is None:
-            return _record(order, "already-off", asked=asked, after=asked.reading, steps=())
+            return _record(order, "already-off", asked=asked, after=asked.reading, reasons=())
         return await _in_journal(order, context, found, asked)
 
 
@@ -173,11 +173,11 @@ async def _in_journal(
         kept.close()
     if found is None:
         journal.set_aside(kept.path)
-    return _record(numbered, "off" if off else "still-on", asked=asked, after=reading, steps=(why,) if why else ())
+    return _record(numbered, "off" if off else "still-on", asked=asked, after=reading, reasons=(why,) if why else ())
 
 
 def _record(
-    order: DisableOrder, outcome: Ending, asked: Switch, after: SwitchReading | None, steps: tuple[str, ...]
+    order: DisableOrder, outcome: Ending, asked: Switch, after: SwitchReading | None, reasons: tuple[str, ...]
 ) -> SwitchRecord:
     before = asked.reading.acting if asked.reading is not None else None
     acting = after.acting if after is not None else None
@@ -189,5 +189,6 @@ def _record(
         unit=asked.unit,
         before=before,
         after=acting,
-        steps=steps,
+        steps=reasons,
+        reasons=reasons,
     )

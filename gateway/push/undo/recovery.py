@@ -194,7 +194,8 @@ def _closed(found: JournalRead, finding: PushFinding) -> PushRecord:
     finally:
         kept.close()
     journal.set_aside(found.path)
-    return PushRecord(found.number, finding.axis, outcome="skipped", steps=(finding.words,), backup_path="")
+    why = (finding.words,)
+    return PushRecord(found.number, finding.axis, outcome="skipped", steps=why, backup_path="", reasons=why)
 
 
 def _alike(found: JournalRead, context: PushContext) -> list[JournalRead]:

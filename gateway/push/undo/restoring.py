@@ -28,6 +28,7 @@ async def roll_back(work: Work, why: str) -> Outcome:
     Raises StoreError when the journal cannot be written: then nothing more may be done. BusyError (E-PUSH-ANOTHER)
     with nothing touched when another gateway pushed before anything of this push arrived in the control.
     """
+    work.because(why)
     try:
         with foreseen(work.axis):
             proved = work.last == "MEASURED"
@@ -55,6 +56,7 @@ async def hold(work: Work, why: str) -> Outcome:
     What is enabled and neither the old nor the new table is switched off, if a person or the panel lets it.
     The controller's marker says "held" either way, to whoever comes next.
     """
+    work.because(why)
     order = disabling.order_of(work.change.new)
     found = await disabling.read(work.context, order)
     if _is_off(work, found):
@@ -92,6 +94,7 @@ def _is_off(work: Work, found: SwitchReading | None) -> bool:
 
 async def held(work: Work, why: str, *, off: bool, said: bool = False) -> Outcome:
     """The last word of a hold: ``off`` is what was read back; ``said`` already, so only the journal's end."""
+    work.because(why)
     if said:
         work.note("HELD", why=why, backup=work.backup_path, on=not off)
     else:

@@ -31,6 +31,7 @@ async def taken_away(works: Sequence[Work], why: str) -> dict[Work, Outcome]:
         with foreseen(names):
             measured = all(work.last == "MEASURED" for work in works)
             for work in works:
+                work.because(why)
                 work.note("ROLLING_BACK", why=why)
             told = {} if measured else {"why": why}
             works[0].context.say("P-PUSH-PROOF-OFF" if measured else "P-PUSH-RESTORE", axis=names, **told)

@@ -10,6 +10,7 @@ from itertools import zip_longest
 
 from drivers.errors import catalogue
 from drivers.terms import shown
+from gateway.domain.outcomes import PushRecord
 from gateway.report.document.content import Block, Bullets, Heading, Pair, Paragraph, PictureBlock, TableBlock, Whole
 from gateway.report.document.retold import retold
 from gateway.report.document.words import Tongue
@@ -109,7 +110,8 @@ def _pushes(report: ReportMaterial, t: Tongue) -> Iterator[Block]:
     drawn = [_axis_table(axis, t) for axis in report.axes if axis.change is not None and not axis.change.skipped]
     for left, right in zip_longest(drawn[::2], drawn[1::2], fillvalue=()):
         yield Whole((Pair(left, right),))
-    pushed = [(one.change.name, one.push) for one in _all_tables(report) if one.push is not None and one.push.steps]
+    every = [(one.change.name, one.push) for one in _all_tables(report) if one.push is not None]
+    pushed = [(name, push) for name, push in every if push.steps or push.reasons]
     if not pushed:
         return
     yield Heading(t("protocol"))
@@ -117,14 +119,26 @@ def _pushes(report: ReportMaterial, t: Tongue) -> Iterator[Block]:
     for name, push in pushed:
         transaction = t("transaction", number=push.transaction)
         yield Heading(f"{name}: {t('push_' + push.outcome)} ({transaction})", 2)
-        yield _steps(push.steps, t.language)
+        if push.why:
+            yield Paragraph(t("push_why", why=push.why))
+        if push.marker:
+            yield Paragraph(t("push_marker", why=push.marker))
+        if push.steps:
+            yield _steps(push, t.language)
 
 
-def _steps(steps: tuple[str, ...], language: str) -> TableBlock:
-    """When and what, in two columns of lines; the details of each step stay in the record."""
-    names = step_names(language)
-    told = [found.groups() if (found := STEP.match(step)) else ("", step) for step in steps]
-    rows = [(when, names.get(what.partition(":")[0], what.partition(":")[0])) for when, what in told]
+def _steps(push: PushRecord, language: str) -> TableBlock:
+    """When and what, in two columns of lines; the details of each step stay in the record.
+
+    A record of an older version has no codes: its words are looked up instead.
+    """
+    names, texts = step_names(language), {**catalogue(), **catalogue(language)}
+    rows = []
+    for step, code in zip_longest(push.steps, push.codes[: len(push.steps)], fillvalue=""):
+        found = STEP.match(step)
+        when, what = found.groups() if found else ("", step)
+        plain = what.partition(":")[0]
+        rows.append((when, texts[code]["what"] if code in texts else names.get(plain, plain)))
     half = -(-len(rows) // 2)
     pairs = zip_longest(rows[:half], rows[half:], fillvalue=("", ""))
     return TableBlock((), tuple((*left, *right) for left, right in pairs), "llll", dense=True, wide=(1, 3))

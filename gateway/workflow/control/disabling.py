@@ -119,10 +119,10 @@ def _line(asked: Switch) -> str:
 def _told(at: Bench, record: SwitchRecord) -> Outcome:
     """Raises WriteRefused (E-PUSH-REFUSED), StillOn (E-DISABLE-STILL-ON)."""
     if record.outcome == "refused":
-        reasons = "; ".join(record.steps)
-        raise WriteRefused("E-PUSH-REFUSED", record.table, count=len(record.steps), reasons=reasons)
+        reasons = "; ".join(record.reasons)
+        raise WriteRefused("E-PUSH-REFUSED", record.table, count=len(record.reasons), reasons=reasons)
     if record.outcome == "still-on":
-        why = "; ".join(record.steps) or "nothing answered"
+        why = "; ".join(record.reasons) or words("W-DISABLE-NO-ANSWER")
         raise StillOn("E-DISABLE-STILL-ON", record.table, table=record.table, axis=record.axis, why=why)
     code = "W-DISABLE-OFF" if record.outcome == "already-off" else "W-DISABLE-DONE"
     lines = (words(code, table=record.table, axis=record.axis),)

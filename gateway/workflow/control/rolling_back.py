@@ -1,65 +1,78 @@
-"""The table from before the last committed push, put back on request as a transaction of its own."""
+"""What the last consent changed, put back on request as transactions of their own."""
 
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Iterator
-from dataclasses import replace
-from functools import partial
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 from drivers.clock import Clock
 from drivers.errors import TrueflankError, words
 from drivers.terms import spoken
 from drivers.types.tables import CompensationTable
-from drivers.types.values import Approach
+from drivers.types.values import Approach, Sense
 from gateway import audit
 from gateway.config import SiteFile
-from gateway.errors import WriteRefused
+from gateway.domain.outcomes import PushRecord
+from gateway.errors import StillOn, VerifyError, WriteRefused
 from gateway.moving import shown
-from gateway.push import PushContext, outcome_error
-from gateway.push.records.history import Committed, committed, to_undo
+from gateway.push import PushContext, outcome_alarms, outcome_error
+from gateway.push.records.history import Committed, ConsentSet, TableName, consent_set, every_push, named
 from gateway.push.records.journal import JOURNALS
-from gateway.push.undoing import ask_undo, undo
+from gateway.push.undoing import Undo, ask_undos, groups, undo_tables
 from gateway.say import Say
 from gateway.table.comparison import effective, toward
 from gateway.workflow.bench import Bench, bench, check_name, run_or_look
 from gateway.workflow.consents import audit_problem, looked, tell, why_of, word_of
 from gateway.workflow.control.contexts import table_context
-from gateway.workflow.outcome import Outcome
+from gateway.workflow.outcome import WORSE_EXIT, Outcome, alarmed
 from gateway.workflow.witness import Witness
 
 
 async def roll_back_site(
     site: SiteFile, site_path: Path, *, table: str, apply: bool, machine_name: str, clock: Clock, say: Say
 ) -> Outcome:
-    """Take back the last committed push of a table by its name; without `apply` only say what would be.
+    """Take back what the last consent changed; without `apply` only say what would be.
 
-    Raises WriteRefused (E-RUN-NAME, E-ROLLBACK-NOTHING, E-PUSH-REFUSED), ConfigError (E-RUN-AXIS), VerifyError (the
-    rollback failed and the newer table is live again), RollbackFailed (held), CorruptRecord (E-AUDIT-BROKEN).
+    ``table`` is a machine axis (every table that moves it), one table by its name, or "" for all of the consent.
+    Raises WriteRefused (E-RUN-NAME, E-ROLLBACK-NOTHING, E-PUSH-REFUSED, E-RUN-NO-PROOF), ConfigError (E-RUN-AXIS),
+    VerifyError (the rollback failed and the newer tables act again, or part of them does), RollbackFailed (held),
+    CorruptRecord (E-AUDIT-BROKEN).
     """
     check_name(site, apply, machine_name)
     with run_or_look(site, site_path, "rolling-back", look=not apply) as folder:
         async with bench(site, site_path, folder=folder, clock=clock, say=say) as at:
-            done = to_undo(history(at, table))
-            if done is None:
-                raise WriteRefused("E-ROLLBACK-NOTHING", table, table=table, serial=at.machine.serial)
-            context = context_of(at, done.new.table)
-            return await (_applied(at, done, context) if apply else _shown(at, done, context))
+            found = to_take_back(at, table)
+            if found is None:
+                raise WriteRefused("E-ROLLBACK-NOTHING", table, table=table or "any table", serial=at.machine.serial)
+            undos = groups([(done, context_of(at, done.new.table)) for done in found.tables])
+            return await (_applied(at, found, undos) if apply else _shown(at, found, undos))
 
 
-def history(at: Bench, table: str) -> tuple[Committed, ...]:
-    """Every committed push of a table of this machine, cross tables as deviations by its proof.
+def to_take_back(at: Bench, asked: str) -> ConsentSet | None:
+    """The set that a rollback of an axis, a table or everything ("") restores at this machine.
 
-    Raises ConfigError (E-RUN-AXIS), WriteRefused (E-RUN-NO-PROOF), StoreError.
+    Cross tables are deviations by the machine's proof. Raises ConfigError (E-RUN-AXIS), WriteRefused (E-RUN-NO-PROOF)
+    where the sign of one of them is not proved any more, StoreError.
     """
-    axis, cross = spoken().axis_of(table), spoken().is_cross(table)
-    at.axis(axis)
-    proof = at.proofs.find(at.machine, "cross", axis) if cross else None
-    if cross and proof is None:
-        raise WriteRefused("E-RUN-NO-PROOF", table)
-    meant = partial(at.supervisor.controller.table_by, proof=proof)
-    return committed(at.store.root / JOURNALS, at.machine.serial, table, meant)
+    if asked:
+        at.axis(spoken().axis_of(asked))
+    proofs = {axis.name: at.proofs.find(at.machine, "cross", axis.name) for axis in at.site.axes}
+    controller = at.supervisor.controller
+
+    def meant(kept: CompensationTable, sense: Sense) -> CompensationTable:
+        proof = proofs.get(kept.output_axis) if kept.kind == "cross" else None
+        return kept if kept.kind == "cross" and proof is None else controller.table_by(kept, sense, proof)
+
+    found = consent_set(every_push(at.store.root / JOURNALS, at.machine.serial, meant), asked)
+    unproved = [
+        one for one in (found.tables if found else ()) if spoken().is_cross(one.table) and not proofs.get(one.axis)
+    ]
+    if unproved:
+        raise WriteRefused("E-RUN-NO-PROOF", ", ".join(one.table for one in unproved))
+    return found
 
 
 def context_of(at: Bench, table: CompensationTable) -> PushContext:
@@ -68,16 +81,60 @@ def context_of(at: Bench, table: CompensationTable) -> PushContext:
     return replace(table_context(at, table, None), actor=audit.person(), audit_broken=broken, log=Witness(at))
 
 
-async def _shown(at: Bench, done: Committed, context: PushContext) -> Outcome:
-    asked = await ask_undo(done, context)
-    reasons = [reason.words for reason in asked.refusals]
-    points = _difference(done)
-    lines = [words("W-ROLLBACK-PLAN", table=done.table, transaction=done.transaction, utc=done.utc), _largest(done)]
+async def _shown(at: Bench, found: ConsentSet, undos: Sequence[Sequence[Undo]]) -> Outcome:
+    against: dict[str, list[str]] = {}
+    for group in undos:
+        for (done, _), asked in zip(group, await ask_undos(group), strict=True):
+            for refusal in asked.refusals:
+                against.setdefault(refusal.words, []).append(done.table)
+    reasons = [f"{', '.join(names)}: {reason}" for reason, names in against.items()]
+    names = names_of(at.store.root, at.machine.serial, found)
+    lines = [line for done in found.tables for line in (names[done.table].plan(done), _largest(done))]
     lines += [f"  {reason}" for reason in reasons] or ["  " + words("W-ROLLBACK-FREE")]
-    lines.append(words("W-ROLLBACK-DRY"))
-    looked(at, "rollback", table=done.table, undoes=done.transaction)
-    data = {"transaction": done.transaction, "table": done.table, "refusals": reasons, "applied": False}
-    return Outcome(state="looked", run_folder="", rows=(), lines=tuple(lines), points=tuple(points), data=data)
+    lines += [*_rest(found), words("W-ROLLBACK-DRY")]
+    for done in found.tables:
+        looked(at, "rollback", table=done.table, undoes=done.transaction)
+    data = {**_data(found), "refusals": reasons, "applied": False}
+    points = tuple(line for done in found.tables for line in _difference(done))
+    return Outcome(state="looked", run_folder="", rows=(), lines=tuple(lines), points=points, data=data)
+
+
+@dataclass(frozen=True, slots=True)
+class _Names:
+    """What acts in a table's place until a rollback, and after it."""
+
+    newer: TableName
+    older: TableName
+
+    def plan(self, done: Committed) -> str:
+        """What a rollback would do with this table."""
+        told = {"transaction": done.transaction, "utc": done.utc[:16].replace("T", " ")}
+        return words("W-ROLLBACK-PLAN", table=done.table, newer=self.newer.words, older=self.older.words, **told)
+
+
+def names_of(root: Path, serial: str, found: ConsentSet) -> dict[str, _Names]:
+    """The names of the newer and the older table of each table of a set, by the table's name. Raises StoreError."""
+    pushes = every_push(root / JOURNALS, serial)
+    return {
+        one.table: _Names(named(pushes, one.table, one.new), named(_before(pushes, one), one.table, one.old, one.utc))
+        for one in found.tables
+    }
+
+
+def _before(pushes: tuple[Committed, ...], done: Committed) -> tuple[Committed, ...]:
+    return tuple(one for one in pushes if one.transaction != done.transaction)
+
+
+def _rest(found: ConsentSet) -> list[str]:
+    """Tables of the same consent that were not asked for: they go on acting."""
+    return [words("W-ROLLBACK-REST", tables=", ".join(one.table for one in found.rest))] if found.rest else []
+
+
+def _data(found: ConsentSet) -> dict[str, Any]:
+    first = found.tables[0]
+    told = [{"table": one.table, "transaction": one.transaction} for one in found.tables]
+    rest = [one.table for one in found.rest]
+    return {"transaction": first.transaction, "table": found.names, "tables": told, "rest": rest}
 
 
 def _largest(done: Committed) -> str:
@@ -117,30 +174,87 @@ def _changes(done: Committed) -> Iterator[tuple[float, Approach, float, float]]:
             yield float(place), way, float(was), float(becomes)
 
 
-async def _applied(at: Bench, done: Committed, context: PushContext) -> Outcome:
-    root, serial = at.store.root, at.machine.serial
-    told = {"table": done.table, "undoes": done.transaction, "run": at.folder.run_id}
-    audit.record(root, "rollback-start", clock=at.clock, serial=serial, details=told)
-    try:
-        record = await undo(done, context)
-    except (TrueflankError, asyncio.CancelledError) as error:
-        why = {**told, "why": why_of(error)}
-        action = f"rollback-{word_of(error)}"
-        tell(at, audit.note(root, action, clock=at.clock, serial=serial, details=why))
-        raise
-    at.folder.put(f"rollback-{done.table}", record)
-    at.folder.set_state(f"rollback-{record.outcome}")
-    action = f"rollback-{record.outcome}"
-    problem = audit.note(root, action, clock=at.clock, serial=serial, transaction=record.transaction, details=told)
-    failure = outcome_error(record)
+async def _applied(at: Bench, found: ConsentSet, undos: Sequence[Sequence[Undo]]) -> Outcome:
+    """One transaction after the other, the newest pushed first; what one of them leaves on keeps the rest as it is.
+
+    Raises what became of the first that did not end as asked, with what is back and what stays on.
+    """
+    names = names_of(at.store.root, at.machine.serial, found)
+    records: dict[str, PushRecord] = {}
+    failure: TrueflankError | None = None
+    for group in undos:
+        try:
+            ended = await _taken_back(at, group)
+        except TrueflankError as error:
+            if not records:
+                raise
+            failure = error  # nothing of this group was written
+            break
+        records |= ended
+        failures = map(outcome_error, ended.values())
+        failure = next((one for one in failures if one is not None), None)
+        if failure is not None:
+            break
+    back = [name for name, record in records.items() if record.outcome in ("committed", "already-applied")]
+    state = "rollback-committed" if failure is None else _worst(records) if not back else "rollback-in-part"
+    at.folder.set_state(state)
     if failure is not None:
-        raise failure
-    lines = [words("W-ROLLBACK-DONE", table=done.table, transaction=done.transaction), *([problem] if problem else [])]
-    data = {"transaction": record.transaction, "undoes": done.transaction, "table": done.table, "applied": True}
-    return Outcome(
+        raise failure if not back else _in_part(failure, [one.table for one in found.tables], back)
+    return _ended(at, found, records, names)
+
+
+def _worst(records: Mapping[str, PushRecord]) -> str:
+    outcomes = {record.outcome for record in records.values()}
+    return "rollback-" + next(one for one in ("held-on", "held", "rolled-back", "refused") if one in outcomes)
+
+
+def _in_part(failure: TrueflankError, tables: Sequence[str], back: Sequence[str]) -> TrueflankError:
+    """Part of the set is back and the rest is not: said, with the exit code of who must act now."""
+    on = ", ".join(name for name in tables if name not in back)
+    kind = StillOn if isinstance(failure, StillOn) else VerifyError
+    return kind("E-ROLLBACK-PART", ", ".join(tables), back=", ".join(back), on=on, why=str(failure))
+
+
+def _ended(at: Bench, found: ConsentSet, records: Mapping[str, PushRecord], names: Mapping[str, _Names]) -> Outcome:
+    """Everything asked for is back. One table of several that act together leaves the others on: exit code 9."""
+    codes = {"committed": "W-ROLLBACK-DONE", "already-applied": "W-ROLLBACK-THERE"}
+    lines = [
+        words(codes[records[one.table].outcome], table=one.table, acts=names[one.table].older.words)
+        for one in found.tables
+    ]
+    left = [one for one in found.rest if one.axis in {done.axis for done in found.tables}]
+    data = {**_data(found), "undoes": found.tables[0].transaction, "applied": True, "outcome": "committed"}
+    data |= {"transaction": records[found.tables[0].table].transaction}
+    data |= {"outcomes": {name: record.outcome for name, record in records.items()}}
+    outcome = Outcome(
         state=at.folder.state,
         run_folder=str(at.folder.path),
         rows=(),
-        lines=tuple(lines),
-        data={**data, "outcome": record.outcome},
+        lines=(*lines, *_rest(found)),
+        data=data,
+        exit_code=WORSE_EXIT if left else 0,
     )
+    return alarmed(outcome, outcome_alarms(records.values()))
+
+
+async def _taken_back(at: Bench, group: Sequence[Undo]) -> dict[str, PushRecord]:
+    """One transaction, kept in the audit log at both ends, each table with its record in the run folder."""
+    told = {done.table: {"table": done.table, "undoes": done.transaction, "run": at.folder.run_id} for done, _ in group}
+    root, serial = at.store.root, at.machine.serial
+    for details in told.values():
+        audit.record(root, "rollback-start", clock=at.clock, serial=serial, details=details)
+    try:
+        records = await undo_tables(group)
+    except (TrueflankError, asyncio.CancelledError) as error:
+        for details in told.values():
+            action, why = f"rollback-{word_of(error)}", {**details, "why": why_of(error)}
+            tell(at, audit.note(root, action, clock=at.clock, serial=serial, details=why))
+        raise
+    ended = {done.table: record for (done, _), record in zip(group, records, strict=True)}
+    for name, record in ended.items():
+        at.folder.put(f"rollback-{name}", record)
+        action, number = f"rollback-{record.outcome}", record.transaction
+        why = {"why": record.why} if record.why else {}
+        details = {**told[name], **why}
+        tell(at, audit.note(root, action, clock=at.clock, serial=serial, transaction=number, details=details))
+    return ended
