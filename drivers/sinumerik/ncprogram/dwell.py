@@ -1,8 +1,9 @@
 """DwellPlan -> NC program text for a capture program of somebody else, which triggers when the axis stands still.
 
-The program shakes no hands: it uses no R parameter, writes nothing and waits at each target. It begins with a stop
-(M0), so that the person starts the capture first. The order of stops is that of a measuring run: each target in both
-directions, with overrun at each end.
+The program shakes no hands: it uses no R parameter, writes nothing and waits at each target. At the first target,
+which it reaches from that stop's own side, it waits (M0): there the person zeroes the laser and starts the capture, so
+every reading counts from where the axis really stands. The order of stops is that of a measuring run: each target in
+both directions, with overrun at each end.
 """
 
 from __future__ import annotations
@@ -16,7 +17,7 @@ from drivers.sinumerik.ncprogram.words import program_path
 
 ABOUT = "a capture program that triggers by itself"
 STOPPED = "press RESET: it has written nothing. Begin the capture anew."
-READY = "START THE CAPTURE, THEN PRESS NC START"
+READY = "AT THE FIRST TARGET: ZERO THE LASER, START THE CAPTURE, PRESS NC START"
 
 
 def dwelling(plan: DwellPlan, modulo: bool, origin: Origin) -> str:
@@ -27,10 +28,10 @@ def dwelling(plan: DwellPlan, modulo: bool, origin: Origin) -> str:
         raise LocalProtocolError("E-PROGRAM-EMPTY", stops.name)
     motion = Motion(stops.letter, modulo, stops.feed, stops.overrun)
     legs = list(motion.legs(stops.stops))
-    out = [section("modal states"), *PREPARE, section("to the first target"), *legs[0][:1]]
+    out = [section("modal states"), *PREPARE, section("to the first target, from its own side"), *legs[0]]
     out += [f'MSG("{READY}")', "M0", 'MSG("")', section("targets")]
-    for place, leg in enumerate(legs):
-        out += [*(leg[1:] if place == 0 else leg), f"G4 F{number(plan.dwell_s)}"]
+    for leg in ([], *legs[1:]):
+        out += [*leg, f"G4 F{number(plan.dwell_s)}"]
     out.append("M30")
     what = f"{len(stops.stops)} stops of {stops.axis} for {ABOUT}, {plan.dwell_s:g} s at each"
     return text_of(headed(Head(program_path("DWEL", stops.axis), what, number=0, stops=STOPPED, origin=origin), out))

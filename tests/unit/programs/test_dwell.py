@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -10,9 +11,11 @@ from typer.testing import CliRunner
 
 from drivers.errors import ConfigError
 from gateway.cli import app
+from tests.unit.nck.bench import SPEC, on_bench
 from tests.unit.programs.sites import site_file
 
 RUNNER = CliRunner()
+TRAVELS = tuple(replace(axis, travel=(-420.0, 320.0)) if axis.letter == "X" else axis for axis in SPEC.axes)
 
 
 def written(site: Path, folder: Path, *words: object) -> str:
@@ -43,6 +46,30 @@ def test_each_target_is_stood_at_in_both_directions_and_nothing_is_written(tmp_p
     listed = [float(line) for line in (folder / "dwell-X-targets.txt").read_text().split()]
     assert listed == sorted({float(row["target_mm"]) for row in rows})
     assert f"X1: {len(rows)} stops of 4.5 s" in told
+
+
+@pytest.mark.parametrize("letter", ["X", "C"])
+async def test_the_person_zeroes_the_laser_at_the_first_target_itself(tmp_path: Path, letter: str) -> None:
+    """By the positions that the control records: at M0 the axis stands there, come from the side of the first stop."""
+    folder = tmp_path / "out"
+    written(site_file(tmp_path, "demo"), folder)
+    text = (folder / f"dwell-{letter}-TFDWEL_{letter}1.MPF").read_text()
+    first = next(csv.DictReader((folder / f"dwell-{letter}-stops.csv").read_text().splitlines()))
+    target = float(next(value for name, value in first.items() if name.startswith("target")))
+    moved, sign = 0.0, 1.0 if first["direction"] == "+" else -1.0
+    async with on_bench(axes=TRAVELS) as bench:
+        bench.press_start(text)
+        before = float(bench.nck.get(f"$AA_IM[{letter}1]"))
+        for _ in range(100_000):
+            now = float(bench.nck.get(f"$AA_IM[{letter}1]"))
+            if now != before:
+                moved, before = now - before, now
+            if bench.nck.channel_status != 1:
+                break
+            await bench.sleep(0.1)
+        assert bench.nck.message.startswith("AT THE FIRST TARGET")
+        assert before == pytest.approx(target, abs=1e-6)
+        assert ((moved + 180.0) % 360.0 - 180.0) * sign > 0.0
 
 
 def test_a_rotary_calibrator_is_not_outrun(tmp_path: Path) -> None:
