@@ -31,6 +31,7 @@ OPEN: dict[str, tuple[Choice, ...]] = {
     "encoder_lead_shared": (True, False),
     "system_reads_stop": (False, True),
     "modal_stays": (False, True),
+    "fills_arrays": (True, False),
     "uneven_step": ("floor", "stretched", "ceil", "idle"),
 }
 """The open switches and what each can be, the default first; a seed may draw one."""
@@ -51,6 +52,7 @@ class Switches:
         ``locked_alarm``: the alarm when an enabled table is written.
         ``fetch_while_waiting``: files may be read from outside while a program runs or waits.
         ``r_writable``: R parameters may be written from outside.
+        ``fills_arrays``: programs may fill arrays of their own by SET and REP; False: alarm 12550 at such a block.
         ``modal_stays``: modal states (plane, inch, diameter, frames, transformation...) outlive the end of a program;
         False: each begins with the control's own. ``diameter_axis``: letter of the axis that DIAMON counts in
         diameters; ``zero_offset_mm`` what G54 to G599 shift linear axes by; ``tool_length_mm`` of D1, along the third
@@ -107,6 +109,7 @@ class Switches:
     fetch_while_waiting: bool = True
     r_writable: bool = True
     judges_programs: bool = True
+    fills_arrays: bool = True
     modal_stays: bool = False
     diameter_axis: str = ""
     zero_offset_mm: float = 0.0

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from math import prod
+
 from drivers.sinumerik.legality.calls import call
 from drivers.sinumerik.legality.cursor import Cursor
 from drivers.sinumerik.legality.dictionary import dictionary
@@ -53,15 +55,16 @@ def word(cursor: Cursor, commands: Commands) -> None:
         raise cursor.wrong("a word of the language")
 
 
-def _assign(cursor: Cursor, name: str, target: str) -> None:
-    """Read = value behind what is set."""
+def _assign(cursor: Cursor, name: str, target: str, before: int = 0) -> None:
+    """Read = value behind what is set; ``before``: how many elements of its array come before it, for certain."""
     if cursor.sees("=="):
         raise Illegal("E-LEGAL-OPERATOR", operator="==", wanted="=")
     if not cursor.accept("="):
         raise Illegal("E-LEGAL-ASSIGN", name=name, found=cursor.token.text or "the end of the block")
     if cursor.sees("SET", "REP"):
-        cursor.take()
-        values(cursor)
+        repeated = cursor.take().text == "REP"
+        given = values(cursor)
+        judge_list(cursor, name, given[:1] if repeated else given, before)
         return
     if name.startswith(_AXES_BY_TEXT) and cursor.token.kind == "string":
         cursor.take()
@@ -70,6 +73,36 @@ def _assign(cursor: Cursor, name: str, target: str) -> None:
     if declared is not None:
         judge_constant(cursor, name, declared.type, declared.length)
     judge_assignment(target, name, expression(cursor))
+
+
+def judge_list(cursor: Cursor, name: str, given: list[str], before: int = 0) -> None:
+    """SET and REP fill an array of the user's from an element on: each value its type, and no more than there is room.
+
+    ``given``: the types of the values. Raises Illegal. Arrays of the system are not judged.
+    """
+    declared = cursor.scope.variables.get(name)
+    if declared is None:
+        return
+    room = prod(declared.sizes) - before
+    if len(given) > room:
+        raise Illegal("E-LEGAL-LIST", name=name, given=len(given), room=room)
+    for kind in given:
+        judge_assignment(declared.type, name, kind)
+
+
+def _elements_before(cursor: Cursor, sizes: tuple[int, ...]) -> int:
+    """How many elements come before the one that stands next, by constant indices; 0 where they are not constant."""
+    look = cursor.fork()
+    look.take()
+    if not look.sees("["):
+        return 0
+    parts = [[token.text for token in part if token.text != "["] for part in look.arguments()]
+    if len(parts) != len(sizes) or not all(len(part) == 1 and part[0].isdigit() for part in parts):
+        return 0
+    place = 0
+    for part, size in zip(parts, sizes, strict=True):
+        place = place * size + int(part[0][:9])
+    return place
 
 
 def judge_constant(cursor: Cursor, name: str, kind: str, length: int) -> None:
@@ -125,7 +158,8 @@ def _g_command(token: Token, commands: Commands) -> None:
 def _named(cursor: Cursor, commands: Commands) -> None:
     text = cursor.token.text
     if text in cursor.scope.variables:
-        _assign(cursor, text, user_variable(cursor, expression))
+        before = _elements_before(cursor, cursor.scope.variables[text].sizes)
+        _assign(cursor, text, user_variable(cursor, expression), before)
     elif text == "R":
         _assign(cursor, text, parameter(cursor, expression))
     elif text in cursor.scope.macros or text in _UNJUDGED:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from drivers.sinumerik.legality.blocks import judge_constant
+from drivers.sinumerik.legality.blocks import judge_constant, judge_list
 from drivers.sinumerik.legality.cursor import Cursor, Declared
 from drivers.sinumerik.legality.dictionary import dictionary
 from drivers.sinumerik.legality.expressions import expression, values
@@ -99,10 +99,11 @@ def _variable(cursor: Cursor, kind: str, length: int) -> None:
 
 def _value(cursor: Cursor, name: str, kind: str, length: int) -> None:
     if cursor.sees("SET", "REP"):
-        cursor.take()
-        values(cursor)
+        repeated = cursor.take().text == "REP"
+        given = values(cursor)
+        judge_list(cursor, name, given[:1] if repeated else given)
     elif cursor.sees("(") and len(cursor.arguments()) > 1:
-        values(cursor)
+        judge_list(cursor, name, values(cursor))
     else:
         judge_constant(cursor, name, kind, length)
         judge_assignment(kind, name, expression(cursor))

@@ -7,8 +7,9 @@ file must hold, line by line, stands here once: `written` believes a file only w
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
+from itertools import groupby
 from typing import Literal
 
 from drivers.errors import DeviceRefused
@@ -19,8 +20,8 @@ Section = Literal["LIVE", "BACK", "READ"]
 END_WORD = "M17"
 _LONGEST_VALUE = 16  # equals sign, line end, and a number of 14 signs
 _CEC_PARAMETERS = ("STEP", "MIN", "MAX", "DIRECTION", "MULT_BY_TABLE", "IS_MODULO", "TYPE")
-ERROR, POINT, _COUNTER = "UERR", "UPOINT", "ULINES"
-VARIABLES = f"{ERROR}, {POINT}, {_COUNTER}"
+ERROR, POINT, _COUNTER, _CEC = "UERR", "UPOINT", "ULINES", "UCEC"
+VARIABLES = f"{ERROR}, {POINT}, {_COUNTER}, {_CEC}"
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,22 +98,22 @@ def cross_points(table: int, saving: Saving) -> Points:
     return Points(f"$AN_CEC[{table},", "]", saving.memory.cec_points[table])
 
 
-def cross_axes(table: int) -> tuple[str, ...]:
+def cross_axes(table: int | str) -> tuple[str, ...]:
     """Input and output axis of a CEC table."""
     return f"$AN_CEC_INPUT_AXIS[{table}]", f"$AN_CEC_OUTPUT_AXIS[{table}]"
 
 
-def cross_parameters(table: int) -> tuple[str, ...]:
+def cross_parameters(table: int | str) -> tuple[str, ...]:
     """The other parameters of a CEC table."""
     return tuple(f"$AN_CEC_{name}[{table}]" for name in _CEC_PARAMETERS)
 
 
-def cross_step(table: int) -> str:
+def cross_step(table: int | str) -> str:
     """What alone is written of a CEC table that was never loaded: its STEP, which is 0."""
     return f"$AN_CEC_STEP[{table}]"
 
 
-def cross_switches(table: int) -> tuple[str, ...]:
+def cross_switches(table: int | str) -> tuple[str, ...]:
     """SD41300 and SD41310 of a CEC table, loaded or not."""
     return f"$SN_CEC_TABLE_ENABLE[{table}]", f"$SN_CEC_TABLE_WEIGHT[{table}]"
 
@@ -147,10 +148,22 @@ def blocks(saving: Saving, failed: str) -> list[str]:
     out = [f'DELETE({ERROR},"{saving.path}")', "STOPRE", f"{_COUNTER}=0", *write.text(f'"{saving.first_line}"')]
     if saving.memory.eec_points:
         out += [*write.points(own_points(saving)), *write.values(own_parameters(saving))]
-    for table in reserved_tables(saving.memory):
-        out += _cross(write, table, saving)
+    for tables in _alike(saving.memory):
+        points = cross_points(tables[0], saving).count
+        if len(tables) == 1:
+            out += _cross(write, tables[0], points, saving)
+        else:
+            out += [f"FOR {_CEC}={tables[0]} TO {tables[-1]}", *_cross(write, _CEC, points, saving), "ENDFOR"]
     out += write.values(axis_settings(saving))
     return [*out, *write.text(f'"{saving.last_mark}"<<{_COUNTER}'), *write.text(f'"{END_WORD}"')]
+
+
+def _alike(memory: Memory) -> Iterator[tuple[int, ...]]:
+    """Numbers of CEC tables in a row that have equally many points: one loop writes them all."""
+    for _, group in groupby(reserved_tables(memory), key=lambda table: memory.cec_points[table]):
+        numbers = tuple(group)
+        rows = groupby(enumerate(numbers), key=lambda item: item[1] - item[0])
+        yield from (tuple(number for _, number in row) for _, row in rows)
 
 
 def size_of(saving: Saving) -> int:
@@ -174,16 +187,21 @@ def _check_size(saving: Saving) -> None:
         raise DeviceRefused("E-NC-FILE-LIMIT", saving.path, needed_kb=needed, limit_kb=limit, axis=saving.axis)
 
 
-def _cross(write: _Writer, table: int, saving: Saving) -> list[str]:
-    """One CEC table; one that was never loaded (STEP 0) has no axes to name: its STEP says so."""
-    inner = write.points(cross_points(table, saving))
+def _cross(write: _Writer, table: int | str, points: int, saving: Saving) -> list[str]:
+    """A CEC table, or the one whose number a variable holds; never loaded (STEP 0) it has no axes: its STEP says so."""
+    inner = write.points(Points(f"$AN_CEC[{table},", "]", points))
     for name in cross_axes(table):
         for axis in saving.memory.axes:
-            inner += [f"IF {name}==({axis})", *write.text(f'"{name}=({axis})"'), "ENDIF"]
+            inner += [f"IF {name}==({axis})", *write.text(f'"{_named(name)}=({axis})"'), "ENDIF"]
     inner += write.values(cross_parameters(table))
     never = write.values((cross_step(table),))
     switches = write.values(cross_switches(table))
     return [f"IF {cross_step(table)}<>0", *inner, "ELSE", *never, "ENDIF", *switches]
+
+
+def _named(name: str) -> str:
+    """A name inside a text: the number of a table that a variable holds is put in when the program runs."""
+    return name.replace(f"[{_CEC}", f'["<<{_CEC}<<"')
 
 
 @dataclass(frozen=True, slots=True)
@@ -191,14 +209,19 @@ class _Writer:
     path: str
     failed: str
 
-    def text(self, text: str) -> list[str]:
-        counted = f"{_COUNTER}={_COUNTER}+1"
-        return [f'WRITE({ERROR},"{self.path}",{text})', f"IF {ERROR}<>0 GOTOF {self.failed}", counted]
+    def text(self, *texts: str) -> list[str]:
+        """A line for each text, counted once all of them are written."""
+        out = [
+            block
+            for text in texts
+            for block in (f'WRITE({ERROR},"{self.path}",{text})', f"IF {ERROR}<>0 GOTOF {self.failed}")
+        ]
+        return [*out, f"{_COUNTER}={_COUNTER}+{len(texts)}"]
 
     def values(self, names: Iterable[str]) -> list[str]:
-        return [block for name in names for block in self.text(f'"{name}="<<{name}')]
+        return self.text(*(f'"{_named(name)}="<<{name}' for name in names))
 
     def points(self, points: Points) -> list[str]:
         left, right = points.left, points.right
-        text = f'"{left}"<<{POINT}<<"{right}="<<{left}{POINT}{right}'
+        text = f'"{_named(left)}"<<{POINT}<<"{right}="<<{left}{POINT}{right}'
         return [f"FOR {POINT}=0 TO {points.count - 1}", *self.text(text), "ENDFOR"]

@@ -39,15 +39,15 @@ def section(title: str) -> str:
     return f"; ---- {title}"
 
 
-def headed(head: Head, blocks: Sequence[str]) -> list[str]:
-    """The blocks behind their head of comments."""
+def headed(head: Head, blocks: Sequence[str], moves: Sequence[str] = ()) -> list[str]:
+    """The blocks behind their head of comments; ``moves``: its moves, where the blocks take them from tables."""
     origin = head.origin
     name = head.path.rpartition("/")[2]
     whose = f"site {_said(origin.site)}, machine {_said(origin.machine)}, run {_said(origin.run)}"
     said = [
         f"{name}: {head.purpose}",
         f"{whose}, number {head.number}, trueflank {_said(origin.version)}",
-        f"Moves: {'; '.join(_moves(blocks)) or 'nothing'}. {head.also}".rstrip(),
+        f"Moves: {'; '.join(_moves(moves or blocks)) or 'nothing'}. {head.also}".rstrip(),
         f"Writes: {', '.join(_written(blocks)) or 'no table, no datum'}.",
         f"R parameters: {', '.join(_ranges(_numbers(blocks))) or 'none'}.",
         f"If it stops: {head.stops}",

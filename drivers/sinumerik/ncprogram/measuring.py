@@ -13,10 +13,11 @@ from itertools import groupby
 
 from drivers.errors import LocalProtocolError
 from drivers.programs import NOBODY, Origin
-from drivers.sinumerik.ncprogram import backup, reversing
+from drivers.sinumerik.ncprogram import backup, looping, reversing
 from drivers.sinumerik.ncprogram.backup import Memory, Saving
 from drivers.sinumerik.ncprogram.guarding import Guard, away, guarded
 from drivers.sinumerik.ncprogram.heads import Head, headed, section
+from drivers.sinumerik.ncprogram.looping import Visits
 from drivers.sinumerik.ncprogram.motion import Motion, number
 from drivers.sinumerik.ncprogram.words import Phase, Word, Words, file_path, program_path
 from drivers.types.moves import FEED_MM
@@ -40,7 +41,8 @@ class Setting:
     """What the generator must know of a machine: R words, memory, modulo axis, feed of a push's own moves.
 
     ``wait_limit_s`` (NC seconds) ends a program whose gateway is gone; ``axis_number`` is 1-based. ``guards`` are the
-    axes that must stand in their places when the program begins to move.
+    axes that must stand in their places when the program begins to move. ``loops``: the control fills arrays of a
+    program's own by SET; False where its self-test found that it does not.
     """
 
     words: Words
@@ -51,6 +53,7 @@ class Setting:
     wait_limit_s: float = 14400.0
     origin: Origin = NOBODY
     guards: tuple[Guard, ...] = ()
+    loops: bool = True
 
 
 Parts = Sequence[tuple[StopPlan, Setting]]
@@ -72,16 +75,42 @@ def chained(parts: Parts, token: int) -> str:
     for plan, _ in parts:
         _check(plan)
     words = parts[0][1].words
-    out = [f"DEF INT {backup.VARIABLES}, {_ROUND}, {_WAITED}", section("modal states, R words"), *PREPARE]
+    tables = _tables(parts)
+    arrays = [array for one in tables if one is not None for array in one.arrays]
+    counters = looping.COUNTERS if arrays else _ROUND
+    out = [f"DEF INT {backup.VARIABLES}, {counters}, {_WAITED}", *looping.declared(arrays)]
+    out += [section("modal states, R words"), *PREPARE]
     out += [f"{words.name(word)}=0" for word in (Word.COUNTER, Word.ECHO, Word.MISMATCHES, Word.RELEASE)]
     out += [f"{words.name(Word.TRANSACTION)}={token}"]
-    for (plan, setting), saves in zip(parts, saving_plans([plan for plan, _ in parts]), strict=True):
-        out += _part(plan, token, setting, saves=saves)
+    saving = saving_plans([plan for plan, _ in parts])
+    for (plan, setting), saves, table in zip(parts, saving, tables, strict=True):
+        out += _part(plan, token, setting, saves=saves, table=table)
     out += ["STOPRE", phase_block(words, Phase.FINISHED), "M30", section("ways out")]
     out += [f"{_LEFT}:", "STOPRE", phase_block(words, Phase.LEFT), "M30"]
     guards = dict.fromkeys(guard for plan, setting in parts if plan.stops for guard in setting.guards)
     out += [*away(words, guards), *file_failed(words, _FAILED)]
-    return text_of(headed(_head(parts, token), out))
+    return text_of(
+        headed(
+            _head(parts, token),
+            out,
+            moves=[block for one in parts if one[0].stops for block in (*stops_of(*one), *_further(*one))],
+        )
+    )
+
+
+def _tables(parts: Parts) -> list[Visits | None]:
+    """The stops of each part as tables; None where they are written out one by one."""
+    found = [
+        looping.visits(plan.stops, _motion(plan, setting)) if setting.loops and len(plan.stops) > 1 else None
+        for plan, setting in parts
+    ]
+    if looping.fits(array for one in found if one is not None for array in one.arrays):
+        return found
+    return [None for _ in parts]
+
+
+def _motion(plan: StopPlan, setting: Setting) -> Motion:
+    return Motion(plan.letter, setting.modulo, plan.feed, plan.overrun)
 
 
 def _check(plan: StopPlan) -> None:
@@ -108,7 +137,7 @@ def saving_plans(plans: Sequence[StopPlan]) -> tuple[bool, ...]:
     return tuple(out)
 
 
-def _part(plan: StopPlan, token: int, setting: Setting, *, saves: bool) -> list[str]:
+def _part(plan: StopPlan, token: int, setting: Setting, *, saves: bool, table: Visits | None) -> list[str]:
     words = setting.words
     out = [section(plan.name), phase_block(words, Phase.BACKING_UP), "STOPRE"]
     out += [unless_aborted(words, _LEFT)]
@@ -122,7 +151,8 @@ def _part(plan: StopPlan, token: int, setting: Setting, *, saves: bool) -> list[
         out += [f'MSG("{plan.setup}")', "M0", 'MSG("")', "STOPRE", unless_aborted(words, _LEFT)]
     if not plan.stops:
         return out
-    return [*out, *guarded(words, setting.guards), *stops_of(plan, setting), *_further(plan, setting)]
+    visited = stops_of(plan, setting) if table is None else looped(plan, setting, table)
+    return [*out, *guarded(words, setting.guards), *visited, *_further(plan, setting)]
 
 
 def _head(parts: Parts, token: int) -> Head:
@@ -142,9 +172,28 @@ def _head(parts: Parts, token: int) -> Head:
     return Head(path, what, number=token, stops=told, origin=parts[0][1].origin, also=also.rstrip())
 
 
+def looped(plan: StopPlan, setting: Setting, table: Visits) -> list[str]:
+    """All stops as one loop over the tables of their targets and passes."""
+    shown = {
+        Word.REPETITION: table.repetition,
+        Word.LABEL: table.label,
+        Word.APPROACH: table.side,
+        Word.TARGET: table.target,
+    }
+    switch: list[str] = []
+    if table.switch:
+        switch = _switched(plan, table.switch)
+        if not table.switched_always:
+            switch = [f"IF {table.switch}>=0", *switch, "ENDIF"]
+    return table.around([*switch, *_waiting(plan, shown, setting)])
+
+
 def stops_of(plan: StopPlan, setting: Setting) -> list[str]:
-    """All stops: one loop over the repetitions when they are alike, written out one by one else."""
-    motion = Motion(plan.letter, setting.modulo, plan.feed, plan.overrun)
+    """All stops one by one, but for repetitions that are alike: the same moves and words as `looped` makes of tables.
+
+    What a program says of its moves is read from these blocks, whichever of the two it holds.
+    """
+    motion = _motion(plan, setting)
     rounds = [tuple(group) for _, group in groupby(plan.stops, key=lambda stop: stop.repetition)]
     if not _alike(rounds):
         return _sequence(plan, motion, plan.stops, "", setting)
@@ -173,7 +222,7 @@ def _further(plan: StopPlan, setting: Setting) -> list[str]:
     """Stops that a reading asks for: one after the other by the gateway's words, none outside the plan's own moves."""
     if not plan.further:
         return []
-    words, motion = setting.words, Motion(plan.letter, setting.modulo, plan.feed, plan.overrun)
+    words, motion = setting.words, _motion(plan, setting)
     side, lead, place = (words.name(word) for word in (Word.SIDE, Word.LEAD, Word.NEXT))
     low, high = reach(plan, setting)
     outside = [f"({one}<{number(low)}) OR ({one}>{number(high)})" for one in (lead, place)]
@@ -202,13 +251,16 @@ def reach(plan: StopPlan, setting: Setting) -> tuple[float, float]:
 
 
 def _switch(plan: StopPlan, stop: Stop) -> list[str]:
-    if stop.switch is None:
-        return []
+    return [] if stop.switch is None else _switched(plan, str(int(stop.switch)))
+
+
+def _switched(plan: StopPlan, state: str) -> list[str]:
+    """The plan's table on or off; ``state`` is 1 or 0, or a variable that holds it."""
     if plan.reversal is not None:
-        return reversing.tried(plan.reversal, stop.switch)
+        return reversing.tried(plan.reversal, state)
     if plan.cross_table is not None:
-        return ["STOPRE", f"$SN_CEC_TABLE_ENABLE[{plan.cross_table}]={int(stop.switch)}", "NEWCONF", "STOPRE"]
-    enable = f"$MA_ENC_COMP_ENABLE[{plan.encoder},{plan.compensated_axis}]={int(stop.switch)}"
+        return ["STOPRE", f"$SN_CEC_TABLE_ENABLE[{plan.cross_table}]={state}", "NEWCONF", "STOPRE"]
+    enable = f"$MA_ENC_COMP_ENABLE[{plan.encoder},{plan.compensated_axis}]={state}"
     return ["STOPRE", enable, "NEWCONF", "STOPRE"]
 
 

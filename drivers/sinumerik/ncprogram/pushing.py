@@ -12,11 +12,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from drivers.sinumerik.ncprogram import backup, switching
+from drivers.sinumerik.ncprogram import backup, looping, switching
 from drivers.sinumerik.ncprogram.backup import Memory, Saving, Section
 from drivers.sinumerik.ncprogram.guarding import away, guarded, unless_there
 from drivers.sinumerik.ncprogram.heads import Head, headed, section
-from drivers.sinumerik.ncprogram.loading import compared, written
+from drivers.sinumerik.ncprogram.loading import array_of, compared, written
+from drivers.sinumerik.ncprogram.looping import Array
 from drivers.sinumerik.ncprogram.measuring import (
     POLL_S,
     PREPARE,
@@ -116,6 +117,12 @@ def enabling(loads: Loads) -> str:
     return _program("ENAB", loads, _second_half(loads))
 
 
+def _arrays(loads: Loads) -> list[Array | None]:
+    """The values of each order as a table of the program's own; None where they are written out one by one."""
+    found = [array_of(order, place) if setting.loops else None for place, (order, setting) in enumerate(loads)]
+    return found if looping.fits(one for one in found if one is not None) else [None for _ in loads]
+
+
 def _orders(loads: Loads) -> PushBatch:
     return tuple(order for order, _ in loads)
 
@@ -131,8 +138,11 @@ def _program(kind: str, loads: Loads, body: list[str]) -> str:
     if any(order.table.kind == "cross" for order in orders):
         ends += [f"{_WAKES}:", "STOPRE", phase_block(words, Phase.WOULD_WAKE), "M30"]
         ends += [f"{_ALONE}:", "STOPRE", phase_block(words, Phase.ENDED_DISABLED), 'MSG("")', "M30"]
-    begin = [f"DEF INT {backup.VARIABLES}, {_HALF}, {_BAD}, {_GOOD}, {_PASSED}, {_WAITED}"]
+    arrays = [array for array in _arrays(loads) if array is not None]
+    begin = [f"DEF INT {backup.VARIABLES}, {_HALF}, {_BAD}, {_GOOD}, {_PASSED}, {_WAITED}", *looping.declared(arrays)]
     begin += [section("modal states, R words"), *PREPARE]
+    if arrays:
+        begin += [section("the values of the tables"), *(block for array in arrays for block in array.filled)]
     return text_of(headed(_head(kind, loads), [*begin, *body, *check, *ends]))
 
 
@@ -174,8 +184,8 @@ def _first_half(loads: Loads, saved: list[str]) -> list[str]:
     out += [section("to where old and new tables agree; the tables off")]
     out += [*guarded(words, setting.guards), *_go(loads), "STOPRE", *switching.switched_off(orders, _LEFT, _HELD)]
     out += [*switching.still_acting(orders, _HELD), phase_block(words, Phase.DISABLED)]
-    for order, own in loads:
-        out += [section(f"new table {order.table.name}"), *written(order, own.memory)]
+    for (order, own), array in zip(loads, _arrays(loads), strict=True):
+        out += [section(f"new table {order.table.name}"), *written(order, own.memory, array)]
     out += ["STOPRE", phase_block(words, Phase.WRITTEN)]
     out += [f"{_HALF}=1", f"GOTOF {_COMPARE}", f"{_COMPARE}_1:", f"{words.name(Word.GOOD)}={_GOOD}"]
     out += [section("what was written into files"), *_saved("READ", loads, _HELD)]
@@ -226,8 +236,9 @@ def _section(loads: Loads, body: list[str]) -> list[str]:
     back = [f"IF {_HALF}=={half} GOTOB {_COMPARE}_{half}" for half in halves]
     miss = loads[0][1].words.name(Word.MISMATCHES)
     out = [section("every parameter and point compared"), f"{_COMPARE}:", "STOPRE", f"{miss}=0", f"{_GOOD}=0"]
+    arrays = _arrays(loads)
     for place, (order, setting) in enumerate(loads):
-        out += [*compared(order, setting.memory, _BAD), f"{miss}={miss}+{_BAD}"]
+        out += [*compared(order, setting.memory, _BAD, arrays[place]), f"{miss}={miss}+{_BAD}"]
         out += [f"IF {_BAD}==0", f"{_GOOD}={_GOOD}+{1 << place}", "ENDIF"]
     return [*out, *back, f"GOTOF {_HELD}"]
 

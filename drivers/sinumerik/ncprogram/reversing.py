@@ -29,11 +29,16 @@ def factor(axis: str) -> str:
     return f"$MA_BACKLASH_FACTOR[0,{axis}]"
 
 
-def tried(table: CompensationTable, on: bool) -> list[str]:
-    """A trial value switched on or off at a stop, for the proof of its sign."""
-    (value,) = tables.as_stored(table) if on else (Decimal(0),)
+def tried(table: CompensationTable, state: str) -> list[str]:
+    """A trial value switched on or off at a stop, for the proof of its sign; ``state``: 1, 0 or what holds it."""
+    (value,) = (Decimal(0),) if state == "0" else tables.as_stored(table)
     name, share = datum(table.index, table.output_axis), factor(table.output_axis)
-    return ["STOPRE", f"{name}={value_text(value)}/{share}", "NEWCONF", "STOPRE"]
+    held = "" if state in ("0", "1") else f"{state}*"
+    return ["STOPRE", f"{name}={held}{_bracketed(value) if held else value_text(value)}/{share}", "NEWCONF", "STOPRE"]
+
+
+def _bracketed(value: Decimal) -> str:
+    return f"({value_text(value)})" if value < 0 else value_text(value)
 
 
 def mode(encoder: int, axis: str) -> str:

@@ -34,12 +34,12 @@ class DeclaringNames(Names):
 
     def _initialise(self, name: str, node: Expression) -> None:
         if isinstance(node, ValueList):
-            self.fill(name, [compiled(item)(self) for item in node.items], repeat=False)
+            self.fill(name, (), [compiled(item)(self) for item in node.items], repeat=False)
         elif isinstance(node, Call) and node.name in ("SET", "REP"):
             values = [compiled(item)(self) for item in node.arguments]
-            self.fill(name, values, repeat=node.name == "REP")
+            self.fill(name, (), values, repeat=node.name == "REP")
         elif self._frames[-1].variables[name].dimensions:
-            self.fill(name, [compiled(node)(self)], repeat=True)
+            self.fill(name, (), [compiled(node)(self)], repeat=True)
         else:
             self.assign(name, (), compiled(node)(self))
 

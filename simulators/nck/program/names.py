@@ -123,16 +123,22 @@ class Names:
         else:
             raise NckRefusal(12550, f"name {name} not defined or option not available")
 
-    def fill(self, name: str, values: list[Value], *, repeat: bool) -> None:
-        """Assign a list (SET, REP) to an array from its first element on."""
+    def fill(self, name: str, places: tuple[Value, ...], values: list[Value], *, repeat: bool) -> None:
+        """Assign a list (SET, REP) to an array from an element on, row by row; REP fills it to its end.
+
+        Raises NckRefusal: 12550 (no array of that name, or a control that takes no lists), 12260 (too many values),
+        and as `Variable.place`.
+        """
         local = self._frames[-1].variables.get(name)
-        if local is None:
-            raise NckRefusal(12550, f"name {name} not defined or option not available")
+        if local is None or not self._core.spec.fills_arrays:
+            raise NckRefusal(12550, f"name {name if local is None else 'SET'} not defined or option not available")
+        begin = local.place(places) if places else 0
+        room = len(local.values) - begin
         if repeat:
-            values = values[:1] * len(local.values)
-        if len(values) > len(local.values):
+            values = values[:1] * room
+        if len(values) > room:
             raise NckRefusal(12260, "too many initial values")
-        local.values[: len(values)] = [converted(local.kind, value, local.length) for value in values]
+        local.values[begin : begin + len(values)] = [converted(local.kind, one, local.length) for one in values]
 
     def is_local(self, name: str) -> bool:
         """Whether a local variable of that name exists."""

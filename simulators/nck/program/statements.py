@@ -80,8 +80,8 @@ class Runner(Scope, Protocol):
         """PROC: bind the parameters."""
         ...
 
-    def fill(self, name: str, values: list[Value], *, repeat: bool) -> None:
-        """Assign a list to an array."""
+    def fill(self, name: str, places: tuple[Value, ...], values: list[Value], *, repeat: bool) -> None:
+        """Assign a list to an array from an element on, or from its first where no place is given."""
         ...
 
 
@@ -242,9 +242,9 @@ def _assign(item: Assign) -> _Act:
     name, indices = _target(item.target)
     node = item.value
     if isinstance(node, ValueList):
-        return _fill(name, node.items, repeat=False)
+        return _fill(name, indices, node.items, repeat=False)
     if isinstance(node, Call) and node.name in ("SET", "REP"):
-        return _fill(name, node.arguments, repeat=node.name == "REP")
+        return _fill(name, indices, node.arguments, repeat=node.name == "REP")
     if isinstance(node, Call) and node.name in POSITION_MODES and len(node.arguments) == 1:
         return _position(name, indices, node.name, compiled(node.arguments[0]))
     value = compiled(node)
@@ -260,11 +260,12 @@ def _plain(name: str, indices: Given, value: Evaluate) -> _Act:
     return act
 
 
-def _fill(name: str, items: tuple[Expression, ...], *, repeat: bool) -> _Act:
+def _fill(name: str, indices: Given, items: tuple[Expression, ...], *, repeat: bool) -> _Act:
     values = [compiled(item) for item in items]
 
     def act(runner: Runner, _words: BlockWords) -> None:
-        runner.fill(name, [value(runner) for value in values], repeat=repeat)
+        places = tuple([index(runner) for index in indices])
+        runner.fill(name, places, [value(runner) for value in values], repeat=repeat)
 
     return act
 

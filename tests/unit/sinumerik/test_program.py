@@ -22,7 +22,8 @@ from drivers.types.stops import Stop, StopPlan
 from drivers.types.tables import CompensationTable
 from simulators.nck.language.parser import parse
 
-SETTING = Setting(Words(80), Memory(80, (0, 30), ("X1", "Z1", "C1")), modulo=False)
+LOOPED = Setting(Words(80), Memory(80, (0, 30), ("X1", "Z1", "C1")), modulo=False)
+SETTING = replace(LOOPED, loops=False)  # written out one by one, as a control without arrays gets it
 TABLE = CompensationTable("axis", "X1", "X1", 0.0, 100.0, 50.0, (0.0, -3.0, 0.0))
 PROOF = SignProof(MachineIdentity("S", "V", ("X1",)), "axis", "X1", 1.0, 0.01, 1, "2026-01-01")
 ORDER = PushOrder(4711, TABLE, "X", False, True, 0.0, "table", PROOF)
