@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from drivers.errors import TrueflankError
+from drivers.errors import ConfigError, TrueflankError
 
 
 class CaptureError(TrueflankError):
@@ -77,6 +77,10 @@ class StoreError(TrueflankError):
     """The run store cannot be read or written."""
 
     exit_code = 11
+
+
+class UnknownRun(ConfigError, StoreError):
+    """A run that was asked for is not there, or has not what the command needs: who typed it must name another one."""
 
 
 class CorruptRecord(StoreError):

@@ -1,8 +1,8 @@
-"""What to type next: the last line of every result."""
+"""What to type next: the last line of every result, from one table of states."""
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -10,8 +10,60 @@ from drivers.checks import CheckLine
 from gateway.cli.show import NEXT, echo
 
 NEVER_TESTED = frozenset({"W-DOC-UNTESTED", "W-OFF-UNSEEN"})
-UNTESTED = frozenset({"E-INT-NO-SELF-TEST", "E-INT-OTHER-SELF-TEST", "E-INT-SELF-TEST"})
-PUSHED = ("better", "unchanged", "committed", "pushed")
+STEPS: Mapping[str, str] = {
+    "proposed": "push {run}",  # the look comes first
+    "free": "push {run} {options}",
+    "untested": "self-test {site}",
+    "unapproved": "approve {run}",
+    "unfinished": "recover {site}",
+    "outdated": "run {site}",
+    "refused": "doctor {site}",
+    "left": "recover {site} --apply --machine {machine}",
+    "choose": "recover {site} --finish --apply --machine {machine} (or --undo instead of --finish)",
+    "unread": "recover {site}",
+    "recovered": "verify-table {site}",
+    "better": "verify-table {site}",
+    "unchanged": "verify-table {site}",
+    "committed": "verify-table {site}",
+    "pushed": "verify-table {site}",
+    "rolled-back": "verify-table {site}",
+    "worse": "rollback {site}",
+    "worse-axis": "rollback {site} --axis {axis}",
+    "measured": "correct {site} --run {run}",
+    "partly-measured": "measure {site} --resume {run}",
+    "failed": "logs --run {id} --store {store}",
+    "stopped": "logs --run {id} --store {store}",
+    "to-measure": "measure {site} --plan",
+    "to-connect": "day {folder} --site {site} --connect",
+    "else": "runs show {id} --store {store}",
+}
+"""What a result leaves, and the command to go on with: a look never names itself, and nothing that was just done is
+named again."""
+BY_REFUSAL: Mapping[str, frozenset[str]] = {
+    "unfinished": frozenset({"E-INT-UNFINISHED", "E-INT-MARKER", "E-INT-JOURNAL-MISSING"}),
+    "untested": frozenset({"E-INT-NO-SELF-TEST", "E-INT-OTHER-SELF-TEST", "E-INT-SELF-TEST"}),
+    "outdated": frozenset(
+        {
+            *("E-INT-AGE", "E-INT-DATE", "E-INT-LOST-UPDATE", "E-INT-NO-BASE", "E-INT-WARMTH", "E-INT-COVERAGE"),
+            *("E-INT-INCOMPLETE", "E-INT-MEASURED", "E-INT-TEMPERATURE-MOVED", "E-INT-NOT-PROPOSED", "E-INT-REPEAT"),
+        }
+    ),
+    "unapproved": frozenset({"E-INT-APPROVAL-MISSING", "E-INT-APPROVAL-EXPIRED", "E-INT-APPROVAL-USED"}),
+}
+"""Which refusals of a push lead where; the first that was met counts, any other is looked for by the doctor."""
+
+
+def step_of(state: str, **known: object) -> str:
+    """The command after a state; where what it names is not known, the run's own line."""
+    told = {name: str(value) for name, value in known.items() if value not in ("", None)}
+    if "run" in told:
+        told |= {"id": Path(told["run"]).name, "store": str(Path(told["run"]).parent)}
+    for text in (STEPS.get(state, STEPS["else"]), STEPS["else"]):
+        try:
+            return text.format(**told)
+        except KeyError:
+            continue
+    return ""
 
 
 def next_step(command: str) -> None:
@@ -25,30 +77,29 @@ def consent(driver: str, machine: str) -> str:
     return f"{road}--apply --machine {machine}"
 
 
-def after_run(state: str, folder: str, site: str, options: str, *, worse: Sequence[str] = ()) -> str:
-    """After a run or a push: consent to what was proposed, take back what got worse, look after what is live."""
-    if state == "proposed":
-        return f"push {folder} {options}"
-    if state == "worse":
-        return f"rollback {site} --axis {next(iter(worse), 'AXIS')}"
-    return f"verify-table {site}" if state in PUSHED else f"runs show {Path(folder).name} --store {Path(folder).parent}"
+def after_run(state: str, folder: str, site: str, *, worse: Sequence[str] = ()) -> str:
+    """After a run or a push: look at what was proposed, take back what got worse, look after what is live."""
+    alone = state == "worse" and len(worse) == 1
+    return step_of("worse-axis" if alone else state, run=folder, site=site, axis=next(iter(worse), ""))
 
 
 def after_look(refused_by: Collection[str], folder: str, site: str, options: str) -> str:
-    """After a look at a proposal: the push itself, the self-test it lacks, or the same look once no reason is left."""
-    if UNTESTED.intersection(refused_by):
-        return f"self-test {site}"
-    return f"push {folder}" if refused_by else f"push {folder} {options}"
+    """After a look at a proposal: the push itself, or what removes the reason against it."""
+    found = next((state for state, codes in BY_REFUSAL.items() if codes.intersection(refused_by)), "refused")
+    return step_of(found if refused_by else "free", run=folder, site=site, options=options)
 
 
 def after_recovery(findings: Collection[Any], site: str, machine: str, *, apply: bool) -> str:
     """After a recovery: what is offered is carried out, what could not be read is looked at again."""
     if any(finding.stands for finding in findings):
-        return f"recover {site} --apply --machine {machine}"
-    if apply or not findings:
-        return f"verify-table {site}"
-    offered = any(finding.action != "none" for finding in findings)
-    return f"recover {site} --apply --machine {machine}" if offered else f"recover {site}"
+        state = "left"
+    elif apply or not findings:
+        state = "recovered"
+    elif any(getattr(finding, "choices", ()) for finding in findings):
+        state = "choose"
+    else:
+        state = "left" if any(finding.action != "none" for finding in findings) else "unread"
+    return step_of(state, site=site, machine=machine)
 
 
 def after_dry(command: str, place: str, axis: str, machine: str) -> str:

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from itertools import islice
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
-from drivers.errors import ConfigError
+from drivers.errors import ConfigError, TrueflankError, words
 from drivers.local.names import allowed, is_name, shown
 from drivers.local.tomlfile import read_toml
 
@@ -16,7 +17,7 @@ SiteArgument = Annotated[Path, typer.Argument(help="Site file (TOML).", show_def
 RunArgument = Annotated[
     str,
     typer.Argument(
-        help="Run folder; its id, a unique beginning of it, or latest (the last that measured), with --store.",
+        help="Run folder; its id, a unique beginning of it, or latest: the newest that has what is needed.",
         show_default=False,
     ),
 ]
@@ -49,25 +50,73 @@ USUAL_STORE = Path("runs")
 MOST_SITES = 50
 
 
-def store_here(given: Path) -> Path:
-    """The store that is meant where none is named: `runs` here, else that of the one site file here or a folder below.
+def store_here(context: typer.Context, given: Path) -> Path:
+    """The store that is meant: the one that was typed, else that of the site file that the command was given.
 
-    With none or several of them it stays `runs`: no command takes another machine's run for the latest.
+    Without a site file: `runs` here, else that of the one site file here or a folder below. With none or several of
+    them it stays `runs`: no command takes another machine's run for the latest.
     """
-    if given != USUAL_STORE or given.exists():
+    source = context.get_parameter_source("store")
+    if source is not None and source.name != "DEFAULT":
+        return given
+    named = (str(context.params.get(name) or "") for name in ("site", "place"))
+    site = next((Path(one) for one in named if one.endswith(".toml")), None)
+    if site is not None:
+        return store_of_file(site) or given
+    if given.exists():
         return given
     sites = [one for form in ("*.toml", "*/*.toml") for one in islice(Path().glob(form), MOST_SITES)]
-    found = {store for site in sites if (store := _store_of(site)) is not None and store.is_dir()}
+    found = {store for site in sites if (store := store_of_file(site)) is not None and store.is_dir()}
     return found.pop() if len(found) == 1 else given
 
 
-def _store_of(site: Path) -> Path | None:
+def store_of_file(site: Path) -> Path | None:
     """Where a site file keeps its runs; None for a file that is no site file."""
     try:
         named = read_toml(site)["site"].get("store", str(USUAL_STORE))
         return site.parent / named
-    except (OSError, ValueError, KeyError, TypeError, AttributeError):
+    except (OSError, ValueError, KeyError, TypeError, AttributeError, TrueflankError):
         return None
+
+
+def open_run(store: Any, run: str, needs: str = "anything", axis: str = "") -> Any:
+    """The run folder that a command was given, by what it needs (`NEEDS`) of an axis; which one `latest` is, is said.
+
+    Raises as `gateway.store.Store.open`.
+    """
+    from gateway.cli.show import echo
+    from gateway.store.runs import ANYTHING, LATEST, Needs
+
+    code, stages, always = NEEDS[needs]
+    wanted = Needs(code, tuple(one.format(axis=axis) for one in stages))
+    folder = store.open(run, wanted if always or run == LATEST else ANYTHING)
+    if run == LATEST:
+        echo(words("S-RUN-LATEST", run=folder.run_id, needs=words(code)), err=True)
+    return folder
+
+
+def run_or_file(store: Path, word: Path | str) -> Path:
+    """The word as it is, but `latest` as the newest run with something measured: a file of that name comes first."""
+    from gateway.store import Store
+    from gateway.store.runs import LATEST
+
+    if str(word) != LATEST or Path(word).exists():
+        return Path(word)
+    return Path(open_run(Store(store), LATEST, "measured").path)
+
+
+NEEDS: Mapping[str, tuple[str, tuple[str, ...], bool]] = {
+    "anything": ("W-NEEDS-ANYTHING", (), False),
+    "proposal": ("W-NEEDS-PROPOSAL", ("proposal",), True),
+    "errors": ("W-NEEDS-ERRORS", ("errors",), True),
+    "part": ("W-NEEDS-PART", ("inspected-",), False),
+    "curve": ("W-NEEDS-CURVE", ("evaluation-{axis}", "setup-"), False),
+    "setups": ("W-NEEDS-SETUPS", ("setup-",), False),
+    "measured": ("W-NEEDS-MEASURED", ("capture-", "measured", "gear-inspection", "setup-"), False),
+    "report": ("W-NEEDS-REPORT", ("evaluation-", "measured", "errors", "tooth", "inspected-"), False),
+}
+"""What a command needs of a run: the catalogue's word for it, how the names of such stages begin, and whether a run
+that was named without it is a wrong option, too."""
 
 
 StoreOption = Annotated[Path, typer.Option(help="Folder that holds the runs.", callback=store_here)]

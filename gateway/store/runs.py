@@ -7,14 +7,16 @@ import os
 import re
 import secrets
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from datetime import UTC, datetime
 from importlib import metadata
 from itertools import islice
 from pathlib import Path
 
+from drivers.errors import words
 from drivers.local.names import is_file_name, shown
 from drivers.local.ownfiles import new_folder
-from gateway.errors import StoreError
+from gateway.errors import StoreError, UnknownRun
 from gateway.store import layout, records
 from gateway.store.disk import disk_errors, write_whole
 from gateway.store.folder import BESIDE, RUN_FILE, RunFolder, RunSummary, sealed
@@ -27,6 +29,20 @@ def _utc_now() -> datetime:
 LATEST = "latest"
 MEASURES = "measures"
 """Key of a plan: false in a run that can measure nothing, after which `latest` is still the run before it."""
+
+
+@dataclass(frozen=True, slots=True)
+class Needs:
+    """What a command needs of a run: one stage whose name begins with one of ``stages`` (none: any run will do).
+
+    ``code`` is the catalogue's text for it.
+    """
+
+    code: str
+    stages: tuple[str, ...] = ()
+
+
+ANYTHING = Needs("W-NEEDS-ANYTHING")
 
 
 class Store:
@@ -65,14 +81,21 @@ class Store:
         write_whole(path / RUN_FILE, sealed(facts))
         return RunFolder(path)
 
-    def open(self, run: str | Path) -> RunFolder:
+    def open(self, run: str | Path, needs: Needs = ANYTHING) -> RunFolder:
         """A run by its id, by the start of its id when only one matches, by its path, or `latest`.
 
-        `latest` passes over what measures nothing (self-test, rollback, recovery, disable): after one of these, who was
-        about to push types `push latest` again.
+        `latest` is the newest run that has what is needed. It passes over what measures nothing (self-test, rollback,
+        recovery, disable): after one of these, who was about to push types `push latest` again.
 
-        Raises StoreError (E-STORE-EMPTY, E-STORE-RUN, E-STORE-LINK), CorruptRecord, FutureSchema.
+        Raises UnknownRun (E-STORE-EMPTY, E-STORE-RUN, E-STORE-NEEDS), StoreError (E-STORE-LINK), CorruptRecord,
+        FutureSchema.
         """
+        found = self._named(run, needs)
+        if not _has(found, needs):
+            raise UnknownRun("E-STORE-NEEDS", str(found.path), run=found.run_id, needs=words(needs.code))
+        return found
+
+    def _named(self, run: str | Path, needs: Needs) -> RunFolder:
         inside = (self.root / run,) if is_file_name(str(run)) else ()
         for path in (*inside, Path(run)):
             if (path / RUN_FILE).is_file():
@@ -80,12 +103,21 @@ class Store:
         folders = self._folders()
         matches = [path for path in folders if path.name.startswith(str(run))] if str(run) else []
         if str(run) == LATEST:
-            matches = [next((one for one in reversed(folders) if _measures(one)), folders[-1])] if folders else []
+            return self._latest(folders, needs)
         if len(matches) == 1:
             return RunFolder(matches[0])
         if not folders:
-            raise StoreError("E-STORE-EMPTY", str(self.root))
-        raise StoreError("E-STORE-RUN", str(self.root), run=shown(run), matches=len(matches))
+            raise UnknownRun("E-STORE-EMPTY", str(self.root))
+        raise UnknownRun("E-STORE-RUN", str(self.root), run=shown(run), matches=len(matches))
+
+    def _latest(self, folders: list[Path], needs: Needs) -> RunFolder:
+        if not folders:
+            raise UnknownRun("E-STORE-EMPTY", str(self.root))
+        able = (one for one in reversed(folders) if _measures(one) and _can_serve(one, needs))
+        found = next(able, None if needs.stages else folders[-1])
+        if found is None:
+            raise UnknownRun("E-STORE-NEEDS", str(self.root), run=LATEST, needs=words(needs.code))
+        return RunFolder(found)
 
     def runs(self) -> tuple[RunSummary, ...]:
         """All runs, oldest first; one that cannot be read is listed with its problem. Reads a file of each."""
@@ -121,6 +153,19 @@ class Store:
     def _folders(self) -> list[Path]:
         with disk_errors(self.root):
             return [self.root / name for name in reversed(self._names()) if (self.root / name / RUN_FILE).exists()]
+
+
+def _has(folder: RunFolder, needs: Needs) -> bool:
+    """Whether a run has one of the stages that are needed."""
+    return not needs.stages or any(one.startswith(needs.stages) for one in folder.stages)
+
+
+def _can_serve(path: Path, needs: Needs) -> bool:
+    """The same of a run that may be unreadable: such a one is never taken for another's sake."""
+    try:
+        return not needs.stages or _has(RunFolder(path), needs)
+    except StoreError:
+        return False
 
 
 def _measures(path: Path) -> bool:

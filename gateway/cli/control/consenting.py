@@ -9,7 +9,7 @@ import typer
 
 from drivers.carried import PieceOfWork, carrying
 from drivers.terms import spoken
-from gateway.cli.onward import after_dry, consent, next_step
+from gateway.cli.onward import after_dry, consent, next_step, step_of
 from gateway.cli.options import (
     ApplyOption,
     JsonOption,
@@ -18,6 +18,7 @@ from gateway.cli.options import (
     RunArgument,
     SiteArgument,
     StoreOption,
+    open_run,
 )
 from gateway.cli.stopping import run_to_end
 
@@ -37,7 +38,7 @@ def approve(
     from gateway.workflow.bench import site_of
     from gateway.workflow.control.approving import approve_plan, show_plan
 
-    folder = Store(store).open(run_folder)
+    folder = open_run(Store(store), run_folder, "proposal")
     with progress(quiet=as_json, folder=folder) as say:
         outcome = run_to_end(_main(lambda clock: show_plan(folder, clock=clock, say=say)))
     if not as_json:
@@ -78,8 +79,8 @@ def rollback(
     with progress(quiet=as_json, at=(site, path)) as say:
         asked: dict[str, Any] = {"table": axis, "apply": apply, "machine_name": machine, "say": say}
         outcome = run_to_end(_main(lambda clock: roll_back_site(site, path, clock=clock, **asked)))
-    dry = after_dry("rollback", place, axis, site.site.name)
-    show_outcome(outcome, as_json=as_json, points=points, onward=f"verify-table {path}" if apply else dry)
+    onward = step_of("recovered", site=path) if apply else after_dry("rollback", place, axis, site.site.name)
+    show_outcome(outcome, as_json=as_json, points=points, onward=onward)
 
 
 def verify_table_command(
@@ -96,15 +97,15 @@ def verify_table_command(
     from gateway.workflow.control.verifying import verify_table
 
     tree = load_site(site)
-    folder = store_of(tree, site).open(run) if run else None
+    folder = open_run(store_of(tree, site), run, "proposal") if run else None
     with progress(quiet=as_json, at=(tree, site)) as say:
         asked: dict[str, Any] = {"table": axis, "run": folder, "say": say}
         with carrying(PieceOfWork(f"verify-table {axis} {run}", "go-on", ends=True)):
             outcome = run_to_end(_main(lambda clock: verify_table(tree, site, clock=clock, **asked)))
     rows = outcome.data.get("tables", [outcome.data])
     wrong = next((one["axis"] for one in rows if one.get("kind") != "as-approved"), axis)
-    back = f"recover {site}" if outcome.data.get("unfinished") else f"rollback {site} --axis {wrong}"
-    onward = back if outcome.exit_code else f"audit verify {site}"
+    back = "unfinished" if outcome.data.get("unfinished") else "worse-axis"
+    onward = step_of(back, site=site, axis=wrong) if outcome.exit_code else f"audit verify {site}"
     show_outcome(outcome, as_json=as_json, onward=onward)
 
 
@@ -122,4 +123,4 @@ def _site(place: str, store: Path) -> tuple[Any, Path]:
 
     if place.endswith(".toml"):
         return load_site(Path(place)), Path(place)
-    return site_of(Store(store).open(place))
+    return site_of(open_run(Store(store), place))

@@ -10,7 +10,7 @@ import typer
 
 from drivers.errors import ConfigError, catalogue, words
 from gateway.cli.exits import of_verdicts
-from gateway.cli.onward import next_step
+from gateway.cli.onward import next_step, step_of
 from gateway.cli.options import JsonOption, load_site
 from gateway.cli.screen.telling import progress
 from gateway.cli.show import echo, say_line, show_json, show_table
@@ -167,6 +167,7 @@ def _facts(measured: Any) -> tuple[str, str]:
 
 def _make(found: Any, gathering: Any, said: Any, *, site: Path, connect: bool, language: str, as_json: bool) -> None:
     from drivers.clock import LoopClock
+    from gateway.config.reaching import by_files
     from gateway.workflow.day.making import at_the_control, from_files, keep_day, keys_of, write_site
     from gateway.workflow.results.conformity import data_of, line_of
 
@@ -192,7 +193,7 @@ def _make(found: Any, gathering: Any, said: Any, *, site: Path, connect: bool, l
     _tell(outcome, report)
     for one in judged:
         say_line(line_of(one), 2)
-    _onward(outcome, "" if connect else f"day {gathering.folder} --site {site} --connect")
+    next_step(after_day(outcome, None if connect or by_files(tree) else gathering.folder, site))
     raise typer.Exit(code)
 
 
@@ -246,14 +247,14 @@ def _tell(outcome: Any, report: Mapping[str, object]) -> None:
     echo(f"calibration report: {report.get('pdf', report['html'])}")
 
 
-def _onward(outcome: Any, connected: str) -> None:
-    """What comes next: the push, the set-ups that are missing, or the control's tables."""
-    if outcome.proposal is not None:
-        next_step(f"push {outcome.run_folder}")
-    else:
-        onward = f"measure {outcome.site_file} --plan" if outcome.plan.remaining else connected
-        if onward:
-            next_step(onward)
+def after_day(outcome: Any, folder: Path | None, site: Path) -> str:
+    """What comes next: the look at a proposal, the set-ups that are missing, the control's tables, or the run.
+
+    ``folder`` is that of the day where the site's control can be asked for its tables; None for a site of files.
+    """
+    state = "proposed" if outcome.proposal is not None else "to-measure" if outcome.plan.remaining else "to-connect"
+    place = outcome.site_file if state == "to-measure" else site
+    return step_of(state, run=outcome.run_folder, site=place, folder=folder)
 
 
 def _size(change: Mapping[str, float], name: str) -> str:

@@ -12,6 +12,7 @@ import typer
 from drivers.errors import ConfigError, TrueflankError
 from drivers.terms import shown
 from gateway.cli.exits import of_verdicts
+from gateway.cli.options import run_or_file
 from gateway.cli.show import echo, show_error, show_json, show_table
 from gateway.workflow.files.kindrecords import KindQuestion, MeasuredFile
 
@@ -130,7 +131,9 @@ def _evaluated(path: Path, asked: EvaluationOptions, drawn: list[MeasuredFile]) 
     from gateway.workflow.files.exporting import items
     from gateway.workflow.files.importing import How
 
-    found = items(path, How(asked.unit), Store(asked.store), axis=asked.axis, phase=asked.phase)
+    found = items(
+        run_or_file(asked.store, path), How(asked.unit), Store(asked.store), axis=asked.axis, phase=asked.phase
+    )
     return [_evaluate(item, asked, drawn) for item in found]
 
 

@@ -14,6 +14,7 @@ from drivers.types.exchange import ErrorSet, ReadAs
 from drivers.types.tables import CompensationTable
 from drivers.units import AxisUnit
 from gateway.cli.files.tables import table_data, table_format, write_text
+from gateway.cli.options import open_run
 from gateway.cli.show import echo, show_json
 from gateway.table.plausible import doubts
 
@@ -126,7 +127,7 @@ def _content(wish: ExchangeOptions) -> tuple[CompensationTable, ...] | ErrorSet:
     from gateway.store import Store
     from gateway.workflow.files.errorset import errors_of_run
 
-    return errors_of_run(Store(wish.store).open(wish.source))
+    return errors_of_run(open_run(Store(wish.store), str(wish.source), "errors"))
 
 
 def _read(driver: Any, text: str, wish: ExchangeOptions) -> tuple[CompensationTable, ...]:

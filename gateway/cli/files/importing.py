@@ -8,7 +8,7 @@ from typing import Annotated, Any
 import typer
 
 from drivers.errors import ConfigError, TrueflankError
-from gateway.cli.options import JsonOption, StoreOption
+from gateway.cli.options import JsonOption, StoreOption, run_or_file
 from gateway.cli.show import echo, show_error, show_json
 
 
@@ -77,7 +77,7 @@ def export_command(
     from gateway.workflow.files.exporting import export, items
     from gateway.workflow.files.importing import How
 
-    found = items(source, How(unit), Store(store), axis=axis, phase=phase)
+    found = items(run_or_file(store, source), How(unit), Store(store), axis=axis, phase=phase)
     if len(found) > 1:
         raise ConfigError("E-EXPORT-SEVERAL", source, labels=", ".join(item.label for item in found))
     notes = [*found[0].notes, *export(found[0], to.lower(), output, unit=unit, force=force)]

@@ -8,8 +8,8 @@ from typing import Annotated
 
 import typer
 
-from gateway.cli.onward import next_step
-from gateway.cli.options import JsonOption, RunArgument, StoreOption
+from gateway.cli.onward import next_step, step_of
+from gateway.cli.options import JsonOption, RunArgument, StoreOption, open_run
 from gateway.cli.show import counted, echo, show_json, show_table
 
 
@@ -35,7 +35,7 @@ def show_command(run: RunArgument, store: StoreOption = Path("runs"), as_json: J
     """Show a run: its machine, its state, what it holds and what ended it."""
     from gateway.store import Store
 
-    folder = Store(store).open(run)
+    folder = open_run(Store(store), run)
     summary = folder.summary()
     if as_json:
         show_json({**asdict(summary), "errors": folder.errors})
@@ -45,7 +45,7 @@ def show_command(run: RunArgument, store: StoreOption = Path("runs"), as_json: J
     echo(f"{'holds':12} {', '.join(summary.stages) or 'nothing yet'}")
     for error in folder.errors:
         echo(f"{'ended by':12} {error.get('code', '')}: {error.get('what', '')}")
-    next_step(f"logs --run {folder.run_id} --store {store}" if folder.errors else f"report {folder.path}")
+    next_step(step_of("failed", run=folder.path) if folder.errors else f"report {folder.path}")
 
 
 def latest_command(store: StoreOption = Path("runs"), as_json: JsonOption = False) -> None:
@@ -64,7 +64,7 @@ def remove_command(
     from gateway.store import Store
     from gateway.workflow.removing import remove_run
 
-    folder = Store(store).open(run)
+    folder = open_run(Store(store), run)
     if not yes:
         typer.confirm(f"remove {folder.path} ({folder.state})?", abort=True, err=True)
 

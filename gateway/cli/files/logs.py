@@ -8,7 +8,7 @@ from typing import Annotated, Any
 
 import typer
 
-from gateway.cli.options import JsonOption, StoreOption
+from gateway.cli.options import JsonOption, StoreOption, open_run
 from gateway.cli.show import echo
 
 POLL_S = 0.5
@@ -26,7 +26,7 @@ def logs_command(
     from gateway.store import Store
     from gateway.store.logbook import LogBook, lines_of
 
-    wanted = Store(store).open(run).run_id if run else ""
+    wanted = open_run(Store(store), run).run_id if run else ""
     lines = [line for line in lines_of(store) if wanted in ("", line.get("run"))]
     if not lines and not follow:
         raise ConfigError("E-LOG-NONE", str(store), store=str(store))

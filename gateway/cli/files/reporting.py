@@ -10,8 +10,8 @@ import typer
 
 from drivers.errors import ConfigError, words
 from gateway.cli.exits import of_verdicts
-from gateway.cli.onward import next_step
-from gateway.cli.options import JsonOption, StoreOption, load_site
+from gateway.cli.onward import next_step, step_of
+from gateway.cli.options import JsonOption, StoreOption, load_site, open_run
 from gateway.cli.show import echo, show_json
 
 
@@ -50,11 +50,17 @@ def report(
         if made.verdicts:
             counted = ", ".join(f"{count} {verdict.upper()}" for verdict, count in Counter(made.verdicts).items())
             echo(f"limits of the site: {counted}")
-        again = f"evaluate {what[0]}" if _files(what) else f"runs show {what[0]} --store {store}"
-        next_step(
-            again if language else f"report {' '.join(what)}{'' if _files(what) else f' --store {store}'} --language de"
-        )
+        next_step(f"evaluate {what[0]}" if _files(what) else after_report(data["run"]))
     raise typer.Exit(of_verdicts(made.verdicts))
+
+
+def after_report(run: str) -> str:
+    """What comes after the report of a run, by the state that the run is in."""
+    from gateway.store import RunFolder
+    from gateway.workflow.bench import site_path_of
+
+    folder = RunFolder(Path(run))
+    return step_of(folder.state, run=run, site=site_path_of(folder))
 
 
 def _files(what: list[str]) -> bool:
@@ -69,11 +75,11 @@ def _of_run(what: list[str], store: Path, told: Any, out: Path | None) -> tuple[
     from gateway.workflow.results.fromfiles import imported, material_of_import
     from gateway.workflow.results.reporting import material_of, standing_report, summary_of, write_report
 
-    folder = Store(store).open(what[0])
+    folder = open_run(Store(store), what[0], "report")
     if imported(folder):
         material = with_told(material_of_import(folder, told.tree), told)
         made = write_document(material, out or folder.path, LoopClock().utc())
-        return made, (), made.as_data()
+        return made, (), {**made.as_data(), "run": str(folder.path)}
     material = material_of(folder)
     paths = standing_report(folder, material) or write_report(folder, material)
     made = write_document(with_told(material, told), out or folder.path, LoopClock().utc())
@@ -81,7 +87,7 @@ def _of_run(what: list[str], store: Path, told: Any, out: Path | None) -> tuple[
         folder.adopt(*made.files)
     data = {**paths.as_data(), **made.as_data(), "html": str(paths.html), "document": str(made.html)}
     lines = (*lines_of(material), f"report: {paths.html}", *_logo(material, told))
-    return made, lines, {**data, "summary": summary_of(paths)}
+    return made, lines, {**data, "summary": summary_of(paths), "run": str(folder.path)}
 
 
 def _logo(material: Any, told: Any) -> tuple[str, ...]:

@@ -9,7 +9,7 @@ import typer
 
 from gateway.cli.machine.inspecting import HeightsOption, correct_gear
 from gateway.cli.onward import next_step
-from gateway.cli.options import JsonOption, SiteArgument, named
+from gateway.cli.options import JsonOption, SiteArgument, named, open_run
 from gateway.cli.screen.telling import progress
 from gateway.cli.show import echo, show_json, show_table
 from gateway.cli.stopping import run_to_end
@@ -44,7 +44,7 @@ def _from_run(site: Path, run: str, *, as_json: bool) -> None:
     from gateway.workflow.tooth.correcting import correct_site
 
     tree = load_site(site)
-    folder = store_of(tree, site).open(run)
+    folder = open_run(store_of(tree, site), run, "errors")
 
     async def main(say: Any) -> Any:
         return await correct_site(tree, site, folder, clock=LoopClock(), say=say)

@@ -9,7 +9,7 @@ from typing import Annotated, Any
 import typer
 
 from gateway.cli.onward import next_step
-from gateway.cli.options import JsonOption, PartOption, SiteArgument
+from gateway.cli.options import JsonOption, PartOption, SiteArgument, open_run
 from gateway.cli.screen.telling import progress
 from gateway.cli.show import echo, show_json, show_table
 from gateway.cli.stopping import run_to_end
@@ -46,7 +46,7 @@ def grind_command(
     given = {"x_um": x_um, "c_arcsec": c_arcsec, "dressing_um": dressing_um}
     setup = SetupValues(**{**asdict(now), **{key: value for key, value in given.items() if value is not None}})
     if machine:
-        _grind(tree, site, part, setup, machine, store.open(run) if run else None, as_json=as_json)
+        _grind(tree, site, part, setup, machine, open_run(store, run) if run else None, as_json=as_json)
     else:
         _show(tree, site, part, setup, as_json=as_json)
 

@@ -8,7 +8,7 @@ from typing import Annotated, Any, Literal, cast
 
 import typer
 
-from gateway.cli.options import JsonOption, PartOption, SiteArgument
+from gateway.cli.options import JsonOption, PartOption, SiteArgument, open_run
 from gateway.cli.screen.telling import progress
 from gateway.cli.show import echo, show_json, show_table
 from gateway.cli.stopping import run_to_end
@@ -44,7 +44,7 @@ def inspect_command(
 
     tree = load_site(site)
     points = flank_file(file, heights, columns_of(column or []) or None)
-    folder = store_of(tree, site).open(run) if run else None
+    folder = open_run(store_of(tree, site), run) if run else None
 
     def work(say: Any) -> Any:
         return inspect_site(tree, site, part=part, clock=LoopClock(), say=say, run=folder, file=points)
@@ -74,7 +74,7 @@ def guard_gear(
     from gateway.workflow.part.guard import guard_gear_site
 
     tree = load_site(site)
-    folder = store_of(tree, site).open(run)
+    folder = open_run(store_of(tree, site), run, "part")
     asked: dict[str, Any] = {"part": part, "file": flank_file(file, heights), "limit_um": limit_um}
 
     def work(say: Any) -> Any:
@@ -91,7 +91,7 @@ def correct_gear(site: Path, gear: str, part: str, heights: str, *, as_json: boo
     from gateway.workflow.part.correcting import propose_from_gear
 
     tree = load_site(site)
-    source = flank_file(Path(gear), heights) if Path(gear).is_file() else store_of(tree, site).open(gear)
+    source = flank_file(Path(gear), heights) if Path(gear).is_file() else open_run(store_of(tree, site), gear, "part")
 
     def work(say: Any) -> Any:
         return propose_from_gear(tree, site, source, clock=LoopClock(), say=say, part=part)

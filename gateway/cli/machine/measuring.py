@@ -9,7 +9,7 @@ import typer
 
 from gateway.cli.machine.inspecting import FileOption, HeightsOption, guard_gear, show_lines
 from gateway.cli.onward import next_step
-from gateway.cli.options import JsonOption, SiteArgument, named
+from gateway.cli.options import JsonOption, SiteArgument, named, open_run
 from gateway.cli.screen.telling import progress
 from gateway.cli.show import echo, show_json, show_table
 from gateway.cli.stopping import run_to_end
@@ -36,7 +36,7 @@ def measure_command(
     if plan:
         _show_plan(tree, as_json=as_json)
         return
-    folder = store_of(tree, site).open(resume) if resume else None
+    folder = open_run(store_of(tree, site), resume, "setups") if resume else None
     tooth = _tooth(tree, site)
 
     async def main(say: Any) -> Any:
@@ -85,7 +85,7 @@ def _guard_axis(site: Path, run: str, axis: str, limit: float | None, *, as_json
     from gateway.workflow.bench import store_of
 
     tree = load_site(site)
-    folder = store_of(tree, site).open(run)
+    folder = open_run(store_of(tree, site), run, "curve", f"{axis}-")
 
     async def main(say: Any) -> Any:
         return await guard_site(tree, site, folder, axis, clock=LoopClock(), say=say, limit=limit)

@@ -9,7 +9,8 @@ from typing import Annotated, Any
 import typer
 
 from drivers.clock import Clock, LoopClock
-from gateway.cli.options import JsonOption, SiteArgument, StoreOption
+from gateway.cli.onward import step_of
+from gateway.cli.options import NEEDS, JsonOption, SiteArgument, StoreOption, open_run
 from gateway.cli.show import echo, show_json, show_table
 
 
@@ -66,7 +67,7 @@ def _proposal(run: str, store: Path) -> Any:
     from gateway.store import Store
     from gateway.workflow import stages
 
-    return Store(store).open(run).get(stages.PROPOSAL, Proposal)
+    return open_run(Store(store), run, "proposal").get(stages.PROPOSAL, Proposal)
 
 
 def self_test_command(
@@ -84,14 +85,14 @@ def _after(site: Path) -> str:
     """What to type after a self-test: the push that asked for it, where its run is the latest; else a run."""
     from gateway.config import load_site
     from gateway.errors import StoreError
-    from gateway.store.runs import LATEST
+    from gateway.store.runs import LATEST, Needs
     from gateway.workflow.bench import store_of
 
     with contextlib.suppress(StoreError):
-        latest = store_of(load_site(site), site).open(LATEST).summary()
+        latest = store_of(load_site(site), site).open(LATEST, Needs(*NEEDS["proposal"][:2])).summary()
         if latest.state == "proposed":
-            return f"push {latest.path}"
-    return f"run {site}"
+            return step_of("proposed", run=latest.path)
+    return step_of("outdated", site=site)
 
 
 def self_tested(

@@ -12,7 +12,7 @@ from drivers.clock import Clock, LoopClock
 from drivers.errors import DeviceError, words
 from gateway.cli import voice
 from gateway.cli.onward import after_look, after_recovery, after_run, consent, next_step
-from gateway.cli.options import load_site
+from gateway.cli.options import load_site, open_run
 from gateway.cli.screen.telling import progress
 from gateway.cli.show import echo, show_json, show_table
 from gateway.cli.stopping import run_to_end
@@ -42,14 +42,13 @@ def run_site_command(
 
     with progress(quiet=as_json, at=(tree, site), own_operator=typed_by_demo) as say:
         outcome = run_to_end(main(say))
-    onward = onward_of(outcome, site, tree)
+    onward = onward_of(outcome, site)
     show_outcome(outcome, as_json=as_json, onward="" if typed_by_demo else onward)
 
 
-def onward_of(outcome: Any, site: Path, tree: Any) -> str:
+def onward_of(outcome: Any, site: Path) -> str:
     """The command to go on with after a run at this site."""
-    options = consent(tree.controller.driver, tree.site.name)
-    return after_run(outcome.state, outcome.run_folder, str(site), options, worse=outcome.data.get("worse", ()))
+    return after_run(outcome.state, outcome.run_folder, str(site), worse=outcome.data.get("worse", ()))
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,7 +67,7 @@ def push_run_command(run_folder: str, store: Path, asked: PushAsked, *, as_json:
     from gateway.workflow.bench import site_of
     from gateway.workflow.control.pushing import push_run
 
-    folder = Store(store).open(run_folder)
+    folder = open_run(Store(store), run_folder, "proposal")
 
     async def main(say: Say) -> Any:
         wanted: dict[str, Any] = {"apply": asked.apply, "machine_name": asked.machine, "tables": asked.tables}
@@ -79,7 +78,7 @@ def push_run_command(run_folder: str, store: Path, asked: PushAsked, *, as_json:
     tree, site = site_of(folder)
     options = consent(tree.controller.driver, tree.site.name)
     looked = after_look(outcome.data.get("refused_by", ()), outcome.run_folder, str(site), options)
-    onward = onward_of(outcome, site, tree) if asked.apply else looked
+    onward = onward_of(outcome, site) if asked.apply else looked
     show_outcome(outcome, as_json=as_json, points=asked.points, onward=onward)
 
 

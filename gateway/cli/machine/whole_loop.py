@@ -10,7 +10,7 @@ import typer
 from drivers.clock import Clock, LoopClock
 from gateway.cli.machine.dayplan import show_day_of_closing
 from gateway.cli.machine.running import onward_of, show_outcome
-from gateway.cli.options import ApplyOption, JsonOption, MachineOption, PlanOption, RiskOption, SiteArgument
+from gateway.cli.options import ApplyOption, JsonOption, MachineOption, PlanOption, RiskOption, SiteArgument, open_run
 from gateway.cli.screen.telling import progress
 from gateway.cli.stopping import run_to_end
 from gateway.say import Say
@@ -53,7 +53,7 @@ def close_site_command(
     from gateway.workflow.loop.tooth_loop import close_site
 
     tree, used = load_site(site), clock or LoopClock()
-    folder = store_of(tree, site).open(resume) if resume else None
+    folder = open_run(store_of(tree, site), resume) if resume else None
     name = tree.site.name if typed_by_demo else machine
 
     async def main(say: Say) -> Any:
@@ -61,5 +61,5 @@ def close_site_command(
 
     with progress(quiet=as_json, at=(tree, site), own_operator=typed_by_demo) as say:
         outcome = run_to_end(main(say))
-    onward = onward_of(outcome, site, tree)
+    onward = onward_of(outcome, site)
     show_outcome(outcome, as_json=as_json, onward="" if typed_by_demo else onward)

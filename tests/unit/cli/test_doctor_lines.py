@@ -9,8 +9,18 @@ from types import SimpleNamespace
 import pytest
 
 from drivers.checks import CheckLine, fine, unknown, wrong
+from drivers.errors import catalogue
 from gateway.cli.control.connecting import kept_tests
-from gateway.cli.onward import after_doctor, after_look, after_recovery, after_run, consent
+from gateway.cli.onward import (
+    BY_REFUSAL,
+    STEPS,
+    after_doctor,
+    after_look,
+    after_recovery,
+    after_run,
+    consent,
+    step_of,
+)
 from gateway.cli.show import counted, folded
 from gateway.config import load_site
 from gateway.store import SelfTestBook
@@ -79,14 +89,40 @@ def test_one_is_not_told_as_many() -> None:
     assert [counted(number, "axis", "axes") for number in (0, 1, 2)] == ["0 axes", "1 axis", "2 axes"]
 
 
-def test_the_next_command_names_the_road_and_the_axis_that_got_worse() -> None:
+def test_the_next_command_is_the_look_and_then_the_push_over_the_road_of_the_site() -> None:
     """Nothing is left for the person to fill in, and what a control without a wire needs stands there."""
     wired, carried = consent("sinumerik-opcua", "M"), consent("sinumerik-offline", "M")
-    assert after_run("proposed", "R", "S", wired) == "push R --apply --machine M"
-    assert after_run("proposed", "R", "S", carried) == "push R --offline --apply --machine M"
+    assert after_run("proposed", "R", "S") == "push R"
+    assert after_look((), "R", "S", wired) == "push R --apply --machine M"
     assert after_look((), "R", "S", carried) == "push R --offline --apply --machine M"
-    assert after_run("worse", "R", "S", wired, worse=["X1", "C1"]) == "rollback S --axis X1"
-    assert after_run("unchanged", "R", "S", wired) == "verify-table S"
+    assert after_run("worse", "R", "S", worse=["C1"]) == "rollback S --axis C1"
+    assert after_run("worse", "R", "S", worse=["X1", "C1"]) == "rollback S"
+    assert after_run("unchanged", "R", "S") == "verify-table S"
+    assert after_run("no such state", "runs/R", "S") == "runs show R --store runs"
+    assert after_run("failed", "runs/R", "S") == "logs --run R --store runs"
+
+
+@pytest.mark.parametrize("code", sorted(one for one in catalogue() if one.startswith(("E-INT-", "W-INT-"))))
+def test_a_look_never_names_itself_whatever_is_against_the_push(code: str) -> None:
+    told = after_look((code,), "R", "S", consent("sinumerik-opcua", "M"))
+    assert told != "push R"
+    assert told.split()[0] in ("recover", "self-test", "run", "approve", "doctor")
+
+
+def test_every_refusal_that_leads_somewhere_is_one_of_the_catalogue() -> None:
+    assert {code for codes in BY_REFUSAL.values() for code in codes} <= set(catalogue())
+
+
+@pytest.mark.parametrize("state", STEPS)
+def test_every_state_has_a_command_and_no_gap_is_left_in_it(state: str) -> None:
+    whole = {"run": "runs/R", "site": "S", "options": "--apply", "axis": "X1", "machine": "M", "folder": "F"}
+    assert "{" not in step_of(state, **whole)
+    assert step_of(state, run="runs/R") in (
+        "push runs/R",
+        "approve runs/R",
+        "logs --run R --store runs",
+        "runs show R --store runs",
+    )
 
 
 def test_what_could_not_be_read_is_looked_at_again_and_not_carried_out() -> None:

@@ -13,8 +13,10 @@ from drivers.errors import TrueflankError
 from drivers.types.sensing import Ambient
 from gateway import audit
 from gateway.cli import app
-from gateway.errors import StoreError
+from gateway.domain.outcomes import PushRecord
+from gateway.errors import StoreError, UnknownRun
 from gateway.store import Store
+from gateway.store.runs import Needs
 from gateway.workflow.results.reporting import material_of
 from tests.unit.programs.sites import site_file
 
@@ -62,6 +64,57 @@ def test_a_self_test_between_run_and_push_is_not_the_latest_run(tmp_path: Path) 
     alone = Store(tmp_path / "alone", lambda: datetime(2026, 3, 3, tzinfo=UTC))
     only = alone.create("hall-3", {"measures": False})
     assert alone.open("latest").run_id == only.run_id
+
+
+def test_latest_is_the_newest_run_with_what_the_command_needs_and_is_named(tmp_path: Path) -> None:
+    """After `guard`, `push latest` ended in a missing stage (exit 11); now the proposal before it is meant."""
+    first, second = a_store(tmp_path)
+    store = Store(tmp_path, lambda: datetime(2026, 3, 4, tzinfo=UTC))
+    store.open(first).put("proposal", PushRecord(1, "X1", "committed", (), ""))
+    guard = store.create("hall-3")
+    guard.put("capture-C1-after", PushRecord(1, "C1", "committed", (), ""))
+    proposal = Needs("W-NEEDS-PROPOSAL", ("proposal",))
+    assert store.open("latest").run_id == guard.run_id
+    assert store.open("latest", proposal).run_id == first
+    told = RUNNER.invoke(app, ["push", "latest", "--store", str(tmp_path)])
+    assert f"latest is {first} (the newest run with a proposal of tables)" in told.stderr
+    for run in (second, guard.run_id):
+        lacks = RUNNER.invoke(app, ["push", run, "--store", str(tmp_path)])
+        assert isinstance(lacks.exception, UnknownRun)
+        assert (lacks.exception.code, lacks.exception.exit_code) == ("E-STORE-NEEDS", 2)
+
+
+@pytest.mark.parametrize(
+    "words", [("push", "nonsense"), ("report", "nonsense"), ("runs", "show", "nonsense"), ("logs", "--run", "nonsense")]
+)
+@pytest.mark.parametrize("empty", [True, False])
+def test_an_unknown_run_is_a_wrong_option(tmp_path: Path, words: tuple[str, ...], *, empty: bool) -> None:
+    if not empty:
+        a_store(tmp_path)
+    told = RUNNER.invoke(app, [*words, "--store", str(tmp_path)])
+    assert isinstance(told.exception, UnknownRun)
+    assert told.exception.exit_code == 2
+
+
+@pytest.mark.parametrize("own", [True, False], ids=["runs beside the caller", "nothing beside the caller"])
+def test_the_store_is_that_of_the_site_file_that_was_given(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, *, own: bool
+) -> None:
+    """`program --run` looked in ./runs whatever the site said."""
+    here, there = tmp_path / "here", tmp_path / "there"
+    (here / "runs" if own else here).mkdir(parents=True)
+    there.mkdir()
+    site = site_file(there, "demo")
+    store = Store(there / "runs", lambda: datetime(2026, 3, 4, tzinfo=UTC))
+    made = store.create("hall-3")
+    monkeypatch.chdir(here)
+    told = RUNNER.invoke(app, ["program", str(site), "-o", str(here / "out"), "--what", "load", "--run", made.run_id])
+    assert told.exception.code == "E-STORE-NEEDS"
+    assert str(made.path) in told.exception.where
+    typed = RUNNER.invoke(
+        app, ["program", str(site), "-o", "out", "--what", "load", "--run", made.run_id, "--store", str(here / "else")]
+    )
+    assert typed.exception.code == "E-STORE-EMPTY"
 
 
 def test_a_report_of_the_latest_run_of_an_empty_store_is_refused(tmp_path: Path) -> None:
