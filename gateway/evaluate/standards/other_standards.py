@@ -47,11 +47,6 @@ def vdi3441(deviations: ArrayLike, *, estimator: Literal["n-1", "range"] = "n-1"
     return _figures("VDI/DGQ 3441:1977", vdi_of_table(readings.means(x), s), x, "s, Ps, P")
 
 
-def vdi_formulas(x: FloatArray) -> Values:
-    """VDI/DGQ 3441 with s by n - 1."""
-    return vdi_of_table(*readings.moments(x))
-
-
 def vdi_of_table(mean: FloatArray, s: FloatArray) -> Values:
     """P_sj = 6 s_j, U_j = |B_j|, P = max(x_j + (U_j + P_sj)/2) - min(x_j - (U_j + P_sj)/2), and the rest."""
     centre, reversal = mean.mean(axis=-1), np.abs(mean[..., 0] - mean[..., 1])
@@ -108,12 +103,11 @@ def _spread(x: FloatArray, axis: int | tuple[int, ...]) -> FloatArray:
 def nmtba(deviations: ArrayLike, *, offset: bool = True) -> Figures:
     """NMTBA 1972, 3 sigma; every value is the half width of a +/- band; `offset` centres the band."""
     x = _checked(deviations)
-    return _figures("NMTBA:1972", nmtba_formulas(x, offset=offset), x, "s, R, A")
+    return _figures("NMTBA:1972", nmtba_of_table(*readings.moments(x), offset=offset), x, "s, R, A")
 
 
-def nmtba_formulas(x: FloatArray, *, offset: bool = True) -> Values:
-    """A from x +/- 3 s, R_bi = (|B_i| + 3 s+ + 3 s-)/2; half widths; (..., m, n, 2)."""
-    mean, s = readings.moments(x)
+def nmtba_of_table(mean: FloatArray, s: FloatArray, *, offset: bool = True) -> Values:
+    """A from x +/- 3 s, R_bi = (|B_i| + 3 s+ + 3 s-)/2; half widths; means and s (..., m, 2)."""
     both = np.isfinite(s).any(axis=-2).all(axis=-1)
     high, low = mean + 3.0 * s, mean - 3.0 * s
     names = (("A_up", slice(0, 1)), ("A_down", slice(1, 2)), ("A_bi", slice(0, 2)))

@@ -7,15 +7,9 @@ from collections.abc import Mapping
 import numpy as np
 
 from gateway.domain.values import FloatArray
-from gateway.evaluate.standards import readings
 
 NAMES = ("B", "B_mean", "M", "E", "E_up", "E_down", "R", "R_up", "R_down", "A", "A_up", "A_down")
 """In the order of the standard; every one carries the deviation unit, B_mean and B_i with their sign."""
-
-
-def of_readings(deviations: FloatArray, k: float) -> Mapping[str, FloatArray]:
-    """All parameters of deviations (..., m, n, 2), NaN where missing; values (...), NaN where not allowed."""
-    return of_table(*readings.moments(deviations), k)
 
 
 def of_table(mean: FloatArray, s: FloatArray, k: float) -> Mapping[str, FloatArray]:

@@ -26,11 +26,11 @@ from gateway.evaluate.standards.other_standards import (
     jis_formulas,
     jis_of_test,
     nmtba,
-    nmtba_formulas,
+    nmtba_of_table,
     vdi3441,
-    vdi_formulas,
+    vdi_of_table,
 )
-from gateway.evaluate.standards.positioning_trials import scatter_of_test
+from gateway.evaluate.standards.positioning_trials import TableFormulas, scatter_of_test
 from gateway.evaluate.uncertainty.budget import Budget
 from gateway.evaluate.uncertainty.montecarlo import TrialOutcome
 
@@ -182,11 +182,14 @@ def evaluate_by(
     at, x = readings.checked(targets, deviations)
     costs = budget or Budget()
     values, by_law, flags = _figures(chosen, at, x, unit, costs)
+    formulas, of_table = _formulas(chosen)
     outcomes = (
-        scatter_of_test(at, x, unit=unit, formulas=_formulas(chosen), budget=costs, seed=seed) if monte_carlo else {}
+        scatter_of_test(at, x, unit=unit, formulas=formulas, budget=costs, of_table=of_table, seed=seed)
+        if monte_carlo
+        else {}
     )
     by_trials = {key: outcome.U for key, outcome in outcomes.items() if values.get(key) is not None}
-    notes = (*flags, *set_up_notes(at, x.shape[1], unit), *closure_notes(at, x, unit))
+    notes = (*flags, *unsettled_notes(outcomes), *set_up_notes(at, x.shape[1], unit), *closure_notes(at, x, unit))
     return StandardResult(
         standard=chosen,
         unit=unit,
@@ -209,20 +212,27 @@ def _figures(
     return other.values, {}, other.flags
 
 
-def _formulas(chosen: PositioningStandard) -> Formulas:
+def _formulas(chosen: PositioningStandard) -> tuple[Formulas | None, TableFormulas | None]:
+    """The formulas on readings, or those on their means and standard deviations where these are enough."""
     if chosen.iso:
-        return partial(parameters.of_readings, k=iso230_2.sigmas(chosen.iso))
-    return _OTHERS[chosen.name][1]
+        return None, partial(parameters.of_table, k=iso230_2.sigmas(chosen.iso))
+    return _OTHERS[chosen.name][1:]
 
 
-_OTHERS: Mapping[str, tuple[Callable[[FloatArray], Figures], Formulas]] = {
-    "ASME B5.54-1992": (asme_b554_1992, asme_1992_formulas),
-    "VDI/DGQ 3441:1977": (vdi3441, vdi_formulas),
-    "VDI/DGQ 3441:1977 range": (partial(vdi3441, estimator="range"), vdi_formulas),
-    "NMTBA:1972": (nmtba, nmtba_formulas),
-    "NMTBA:1972 without offset": (partial(nmtba, offset=False), partial(nmtba_formulas, offset=False)),
-    "JIS B 6330:1980": (jis_of_test, jis_formulas),
+_OTHERS: Mapping[str, tuple[Callable[[FloatArray], Figures], Formulas | None, TableFormulas | None]] = {
+    "ASME B5.54-1992": (asme_b554_1992, asme_1992_formulas, None),
+    "VDI/DGQ 3441:1977": (vdi3441, None, vdi_of_table),
+    "VDI/DGQ 3441:1977 range": (partial(vdi3441, estimator="range"), None, vdi_of_table),
+    "NMTBA:1972": (nmtba, None, nmtba_of_table),
+    "NMTBA:1972 without offset": (partial(nmtba, offset=False), None, partial(nmtba_of_table, offset=False)),
+    "JIS B 6330:1980": (jis_of_test, jis_formulas, None),
 }
+
+
+def unsettled_notes(outcomes: Mapping[str, TrialOutcome]) -> tuple[str, ...]:
+    """The parameters whose Monte Carlo interval was still moving when the trials ended."""
+    moving = [name for name, outcome in outcomes.items() if not outcome.converged]
+    return (words("S-EVAL-TRIALS", names=", ".join(moving), trials=outcomes[moving[0]].trials),) if moving else ()
 
 
 def set_up_notes(targets: FloatArray, repetitions: int, unit: DeviationUnit) -> tuple[str, ...]:

@@ -46,12 +46,14 @@ def run(
     *,
     probability: float = 0.95,
     digits: int = 2,
+    share: float = 0.0,
     seed: int = 1,
     block: int = BLOCK,
     most: int = MOST,
 ) -> Mapping[str, TrialOutcome]:
     """The adaptive procedure (clause 7.9) on a function that makes `count` trials of named outputs (count,).
 
+    ``digits`` and ``share`` give the tolerance (`numerical_tolerance`), ``most`` how many trials are made at most.
     Outputs that are NaN in any trial do not exist for these inputs and are left out.
     """
     _check(probability, digits, block, most)
@@ -61,8 +63,8 @@ def run(
     while not stable and (len(blocks) + 1) * block <= most:
         drawn = trial(rng, block)
         blocks.append({name: y for name, y in drawn.items() if np.isfinite(y).all()})
-        stable = len(blocks) > 1 and all(_settled(name, blocks, probability, digits) for name in blocks[0])
-    return {name: _outcome(name, blocks, probability, digits, seed) for name in blocks[0]}
+        stable = len(blocks) > 1 and all(_settled(name, blocks, probability, (digits, share)) for name in blocks[0])
+    return {name: _outcome(name, blocks, probability, (digits, share), seed) for name in blocks[0]}
 
 
 def _check(probability: float, digits: int, block: int, most: int) -> None:
@@ -71,14 +73,14 @@ def _check(probability: float, digits: int, block: int, most: int) -> None:
         raise ModelError("E-EVAL-TRIALS", "Monte Carlo", probability=probability, digits=digits, trials=most)
 
 
-def numerical_tolerance(u: float, digits: int) -> float:
-    """Half a unit of the last of `digits` significant digits of u (clause 7.9.2); 0 for u = 0."""
-    return 0.5 * 10.0 ** (floor(log10(u)) - digits + 1) if u > 0.0 else 0.0
+def numerical_tolerance(u: float, digits: int, share: float = 0.0) -> float:
+    """Half a unit of the last of `digits` significant digits of u (clause 7.9.2), at least ``share`` u; 0 for u = 0."""
+    return max(0.5 * 10.0 ** (floor(log10(u)) - digits + 1), share * u) if u > 0.0 else 0.0
 
 
-def _settled(name: str, blocks: list[dict[str, FloatArray]], probability: float, digits: int) -> bool:
+def _settled(name: str, blocks: list[dict[str, FloatArray]], probability: float, wanted: tuple[int, float]) -> bool:
     figures = np.array([_figures(part[name], probability) for part in blocks])
-    tolerance = numerical_tolerance(float(figures[:, 1].mean()), digits)
+    tolerance = numerical_tolerance(float(figures[:, 1].mean()), *wanted)
     scatter = figures.std(axis=0, ddof=1) / np.sqrt(len(blocks))
     return bool((2.0 * scatter <= tolerance).all())
 
@@ -88,7 +90,7 @@ def _figures(y: FloatArray, probability: float) -> tuple[float, float, float, fl
 
 
 def _outcome(
-    name: str, blocks: list[dict[str, FloatArray]], probability: float, digits: int, seed: int
+    name: str, blocks: list[dict[str, FloatArray]], probability: float, wanted: tuple[int, float], seed: int
 ) -> TrialOutcome:
     y = np.sort(np.concatenate([part[name] for part in blocks]))
     u = float(y.std(ddof=1))
@@ -100,8 +102,8 @@ def _outcome(
         probability=probability,
         trials=y.size,
         seed=seed,
-        tolerance=numerical_tolerance(u, digits),
-        converged=len(blocks) > 1 and _settled(name, blocks, probability, digits),
+        tolerance=numerical_tolerance(u, *wanted),
+        converged=len(blocks) > 1 and _settled(name, blocks, probability, wanted),
     )
 
 

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from gateway.errors import ModelError
-from gateway.evaluate.standards.parameters import of_readings
+from gateway.evaluate.standards import positioning_trials, readings, registry
+from gateway.evaluate.standards.parameters import of_table
 from gateway.evaluate.standards.positioning_trials import scatter_of_test
 from gateway.evaluate.uncertainty import distributions, montecarlo
 from gateway.evaluate.uncertainty.budget import Budget, expanded
@@ -30,6 +31,11 @@ def trials(inputs: dict, model: Callable[[dict], dict], **how: object) -> Mappin
 def four(last: distributions.Distribution, rest: type = Rectangular) -> dict:
     one = Rectangular(0.0, sqrt(3.0)) if rest is Rectangular else Normal(0.0, 1.0)
     return {"a": one, "b": one, "c": one, "d": last}
+
+
+def iso_scatter(at: np.ndarray, x: np.ndarray, unit: str, budget: Budget, **more: object) -> dict:
+    """The test made again by ISO 230-2 (2 s)."""
+    return dict(scatter_of_test(at, x, unit, None, budget, of_table=lambda mean, s: of_table(mean, s, 2.0), **more))
 
 
 def test_s1_additive_normal() -> None:
@@ -118,7 +124,7 @@ def sloped(noisy: tuple[int, ...] = tuple(range(6))) -> np.ndarray:
 @pytest.mark.parametrize("systematic", [Budget(), Budget(device=2.0, temperature=1.0)])
 def test_law_and_monte_carlo_of_a_test_agree_where_it_is_linear(systematic: Budget) -> None:
     at = np.linspace(0.0, 500.0, 6)
-    found = scatter_of_test(at, sloped(), "um", lambda x: of_readings(x, 2.0), systematic, seed=1)
+    found = iso_scatter(at, sloped(), "um", systematic, seed=1)
     by_law = expanded(5, 2.0, systematic.systematic, targets=6)
     for name, share in (
         ("B", 0.03),
@@ -134,17 +140,14 @@ def test_law_and_monte_carlo_of_a_test_agree_where_it_is_linear(systematic: Budg
 
 def test_repeatability_by_the_law_is_a_little_large_as_sampling_theory_says() -> None:
     at = np.linspace(0.0, 500.0, 6)
-    found = scatter_of_test(at, sloped((2,)), "um", lambda x: of_readings(x, 2.0), Budget(), seed=1)
+    found = iso_scatter(at, sloped((2,)), "um", Budget(), seed=1)
     assert 2.0 * found["R_up"].u == pytest.approx(1.364 * 2.0, rel=0.02)
     assert expanded(5, 2.0, 0.0)["R_up"] == pytest.approx(1.414 * 2.0, rel=1e-3)
 
 
 def test_systematic_terms_act_on_ranges_not_on_reversal_and_repeatability() -> None:
     at = np.linspace(0.0, 500.0, 6)
-    bare, heavy = (
-        scatter_of_test(at, sloped(), "um", lambda x: of_readings(x, 2.0), budget, seed=1)
-        for budget in (Budget(), Budget(expansion=10.0))
-    )
+    bare, heavy = (iso_scatter(at, sloped(), "um", budget, seed=1) for budget in (Budget(), Budget(expansion=10.0)))
     for name in ("B", "R", "R_up"):
         assert heavy[name].u == pytest.approx(bare[name].u, rel=0.02)
     for name in ("E", "M", "A"):
@@ -154,13 +157,42 @@ def test_systematic_terms_act_on_ranges_not_on_reversal_and_repeatability() -> N
 def test_a_rotary_axis_takes_its_systematic_part_as_a_wave_and_one_run_needs_a_drift_test() -> None:
     at = np.arange(0.0, 360.0, 30.0)
     x = np.zeros((12, 5, 2)) + 1e-6 * ROW[None, :, None]
-    found = scatter_of_test(at, x, "arcsec", lambda y: of_readings(y, 2.0), Budget(device=1.0), seed=1)
+    found = iso_scatter(at, x, "arcsec", Budget(device=1.0), seed=1)
     assert found["E"].symmetric[1] == pytest.approx(1.14, rel=0.03)
     single = np.zeros((12, 1, 2))
-    assert scatter_of_test(at, single, "arcsec", lambda y: of_readings(y, 2.0), Budget()) == {}
-    drifting = scatter_of_test(at, single, "arcsec", lambda y: of_readings(y, 2.0), Budget(eve=0.5))
+    assert iso_scatter(at, single, "arcsec", Budget()) == {}
+    drifting = iso_scatter(at, single, "arcsec", Budget(eve=0.5))
     assert "B_mean" in drifting
     assert "R" not in drifting
+
+
+@pytest.mark.parametrize("gaps", [False, True])
+def test_means_and_deviations_drawn_themselves_scatter_as_those_of_readings_drawn_one_by_one(gaps: bool) -> None:
+    rng = np.random.default_rng(8)
+    at = np.linspace(0.0, 400.0, 9)
+    x = 4.0 * np.sin(at / 60.0)[:, None, None] + rng.normal(0.0, 0.6, (9, 5, 2)) + np.array([0.0, 1.5])
+    if gaps:
+        x[2, 1:3, 0], x[5, 1:, 1], x[7, :, 1] = np.nan, np.nan, np.nan
+    budget = Budget(device=0.3, expansion=0.5)
+    drawn = iso_scatter(at, x, "um", budget, seed=3)
+    one_by_one = scatter_of_test(at, x, "um", lambda y: of_table(*readings.moments(y), 2.0), budget, seed=4)
+    assert set(drawn) == set(one_by_one)
+    assert {"A", "B", "R", "E"} <= set(drawn)
+    for name, outcome in drawn.items():
+        assert outcome.mean == pytest.approx(one_by_one[name].mean, abs=0.03 * outcome.u), name
+        assert outcome.u == pytest.approx(one_by_one[name].u, rel=0.03), name
+        assert np.allclose(outcome.symmetric, one_by_one[name].symmetric, atol=0.15 * outcome.u), name
+        assert outcome.converged
+
+
+def test_intervals_that_are_not_settled_are_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(positioning_trials, "SHARE", 0.0)
+    x = np.zeros((6, 5, 2)) + np.random.default_rng(2).normal(0.0, 1.0, (6, 5, 2))
+    found = registry.evaluate_by("2014", np.linspace(0.0, 500.0, 6), x, "um")
+    (note,) = (flag for flag in found.flags if "Monte Carlo" in flag)
+    moving = {name for name, outcome in found.trials.items() if not outcome.converged}
+    assert moving
+    assert all(name in note for name in moving)
 
 
 def test_tolerance_of_zero_uncertainty() -> None:
