@@ -61,6 +61,12 @@ class StillOn(RollbackFailed):
     exit_code = 12
 
 
+class InDoubt(TrueflankError):
+    """Readings leave a doubt so large that neither a verdict nor a table comes of them; who measured must settle it."""
+
+    exit_code = 21
+
+
 class BusyError(TrueflankError):
     """One run at a time."""
 

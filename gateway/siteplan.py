@@ -34,6 +34,11 @@ Flag = Annotated[bool, Strict()]
 """A text is no number, and true is no 1: a site file says what it means."""
 _UNTRUE = BeforeValidator(lambda value: str(value) if isinstance(value, bool) else value)
 Offset = Annotated[float, Strict(), Field(ge=-10000.0, le=10000.0)]
+Degc = Annotated[float, Strict(), Field(ge=-50.0, le=100.0)]
+Accepted = dict[
+    Annotated[str, Field(pattern=r"^[A-Z]+(-[A-Z0-9]+)+$", max_length=MOST)], Annotated[str, Field(min_length=1)]
+]
+"""Doubts that a person answers for: the reason by the code."""
 Sense = Annotated[Literal[1, -1], _UNTRUE]
 People = Annotated[Literal[1, 2] | None, _UNTRUE]
 
@@ -152,6 +157,12 @@ class SetupSection(Section):
     own_angle_arcsec: Number | None = Field(default=None, description="angle of the square minus 90 deg, if known")
     park: dict[Name, Number] = Field(
         default_factory=dict, description="positions of the other axes during the measurement"
+    )
+    material_degc: Degc | None = Field(
+        default=None, description="temperature of the material, where the file does not contain it, degC"
+    )
+    accept_doubts: Accepted = Field(
+        default_factory=dict, description="doubts about the readings that a person answers for: code = reason"
     )
     assumed: Number | None = Field(
         default=None, gt=0, description="assumed half-width of an unmeasured error, um or arcsec"

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal
 
@@ -11,13 +11,16 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from drivers.errors import ConfigError
+from drivers.types.doubts import Doubt
 from drivers.types.results import MeasuredSet
+from drivers.types.sensing import Ambient
 from drivers.units import AxisUnit, DeviationUnit, deviation_unit
 from gateway.domain.figures import Component
 from gateway.domain.values import FloatArray, component_unit
-from gateway.evaluate.behaviour.repetitions import out_of_line
+from gateway.evaluate.behaviour.doubts import all_doubts, as_data, demand_settled, settled
+from gateway.evaluate.behaviour.doubts import told as told_doubts
+from gateway.evaluate.behaviour.positioning import Surroundings, evaluate_positioning, said_contributions
 from gateway.evaluate.standards.readings import checked, counts, means, standard_deviations
-from gateway.evaluate.standards.registry import evaluate_by
 from gateway.model.components import standard_uncertainty, value
 from gateway.model.means import fit_means
 from trueflank.frames import frame
@@ -32,7 +35,9 @@ class Measured:
 
     Deviation = measured - target. NaN where a reading is missing. ``source`` is the file, ``warnings`` say what it
     leaves in doubt. ``name`` is the error's ISO 230-1 name where it is known: EBX is in arcsec over mm. Lists are taken
-    too. Raises ModelError (E-EVAL-...) for readings that do not fit, ConfigError (E-LIBRARY-KIND, E-LIBRARY-NAME).
+    too. ``material_degc`` and ``expansion_ppm_per_k`` of the scale as the file has them. ``doubts`` are records of what
+    file and readings leave in doubt: a blocking one refuses `fit` until ``accepted`` has its code and a reason.
+    Raises ModelError (E-EVAL-...) for readings that do not fit, ConfigError (E-LIBRARY-KIND, E-LIBRARY-NAME).
     """
 
     targets: FloatArray
@@ -41,6 +46,10 @@ class Measured:
     source: str = ""
     warnings: tuple[str, ...] = ()
     name: str = ""
+    doubts: tuple[Doubt, ...] = ()
+    accepted: Mapping[str, str] = field(default_factory=dict)
+    material_degc: float | None = None
+    expansion_ppm_per_k: float | None = None
 
     def __post_init__(self) -> None:
         if self.axis_unit not in ("mm", "deg"):
@@ -52,6 +61,19 @@ class Measured:
             units_fit(motion_name(self.name, "Measured"), self.axis_unit, self.unit, "Measured")
         for key, values in zip(("targets", "deviations"), checked(self.targets, self.deviations), strict=True):
             object.__setattr__(self, key, values)
+        object.__setattr__(self, "doubts", settled(all_doubts(self.as_set(), self.unit), self.accepted))
+
+    def as_set(self) -> MeasuredSet:
+        """The readings as the record that a run evaluates."""
+        return MeasuredSet(
+            self.targets,
+            self.deviations,
+            self.axis_unit,
+            ambient_start=Ambient(material_degc=() if self.material_degc is None else (self.material_degc,)),
+            expansion_ppm_per_k=self.expansion_ppm_per_k,
+            warnings=self.warnings,
+            doubts=self.doubts,
+        )
 
     @property
     def unit(self) -> DeviationUnit:
@@ -70,6 +92,7 @@ class Measured:
             "name": self.name,
             "source": self.source,
             "warnings": list(self.warnings),
+            "doubts": as_data(self.doubts),
         }
 
     def to_pandas(self) -> Any:
@@ -93,13 +116,19 @@ class Measured:
 
 
 def read(
-    path: str | Path, *, name: str = "", unit: str = "", columns: Mapping[str, str | int] | None = None
+    path: str | Path,
+    *,
+    name: str = "",
+    unit: str = "",
+    columns: Mapping[str, str | int] | None = None,
+    accepted: Mapping[str, str] | None = None,
 ) -> Measured:
     """A result file (.rtl, .rta, .pos, .csv): targets in mm or deg as the file counts them, deviations in um or arcsec.
 
     ``name`` is the error's ISO 230-1 name; a pitch over mm (EBX) or a run-out over deg needs it. ``unit`` of an .rta
     file's deviations, which it does not say: mrad, urad or arcsec. ``columns`` of a table whose heading does not say
-    them, counted from 1: ``{"target": 1, "measured": 2}``. Raises ConfigError (E-LIBRARY-COLUMNS, -WAYS, -RUNS and
+    them, counted from 1: ``{"target": 1, "measured": 2}``. ``accepted`` are doubts that you answer for, reasons by
+    code. Raises ConfigError (E-LIBRARY-COLUMNS, -WAYS, -RUNS and
     -READINGS: ``columns`` answers them), FileFormatError with line and reason.
     """
     from gateway.workflow.files.importing import How, read_file
@@ -122,8 +151,18 @@ def read(
     counted = axis if axis is not None and (mixed or got.driver == "rta") else found.axis_unit
     if name:
         units_fit(name, counted, deviation_unit(found.axis_unit), "read")
+    sensors = found.ambient_start.material_degc
     return Measured(
-        found.targets, found.deviations, counted, Path(path).name, warnings=tuple(found.warnings), name=name
+        found.targets,
+        found.deviations,
+        counted,
+        Path(path).name,
+        warnings=tuple(found.warnings),
+        name=name,
+        doubts=found.doubts,
+        accepted=accepted or {},
+        material_degc=sum(sensors) / len(sensors) if sensors else None,
+        expansion_ppm_per_k=found.expansion_ppm_per_k,
     )
 
 
@@ -131,7 +170,9 @@ def read(
 class Evaluated:
     """Figures by name (A, E, R, B, M ...) with expanded uncertainties ``U`` (k = 2), um or arcsec; None: not to be had.
 
-    ``unit`` says which. U holds the scatter of the readings; what is unknown of the instrument is not in a file.
+    ``unit`` says which. ``contributions`` are what U contains (k = 2, by name); ``supposed`` says what had to be
+    supposed for it. ``verdicts`` has a word for each limit. While a doubt of the readings blocks, each is "not
+    decidable".
     """
 
     standard: str
@@ -139,6 +180,10 @@ class Evaluated:
     values: dict[str, float | None]
     U: dict[str, float | None]
     notes: tuple[str, ...]
+    contributions: dict[str, float] = field(default_factory=dict)
+    supposed: tuple[str, ...] = ()
+    doubts: tuple[Doubt, ...] = ()
+    verdicts: dict[str, str] = field(default_factory=dict)
 
     def __getitem__(self, name: str) -> float | None:
         """One figure. Raises ConfigError (E-LIBRARY-KIND) that names those there are."""
@@ -156,6 +201,10 @@ class Evaluated:
             "unit": self.unit,
             "values": dict(self.values),
             "U": dict(self.U),
+            "contributions": dict(self.contributions),
+            "supposed": list(self.supposed),
+            "doubts": as_data(self.doubts),
+            "verdicts": dict(self.verdicts),
             "notes": list(self.notes),
         }
 
@@ -170,29 +219,53 @@ class Evaluated:
 
 
 def evaluate(
-    measured: Measured, standard: str | int = "2014", *, monte_carlo: bool = False, seed: int = 1
+    measured: Measured,
+    standard: str | int = "2014",
+    *,
+    material_degc: float | None = None,
+    expansion_ppm_per_k: float | None = None,
+    equipment: Mapping[str, float] | None = None,
+    limits: Mapping[str, float] | None = None,
+    monte_carlo: bool = False,
+    seed: int = 1,
 ) -> Evaluated:
     """Figures in um or arcsec to ISO 230-2 (edition 2014, 2006, 1997, 1988) or another standard by name.
 
-    U (k = 2) by law or by Monte Carlo. Raises ConfigError (E-LIBRARY-KIND), and ModelError as
-    `gateway.evaluate.standards.registry.evaluate_by`.
+    U (k = 2) as `trueflank evaluate` states it: with the scatter of the readings, and with what is known of the
+    material (``material_degc``, ``expansion_ppm_per_k``; left out: of the file) and of the equipment (certificates, k
+    = 2: um_per_m, kelvin, arcsec). ``limits`` by figure are decided. Raises ConfigError (E-LIBRARY-KIND), and
+    ModelError as `gateway.evaluate.standards.registry.evaluate_by`.
     """
     of_kind(measured, Measured, "evaluate")
     wholes_given("evaluate", seed=seed)
-    found = evaluate_by(
-        str(standard), measured.targets, measured.deviations, measured.unit, seed=seed, monte_carlo=monte_carlo
+    figured = evaluate_positioning(
+        measured.as_set(),
+        str(standard),
+        known=Surroundings(material_degc, expansion_ppm_per_k, equipment),
+        limits=limits,
+        seed=seed,
+        monte_carlo=monte_carlo,
+        unit=None if positions_its_axis(measured.name) else measured.unit,
+        across=not positions_its_axis(measured.name),
     )
+    found = figured.result
+    supposed = (*(one.text for one in figured.supposed), said_contributions(figured.contributions, found.unit))
     return Evaluated(
         standard=found.standard.name,
         unit=found.unit,
         values=dict(found.values),
         U=dict(found.U),
-        notes=(
-            *found.flags,
-            *out_of_line(measured.targets, measured.deviations, measured.unit),
-            *measured.warnings,
-        ),
+        notes=(*found.flags, *told_doubts(figured.doubts), *measured.warnings),
+        contributions=dict(figured.contributions),
+        supposed=supposed,
+        doubts=figured.doubts,
+        verdicts={one.parameter: one.verdict for one in figured.verdicts},
     )
+
+
+def positions_its_axis(name: str) -> bool:
+    """Whether an error motion is along or about its own axis (EXX, ECC); without a name it is."""
+    return not name or name[1] == name[2]
 
 
 @dataclass(frozen=True, slots=True, repr=False)
@@ -256,11 +329,13 @@ def fit(
 
     Its order is chosen by the data. ``name`` is the error's ISO 230-1 name, that of the readings where they have one;
     ``kind`` "linear" for a rotary axis measured over a part of a turn; ``modulo`` for one that turns endlessly.
-    Raises ConfigError (E-LIBRARY-KIND, E-LIBRARY-NAME, E-LIBRARY-UNIT), ModelError, NotIdentifiable (E-MODEL-POINTS).
+    Raises ConfigError (E-LIBRARY-KIND, E-LIBRARY-NAME, E-LIBRARY-UNIT), InDoubt (E-DOUBT-OPEN: a doubt of the readings
+    that nobody accepted), ModelError, NotIdentifiable (E-MODEL-POINTS).
     """
     of_kind(measured, Measured, "fit")
     name = motion_name(name or measured.name, "fit")
     units_fit(name, measured.axis_unit, measured.unit, "fit")
+    demand_settled(measured.doubts, measured.source or name)
     at, x = measured.targets, measured.deviations
     way, s, n = means(x), standard_deviations(x), counts(x)
     both = np.nanmean(way, axis=1)

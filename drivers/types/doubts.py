@@ -13,8 +13,9 @@ class Doubt:
     """One doubt about readings, by the code of its text; the text is written only where a person reads it.
 
     ``where`` names the file, line or target. A ``blocking`` doubt is so large that neither a verdict nor a table comes
-    of the readings until a person has settled it; any other is shown with the figures. The fields of the text are
-    ``names`` and ``numbers``.
+    of the readings until a person has settled it; any other is shown with the figures. The text's fields are
+    ``numbers`` and ``names``, which have precedence. ``settled`` is the reason of a person who accepted a blocking
+    one: it blocks no more and stays in the record.
     """
 
     code: str
@@ -22,13 +23,14 @@ class Doubt:
     blocking: bool = False
     names: Mapping[str, str] = field(default_factory=dict)
     numbers: Mapping[str, float] = field(default_factory=dict)
+    settled: str = ""
 
     @property
     def text(self) -> str:
         """What is doubtful, in English."""
-        return words(self.code, "what", **self.names, **self.numbers)
+        return words(self.code, "what", **{**self.numbers, **self.names})
 
     @property
     def remedy(self) -> str:
         """What to do about it, in English."""
-        return words(self.code, "do", **self.names, **self.numbers)
+        return words(self.code, "do", **{**self.numbers, **self.names})

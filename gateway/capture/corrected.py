@@ -19,6 +19,7 @@ from gateway.config import AxisSection
 from gateway.domain.captures import Between, Capture, Corrections
 from gateway.domain.equipment import SenseProof
 from gateway.errors import AmbientOutOfRange, CaptureError
+from gateway.evaluate.behaviour.doubts import all_doubts, settled
 from gateway.evaluate.behaviour.repetitions import robust_means
 from gateway.evaluate.behaviour.steadiness import steadiness
 from gateway.evaluate.optics import corrections, length, rotary
@@ -44,7 +45,7 @@ def from_live(axis: AxisSection, raw: RawCapture, proof: SenseProof, already: Co
     first = ~np.isin(targets, raw.targets[list(raw.added)])
     steady = steadiness(times[first], deviations[first], deviation_unit(axis.unit))
     lost = (f"{raw.lost_samples} samples lost by the instrument",) if raw.lost_samples else ()
-    return Capture(
+    capture = Capture(
         axis=axis.name,
         component=axis.measure.component,
         axis_unit=axis.unit,
@@ -71,6 +72,12 @@ def from_live(axis: AxisSection, raw: RawCapture, proof: SenseProof, already: Co
         rest_u=float(np.std(raw.standing, ddof=1)) * deviation_scale(axis.unit) if len(raw.standing) > 1 else 0.0,
         rest_count=len(raw.standing),
     )
+    return doubted(capture, axis)
+
+
+def doubted(capture: Capture, axis: AxisSection) -> Capture:
+    """The capture with every doubt of its readings, those settled that the site file accepts for this axis."""
+    return replace(capture, doubts=settled(all_doubts(capture), axis.measure.accept_doubts))
 
 
 def _parted(raw: RawCapture, deviations: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, Between | None]:
@@ -144,6 +151,7 @@ def from_file(axis: AxisSection, measured: MeasuredSet, live: LiveSet | None, so
         raise CaptureError("E-CAP-FILE-UNIT", source, found=measured.axis_unit, axis=axis.name, wanted=axis.unit)
     sense = axis.measure.file_axis_sense
     datum = axis.measure.file_datum if axis.measure.file_datum is not None else 0.0
+    measured = _at_temperature(measured, axis)
     targets = datum + sense * measured.targets
     deviations = sense * measured.deviations
     if sense < 0:
@@ -156,7 +164,7 @@ def from_file(axis: AxisSection, measured: MeasuredSet, live: LiveSet | None, so
         done = replace(done, details={"expansion.ppm_per_k": measured.expansion_ppm_per_k})
     if axis.kind == "linear" and measured.compensated_for == "air":
         deviations, done = _to_20(axis, measured, targets, deviations, done, source)
-    return Capture(
+    capture = Capture(
         axis=axis.name,
         component=axis.measure.component,
         axis_unit=axis.unit,
@@ -177,7 +185,17 @@ def from_file(axis: AxisSection, measured: MeasuredSet, live: LiveSet | None, so
             *(("tables taken as live during the file's measurement are those found now",) if live is not None else ()),
             *warmth_said(live, targets),
         ),
+        doubts=measured.doubts,
     )
+    return doubted(capture, axis)
+
+
+def _at_temperature(measured: MeasuredSet, axis: AxisSection) -> MeasuredSet:
+    """With the material's temperature as a person gave it, where the file has none."""
+    given = axis.measure.material_degc
+    if given is None or measured.ambient_start.material_degc:
+        return measured
+    return replace(measured, ambient_start=replace(measured.ambient_start, material_degc=(given,)))
 
 
 def _inside(axis: AxisSection, targets: FloatArray, source: str) -> None:

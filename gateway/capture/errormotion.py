@@ -19,6 +19,7 @@ from drivers.types.stops import Stop
 from drivers.types.values import FloatArray
 from drivers.units import ARCSEC_PER_DEG, UM_PER_MM, DeviationUnit
 from gateway.capture.collecting import Collection
+from gateway.capture.corrected import doubted
 from gateway.capture.diagnosis import UnexpectedValue
 from gateway.capture.gathered.raw import RawCapture
 from gateway.capture.live import More, Visits, visited
@@ -209,7 +210,7 @@ def error_capture(rig: ErrorRig, raw: RawCapture, sense: Literal[1, -1], *, abso
     deviations = values if absolute else values - values[0, 0, 0]
     reading_u = float(np.sqrt(np.nanmean(raw.window_sigma**2) / max(raw.window_count, 1))) * abs(rig.factor)
     lost = (f"{raw.lost_samples} samples lost by the instrument",) if raw.lost_samples else ()
-    return Capture(
+    capture = Capture(
         axis=rig.axis.name,
         component=rig.axis.measure.component,
         axis_unit=rig.axis.unit,
@@ -231,3 +232,4 @@ def error_capture(rig: ErrorRig, raw: RawCapture, sense: Literal[1, -1], *, abso
         ),
         cycle=rig.axis.measure.cycle,
     )
+    return doubted(capture, rig.axis)

@@ -46,6 +46,14 @@ ROADS = ("", "opcua", "modbus", "both")
 TakeOption = Annotated[
     str, typer.Option(help="Why the devices are taken from a service that hangs.", show_default=False)
 ]
+AcceptOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--accept-doubt",
+        help="CODE=REASON: you answer for a doubt about the readings; may be repeated.",
+        show_default=False,
+    ),
+]
 USUAL_STORE = Path("runs")
 MOST_SITES = 50
 
@@ -137,6 +145,13 @@ def road_of(text: str) -> str:
     if text not in ROADS:
         raise typer.BadParameter(f"{text!r} is none of {', '.join(ROADS[1:])}")
     return text
+
+
+def accepted_doubts(texts: list[str] | None) -> dict[str, str]:
+    """Reasons by code of --accept-doubt. Raises ConfigError (E-DOUBT-ACCEPT)."""
+    from gateway.evaluate.behaviour.doubts import accepted_of
+
+    return accepted_of(texts or (), "--accept-doubt")
 
 
 def load_site(path: Path) -> Any:

@@ -17,8 +17,10 @@ from gateway.config.service import ServiceSection
 from gateway.siteplan import (
     MOST_POINTS,
     MOST_REPETITIONS,
+    Accepted,
     AssumedSection,
     DayTimes,
+    Degc,
     Flag,
     GuardSection,
     MaybeName,
@@ -167,6 +169,12 @@ class MeasureSection(Section):
     file_datum: Number | None = Field(default=None, description="machine position of the file's zero")
     file_axis_sense: Sense = Field(default=1, description="direction of the file relative to the axis")
     file_unit: Literal["", "mrad", "urad", "arcsec", "deg"] = Field(default="", description="unit of an .rta file")
+    material_degc: Degc | None = Field(
+        default=None, description="temperature of the material, where the file does not contain it, degC"
+    )
+    accept_doubts: Accepted = Field(
+        default_factory=dict, description="doubts about the readings that a person answers for: code = reason"
+    )
 
     @model_validator(mode="after")
     def _one_source(self) -> MeasureSection:

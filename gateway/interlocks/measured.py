@@ -11,6 +11,7 @@ from drivers.types.sensing import Ambient
 from drivers.types.values import FloatArray
 from gateway.domain.captures import Capture
 from gateway.domain.proposals import TableChange
+from gateway.evaluate.behaviour.doubts import all_doubts, blocking
 from gateway.evaluate.behaviour.repetitions import good_readings, lost, pass_offsets
 from gateway.interlocks.facts import ROUNDING, PushFacts, Refusal, Rule, no
 from gateway.interlocks.limits import (
@@ -130,6 +131,13 @@ def crowded(capture: Capture) -> Iterator[Refusal]:
         yield from no("E-INT-SUSPECTS", axis=capture.axis, count=count, limit=percent)
 
 
+def _settled(facts: PushFacts) -> Iterator[Refusal]:
+    """Readings with a doubt that nobody answered for make no table, whichever way the proposal came about."""
+    capture = facts.request.capture
+    for one in blocking(all_doubts(capture)) if capture is not None else ():
+        yield from no("E-INT-DOUBT", axis=facts.change.axis, named=one.code, doubt=one.text)
+
+
 def _measured_axis(facts: PushFacts) -> Iterator[Refusal]:
     capture, change = facts.request.capture, facts.change
     if capture is None:
@@ -222,6 +230,6 @@ def _spread(values: FloatArray) -> float:
     return float(np.std(values)) if values.size else 0.0
 
 
-MEASURED: tuple[Rule, ...] = (_measured_axis, _age, _warmth, _coverage, _complete, _worth)
-MEASURED_REVERSAL: tuple[Rule, ...] = (_measured_axis, _age, _warmth, _complete)
-MEASURED_CROSS: tuple[Rule, ...] = (_age, _warmth, _complete)
+MEASURED: tuple[Rule, ...] = (_measured_axis, _settled, _age, _warmth, _coverage, _complete, _worth)
+MEASURED_REVERSAL: tuple[Rule, ...] = (_measured_axis, _settled, _age, _warmth, _complete)
+MEASURED_CROSS: tuple[Rule, ...] = (_settled, _age, _warmth, _complete)

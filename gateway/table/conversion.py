@@ -19,6 +19,7 @@ from drivers.types.results import MeasuredSet
 from drivers.types.tables import CompensationTable
 from drivers.units import AxisUnit, DeviationUnit, deviation_scale, deviation_unit
 from gateway.domain.values import FloatArray
+from gateway.errors import InDoubt
 from gateway.table.limits import check, told
 from gateway.table.projection import Grid, project, quantised, zeroed
 
@@ -95,8 +96,9 @@ def datum_of(pairs: Sequence[tuple[float, float]]) -> FileDatum:
 def convert(measured: MeasuredSet, request: TableRequest, limits: Limits | None = None) -> Conversion:
     """The axis table or the pair of cross tables of a result file.
 
-    Raises ConfigError (E-COMP-DATUM, E-COMP-NO-GRID), Gap (E-COMP-GRID, E-COMP-TURN, E-COMP-MISSING,
-    E-COMP-ONE-WAY), ValueOutOfRange (E-COMP-VALUE, E-COMP-SLOPE, E-COMP-CHANGE).
+    Raises InDoubt (E-COMP-DOUBT: a doubt that nobody settled), ConfigError (E-COMP-DATUM, E-COMP-NO-GRID), Gap
+    (E-COMP-GRID, E-COMP-TURN, E-COMP-MISSING, E-COMP-ONE-WAY), ValueOutOfRange (E-COMP-VALUE, E-COMP-SLOPE,
+    E-COMP-CHANGE).
     """
     found = curves(measured, request.datum, modulo=request.modulo)
     grid = _grid(found, request)
@@ -115,8 +117,12 @@ def curves(measured: MeasuredSet, datum: FileDatum, *, modulo: bool) -> Curves:
     """Means over the repetitions, on the machine's own scale and in its own directions.
 
     Where the file counts against the machine, deviations change sign and the directions change places.
-    Raises Gap (E-COMP-MISSING) if a direction lacks a target that it has readings around.
+    Raises Gap (E-COMP-MISSING) if a direction lacks a target that it has readings around, InDoubt (E-COMP-DOUBT) if the
+    record has a doubt that nobody settled.
     """
+    if any(one.blocking for one in measured.doubts):
+        codes = ", ".join(one.code for one in measured.doubts if one.blocking)
+        raise InDoubt("E-COMP-DOUBT", "file", codes=codes)
     up, down = _mean(measured, 0), _mean(measured, 1)
     plus, minus = (up, down) if datum.sense == 1 else (-down, -up)
     positions = datum.offset + datum.sense * measured.targets

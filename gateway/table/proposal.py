@@ -10,6 +10,7 @@ import scipy
 
 from drivers.errors import Gap
 from drivers.limits import Limits
+from drivers.types.doubts import Doubt
 from drivers.types.tables import CompensationTable, LiveSet
 from drivers.units import DeviationUnit, deviation_unit
 from gateway.axes import AxisRecord
@@ -36,6 +37,7 @@ class MeasuredMeans:
     ``rest`` is the RMS of what one reading differs from the mean by: half the reversal and scatter, no table's matter.
     ``unseen`` is the best estimate of what lies between the targets (RMS); None takes the fit's ``residual_rms``.
     ``possible`` are axes that explain what was measured, where something unseen was found; None: none are known.
+    ``doubts`` are of the readings: a blocking one leaves no table, an accepted one is a finding of it.
     ``place`` is then the target furthest out of the line of its neighbours, and how far.
     """
 
@@ -46,6 +48,7 @@ class MeasuredMeans:
     unseen: float | None = None
     possible: Possible | None = None
     place: tuple[float, float] | None = None
+    doubts: tuple[Doubt, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -100,7 +103,11 @@ def propose(
     acts = effective(live.own)
     limit = limits or Limits.of(axis.unit)
     new = merged(axis, component, live.own.table, acts, grid=grid, resolution=resolution, limit=limit)
-    skipped = reasons.other_layer(axis.name, live) or _why_not(axis, component, measured, known, acts, new)
+    skipped = (
+        reasons.in_doubt(axis.name, measured.doubts)
+        or reasons.other_layer(axis.name, live)
+        or _why_not(axis, component, measured, known, acts, new)
+    )
     findings: tuple[str, ...] = ()
     chance = None
     if skipped:
@@ -108,7 +115,8 @@ def propose(
     else:
         chance = _risked(axis, component, measured, known, acts, new)
         doubtful = _doubtful(axis, component, measured, chance, _taken(component, acts, new))
-        findings = (*_coverage(axis, component, grid), *doubtful, *check(new, acts, limit, axis.name))
+        accepted = reasons.accepted(axis.name, measured.doubts)
+        findings = (*accepted, *_coverage(axis, component, grid), *doubtful, *check(new, acts, limit, axis.name))
     return TableChange(
         axis=axis.name,
         old=live.own.table,

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
+from drivers.types.doubts import Doubt
 from drivers.types.tables import CompensationTable, LiveSet
 from drivers.units import DeviationUnit
 from gateway.domain.values import FloatArray
@@ -13,6 +16,21 @@ from gateway.table.limits import told
 MOST_UNSEEN = 0.5
 WORTH_SAYING = 0.25
 OUTWEIGHS = 2.0
+
+
+def in_doubt(axis: str, doubts: Sequence[Doubt]) -> str:
+    """Why no table is made of readings that leave a doubt which nobody settled; "" without such."""
+    said = "; ".join(f"{one.code}: {one.text}" for one in doubts if one.blocking)
+    return told("S-DOUBT-TABLE", axis, doubts=said) if said else ""
+
+
+def accepted(axis: str, doubts: Sequence[Doubt]) -> tuple[str, ...]:
+    """A finding for each doubt that a person settled: another person reads it before the push."""
+    return tuple(
+        told("W-DOUBT-ACCEPTED", axis, named=one.code, reason=one.settled, doubt=one.text)
+        for one in doubts
+        if one.settled
+    )
 
 
 def other_layer(axis: str, live: LiveSet) -> str:

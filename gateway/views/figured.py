@@ -6,12 +6,12 @@ from collections.abc import Mapping
 from math import isfinite
 from typing import Any
 
-from drivers.units import deviation_unit
 from gateway.domain.captures import Capture
 from gateway.domain.figures import Evaluation
+from gateway.evaluate.behaviour import positioning
+from gateway.evaluate.behaviour.doubts import all_doubts, told
 from gateway.evaluate.standards import decision
-from gateway.evaluate.standards.registry import evaluate_by, standards
-from gateway.evaluate.uncertainty.budget import budget_of
+from gateway.evaluate.standards.registry import standards
 from gateway.store import RunFolder
 
 
@@ -26,24 +26,28 @@ def figures_by(folder: RunFolder, axis: str, phase: str, *, name: str, limits: M
     A vendor's or national figure is made anew from the same readings, without Monte Carlo. Raises ModelError
     (E-EVAL-STANDARD, E-EVAL-LIMIT, E-EVAL-LIMIT-NAME), StoreError (E-STORE-STAGE).
     """
-    if not name:
-        return _stored(folder.get(f"evaluation-{axis}-{phase}", Evaluation), limits)
     capture = folder.get(f"capture-{axis}-{phase}", Capture)
-    unit = deviation_unit(capture.axis_unit)
-    budget = budget_of(capture)
-    found = evaluate_by(name, capture.targets, capture.deviations, unit, budget=budget, monte_carlo=False)
-    verdicts = found.decided(limits)
-    return _told(found.standard.name, unit, found.values, found.U, verdicts, found.flags)
+    if not name:
+        return _stored(folder.get(f"evaluation-{axis}-{phase}", Evaluation), capture, limits)
+    figured = positioning.evaluate_positioning(capture, name, limits=limits, monte_carlo=False)
+    found = figured.result
+    flags = (*found.flags, *told(figured.doubts), *(one.text for one in figured.supposed))
+    contained = positioning.said_contributions(figured.contributions, found.unit)
+    return _told(found.standard.name, found.unit, found.values, found.U, figured.verdicts, (*flags, contained))
 
 
-def _stored(kept: Evaluation, limits: Mapping[str, float]) -> dict[str, Any]:
+def _stored(kept: Evaluation, capture: Capture, limits: Mapping[str, float]) -> dict[str, Any]:
     values = {key: getattr(kept, key, None) for key in kept.U}
-    verdicts = [
-        decision.decide(key, values.get(key), U=kept.U.get(key), limit=limit)
-        for key, limit in limits.items()
-        if key in values
-    ]
-    return _told(kept.standard, kept.unit, values, kept.U, verdicts, kept.flags)
+    doubts = all_doubts(capture)
+    verdicts = positioning.undecided(
+        tuple(
+            decision.decide(key, values.get(key), U=kept.U.get(key), limit=limit)
+            for key, limit in limits.items()
+            if key in values
+        ),
+        doubts,
+    )
+    return _told(kept.standard, kept.unit, values, kept.U, verdicts, (*kept.flags, *told(doubts)))
 
 
 def _told(

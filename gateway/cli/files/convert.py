@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -40,10 +41,12 @@ class ConversionOptions:
     force: bool
     origin: str = ""
     store: Path = Path("runs")
+    accepted: Mapping[str, str] = field(default_factory=dict)
 
 
 def convert_file(wish: ConversionOptions, *, as_json: bool) -> None:
     """Write the table file and say what its reader must know; nothing is written unless all is known and right."""
+    from gateway.evaluate.behaviour import doubts
     from gateway.table.conversion import convert
 
     if is_exchange(wish.to) or wish.origin:
@@ -52,7 +55,7 @@ def convert_file(wish: ConversionOptions, *, as_json: bool) -> None:
     _layer(wish.to)
     if not wish.axis:
         raise ConfigError("E-CLI-AXIS", str(wish.result))
-    measured = reader(wish.result, wish.unit).read(wish.result)
+    measured = _read(wish)
     request = _request(wish, _complete(wish, measured))
     made = convert(measured, request)
     text = table_format().write(made.tables, wish.form or _form(wish.output), _comments(wish, measured))
@@ -61,15 +64,25 @@ def convert_file(wish: ConversionOptions, *, as_json: bool) -> None:
     wrong = any(one.severity == "wrong" for one in findings)
     if not wrong:
         write_text(wish.output, text, force=wish.force, encoding="ascii")
-    told = [*measured.warnings, *made.findings]
+    told = [*measured.warnings, *doubts.told(doubts.notable(measured.doubts)), *made.findings]
     if as_json:
         records = [{"severity": one.severity, **one.error.as_record()} for one in findings]
-        show_json({"file": str(wish.output), "written": not wrong, "notes": told, "findings": records})
+        data = {"file": str(wish.output), "written": not wrong, "notes": told, "findings": records}
+        show_json({**data, "doubts": doubts.as_data(measured.doubts)})
     else:
         _say(made, told)
         show_findings(wish.output, findings, as_json=False)
     if wrong:
         raise typer.Exit(7)
+
+
+def _read(wish: ConversionOptions) -> Any:
+    """The measured file with its doubts, none of them open. Raises InDoubt (E-DOUBT-OPEN): no table comes of those."""
+    from gateway.evaluate.behaviour.doubts import demand_settled, with_doubts
+
+    measured = with_doubts(reader(wish.result, wish.unit).read(wish.result), wish.accepted)
+    demand_settled(measured.doubts, str(wish.result))
+    return measured
 
 
 def _exchange(wish: ConversionOptions, *, as_json: bool) -> None:
@@ -102,7 +115,7 @@ def _measured(wish: ConversionOptions) -> tuple[Any, bool]:
 
     if not wish.axis:
         raise ConfigError("E-CLI-AXIS", str(wish.result))
-    measured = reader(wish.result, wish.unit).read(wish.result)
+    measured = _read(wish)
     reference = _complete(wish, measured)
     datum = datum_of([_pair(word) for word in wish.datum])
     return as_measured(measured, wish.axis.strip().upper(), reference, datum), simulated_set(measured)
@@ -168,6 +181,7 @@ def _comments(wish: ConversionOptions, measured: Any) -> list[str]:
     lines = [
         *((SAID,) if simulated_set(measured) else ()),
         f"made by trueflank from {wish.result.name}",
+        *(f"doubt {one.code} accepted: {one.settled}" for one in measured.doubts if one.settled),
         f"datum (file=machine) {datum}; zero at machine position {wish.reference:g}",
         "replaces the live table, is not added to it",
     ]

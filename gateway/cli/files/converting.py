@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from drivers.terms import spoken
-from gateway.cli.options import JsonOption, StoreOption
+from gateway.cli.options import AcceptOption, JsonOption, StoreOption, accepted_doubts
 
 WORDS = spoken()
 
@@ -55,6 +55,7 @@ def convert(
             help="program, ini, axis-ini, archive or numbered; linuxcnc: trims or positions; twincat: whole or real."
         ),
     ] = "",
+    accept_doubt: AcceptOption = None,
     force: Annotated[bool, typer.Option("--force", help="Replace an existing file.")] = False,
     store: StoreOption = Path("runs"),
     as_json: JsonOption = False,
@@ -79,5 +80,6 @@ def convert(
         force=force,
         origin=origin,
         store=store,
+        accepted=accepted_doubts(accept_doubt),
     )
     convert_file(wish, as_json=as_json)

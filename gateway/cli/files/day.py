@@ -17,7 +17,7 @@ from gateway.cli.show import echo, say_line, show_json, show_table
 from gateway.cli.stopping import run_to_end
 
 YES, NO = ("yes", "y", "ja", "j", "是"), ("no", "n", "nein", "否")
-NUMBERS = {"datum": "W-DAY-NUMBER", "park": "W-DAY-NUMBER", "own_angle": "W-DAY-ANGLE"}
+NUMBERS = {"datum": "W-DAY-NUMBER", "material_degc": "W-DAY-NUMBER", "park": "W-DAY-NUMBER", "own_angle": "W-DAY-ANGLE"}
 
 
 def day_command(
@@ -60,13 +60,15 @@ def _sorted(gathering: Any, axes: Any, said: Any, language: str) -> tuple[Any, A
 
     while True:
         found = sort_day(gathering.files(said), axes, said)
-        if not found.open:
+        needed = [one for one in found.open if not one.optional]
+        if not found.open or not (needed or language):
             return found, said
         if not language:
-            raise _refusal(found.open, said)
-        one = found.open[0]
+            raise _refusal(needed, said)
+        one = (needed or found.open)[0]
         value = _answer(one, language, found.open, said)
-        said = said.plus(one.place, one.key, value)
+        # Who does not answer for a doubt leaves the file out.
+        said = said.plus(one.place, "use" if value is False else one.key, value)
         keep(said)
 
 
@@ -80,6 +82,8 @@ def _answer(one: Any, language: str, questions: Any, said: Any) -> Any:
         try:
             typed = str(typer.prompt(f"  {one.key}", default=one.default, show_default=bool(one.default))).strip()
         except typer.Abort as error:
+            if one.optional:
+                return one.default
             raise _refusal(questions, said) from error
         value = _value(one, typed)
         if value is not None:
@@ -91,8 +95,14 @@ def _answer(one: Any, language: str, questions: Any, said: Any) -> Any:
 
 def _value(one: Any, typed: str) -> Any:
     """An answer as the file keeps it; None where it will not do."""
-    from gateway.workflow.day.answers import FARTHEST, SQUAREST
+    from gateway.workflow.day.answers import COLDEST, FARTHEST, HOTTEST, SQUAREST, UNKNOWN
 
+    if one.key == "accept_doubts":
+        reason = {**one.fields["accepted"], one.fields["named"]: typed} if typed else None
+        return False if typed.lower() in NO else reason
+    if one.key == "material_degc":
+        found = _number(typed, HOTTEST)
+        return UNKNOWN if typed.lower() == UNKNOWN else found if found is None or found >= COLDEST else None
     if one.key == "use":
         left = typed.lower() in NO
         return not left if (left or (typed.lower() in YES and "yes" in one.choices)) else None
@@ -122,6 +132,8 @@ def _refusal(questions: Any, said: Any) -> ConfigError:
         asked = catalogue()[one.code]["what"].format_map(one.fields).split("\n")[0]
         able = f" ({', '.join(one.choices)})" if one.choices else ""
         value = "false" if one.key == "use" else one.default if one.key in NUMBERS else f'"{one.default}"'
+        if one.key == "accept_doubts":
+            value = f"{{ {one.fields['named']} = ? }}"
         lines.setdefault(section(one.place), []).append(f"{one.key} = {value or '?'}  # {asked}{able}")
     text = "\n".join("\n".join((head, *own)) for head, own in lines.items())
     return ConfigError("E-DAY-OPEN", said.where, count=len(questions), lines=text)

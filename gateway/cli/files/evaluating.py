@@ -36,6 +36,7 @@ class EvaluationOptions:
     phase: str = ""
     plot: Path | None = None
     site: Any = None
+    accepted: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def recompensates(self) -> bool:
@@ -101,6 +102,7 @@ def evaluate_files(files: list[Path], asked: EvaluationOptions, *, as_json: bool
         for failure in failures:
             show_error(failure, as_json=False)
     said = [one["verdict"] for result in results for one in result.get("verdicts", ())]
+    said += ["not decidable" for result in results if result.get("blocked")]
     code = failures[0].exit_code if failures else of_verdicts(said)
     if code:
         raise typer.Exit(code)
@@ -139,10 +141,8 @@ def _evaluated(path: Path, asked: EvaluationOptions, drawn: list[MeasuredFile]) 
 
 def _evaluate(item: Any, asked: EvaluationOptions, drawn: list[MeasuredFile]) -> dict[str, Any]:
     from drivers.types.results import MeasuredSet
-    from drivers.units import deviation_unit
-    from gateway.evaluate.behaviour.repetitions import out_of_line
+    from gateway.evaluate.behaviour import doubts, positioning
     from gateway.evaluate.optics import corrections
-    from gateway.evaluate.standards.registry import evaluate_by
     from gateway.workflow.files.doubles import SAID, simulated_set
 
     measured, path = item.content, Path(item.label)
@@ -152,9 +152,15 @@ def _evaluate(item: Any, asked: EvaluationOptions, drawn: list[MeasuredFile]) ->
     drawn.append(MeasuredFile(path.name, replace(measured, deviations=deviations)))
     if item.capture is not None and not asked.recompensates:
         record = item.capture.corrections
-    budget, supposed = _budget(item, asked)
-    unit = deviation_unit(measured.axis_unit)
-    found = evaluate_by(asked.standard, measured.targets, deviations, unit, budget=budget, seed=asked.seed)
+    figured = positioning.evaluate_positioning(
+        replace(item.capture or measured, deviations=deviations),
+        asked.standard,
+        known=_surroundings(measured, asked),
+        limits=_limits(measured, asked),
+        accepted=asked.accepted,
+        seed=asked.seed,
+    )
+    found = figured.result
     return {
         "file": item.label,
         **_label(found.standard),
@@ -164,18 +170,28 @@ def _evaluate(item: Any, asked: EvaluationOptions, drawn: list[MeasuredFile]) ->
         **found.values,
         "U": dict(found.U),
         "monte_carlo": {name: _outcome(outcome) for name, outcome in found.trials.items()},
-        "verdicts": [verdict(item) for item in found.decided(_limits(measured, asked))],
+        "contributions": dict(figured.contributions),
+        "verdicts": [verdict(item) for item in figured.verdicts],
         "corrected": list(corrections.told(record)),
         "corrections": [_step(item) for item in record.chain],
         "flags": [
             *found.flags,
-            *out_of_line(measured.targets, deviations, unit),
+            *doubts.told(figured.doubts),
             *measured.warnings,
             *item.notes,
             *_undecided(measured, asked),
             *((SAID,) if simulated_set(measured) else ()),
         ],
-        "supposed": list(supposed),
+        "doubts": doubts.as_data(figured.doubts),
+        "blocked": figured.blocked,
+        "supposed": [
+            # In --json units stay as every other key has them.
+            line.replace("µ", "u").replace("°C", "degC")
+            for line in (
+                *(one.text for one in figured.supposed),
+                positioning.said_contributions(figured.contributions, found.unit),
+            )
+        ],
     }
 
 
@@ -224,18 +240,14 @@ def _deviations(measured: Any, asked: EvaluationOptions, path: Path) -> tuple[An
     )
 
 
-def _budget(item: Any, asked: EvaluationOptions) -> tuple[Any, tuple[str, ...]]:
-    """By what was typed, what the file or run says, and what its record or the site's register states of equipment."""
+def _surroundings(measured: Any, asked: EvaluationOptions) -> Any:
+    """What was typed, and what the site's register states of equipment."""
+    from gateway.evaluate.behaviour.positioning import Surroundings
     from gateway.evaluate.optics import air
-    from gateway.evaluate.uncertainty.budget import measured_budget, with_lever
 
-    given, measured, capture = asked.material_degc, item.content, item.capture
+    given = asked.material_degc
     material = None if given is None else air.required("material_degc", given, "--material-degc")
-    if capture is not None:
-        stated = capture.conditions.stated if capture.conditions is not None else {}
-        budget, supposed = measured_budget(measured, material, asked.expansion_ppm_per_k, stated)
-        return with_lever(budget, capture), supposed
-    return measured_budget(measured, material, asked.expansion_ppm_per_k, _stated(measured, asked))
+    return Surroundings(material, asked.expansion_ppm_per_k, _stated(measured, asked))
 
 
 def _stated(measured: Any, asked: EvaluationOptions) -> dict[str, float]:
@@ -277,10 +289,15 @@ def _show(result: dict[str, Any]) -> None:
     show_table(title, ("parameter", "value", "U (k=2)", "95.45 % of repeats", "unit"), rows)
     echo(f"  edition {result['edition']}, formulas {result['certainty']}")
     show_verdicts(result["verdicts"], result["unit"])
+    for one in result["doubts"]:
+        if one["blocking"]:
+            echo(f"  IN DOUBT {one['code']}: {one['what']}; {one['do']}", colour="yellow")
     for outcome in list(result["monte_carlo"].values())[:1]:
         echo(f"  Monte Carlo: {outcome['trials']} trials, seed {outcome['seed']}")
+    shown_above = tuple(f"{one['code']}: " for one in result["doubts"] if one["blocking"])
     for flag in (*result["flags"], *result["corrected"], *result["supposed"]):
-        echo(f"  note: {flag}")
+        if not flag.startswith(shown_above):
+            echo(f"  note: {flag}")
 
 
 def _row(result: dict[str, Any], name: str) -> tuple[str, str, str, str, str]:

@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from drivers.errors import ConfigError
-from gateway.cli.options import JsonOption, StoreOption, load_site
+from gateway.cli.options import AcceptOption, JsonOption, StoreOption, accepted_doubts, load_site
 
 
 def evaluate(
@@ -42,6 +42,7 @@ def evaluate(
         typer.Option(help="Of positioning: site file whose tolerances and equipment count.", show_default=False),
     ] = None,
     plot: Annotated[Path | None, typer.Option(help="Picture (.png or .svg).", show_default=False)] = None,
+    accept_doubt: AcceptOption = None,
     store: StoreOption = Path("runs"),
     as_json: JsonOption = False,
 ) -> None:
@@ -89,5 +90,6 @@ def evaluate(
         phase=phase,
         plot=plot,
         site=load_site(site) if site is not None else None,
+        accepted=accepted_doubts(accept_doubt),
     )
     evaluate_files(files or [], asked, as_json=as_json)

@@ -11,7 +11,7 @@ import typer
 from drivers.errors import ConfigError, words
 from gateway.cli.exits import of_verdicts
 from gateway.cli.onward import next_step, step_of
-from gateway.cli.options import JsonOption, StoreOption, load_site, open_run
+from gateway.cli.options import AcceptOption, JsonOption, StoreOption, accepted_doubts, load_site, open_run
 from gateway.cli.show import echo, show_json
 
 
@@ -30,6 +30,7 @@ def report(
         Path | None, typer.Option(help="Folder to write to; left out: the run's own, or here.", show_default=False)
     ] = None,
     unit: Annotated[str, typer.Option(help="Unit of an .rta's deviations: mrad, urad, arcsec or deg.")] = "",
+    accept_doubt: AcceptOption = None,
     as_json: JsonOption = False,
 ) -> None:
     """Write the calibration report of a run, or of result files: PDF, HTML and data; 13 where a limit is exceeded."""
@@ -39,7 +40,8 @@ def report(
         raise ConfigError("E-REPORT-EXTRA", "report", library=error.name) from error
     if not what:
         raise ConfigError("E-CLI-NO-FILES", "report")
-    told = Told(language=language, site=(load_site(site), site) if site is not None else None)
+    accepted = accepted_doubts(accept_doubt)
+    told = Told(language=language, site=(load_site(site), site) if site is not None else None, accepted=accepted)
     made, lines, data = _of_files(what, store, unit, told, out) if _files(what) else _of_run(what, store, told, out)
     if as_json:
         show_json(data)
@@ -47,11 +49,13 @@ def report(
         for line in lines:
             echo(line)
         echo(f"calibration report {made.number}: {made.pdf}")
+        for one in made.doubts:
+            echo(f"in doubt: {one}")
         if made.verdicts:
             counted = ", ".join(f"{count} {verdict.upper()}" for verdict, count in Counter(made.verdicts).items())
             echo(f"limits of the site: {counted}")
         next_step(f"evaluate {what[0]}" if _files(what) else after_report(data["run"]))
-    raise typer.Exit(of_verdicts(made.verdicts))
+    raise typer.Exit(of_verdicts((*made.verdicts, *("not decidable" for _ in made.doubts))))
 
 
 def after_report(run: str) -> str:
@@ -77,7 +81,7 @@ def _of_run(what: list[str], store: Path, told: Any, out: Path | None) -> tuple[
 
     folder = open_run(Store(store), what[0], "report")
     if imported(folder):
-        material = with_told(material_of_import(folder, told.tree), told)
+        material = with_told(material_of_import(folder, told.tree, accepted=told.accepted), told)
         made = write_document(material, out or folder.path, LoopClock().utc())
         return made, (), {**made.as_data(), "run": str(folder.path)}
     material = material_of(folder)
@@ -105,7 +109,7 @@ def _of_files(
     from gateway.workflow.results.documenting import with_told, write_document
     from gateway.workflow.results.fromfiles import material_of_files
 
-    read = material_of_files([Path(one) for one in what], How(unit), Store(store), told.tree)
+    read = material_of_files([Path(one) for one in what], How(unit), Store(store), told.tree, accepted=told.accepted)
     material = with_told(read, told)
     made = write_document(material, out or Path(), LoopClock().utc())
     return made, tuple(material.findings), made.as_data()

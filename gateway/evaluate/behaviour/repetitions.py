@@ -8,8 +8,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from drivers.errors import words
-from drivers.units import DeviationUnit
 from gateway.domain.values import FloatArray
 from gateway.evaluate.standards import readings
 
@@ -64,24 +62,16 @@ def robust_means(targets: ArrayLike, deviations: ArrayLike) -> RobustMeans:
     return RobustMeans(mean_up=up, mean_down=down, mean=mean, u=u, s=s, pass_offsets=offsets, suspects=found)
 
 
-def out_of_line(targets: ArrayLike, deviations: ArrayLike, unit: DeviationUnit) -> tuple[str, ...]:
-    """Each suspect of `robust_means` in words, the farthest first: a standard's figures keep what was read.
+def out_of_line(targets: ArrayLike, deviations: ArrayLike) -> list[tuple[tuple[int, int, int], float]]:
+    """Each suspect of `robust_means` (target, repetition, approach) and how far off it is, the farthest first.
 
     Raises ModelError as `readings.checked`.
     """
-    at, x = readings.checked(targets, deviations)
+    _, x = readings.checked(targets, deviations)
     level = x - pass_offsets(x)[None, :, :]
     apart = level - _median(level, axis=1)[:, None, :]
-    found = sorted(map(tuple, np.argwhere(_suspects(level)).tolist()), key=lambda one: -abs(float(apart[one])))
-    if not found:
-        return ()
-    said = [
-        words("S-EVAL-OUT", at=f"{at[i]:g}", way="+-"[a], reading=j + 1, off=f"{apart[i, j, a]:+.3g}", unit=unit)
-        for i, j, a in found[:MOST_TOLD]
-    ]
-    more = len(found) - len(said)
-    tail = [words("S-EVAL-OUT-MORE", more=more)] if more else []
-    return (*said, *tail, words("S-EVAL-OUT-KEPT"))
+    found = [(int(i), int(j), int(a)) for i, j, a in np.argwhere(_suspects(level))]
+    return sorted(((one, float(apart[one])) for one in found), key=lambda one: -abs(one[1]))
 
 
 def good_readings(deviations: ArrayLike, suspects: Iterable[tuple[int, int, int]]) -> NDArray[np.int64]:

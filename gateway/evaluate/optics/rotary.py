@@ -43,7 +43,9 @@ def rotary_deviations(
 
 
 def _datum(difference: FloatArray, targets: FloatArray, reference_deg: float) -> float:
-    nearest = int(np.argmin(np.abs(wrap_deg(targets - reference_deg))))
+    # Of targets that are the same place of the turn the one in the same turn: another turn has another deviation.
+    away = np.abs(targets - reference_deg)
+    nearest = int(np.lexsort((away, np.round(np.abs(wrap_deg(targets - reference_deg)), 9)))[0])
     known = np.ravel(difference[nearest])
     known = known[np.isfinite(known)]
     if not known.size:
@@ -59,16 +61,31 @@ def combine(command_deg: ArrayLike, device_deg: ArrayLike, laser_arcsec: ArrayLi
 
 
 def closure_arcsec(targets_deg: ArrayLike, deviations_arcsec: ArrayLike) -> float | None:
-    """Deviation at the last target less that at the first when they are whole turns apart, else None.
+    """The largest difference between targets (m,) whole turns apart, the later less the earlier; None without such.
 
-    On an axis with a direct encoder this is drift, slip or lost counts; it is reported, never spread.
+    Deviations (m,) or (m, n, 2), NaN where missing, each approach compared with itself where both places have it. On an
+    axis with a direct encoder this is drift, slip or lost counts; it is reported, never spread.
     """
     targets = np.asarray(targets_deg, dtype=np.float64)
     values = np.asarray(deviations_arcsec, dtype=np.float64)
     if targets.ndim != 1 or not targets.size or values.shape[:1] != targets.shape:
         raise ModelError("E-EVAL-SHAPE", "closure", targets=str(targets.shape), deviations=str(values.shape))
-    first, last = int(np.argmin(targets)), int(np.argmax(targets))
-    span = float(targets[last] - targets[first])
-    if span < 180.0 or abs(float(wrap_deg(span))) > 1e-6:
-        return None
-    return float(np.nanmean(values[last]) - np.nanmean(values[first]))
+    apart = targets[None, :] - targets[:, None]
+    pairs = np.argwhere((apart >= 180.0) & (np.abs(wrap_deg(apart)) <= 1e-6))
+    gaps = [_gap(values[first], values[last]) for first, last in pairs]
+    known = [gap for gap in gaps if np.isfinite(gap)]
+    return max(known, key=abs) if known else None
+
+
+def _gap(first: FloatArray, last: FloatArray) -> float:
+    """Last less first, by the approaches that both have; by all readings where they share none."""
+    ways = (first.T, last.T) if first.ndim == 2 else (first[None], last[None])
+    shared = [
+        float(np.nanmean(there) - np.nanmean(here))
+        for here, there in zip(*ways, strict=True)
+        if np.isfinite(here).any() and np.isfinite(there).any()
+    ]
+    if shared:
+        return float(np.mean(shared))
+    known = np.isfinite(first).any() and np.isfinite(last).any()
+    return float(np.nanmean(last) - np.nanmean(first)) if known else float("nan")

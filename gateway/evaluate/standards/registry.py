@@ -7,14 +7,12 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import partial
 
-import numpy as np
 from numpy.typing import ArrayLike
 
 from drivers.errors import words
 from drivers.units import DeviationUnit
 from gateway.domain.values import FloatArray
 from gateway.errors import ModelError
-from gateway.evaluate.optics import rotary
 from gateway.evaluate.standards import iso230_2, parameters, readings
 from gateway.evaluate.standards.certainty import RECALLED, SECONDARY, Certainty
 from gateway.evaluate.standards.decision import Decision, decide
@@ -189,7 +187,7 @@ def evaluate_by(
         else {}
     )
     by_trials = {key: outcome.U for key, outcome in outcomes.items() if values.get(key) is not None}
-    notes = (*flags, *unsettled_notes(outcomes), *set_up_notes(at, x.shape[1], unit), *closure_notes(at, x, unit))
+    notes = (*flags, *unsettled_notes(outcomes))
     return StandardResult(
         standard=chosen,
         unit=unit,
@@ -233,25 +231,3 @@ def unsettled_notes(outcomes: Mapping[str, TrialOutcome]) -> tuple[str, ...]:
     """The parameters whose Monte Carlo interval was still moving when the trials ended."""
     moving = [name for name, outcome in outcomes.items() if not outcome.converged]
     return (words("S-EVAL-TRIALS", names=", ".join(moving), trials=outcomes[moving[0]].trials),) if moving else ()
-
-
-def set_up_notes(targets: FloatArray, repetitions: int, unit: DeviationUnit) -> tuple[str, ...]:
-    """What a plan of targets (m,) lacks: too few of them for the travel, or equal steps (they alias a pitch)."""
-    travel = float(np.ptp(targets))
-    least, runs = iso230_2.minimum_targets("linear" if unit == "um" else "rotary", travel)
-    found = [words("S-EVAL-TARGETS", targets=targets.size, least=least)] if targets.size < least else []
-    steps = np.diff(np.sort(targets))
-    if targets.size > 2 and float(np.ptp(steps)) <= 1e-6 * travel:
-        found.append(words("S-EVAL-STEPS"))
-    if runs == 1 and repetitions > 1:
-        found.append(words("S-EVAL-LONG"))
-    return tuple(found)
-
-
-def closure_notes(targets: FloatArray, deviations: FloatArray, unit: DeviationUnit) -> tuple[str, ...]:
-    """The closing error of a rotary test over whole turns: reported, never spread over the readings."""
-    gap = rotary.closure_arcsec(targets, deviations) if unit == "arcsec" else None
-    if gap is None:
-        return ()
-    code = "S-EVAL-CLOSURE-FAR" if abs(gap) > 1.0 else "S-EVAL-CLOSURE"
-    return (words(code, gap=f"{gap:+.3f}", turn=f"{np.ptp(targets):g}"),)

@@ -10,6 +10,7 @@ from types import MappingProxyType
 import numpy as np
 import scipy
 
+from drivers.types.doubts import Doubt
 from drivers.types.results import MeasuredSet
 from drivers.units import DeviationUnit, deviation_unit
 from gateway.domain.captures import Capture
@@ -19,9 +20,11 @@ from gateway.errors import ModelError
 LABEL = "U (k = 2): GUM, own coefficients"
 DEVICE_UM_PER_M, TEMPERATURE_RANGE_K = 0.5, 0.2
 """What is assumed of a laser system (U, k = 2) and of the range of temperatures where no certificate states more."""
+EXPANSION_RANGE_PPM_PER_K = 2.0
 LATERAL_RANGE_MM = 1.0
 """How far a beam may run off over any travel: by range, not by angle, so that it counts where an axis is short."""
 NOTHING_STATED: Mapping[str, float] = MappingProxyType({})
+CONTRIBUTIONS = ("device", "misalignment", "temperature", "expansion", "turning", "eve")
 RECTANGULAR = 0.6  # ISO/TR 230-9: U = 2 R / (2 sqrt 3) = 0.577 R, printed as 0.6 R
 
 
@@ -46,6 +49,11 @@ class Budget:
     def systematic(self) -> float:
         """The systematic terms together, k = 2."""
         return hypot(self.device, self.misalignment, self.temperature, self.expansion)
+
+    def contributions(self) -> dict[str, float]:
+        """What U contains besides the scatter of the readings: U (k = 2) by name, those that are not 0."""
+        parts = {name: getattr(self, name) for name in CONTRIBUTIONS}
+        return {name: value for name, value in parts.items() if value}
 
 
 def device_um(length_mm: float, calibration_um_per_m: float) -> float:
@@ -81,7 +89,7 @@ def linear_budget(
     calibration_um_per_m: float = DEVICE_UM_PER_M,
     lateral_range_mm: float = LATERAL_RANGE_MM,
     temperature_range_k: float = TEMPERATURE_RANGE_K,
-    expansion_range_ppm_per_k: float = 2.0,
+    expansion_range_ppm_per_k: float = EXPANSION_RANGE_PPM_PER_K,
     eve_um: float | None = None,
 ) -> Budget:
     """The usual budget of a laser on a linear axis of `length_mm`, in um, k = 2."""
@@ -108,21 +116,25 @@ def file_budget(
     expansion_ppm_per_k: float = EXPANSION_PPM_PER_K,
     eve: float | None = None,
     stated: Mapping[str, float] = NOTHING_STATED,
-) -> tuple[Budget, tuple[str, ...]]:
-    """The usual budget of a test, and what had to be supposed, in words.
+) -> tuple[Budget, tuple[Doubt, ...]]:
+    """The usual budget of a test, and what had to be supposed, as codes with what to do about it.
 
     ``travel`` in mm or deg. The material's temperature is never taken to be 20 degC: unknown is a wide range.
     ``stated`` by certificates (k = 2) stands in place of what is supposed: um_per_m, kelvin, arcsec.
     """
     if unit == "arcsec":
         turning = stated.get("arcsec", ROTARY_DEVICE_ARCSEC)
-        supposed = () if "arcsec" in stated else ("U supposes a rotary calibrator of 1 arcsec (k = 2)",)
+        supposed = () if "arcsec" in stated else (Doubt("S-U-ROTARY", names={"U": f"{ROTARY_DEVICE_ARCSEC:g}"}),)
         return Budget(turning=turning, eve=eve), supposed
     off = UNKNOWN_OFF_20_K if material_degc is None else material_degc - 20.0
-    laser = "a laser" if "um_per_m" in stated else f"a laser of {DEVICE_UM_PER_M:g} um/m (k = 2)"
-    notes = [f"U supposes {laser} aligned within {LATERAL_RANGE_MM:g} mm, and expansion known within 2 ppm/K"]
+    ranges = {"lateral": f"{LATERAL_RANGE_MM:g}", "expansion": f"{EXPANSION_RANGE_PPM_PER_K:g}"}
+    if "um_per_m" in stated:
+        notes = [Doubt("S-U-ALIGNMENT", names=ranges)]
+    else:
+        notes = [Doubt("S-U-LASER", names={"device": f"{DEVICE_UM_PER_M:g}", **ranges})]
     if material_degc is None:
-        notes.append("the material's temperature is not known: U supposes 5 to 35 degC")
+        low, high = 20.0 - UNKNOWN_OFF_20_K, 20.0 + UNKNOWN_OFF_20_K
+        notes.append(Doubt("S-U-MATERIAL", names={"low": f"{low:g}", "high": f"{high:g}"}))
     if travel == 0.0:
         return Budget(eve=eve), tuple(notes)
     budget = linear_budget(
@@ -141,7 +153,7 @@ def measured_budget(
     material_degc: float | None = None,
     expansion_ppm_per_k: float | None = None,
     stated: Mapping[str, float] = NOTHING_STATED,
-) -> tuple[Budget, tuple[str, ...]]:
+) -> tuple[Budget, tuple[Doubt, ...]]:
     """`file_budget` of what was measured: by what is given, else by what it says itself."""
     sensors = measured.ambient_start.material_degc
     read = sum(sensors) / len(sensors) if sensors else None

@@ -25,6 +25,8 @@ from gateway.config import AxisSection, Targets
 from gateway.domain.captures import Capture
 from gateway.domain.equipment import Equipment, Item, SenseProof
 from gateway.domain.figures import Evaluation
+from gateway.evaluate.behaviour.doubts import notable
+from gateway.evaluate.behaviour.doubts import told as told_doubts
 from gateway.evaluate.behaviour.whole_travel import over_travel
 from gateway.evaluate.standards.iso230_2 import evaluate, told_incurable
 from gateway.evaluate.uncertainty.budget import budget_of
@@ -98,7 +100,8 @@ def evaluated(
     if capture.cycle != "standard":
         result = replace(result, flags=(*result.flags, f"{capture.cycle} cycle: not for acceptance to ISO 230-2"))
     line = (told(capture),) if axis.kind == "linear" else ()
-    result = replace(result, flags=(*result.flags, *told_incurable(result), *line))
+    doubtful = told_doubts(notable(capture.doubts))
+    result = replace(result, flags=(*result.flags, *doubtful, *told_incurable(result), *line))
     folder.put(stages.evaluation(axis.name, phase), result, (digest,))
     return MeasuredAxis(capture, result, digest)
 

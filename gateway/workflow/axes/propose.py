@@ -15,6 +15,7 @@ from gateway.config import AxisSection
 from gateway.domain.captures import Capture
 from gateway.domain.proposals import Proposal, TableChange
 from gateway.errors import CaptureError
+from gateway.evaluate.behaviour.doubts import blocking
 from gateway.evaluate.behaviour.repetitions import RobustMeans
 from gateway.table import Grid, MeasuredMeans
 from gateway.table import propose as propose_table
@@ -67,6 +68,8 @@ async def _changes(at: Bench, axis: AxisSection, item: MeasuredAxis, taken: Coll
     at.folder.put(stages.component(axis.name), shown.doubted, (item.digest,))
     can = at.supervisor.controller.capabilities
     limits = await at.supervisor.controller.table_limits(axis.name, "axis", axis.encoder)
+    if blocking(capture.doubts):
+        return [change_of(axis, shown, capture.live, limits)]
     beside = await reversal_changes(at, axis, shown, capture.live, resolution=limits.resolution, taken=taken)
     turned = next(iter(beside), None)
     seen = reversal_of_capture(axis, shown) if _in_columns(can) else None
@@ -103,6 +106,7 @@ def change_of(
             unseen=shown.unseen,
             possible=shown.possible() if shown.found else None,
             place=shown.place,
+            doubts=capture.doubts,
         ),
         live=live,
         grid=Grid(axis.table.minimum, axis.table.maximum, axis.table.step),

@@ -13,12 +13,18 @@ from gateway.domain.figures import Evaluation
 from gateway.domain.outcomes import AxisVerdict, PushRecord, Verdict
 from gateway.domain.proposals import TableChange
 from gateway.evaluate.behaviour.spread_change import SpreadChange, spread_change
+from gateway.evaluate.behaviour.table_effect import Kind
 from gateway.evaluate.standards.iso230_2 import scatter_alone
 from gateway.workflow.axes.explaining import WIDEN, Checked, check_between, explain
 from gateway.workflow.axes.measure import MeasuredAxis
 
 PUSHED = ("committed", "already-applied")
 _SIZES = {1: "W-VERDICT-BETTER", 0: "W-VERDICT-SAME", -1: "W-VERDICT-WORSE"}
+_NO_REASON: dict[int, tuple[Kind, ...]] = {1: ("cannot-tell", "not-active", "wrong-sign"), 0: (), -1: ("cannot-tell",)}
+"""What the shape of the change may suggest and is no reason for the verdict: M, B and the check stops decide it.
+
+They compare ranges with their own U; the shape needs four times that to name a cause, so it stays silent more often.
+"""
 
 
 def judge_axis(
@@ -44,10 +50,12 @@ def judge_axis(
     if checked is not None:
         held, size = held and checked.held, -1 if checked.worse else size
     B = _smaller(before, after, "B") if turned is not None else 0
+    by = "B" if turned is not None and (not tabled or B < 0 or (B > 0 and size <= 0)) else "M"
     size = -1 if min(size, B) < 0 else max(size, B)
-    said = words(_SIZES[size]) + " " + words("W-VERDICT-HELD" if held else "W-VERDICT-MISSED")
+    said = _verdict(size, by, before, after=after) + " " + words("W-VERDICT-HELD" if held else "W-VERDICT-MISSED")
     if tabled:
-        said += " " + explain(change, mean_of_both(before), mean_of_both(after), _U_of_change(before, after)).words
+        effect = explain(change, mean_of_both(before), mean_of_both(after), _U_of_change(before, after))
+        said += f" {effect.words}" if effect.kind not in _NO_REASON[size] else ""
     said += f" {checked.words}" if checked is not None else ""
     said += f" {_reversal(before, after, worse=B < 0)}" if turned is not None else ""
     said += _over_travel(after)
@@ -103,6 +111,17 @@ def mean_of_both(evaluation: Evaluation) -> FloatArray:
     return np.asarray(np.nanmean(both, axis=0), dtype=np.float64)
 
 
+def _verdict(size: int, by: Literal["M", "B"], before: Evaluation, after: Evaluation) -> str:
+    """The verdict in one sentence, with the figure that it rests on."""
+    was, is_now = getattr(before, by), getattr(after, by)
+    figures = {"figure": by, "before": _number(was), "after": _number(is_now), "U": _number(_doubt(before, after, by))}
+    return words(_SIZES[size], **figures, unit=before.unit)
+
+
+def _number(value: float | None) -> str:
+    return "-" if value is None else f"{value:.2f}"
+
+
 def _over_travel(after: Evaluation) -> str:
     """What is to be expected between the targets too, where something tells."""
     if after.M_travel is None:
@@ -127,9 +146,14 @@ def _smaller(before: Evaluation, after: Evaluation, name: Literal["M", "B"]) -> 
     was, is_now = getattr(before, name), getattr(after, name)
     if was is None or is_now is None:
         return 0
-    doubt = float(np.hypot(before.U.get(name, 0.0), after.U.get(name, 0.0)))
+    doubt = _doubt(before, after, name)
     change = was - is_now
     return 0 if abs(change) <= doubt else int(np.sign(change))
+
+
+def _doubt(before: Evaluation, after: Evaluation, name: Literal["M", "B"]) -> float:
+    """Expanded uncertainty of the difference of a figure."""
+    return float(np.hypot(before.U.get(name, 0.0), after.U.get(name, 0.0)))
 
 
 def _U_of_change(before: Evaluation, after: Evaluation) -> float:

@@ -33,9 +33,13 @@ KEYS: Mapping[str, tuple[type, ...]] = {
     "U": (int, float),
     "offset": (list,),
     "own_angle": (int, float, str),
+    "material_degc": (int, float, str),
+    "accept_doubts": (dict,),
 }
 FARTHEST = 1e6
 """The largest number an answer can be, mm, deg, um or arcsec: a kilometre."""
+HOTTEST, COLDEST = 100.0, -50.0
+"""degC that a machine's material can have."""
 UNKNOWN = "unknown"
 """Said of a square's own angle where nobody knows it."""
 SQUAREST = 80.0
@@ -115,6 +119,12 @@ def _judged(own: Any, place: str, where: str) -> dict[str, Value]:
         if not right or not all(possible(one) for one in _numbers(value)):
             needs = " or ".join(one.__name__ for one in wanted)
             needs += f", from -{FARTHEST:g} to {FARTHEST:g}" if right else ""
+            raise ConfigError("E-DAY-ANSWER", where, place=shown(place), key=key, value=shown(str(value)), known=needs)
+        if key == "accept_doubts" and not all(isinstance(one, str) and one.strip() for one in value.values()):
+            needs = "a reason for each code"
+            raise ConfigError("E-DAY-ANSWER", where, place=shown(place), key=key, value=shown(str(value)), known=needs)
+        if key == "material_degc" and value != UNKNOWN and (isinstance(value, str) or not COLDEST <= value <= HOTTEST):
+            needs = f"degC from {COLDEST:g} to {HOTTEST:g}, {UNKNOWN}"
             raise ConfigError("E-DAY-ANSWER", where, place=shown(place), key=key, value=shown(str(value)), known=needs)
         if key == "own_angle" and value != UNKNOWN and (isinstance(value, str) or abs(value) > SQUAREST):
             needs = f"arcsec from -{SQUAREST:g} to {SQUAREST:g}, {UNKNOWN}"

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 from drivers.errors import ConfigError
 from drivers.local.names import shown
 from gateway.config import AxisSection
 from gateway.domain.values import component_unit
+from gateway.evaluate.behaviour.doubts import all_doubts, blocking
 from gateway.siteplan import LOCATIONS
 from gateway.workflow.day.answers import UNKNOWN, Answers
 from gateway.workflow.day.gathering import DayFile, copies
@@ -33,7 +34,8 @@ NO_SETUP = {"dynamic": "W-DAY-DYNAMIC", "gear": "W-DAY-GEAR", "other": "W-DAY-OT
 class OpenQuestion:
     """What only a person knows: ``place`` and ``key`` in the answers' file, ``code`` of the catalogue's words for it.
 
-    ``choices`` are the only answers, where there are any; ``default`` is "" where none can be proposed.
+    ``choices`` are the only answers, where there are any; ``default`` is "" where none can be proposed. Without an
+    answer to an ``optional`` one the day goes on with what is supposed instead.
     """
 
     place: str
@@ -42,6 +44,7 @@ class OpenQuestion:
     default: str = ""
     choices: tuple[str, ...] = ()
     fields: Mapping[str, object] = field(default_factory=dict)
+    optional: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -230,13 +233,17 @@ class _Sorter:
         positioning = error[1] == error[2] and error[1] != "0"
         sense = "+" if positioning else self._way(one, "sense", "all", "P-DAY-SENSE", moved=moved)
         park = self._park(one, error, told)
-        if datum is None or not direction or not sense or park is None:
+        settled = self._doubts(one, error, moved)
+        degc = self._material(one, moved) if positioning else None
+        if datum is None or not direction or not sense or park is None or settled is None:
             return {}
         found: dict[str, Any] = {"axis": moved.name, "component": error, "source": "file", "datum": datum}
         found |= {"unit": str(self._answers.of("unit", one.name) or "")} if one.driver == "rta" else {}
         found |= {"file_axis_sense": -1} if direction == "-" else {}
         found |= {"sense": -1} if sense == "-" else {}
         found |= {"park": park} if park else {}
+        found |= {"accept_doubts": settled} if settled else {}
+        found |= {"material_degc": degc} if degc is not None else {}
         own = {"U": "U", "offset": "offset_mm", "own_angle": "own_angle_arcsec"}
         more = {to: self._answers.of(key, one.name, moved.name) for key, to in own.items()}
         return found | {key: value for key, value in more.items() if value not in (None, UNKNOWN)}
@@ -254,6 +261,33 @@ class _Sorter:
             zero = "0" if inside else ""
             self._ask(OpenQuestion(f"axes.{moved.name}", "datum", "P-DAY-DATUM", default=zero, fields=fields))
         return (float(said) if said is not None else None), direction
+
+    def _doubts(self, one: DayFile, error: str, moved: AxisSection) -> dict[str, str] | None:
+        """Reasons by code of what a person answers for; None while a doubt of the readings is open."""
+        accepted = dict(self._answers.of("accept_doubts", one.name, moved.name) or {})
+        if one.measured is None:
+            return accepted
+        found = one.measured.doubts
+        if error[1] != "0":
+            found = all_doubts(replace(one.measured, axis_unit=moved.unit), component_unit(error, moved.unit))
+        for doubt in blocking(found):
+            if doubt.code not in accepted:
+                fields = {"name": one.name, "doubt": doubt.text, "named": doubt.code, "accepted": accepted}
+                self._ask(OpenQuestion(f"files.{one.name}", "accept_doubts", "P-DAY-DOUBT", fields=fields))
+                return None
+        return accepted
+
+    def _material(self, one: DayFile, moved: AxisSection) -> float | None:
+        """The material's temperature that a person gave, where the file of a linear axis has none."""
+        if moved.kind != "linear" or one.measured is None or one.measured.ambient_start.material_degc:
+            return None
+        said = self._answers.of("material_degc", one.name, moved.name)
+        if said is None:
+            fields = {"name": one.name}
+            self._ask(
+                OpenQuestion("all", "material_degc", "P-DAY-MATERIAL", default=UNKNOWN, fields=fields, optional=True)
+            )
+        return float(said) if isinstance(said, int | float) else None
 
     def _way(self, one: DayFile, key: str, place: str, code: str, *, moved: AxisSection) -> str:
         """A sign that somebody said, "" while it is open. Raises ConfigError (E-DAY-ANSWER)."""

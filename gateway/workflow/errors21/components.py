@@ -11,6 +11,7 @@ from typing import Any
 
 from drivers.clock import Clock
 from drivers.errors import TrueflankError, words
+from drivers.types.doubts import Doubt
 from drivers.types.tables import LiveSet
 from gateway.capture.retaking import demand_complete
 from gateway.config import SiteFile
@@ -19,6 +20,7 @@ from gateway.correct.plan.plan import AxisGrid
 from gateway.domain.captures import Capture
 from gateway.domain.equipment import Equipment
 from gateway.errors import CaptureError, IllegalTransition, Incomplete
+from gateway.evaluate.behaviour.doubts import all_doubts, blocking, demand_settled, settled
 from gateway.evaluate.geometry.errormodel import error_model
 from gateway.interlocks import aged, crowded
 from gateway.model.known import ErrorModel
@@ -106,7 +108,7 @@ def _left(folder: RunFolder, todo: Sequence[Planned], now_utc: datetime, say: Sa
     for one in todo:
         if not folder.has(stages.setup(one.key)):
             continue
-        if folder.read_text(f"setup-{one.key}.json") != one.setup.model_dump_json():
+        if not one.was_measured_as(folder.read_text(f"setup-{one.key}.json")):
             raise IllegalTransition("E-SETUP-CHANGED", folder.run_id, setup=one.key)
     return tuple(one for one in todo if not _done(folder, one, now_utc, say))
 
@@ -117,7 +119,9 @@ def _done(folder: RunFolder, one: Planned, now_utc: datetime, say: Say) -> bool:
         return False
     if one.setup.source != "live" or any(stage.startswith(stages.push("")) for stage in folder.stages):
         return True
-    why = _unfit(folder.get(stages.setup(one.key), Capture), now_utc, positioning=one.positioning)
+    capture = folder.get(stages.setup(one.key), Capture)
+    why = _unfit(capture, now_utc, positioning=one.positioning)
+    why = why or "; ".join(doubt.text for doubt in blocking(_settled(one, capture)))
     if why:
         say("P-SETUP-ANEW", setup=one.key, words=why)
     return not why
@@ -180,10 +184,15 @@ def _same_tables(known: dict[str, str], capture: Capture, key: str) -> None:
 
 
 def conclude(site: SiteFile, folder: RunFolder, tooth: Tooth | None) -> PlanOutcome:
-    """Fit everything captured so far, store the error model, and say what should be measured next."""
+    """Fit everything captured so far, store the error model, and say what should be measured next.
+
+    Raises InDoubt (E-DOUBT-OPEN) where readings of a set-up leave a doubt that nobody settled.
+    """
     plan = planned(site)
     done = [one for one in plan if one.measured and folder.has(stages.setup(one.key))]
     captures = [folder.get(stages.setup(one.key), Capture) for one in done]
+    for one, capture in zip(done, captures, strict=True):
+        demand_settled(_settled(one, capture), one.key)
     rotary = [axis.name for axis in site.axes if axis.kind == "rotary"]
     measurements = [
         one.measurement(capture.targets, capture.deviations, rotary, stood(site, folder, one))
@@ -206,6 +215,11 @@ def conclude(site: SiteFile, folder: RunFolder, tooth: Tooth | None) -> PlanOutc
         open=opened,
         advice=advice,
     )
+
+
+def _settled(one: Planned, capture: Capture) -> tuple[Doubt, ...]:
+    """The doubts of a set-up's capture, with what the site file accepts of them now."""
+    return settled(all_doubts(capture), one.axis.measure.accept_doubts)
 
 
 def grids(site: SiteFile) -> tuple[AxisGrid, ...]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from drivers.errors import ConfigError
+from gateway.capture.corrected import doubted
 from gateway.config import SiteFile
 from gateway.domain.captures import Capture
 from gateway.store import RunFolder
@@ -23,7 +24,8 @@ def axes_measured(folder: RunFolder, site: SiteFile) -> dict[str, MeasuredAxis]:
     found: dict[str, MeasuredAxis] = {}
     for one in planned(site):
         if one.positioning and folder.has(stages.setup(one.key)):
-            capture = on_its_line(folder.get(stages.setup(one.key), Capture), one.axis, site, folder)
+            capture = doubted(folder.get(stages.setup(one.key), Capture), one.axis)
+            capture = on_its_line(capture, one.axis, site, folder)
             capture = with_conditions(capture, one.axis, site, stood(site, folder, one))
             parents = (folder.digest(stages.setup(one.key)),)
             found[one.axis.name] = evaluated(folder, one.axis, phase="before", capture=capture, parents=parents)

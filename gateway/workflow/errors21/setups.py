@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -14,7 +15,7 @@ from gateway.evaluate.geometry.measurement import Measurement
 from gateway.table.proposal import InstrumentU
 
 # Inherited from the axis' measure section unless the set-up says otherwise.
-OWN = ("targets", "repetitions", "settle_s", "average_s", "stable")
+OWN = ("targets", "repetitions", "settle_s", "average_s", "stable", "material_degc")
 ORDER = "ABCXYZ"
 DEFAULT_U = 0.3
 JOG = {"linear": 10.0, "rotary": 5.0}
@@ -29,6 +30,11 @@ class Planned:
     axis: AxisSection
     unit: DeviationUnit
     positioning: bool
+
+    def was_measured_as(self, kept: str) -> bool:
+        """Whether a set-up's stored form is what the site file has: its doubts may have been accepted since."""
+        now, then = json.loads(self.setup.model_dump_json()), json.loads(kept)
+        return all(now.get(key) == then.get(key) for key in (*now, *then) if key != "accept_doubts")
 
     @property
     def measured(self) -> bool:
@@ -100,12 +106,15 @@ def _own(axis: AxisSection) -> SetupSection | None:
         datum=measure.file_datum,
         unit=measure.file_unit,
         file_axis_sense=measure.file_axis_sense,
+        material_degc=measure.material_degc,
+        accept_doubts=measure.accept_doubts,
     )
 
 
 def _whole(setup: SetupSection, axis: AxisSection) -> Planned:
     own = {name: getattr(setup, name) for name in OWN if getattr(setup, name) is not None}
     changes: dict[str, Any] = {"component": setup.component, "instrument": setup.instrument, "file": None, **own}
+    changes["accept_doubts"] = {**axis.measure.accept_doubts, **setup.accept_doubts}
     if setup.source == "file":
         more = {"file": setup.path, "file_datum": setup.datum, "file_axis_sense": setup.file_axis_sense}
         changes |= more

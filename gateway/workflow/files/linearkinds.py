@@ -44,7 +44,7 @@ def positioning(files: Files, _asked: KindQuestion) -> KindAnswer:
     notes: dict[str, None] = {}
     for one in files:
         budget, supposed = measured_budget(one.measured)
-        notes |= dict.fromkeys(supposed)
+        notes |= dict.fromkeys(one.text for one in supposed)
         found = iso230_2.evaluate(one.measured.targets, one.measured.deviations, unit, budget=budget)
         stated = {"A": found.A, "E": found.E, "M": found.M, "R": found.R, "B": found.B}
         figures += [

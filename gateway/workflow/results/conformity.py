@@ -11,6 +11,8 @@ from drivers.errors import words
 from gateway.config import SiteFile
 from gateway.config.paper.sections import GearToleranceSection, ToleranceSection
 from gateway.domain.values import COVERAGE
+from gateway.evaluate.behaviour.doubts import all_doubts
+from gateway.evaluate.behaviour.positioning import undecided
 from gateway.evaluate.standards.decision import Decision, decide
 from gateway.evaluate.standards.flank_tolerances import STANDARD, class_limits
 from gateway.evaluate.standards.registry import evaluate_by, standard
@@ -100,14 +102,16 @@ def _decisions(axis: AxisMaterial, name: str, said: ToleranceSection) -> tuple[D
     capture = axis.capture_after if axis.after is not None else axis.capture_before
     if found is None:
         return ()
+    doubts = all_doubts(capture) if capture is not None else ()
     if name == RUN_STANDARD:
         limits = said.limits.items()
-        return tuple(decide(key, getattr(found, key), U=found.U.get(key), limit=limit) for key, limit in limits)
+        by_run = (decide(key, getattr(found, key), U=found.U.get(key), limit=limit) for key, limit in limits)
+        return undecided(tuple(by_run), doubts)
     if capture is None:
         return ()
     unit = axis.deviation_unit
     result = evaluate_by(name, capture.targets, capture.deviations, unit, budget=axis.budget)
-    return result.decided(said.limits)
+    return undecided(result.decided(said.limits), doubts)
 
 
 def _gear(tooth: ToothMaterial, said: GearToleranceSection) -> Iterator[Judged]:

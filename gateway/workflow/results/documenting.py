@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field, replace
 from datetime import datetime
 from pathlib import Path
 
 from drivers.errors import ConfigError
+from drivers.types.doubts import Doubt
 from gateway.config import SiteFile
+from gateway.evaluate.behaviour.doubts import all_doubts, blocking
 from gateway.report import ReportMaterial, as_json
 from gateway.report.certificate.dcc import dcc, evaluated
 from gateway.report.document.pdf import Attached, pdf
@@ -28,6 +31,7 @@ class Told:
 
     language: str = ""
     site: tuple[SiteFile, Path] | None = None
+    accepted: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def tree(self) -> SiteFile | None:
@@ -37,18 +41,22 @@ class Told:
 
 @dataclass(frozen=True, slots=True)
 class DocumentPaths:
-    """Where the report was written; ``verdicts`` are those of its statement of conformity."""
+    """Where the report was written; ``verdicts`` are those of its statement of conformity.
+
+    ``doubts`` are codes of open doubts about the readings, each behind its axis.
+    """
 
     number: str
     pdf: Path
     html: Path
     dcc: Path | None = None
     verdicts: tuple[str, ...] = ()
+    doubts: tuple[str, ...] = ()
 
     def as_data(self) -> dict[str, object]:
         """For --json."""
         paths = {"pdf": str(self.pdf), "html": str(self.html), "dcc": str(self.dcc) if self.dcc is not None else None}
-        return {"number": self.number, **paths, "verdicts": list(self.verdicts)}
+        return {"number": self.number, **paths, "verdicts": list(self.verdicts), "doubts": list(self.doubts)}
 
     @property
     def files(self) -> tuple[Path, ...]:
@@ -100,4 +108,12 @@ def write_document(material: ReportMaterial, folder: Path, written: datetime) ->
     if xml is not None:
         write_whole(xml, certificate)
     verdicts = tuple(one.decision.verdict for one in material.judged)
-    return DocumentPaths(made.number, paper, html=screen, dcc=xml, verdicts=verdicts)
+    open_doubts = tuple(f"{axis} {one.code}" for axis, one in _open_doubts(material))
+    return DocumentPaths(made.number, paper, html=screen, dcc=xml, verdicts=verdicts, doubts=open_doubts)
+
+
+def _open_doubts(material: ReportMaterial) -> Iterator[tuple[str, Doubt]]:
+    for axis in material.axes:
+        capture = axis.capture_after if axis.capture_after is not None else axis.capture_before
+        for one in blocking(all_doubts(capture)) if capture is not None else ():
+            yield axis.axis, one

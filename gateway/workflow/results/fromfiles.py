@@ -14,11 +14,10 @@ from drivers.types.results import MeasuredSet
 from drivers.units import deviation_unit
 from gateway.config import SiteFile
 from gateway.domain.captures import Capture, Corrections
-from gateway.evaluate.behaviour.repetitions import out_of_line
+from gateway.evaluate.behaviour.doubts import told, with_doubts
+from gateway.evaluate.behaviour.positioning import Surroundings, budget_with, contributions, said_contributions
 from gateway.evaluate.optics import corrections
 from gateway.evaluate.standards.iso230_2 import evaluate
-from gateway.evaluate.standards.registry import closure_notes, set_up_notes
-from gateway.evaluate.uncertainty.budget import measured_budget
 from gateway.report.material import AxisMaterial, FileUsed, ReportMaterial
 from gateway.store import RunFolder, Store
 from gateway.store.disk import disk_errors
@@ -35,18 +34,29 @@ def imported(folder: RunFolder) -> bool:
     return folder.state == STATE and folder.has(MEASURED)
 
 
-def material_of_import(folder: RunFolder, site: SiteFile | None = None) -> ReportMaterial:
+def material_of_import(
+    folder: RunFolder, site: SiteFile | None = None, *, accepted: Mapping[str, str] | None = None
+) -> ReportMaterial:
     """A run that imported a result file, as a report shows it, with U by a site's register. Raises CorruptRecord."""
     plan = folder.plan
     said = plan.get("imported", {}) if isinstance(plan, Mapping) else {}
     name = str(said.get("name", folder.run_id))
     item = MeasuredItem(name, folder.get(MEASURED, MeasuredSet))
     file = FileUsed(name, str(said.get("sha256", "")), "imported")
-    return _material((item,), (file,), folder.run_id, str(folder.facts["created_utc"]), site)
+    return _material((item,), (file,), folder.run_id, str(folder.facts["created_utc"]), site=site, accepted=accepted)
 
 
-def material_of_files(paths: Sequence[Path], how: How, store: Store, site: SiteFile | None = None) -> ReportMaterial:
+def material_of_files(
+    paths: Sequence[Path],
+    how: How,
+    store: Store,
+    site: SiteFile | None = None,
+    *,
+    accepted: Mapping[str, str] | None = None,
+) -> ReportMaterial:
     """Result files as a report shows them, each an axis as found; what a site's register states goes into U.
+
+    ``accepted`` are doubts about the readings that a person answers for, reasons by code.
 
     Raises ConfigError (E-CLI-KIND) for a file that holds no targets, and what reading a file raises.
     """
@@ -57,14 +67,21 @@ def material_of_files(paths: Sequence[Path], how: How, store: Store, site: SiteF
         with disk_errors(path):
             files.append(FileUsed(path.name, hashlib.sha256(path.read_bytes()).hexdigest(), "result file"))
     digest = hashlib.sha256("".join(one.sha256 for one in files).encode()).hexdigest()
-    return _material(found, files, f"files-{digest[:6]}", "", site)
+    return _material(found, files, f"files-{digest[:6]}", "", site=site, accepted=accepted)
 
 
 def _material(
-    found: Iterable[MeasuredItem], files: Sequence[FileUsed], run_id: str, created: str, site: SiteFile | None
+    found: Iterable[MeasuredItem],
+    files: Sequence[FileUsed],
+    run_id: str,
+    created: str,
+    *,
+    site: SiteFile | None,
+    accepted: Mapping[str, str] | None = None,
 ) -> ReportMaterial:
     found = tuple(found)
-    axes = tuple(_axis(name, item, site) for name, item in zip(_names(found), found, strict=True))
+    named = zip(_names(found), found, strict=True)
+    axes = tuple(_axis(name, item, site, accepted or {}) for name, item in named)
     heads = [item.header for item in (_measured(one) for one in found)]
     moments = sorted(head["Date"] for head in heads if head.get("Date"))
     first = moments[0] if moments else created
@@ -103,20 +120,20 @@ def _names(found: Sequence[MeasuredItem]) -> Iterator[str]:
         yield name if seen[name] == 1 else f"{name} ({seen[name]})"
 
 
-def _axis(name: str, item: MeasuredItem, site: SiteFile | None) -> AxisMaterial:
-    measured = _measured(item)
+def _axis(name: str, item: MeasuredItem, site: SiteFile | None, accepted: Mapping[str, str]) -> AxisMaterial:
+    measured = with_doubts(_measured(item), accepted)
     unit = deviation_unit(measured.axis_unit)
     letter = shown(measured.header.get("Axis", "").strip())
-    budget, supposed = measured_budget(measured, stated=stated_of(site, letter) if site is not None else {})
+    known = Surroundings(equipment=stated_of(site, letter) if site is not None else None)
+    budget, supposed = budget_with(item.capture or measured, known)
     result = evaluate(measured.targets, measured.deviations, unit, budget=budget)
     done = item.capture.corrections if item.capture is not None else corrections.begin(measured.compensated_for)
     notes = (
         *measured.warnings,
         *item.notes,
-        *supposed,
-        *set_up_notes(measured.targets, measured.deviations.shape[1], unit),
-        *closure_notes(measured.targets, measured.deviations, unit),
-        *out_of_line(measured.targets, measured.deviations, unit),
+        *(one.text for one in supposed),
+        said_contributions(contributions(measured, budget), unit),
+        *told(measured.doubts),
     )
     return AxisMaterial(
         axis=name,
@@ -144,4 +161,5 @@ def _capture(axis: str, label: str, measured: MeasuredSet, done: Corrections) ->
         sense=None,
         source=label,
         started_utc=measured.header.get("Date", ""),
+        doubts=measured.doubts,
     )

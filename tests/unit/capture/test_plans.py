@@ -20,7 +20,7 @@ from gateway.capture.sense import prove_sense
 from gateway.capture.targets import positions
 from gateway.config import AxisSection, Targets
 from gateway.errors import Unstable
-from gateway.evaluate.standards.registry import set_up_notes
+from gateway.evaluate.behaviour.doubts import doubts_of
 from gateway.walk import Patience
 from tests.unit.capture.double import LittleMachine
 from tests.unit.capture.test_live import AXIS
@@ -134,7 +134,8 @@ def test_the_standards_least_number_of_targets(length: float, rotary: bool, coun
     assert len(found) == count
     assert found[0] >= 0.0
     assert found[-1] <= length
-    assert not [note for note in set_up_notes(found, 1, "arcsec" if rotary else "um") if "asks for" in note]
+    doubts = doubts_of(found, np.zeros((len(found), 1, 2)), "deg" if rotary else "mm")
+    assert not [one for one in doubts if one.code == "S-EVAL-TARGETS"]
     if count > 4:
         assert np.ptp(np.diff(found)) > 0.01 * length / count  # random offsets, so that nothing periodic hides
 

@@ -12,12 +12,13 @@ from drivers.types.sensing import Ambient
 from drivers.units import arcsec_to_rad, rad_to_arcsec
 from gateway.cli.files.tables import reader
 from gateway.errors import AmbientOutOfRange, ModelError
+from gateway.evaluate.behaviour.doubts import doubts_of
 from gateway.evaluate.geometry import harmonics, lever, squareness, straightness
 from gateway.evaluate.geometry.straightness import StraightnessRun
 from gateway.evaluate.optics import air, length, rotary
 from gateway.evaluate.optics.corrections import begin
 from gateway.evaluate.standards import iso230_2
-from gateway.evaluate.standards.registry import closure_notes, evaluate_by, set_up_notes
+from gateway.evaluate.standards.registry import evaluate_by
 from gateway.evaluate.uncertainty.budget import file_budget, linear_budget
 
 S = np.array([-1.0, -1.0, 0.0, 1.0, 1.0])
@@ -147,8 +148,8 @@ def test_mistake_14_unequal_targets_are_fitted_and_equal_ones_said() -> None:
     angle = np.array([0.0, 33.0, 95.0, 141.0, 170.0, 222.0, 260.0, 301.0, 340.0])
     found = harmonics.harmonics(angle, 3.0 * np.cos(np.radians(2 * angle - 25.0)), (1, 2))
     assert (found.harmonics[2].amplitude, found.harmonics[1].amplitude) == pytest.approx((3.0, 0.0), abs=1e-9)
-    assert "equal steps" in set_up_notes(np.arange(0.0, 100.0, 20.0), 5, "um")[0]
-    assert set_up_notes(AT, 5, "um") == ()
+    assert [one.code for one in doubts_of(np.arange(0.0, 100.0, 20.0), np.zeros((5, 5, 2)), "mm")] == ["S-EVAL-STEPS"]
+    assert doubts_of(AT, np.zeros((len(AT), 5, 2)), "mm") == ()
 
 
 def test_mistake_15_squareness_has_its_sign_and_leaves_no_slope_in_straightness() -> None:
@@ -186,7 +187,8 @@ def test_mistake_19_a_closing_error_is_reported_and_stays() -> None:
     found = rotary.rotary_deviations(device, np.zeros(5), at, reference_deg=0.0)
     np.testing.assert_allclose(found - found[0], error, atol=1e-8)
     assert rotary.closure_arcsec(at, found) == pytest.approx(4.0)
-    assert "closing error +4.000 arcsec over 360 deg, not removed" in closure_notes(at, found, "arcsec")[0]
+    said = doubts_of(at, found.reshape(5, 1, 1).repeat(2, axis=2), "deg")[0]
+    assert "closing error +4.000 arcsec over 360 deg, not removed" in said.text
 
 
 def test_mistake_20_uncertainty_holds_temperature_and_expansion() -> None:

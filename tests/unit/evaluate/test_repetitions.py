@@ -5,7 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from gateway.evaluate.behaviour.repetitions import in_doubt, out_of_line, robust_means
+from gateway.domain.values import FloatArray
+from gateway.evaluate.behaviour.doubts import doubts_of
+from gateway.evaluate.behaviour.repetitions import in_doubt, robust_means
 
 
 def run(seed: int, m: int = 24, n: int = 5, noise: float = 0.15) -> tuple[np.ndarray, np.ndarray]:
@@ -112,17 +114,21 @@ def test_one_run_each_way_takes_scatter_from_the_reversal() -> None:
     assert np.isfinite(found.u).all()
 
 
+def _told_out(targets: FloatArray, x: FloatArray) -> list[str]:
+    return [one.text for one in doubts_of(targets, x, "mm") if one.code.startswith("S-EVAL-OUT")]
+
+
 def test_readings_out_of_line_are_told_with_their_place_the_farthest_first() -> None:
     targets = np.arange(24.0)
     _, x = run(8)
-    assert out_of_line(targets, x, "um") == ()
+    assert not _told_out(targets, x)
     x[3, 2, 1] -= 50.0
     x[9, 0, 0] += 20.0
     x[5, 1:, 0] = np.nan
-    first, second, last = out_of_line(targets, x, "um")
+    first, second, last = _told_out(targets, x)
     assert first.startswith("out of line: at 3, approach -, reading 3 by -")
     assert second.startswith("out of line: at 9, approach +, reading 1 by +")
     assert "in the figures" in last
     for number in range(10, 18):
         x[number, number % 5, 1] += 40.0
-    assert out_of_line(targets, x, "um")[-2] == "5 more readings are out of line"
+    assert _told_out(targets, x)[-2] == "5 more readings are out of line"

@@ -9,11 +9,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
+from numpy.typing import ArrayLike
 
+from drivers.units import AxisUnit
 from gateway.errors import ModelError
+from gateway.evaluate.behaviour.doubts import doubts_of
 from gateway.evaluate.standards import other_standards
 from gateway.evaluate.standards.decision import RULE, decide
-from gateway.evaluate.standards.registry import evaluate_by, set_up_notes, standard, standards
+from gateway.evaluate.standards.registry import evaluate_by, standard, standards
 from gateway.evaluate.uncertainty.budget import Budget, file_budget
 from tests.unit.evaluate.test_other_standards import X
 
@@ -156,21 +159,28 @@ def test_relations_within_the_other_standards(x: np.ndarray) -> None:
     assert wide["A_bi"] <= off["A_bi"] + 1e-9
 
 
+def _plan(places: ArrayLike, repetitions: int, axis_unit: AxisUnit) -> list[str]:
+    at = np.asarray(places, dtype=np.float64)
+    return [one.text for one in doubts_of(at, np.zeros((at.size, repetitions, 2)), axis_unit)]
+
+
 def test_plans_that_do_not_fit_the_standard_are_said() -> None:
-    assert set_up_notes(np.arange(0.0, 1001.0, 250.0), 5, "um") == (
+    assert _plan(np.arange(0.0, 1001.0, 250.0), 5, "mm") == [
         "equal steps: errors that repeat with the step are not seen",
-    )
-    assert set_up_notes(np.array([0.0, 900.0, 1750.0]), 5, "um") == ("3 targets; this travel asks for 9",)
-    assert set_up_notes(np.array([0.0, 70.0, 190.0, 355.0]), 5, "arcsec") == ("4 targets; this travel asks for 8",)
+    ]
+    assert _plan([0.0, 900.0, 1750.0], 5, "mm") == ["3 targets; this travel asks for 9"]
+    assert _plan([0.0, 70.0, 190.0, 355.0], 5, "deg") == ["4 targets; this travel asks for 8"]
     long = np.linspace(0.0, 4000.0, 17) + np.sin(np.arange(17))
-    assert "one run" in " ".join(set_up_notes(long, 5, "um"))
+    assert "one run" in " ".join(_plan(long, 5, "mm"))
 
 
-def test_a_closing_error_is_reported_with_a_rotary_test() -> None:
+def test_a_closing_error_is_a_doubt_of_a_rotary_test() -> None:
     at = np.array([0.0, 70.0, 190.0, 280.0, 360.0])
-    found = evaluate_by("2014", at, X, "arcsec", monte_carlo=False)
-    assert "closing error +3.500 arcsec over 360 deg, not removed: above 1 arcsec, repeat the test" in found.flags
-    assert not any("closing" in flag for flag in evaluate_by("2014", AT, X, "um", monte_carlo=False).flags)
+    found = doubts_of(at, X, "deg")[0]
+    assert found.code == "S-EVAL-CLOSURE-FAR"
+    assert found.blocking
+    assert "closing error +3.500 arcsec over 360 deg, not removed: above 1 arcsec, repeat the test" in found.text
+    assert not any("CLOSURE" in one.code for one in doubts_of(AT, X, "mm"))
 
 
 @pytest.mark.parametrize(
@@ -215,6 +225,6 @@ def test_a_budget_from_a_file_never_takes_20_degrees_for_granted() -> None:
     known, _ = file_budget("um", 1000.0, 20.5)
     assert unknown.expansion == pytest.approx(18.0)
     assert known.expansion == pytest.approx(0.6)
-    assert "5 to 35 degC" in " ".join(notes)
+    assert "5 to 35 °C" in " ".join(one.text for one in notes)
     assert file_budget("um", 0.0, None)[0].systematic == 0.0
     assert file_budget("arcsec", 360.0, None)[0].turning == 1.0

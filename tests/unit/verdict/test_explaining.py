@@ -8,8 +8,13 @@ import numpy as np
 import pytest
 
 from drivers.types.tables import CompensationTable
+from gateway.domain.figures import Evaluation
 from gateway.domain.proposals import TableChange
+from gateway.domain.values import FloatArray
+from gateway.evaluate.standards.iso230_2 import evaluate
+from gateway.evaluate.uncertainty.budget import Budget
 from gateway.workflow.axes.explaining import explain
+from gateway.workflow.axes.verdict import judge_axis
 
 OLD = CompensationTable("axis", "C1", "C1", 0.0, 360.0, 60.0, (0.0, 2.0, 4.0, 2.0, -1.0, -3.0, 0.0), True)
 NEW = replace(OLD, deviations=(0.0, 9.0, 15.0, 4.0, -12.0, -9.0, 0.0))
@@ -44,3 +49,24 @@ def test_a_poor_prediction_does_not_hide_what_two_good_measurements_show() -> No
 def test_other_targets_decide_nothing() -> None:
     assert explain(CHANGE, SHAPE[1:], SHAPE[1:]).kind == "cannot-tell"
     assert explain(CHANGE, SHAPE, SHAPE[1:]).kind == "cannot-tell"
+
+
+@pytest.mark.parametrize("U", [0.1, 1.0, 3.0, 6.0])
+@pytest.mark.parametrize("slope", [-2.0, -1.0, -0.5, 0.0, 1.0])
+def test_one_verdict_in_one_sentence_and_no_reason_against_it(slope: float, U: float) -> None:
+    def figures(mean: FloatArray) -> Evaluation:
+        x = np.repeat(mean[:, None, None], 2, axis=2) + np.array([[-0.05], [0.05]])
+        return evaluate(TARGETS, x, "arcsec", budget=Budget(device=U))
+
+    told = judge_axis("C1", figures(SHAPE), figures(SHAPE + slope * SHAPE), replace(CHANGE, predicted_U=np.full(24, U)))
+    verdict, *reasons = told.words.split(". ")
+    improved, same = "improved by more than" in verdict, "did not change by more than" in verdict
+    assert [improved, same, "became worse" in verdict].count(True) == 1
+    assert improved == told.improved
+    assert told.worse == ("became worse" in verdict)
+    assert f"M {np.ptp(SHAPE):.2f} -> {np.ptp(SHAPE) * abs(1.0 + slope):.2f} arcsec" in verdict
+    against = {
+        True: ("cannot be determined", "is not active", "wrong sign"),
+        False: ("cannot be determined",) if told.worse else (),
+    }[improved]
+    assert not [one for one in reasons for word in against if word in one]
