@@ -165,7 +165,7 @@ MORE: list[tuple[str, PushFacts]] = [
         state=replace(BOTH, axes={**BOTH.axes, "C1": replace(C_STATE, position=-100.0)}),
     )),
     ("E-INT-REPEAT", noisy(2.8)),
-    ("E-INT-DOUBT", replace(GOOD, capture=replace(CAPTURE, doubts=(Doubt("S-EVAL-CLOSURE-FAR", blocking=True),)))),
+    ("E-INT-DOUBT", replace(GOOD, capture=replace(CAPTURE, doubts=(Doubt("S-EVAL-STEPS", blocking=True),)))),
     ("E-INT-GAIN", replace(GOOD, change=replace(CHANGE, predicted=0.6 * np.array(NEW.deviations)))),
     ("E-INT-APPROVAL-MISSING", replace(TWO, approvals=())),
     ("E-INT-APPROVAL-MISSING", replace(GOOD, approvals_needed=2)),
