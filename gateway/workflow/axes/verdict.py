@@ -50,7 +50,7 @@ def judge_axis(
     if checked is not None:
         held, size = held and checked.held, -1 if checked.worse else size
     B = _smaller(before, after, "B") if turned is not None else 0
-    by = "B" if turned is not None and (not tabled or B < 0 or (B > 0 and size <= 0)) else "M"
+    by: Literal["M", "B"] = "B" if turned is not None and (not tabled or B < 0 or (B > 0 and size <= 0)) else "M"
     size = -1 if min(size, B) < 0 else max(size, B)
     said = _verdict(size, by, before, after=after) + " " + words("W-VERDICT-HELD" if held else "W-VERDICT-MISSED")
     if tabled:
