@@ -65,6 +65,8 @@ _OWN = (
     DriverSpec("linuxcnc-agent-doctor", "doctor", "drivers.linuxcnc.doctor:LinuxCncDoctor"),
     DriverSpec("sinumerik-offline", "controller", "drivers.sinumerik.offline.device:SinumerikOffline", _OFFLINE),
     DriverSpec("sinumerik-offline-doctor", "doctor", "drivers.sinumerik.offline.doctor:OfflineDoctor"),
+    DriverSpec("none", "controller", "drivers.files.only:FilesOnly", "drivers.files.only:FilesOnlySettings"),
+    DriverSpec("none-doctor", "doctor", "drivers.files.only:FilesOnlyDoctor"),
     DriverSpec("umd", "instrument", "drivers.umd.device:UmdCounter", "drivers.umd.settings:UmdSettings"),
     DriverSpec("bridge", "instrument", "drivers.bridge.device:BridgeInstrument", _BRIDGE),
     DriverSpec("bridge-gear", "gear-inspector", "drivers.bridge.gear:BridgeGear", _BRIDGE),

@@ -153,7 +153,7 @@ class SetupSection(Section):
         default=None, gt=0, description="largest plausible reading; beyond it the optics were touched"
     )
     jog: Number | None = Field(default=None, description="jog of the plausibility check, mm or deg")
-    U: Number | None = Field(default=None, ge=0, description="of the instrument (k = 2), um or arcsec")
+    U: Number | None = Field(default=None, ge=0, le=100.0, description="of the instrument (k = 2), um or arcsec")
     own_angle_arcsec: Number | None = Field(default=None, description="angle of the square minus 90 deg, if known")
     park: dict[Name, Number] = Field(
         default_factory=dict, description="positions of the other axes during the measurement"

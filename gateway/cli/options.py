@@ -154,6 +154,14 @@ def accepted_doubts(texts: list[str] | None) -> dict[str, str]:
     return accepted_of(texts or (), "--accept-doubt")
 
 
+def with_control(tree: Any) -> None:
+    """A site that names a control. Raises ConfigError (E-FILES-ONLY)."""
+    from gateway.config import files_only
+
+    if files_only(tree):
+        raise ConfigError("E-FILES-ONLY", tree.site.name)
+
+
 def load_site(path: Path) -> Any:
     """The site file of a command; what reads it is loaded now, so that --help is quick. Raises ConfigError."""
     from gateway.config import load_site as load

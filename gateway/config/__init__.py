@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from gateway.config.faults import Fault, SiteFaults
 from gateway.config.loading import SiteReading, load_site, read_site
-from gateway.config.reaching import excused_certificate, one_start, open_road, plans_together
+from gateway.config.reaching import excused_certificate, files_only, one_start, open_road, plans_together
 from gateway.config.reference import schema
 from gateway.config.sections import (
     AxisSection,
@@ -51,6 +51,7 @@ __all__ = [
     "WorkSection",
     "WorkingWindow",
     "excused_certificate",
+    "files_only",
     "load_site",
     "one_start",
     "open_road",

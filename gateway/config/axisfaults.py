@@ -14,6 +14,7 @@ from drivers.local.names import shown
 from gateway.config.faults import Fault
 from gateway.config.keyfaults import broken
 from gateway.config.places import held
+from gateway.config.reaching import NO_CONTROL
 from gateway.config.rules import (
     LINEAR,
     NEAR,
@@ -167,6 +168,8 @@ def _measured(tree: Mapping[str, Any], site: Any, axis: Any) -> Iterator[Fault]:
     if isinstance(measure.repetitions, int) and measure.repetitions < LEAST_REPETITIONS and measure.file is None:
         yield broken(tree, (*place, "repetitions"), words("W-CFG-REPETITIONS", least=LEAST_REPETITIONS), doubt=True)
     if measure.file is None:
+        if measure.instrument == "" and getattr(site.controller, "driver", "") != NO_CONTROL:
+            yield broken(tree, place, words("W-CFG-LIVE-NEEDS"))
         yield from instrument_faults(tree, site, (*place, "instrument"), measure.instrument)
         yield from _unmeasured(tree, axis, measure)
     elif measure.file_datum is not None and not within(measure.file_datum, *bounds(axis)):

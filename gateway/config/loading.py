@@ -16,6 +16,7 @@ from gateway.config.faults import Fault, SiteFaults
 from gateway.config.judging import rule_faults
 from gateway.config.keyfaults import LISTS, broken, key_faults
 from gateway.config.places import held, places_in
+from gateway.config.reaching import without_control
 from gateway.config.sections import SiteFile
 from gateway.config.seen import seen
 from gateway.config.tomlfaults import read_tree
@@ -73,7 +74,9 @@ def read_site(path: Path) -> SiteReading:
         return _nothing(broken_lines, text)
     if not tree and not broken_lines:
         return _nothing((Fault((), "E-CFG-NOTHING", line=1, column=1),), text)
+    tree, unmeant = without_control(tree)
     site, found = _judged(tree, partial=bool(broken_lines))
+    found = (*found, *unmeant)
     found = tuple(one for one in found if not _named_there(one, tree, text, broken_lines))
     site = None if broken_lines else site
     told = placed((*broken_lines, *found), text_read)

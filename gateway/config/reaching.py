@@ -21,6 +21,8 @@ from gateway.config.sections import SiteFile
 INSTRUMENTS = ("instrument", GEAR_MACHINE)
 UNKNOWN = "unknown"
 """The serial number of a control that nobody asked who it is."""
+NO_CONTROL, NO_ADDRESS = "none", "none://"
+"""The driver of a site that has files only, and the address that stands for its missing control in a record."""
 _PORTLESS = {"opc.tcp"}
 _NUMBERED = {"tcp", "socket", "opc.tcp"}
 _OPEN_TO_MANY = {"terminal", "folder", "memory"}
@@ -33,6 +35,7 @@ _SERIAL = re.compile(r"COM[1-9][0-9]*|/dev/\S+", re.IGNORECASE)
 def reach_faults(tree: Mapping[str, Any], site: Any) -> Iterator[Fault]:
     """Everything that control and instruments say wrong of their drivers."""
     if hasattr(site.controller, "place"):
+        yield from _numbered(tree, site.controller)
         yield from _reached(tree, site.controller, ("controller",))
         yield from _of_control(tree, site)
     for instrument in site.instruments:
@@ -40,6 +43,28 @@ def reach_faults(tree: Mapping[str, Any], site: Any) -> Iterator[Fault]:
     yield from _shared(tree, site.instruments)
     for section, wanted, what in _readings(site):
         yield from _unreadable(tree, site, section, wanted, what)
+
+
+def without_control(tree: dict[str, Any]) -> tuple[dict[str, Any], tuple[Fault, ...]]:
+    """A tree of a site that has files only, completed: it has no address and no serial number, and may name none."""
+    given = tree.get("controller")
+    if not isinstance(given, dict) or given.get("driver") != NO_CONTROL:
+        return tree, ()
+    unmeant = [key for key in ("url", "serial", "settings") if key in given]
+    faults = tuple(broken(tree, ("controller", key), words("W-CFG-NO-CONTROL")) for key in unmeant)
+    return {**tree, "controller": {**given, "url": NO_ADDRESS, "serial": UNKNOWN, "settings": {}}}, faults
+
+
+def files_only(site: Any) -> bool:
+    """Whether the site names no control at all."""
+    return bool(site.controller.driver == NO_CONTROL)
+
+
+def _numbered(tree: Mapping[str, Any], section: Any) -> Iterator[Fault]:
+    """A serial number with a blank in it is never what a control answers: it was typed so."""
+    serial = getattr(section, "serial", None)
+    if isinstance(serial, str) and any(one.isspace() for one in serial):
+        yield broken(tree, (*section.place, "serial"), words("W-CFG-SERIAL-BLANK"))
 
 
 def _shared(tree: Mapping[str, Any], instruments: Iterable[Any]) -> Iterator[Fault]:
@@ -104,9 +129,11 @@ def _unreadable(
 def by_files(site: Any) -> bool:
     """Whether its owner brings result files and carries tables by hand, so that neither a run nor a push is meant.
 
-    No instrument is on a wire, and the control is one that nobody knows, or one without a place to push from that
-    nobody signs in to.
+    The site names no control; or no instrument is on a wire, and the control is one that nobody knows, or one without
+    a place to push from that nobody signs in to.
     """
+    if getattr(site.controller, "driver", "") == NO_CONTROL:
+        return True
     told = [told_to(one, "instrument") for one in site.instruments]
     typed = all(one is not None and one.typed for one in told)
     unknown = getattr(site.controller, "serial", "") == UNKNOWN

@@ -88,7 +88,10 @@ class _Reached(Section):
 class ControllerSection(_Reached):
     """How to reach the control."""
 
-    driver: str = Field(default="sinumerik-opcua", description="name of the driver that connects to the control")
+    driver: str = Field(
+        default="sinumerik-opcua",
+        description="name of the driver that connects to the control; none: files only, without url and serial",
+    )
     serial: str = Field(min_length=1, description="serial number of the machine's control")
     timeout_s: Number = Field(default=5.0, gt=0, le=600.0, description="longest wait for one answer, s")
     access_level: Whole = Field(
@@ -112,7 +115,9 @@ class MeasureSection(Section):
     when the axis' plus direction leads the reflector away from the interferometer, -1 when towards it.
     """
 
-    instrument: MaybeName = Field(default="", description="one of the instruments; left out with file")
+    instrument: MaybeName = Field(
+        default="", description="one of the instruments; left out with file, and with driver none"
+    )
     component: Name = Field(description="measured error motion: EXX for axis X")
     targets: Targets | None = Field(default=None, description="where the axis stops; left out with file")
     repetitions: Whole = Field(
@@ -179,7 +184,7 @@ class MeasureSection(Section):
     @model_validator(mode="after")
     def _one_source(self) -> MeasureSection:
         if self.file is None:
-            if not self.instrument or self.targets is None:
+            if self.targets is None:
                 raise ValueError(words("W-CFG-LIVE-NEEDS"))
         elif self.file_datum is None:
             raise ValueError(words("W-CFG-FILE-DATUM"))

@@ -39,8 +39,11 @@ COPY_METHODS = FILE_METHODS[:2]
 class Methods:
     """Calls by name for one account at a time."""
 
-    def __init__(self, nck: Nck, file_write_level: int, largest: int = MAX_FILE, refusal: str = "") -> None:
+    def __init__(
+        self, nck: Nck, file_write_level: int, largest: int = MAX_FILE, refusal: str = "", select_right: str = "ApWrite"
+    ) -> None:
         self._nck = nck
+        self._select_right = select_right  # "": this server knows no right of its own for it
         self._file_write_level = file_write_level
         self._largest = largest
         self._refusal = refusal  # status the copying methods answer with, whoever calls them
@@ -97,7 +100,7 @@ class Methods:
             raise Refused("BadInvalidState") from refusal
 
     def _select(self, account: Account, source: str, channel: int) -> int:
-        if not account.may("ApWrite"):
+        if self._select_right and not account.may(self._select_right):
             raise Refused("BadUserAccessDenied")
         path = nodes.from_file(source)
         return int(self._nck.select(path, channel)) if path else 2

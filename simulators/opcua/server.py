@@ -47,6 +47,8 @@ class ServerSettings:
     alarms are events. ``session_timeout_s`` what it gives at most. ``rights_method``: GetMyAccessRights exists.
     ``null_strings``: an empty text is a null String on the wire, as other stacks have it. ``discovery``: a server
     without policy None opens a channel without security for the end points alone; if not, it refuses that channel.
+    ``software_version`` is what it calls itself, ``select_right`` what selecting a program asks for ("" for servers
+    that know no such right).
     """
 
     users: Mapping[str, Any] = field(default_factory=lambda: {"trueflank": "trueflank"})
@@ -67,6 +69,8 @@ class ServerSettings:
     rights_method: bool = True
     null_strings: bool = False
     discovery: bool = True
+    software_version: str = "3.1"
+    select_right: str = "ApWrite"
 
     @classmethod
     def of(cls, given: Mapping[str, Any]) -> ServerSettings:
@@ -111,7 +115,7 @@ class SinumerikServer:
         self._server: Server | None = None
         self.manners = Manners()
         set_up = self.settings
-        methods = Methods(nck, set_up.file_write_level, set_up.largest_copy, set_up.copy_refusal)
+        methods = Methods(nck, set_up.file_write_level, set_up.largest_copy, set_up.copy_refusal, set_up.select_right)
         files = ServedFiles(nck, set_up.file_write_level, self.manners)
         self._core = SinumerikInternalServer(
             accounts=Accounts(accounts_of(set_up.users)),
@@ -190,6 +194,8 @@ class SinumerikServer:
 
     async def _fill(self, server: Server) -> None:
         """The visible tree: folders, methods, and the first element of each variable."""
+        version = ua.NodeId(ua.ObjectIds.Server_ServerStatus_BuildInfo_SoftwareVersion)
+        await server.get_node(version).write_value(self.settings.software_version)
         while len(await server.get_namespace_array()) < self.settings.name_space:
             await server.register_namespace(f"urn:filler:{len(await server.get_namespace_array())}")
         index = await server.register_namespace(nodes.NAMESPACE_URI)

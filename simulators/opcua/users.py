@@ -31,7 +31,7 @@ class Account:
 
     def may(self, right: str) -> bool:
         """Whether the account has a right, by itself or through a collective one."""
-        if right in self.rights:
+        if right.casefold() in {one.casefold() for one in self.rights}:
             return True
         if right in _NOT_COLLECTIVE:
             return False
@@ -49,7 +49,9 @@ def accounts_of(users: Mapping[str, Any]) -> dict[str, Account]:
     for name, given in users.items():
         entry = {"password": given} if isinstance(given, str) else dict(given)
         rights = frozenset(entry.get("rights", GATEWAY_RIGHTS))
-        if not rights <= RIGHTS:
-            raise ValueError(f"user {name}: unknown rights {sorted(rights - RIGHTS)}")
+        known = {right.casefold() for right in RIGHTS}
+        unknown = sorted(right for right in rights if right.casefold() not in known)
+        if unknown:
+            raise ValueError(f"user {name}: unknown rights {unknown}")
         accounts[name] = Account(name, str(entry.get("password", name)), rights)
     return accounts

@@ -30,7 +30,16 @@ CHECKS = (
         "option",
         "methods",
     ),
-    *("rights", "axes", "serial number", "variables", "units", "measuring system", "measuring system"),
+    *(
+        "server version",
+        "rights",
+        "axes",
+        "serial number",
+        "variables",
+        "units",
+        "measuring system",
+        "measuring system",
+    ),
     *("table memory", "table memory", "cross tables"),
     *("written files", "free memory", "SD41300", "CEC limits", "CEC limits", "diameters", "temperature", "temperature"),
     *("key switch", "files", "self-test", "self-test", "left over", "R parameters", "alarms", "state"),
@@ -81,6 +90,8 @@ async def test_a_first_file_without_a_certificate_is_told_its_thumbprint(keys: P
 
 
 RIGHTS = ("SinuReadAll", "StateWrite", "FsRead", "FsWrite", "ApWrite", "AlarmRead")
+OLD_RIGHTS = ("SinuReadAll", "StateWrite", "FSRead", "FSWrite", "AlarmRead")
+"""As the manual of 04/2018 prints them; ApWrite it does not know."""
 
 
 def user(*rights: str) -> dict[str, Any]:
@@ -94,6 +105,16 @@ WRONG: list[tuple[str, NckSpec, dict[str, Any], dict[str, Any], tuple[str, str, 
     ("not pinned", SPEC, {}, {"server_certificate": "/nowhere/c.der"}, ("certificate", "wrong", "E-UA-UNPINNED")),
     ("no security", SPEC, {}, {"security": "None"}, ("policy", "wrong", "E-DOC-NO-SECURITY")),
     ("rights", SPEC, user("SinuReadAll", "StateWrite"), {}, ("rights", "wrong", "E-DOC-RIGHTS")),
+    ("old server", SPEC, {"software_version": "1.2"}, {}, ("server version", "wrong", "E-DOC-SERVER-OLD")),
+    ("no version", SPEC, {"software_version": ""}, {}, ("server version", "unknown", "W-DOC-SERVER-UNKNOWN")),
+    ("ApWrite", SPEC, user(*OLD_RIGHTS), {}, ("rights", "wrong", "E-DOC-RIGHTS")),
+    (
+        "perhaps ApWrite",
+        SPEC,
+        {**user(*OLD_RIGHTS), "software_version": ""},
+        {},
+        ("rights", "unknown", "W-DOC-RIGHTS-LATER"),
+    ),
     ("surplus", SPEC, user(*RIGHTS, "TeaWrite"), {}, ("rights", "wrong", "E-DOC-SURPLUS")),
     ("no rights told", SPEC, {"rights_method": False}, {}, ("rights", "unknown", "W-DOC-RIGHTS-UNKNOWN")),
     ("R not writable", replace(SPEC, r_writable=False), {}, {}, ("R parameters", "wrong", "E-DOC-R-RIGHT")),
@@ -115,6 +136,11 @@ async def test_what_is_wrong_has_its_line_and_its_fix(
     keys: Path, spec: NckSpec, server: dict[str, Any], settings: dict[str, Any], line: tuple[str, str, str]
 ) -> None:
     assert line in bad(await lines_of(keys, spec, server, **settings))
+
+
+async def test_a_server_of_2018_spells_otherwise_and_asks_no_right_to_select(keys: Path) -> None:
+    server = {**user(*OLD_RIGHTS), "software_version": "V02.00.01.00 SP1", "select_right": ""}
+    assert bad(await lines_of(keys, SPEC, server)) == []
 
 
 async def test_what_the_site_wants_and_the_control_has_not(keys: Path) -> None:

@@ -88,10 +88,16 @@ def checked(path: Path) -> CheckedSite:
 
     reading = read_site(path)
     disk = placed(disk_faults(reading, path), reading.text)
-    faults = (*reading.faults, *(one for one in disk if not one.doubt))
-    doubts = (*reading.doubts, *(one for one in disk if one.doubt))
+    found = (*reading.faults, *reading.doubts, *disk)
+    faults = tuple(one for one in found if is_fault(one))
+    doubts = tuple(one for one in found if not is_fault(one))
     site = beside(reading.site, path.parent) if reading.site is not None else None
     return CheckedSite(site, in_order(faults), in_order(doubts), reading.text)
+
+
+def is_fault(one: Any) -> bool:
+    """Whether it refuses the file: an error's code does, however it was found."""
+    return not one.doubt or one.code.startswith("E-")
 
 
 def in_order(faults: Sequence[Any]) -> tuple[Any, ...]:

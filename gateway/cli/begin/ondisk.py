@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from drivers import registry
-from drivers.errors import ConfigError, words
+from drivers.errors import ConfigError, TrueflankError, words
 from drivers.local.names import shown
 from gateway.config import Fault, SiteReading
 from gateway.config.faults import called
@@ -198,7 +198,10 @@ def _part(reading: SiteReading, path: Path) -> Iterator[Fault]:
             return
         place: tuple[str, ...] = ("work", _key_of(site, error))
         place = place if held(reading.tree, place) is not None else ("work",)
-        yield Fault(place, error.code, dict(error.fields), doubt=error.code == "E-GRIND-TRAVEL")
+        if error.code == "E-GRIND-TRAVEL":
+            yield Fault(place, "W-CFG-NO-PART", {"why": error.what}, doubt=True)
+        else:
+            yield Fault(place, error.code, dict(error.fields))
 
 
 def _key_of(site: Any, error: ConfigError) -> str:
@@ -225,7 +228,7 @@ def _results(tree: Any, site: Any, folder: Path) -> Iterator[Fault]:
 
 
 def _gear(tree: Any, site: Any, folder: Path) -> Iterator[Fault]:
-    """The gear file is read as it would be for the tooth."""
+    """The gear file is read as it would be for the tooth, and its gear is built."""
     gear = getattr(site.work, "gear", None)
     if not isinstance(gear, str):
         return
@@ -233,10 +236,11 @@ def _gear(tree: Any, site: Any, folder: Path) -> Iterator[Fault]:
     why = unreadable(file)
     if not why:
         from gateway.study.files import load_gear
+        from gateway.study.machine import gear_of
 
         try:
-            load_gear(file)
-        except ConfigError as error:
+            gear_of(load_gear(file))
+        except TrueflankError as error:
             why = error.what
     if why:
         yield _fault(tree, ("work", "gear"), file, why)

@@ -15,6 +15,7 @@ STEPS = (1.0, 2.0, 2.5, 5.0, 10.0, 15.0, 20.0, 25.0, 30.0, 45.0, 50.0, 90.0, 100
 TURNING = (15.0, 30.0, 45.0, 90.0)
 """Those for rotary axes alone."""
 MOST_POINTS = 101
+USUAL_TARGETS, LONG_INTERVAL = 21, 250.0
 TURN = 360.0
 OPTICS = {"straightness": "XYZ", "angular": "ABC"}
 """What the optics of a linear axis show: displacements across it, or rotations about the two other directions."""
@@ -74,7 +75,7 @@ def letter_of(name: str) -> str:
 def axis_tree(axis: AxisToMeasure) -> dict[str, Any]:
     """The axis' section: targets, overrun and table fit into its travel and into the control's room for points."""
     low, high, step = grid(axis)
-    targets: dict[str, Any] = {"first": low, "last": high, "count": "iso230-2"}
+    targets: dict[str, Any] = {"first": low, "last": high, "count": targets_of(high - low), "offset_fraction": 0.2}
     if axis.modulo:
         targets = {"first": 0.0, "last": TURN, "count": 25, "offset_fraction": 0.2}  # 0 and 360 deg: does it close?
     tree: dict[str, Any] = {"name": axis.name, "letter": axis.letter, "kind": "rotary" if axis.rotary else "linear"}
@@ -83,7 +84,7 @@ def axis_tree(axis: AxisToMeasure) -> dict[str, Any]:
     tree |= {"modulo": True} if axis.modulo else {}
     tree["encoder"] = axis.encoder
     tree["measure"] = {
-        "instrument": axis.instrument,
+        **({"instrument": axis.instrument} if axis.instrument else {}),
         "component": f"E{axis.letter}{axis.letter}",
         "targets": targets,
         "repetitions": 5,
@@ -94,6 +95,11 @@ def axis_tree(axis: AxisToMeasure) -> dict[str, Any]:
     }
     tree["table"] = {"minimum": low, "maximum": high, "step": step}
     return tree
+
+
+def targets_of(span: float) -> int:
+    """How many targets an axis gets, mm or deg: enough to tell a curve, and no interval above 250 mm on a long one."""
+    return max(USUAL_TARGETS, ceil(span / LONG_INTERVAL) + 1)
 
 
 def overrun(axis: AxisToMeasure) -> float:

@@ -34,7 +34,7 @@ from gateway.cli.begin.surveying import surveyed
 
 TIMEOUT_S = 10.0
 _UA, _PLC, _CARRIED, _AGENT = "sinumerik-opcua", "sinumerik-modbus", "sinumerik-offline", "linuxcnc-agent"
-ROADS = {"opcua": _UA, "mailbox": _PLC, "carried": _CARRIED, "linuxcnc": _AGENT, "files": _UA}
+ROADS = {"opcua": _UA, "mailbox": _PLC, "carried": _CARRIED, "linuxcnc": _AGENT, "files": "none"}
 WIRELESS = ("carried", "files")
 URLS = {"opcua": "opc.tcp://192.168.214.1:4840", "mailbox": "tcp://192.168.214.1:502"}
 URLS |= {"linuxcnc": "tcp://127.0.0.1:5011", "carried": "carried://stick"}
@@ -61,10 +61,11 @@ def wizard_text(file: Path, asker: Questioner) -> str:
     name = asker.ask("name", "P-INIT-NAME", "mill" if road == "linuxcnc" else "grinder", _machine_name)
     control = _control(asker, road, folder)
     facts = _facts(road, control, folder, asker)
-    control["serial"] = facts.serial if facts else asker.ask("serial", "P-INIT-SERIAL", "unknown", _something)
+    if road != "files":
+        control["serial"] = facts.serial if facts else asker.ask("serial", "P-INIT-SERIAL", "unknown", _something)
     axes, notes = _axes(asker, facts, USUAL_AXES.get(road, USUAL_GRINDER))
     instruments = _instruments(asker, road, {axis.unit for axis, _ in axes})
-    pair = (instruments[0]["name"], instruments[-1]["name"])
+    pair = (instruments[0]["name"], instruments[-1]["name"]) if instruments else ("", "")
     plans = used_letters([planned(axis, travel, pair) for axis, travel in axes])
     tree: dict[str, Any] = {"site": {"name": name, "store": STORE}, "controller": control, "instruments": instruments}
     tree["axes"] = [axis_tree(plan) for plan in plans]
@@ -72,18 +73,20 @@ def wizard_text(file: Path, asker: Questioner) -> str:
     if road == "carried":
         others = _order(asker, [axis.name for axis, _ in axes])
         control["settings"] |= {"axes": " ".join(others)}
-    safe = {} if road == "files" else _safe(asker, [*dict.fromkeys([*(axis.name for axis, _ in axes), *others])])
-    tree["moves"] = {"safe": safe, "feed_mm": FEED_MM, "feed_deg": FEED_DEG}
+    if road != "files":
+        safe = _safe(asker, [*dict.fromkeys([*(axis.name for axis, _ in axes), *others])])
+        tree["moves"] = {"safe": safe, "feed_mm": FEED_MM, "feed_deg": FEED_DEG}
     if grinds(plans):
         _gear(asker, tree, plans, folder, facts)
     version = facts.version if facts else words("P-INIT-UNREAD")
-    return site_text(tree, words("P-INIT-HEAD", name=name, version=version, road=road), notes)
+    head = words("P-INIT-HEAD-FILES", name=name) if road == "files" else ""
+    return site_text(tree, head or words("P-INIT-HEAD", name=name, version=version, road=road), notes)
 
 
 def _control(asker: Questioner, road: str, folder: Path) -> dict[str, Any]:
-    control: dict[str, Any] = {"driver": ROADS[road], "url": URLS["opcua"], "serial": ""}
     if road == "files":
-        return control | {"settings": {"security": "None"}}
+        return {"driver": ROADS[road]}
+    control: dict[str, Any] = {"driver": ROADS[road], "url": URLS["opcua"], "serial": ""}
     if road == "carried":
         tables = int(asker.ask("cross", "P-INIT-CROSS", "0", _count))
         return control | {"url": URLS[road], "settings": {"folder": "carried", "axes": "", "cross_tables": tables}}
@@ -194,6 +197,8 @@ def _guessed(name: str) -> ControlAxis:
 
 def _instruments(asker: Questioner, road: str, units: set[str]) -> list[dict[str, Any]]:
     """What measures linear axes, and what measures rotary ones."""
+    if road == "files":
+        return []
     if road in WIRELESS:
         return [{"name": "typed", "driver": "manual", "url": "terminal://"}]
     found = []

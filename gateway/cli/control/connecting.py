@@ -11,9 +11,9 @@ import typer
 from drivers import registry
 from drivers.checks import CertificateView, CheckLine, TrustView, Wanted, WantedAxis, fine, unknown, wrong
 from drivers.clock import Clock, LoopClock
-from drivers.errors import TrueflankError, words
+from drivers.errors import ConfigError, TrueflankError, words
 from drivers.leftover import Sent
-from gateway.cli.onward import after_doctor
+from gateway.cli.onward import after_doctor, next_step
 from gateway.cli.options import JsonOption, SiteArgument, TakeOption
 from gateway.cli.show import echo, say_line, show_json
 from gateway.cli.stopping import run_to_end
@@ -39,7 +39,7 @@ def doctor_command(site: SiteArgument, take: TakeOption = "", as_json: JsonOptio
             say_line(f"{MARKS[line.outcome]:<14} {line.check}: {line.what}", 15, colour=colour)
             if line.fix:
                 say_line(f"{'':<14} -> {line.fix}", 18)
-        after_doctor(lines, str(site))
+        after_doctor(lines, str(site)) if tree.controller.driver != "none" else next_step(f"day FOLDER --site {site}")
     if not well:
         raise typer.Exit(NOT_ALL_WELL)
 
@@ -102,6 +102,8 @@ def load(site: Path) -> Any:
 def port(tree: Any, role: str, clock: Clock) -> Any:
     """What a role of the site's control is, by its driver's name. Raises ConfigError (E-CFG-DRIVER)."""
     controller = tree.controller
+    if controller.driver == "none" and role != "doctor":
+        raise ConfigError("E-FILES-ONLY", tree.site.name)
     factory = registry.load(f"{controller.driver}-{role}", role)
     return factory(tree.site.name, controller.url, controller.settings, clock)
 

@@ -9,7 +9,7 @@ from typing import Any
 from drivers.errors import words
 from drivers.terms import spoken
 from gateway.cli.onward import next_step
-from gateway.cli.options import load_site
+from gateway.cli.options import load_site, with_control
 from gateway.cli.show import say_line, show_json, show_table
 
 
@@ -19,6 +19,7 @@ def show_day_of_run(site: Path, axes: Sequence[str], *, apply: bool, as_json: bo
     from gateway.workflow.loop.forecast import day_of_run
 
     tree = load_site(site)
+    with_control(tree)
     if not as_json:
         for name in typed_rotary(tree):
             if not axes or name in axes:
@@ -31,7 +32,9 @@ def show_day_of_closing(site: Path, *, apply: bool, as_json: bool) -> None:
     """The day of `close`. Raises as `day_of_closing`."""
     from gateway.workflow.loop.forecast import day_of_closing
 
-    _show(day_of_closing(load_site(site), site, apply=apply), f"close {site}", apply=apply, as_json=as_json)
+    tree = load_site(site)
+    with_control(tree)
+    _show(day_of_closing(tree, site, apply=apply), f"close {site}", apply=apply, as_json=as_json)
 
 
 def _show(day: Any, command: str, *, apply: bool, as_json: bool) -> None:

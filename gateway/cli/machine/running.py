@@ -12,7 +12,7 @@ from drivers.clock import Clock, LoopClock
 from drivers.errors import DeviceError, words
 from gateway.cli import voice
 from gateway.cli.onward import after_look, after_recovery, after_run, consent, next_step
-from gateway.cli.options import load_site, open_run
+from gateway.cli.options import load_site, open_run, with_control
 from gateway.cli.screen.telling import progress
 from gateway.cli.show import echo, show_json, show_table
 from gateway.cli.stopping import run_to_end
@@ -34,6 +34,7 @@ def run_site_command(
     from gateway.workflow.loop.run import run_site
 
     tree = load_site(site)
+    with_control(tree)
     name = tree.site.name if typed_by_demo else machine
     used = clock or LoopClock()
 

@@ -9,7 +9,7 @@ from gateway.domain.captures import Capture, Conditions
 from gateway.report.document.content import Band, Block, FactsBlock, Heading, Paragraph, State, TableBlock
 from gateway.report.document.words import Tongue
 from gateway.report.material import AxisMaterial, Outcome, ReportMaterial
-from gateway.report.parameters import parameter_rows
+from gateway.report.parameters import ParameterRow, parameter_rows
 from gateway.report.sentences import ABSENT, UNIT, number, percent, when
 from gateway.report.tooth.flank import before_after
 
@@ -90,9 +90,10 @@ def _tooth_line(report: ReportMaterial, t: Tongue) -> Iterator[str]:
 
 
 def _axis_rows(axis: AxisMaterial, t: Tongue) -> Iterator[tuple[str, ...]]:
-    """A and M of an axis: what an acceptance asks for, and what a table can change."""
+    """A and M of an axis: what an acceptance asks for, and what a table can change; M over the travel where larger."""
     rows = {row.parameter: row for row in parameter_rows(axis.axis, axis.before, axis.after)}
-    for place, name in enumerate(("A", "M")):
+    beyond = ("M_travel",) if "M" in rows and "M_travel" in rows and _larger(rows["M_travel"], rows["M"]) else ()
+    for place, name in enumerate(("A", "M", *beyond)):
         if name in rows:
             row = rows[name]
             told = (
@@ -102,7 +103,7 @@ def _axis_rows(axis: AxisMaterial, t: Tongue) -> Iterator[tuple[str, ...]]:
             )
             yield (
                 f"{axis.axis}  {axis.component}" if place == 0 else "",
-                name,
+                t.known(f"figure_{name}", name),
                 number(row.before),
                 number(row.before_u),
                 number(row.after),
@@ -110,6 +111,12 @@ def _axis_rows(axis: AxisMaterial, t: Tongue) -> Iterator[tuple[str, ...]]:
                 told,
                 UNIT[row.unit],
             )
+
+
+def _larger(travel: ParameterRow, targets: ParameterRow) -> bool:
+    """Whether the range over the travel exceeds that of the targets, as printed, before or after."""
+    pairs = ((travel.before, targets.before), (travel.after, targets.after))
+    return any(one is not None and other is not None and round(one, 2) > round(other, 2) for one, other in pairs)
 
 
 def conformity(report: ReportMaterial, t: Tongue) -> tuple[Block, ...]:

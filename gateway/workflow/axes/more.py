@@ -77,7 +77,7 @@ class MoreTargets:
         capture, gap = shown.capture, shown.seen.gap
         span, left_s = float(np.ptp(capture.targets)), self.axis.measure.extra_hours * 3600.0 - self.spent_s
         can = affordable(self.axis, left_s / 3600.0, span)
-        count = min(can, int(np.ceil(AT_LEAST * capture.targets.size)))
+        count = min(can, max(FEWEST, int(np.ceil(AT_LEAST * capture.targets.size))))
         known = _known(capture)
         places = doubt.places(known, count, float(np.nanmean(shown.means.u)), gap) if count >= FEWEST else np.empty(0)
         price = cost_s(self.axis, places.size or FEWEST, span)

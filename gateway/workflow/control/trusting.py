@@ -7,9 +7,10 @@ from pathlib import Path
 from drivers import registry
 from drivers.checks import TrustView
 from drivers.clock import Clock
+from drivers.errors import ConfigError
 from drivers.ports.devices import Trust
 from gateway import audit
-from gateway.config import SiteFile
+from gateway.config import SiteFile, files_only
 from gateway.workflow.bench import store_of
 
 
@@ -43,6 +44,8 @@ async def accept(
 
 def _trust(site: SiteFile, clock: Clock) -> Trust:
     control = site.controller
+    if files_only(site):
+        raise ConfigError("E-FILES-ONLY", site.site.name)
     made = registry.load(f"{control.driver}-trust", "trust")
     found: Trust = made(site.site.name, control.url, control.settings, clock)
     return found

@@ -10,11 +10,11 @@ import pytest
 from typer.testing import CliRunner, Result
 
 from drivers.checks import ControlAxis, ControlFacts
-from drivers.errors import ConfigError
+from drivers.errors import ConfigError, TrueflankError
 from gateway.cli import app
 from gateway.cli.begin.checking import against_control, checked
 from gateway.cli.begin.siteparts import axis_tree, grid, letter_of, planned, used_letters, work_tree
-from gateway.config import load_site, schema
+from gateway.config import files_only, load_site, open_road, schema
 from gateway.config.reference import page, settings_models
 from gateway.config.writing import site_text, written
 from gateway.study.files import load_gear
@@ -29,7 +29,7 @@ def ran(folder: Path, *options: str, typed: str = "") -> Result:
 
 
 def test_an_owner_of_files_gets_a_checked_file_from_three_answers(tmp_path: Path) -> None:
-    done = ran(tmp_path, typed="files\nold-1\n\n\n\n\n")
+    done = ran(tmp_path, typed="files\nold-1\n\n\n\n")
     assert done.exit_code == 0, done.output
     assert done.output.count("  road") == 1
     assert "valid" in done.output
@@ -38,13 +38,41 @@ def test_an_owner_of_files_gets_a_checked_file_from_three_answers(tmp_path: Path
     assert found.doubts == (), "no program asks where axes stand"
     assert found.site.site.name == "old-1"
     assert [axis.name for axis in found.site.axes] == ["X1", "Z1", "C1"]
+    assert [axis.measure.targets.count for axis in found.site.axes] == [21, 21, 25]
+
+
+def test_a_site_of_files_names_no_control_and_says_what_it_can_do(tmp_path: Path) -> None:
+    ran(tmp_path, "--yes", "--answer", "road=files")
+    site = tmp_path / "site.toml"
+    text = site.read_text(encoding="utf-8")
+    assert [word for word in ("url", "serial", "security", "terminal", "[moves]") if f"\n{word}" in text] == []
+    tree = load_site(site)
+    assert (files_only(tree), open_road(tree), tree.instruments) == (True, "", ())
+    for command in ("run", "self-test", "recover", "verify-table"):
+        done = CliRunner().invoke(app, [command, str(site)])
+        assert isinstance(done.exception, TrueflankError), done.output
+        causes = getattr(done.exception, "causes", (("", done.exception),))
+        assert {error.code for _, error in causes} == {"E-FILES-ONLY"}
+        assert done.exception.exit_code == 2
+    done = CliRunner().invoke(app, ["doctor", str(site)])
+    assert done.exit_code == 0
+    assert "files only" in done.output
+    assert f"next: trueflank day FOLDER --site {site}" in done.output.replace("\n", " ")
+
+
+@pytest.mark.parametrize("key", ['url = "opc.tcp://h:4840"', 'serial = "7"'])
+def test_driver_none_takes_no_address_and_no_serial_number(tmp_path: Path, key: str) -> None:
+    ran(tmp_path, "--yes", "--answer", "road=files")
+    site = tmp_path / "site.toml"
+    site.write_text(site.read_text(encoding="utf-8").replace('driver = "none"', f'driver = "none"\n{key}'))
+    assert [fault.path for fault in checked(site).faults] == [("controller", key.split(maxsplit=1)[0])]
 
 
 def test_every_question_says_why_it_is_asked_and_a_wrong_answer_is_asked_again(tmp_path: Path) -> None:
-    done = ran(tmp_path, typed="opc\nfiles\nmy grinder\nm1\nS7\nX1 X1\nY B\nX 0 1\nY -100 200, B -20 120\n")
+    done = ran(tmp_path, typed="opc\nfiles\nmy grinder\nm1\nX1 X1\nY B\nX 0 1\nY -100 200, B -20 120\n")
     assert done.exit_code == 0, done.output
     assert "must be opcua, mailbox, carried, linuxcnc, files" in done.output
-    assert "Nothing is written to a machine with another serial number" in done.output
+    assert "serial number" not in done.output
     site = load_site(tmp_path / "site.toml")
     assert [(axis.name, axis.kind, axis.travel) for axis in site.axes] == [
         ("Y", "linear", (-100.0, 200.0)),
@@ -72,7 +100,6 @@ def test_a_grinder_gets_its_gear_and_the_errors_that_its_optics_show(tmp_path: P
     assert [setup.component for setup in site.setups] == ["EYX", "EZX", "EXZ", "EYZ", "EBX", "ECX", "EAZ", "EBZ"]
     assert [setup.axis for setup in site.setups] == ["X1", "X1", "Z1", "Z1"] * 2
     assert [(one.name, one.driver) for one in site.instruments] == [
-        ("typed", "manual"),
         ("straightness", "bridge"),
         ("angular", "manual"),
     ]

@@ -13,8 +13,8 @@ from typer.testing import CliRunner
 
 from drivers.errors import ConfigError, TrueflankError
 from gateway.cli import app
-from gateway.cli.begin.checking import checked
-from gateway.config import load_site, read_site
+from gateway.cli.begin.checking import checked, is_fault
+from gateway.config import Fault, load_site, read_site
 from gateway.config.places import places_in
 
 GEAR = Path(__file__).parents[3] / "examples/gears/rv-40e-like.toml"
@@ -451,6 +451,46 @@ def test_what_forbids_a_test_part_is_told(folder: Path, old: str, new: str, key:
     assert [told in one for one in said] == [True]
 
 
+@pytest.mark.parametrize(
+    ("old", "new", "told"),
+    [
+        ("zp = 40\nzc = 39", "zp = 39\nzc = 40", "39 pins do not match 40 lobes"),
+        ("rrp = 3.0", "rrp = 30.0", "undercuts the profile"),
+    ],
+)
+def test_a_gear_that_cannot_be_built_is_told_with_its_limit(folder: Path, old: str, new: str, told: str) -> None:
+    gear = re.sub(r"[ \t]*#.*", "", GEAR.read_text(encoding="utf-8"))
+    assert old in gear
+    (folder / "gear.toml").write_text(gear.replace(old, new))
+    stroke = STROKE.replace("AT", str([*range(0, 301, 20)]))
+    whole = WHOLE.replace("[[setups]]", f"{stroke}\n[[setups]]") + WORK
+    done = CliRunner().invoke(app, ["check", str(written(folder, whole))])
+    assert done.exit_code == 2
+    assert told in " ".join(done.output.split())
+    assert "valid" not in done.output
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "key"),
+    [('serial = "', 'serial = "ST ', "serial"), ("[[setups]]", "[[setups]]\nU = 120.0", "U")],
+)
+def test_a_blank_in_a_serial_number_and_an_instrument_of_120_um_are_refused(
+    folder: Path, old: str, new: str, key: str
+) -> None:
+    found = checked(written(folder, WHOLE.replace(old, new, 1)))
+    assert [fault.path[-1] for fault in found.faults] == [key]
+
+
+def test_an_error_code_is_never_a_doubt_beside_a_valid_file(folder: Path) -> None:
+    shutil.copy(GEAR, folder / "gear.toml")
+    stroke = STROKE.replace("AT", str([*range(0, 301, 20)]))
+    whole = (WHOLE.replace("[[setups]]", f"{stroke}\n[[setups]]") + WORK).replace("150.0", "1500.0", 1)
+    done = CliRunner().invoke(app, ["check", str(written(folder, whole))])
+    assert (done.exit_code, "valid" in done.output, re.findall(r"\bE-[A-Z]", done.output)) == (0, True, [])
+    assert "W-CFG-NO-PART" in done.output
+    assert is_fault(Fault(("work",), "E-GRIND-VALUE", doubt=True))
+
+
 def test_files_of_service_and_report_are_looked_for(folder: Path) -> None:
     (folder / "server.pem").write_text("-----BEGIN CERTIFICATE-----")
     text = WHOLE + '[report]\nlogo = "logo.png"\n[service]\nwatch = "in"\ncertificate = "server.pem"\nkey = "key.pem"\n'
@@ -636,6 +676,14 @@ def test_slips_that_cannot_be_seen_in_an_editor_are_found(
     assert (found.line, found.column) > (1, 1)
 
 
+def test_a_plan_of_typed_readings_names_the_rotary_axis_they_cannot_measure(tmp_path: Path) -> None:
+    text = (GEAR.parents[1] / "sites" / "mailbox-grinder.toml").read_text(encoding="utf-8")
+    site = tmp_path / "site.toml"
+    site.write_text(text.replace('instrument = "calibrator"', 'instrument = "laser"'), encoding="utf-8")
+    planned = CliRunner().invoke(app, ["run", str(site), "--plan"])
+    assert "W-CFG-TYPED-ROTARY: C1" in planned.output
+
+
 def test_typed_readings_of_a_rotary_axis_are_doubted_where_a_run_is_meant(tmp_path: Path) -> None:
     text = (GEAR.parents[1] / "sites" / "mailbox-grinder.toml").read_text(encoding="utf-8")
     site = tmp_path / "site.toml"
@@ -644,14 +692,13 @@ def test_typed_readings_of_a_rotary_axis_are_doubted_where_a_run_is_meant(tmp_pa
     assert doubt.path == ("axes", 2, "measure", "instrument")
     assert "typed readings" in str(doubt.fields)
     planned = CliRunner().invoke(app, ["run", str(GEAR.parents[1] / "sites" / "files-only.toml"), "--plan"])
-    assert "W-CFG-TYPED-ROTARY: C1: a run measures" in planned.output
+    assert getattr(planned.exception, "code", "") == "E-FILES-ONLY"
     assert "rotary (typed)" not in planned.output
 
 
-@pytest.mark.parametrize(("serial", "place"), [("unknown", "X1 = [-400.0, 0.0]"), ("SN 77", "")])
-def test_who_brings_files_is_asked_for_no_place_to_push_from(tmp_path: Path, serial: str, place: str) -> None:
+@pytest.mark.parametrize("place", ["X1 = [-400.0, 0.0]", ""])
+def test_who_brings_files_is_asked_for_no_place_to_push_from(tmp_path: Path, place: str) -> None:
     text = (GEAR.parents[1] / "sites" / "files-only.toml").read_text(encoding="utf-8")
-    text = text.replace('serial = "unknown"', f'serial = "{serial}"')
     site = tmp_path / "site.toml"
     site.write_text(re.sub(r"^safe = .*$", f"safe = {{ {place} }}", text, flags=re.MULTILINE), encoding="utf-8")
     assert [one.code for one in (*checked(site).faults, *checked(site).doubts)] == []

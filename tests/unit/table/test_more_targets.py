@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -110,3 +111,13 @@ def test_after_the_push_an_axis_is_measured_where_it_was_measured_before() -> No
 
 def test_a_good_axis_gets_no_more_targets() -> None:
     assert [machine(seed, wave(200.0, 1.0), rotary=bool(seed % 2)).judged().said for seed in range(4)] == [[]] * 4
+
+
+def test_an_axis_of_few_targets_gets_more_where_time_allows_it() -> None:
+    one = machine(2, wave(90.0, 8.0), hours=5.0)
+    measure = one.axis.measure
+    targets = measure.targets.model_copy(update={"count": 5}) if measure.targets is not None else None
+    five = one.axis.model_copy(update={"measure": measure.model_copy(update={"targets": targets})})
+    found = replace(one, axis=five).judged()
+    assert found.said[0]["code"] == "P-MORE-TARGETS"
+    assert found.targets.size >= 8

@@ -16,7 +16,7 @@ from drivers.sinumerik.opcua.settings import UaSettings
 
 @dataclass(slots=True)
 class Bedside:
-    """What the questions need; ``rights`` and ``configuration`` are learnt on the way, None while unknown."""
+    """What the questions need; ``rights``, ``version`` and ``configuration`` are learnt on the way: None at first."""
 
     session: UaSession
     reader: MachineReader
@@ -26,6 +26,7 @@ class Bedside:
     timeout_s: float
     where: str
     rights: frozenset[str] | None = None
+    version: tuple[int, int] | None = None
     configuration: Configuration | None = None
     memories: list[tuple[WantedAxis, Memory]] = field(default_factory=list)
 

@@ -30,6 +30,7 @@ _QUESTIONS: tuple[tuple[str, Callable[[Bedside], Awaitable[list[CheckLine]]]], .
     ("namespace", server.name_space),
     ("option", server.option),
     ("methods", server.methods),
+    ("server version", server.version),
     ("rights", server.rights),
     ("axes", machine.axes),
     ("serial number", machine.identity),

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import re
 from datetime import UTC
-from typing import Any
 
 from drivers.checks import CheckLine, fine, unknown, wrong
 from drivers.sinumerik.ncprogram.words import program_path
+from drivers.sinumerik.opcua import rights as table
 from drivers.sinumerik.opcua.bedside.bed import Bedside
 from drivers.sinumerik.opcua.session import alarms as standing_alarms
 from drivers.sinumerik.opcua.session import nodes
@@ -15,10 +14,6 @@ from drivers.sinumerik.opcua.session.client import UaSession
 from drivers.sinumerik.opcua.session.files import FileNodes
 
 CLOCK_LIMIT_S = 60.0
-READING = ("StateRead", "TeaRead", "SeaRead")
-WRITING = ("StateWrite", "FsRead", "FsWrite", "ApWrite")
-CHANGING = ("StateWrite", "FsWrite", "ApWrite")
-SURPLUS = ("SinuWriteAll", "TeaWrite", "SeaWrite", "DriveWrite", "PlcWrite", "FrameWrite", "ToolWrite", "RandomWrite")
 
 
 async def clock(bed: Bedside) -> list[CheckLine]:
@@ -58,39 +53,45 @@ async def methods(bed: Bedside) -> list[CheckLine]:
     return lines or [fine("W-DOC-METHODS", "methods")]
 
 
+async def version(bed: Bedside) -> list[CheckLine]:
+    """The server's version against the oldest one whose manual prints what is used."""
+    told = await bed.session.software_version(bed.timeout_s)
+    bed.version = table.version_of(told)
+    if bed.version is None:
+        return [unknown("W-DOC-SERVER-UNKNOWN", "server version", oldest=table.OLDEST_NAME)]
+    if bed.version < table.OLDEST:
+        return [wrong("E-DOC-SERVER-OLD", "server version", version=told, oldest=table.OLDEST_NAME)]
+    return [fine("W-DOC-SERVER", "server version", version=told, oldest=table.OLDEST_NAME)]
+
+
 async def rights(bed: Bedside) -> list[CheckLine]:
     """What this user may do: no less than is needed, and no more."""
     if "GetMyAccessRights" not in bed.session.methods:
         return [unknown("W-DOC-RIGHTS-UNKNOWN", "rights")]
-    bed.rights = rights = _listed(await bed.session.call("GetMyAccessRights", [], bed.timeout_s))
-    missing = [right for right in READING if "SinuReadAll" not in rights and right not in rights]
-    missing += [right for right in WRITING if right not in rights]
-    surplus = [right for right in SURPLUS if right in rights]
-    if missing:
-        return [wrong("E-DOC-RIGHTS", "rights", missing=", ".join(missing))]
+    bed.rights = found = table.held(await bed.session.call("GetMyAccessRights", [], bed.timeout_s))
+    lacking, perhaps = table.missing(found, bed.version, "reading", "writing")
+    surplus = table.surplus(found)
+    if lacking:
+        return [wrong("E-DOC-RIGHTS", "rights", missing=", ".join((*lacking, *perhaps)))]
     if surplus:
         return [wrong("E-DOC-SURPLUS", "rights", surplus=", ".join(surplus))]
-    return [fine("W-DOC-RIGHTS", "rights", rights=", ".join(sorted(rights)))]
+    if perhaps:
+        return [unknown("W-DOC-RIGHTS-LATER", "rights", missing=", ".join(perhaps), oldest=table.OLDEST_NAME)]
+    return [fine("W-DOC-RIGHTS", "rights", rights=", ".join(sorted(found)))]
 
 
 async def reads_alone(session: UaSession, timeout_s: float) -> list[CheckLine]:
     """Whether the account that reads, where another one writes, can do no more than read. Nothing is tried."""
     if "GetMyAccessRights" not in session.methods:
         return [unknown("W-DOC-RIGHTS-UNKNOWN", "reading user")]
-    found = _listed(await session.call("GetMyAccessRights", [], timeout_s))
-    missing = [right for right in READING if "SinuReadAll" not in found and right not in found]
-    surplus = [right for right in (*CHANGING, *SURPLUS) if right in found]
-    if missing:
-        return [wrong("E-DOC-RIGHTS", "reading user", missing=", ".join(missing))]
+    found = table.held(await session.call("GetMyAccessRights", [], timeout_s))
+    lacking, _ = table.missing(found, None, "reading")
+    surplus = table.surplus(found, reads_alone=True)
+    if lacking:
+        return [wrong("E-DOC-RIGHTS", "reading user", missing=", ".join(lacking))]
     if surplus:
         return [wrong("E-DOC-READER-WRITES", "reading user", surplus=", ".join(surplus))]
     return [fine("W-DOC-READER", "reading user", rights=", ".join(sorted(found)))]
-
-
-def _listed(answer: Any) -> frozenset[str]:
-    """Rights as one text or as a list of texts: the manuals show names only."""
-    parts = answer if isinstance(answer, list) else [answer or ""]
-    return frozenset(name for part in parts for name in re.split(r"[;,\s]+", str(part)) if name)
 
 
 async def files(bed: Bedside) -> list[CheckLine]:

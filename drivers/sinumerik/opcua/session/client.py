@@ -144,6 +144,11 @@ class UaSession(UaConnection):
         (found,) = await self._read([requests.CURRENT_TIME], requests.CLOCK, timeout_s, timed=False)
         return requests.time_of(found, self._where)
 
+    async def software_version(self, timeout_s: float) -> str:
+        """The version that the server gives of itself; "" where it gives none."""
+        (found,) = await self._read([requests.SOFTWARE_VERSION], requests.VERSION, timeout_s, timed=False)
+        return requests.text_of(found)
+
     async def _read(self, wanted: list[Any], what: str, timeout_s: float, *, timed: bool) -> list[Any]:
         """Reads may be repeated: a server that finds a batch too long gets it in halves."""
         while True:

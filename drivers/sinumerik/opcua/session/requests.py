@@ -14,6 +14,8 @@ from drivers.sinumerik.opcua.session import values as typed_values
 
 CURRENT_TIME = ua.NodeId(ua.ObjectIds.Server_ServerStatus_CurrentTime)
 CLOCK = "the server's clock"
+SOFTWARE_VERSION = ua.NodeId(ua.ObjectIds.Server_ServerStatus_BuildInfo_SoftwareVersion)
+VERSION = "the server's version"
 SERVER_STATE = ua.NodeId(ua.ObjectIds.Server_ServerStatus_State)
 _LIMITS = (
     ua.NodeId(ua.ObjectIds.Server_ServerCapabilities_OperationLimits_MaxNodesPerRead),
@@ -202,6 +204,12 @@ def judged(found: Sequence[Reading], where: str) -> list[Reading]:
 def time_of(value: Any, where: str) -> datetime | None:
     """The server's clock, UTC and naive; None when it has none. Raises RemoteProtocolError (E-UA-VALUE)."""
     return typed_values.moment(value.Value.Value if value.Value is not None else None, CLOCK, where)
+
+
+def text_of(value: Any) -> str:
+    """A text as a server gives it; "" where it gives none."""
+    known = _good(value) and value.Value is not None and isinstance(value.Value.Value, str)
+    return str(value.Value.Value) if known else ""
 
 
 def _good(value: Any) -> bool:
