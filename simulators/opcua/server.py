@@ -115,7 +115,9 @@ class SinumerikServer:
         self._server: Server | None = None
         self.manners = Manners()
         set_up = self.settings
-        methods = Methods(nck, set_up.file_write_level, set_up.largest_copy, set_up.copy_refusal, set_up.select_right)
+        methods = Methods(
+            nck, set_up.file_write_level, set_up.largest_copy, set_up.copy_refusal, select_right=set_up.select_right
+        )
         files = ServedFiles(nck, set_up.file_write_level, self.manners)
         self._core = SinumerikInternalServer(
             accounts=Accounts(accounts_of(set_up.users)),
