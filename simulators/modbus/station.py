@@ -109,10 +109,15 @@ class PlcStation(Outlet):
         framing: Framing = Rtu() if self.plc.settings.framer == "rtu" else Mbap()
         with contextlib.suppress(BrokenFrame):
             while True:
-                for frame in framing.feed(await peer.read(READ_BYTES), self._wall.now()):
+                data = await peer.read(READ_BYTES)
+                echo = data if self.plc.settings.local_echo else b""
+                for frame in framing.feed(data, self._wall.now()):
                     reply = self._reply(frame)
                     if reply is not None and not self.silent:
-                        await peer.write(framing.wrap(reply))
+                        await peer.write(echo + bytes(self.plc.settings.leading_zeros) + framing.wrap(reply))
+                        echo = b""
+                if echo:
+                    await peer.write(echo)
 
     def _reply(self, frame: ModbusFrame) -> ModbusFrame | None:
         """The answer to one request; None for what nobody here answers."""

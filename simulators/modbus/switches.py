@@ -36,6 +36,9 @@ class PlcSettings:
     control switches every table that was ever loaded on; ``enables_twice_s``: command 5 is done once more that many
     seconds after it was done; ``forgets``: while that command is under way the PLC and its control forget what
     ``forgets_what`` says: "words" (marker, half-written marks, session), "memory" (points of tables) or "switch".
+
+    Of a serial line's adapter: ``local_echo`` gives back what was sent, glued to the answer where there is one;
+    ``leading_zeros`` so many zero bytes stand before each answer.
     """
 
     framer: Literal["tcp", "rtu"] = "tcp"
@@ -80,6 +83,8 @@ class PlcSettings:
     enables_twice_s: float = 0.0
     forgets: int = 0
     forgets_what: Literal["words", "memory", "switch"] = "switch"
+    local_echo: bool = False
+    leading_zeros: int = 0
 
     @classmethod
     def of(cls, given: Mapping[str, Any]) -> PlcSettings:

@@ -17,6 +17,9 @@ _CABLES = ("", "usb")
 _FAST_BAUD, _FAST_GAP_S = 19200, 0.00175
 
 
+ADAPTER = ("local_echo", "leading_zeros")
+
+
 class ModbusSettings(DriverSettings):
     """Keys under ``[controller.settings]``; the same list stands in docs/plc-mailbox.md."""
 
@@ -40,6 +43,12 @@ class ModbusSettings(DriverSettings):
     word_order: WordOrder = Field(default="high-first", description="which half of a 32-bit number comes first")
     baudrate: int = Field(default=115_200, ge=1200, le=4_000_000, description="of a serial line, Bd")
     parity: Literal["N", "E", "O"] = Field(default="N", description="of a serial line")
+    local_echo: bool = Field(
+        default=False, description="the RS-485 adapter returns what this PC sends: its copy is passed over"
+    )
+    leading_zeros: bool = Field(
+        default=False, description="zero bytes before an answer, of an RS-485 line without bias, are passed over"
+    )
     reply_s: float = Field(default=1.0, ge=0.05, le=30.0, description="longest wait for one answer, s")
     poll_s: float = Field(default=0.2, ge=0.2, le=5.0, description="time between questions while idle, s")
     fast_poll_s: float = Field(
@@ -67,6 +76,7 @@ class ModbusSettings(DriverSettings):
         why = words("W-KEY-TLS-FILE" if wanted else "W-KEY-TLS-ONLY")
         return (
             ("fast_poll_s", self.fast_poll_s <= self.poll_s, words("W-KEY-FAST")),
+            *((key, self.framer != "tcp", words("W-KEY-ADAPTER")) for key in ADAPTER if getattr(self, key)),
             ("framer", not wanted or self.framer != "rtu", words("W-KEY-FRAMER")),
             ("server_name", wanted or not self.server_name, words("W-KEY-TLS-ONLY")),
             *((key, bool(path) is wanted, why) for key, path in files.items()),

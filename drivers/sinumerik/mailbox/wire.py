@@ -72,11 +72,22 @@ class ModbusReply:
     told: str = ""
 
 
+@dataclass(frozen=True, slots=True)
+class Adapter:
+    """What an RS-485 adapter adds to a line and is passed over: our own question, zero bytes before an answer."""
+
+    local_echo: bool = False
+    leading_zeros: bool = False
+
+
 class ModbusCodec:
     """Bytes <-> questions and replies of one client; pure but for the transaction number and what was asked."""
 
-    def __init__(self, unit: int, framer: str) -> None:
+    def __init__(self, unit: int, framer: str, adapter: Adapter | None = None) -> None:
         self._unit = unit
+        self._adapter = adapter or Adapter()
+        self._sent = b""
+        self._echoes = 0
         self._decoder = DecodePDU(False)
         self._tcp = framer == "tcp"
         self._framer = FramerSocket(self._decoder) if self._tcp else FramerRTU(self._decoder)
@@ -96,7 +107,9 @@ class ModbusCodec:
         self._asked = message
         pdu = message.pdu()
         pdu.dev_id, pdu.transaction_id = self._unit, self._transaction
-        return self._framer.buildFrame(pdu)
+        self._sent = bytes(self._framer.buildFrame(pdu))
+        self._echoes = int(self._adapter.local_echo and not self._tcp)
+        return self._sent
 
     def receive(self, data: bytes) -> Iterable[ModbusReply]:
         """Any bytes to the replies they complete; a repeat of the last answer (TCP) is passed over."""
@@ -127,7 +140,47 @@ class ModbusCodec:
             return self._wrong("E-MODBUS-FRAME"), len(self._buffer)
         return None, 6 + length if len(self._buffer) >= 6 + length else 0
 
+    def _passed_over(self) -> ModbusReply | None:
+        """Take what an RS-485 adapter adds off the front, where the settings say so; a reply where they do not.
+
+        Zero bytes before an answer come from a line that floats while the driver is switched over: no unit is 0.
+        """
+        while True:
+            zeros = len(self._buffer) - len(self._buffer.lstrip(b"\0"))
+            if zeros and not self._adapter.leading_zeros:
+                return self._wrong("E-MODBUS-ZEROS")
+            del self._buffer[:zeros]
+            if not self._sent or self._buffer[: len(self._sent)] != self._sent:
+                return None
+            if not self._echoes:
+                return None if self._is_confirmed() else self._wrong("E-MODBUS-LOCAL-ECHO")
+            self._echoes -= 1
+            del self._buffer[: len(self._sent)]
+
+    def _is_confirmed(self) -> bool:
+        """Whether our own question is what a PLC must answer: a single register is confirmed by its repetition."""
+        alone = len(self._buffer) == len(self._sent)
+        return alone and self._asked is not None and self._asked.function == WRITE_ONE
+
+    def _may_be_own(self) -> bool:
+        """Whether the bytes so far are the beginning of our own question and of no answer to it."""
+        begun = len(self._buffer) < len(self._sent) and self._sent.startswith(self._buffer)
+        if self._adapter.local_echo and not self._echoes:
+            return False
+        if not begun or self._asked is None or self._asked.function == WRITE_ONE:
+            return begun and bool(self._echoes)
+        if self._asked.function == READ:
+            return self._buffer[2:3] != bytes([2 * self._asked.count]) or bool(self._echoes)
+        return len(self._buffer) < _LENGTHS[WRITE] or not self._is_sound(self._buffer[: _LENGTHS[WRITE]])
+
+    @staticmethod
+    def _is_sound(frame: bytes | bytearray) -> bool:
+        return bool(FramerRTU.check_CRC(bytes(frame[:-2]), int.from_bytes(frame[-2:], "big")))
+
     def _cut_rtu(self) -> tuple[ModbusReply | None, int]:
+        added = self._passed_over()
+        if added is not None or not self._buffer or self._may_be_own():
+            return added, len(self._buffer) if added is not None else 0
         if self._asked is None:
             return self._wrong("E-MODBUS-STRAY"), len(self._buffer)
         if len(self._buffer) < 3:
@@ -158,8 +211,7 @@ class ModbusCodec:
         return "" if frame[6] == self._unit else "E-MODBUS-UNIT"
 
     def _rtu_problem(self, frame: bytes) -> str:
-        check = int.from_bytes(frame[-2:], "big")
-        return "" if FramerRTU.check_CRC(frame[:-2], check) else "E-MODBUS-CRC"
+        return "" if self._is_sound(frame) else "E-MODBUS-CRC"
 
     def _content(self, body: bytes, frame: bytes) -> ModbusReply:
         asked, told = self._asked, frame[:32].hex(" ")
@@ -215,7 +267,7 @@ class ModbusWire:
             except BaseException:
                 await wire.close()
                 raise
-        codec = ModbusCodec(settings.unit, self._framer)
+        codec = ModbusCodec(settings.unit, self._framer, Adapter(settings.local_echo, settings.leading_zeros))
         self._link = Link(self._where, wire, codec, self._clock, is_answer=lambda _reply: True)
         self._unsure = False
 

@@ -1,0 +1,82 @@
+"""What an RS-485 adapter adds to a line: our own question, glued to the answer or not, and zero bytes before it."""
+
+from __future__ import annotations
+
+import pytest
+from pymodbus.framer import FramerRTU
+
+from drivers.errors import catalogue
+from drivers.sinumerik.mailbox.settings import ModbusSettings
+from drivers.sinumerik.mailbox.wire import READ, WRITE, WRITE_ONE, Adapter, ModbusCodec, ModbusReply, Question
+
+PLAIN = Adapter()
+BOTH = Adapter(local_echo=True, leading_zeros=True)
+ASKED = Question(READ, 4, 3)
+
+
+def framed(*body: int) -> bytes:
+    data = bytes(body)
+    return data + FramerRTU.compute_CRC(data).to_bytes(2, "big")
+
+
+ANSWERS = {
+    ASKED: framed(1, 3, 6, 0, 7, 0, 8, 0, 9),
+    Question(WRITE_ONE, 4, 1, (9,)): framed(1, 6, 0, 4, 0, 9),
+    Question(WRITE, 4, 2, (9, 10)): framed(1, 16, 0, 4, 0, 2),
+}
+
+
+def replies(question: Question, adapter: Adapter, *pieces: bytes) -> list[ModbusReply]:
+    """What a fresh codec makes of pieces; "own" stands for its own question."""
+    codec = ModbusCodec(1, "rtu", adapter)
+    own = codec.send(question)
+    return [reply for piece in pieces for reply in codec.receive(piece.replace(b"own", own))]
+
+
+@pytest.mark.parametrize("question", ANSWERS)
+@pytest.mark.parametrize("cut", range(0, 9, 2))
+def test_echo_and_zeros_are_passed_over_where_the_settings_say_so(question: Question, cut: int) -> None:
+    answer = ANSWERS[question]
+    own = ModbusCodec(1, "rtu").send(question)
+    line = own + b"\0\0" + answer
+    found = replies(question, BOTH, line[:cut], line[cut:])
+    assert [(reply.problem, reply.exception) for reply in found] == [("", None)]
+    assert found[0].registers == ((7, 8, 9) if question is ASKED else ())
+    bytewise = replies(question, BOTH, *(line[place : place + 1] for place in range(len(line))))
+    assert [reply.problem for reply in bytewise] == [""]
+
+
+@pytest.mark.parametrize("question", [ASKED, Question(WRITE, 4, 2, (9, 10))])
+@pytest.mark.parametrize("pieces", [(b"own",), (b"own", b"answer")])
+def test_an_echo_that_nobody_expects_is_recognised_as_our_own_question(
+    question: Question, pieces: tuple[bytes, ...]
+) -> None:
+    found = replies(question, PLAIN, *(piece.replace(b"answer", ANSWERS[question]) for piece in pieces))
+    assert found[0].problem == "E-MODBUS-LOCAL-ECHO"
+
+
+def test_echo_and_answer_glued_and_one_that_comes_byte_by_byte_are_told_too() -> None:
+    assert replies(ASKED, PLAIN, b"own" + ANSWERS[ASKED])[0].problem == "E-MODBUS-LOCAL-ECHO"
+    own = ModbusCodec(1, "rtu").send(ASKED)
+    assert replies(ASKED, PLAIN, *(own[at : at + 1] for at in range(len(own))))[0].problem == "E-MODBUS-LOCAL-ECHO"
+    one = Question(WRITE_ONE, 4, 1, (9,))
+    assert replies(one, PLAIN, b"own" + ANSWERS[one])[0].problem == "E-MODBUS-LOCAL-ECHO"
+
+
+def test_an_honest_line_is_read_as_before() -> None:
+    for question, answer in ANSWERS.items():
+        for cut in range(len(answer)):
+            assert [one.problem for one in replies(question, PLAIN, answer[:cut], answer[cut:])] == [""]
+
+
+def test_zero_bytes_are_the_adapters() -> None:
+    assert replies(ASKED, PLAIN, b"\0\0" + ANSWERS[ASKED])[0].problem == "E-MODBUS-ZEROS"
+    for code in ("E-MODBUS-ZEROS", "E-MODBUS-LOCAL-ECHO"):
+        text = catalogue()[code]
+        assert "adapter" in text["what"]
+        assert "[controller.settings]" in text["do"]
+
+
+def test_the_settings_are_of_serial_lines() -> None:
+    assert ModbusSettings.faults({"local_echo": True, "leading_zeros": True}) == ()
+    assert [fault.key for fault in ModbusSettings.faults({"local_echo": True, "framer": "tcp"})] == ["local_echo"]
