@@ -25,6 +25,8 @@ LOUD = (
     "P-CAP-OVERDUE",
     "P-CLOSE-NOTHING",
     "P-LEFT",
+    "P-PART-LOOK",
+    "P-PART-OTHER-TABLES",
     "P-PUSH-DISABLE-MOVES",
     "P-PUSH-HELD",
     "P-PUSH-HELD-ON",

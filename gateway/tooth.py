@@ -229,6 +229,51 @@ class ToothProposal:
 
 
 @dataclass(frozen=True, slots=True)
+class Explanation:
+    """One error of the model that alone explains how a part differs: ``factor`` times what it does to the flank.
+
+    ``how``: "reversed" is its sign (factor -2), "absent" an error the part does not have (-1), "factor" another size,
+    known to ``u``. ``left_um`` is the RMS of the difference that it leaves.
+    """
+
+    error: str
+    how: Literal["reversed", "absent", "factor"]
+    factor: float
+    u: float
+    left_um: float
+
+
+@dataclass(frozen=True, slots=True)
+class FlankAgreement:
+    """A part inspected before anything was written against the flank by the model, RMS in um of what a part shares.
+
+    ``missed_um`` is the difference, ``u_um`` its standard uncertainty, ``part_um`` and ``model_um`` both flanks.
+    ``explanations`` are the single errors that explain the difference best, the best one first; more than one where
+    they cannot be told apart, none where none explains it.
+    """
+
+    part: str
+    missed_um: float
+    u_um: float
+    part_um: float
+    model_um: float
+    explanations: tuple[Explanation, ...] = ()
+
+    @property
+    def ratio(self) -> float:
+        """The difference in standard uncertainties."""
+        return self.missed_um / self.u_um
+
+    @property
+    def outcome(self) -> Literal["agrees", "look", "apart"]:
+        """Beyond 3 u no table is proposed; beyond 2 u, or where a reversed sign is far likelier, somebody looks again."""
+        if self.ratio > 3.0:
+            return "apart"
+        reversed_ = any(one.how == "reversed" for one in self.explanations)
+        return "look" if self.ratio > 2.0 or reversed_ else "agrees"
+
+
+@dataclass(frozen=True, slots=True)
 class GearProposal:
     """What an inspected part alone asks for beside the tables: set-up values to add, and what the flank will be then.
 

@@ -151,6 +151,7 @@ class OperatorSection(CellSection):
     confirms: bool = True
     gives_release: bool = Field(default=True, description="turns the local release on while a session wants it")
     restarts: bool = Field(default=True, description="restarts the control when a confirmed table acts only then")
+    mounts_reversed: tuple[str, ...] = Field(default=(), description="components mounted the wrong way round")
     mounts_wrong: tuple[str, ...] = Field(default=(), description="components mounted with the wrong optics")
 
 

@@ -109,8 +109,9 @@ class Setup(CellSection):
     ``datum`` (axis position); ``away`` is -1 when the beam gets shorter with + motion. A calibrator may
     sit ``eccentric_mm`` off the axis and ``tilt_mrad`` out of it; so may a ball or a test bar in the table.
     ``own_angle_arcsec`` is what a square has more than 90 deg; a component that ends in -R is measured with the
-    square turned over about its Z arm. ``zero_um`` is the error of the gauge that sets a ball's zero. ``plan`` are
-    more keys of this set-up in the site file: targets, repetitions and the like.
+    square turned over about its Z arm. ``zero_um`` is the error of the gauge that sets a ball's zero. ``reversed``
+    optics or indicators face the wrong way: everything across the travel and every angle is read with the other sign.
+    ``plan`` are more keys of this set-up in the site file: targets, repetitions and the like.
     """
 
     component: str = Field(pattern=COMPONENT)
@@ -129,4 +130,5 @@ class Setup(CellSection):
     tilt_mrad: float = 0.0
     own_angle_arcsec: float = 0.0
     zero_um: float = 0.0
+    reversed: bool = False
     plan: dict[str, Any] = Field(default_factory=dict)

@@ -139,6 +139,8 @@ class Operator:
         if self._table is not None and self._table.unload():
             self.log.append("took the part off")
         wrong = setup.component in self.spec.mounts_wrong
+        if setup.component in self.spec.mounts_reversed:
+            setup = setup.model_copy(update={"reversed": not setup.reversed})
         self._bench.mount(setup, WRONG[setup.optics] if wrong else None)
         self.log.append(f"mounted {setup.component} on {setup.axis}")
         if self._control.channel_status == INTERRUPTED:

@@ -42,6 +42,7 @@ class OpticsBench:
         self.machine = machine
         self.broken: set[str] = set()
         self._mounted: dict[str, Mounting] = {}
+        self._turned: set[str] = set()
         self._count = 0
         self._watchers = 0
 
@@ -51,9 +52,16 @@ class OpticsBench:
         return self.truth.cell
 
     def setup_for(self, component: str, letter: str) -> Setup | None:
-        """The set-up the cell file gives for a component on an axis; None when there is none."""
+        """The set-up the cell file gives for a component on an axis, as it is mounted now; None when there is none."""
         found = (s for s in self.cell.setups if s.component == component and s.axis == letter)
-        return next(found, None)
+        setup = next(found, None)
+        if setup is None or component not in self._turned:
+            return setup
+        return setup.model_copy(update={"reversed": not setup.reversed})
+
+    def turn_round(self, component: str) -> None:
+        """From the next mounting on the optics of a component face the other way than they did."""
+        self._turned ^= {component}
 
     def mount(self, setup: Setup, optics: str | None = None) -> None:
         """Mount a set-up; what else its axis carried is taken off. `optics` if other than the set-up's."""

@@ -39,7 +39,12 @@ def looks_along(setup: Setup) -> str:
 
 
 def reading(setup: Setup, frames: Frames, motions: dict[str, AxisMotion]) -> FloatArray:
-    """What an error-free instrument shows, (n,) or (1,): um, or arcsec for angles."""
+    """What an error-free instrument shows, (n,) or (1,): um, or arcsec for angles; turned round it counts backwards."""
+    shown = _facing(setup, frames, motions)
+    return -shown if setup.reversed else shown
+
+
+def _facing(setup: Setup, frames: Frames, motions: dict[str, AxisMotion]) -> FloatArray:
     along = looks_along(setup)
     if along in "ABC":
         return _direction(setup, frames, along) if setup.optics == "bar" else _angle(setup, frames, along)

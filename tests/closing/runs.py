@@ -20,8 +20,9 @@ from gateway.config import SiteFile, load_site
 from gateway.store import RunFolder
 from gateway.tooth import FlankMap, FlankPrediction, InspectedFlank, ToothProposal, ToothVerdict
 from gateway.workflow import stages
-from gateway.workflow.loop.tooth_loop import AFTER, BEFORE, close_site
+from gateway.workflow.loop.tooth_loop import AFTER, close_site
 from gateway.workflow.outcome import Outcome
+from gateway.workflow.tooth.agreement import BEFORE
 from simulators.cell import Cell
 from simulators.cell.filed import write_filed_site
 from simulators.cellfile import CellFile

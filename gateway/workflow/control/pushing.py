@@ -47,6 +47,7 @@ from gateway.workflow.control.stored import stored_axes
 from gateway.workflow.outcome import Outcome, alarmed
 from gateway.workflow.results.ending import finish
 from gateway.workflow.showing import narrowed, once, shown
+from gateway.workflow.tooth.agreement import demand_agreement
 from gateway.workflow.tooth.remaining import remaining
 from gateway.workflow.tooth.without import predict_without
 
@@ -62,6 +63,7 @@ async def apply_proposal(at: Bench, proposal: Proposal, measured: Mapping[str, M
     everything about it is stored; with any reason against any table at the start, nothing at all is written.
     """
     demand_todays(at.folder)
+    demand_agreement(at.folder)
     done = await _starting(at, proposal, measured)
     try:
         verdict = await _applied(at, proposal, measured, done)

@@ -27,6 +27,7 @@ from gateway.model.known import ErrorModel
 from gateway.report.tooth.errors import ErrorRow, error_rows
 from gateway.say import Say
 from gateway.store import RunFolder
+from gateway.tooth import FlankAgreement
 from gateway.workflow import stages
 from gateway.workflow.aftercare import look_at
 from gateway.workflow.axes.measure import fetch_tables, store_equipment
@@ -105,12 +106,27 @@ async def measure_site(
 
 def _left(folder: RunFolder, todo: Sequence[Planned], now_utc: datetime, say: Say) -> tuple[Planned, ...]:
     """Set-ups without a capture that can be used; a finished one must still be what the site file says."""
+    doubted = _contradicted(folder)
     for one in todo:
-        if not folder.has(stages.setup(one.key)):
+        if not folder.has(stages.setup(one.key)) or one.setup.name in doubted:
             continue
         if not one.was_measured_as(folder.read_text(f"setup-{one.key}.json")):
             raise IllegalTransition("E-SETUP-CHANGED", folder.run_id, setup=one.key)
-    return tuple(one for one in todo if not _done(folder, one, now_utc, say))
+    left = []
+    for one in todo:
+        if one.setup.name in doubted:
+            say("P-SETUP-ANEW", setup=one.key, words=words("S-PART-CONTRADICTS", error=one.setup.name))
+        if one.setup.name in doubted or not _done(folder, one, now_utc, say):
+            left.append(one)
+    return tuple(left)
+
+
+def _contradicted(folder: RunFolder) -> frozenset[str]:
+    """Errors whose measuring the run's own part contradicts, as long as nothing was measured or pushed since."""
+    if not folder.has(stages.AGREEMENT) or folder.digest(stages.ERRORS) not in folder.parents(stages.AGREEMENT):
+        return frozenset()
+    found = folder.get(stages.AGREEMENT, FlankAgreement)
+    return frozenset(one.error for one in found.explanations if found.outcome == "apart")
 
 
 def _done(folder: RunFolder, one: Planned, now_utc: datetime, say: Say) -> bool:

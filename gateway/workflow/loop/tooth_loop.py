@@ -29,10 +29,11 @@ from gateway.workflow.outcome import Outcome, alarmed
 from gateway.workflow.part.entering import entered
 from gateway.workflow.part.grinding import grind_part, same_machine, work_section
 from gateway.workflow.part.inspecting import inspect_part, inspector_name
+from gateway.workflow.tooth.agreement import BEFORE, unexplained
 from gateway.workflow.tooth.proposal import ToothWork, propose_tooth, work_of
 from gateway.workflow.tooth.verdict import judge_tooth
 
-BEFORE, TRIAL, AFTER = "before", "trial", "after"
+TRIAL, AFTER = "trial", "after"
 
 
 async def close_site(
@@ -49,7 +50,7 @@ async def close_site(
 
     Without `apply` it ends with a stored proposal for the tooth; nothing is ground or written. Raises WriteRefused
     (E-RUN-NAME), ConfigError (E-CLOSE-WORK, E-CLOSE-AXES, E-INSPECT-INSPECTOR), IllegalTransition (E-SETUP-MACHINE),
-    and what the stages raise; the folder keeps every stage done and the error.
+    CaptureError (E-PART-APART), and what the stages raise; the folder keeps every stage done and the error.
     """
     check_name(site, apply, machine_name)
     work = work_of(site, site_path)
@@ -116,9 +117,12 @@ class _Loop:
         return setup_from_part(before, self.work.gear).setup.plus(tooth.setup).less(modelled)
 
     async def _part(self, part: str, setup: SetupValues) -> InspectedFlank:
-        """Grind and inspect a part; what the folder holds already is not done again."""
+        """Grind and inspect a part; what the folder holds already is not done again.
+
+        But for the inspection of a part that contradicts the model where no error explains it.
+        """
         folder = self.at.folder
-        if folder.has(stages.inspected(part)):
+        if folder.has(stages.inspected(part)) and not (part == BEFORE and unexplained(folder)):
             return folder.get(stages.inspected(part), InspectedFlank)
         self.at.say("P-PART", part=part, **asdict(setup))
         if not folder.has(stages.ground(part)):

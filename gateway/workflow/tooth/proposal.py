@@ -39,6 +39,7 @@ from gateway.workflow.axes.measure import MeasuredAxis
 from gateway.workflow.axes.propose import axis_changes, keep
 from gateway.workflow.bench import Bench
 from gateway.workflow.errors21.components import grids
+from gateway.workflow.tooth.agreement import ask_part
 from gateway.workflow.tooth.crosstables import acting_cross, cross_changes
 from gateway.workflow.tooth.everything import outlooks, told_of
 from gateway.workflow.tooth.oneway import ground_one_way
@@ -89,12 +90,14 @@ async def propose_tooth(
 
     ``model`` is what the run's set-ups told, ``measured`` the axes' own positioning by machine axis; all of it was
     captured while the same tables acted. Nothing for the tooth is proposed that would correct less than its
-    uncertainty. Raises TableError (E-COMP-...), CaptureError (E-RUN-LIVE), ModelError (E-CORRECT-...).
+    uncertainty, and nothing at all where the part that was ground before contradicts the model. Raises TableError
+    (E-COMP-...), CaptureError (E-RUN-LIVE, E-PART-APART...), ModelError (E-CORRECT-...).
     """
     own = await axis_changes(at, measured)
     model = _with_between(model, at)
     live = {name: item.capture.live for name, item in measured.items() if item.capture.live is not None}
     task = _Task.of(at, model, measured, work, own=own, live=live)
+    against = ask_part(at, measured, task.grinding, task.grid, plan=task.plan, model=model, shop=task.shop)
     paired = [one.new.index for one in own if one.new.kind == "cross" and not one.skipped]
     plan, nowhere = await task.placed(at, paired)
     chosen = worthwhile(plan, task.one)
@@ -103,7 +106,7 @@ async def propose_tooth(
     if not gains.sure:
         cross = tuple(_labelled(one, gains) for one in cross)
     parents = (at.folder.digest(stages.ERRORS), *(item.digest for item in measured.values()))
-    proposal = keep(at, (*own, *cross), parents)
+    proposal = keep(at, tuple(_looked_at(one, against) for one in (*own, *cross)), parents)
     tooth = ToothProposal(
         setup=found.setup.rounded(),
         prediction=outlook.flank,
@@ -113,7 +116,8 @@ async def propose_tooth(
         eccentricity_um=found.moved.eccentricity_um,
         tilt_arcsec=found.moved.tilt_arcsec,
     )
-    left = (*nowhere, *(task.alone(plan, outlook) if nowhere else ()), *_left_alone(own), *doubted(chosen))
+    looked = (words("W-PART-LOOK", **against),) if against else ()
+    left = (*looked, *nowhere, *(task.alone(plan, outlook) if nowhere else ()), *_left_alone(own), *doubted(chosen))
     worst = dominant(task.grinding, task.grid, model, outlook.flank)
     needed = (*told(tooth, model, found=found, gains=gains, left_alone=left), *measure_better(worst))
     axes = outlooks(own, cross)
@@ -141,6 +145,13 @@ def _labelled(change: TableChange, gains: Outlook) -> TableChange:
     """A cross table whose gain is likely but not certain: a second person is asked."""
     figures = {"gain": f"{gains.gain_um:.2f}", "u": f"{gains.gain_u_um:.2f}", "worse": f"{100.0 * gains.worse:.0f}"}
     return replace(change, findings=(*change.findings, finding("W-TOOTH-CHANCE", change.name, **figures)))
+
+
+def _looked_at(change: TableChange, against: Mapping[str, str]) -> TableChange:
+    """A table with what the part has against it: a second person is asked."""
+    if change.skipped or not against:
+        return change
+    return replace(change, findings=(*change.findings, finding("W-PART-LOOK", change.name, **against)))
 
 
 def _left_alone(own: Sequence[TableChange]) -> tuple[str, ...]:
