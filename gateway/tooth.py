@@ -266,7 +266,7 @@ class FlankAgreement:
 
     @property
     def outcome(self) -> Literal["agrees", "look", "apart"]:
-        """Beyond 3 u no table is proposed; beyond 2 u, or where a reversed sign is far likelier, somebody looks again."""
+        """Beyond 3 u no table is proposed; beyond 2 u, or where a reversed sign is likely, somebody looks again."""
         if self.ratio > 3.0:
             return "apart"
         reversed_ = any(one.how == "reversed" for one in self.explanations)
@@ -299,7 +299,8 @@ class ToothVerdict:
     ``within_prediction`` says whether the flank after lies where it was predicted, within its uncertainty (k = 2).
     ``before_anew_um`` is the flank before as ground anew with its set-up values right, without the curvature of how far
     off it was ground either: ``change_um`` counts from there, with U (k = 2) of the change. ``clear`` figures are
-    without what an eccentric clamping can make. The trial part's are None where there was none.
+    without what an eccentric clamping can make. The trial part's are None where there was none. ``taken_back`` says of
+    each table that the run put back what acted before, because the flank became worse.
     """
 
     before_um: float
@@ -318,3 +319,4 @@ class ToothVerdict:
     clear_U_um: float | None = None
     trial_um: float | None = None
     trial_clear_um: float | None = None
+    taken_back: tuple[str, ...] = ()

@@ -71,13 +71,14 @@ class Measure(Body):
 class Close(Body):
     """The whole loop; it only proposes unless ``apply`` is set and ``machine`` is the machine's name, typed.
 
-    ``risk`` as in a push.
+    ``risk`` as in a push. ``keep_worse`` leaves the new tables on where the flank became worse; else they go back.
     """
 
     apply: bool = False
     machine: Text = ""
     risk: Text = ""
     resume: Text = ""
+    keep_worse: bool = False
 
 
 class OfRun(Body):

@@ -64,6 +64,7 @@ def close(at: ServedSite, clock: Clock, body: bodies.Close, resume: RunFolder | 
 
     async def work(say: Say) -> object:
         asked: dict[str, Any] = {"apply": body.apply, "machine_name": body.machine, "resume": resume}
+        asked["back"] = not body.keep_worse
         with risking(body.risk):
             return await close_site(at.site, at.path, clock=clock, say=say, **asked)
 

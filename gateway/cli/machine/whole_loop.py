@@ -22,6 +22,10 @@ def close_command(
     machine: MachineOption = "",
     risk: RiskOption = "",
     resume: Annotated[str, typer.Option(help="Go on with this run: folder or id.", show_default=False)] = "",
+    keep_worse: Annotated[
+        bool,
+        typer.Option("--keep-worse", help="Leave the new tables on where the flank became worse; else they go back."),
+    ] = False,
     plan: PlanOption = False,
     as_json: JsonOption = False,
 ) -> None:
@@ -34,7 +38,7 @@ def close_command(
     from gateway.approve import risking
 
     with risking(risk):
-        close_site_command(site, apply, machine, resume, as_json=as_json)
+        close_site_command(site, apply, machine, resume, as_json=as_json, keep_worse=keep_worse)
 
 
 def close_site_command(
@@ -44,6 +48,7 @@ def close_site_command(
     resume: str = "",
     *,
     as_json: bool,
+    keep_worse: bool = False,
     typed_by_demo: bool = False,
     clock: Clock | None = None,
 ) -> None:
@@ -57,7 +62,8 @@ def close_site_command(
     name = tree.site.name if typed_by_demo else machine
 
     async def main(say: Say) -> Any:
-        return await close_site(tree, site, apply=apply, machine_name=name, clock=used, say=say, resume=folder)
+        asked: dict[str, Any] = {"apply": apply, "machine_name": name, "resume": folder, "back": not keep_worse}
+        return await close_site(tree, site, clock=used, say=say, **asked)
 
     with progress(quiet=as_json, at=(tree, site), own_operator=typed_by_demo) as say:
         outcome = run_to_end(main(say))

@@ -51,6 +51,17 @@ async def roll_back_site(
             return await (_applied(at, found, undos) if apply else _shown(at, found, undos))
 
 
+async def take_back_run(at: Bench) -> Outcome | None:
+    """Take back what this very run changed, by the consent it was begun with; None where nothing of it is left.
+
+    Raises as `roll_back_site`.
+    """
+    found = to_take_back(at, "")
+    if found is None or found.tables[0].consent.split(" ")[0] != at.folder.run_id:
+        return None
+    return await _applied(at, found, groups([(done, context_of(at, done.new.table)) for done in found.tables]))
+
+
 def to_take_back(at: Bench, asked: str) -> ConsentSet | None:
     """The set that a rollback of an axis, a table or everything ("") restores at this machine.
 

@@ -7,7 +7,8 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
 from drivers.clock import Clock
-from drivers.errors import TrueflankError
+from drivers.errors import TrueflankError, words
+from gateway import audit
 from gateway.config import SiteFile
 from gateway.correct.part.setupvalues import setup_from_part
 from gateway.domain.outcomes import Verdict
@@ -15,13 +16,15 @@ from gateway.domain.proposals import Proposal
 from gateway.model.known import ErrorModel
 from gateway.say import Say
 from gateway.store import RunFolder, SetupBook
-from gateway.tooth import InspectedFlank, SetupValues, ToothProposal
+from gateway.tooth import InspectedFlank, SetupValues, ToothProposal, ToothVerdict
 from gateway.workflow import selftests, stages
 from gateway.workflow.aftercare import standing_alarms
 from gateway.workflow.axes.acting import check_acting
 from gateway.workflow.axes.measure import MeasuredAxis
 from gateway.workflow.bench import Bench, bench, check_name
+from gateway.workflow.consents import tell
 from gateway.workflow.control.pushing import apply_proposal
+from gateway.workflow.control.rolling_back import take_back_run
 from gateway.workflow.errors21.components import measure_site
 from gateway.workflow.errors21.fromsetups import axes_measured
 from gateway.workflow.loop.verdict import closed
@@ -45,12 +48,15 @@ async def close_site(
     clock: Clock,
     say: Say,
     resume: RunFolder | None = None,
+    back: bool = True,
 ) -> Outcome:
     """Do the whole loop, or go on with a run that stopped: what is stored is not done again.
 
-    Without `apply` it ends with a stored proposal for the tooth; nothing is ground or written. Raises WriteRefused
-    (E-RUN-NAME), ConfigError (E-CLOSE-WORK, E-CLOSE-AXES, E-INSPECT-INSPECTOR), IllegalTransition (E-SETUP-MACHINE),
-    CaptureError (E-PART-APART), and what the stages raise; the folder keeps every stage done and the error.
+    Without `apply` it ends with a stored proposal for the tooth; nothing is ground or written. Where the flank became
+    worse than it was the run takes its tables ``back`` as its last step: part of the consent given here. Raises
+    WriteRefused (E-RUN-NAME), ConfigError (E-CLOSE-WORK, E-CLOSE-AXES, E-INSPECT-INSPECTOR), IllegalTransition
+    (E-SETUP-MACHINE), CaptureError (E-PART-APART), and what the stages raise; the folder keeps every stage done and the
+    error.
     """
     check_name(site, apply, machine_name)
     work = work_of(site, site_path)
@@ -60,7 +66,7 @@ async def close_site(
     folder = RunFolder(Path(plan.run_folder))
     try:
         async with bench(site, site_path, folder=folder, clock=clock, say=say, instruments=used) as at:
-            await _Loop(at, work, plan.model, axes_measured(folder, site)).close(apply=apply)
+            await _Loop(at, work, plan.model, axes_measured(folder, site), back=back).close(apply=apply)
             alarms = standing_alarms(at)
     except TrueflankError as error:
         folder.set_state("failed", error=error.as_record())
@@ -79,12 +85,18 @@ class _Loop:
     work: ToothWork
     model: ErrorModel
     measured: dict[str, MeasuredAxis]
+    back: bool = True
 
     async def close(self, *, apply: bool) -> None:
         at, folder = self.at, self.at.folder
         same_machine(at)
         if apply and not folder.has(stages.VERDICT):
             selftests.demand(at)
+        if self._taken_back:
+            folder.set_state("worse")
+            return
+        if apply and not folder.has(stages.VERDICT):
+            at.say("P-CLOSE-BACK" if self.back else "P-CLOSE-BACK-NOT")
         book = SetupBook(at.store.root)
         now = book.current(at.machine, self.work.name)
         before = await self._part(BEFORE, now) if apply else None
@@ -109,7 +121,38 @@ class _Loop:
             book.save(at.machine, self.work.name, setup, run=folder.run_id, clock=at.clock)
             at.say("P-SETUP-ENTER", words=entered(work_section(at.site), setup))
         folder.put(stages.TOOTH_VERDICT, judged, (folder.digest(stages.inspected(AFTER)),))
-        folder.set_state("worse" if "worse" in (judged.outcome, verdict.outcome) else judged.outcome)
+        worse = "worse" in (judged.outcome, verdict.outcome)
+        if worse and judged.outcome != "better":
+            await self._go_back(judged)
+        folder.set_state("worse" if worse else judged.outcome)
+
+    @property
+    def _taken_back(self) -> bool:
+        stored = self.at.folder.has(stages.TOOTH_VERDICT)
+        return stored and bool(self.at.folder.get(stages.TOOTH_VERDICT, ToothVerdict).taken_back)
+
+    async def _go_back(self, judged: ToothVerdict) -> None:
+        """All tables that acted before are put back as the run's next step, and the verdict says so.
+
+        Raises as `take_back_run`, after it is known what is back and what stays on: then the next resume tries again.
+        """
+        at = self.at
+        if not self.back:
+            at.say("P-CLOSE-STAYS")
+            return
+        at.say("P-CLOSE-GOING-BACK")
+        told = {
+            "run": at.folder.run_id,
+            "flank": judged.outcome,
+            "before": judged.before_anew_um,
+            "after": judged.after_um,
+        }
+        tell(at, audit.note(at.store.root, "close-goes-back", clock=at.clock, serial=at.machine.serial, details=told))
+        done = await take_back_run(at)
+        if done is not None:
+            said = " ".join((judged.words, words("W-CLOSE-TAKEN-BACK"), *done.lines))
+            record = replace(judged, words=said, taken_back=tuple(done.lines))
+            at.folder.put(stages.TOOTH_VERDICT, record, at.folder.parents(stages.TOOTH_VERDICT))
 
     def _expected(self, before: InspectedFlank, tooth: ToothProposal) -> SetupValues:
         """What the part before lacks, and what the tables will change of that by the model."""

@@ -11,7 +11,7 @@ from gateway.domain.figures import Evaluation
 from gateway.domain.outcomes import Verdict
 from gateway.domain.proposals import Proposal
 from gateway.store import RunFolder
-from gateway.tooth import ToothProposal, ToothVerdict
+from gateway.tooth import FlankAgreement, ToothProposal, ToothVerdict
 from gateway.workflow import stages
 from gateway.workflow.outcome import WORSE_EXIT, Outcome
 from gateway.workflow.results.conformity import conforming
@@ -45,7 +45,7 @@ def closed(folder: RunFolder, site: SiteFile) -> Outcome:
     needed = (line for line in tooth.said if line not in tooth.background)
     lines = (*needed, *told, *untried, *plain.lines[-2:], figure)
     worse = plain.exit_code or (judged is not None and judged.outcome == "worse")
-    data = plain.data | _tooth(judged) | _details(paths, tooth)
+    data = plain.data | _tooth(judged) | _agreement(folder) | _details(paths, tooth)
     done = replace(plain, lines=lines, details=details_of(material), data=data, exit_code=WORSE_EXIT if worse else 0)
     return conforming(done, material.judged)
 
@@ -61,6 +61,12 @@ def _tooth(judged: ToothVerdict | None) -> dict[str, Any]:
     if judged is None:
         return {"tooth": None}
     return {"tooth": {key: value for key, value in asdict(judged).items() if key != "words"}}
+
+
+def _agreement(folder: RunFolder) -> dict[str, Any]:
+    """How the part before compares with the model; None without one."""
+    found = _get(folder, stages.AGREEMENT, FlankAgreement)
+    return {"agreement": None if found is None else {**asdict(found), "outcome": found.outcome, "ratio": found.ratio}}
 
 
 def _get(folder: RunFolder, stage: str, kind: type[R]) -> R | None:

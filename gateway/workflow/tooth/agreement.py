@@ -22,6 +22,7 @@ from gateway.workflow.errors21.setups import planned
 
 BEFORE = "before"
 _SAID = {"reversed": "S-PART-REVERSED", "absent": "S-PART-ABSENT", "factor": "S-PART-FACTOR"}
+_NAMED = {"reversed": "S-PART-REVERSED-SHORT", "absent": "S-PART-ABSENT-SHORT", "factor": "S-PART-FACTOR-SHORT"}
 
 
 def ask_part(
@@ -119,7 +120,7 @@ def _explained(one: Explanation) -> str:
 
 
 def _named(one: Explanation) -> str:
-    return words(f"{_SAID[one.how]}-SHORT", error=one.error)
+    return words(_NAMED[one.how], error=one.error)
 
 
 def _figures(found: FlankAgreement) -> dict[str, Any]:

@@ -83,7 +83,7 @@ def chain_names() -> tuple[str, ...]:
 
 @cache
 def ground(seed: int, size: float = 1.0) -> InspectedFlank:
-    """The part of the true machine: off its zeros, eccentric in two clampings, every place with noise of its touches."""
+    """The part of the true machine: off its zeros, eccentric in its clampings, every place with noise."""
     rng = np.random.default_rng(seed)
     scale = {"EXC": 1e-3, "EYC": 1e-3, "ECC": np.pi / 180.0 / 3600.0}
 

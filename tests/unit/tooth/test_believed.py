@@ -83,5 +83,5 @@ def test_nothing_is_ground_again_where_nothing_was_pushed(tmp_path: Path, monkey
     at.say = lambda code, **fields: said.append(f"{code} {fields.get('name', fields.get('x', ''))}")
     work: Any = SimpleNamespace(name="disc", gear=None)
     asyncio.run(Loop(at, work, None, {}).close(apply=True))  # type: ignore[arg-type]
-    assert said == ["part before", "P-CLOSE-NOTHING 1.5"]
+    assert said == ["P-CLOSE-BACK ", "part before", "P-CLOSE-NOTHING 1.5"]
     assert folder.state == "not-pushed"
