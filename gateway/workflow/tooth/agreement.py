@@ -44,7 +44,7 @@ def ask_part(
     if not folder.has(stages.inspected(BEFORE)) or not _alike(at, measured):
         return {}
     part = folder.get(stages.inspected(BEFORE), InspectedFlank)
-    found = compare_part(grinding, grid, plan, model, shop, part)
+    found = compare_part(grinding, grid, plan, model=model, shop=shop, part=part)
     parents = folder.digest(stages.ERRORS), folder.digest(stages.inspected(BEFORE))
     folder.put(stages.AGREEMENT, found, parents)
     if found.outcome == "apart":

@@ -122,7 +122,7 @@ def ground(seed: int, size: float = 1.0) -> InspectedFlank:
 def compared(model: ErrorModel, part: InspectedFlank) -> FlankAgreement:
     """The part against the model."""
     grinding = Grinding(chain_of_errors(model, height_mm=HEIGHT), GEAR, DISTANCE)
-    return compare_part(grinding, GRID, PLAN, model, Shop(), part)
+    return compare_part(grinding, GRID, PLAN, model=model, shop=Shop(), part=part)
 
 
 @pytest.mark.parametrize("seed", range(1, 4))
