@@ -68,6 +68,18 @@ WHOLLY_LONG = {
         "test_an_instrument_that_counts_the_wrong_optics_is_not_accepted",
     ): "test_what_is_wrong_fails_with_the_next_step",
     (
+        "test_part_asked.py",
+        "test_reversed_optics_end_a_run_before_its_tables_and_measured_anew_it_goes_on",
+    ): "tests/unit/correct/test_agreement.py",
+    (
+        "test_part_asked.py",
+        "test_a_whole_run_with_a_reversed_indicator_writes_nothing",
+    ): "tests/unit/correct/test_agreement.py",
+    (
+        "test_part_asked.py",
+        "test_a_flank_that_became_worse_takes_all_tables_of_the_run_back",
+    ): "tests/unit/tooth/test_believed.py",
+    (
         "test_plugin.py",
         "test_the_shipped_suite_accepts_a_cell_and_leaves_junit_and_a_sheet",
     ): "test_what_can_be_read_is_accepted_and_what_lies_above_is_said",

@@ -10,6 +10,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from drivers.clock import LoopClock
+from gateway import audit
 from gateway.capture.cycles import visits
 from gateway.config import SiteFile
 from gateway.correct.outlook.flank_uncertainty import Shop
@@ -17,11 +19,17 @@ from gateway.domain.outcomes import Verdict
 from gateway.evaluate.behaviour.steadiness import steadiness
 from gateway.siteplan import WorkSection
 from gateway.store import Store
-from gateway.tooth import SetupValues
+from gateway.tooth import FlankMap, FlankPrediction, SetupValues, ToothProposal, ToothVerdict
+from gateway.workflow import stages
 from gateway.workflow.loop import tooth_loop
 from gateway.workflow.tooth.shop import _said_of, _with_drift, drifting
 from tests.unit.components.site import site_data
 
+FLAT = FlankMap(np.zeros(1), np.zeros(1), np.zeros((1, 1, 1)))
+PREDICTED = ToothProposal(
+    SetupValues(),
+    FlankPrediction(FLAT, FLAT, FLAT, floor_um=0.1, u_um=0.2, u_point_um=np.zeros((1, 1, 1)), rms_um=0.3, rms_u_um=0.1),
+)
 AT = np.linspace(0.0, 400.0, 11)
 GRINDING: Any = SimpleNamespace(infeed="X", index="C")
 WORK = WorkSection(gear=Path("gear.toml"), height_mm=150.0, drift_um_per_h=0.3)
@@ -85,3 +93,70 @@ def test_nothing_is_ground_again_where_nothing_was_pushed(tmp_path: Path, monkey
     asyncio.run(Loop(at, work, None, {}).close(apply=True))  # type: ignore[arg-type]
     assert said == ["P-CLOSE-BACK ", "part before", "P-CLOSE-NOTHING 1.5"]
     assert folder.state == "not-pushed"
+
+
+class Pushed(Loop):
+    """One whose tables went in and whose parts are judged as told."""
+
+    async def _proposal(self) -> Any:
+        self.at.folder.put(stages.TOOTH, PREDICTED)
+        return None, None
+
+    async def _pushed(self, proposal: Any) -> Verdict:
+        return Verdict((), "better", ())
+
+    def _expected(self, before: Any, tooth: Any) -> SetupValues:
+        return SetupValues()
+
+    async def _part(self, part: str, setup: SetupValues) -> Any:
+        self.at.folder.put(stages.inspected(part), SetupValues())
+        return SimpleNamespace(part=part)
+
+
+@pytest.mark.parametrize(("outcome", "back", "taken"), [("worse", True, 1), ("worse", False, 0), ("better", True, 0)])
+def test_a_flank_that_became_worse_takes_the_tables_back_unless_told_not_to(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, outcome: Any, back: bool, taken: int
+) -> None:
+    said: list[str] = []
+    asked: list[str] = []
+    store = Store(tmp_path)
+    folder = store.create("grinder")
+    verdict = ToothVerdict(
+        1.0, 0.8, 7.5, predicted_um=0.4, u_um=0.2, within_prediction=False, outcome=outcome, words="W"
+    )
+
+    async def take_back(at: Any) -> Any:
+        asked.append(at.folder.run_id)
+        return SimpleNamespace(lines=("X1: the old one acts",))
+
+    async def nothing(_at: Any) -> None:
+        return None
+
+    monkeypatch.setattr(tooth_loop, "same_machine", lambda _at: None)
+    book = SimpleNamespace(current=lambda *_names: SetupValues(), save=lambda *_given, **_more: None)
+    monkeypatch.setattr(tooth_loop, "SetupBook", lambda _root: book)
+    monkeypatch.setattr(tooth_loop, "setup_from_part", lambda _part, _gear: SimpleNamespace(setup=SetupValues()))
+    monkeypatch.setattr(tooth_loop.selftests, "demand", lambda _at: None)
+    monkeypatch.setattr(tooth_loop, "check_acting", nothing)
+    monkeypatch.setattr(tooth_loop, "judge_tooth", lambda *_parts, **_more: verdict)
+    monkeypatch.setattr(tooth_loop, "take_back_run", take_back)
+    monkeypatch.setattr(tooth_loop, "entered", lambda *_given: "")
+    monkeypatch.setattr(tooth_loop, "work_section", lambda _site: None)
+    at: Any = SimpleNamespace(folder=folder, store=store, site=SiteFile.model_validate(site_data()))
+    at.machine, at.clock = SimpleNamespace(serial="S1"), LoopClock()
+    at.say = lambda code, **_fields: said.append(code)
+    work: Any = SimpleNamespace(name="disc", gear=None)
+
+    async def run() -> None:
+        await Pushed(at, work, None, {}, back=back).close(apply=True)  # type: ignore[arg-type]
+        await Pushed(at, work, None, {}, back=back).close(apply=True)  # type: ignore[arg-type]
+
+    asyncio.run(run())
+    stored = folder.get(stages.TOOTH_VERDICT, ToothVerdict)
+    assert (len(asked), folder.state) == (taken, outcome)
+    assert stored.taken_back == ("X1: the old one acts",) * taken
+    assert ("X1: the old one acts" in stored.words) == bool(taken)
+    assert said[0] == ("P-CLOSE-BACK" if back else "P-CLOSE-BACK-NOT")
+    assert ("P-CLOSE-STAYS" in said) == (outcome == "worse" and not back)
+    actions = [one["action"] for one in audit.entries(store.root)]
+    assert actions.count("close-goes-back") == taken
