@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from math import isnan, nan
 from pathlib import Path
 from typing import Any
@@ -14,14 +15,15 @@ from drivers.files.columns import TARGET_UNITS, ColumnMap, read_columns
 from drivers.files.csvtext import table_text
 from drivers.files.numbers import beyond, decimal, missing, no_readings, untaken, whole
 from drivers.files.signature import signature_of
+from drivers.files.tables.heading import table_heading
 from drivers.files.tables.headwords import DIRECTIONS
 from drivers.files.tables.indexed import indexed, is_indexed
 from drivers.files.tables.layout import COLUMNS, NONE, UNITS, Layout, layout, understood
 from drivers.files.tables.order import by_order, counted
-from drivers.files.tables.sheet import Row, Sheet, heading_of, sheet_of
+from drivers.files.tables.sheet import Row, Sheet, heading_of, sheet_of, words_above
 from drivers.files.text import end_doubts, other_texts, plain_minus, read_bytes
 from drivers.local.letters import decode
-from drivers.types.results import MeasuredSet
+from drivers.types.results import MeasuredSet, TableHeading
 from drivers.types.values import FloatArray
 from drivers.units import deviation_scale, deviation_unit, typed_unit
 
@@ -71,7 +73,8 @@ class CsvFormat:
         data = read_bytes(path)
         text = plain_minus(decode(data, self._codepage, where))
         if self._columns is not None:
-            return read_columns(text, self._columns, where)
+            measured = read_columns(text, self._columns, where)
+            return replace(measured, header={**words_above(text, self._columns.skip), **measured.header})
         try:
             return parse_csv(text, self._unit, where, mixed=self._mixed, ways=self._ways)
         except FileFormatError as error:
@@ -86,6 +89,10 @@ class CsvFormat:
     def signature(self, path: Path) -> str:
         """What tables of the same layout have in common, "" for one without a heading. Raises FileFormatError."""
         return signature_of(decode(read_bytes(path), self._codepage, str(path)))
+
+    def heading(self, path: Path) -> TableHeading | None:
+        """Every column of the first table by its heading, None where no heading names targets."""
+        return table_heading(plain_minus(decode(read_bytes(path), self._codepage, str(path))))
 
     def text(self, measured: MeasuredSet) -> str:
         """A measured set as a table that `read` understands and a spreadsheet does not take for formulas."""

@@ -29,3 +29,36 @@ class MeasuredSet:
     header: Mapping[str, str] = field(default_factory=dict)
     warnings: tuple[str, ...] = ()
     doubts: tuple[Doubt, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class TableColumn:
+    """One column of a table: ``number`` from 1, its heading whole, the heading's ``words`` without its unit.
+
+    ``role``: "target", "direction", "repetition"; "reading" where the heading names one or the way of a pass;
+    "numbers" for any other column of numbers; "" for text, counters and statistics. ``unit`` is "" where the heading
+    names none.
+    """
+
+    number: int
+    heading: str
+    words: str
+    unit: str
+    role: str
+
+
+@dataclass(frozen=True, slots=True)
+class TableHeading:
+    """The heading of a table: its columns, the lines before the first row, and what separates cells ("": blanks).
+
+    ``said`` is what the file states about itself above it, by the names of a set's header.
+    """
+
+    columns: tuple[TableColumn, ...]
+    skip: int
+    separator: str
+    said: Mapping[str, str] = field(default_factory=dict)
+
+    def column(self, role: str) -> int:
+        """Number of the first column of a role, 0 where there is none."""
+        return next((one.number for one in self.columns if one.role == role), 0)

@@ -42,6 +42,17 @@ PointsOption = Annotated[bool, typer.Option("--points", help="Show every interpo
 SpeedOption = Annotated[
     float, typer.Option(min=1, max=500, help="Machine seconds in one second of yours; deadlines keep to yours.")
 ]
+SiteOption = Annotated[
+    Path | None, typer.Option(help="Site file with which the files' statements are compared.", show_default=False)
+]
+StatementOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        help="KEY=VALUE: a statement of a file that differs and counts all the same. May be repeated.",
+        show_default=False,
+    ),
+]
+AskOption = Annotated[bool, typer.Option("--ask/--no-ask", help="Ask where a file's statements differ, or refuse.")]
 ROADS = ("", "opcua", "modbus", "both")
 TakeOption = Annotated[
     str, typer.Option(help="Why the devices are taken from a service that hangs.", show_default=False)
@@ -167,3 +178,37 @@ def load_site(path: Path) -> Any:
     from gateway.config import load_site as load
 
     return load(path)
+
+
+def compared_of(site: Path | None, accepted: list[str] | None, *, ask: bool, tree: Any = None) -> Any:
+    """With what files' statements are compared: a site, what was accepted, and whether a person is asked."""
+    from datetime import UTC, datetime
+
+    from gateway.workflow.files.facts import Compared
+
+    known = load_site(site) if tree is None and site is not None else tree
+    return Compared(known, tuple(accepted or ()), _ask_about if ask else None, lambda: datetime.now(UTC))
+
+
+def _ask_about(one: Any) -> bool:
+    """Show one difference; yes takes the file. Without anybody at the terminal it is refused (E-FACTS-DIFFER)."""
+    from gateway.workflow.files.facts import refusal
+
+    typer.echo(words("P-FACTS-DIFFER", **difference_fields(one)))
+    try:
+        return typer.confirm(f"  {words('P-FACTS-DIFFER', 'do')}", default=None)
+    except typer.Abort as error:
+        raise refusal([one]) from error
+
+
+def difference_fields(one: Any) -> dict[str, str]:
+    """The fields of P-FACTS-DIFFER for a difference."""
+    from gateway.workflow.files.facts import SITE
+
+    found = {name: shown(getattr(one, name)) for name in ("file", "key", "value", "other", "source")}
+    return {**found, "source": words("W-FACTS-SITE")} if one.source == SITE else found
+
+
+def accepted_words(one: Any) -> str:
+    """An accepted difference in words."""
+    return words("W-FACTS-ACCEPTED", **difference_fields(one))

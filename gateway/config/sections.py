@@ -303,6 +303,9 @@ class SiteFile(Section):
     )
     tolerances: tuple[paper.ToleranceSection, ...] = Field(default=(), max_length=100, description="limits of the axes")
     gear_tolerance: paper.GearToleranceSection | None = Field(default=None, description="limits of the gear's figures")
+    test_conditions: tuple[paper.CaptureConditionsSection, ...] = Field(
+        default=(), max_length=100, description="how readings of files were taken"
+    )
     report: paper.ReportSection = Field(default=paper.ReportSection(), description="the calibration report")
     service: ServiceSection = Field(default=ServiceSection(), description="the service: pages and people")
 

@@ -17,6 +17,7 @@ from gateway.domain.equipment import SenseProof
 from gateway.domain.figures import Component, Evaluation
 from gateway.domain.outcomes import ActingCheck, AxisVerdict, PushRecord
 from gateway.domain.proposals import TableChange
+from gateway.domain.stated import StatedFacts
 from gateway.evaluate.standards.decision import Decision
 from gateway.evaluate.uncertainty.budget import Budget
 from gateway.gear.cycloid import CycloidGear
@@ -24,6 +25,21 @@ from gateway.model.known import ErrorModel
 from gateway.report.particulars import Particulars
 from gateway.tooth import AxisOutlook, GearProposal, GroundPart, InspectedFlank, ToothProposal, ToothVerdict
 
+CONDITIONS = (
+    "instrument",
+    "feed",
+    "dwell_s",
+    "overrun",
+    "cycle",
+    "warm_up",
+    "tables",
+    "compensated",
+    "expansion",
+    "other_axes",
+    "offsets",
+    "sensors",
+)
+"""What ISO 230-2 asks to be recorded with a test, besides what has a place of its own in the report."""
 Outcome = Literal["better", "unchanged", "worse", "not-pushed", "pushed", "measured", "inspected"]
 Kind = Literal["errors", "part", "closing"]
 
@@ -62,6 +78,8 @@ class AxisMaterial:
     are in um or arcsec. ``change`` is that of its own table, ``beside`` what else is corrected on the axis itself: its
     reversal. ``findings`` say what was found but not corrected, and what becomes of the reversal, in words; ``acting``
     is the short check with every table acting, ``outlook`` what was predicted of it. ``budget`` is what U rests on.
+    ``test_before`` and ``test_after`` are the conditions of the two captures by key of `CONDITIONS`; one that is not
+    there was not stated.
     """
 
     axis: str
@@ -84,6 +102,8 @@ class AxisMaterial:
     budget: Budget | None = None
     course_before: AmbientCourse | None = None
     course_after: AmbientCourse | None = None
+    test_before: Mapping[str, str] = field(default_factory=dict)
+    test_after: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def deviation_unit(self) -> DeviationUnit:
@@ -196,3 +216,4 @@ class ReportMaterial:
     unprotected: str = ""
     excused: tuple[str, str] = ("", "")
     judged: tuple[Judged, ...] = ()
+    stated: StatedFacts = field(default_factory=StatedFacts)

@@ -17,6 +17,7 @@ TOOTH = "tooth"
 TOOTH_VERDICT = "tooth-verdict"
 FROM_GEAR = "from-gear"
 CARRIED = "carried-push"
+STATED = "stated"
 
 
 def raw(axis: str, phase: Phase) -> str:

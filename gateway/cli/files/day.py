@@ -17,6 +17,7 @@ from gateway.cli.show import echo, say_line, show_json, show_table
 from gateway.cli.stopping import run_to_end
 
 YES, NO = ("yes", "y", "ja", "j", "是"), ("no", "n", "nein", "否")
+ACCEPT = "accept "
 NUMBERS = {"datum": "W-DAY-NUMBER", "material_degc": "W-DAY-NUMBER", "park": "W-DAY-NUMBER", "own_angle": "W-DAY-ANGLE"}
 
 
@@ -42,7 +43,7 @@ def day_command(
     said = read_answers(answers or beside(folder))
     gathering = DayFolder(folder, tree.site.name, Maps(store_of(tree, site).root), LoopClock().utc)
     spoken = language or tree.report.language
-    sorted_day, said = _sorted(gathering, tree.axes, said, spoken if ask and not as_json else "")
+    sorted_day, said = _sorted(gathering, tree, said, spoken if ask and not as_json else "")
     if not as_json:
         _tell_files(sorted_day)
     if not sorted_day.setups:
@@ -53,34 +54,48 @@ def day_command(
 # ---------------------------------------------------------------------------------------------------- the questions
 
 
-def _sorted(gathering: Any, axes: Any, said: Any, language: str) -> tuple[Any, Any]:
+def _sorted(gathering: Any, site: Any, said: Any, language: str) -> tuple[Any, Any]:
     """Ask until nothing is open; without a language nobody is asked. Raises ConfigError (E-DAY-OPEN)."""
     from gateway.workflow.day.answers import keep
     from gateway.workflow.day.sorting import sort_day
 
     while True:
-        found = sort_day(gathering.files(said), axes, said)
+        found = sort_day(gathering.files(said), site, said)
         needed = [one for one in found.open if not one.optional]
         if not found.open or not (needed or language):
             return found, said
         if not language:
             raise _refusal(needed, said)
         one = (needed or found.open)[0]
-        value = _answer(one, language, found.open, said)
-        # Who does not answer for a doubt leaves the file out.
-        said = said.plus(one.place, "use" if value is False else one.key, value)
+        said = _with_answer(said, one, _answer(one, language, found.open, said))
         keep(said)
 
 
+def _with_answer(said: Any, one: Any, value: Any) -> Any:
+    """The answers with one more; a statement that does not belong here leaves its files out."""
+    if not one.key.startswith(ACCEPT):
+        # Whoever does not answer for a doubt leaves the file out.
+        return said.plus(one.place, "use" if value is False else one.key, value)
+    if value:
+        known = said.said.get("all", {}).get("accept", [])
+        return said.plus("all", "accept", [*known, one.key.removeprefix(ACCEPT)])
+    for name in one.fields["files"]:
+        said = said.plus(f"files.{name}", "use", value)
+    return said
+
+
 def _answer(one: Any, language: str, questions: Any, said: Any) -> Any:
-    text = catalogue(language).get(one.code) or catalogue()[one.code]
-    echo(f"\n{text['what'].format_map(one.fields)}", bold=True)
-    say_line(f"  {text['do'].format_map(one.fields)}", 2)
+    told = {**catalogue(), **catalogue(language)}
+    text, fields = told[one.code], _fields(one, told["W-FACTS-SITE"]["what"])
+    echo(f"\n{text['what'].format_map(fields)}", bold=True)
+    say_line(f"  {text['do'].format_map(fields)}", 2)
     if one.choices:
         echo(f"  ({', '.join(one.choices)})")
     while True:
         try:
-            typed = str(typer.prompt(f"  {one.key}", default=one.default, show_default=bool(one.default))).strip()
+            typed = str(
+                typer.prompt(f"  {one.key.partition(' ')[0]}", default=one.default, show_default=bool(one.default))
+            ).strip()
         except typer.Abort as error:
             if one.optional:
                 return one.default
@@ -93,6 +108,13 @@ def _answer(one: Any, language: str, questions: Any, said: Any) -> Any:
         echo(f"  {again['what'].format_map({'typed': typed, 'known': ', '.join(one.choices)})}", colour="yellow")
 
 
+def _fields(one: Any, site: str) -> Mapping[str, object]:
+    """The fields of a question; the site file by its name in the language."""
+    from gateway.workflow.files.facts import SITE
+
+    return {**one.fields, "source": site} if one.fields.get("source") == SITE else one.fields
+
+
 def _value(one: Any, typed: str) -> Any:
     """An answer as the file keeps it; None where it will not do."""
     from gateway.workflow.day.answers import COLDEST, FARTHEST, HOTTEST, SQUAREST, UNKNOWN
@@ -103,7 +125,7 @@ def _value(one: Any, typed: str) -> Any:
     if one.key == "material_degc":
         found = _number(typed, HOTTEST)
         return UNKNOWN if typed.lower() == UNKNOWN else found if found is None or found >= COLDEST else None
-    if one.key == "use":
+    if one.key == "use" or one.key.startswith(ACCEPT):
         left = typed.lower() in NO
         return not left if (left or (typed.lower() in YES and "yes" in one.choices)) else None
     if one.key == "own_angle" and typed.lower() not in one.choices:
@@ -128,7 +150,11 @@ def _refusal(questions: Any, said: Any) -> ConfigError:
     from gateway.workflow.day.answers import section
 
     lines: dict[str, list[str]] = {}
-    for one in questions:
+    differ = [one for one in questions if one.key.startswith(ACCEPT)]
+    if differ:
+        known = said.said.get("all", {}).get("accept", [])
+        lines[section("all")] = _accept_lines(differ, known)
+    for one in (item for item in questions if item not in differ):
         asked = catalogue()[one.code]["what"].format_map(one.fields).split("\n")[0]
         able = f" ({', '.join(one.choices)})" if one.choices else ""
         value = "false" if one.key == "use" else one.default if one.key in NUMBERS else f'"{one.default}"'
@@ -137,6 +163,15 @@ def _refusal(questions: Any, said: Any) -> ConfigError:
         lines.setdefault(section(one.place), []).append(f"{one.key} = {value or '?'}  # {asked}{able}")
     text = "\n".join("\n".join((head, *own)) for head, own in lines.items())
     return ConfigError("E-DAY-OPEN", said.where, count=len(questions), lines=text)
+
+
+def _accept_lines(questions: Any, known: Any) -> list[str]:
+    """One line that accepts every statement that differs, and above it what each of them is."""
+    from gateway.config.writing import written
+
+    site = catalogue()["W-FACTS-SITE"]["what"]
+    asked = [f"# {catalogue()[one.code]['what'].format_map(_fields(one, site))}" for one in questions]
+    return [*asked, f"accept = {written([*known, *(one.key.removeprefix(ACCEPT) for one in questions)])}"]
 
 
 # ------------------------------------------------------------------------------------------------------ what is told
@@ -190,7 +225,7 @@ def _make(found: Any, gathering: Any, said: Any, *, site: Path, connect: bool, l
         if connect:
 
             async def main() -> Any:
-                return await at_the_control(tree, path, found.setups, clock=LoopClock(), say=say)
+                return await at_the_control(tree, path, found.setups, answers=said, clock=LoopClock(), say=say)
 
             outcome = run_to_end(main())
         else:

@@ -21,7 +21,8 @@ from gateway.workflow.files.kindrecords import KindQuestion, MeasuredFile
 class EvaluationOptions:
     """How files are to be evaluated: None and "" leave things as the file has them.
 
-    ``site`` is a whole site file: its tolerances are decided, and its register says U of the equipment.
+    ``site`` is a whole site file: its tolerances are decided, and its register says U of the equipment; ``compared``
+    then says how statements of files that differ from it are treated.
     """
 
     standard: str = "2014"
@@ -37,6 +38,7 @@ class EvaluationOptions:
     plot: Path | None = None
     site: Any = None
     accepted: Mapping[str, str] = field(default_factory=dict)
+    compared: Any = None
 
     @property
     def recompensates(self) -> bool:
@@ -136,10 +138,27 @@ def _evaluated(path: Path, asked: EvaluationOptions, drawn: list[MeasuredFile]) 
     found = items(
         run_or_file(asked.store, path), How(asked.unit), Store(asked.store), axis=asked.axis, phase=asked.phase
     )
-    return [_evaluate(item, asked, drawn) for item in found]
+    accepted = _accepted(path, found, asked)
+    return [_evaluate(item, asked, drawn, accepted) for item in found]
 
 
-def _evaluate(item: Any, asked: EvaluationOptions, drawn: list[MeasuredFile]) -> dict[str, Any]:
+def _accepted(path: Path, found: Sequence[Any], asked: EvaluationOptions) -> tuple[str, ...]:
+    """What the file states otherwise than the site, accepted by a person; nothing of a run that measured itself."""
+    from drivers.types.results import MeasuredSet
+    from gateway.cli.options import accepted_words
+    from gateway.store import Maps, Store
+    from gateway.workflow.files.facts import facts_of
+
+    measured = [one.content for one in found if one.capture is None and isinstance(one.content, MeasuredSet)]
+    if asked.compared is None or not measured:
+        return ()
+    stated = asked.compared.settled([facts_of(path.name, measured[0].header)], Maps(Store(asked.store).root))
+    return tuple(accepted_words(one) for one in stated.accepted)
+
+
+def _evaluate(
+    item: Any, asked: EvaluationOptions, drawn: list[MeasuredFile], accepted: Sequence[str] = ()
+) -> dict[str, Any]:
     from drivers.types.results import MeasuredSet
     from gateway.evaluate.behaviour import doubts, positioning
     from gateway.evaluate.optics import corrections
@@ -179,6 +198,7 @@ def _evaluate(item: Any, asked: EvaluationOptions, drawn: list[MeasuredFile]) ->
             *doubts.told(figured.doubts),
             *measured.warnings,
             *item.notes,
+            *accepted,
             *_undecided(measured, asked),
             *((SAID,) if simulated_set(measured) else ()),
         ],

@@ -8,7 +8,16 @@ from typing import Annotated
 import typer
 
 from drivers.errors import ConfigError
-from gateway.cli.options import AcceptOption, JsonOption, StoreOption, accepted_doubts, load_site
+from gateway.cli.options import (
+    AcceptOption,
+    AskOption,
+    JsonOption,
+    StatementOption,
+    StoreOption,
+    accepted_doubts,
+    compared_of,
+    load_site,
+)
 
 
 def evaluate(
@@ -44,6 +53,8 @@ def evaluate(
     plot: Annotated[Path | None, typer.Option(help="Picture (.png or .svg).", show_default=False)] = None,
     accept_doubt: AcceptOption = None,
     store: StoreOption = Path("runs"),
+    accept: StatementOption = None,
+    ask: AskOption = True,
     as_json: JsonOption = False,
 ) -> None:
     """Evaluate result files or runs: positioning to ISO 230-2 or another standard, or another --kind of geometry."""
@@ -77,6 +88,7 @@ def evaluate(
             limits=limits_of(limit or ()),
         )
         raise typer.Exit(evaluate_kinds(files or [], options, as_json=as_json))
+    tree = load_site(site) if site is not None else None
     asked = EvaluationOptions(
         standard=standard,
         unit=unit,
@@ -89,7 +101,8 @@ def evaluate(
         axis=axis,
         phase=phase,
         plot=plot,
-        site=load_site(site) if site is not None else None,
+        site=tree,
+        compared=compared_of(None, accept, ask=ask and not as_json, tree=tree) if tree is not None else None,
         accepted=accepted_doubts(accept_doubt),
     )
     evaluate_files(files or [], asked, as_json=as_json)

@@ -8,7 +8,16 @@ from typing import Annotated, Any
 import typer
 
 from drivers.errors import ConfigError, TrueflankError
-from gateway.cli.options import JsonOption, StoreOption, run_or_file
+from gateway.cli.options import (
+    AskOption,
+    JsonOption,
+    SiteOption,
+    StatementOption,
+    StoreOption,
+    accepted_words,
+    compared_of,
+    run_or_file,
+)
 from gateway.cli.show import echo, show_error, show_json
 
 
@@ -22,6 +31,10 @@ def import_command(
     ] = None,
     gear: Annotated[bool, typer.Option("--gear", help="The tables hold flank points of a gear.")] = False,
     forget: Annotated[bool, typer.Option("--forget", help="Forget what was said about such files before.")] = False,
+    motion: Annotated[str, typer.Option(help="Only this error motion of a table with several: EXX.")] = "",
+    site: SiteOption = None,
+    accept: StatementOption = None,
+    ask: AskOption = True,
     as_json: JsonOption = False,
 ) -> None:
     """Take result files into the store; what they do not say is said once and remembered."""
@@ -31,19 +44,26 @@ def import_command(
     from gateway.workflow.files.columnwords import columns_of
     from gateway.workflow.files.importing import How, import_file
 
-    how = How(unit, machine, columns_of(column or []) or None, gear=gear, forget=forget)
+    how = How(unit, machine, columns_of(column or []) or None, gear=gear, forget=forget, motion=motion)
+    at = compared_of(site, accept, ask=ask and not as_json)
     told: list[dict[str, Any]] = []
     failures: list[TrueflankError] = []
     for path in files:
         try:
-            done = import_file(path, Store(store), how, lambda: datetime.now(UTC))
+            done = import_file(path, Store(store), how, lambda: datetime.now(UTC), at=at)
         except TrueflankError as error:
             failures.append(error)
             told.append({"file": str(path), "error": error.as_record()})
             continue
-        told.append({"file": str(path), "run": done.run_id, "folder": str(done.folder), "kind": done.kind})
-        told[-1] |= {"new": done.new, "sha256": done.sha256, "notes": list(done.notes)}
+        told += [_imported(path, one) for one in done]
     _tell(told, failures, as_json=as_json)
+
+
+def _imported(path: Path, done: Any) -> dict[str, Any]:
+    told = {"file": str(path), "run": done.run_id, "folder": str(done.folder), "kind": done.kind}
+    told |= {"component": done.component, "new": done.new, "sha256": done.sha256, "notes": list(done.notes)}
+    stated = {one.key: one.value for one in done.stated.facts}
+    return told | {"stated": stated, "accepted": [accepted_words(one) for one in done.stated.accepted]}
 
 
 def _tell(told: list[dict[str, Any]], failures: list[TrueflankError], *, as_json: bool) -> None:
@@ -52,8 +72,9 @@ def _tell(told: list[dict[str, Any]], failures: list[TrueflankError], *, as_json
     for one in () if as_json else told:
         if "error" not in one:
             what = "imported as" if one["new"] else "was imported before as"
-            echo(f"{one['file']}: {what} {one['run']} ({one['kind']})")
-            for note in one["notes"]:
+            name = f"{one['file']} {one['component']}".strip()
+            echo(f"{name}: {what} {one['run']} ({one['kind']})")
+            for note in (*one["notes"], *one["accepted"]):
                 echo(f"  note: {note}")
     for failure in () if as_json else failures:
         show_error(failure, as_json=False)

@@ -11,7 +11,17 @@ import typer
 from drivers.errors import ConfigError, words
 from gateway.cli.exits import of_verdicts
 from gateway.cli.onward import next_step, step_of
-from gateway.cli.options import AcceptOption, JsonOption, StoreOption, accepted_doubts, load_site, open_run
+from gateway.cli.options import (
+    AcceptOption,
+    AskOption,
+    JsonOption,
+    StatementOption,
+    StoreOption,
+    accepted_doubts,
+    compared_of,
+    load_site,
+    open_run,
+)
 from gateway.cli.show import echo, show_json
 
 
@@ -31,18 +41,34 @@ def report(
     ] = None,
     unit: Annotated[str, typer.Option(help="Unit of an .rta's deviations: mrad, urad, arcsec or deg.")] = "",
     accept_doubt: AcceptOption = None,
+    condition: Annotated[
+        list[str] | None,
+        typer.Option(
+            help='Test condition that no file states: "feed=1000 mm/min", "X1.tables=none". Remembered.',
+            show_default=False,
+        ),
+    ] = None,
+    accept: StatementOption = None,
+    ask: AskOption = True,
     as_json: JsonOption = False,
 ) -> None:
     """Write the calibration report of a run, or of result files: PDF, HTML and data; 13 where a limit is exceeded."""
     try:
         from gateway.workflow.results.documenting import Told
+        from gateway.workflow.results.testconditions import stated_conditions
     except ModuleNotFoundError as error:
         raise ConfigError("E-REPORT-EXTRA", "report", library=error.name) from error
     if not what:
         raise ConfigError("E-CLI-NO-FILES", "report")
     accepted = accepted_doubts(accept_doubt)
     told = Told(language=language, site=(load_site(site), site) if site is not None else None, accepted=accepted)
-    made, lines, data = _of_files(what, store, unit, told, out) if _files(what) else _of_run(what, store, told, out)
+    at = compared_of(None, accept, ask=ask and not as_json, tree=told.tree)
+    said = stated_conditions(condition or ())
+    made, lines, data = (
+        _of_files(what, store, unit, told, out, at=at, said=said)
+        if _files(what)
+        else _of_run(what, store, told, out, at=at, said=said)
+    )
     if as_json:
         show_json(data)
     else:
@@ -71,17 +97,21 @@ def _files(what: list[str]) -> bool:
     return len(what) > 1 or (Path(what[0]).is_file() or bool(Path(what[0]).suffix and not Path(what[0]).is_dir()))
 
 
-def _of_run(what: list[str], store: Path, told: Any, out: Path | None) -> tuple[Any, tuple[str, ...], dict[str, Any]]:
+def _of_run(
+    what: list[str], store: Path, told: Any, out: Path | None, *, at: Any, said: Any
+) -> tuple[Any, tuple[str, ...], dict[str, Any]]:
     from drivers.clock import LoopClock
-    from gateway.store import Store
+    from gateway.store import Maps, Store
     from gateway.workflow.results.documenting import with_told, write_document
     from gateway.workflow.results.ending import lines_of
-    from gateway.workflow.results.fromfiles import imported, material_of_import
+    from gateway.workflow.results.fromfiles import imported, keep_conditions, material_of_import
     from gateway.workflow.results.reporting import material_of, standing_report, summary_of, write_report
 
     folder = open_run(Store(store), what[0], "report")
+    if said:
+        keep_conditions(folder, said)
     if imported(folder):
-        material = with_told(material_of_import(folder, told.tree, accepted=told.accepted), told)
+        material = with_told(material_of_import(folder, at, Maps(Store(store).root), told.accepted), told)
         made = write_document(material, out or folder.path, LoopClock().utc())
         return made, (), {**made.as_data(), "run": str(folder.path)}
     material = material_of(folder)
@@ -101,7 +131,7 @@ def _logo(material: Any, told: Any) -> tuple[str, ...]:
 
 
 def _of_files(
-    what: list[str], store: Path, unit: str, told: Any, out: Path | None
+    what: list[str], store: Path, unit: str, told: Any, out: Path | None, *, at: Any, said: Any
 ) -> tuple[Any, tuple[str, ...], dict[str, Any]]:
     from drivers.clock import LoopClock
     from gateway.store import Store
@@ -109,7 +139,8 @@ def _of_files(
     from gateway.workflow.results.documenting import with_told, write_document
     from gateway.workflow.results.fromfiles import material_of_files
 
-    read = material_of_files([Path(one) for one in what], How(unit), Store(store), told.tree, accepted=told.accepted)
+    paths = [Path(one) for one in what]
+    read = material_of_files(paths, How(unit), Store(store), at, conditions=said, accepted=told.accepted)
     material = with_told(read, told)
     made = write_document(material, out or Path(), LoopClock().utc())
     return made, tuple(material.findings), made.as_data()

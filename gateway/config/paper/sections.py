@@ -82,6 +82,22 @@ class EquipmentSection(Section):
     )
 
 
+class CaptureConditionsSection(Section):
+    """How readings of files were taken, of one axis or of all: what a file states itself counts before it."""
+
+    axis: MaybeName = Field(default="", description="machine axis; left out: every axis")
+    feed: Number | None = Field(default=None, gt=0, le=1e6, description="feed, mm/min or deg/min")
+    overrun: Number | None = Field(default=None, gt=0, le=1000.0, description="overrun before reversing, mm or deg")
+    dwell_s: Number | None = Field(default=None, gt=0, le=600.0, description="dwell at each target, s")
+    cycle: Literal["", "standard", "pendulum", "pilgrim"] = Field(default="", description="measuring cycle")
+    tables: Line = Field(default="", description="compensation tables that acted: none, or their names")
+    warm_up: Line = Field(default="", description="warm-up before measuring; left out: that of [report]")
+    other_axes: Line = Field(default="", description="positions of the axes that did not move")
+    offsets: Line = Field(default="", description="offsets from the measuring line to tool and workpiece reference")
+    sensors: Line = Field(default="", description="places of the temperature sensors")
+    instrument: Line = Field(default="", description="instrument and its optics")
+
+
 Limits = Annotated[Mapping[Name, Annotated[Number, Field(gt=0, le=1e6)]], Field(max_length=20)]
 
 

@@ -18,10 +18,34 @@ def equipment(report: ReportMaterial, t: Tongue) -> tuple[Block, ...]:
     rows = [_row(one, of.get(one.name), t) for one in report.instruments if one.name != CONTROL]
     known = {one.name for one in report.instruments}
     rows += [_other(one, t) for one in register if one.instrument not in known]
+    if not register:
+        rows += _of_files(report, t)
+    lacking = () if register else (Paragraph(t("no_register"), "small"),)
     if not rows:
-        return ()
+        return Heading(t("equipment"), 2), *lacking
     head = (t("equipment_name"), t("model"), t("serial"), t("traceability"), t("due"), "U, k = 2")
-    return Heading(t("equipment"), 2), TableBlock(head, tuple(rows), "llllll", dense=True, wide=(1, 3))
+    return Heading(t("equipment"), 2), TableBlock(head, tuple(rows), "llllll", dense=True, wide=(1, 3)), *lacking
+
+
+def _of_files(report: ReportMaterial, t: Tongue) -> list[tuple[str, ...]]:
+    """The instruments that files state; no register says anything of their calibration."""
+    found = dict.fromkeys(
+        (one.of(file).get("instrument", ""), one.of(file).get("instrument_serial", ""))
+        for one in (report.stated,)
+        for file in dict.fromkeys(fact.file for fact in one.facts)
+    )
+    return [
+        (
+            t("by_files", value=name or t("instrument")),
+            ABSENT,
+            serial or ABSENT,
+            t("no_certificate"),
+            ABSENT,
+            t("assumed_u"),
+        )
+        for name, serial in found
+        if name or serial
+    ]
 
 
 def _row(one: InstrumentNote, said: Registered | None, t: Tongue) -> tuple[str, ...]:
@@ -45,13 +69,8 @@ def serial_of(text: str) -> str:
 
 
 def methods(report: ReportMaterial, t: Tongue) -> tuple[Block, ...]:
-    """By which standards, how sure their formulas are, and how deviations count."""
-    found = [item for axis in report.axes for item in (axis.before, axis.after) if item is not None]
-    editions = dict.fromkeys(
-        t("by_standard", standard=item.standard, certainty=t.known(f"certainty_{item.certainty}", item.certainty))
-        for item in found
-    )
-    said = [*editions, t("sign_convention"), t("coverage")]
+    """How deviations count, what U covers, and what the flank's figure is."""
+    said = [t("sign_convention"), t("coverage")]
     if report.tooth is not None:
         said.append(t("flank_figure"))
     return Heading(t("methods"), 2), Bullets(tuple(said)), Paragraph(report.software, "small")

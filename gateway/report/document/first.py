@@ -2,34 +2,38 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Mapping
 
 from drivers.types.sensing import Ambient
-from gateway.domain.captures import Capture, Conditions
-from gateway.report.document.content import Band, Block, FactsBlock, Heading, Paragraph, State, TableBlock
+from gateway.domain.captures import Capture
+from gateway.report.document.content import Band, Block, Bullets, FactsBlock, Heading, Paragraph, State, TableBlock
 from gateway.report.document.words import Tongue
-from gateway.report.material import AxisMaterial, Outcome, ReportMaterial
+from gateway.report.material import CONDITIONS, AxisMaterial, Outcome, ReportMaterial
 from gateway.report.parameters import ParameterRow, parameter_rows
 from gateway.report.sentences import ABSENT, UNIT, number, percent, when
 from gateway.report.tooth.flank import before_after
 
 STATES: dict[Outcome, State] = {"better": "good", "worse": "bad", "not-pushed": "open"}
 RESULT_FILES, MOST_NAMED = ("result file", "imported"), 6
+MOST_SIDE_BY_SIDE = 4
+SITE = "site"
 SIGNS = {"pass": "✔", "fail": "✖", "not decidable": "?"}
 
 
 def parties(report: ReportMaterial, t: Tongue) -> tuple[Block, ...]:
-    """For whom and at which machine; a party that nobody named is said to be not stated."""
+    """For whom and at which machine: as the site file states it, else as the files do; else it is not stated."""
     said, own = report.particulars.parties, report.particulars.machine
+    named = " ".join(part for part in (own.maker, own.type) if part)
     rows = (
-        (t("customer"), "\n".join((said.customer, *said.customer_address)).strip() or t("not_stated")),
-        (t("machine"), " ".join(part for part in (own.maker, own.type) if part) or report.site),
-        (t("order"), said.order or t("not_stated")),
-        (t("machine_number"), own.number or t("not_stated")),
-        (t("place"), said.place or t("not_stated")),
+        (t("customer"), "\n".join((said.customer, *said.customer_address)).strip() or _of_files("customer", report, t)),
+        (t("machine"), named or _of_files("machine", report, t, report.site)),
+        (t("order"), said.order or _of_files("order", report, t)),
+        (t("machine_number"), own.number or _of_files("serial", report, t)),
+        (t("place"), said.place or _of_files("place", report, t)),
         (t("year"), str(own.year) if own.year is not None else ""),
-        (t("operator"), said.operator or report.operator or t("not_stated")),
-        (t("control"), _joined(report.machine.serial, report.machine.version)),
+        (t("operator"), said.operator or _of_files("operator", report, t, report.operator)),
+        (t("control"), _control(report) or t("not_stated")),
         (t("measured_on"), _span(report)),
         (t("run"), report.run_id),
         (t("result_files"), _files(report)),
@@ -38,15 +42,23 @@ def parties(report: ReportMaterial, t: Tongue) -> tuple[Block, ...]:
     return (FactsBlock(rows, 2),)
 
 
+def _of_files(key: str, report: ReportMaterial, t: Tongue, otherwise: str = "") -> str:
+    """What the files state, marked as theirs; ``otherwise`` where they state nothing."""
+    values = report.stated.values(key)
+    return t("by_files", value=", ".join(values)) if values else otherwise or t("not_stated")
+
+
+def _control(report: ReportMaterial) -> str:
+    """Serial number and version of the control; a number that files state is the machine's."""
+    serial = "" if report.machine.serial in report.stated.values("serial") else report.machine.serial
+    return ", ".join(part for part in (serial, report.machine.version) if part)
+
+
 def _files(report: ReportMaterial) -> str:
     """The result files that were evaluated, by name; none for what was measured at the machine."""
     names = [one.path for one in report.files if one.role in RESULT_FILES]
     more = len(names) - MOST_NAMED
     return ", ".join(names[:MOST_NAMED]) + (f" + {more}" if more > 0 else "")
-
-
-def _joined(*parts: str) -> str:
-    return ", ".join(part for part in parts if part) or ABSENT
 
 
 def _span(report: ReportMaterial) -> str:
@@ -65,8 +77,18 @@ def answer(report: ReportMaterial, t: Tongue) -> tuple[Block, ...]:
     if rows:
         head = (t("axis"), t("figure"), t("as_found"), "U", t("as_left"), "U", t("change"), t("unit"))
         found.append(TableBlock(head, rows, "llrrrrrl", wide=(0, 6)))
-        found.append(Paragraph(t("figures_said"), "small"))
+        found.append(Paragraph(" ".join((*standards(report, t), t("figures_said"))), "small"))
     return tuple(found)
+
+
+def standards(report: ReportMaterial, t: Tongue) -> tuple[str, ...]:
+    """By which standard the figures are, and how certain its formulas are: said where the figures are."""
+    found = [item for axis in report.axes for item in (axis.before, axis.after) if item is not None]
+    said = (
+        t("by_standard", standard=item.standard, certainty=t.known(f"certainty_{item.certainty}", item.certainty))
+        for item in found
+    )
+    return tuple(dict.fromkeys(said))
 
 
 def _tooth_line(report: ReportMaterial, t: Tongue) -> Iterator[str]:
@@ -158,62 +180,65 @@ def conditions(report: ReportMaterial, t: Tongue) -> tuple[Block, ...]:
         Heading(t("conditions")),
         TableBlock(head, rows, "llllllll", dense=True, wide=(2, 6)),
         Paragraph(t("conditions_said"), "small"),
-        *_capturing(report, t),
+        *_tests(report, t),
+        *_accepted(report, t),
     )
 
 
-def _capturing(report: ReportMaterial, t: Tongue) -> tuple[Block, ...]:
-    """How the readings were taken: feed, overrun, dwell, cycle, and which tables acted."""
-    rows = tuple(
-        _taken(axis, t(key), capture, t)
-        for axis in report.axes
-        for key, capture in (("as_found", axis.capture_before), ("as_left", axis.capture_after))
-        if capture is not None and capture.conditions is not None
-    )
-    if not rows:
+def _tests(report: ReportMaterial, t: Tongue) -> tuple[Block, ...]:
+    """How the readings were taken, as ISO 230-2 lists it: each condition by name, stated or not."""
+    columns: list[tuple[str, Mapping[str, str]]] = []
+    for axis in report.axes:
+        sides = [("as_found", axis.capture_before, axis.test_before), ("as_left", axis.capture_after, axis.test_after)]
+        known = [(key, told) for key, capture, told in sides if capture is not None]
+        alike = len({tuple(told.items()) for _key, told in known}) == 1
+        columns += [(axis.axis if alike else f"{axis.axis}, {t(key)}", told) for key, told in known][
+            : 1 if alike else 2
+        ]
+    if not columns:
         return ()
-    head = (t("axis"), t("state"), t("feed"), t("overrun"), t("dwell"), t("cycle"), t("acting_tables"), t("other_axes"))
-    said = next(one for axis in report.axes for one in _conditions(axis) if one is not None)
-    warm = (Paragraph(t("warm_up", said=said.warm_up), "small"),) if said.warm_up else ()
-    return (TableBlock(head, rows, "llrrrlll", dense=True, wide=(6, 7)), *warm)
-
-
-def _conditions(axis: AxisMaterial) -> tuple[Conditions | None, ...]:
-    captures = (axis.capture_before, axis.capture_after)
-    return tuple(one.conditions for one in captures if one is not None)
-
-
-def _taken(axis: AxisMaterial, state: str, capture: Capture, t: Tongue) -> tuple[str, ...]:
-    said = capture.conditions or Conditions()
-    unit = UNIT[axis.unit]
-    return (
-        axis.axis,
-        state,
-        _in(said.feed, f"{unit}/min"),
-        _in(said.overrun, unit),
-        _in(said.dwell_s, "s"),
-        t(f"cycle_{capture.cycle}"),
-        said.compensation or ABSENT,
-        _others(axis.axis, said.stands),
+    rows = tuple(
+        (t(f"test_{key}"), *(_told(key, told.get(key, ""), t) for _name, told in columns)) for key in CONDITIONS
     )
+    groups = [columns[at : at + MOST_SIDE_BY_SIDE] for at in range(0, len(columns), MOST_SIDE_BY_SIDE)]
+    tables = []
+    for at, group in enumerate(groups):
+        start = at * MOST_SIDE_BY_SIDE + 1
+        body = tuple((row[0], *row[start : start + len(group)]) for row in rows)
+        head = ("", *(name for name, _told in group))
+        tables.append(TableBlock(head, body, "l" * len(head), dense=True, wide=tuple(range(1, len(head)))))
+    return (Heading(t("tests"), 2), *tables)
 
 
-def _others(axis: str, stands: Mapping[str, float]) -> str:
-    """Where the axes stood that did not move: "Z 150 mm, C 0 deg"."""
-    others = (
-        f"{letter} {_minus(f'{place:.4g}')} {UNIT['deg' if letter in 'ABC' else 'mm']}"
-        for letter, place in stands.items()
-        if not axis.startswith(letter)
+def _told(key: str, value: str, t: Tongue) -> str:
+    if not value:
+        return t("not_stated")
+    if key in ("cycle", "compensated"):
+        return t.known(f"{key}_{value}", value)
+    return t("tables_none") if key == "tables" and value in ("-", "none") else _minus(value)
+
+
+def _accepted(report: ReportMaterial, t: Tongue) -> tuple[Block, ...]:
+    """Statements of files that differ and that a person accepted, with both values."""
+    if not report.stated.accepted:
+        return ()
+    told = tuple(
+        t(
+            "accepted",
+            file=one.file,
+            key=t(f"fact_{one.key}"),
+            value=one.value,
+            other=one.other,
+            source=t("site_file") if one.source == SITE else one.source,
+            day=f" ({one.utc[:10]})" if one.utc else "",
+        )
+        for one in report.stated.accepted
     )
-    return ", ".join(others) or ABSENT
+    return (Heading(t("differences"), 2), Bullets(tuple(dict.fromkeys(told))))
 
 
 def _minus(text: str) -> str:
-    return text.replace("-", "−")
-
-
-def _in(value: float | None, unit: str) -> str:
-    return ABSENT if value is None else f"{value:g} {unit}"
+    return re.sub(r"(?<![\w.])-(?=\d)", "−", text)
 
 
 def _condition_rows(axis: AxisMaterial, t: Tongue) -> Iterator[tuple[str, ...]]:

@@ -35,6 +35,11 @@ KEYS: Mapping[str, tuple[type, ...]] = {
     "own_angle": (int, float, str),
     "material_degc": (int, float, str),
     "accept_doubts": (dict,),
+    "accept": (list,),
+    "feed": (int, float),
+    "overrun": (int, float),
+    "dwell_s": (int, float),
+    **dict.fromkeys(("cycle", "tables", "warm_up", "other_axes", "offsets", "sensors", "instrument"), (str,)),
 }
 FARTHEST = 1e6
 """The largest number an answer can be, mm, deg, um or arcsec: a kilometre."""
@@ -44,6 +49,7 @@ UNKNOWN = "unknown"
 """Said of a square's own angle where nobody knows it."""
 SQUAREST = 80.0
 """The largest own angle, arcsec: more is an angle in degrees, or no square."""
+_MOTION = re.compile(r" E[XYZABC][XYZABCUVW]\Z")  # one motion of a table with several: answers for the file count too
 _BARE = re.compile(r"[A-Za-z0-9_-]+")
 
 
@@ -56,7 +62,7 @@ class Answers:
 
     def of(self, key: str, name: str, axis: str = "") -> Any:
         """The answer for one file: its own, that of its axis, that for all; None where nobody said."""
-        for place in (f"files.{name}", f"axes.{axis}", ALL):
+        for place in (f"files.{name}", f"files.{_MOTION.sub('', name)}", f"axes.{axis}", ALL):
             if key in self.said.get(place, {}):
                 return self.said[place][key]
         return None

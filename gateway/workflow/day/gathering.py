@@ -17,7 +17,7 @@ from drivers.types.results import MeasuredSet
 from gateway.store import Maps
 from gateway.workflow.day.answers import Answers
 from gateway.workflow.files.columnwords import ASKS, columns_of
-from gateway.workflow.files.importing import How, driver_of, read_file
+from gateway.workflow.files.importing import How, Read, driver_of, read_all, read_file
 
 MOST_FILES = 500
 HEAD_LINES, HEAD_BYTES, LINE = 5, 4096, 100
@@ -34,7 +34,8 @@ Kind = Literal["results", "dynamic", "gear", "undescribed", "other", "trouble", 
 class DayFile:
     """One file: ``measured`` where it holds results; ``error`` says why it cannot be read, or what must be said first.
 
-    ``head`` are its first lines where nobody has described its layout; ``sha256`` is "" for what was not read.
+    ``head`` are its first lines where nobody has described its layout; ``sha256`` is "" for what was not read. A table
+    with several error motions is one entry for each: ``name`` then ends with its ``component``.
     """
 
     name: str
@@ -47,6 +48,12 @@ class DayFile:
     head: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
     words: Mapping[str, str] = field(default_factory=dict)
+    component: str = ""
+
+    @property
+    def whole(self) -> str:
+        """The name of the file, without the motion."""
+        return self.name.removesuffix(f" {self.component}") if self.component else self.name
 
     @property
     def asks(self) -> str:
@@ -63,11 +70,11 @@ class DayFolder:
         self.maps = maps
         self._utc = utc
         self._paths = listed(folder)
-        self._known: dict[Path, tuple[How, DayFile]] = {}
+        self._known: dict[Path, tuple[How, tuple[DayFile, ...]]] = {}
 
     def files(self, answers: Answers) -> tuple[DayFile, ...]:
         """Every file as these answers let it be read. Raises ConfigError (E-CLI-COLUMN) for a wrong column map."""
-        return tuple(self._file(path, answers) for path in self._paths)
+        return tuple(one for path in self._paths for one in self._file(path, answers))
 
     def how(self, path: Path, answers: Answers) -> How:
         """What was said about a file."""
@@ -78,7 +85,7 @@ class DayFolder:
         said = columns_of(str(columns).replace(",", " ").split()) if columns else None
         return How(unit=text, machine=self.machine, columns=said, mixed=True)
 
-    def _file(self, path: Path, answers: Answers) -> DayFile:
+    def _file(self, path: Path, answers: Answers) -> tuple[DayFile, ...]:
         how = self.how(path, answers)
         known = self._known.get(path)
         if known is None or known[0] != how:
@@ -116,39 +123,51 @@ def _passed(path: Path) -> bool:
     return any(part.startswith((".", "~")) for part in path.parts) or name.endswith(SKIPPED)
 
 
-def _read(name: str, path: Path, how: How, *, maps: Maps | None, utc: Callable[[], datetime]) -> DayFile:
+def _read(name: str, path: Path, how: How, *, maps: Maps | None, utc: Callable[[], datetime]) -> tuple[DayFile, ...]:
     if path.suffix.lower() in UNDESCRIBED:
-        return _undescribed(name, path)
+        return (_undescribed(name, path),)
     try:
         driver = driver_of(path, How())
     except ConfigError as error:
-        return DayFile(name, path, "other", error=error)
+        return (DayFile(name, path, "other", error=error),)
     if driver in DYNAMIC:
-        return DayFile(name, path, "dynamic", driver)
+        return (DayFile(name, path, "dynamic", driver),)
     try:
         return _content(name, path, how, maps=maps, utc=utc)
     except (ConfigError, FileFormatError) as error:
         if driver in GEAR:
-            return DayFile(name, path, "gear", driver, error=error)
-        return DayFile(name, path, "open" if error.code in ASKED else "trouble", driver, error=error)
+            return (DayFile(name, path, "gear", driver, error=error),)
+        return (DayFile(name, path, "open" if error.code in ASKED else "trouble", driver, error=error),)
 
 
-def _content(name: str, path: Path, how: How, *, maps: Maps | None, utc: Callable[[], datetime]) -> DayFile:
+def _content(name: str, path: Path, how: How, *, maps: Maps | None, utc: Callable[[], datetime]) -> tuple[DayFile, ...]:
     try:
-        read = read_file(path, how, maps, utc)
+        reads = read_all(path, how, maps, utc)
     except ConfigError as error:
         points = _points(path, how) if error.code == "E-IMPORT-COLUMNS" else None
         if points is None:
             raise
-        return DayFile(name, path, "gear", "gear-csv", sha256=_digest(path))
-    if isinstance(read.content, MeasuredSet):
-        notes = (*read.content.warnings, *read.notes)
-        content, head = read.content, read.content.header
+        return (DayFile(name, path, "gear", "gear-csv", sha256=_digest(path)),)
+    digest = _digest(path)
+    return tuple(_entry(name, path, one, digest) for one in reads)
+
+
+def _entry(name: str, path: Path, read: Read, digest: str) -> DayFile:
+    content = read.content
+    if isinstance(content, MeasuredSet):
         return DayFile(
-            name, path, "results", read.driver, measured=content, sha256=_digest(path), notes=notes, words=head
+            f"{name} {read.component}".strip(),
+            path,
+            "results",
+            read.driver,
+            measured=content,
+            sha256=digest,
+            notes=(*content.warnings, *read.notes),
+            words=content.header,
+            component=read.component,
         )
-    kind: Kind = "gear" if isinstance(read.content, GearInspection) else "dynamic"
-    return DayFile(name, path, kind, read.driver, sha256=_digest(path))
+    kind: Kind = "gear" if isinstance(content, GearInspection) else "dynamic"
+    return DayFile(name, path, kind, read.driver, sha256=digest)
 
 
 def _points(path: Path, how: How) -> object | None:
@@ -180,9 +199,10 @@ def _undescribed(name: str, path: Path) -> DayFile:
 
 def copies(files: Sequence[DayFile]) -> Mapping[str, str]:
     """Names of files whose bytes another one before them has, with that one's name."""
-    first: dict[str, str] = {}
+    first: dict[tuple[str, str], str] = {}
     found: dict[str, str] = {}
     for one in files:
-        if one.sha256 and first.setdefault(one.sha256, one.name) != one.name:
-            found[one.name] = first[one.sha256]
+        key = one.sha256, one.component
+        if one.sha256 and first.setdefault(key, one.name) != one.name:
+            found[one.name] = first[key]
     return found

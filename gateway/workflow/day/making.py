@@ -5,8 +5,8 @@ from __future__ import annotations
 import json
 import os
 import shutil
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from datetime import date, datetime
 from pathlib import Path
 from typing import Any
@@ -24,12 +24,14 @@ from gateway.workflow.bench import new_run
 from gateway.workflow.day.answers import Answers
 from gateway.workflow.day.forecast import ToothForecast, forecast
 from gateway.workflow.day.gathering import DayFolder
-from gateway.workflow.day.sorting import Placed
+from gateway.workflow.day.sorting import Placed, day_facts
 from gateway.workflow.errors21.components import PlanOutcome, conclude, grids, measure_site
 from gateway.workflow.errors21.filesetup import capture_of, read_setup
 from gateway.workflow.errors21.fromsetups import axes_measured
 from gateway.workflow.errors21.setups import Planned, key_of, planned
 from gateway.workflow.files.doubles import simulated_set
+from gateway.workflow.files.facts import days_of, settle
+from gateway.workflow.results.testconditions import STATED, with_unit
 from gateway.workflow.tooth.correcting import ToothOutcome, correct_site
 from gateway.workflow.tooth.proposal import work_of
 
@@ -114,6 +116,7 @@ def from_files(
             path = (site_path.parent / Path(str(one.setup.path))).resolve()
             if one.key in keys_of(site, setups) and path in mine:
                 _store(run, one, mine[path], folder=folder, answers=answers)
+        keep_stated(run, setups, answers, site, utc)
         plan = conclude(site, run, work.tooth if work is not None else None)
         if any(one.positioning and run.has(stages.setup(one.key)) for one in planned(site)):
             axes_measured(run, site)
@@ -128,25 +131,41 @@ def _measured_on(setups: Sequence[Placed], today: date) -> date:
     """The last day that the files say, today where one of them says none."""
     found = []
     for one in setups:
-        said = one.file.measured.header.get("Date", "") if one.file.measured is not None else ""
-        try:
-            found.append(date.fromisoformat(said.strip()[:10]))
-        except ValueError:
+        last = days_of(one.file.words.get("Date", "")).last
+        if last is None:
             return today
+        found.append(last)
     return max(found, default=today)
+
+
+def keep_stated(run: RunFolder, setups: Sequence[Placed], answers: Answers, site: SiteFile, utc: datetime) -> None:
+    """What the day's files state, what a person accepted of it, and the test conditions among the answers.
+
+    Raises ConfigError (E-FACTS-DIFFER) where a statement differs that no answer accepts, StoreError.
+    """
+    accepted = answers.said.get("all", {}).get("accept", ())
+    words = tuple(str(one) for one in accepted) if isinstance(accepted, list | tuple) else ()
+    stated = settle(day_facts(setups), site, accepted=words, utc=utc)
+    said: dict[str, Mapping[str, str]] = {}
+    for axis in site.axes:
+        names = [one.file.whole for one in setups if one.axis == axis.name]
+        own = {key: answers.of(key, names[0] if names else "", axis.name) for key in STATED}
+        found = {key: with_unit(key, value, axis.unit) for key, value in own.items() if value is not None}
+        said |= {axis.name: found} if found else {}
+    run.put(stages.STATED, replace(stated, conditions=said))
 
 
 def _store(run: RunFolder, one: Planned, placed: Placed, *, folder: DayFolder, answers: Answers) -> None:
     path = placed.file.path
     measured = read_setup(path, one, folder.machine, folder.maps, how=folder.how(path, answers))
-    capture = capture_of(one, measured, None, placed.file.name)
+    capture = capture_of(one, measured, None, placed.file.whole)
     run.write_bytes(f"source-{one.key}{path.suffix.lower()}", path.read_bytes())
     run.write_text(f"setup-{one.key}.json", one.setup.model_dump_json())
     run.put(stages.setup(one.key), capture)
 
 
 async def at_the_control(
-    site: SiteFile, site_path: Path, setups: Sequence[Placed], *, clock: Clock, say: Say
+    site: SiteFile, site_path: Path, setups: Sequence[Placed], *, answers: Answers, clock: Clock, say: Say
 ) -> DayOutcome:
     """The same with the tables that the control holds now, and a proposal that can be pushed.
 
@@ -156,6 +175,7 @@ async def at_the_control(
     tooth, keys = work.tooth if work is not None else None, keys_of(site, setups)
     plan = await measure_site(site, site_path, clock=clock, say=say, wanted=keys, tooth=tooth)
     folder = RunFolder(Path(plan.run_folder))
+    keep_stated(folder, setups, answers, site, clock.utc())
     found = await correct_site(site, site_path, folder, clock=clock, say=say) if work is not None else None
     return DayOutcome(site_path, folder.path, plan, None, proposal=found)
 

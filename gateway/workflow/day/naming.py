@@ -11,18 +11,11 @@ from gateway.config import AxisSection
 from gateway.domain.values import component_unit
 from gateway.evaluate.geometry.angular import COMPONENTS, Kind
 from gateway.siteplan import LOCATIONS
+from gateway.workflow.files.motions import KINDS
 
 _ERROR = re.compile(r"(?<![A-Z0-9])(E[XYZABC][XYZABC]|[AB]0[CZ](?:-R)?|[XY]0C)(?![A-Z0-9])")
 _PLACE = re.compile(r"(?<![A-Z0-9])(\d{1,3}) ?(?:DEG|GRAD|°|度)")
 _WORD = re.compile(r"[A-Z]+[0-9]*")
-# The field's words for a kind of error, in the languages of the product; each may stand inside a longer word.
-KINDS: Mapping[str, tuple[str, ...]] = {
-    "straightness": ("STRAIGHT", "GERADHEIT", "直线度"),
-    "pitch": ("PITCH", "NICK", "俯仰"),
-    "yaw": ("YAW", "GIER", "偏摆"),
-    "roll": ("ROLL", "WANK", "滚"),
-    "position": ("POSITION", "LINEAR", "定位"),
-}
 BY_FILE, BY_NAME, BY_KIND, BY_ANSWER = "its words", "its name", "its kind", "answer"
 AXIS_LETTERS = "XYZABCUVW"
 

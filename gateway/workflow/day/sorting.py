@@ -8,13 +8,14 @@ from typing import Any
 
 from drivers.errors import ConfigError
 from drivers.local.names import shown
-from gateway.config import AxisSection
+from gateway.config import AxisSection, SiteFile
 from gateway.domain.values import component_unit
 from gateway.evaluate.behaviour.doubts import all_doubts, blocking
 from gateway.siteplan import LOCATIONS
 from gateway.workflow.day.answers import UNKNOWN, Answers
 from gateway.workflow.day.gathering import DayFile, copies
 from gateway.workflow.day.naming import BY_ANSWER, Guessed, choices, guessed
+from gateway.workflow.files.facts import Difference, FileFacts, differences, facts_of
 
 UNITS = ("mrad", "urad", "arcsec", "deg")
 WAYS = ("+", "-")
@@ -75,19 +76,33 @@ class SortedDay:
         return tuple(one for one in self.placed if one.setup)
 
 
-def sort_day(files: Sequence[DayFile], axes: Sequence[AxisSection], answers: Answers) -> SortedDay:
-    """Say of each file what it is. Raises ConfigError (E-DAY-ANSWER, E-DAY-NO-FILE, E-DAY-UNIT-OF, E-DAY-TWICE)."""
+def sort_day(files: Sequence[DayFile], site: SiteFile, answers: Answers) -> SortedDay:
+    """Say of each file what it is, and whether it belongs to this day at this machine.
+
+    Raises ConfigError (E-DAY-ANSWER, E-DAY-NO-FILE, E-DAY-UNIT-OF, E-DAY-TWICE).
+    """
     _known_files(files, answers)
     same = copies(files)
-    work = _Sorter(tuple(axes), answers, files)
+    work = _Sorter(tuple(site.axes), answers, files)
     placed = [work.place(one, same.get(one.name, "")) for one in files]
+    work.foreign(placed, site)
     work.twice(placed)
     work.square(placed)
     return SortedDay(tuple(placed), tuple(work.questions.values()))
 
 
+def day_facts(placed: Sequence[Placed]) -> tuple[FileFacts, ...]:
+    """What the files that count state, one entry a file; of a table with several motions once."""
+    found = {
+        one.file.path: facts_of(one.file.whole, one.file.words)
+        for one in reversed(placed)
+        if one.file.kind == "results" and one.why is None
+    }
+    return tuple(reversed(found.values()))
+
+
 def _known_files(files: Sequence[DayFile], answers: Answers) -> None:
-    names = {f"files.{one.name}" for one in files}
+    names = {f"files.{name}" for one in files for name in (one.name, one.whole)}
     for place in answers.said:
         if place.startswith("files.") and place not in names:
             name = shown(place.removeprefix("files."))
@@ -118,6 +133,23 @@ class _Sorter:
         if one.kind != "results":
             return Placed(one, why=(NO_SETUP[one.kind], {"name": one.name}))
         return self._results(one)
+
+    def foreign(self, placed: Sequence[Placed], site: SiteFile) -> None:
+        """Statements that differ from the site's or from other files': a person says whether they belong here."""
+        accepted = self._answers.said.get("all", {}).get("accept", ())
+        known = {str(one) for one in accepted} if isinstance(accepted, list | tuple) else set()
+        open_: dict[str, list[Difference]] = {}
+        for one in differences(day_facts(placed), site):
+            if one.text not in known:
+                open_.setdefault(one.text, []).append(one)
+        for text, found in open_.items():
+            first = found[0]
+            files = tuple(one.file for one in found)
+            fields: dict[str, object] = {"names": ", ".join(files), "files": files, "key": first.key}
+            fields |= {"value": first.value, "source": first.source, "other": first.other}
+            self._ask(OpenQuestion("all", f"accept {text}", "P-DAY-FACT", choices=YES_NO, fields=fields))
+        mine = {key: one for key, one in self.questions.items() if key[1].startswith("accept ")}
+        self.questions = {**mine, **self.questions}  # whether a file belongs here at all is asked first
 
     def twice(self, placed: Sequence[Placed]) -> None:
         """Two files of one thing: a person says which counts. Raises ConfigError (E-DAY-TWICE)."""

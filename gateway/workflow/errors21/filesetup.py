@@ -32,7 +32,8 @@ def read_setup(path: Path, one: Planned, machine: str, maps: Maps | None, how: H
     """
     driver, unit = driver_of(path, How()), one.setup.unit
     how = how or How(machine=machine)
-    how = replace(how, unit=how.unit or (unit if _tells(driver, unit) else ""), mixed=not one.positioning)
+    told = how.unit or (unit if _tells(driver, unit) else "")
+    how = replace(how, unit=told, mixed=not one.positioning, motion=one.setup.component)
     content = _set(path, how, maps)
     if driver in CONVERTING:
         if driver == "csv" and not how.unit and not _fits(content, one):

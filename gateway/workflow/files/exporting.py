@@ -19,7 +19,7 @@ from gateway.domain.captures import Capture, Corrections
 from gateway.store import Maps, RunFolder, Store
 from gateway.store.rawstream import open_stream
 from gateway.workflow.files.doubles import DOUBLE, simulated_run
-from gateway.workflow.files.importing import GEAR, MEASURED, Content, How, read_file
+from gateway.workflow.files.importing import GEAR, MEASURED, Content, How, Read, read_all
 
 FORMS = ("rtl", "rta", "csv", "rtx")
 STREAM = ".f64"
@@ -53,12 +53,16 @@ def items(word: str | Path, how: How, store: Store, *, axis: str = "", phase: st
     """
     folder = run_of(word, store)
     if folder is None:
-        read = read_file(Path(word), how, Maps(store.root))
-        return (MeasuredItem(str(word), read.content, None, read.notes),)
+        reads = read_all(Path(word), how, Maps(store.root))
+        return tuple(MeasuredItem(_label(word, one), one.content, None, one.notes) for one in reads)
     found = tuple(_run_items(folder, axis, phase))
     if not found:
         raise ConfigError("E-EXPORT-NOTHING", str(folder.path), axis=axis or "any axis", phase=phase or "any phase")
     return found
+
+
+def _label(word: str | Path, read: Read) -> str:
+    return f"{word} {read.component}".strip()
 
 
 def _run_items(folder: RunFolder, axis: str, phase: str) -> Iterator[MeasuredItem]:

@@ -5,28 +5,33 @@ from __future__ import annotations
 import hashlib
 import inspect
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from datetime import datetime
 from pathlib import Path
 from typing import Any
 
 from drivers import registry
 from drivers.errors import ConfigError, FileFormatError, FileUnreadable
+from drivers.local.names import shown
 from drivers.recordings import Recording
 from drivers.types.gears import GearInspection
 from drivers.types.results import MeasuredSet
 from gateway.config import SiteFile
+from gateway.domain.stated import StatedFacts
 from gateway.errors import StoreError
 from gateway.say import Say, silence
 from gateway.store import Maps, RunFolder, Store
 from gateway.store.disk import disk_errors
 from gateway.store.maps import Value
-from gateway.store.rawstream import RawRecorder, StreamFacts
+from gateway.store.rawstream import RawRecorder, StreamFacts, open_stream
 from gateway.watch.journal import WatchJournal
 from gateway.watch.listing import Folder
 from gateway.watch.watcher import Watcher
+from gateway.workflow import stages
 from gateway.workflow.bench import store_of
 from gateway.workflow.files.columnwords import ASKS
+from gateway.workflow.files.facts import Compared, facts_of
+from gateway.workflow.files.motions import TableMotions, motions_of
 
 MEASURED, GEAR, DYNAMIC = "measured", "gear-inspection", "dynamic"
 ROLES = ("file", "dynamic-file", "gear-file")
@@ -34,6 +39,7 @@ OTHER_ENDINGS = {"xml": "gde", "txt": "csv", "dat": "csv", "tsv": "csv"}
 NEED_UNIT = ("rta", "rtx")
 STATE = "imported"
 CHUNK = 1 << 20
+MOST_COMPARED = 10_000  # samples of a recording that tell one unit or scale from another
 Content = MeasuredSet | Recording | GearInspection
 
 
@@ -43,7 +49,7 @@ class How:
 
     ``machine`` is whose file it is, for remembering its unit; ``columns`` a map of columns (or of GDE names);
     ``gear`` a table of flank points; ``mixed``: angles over mm or lengths over deg are no mistake; ``forget`` what was
-    remembered about files like this one.
+    remembered about files like this one; ``motion`` the one that is meant of a table with several (EXX).
     """
 
     unit: str = ""
@@ -52,15 +58,20 @@ class How:
     gear: bool = False
     mixed: bool = False
     forget: bool = False
+    motion: str = ""
 
 
 @dataclass(frozen=True, slots=True)
 class Read:
-    """A file's content; ``driver`` read it, ``notes`` say what was taken from memory or put into it."""
+    """A file's content; ``driver`` read it, ``notes`` say what was taken from memory or put into it.
+
+    ``component`` is the error motion of a table that has one in each column, "" of any other file.
+    """
 
     content: Content
     driver: str
     notes: tuple[str, ...] = ()
+    component: str = ""
 
     @property
     def warnings(self) -> tuple[str, ...]:
@@ -70,7 +81,7 @@ class Read:
 
 @dataclass(frozen=True, slots=True)
 class Imported:
-    """A file in the store: ``new`` is false where the same content was there already."""
+    """A file, or one motion of it, in the store: ``new`` is false where the same was there with the same meaning."""
 
     run_id: str
     folder: Path
@@ -78,6 +89,8 @@ class Imported:
     kind: str
     new: bool
     notes: tuple[str, ...] = field(default_factory=tuple)
+    component: str = ""
+    stated: StatedFacts = field(default_factory=StatedFacts)
 
 
 def driver_of(path: Path, how: How) -> str:
@@ -98,20 +111,34 @@ def endings() -> set[str]:
 
 
 def read_file(path: Path, how: How, maps: Maps | None = None, utc: Callable[[], datetime] | None = None) -> Read:
-    """Read a file by what is said now or was said before; with ``utc`` what is said now is remembered.
+    """Read a file that holds one measurement, or the ``motion`` of several; else as `read_all`.
 
-    Raises ConfigError (E-FILE-RTA-UNIT, E-FILE-RTX-UNIT: say the unit once; E-IMPORT-COLUMNS and others of
-    `ASKS`: say the columns once; E-CLI-FILE), FileFormatError.
+    Raises ConfigError (E-IMPORT-SEVERAL) for a table with several motions where none is chosen.
+    """
+    found = read_all(path, how, maps, utc)
+    if len(found) > 1:
+        raise ConfigError("E-IMPORT-SEVERAL", str(path), motions=", ".join(one.component for one in found))
+    return found[0]
+
+
+def read_all(
+    path: Path, how: How, maps: Maps | None = None, utc: Callable[[], datetime] | None = None
+) -> tuple[Read, ...]:
+    """Read everything that a file holds by what is said now or was said before; one entry for each motion of a table.
+
+    With ``utc`` what is said now is remembered. Raises ConfigError (E-FILE-RTA-UNIT, E-FILE-RTX-UNIT: say the unit
+    once; E-IMPORT-COLUMNS and others of `ASKS`, E-IMPORT-MOTION-UNIT: say the columns once; E-IMPORT-MOTION: the table
+    lacks the chosen one; E-IMPORT-MOTION-TWICE; E-CLI-FILE), FileFormatError.
     """
     name = driver_of(path, how)
     factory = next(registry.known(role)[name] for role in ROLES if name in registry.known(role)).load()
     asker = _Asker(path, how, maps, utc)
     if name in NEED_UNIT:
-        return asker.with_unit(name, factory)
+        return (asker.with_unit(name, factory),)
     if name in ("csv", "gear-csv", "gde"):
         return asker.with_columns(name, factory)
     takes = how.unit and "unit" in inspect.signature(factory).parameters
-    return Read((factory(unit=how.unit) if takes else factory()).read(path), name)
+    return (Read((factory(unit=how.unit) if takes else factory()).read(path), name),)
 
 
 class _Asker:
@@ -151,7 +178,7 @@ class _Asker:
                 return unit, [f"unit {unit}, as declared on {found.utc} for {key}"]
         return "", []
 
-    def with_columns(self, name: str, factory: Any) -> Read:
+    def with_columns(self, name: str, factory: Any) -> tuple[Read, ...]:
         signature = factory().signature(self._path)
         keys = [f"{name} {signature}"] if signature else []
         self._forget("columns", keys)
@@ -159,12 +186,37 @@ class _Asker:
         said = self._how.columns
         if said is None:
             said, notes = self._remembered_columns(keys)
-        if said is None:
-            return Read(self._by_itself(name, factory), name)
-        content = factory(columns=said, **self._mixed(name)).read(self._path)
-        if self._how.columns is not None:
+        table = self._motions(factory, said) if name == "csv" else TableMotions()
+        left = (f"columns not read: {', '.join(map(shown, table.left_out))}",) if table.left_out else ()
+        if table.motions:
+            found = self._each(name, factory, table)
+        elif said is None:
+            return (Read(self._by_itself(name, factory), name, left),)
+        else:
+            found = (Read(factory(columns=said, **self._mixed(name)).read(self._path), name),)
+        if self._how.columns is not None and said is not None:
             notes += self._keep("columns", keys[0], said) if keys else ["the table has no heading: nothing remembered"]
-        return Read(content, name, tuple(notes))
+        return tuple(replace(one, notes=(*notes, *left)) for one in found)
+
+    def _motions(self, factory: Any, said: Mapping[str, Value] | None) -> TableMotions:
+        heading = factory().heading(self._path)
+        axis = heading.said.get("Axis", "").strip().upper()[:1] if heading is not None else ""
+        return motions_of(heading, said, axis, str(self._path))
+
+    def _each(self, name: str, factory: Any, table: TableMotions) -> tuple[Read, ...]:
+        """Every motion of a table, or the chosen one. Raises ConfigError (E-IMPORT-MOTION)."""
+        wanted = self._how.motion.upper()
+        chosen = [one for one in table.motions if wanted in ("", one.component)]
+        if not chosen:
+            known = ", ".join(one.component for one in table.motions)
+            raise ConfigError("E-IMPORT-MOTION", str(self._path), motion=shown(wanted), motions=known)
+        found = []
+        for one in chosen:
+            content = factory(columns=one.columns, mixed=True).read(self._path)
+            title = f"{one.component} {one.heading}"
+            header = {"Axis": one.component[2], **content.header, "TITLE": title}
+            found.append(Read(replace(content, header=header), name, component=one.component))
+        return tuple(found)
 
     def _mixed(self, name: str) -> dict[str, bool]:
         return {"mixed": True} if name == "csv" and self._how.mixed else {}
@@ -214,44 +266,102 @@ def content_hash(path: Path) -> str:
     return digest.hexdigest()
 
 
-def already(store: Store, digest: str) -> Path | None:
-    """The run folder that holds this content, if any does. Runs that cannot be read are passed over."""
+def already(store: Store, digest: str, meaning: str) -> Path | None:
+    """The run that holds this file with this meaning, if any does. Runs that cannot be read are passed over."""
     for summary in store.runs():
-        if summary.state == STATE and _imported(summary.path) == digest:
+        if summary.state == STATE and _imported(summary.path, digest) == meaning:
             return summary.path
     return None
 
 
-def _imported(path: Path) -> str:
+def _imported(path: Path, digest: str) -> str:
+    """What a run took from the file of this hash; "" where it is another file's."""
+    folder = RunFolder(path)
     try:
-        plan = RunFolder(path).plan
+        plan = folder.plan
+        said = plan.get("imported") if isinstance(plan, Mapping) else None
+        if not isinstance(said, Mapping) or said.get("sha256") != digest:
+            return ""
+        return str(said.get("meaning") or meaning_of(_stored(folder)))
     except StoreError:
         return ""
-    said = plan.get("imported") if isinstance(plan, Mapping) else None
-    return str(said.get("sha256", "")) if isinstance(said, Mapping) else ""
+
+
+def _stored(folder: RunFolder) -> Content:
+    """What an import kept. Raises StoreError."""
+    if folder.has(MEASURED):
+        return folder.get(MEASURED, MeasuredSet)
+    if folder.has(GEAR):
+        return folder.get(GEAR, GearInspection)
+    return open_stream(folder.path / f"{DYNAMIC}.f64")
+
+
+def meaning_of(content: Content, component: str = "") -> str:
+    """A hash of what was read: the same file by other columns, in another unit or as another motion has another one."""
+    digest = hashlib.sha256(f"{_kind(content)} {component}".encode())
+    if isinstance(content, MeasuredSet):
+        digest.update(content.axis_unit.encode())
+        digest.update(content.targets.tobytes())
+        digest.update((content.deviations + 0.0).tobytes())
+    elif isinstance(content, Recording):
+        digest.update(f"{content.unit} {content.rate_hz!r}".encode())
+        digest.update(content.values(0, min(len(content), MOST_COMPARED)).tobytes())
+    else:
+        digest.update(repr(content).encode())
+    return digest.hexdigest()
 
 
 def import_file(
-    path: Path, store: Store, how: How, utc: Callable[[], datetime] | None, *, site: str = "import", expected: str = ""
-) -> Imported:
-    """Read a file and keep it as a run of its own; the same content a second time is only named.
+    path: Path,
+    store: Store,
+    how: How,
+    utc: Callable[[], datetime] | None,
+    *,
+    at: Compared = Compared(),
+    expected: str = "",
+) -> tuple[Imported, ...]:
+    """Read a file and keep each measurement in it as a run of its own; the same one a second time is only named.
 
-    ``expected`` is the sha256 it must have. The user's file is never changed. Raises what `read_file` raises;
-    FileFormatError (E-IMPORT-CHANGED) when the file changed meanwhile; StoreError.
+    ``at`` says with which site the file's statements are compared. ``expected`` is the sha256 it must have. The user's
+    file is never changed. Raises what `read_all` and `settle` raise; FileFormatError (E-IMPORT-CHANGED) when the file
+    changed meanwhile; StoreError.
     """
     digest = content_hash(path)
     if expected and digest != expected:
         raise FileFormatError("E-IMPORT-CHANGED", str(path))
-    read = read_file(path, how, Maps(store.root), utc)
-    kind = _kind(read.content)
-    known = already(store, digest)
-    if known is not None:
-        return Imported(run_id=known.name, folder=known, sha256=digest, kind=kind, new=False, notes=read.notes)
-    said = {"name": path.name, "sha256": digest, "driver": read.driver, "notes": list(read.notes)}
-    folder = store.create(site, {"imported": said, "site_file": ""})
-    _keep(folder, path, read.content, digest)
-    folder.set_state(STATE)
-    return Imported(run_id=folder.run_id, folder=folder.path, sha256=digest, kind=kind, new=True, notes=read.notes)
+    maps = Maps(store.root)
+    reads = read_all(path, how, maps, utc)
+    stated = at.settled([facts_of(path.name, header_of(reads[0].content))], maps, utc)
+    return tuple(_import(path, store, one, digest, at=at, stated=stated) for one in reads)
+
+
+def header_of(content: Content) -> Mapping[str, str]:
+    """What a file states about itself; nothing of a gear's inspection."""
+    return {} if isinstance(content, GearInspection) else content.header
+
+
+def _import(path: Path, store: Store, read: Read, digest: str, *, at: Compared, stated: StatedFacts) -> Imported:
+    kind, meaning = _kind(read.content), meaning_of(read.content, read.component)
+    known = already(store, digest, meaning)
+    folder = RunFolder(known) if known is not None else None
+    if folder is None:
+        said = {"name": path.name, "sha256": digest, "driver": read.driver, "notes": list(read.notes)}
+        said |= {"component": read.component, "meaning": meaning}
+        folder = store.create(at.name, {"imported": said, "site_file": ""})
+        _keep(folder, path, read.content, digest)
+        if stated.facts:
+            folder.put(stages.STATED, stated)
+        folder.set_state(STATE)
+    return Imported(
+        run_id=folder.run_id,
+        folder=folder.path,
+        sha256=digest,
+        kind=kind,
+        new=known is None,
+        notes=read.notes,
+        component=read.component,
+        stated=stated,
+    )
 
 
 def _kind(content: Content) -> str:
@@ -294,7 +404,8 @@ def watcher_of(site: SiteFile, site_path: Path, folder: Path, *, settle_s: float
 
     def take(path: Path, sha256: str) -> str:
         how = How(machine=site.site.name)
-        return import_file(path, store, how, None, site=site.site.name, expected=sha256).run_id
+        found = import_file(path, store, how, None, at=Compared(site), expected=sha256)
+        return ", ".join(one.run_id for one in found)
 
     wanted = {f".{name}" for name in (*endings(), *OTHER_ENDINGS)} - {".gear-csv", ".txt", ".dat"}
     return Watcher(Folder(folder), WatchJournal(store.root), take, wanted, settle_s=settle_s, say=say)

@@ -18,6 +18,7 @@ from gateway.evaluate.standards.flank_tolerances import STANDARD, class_limits
 from gateway.evaluate.standards.registry import evaluate_by, standard
 from gateway.report.material import AxisMaterial, Judged, ReportMaterial, ToothMaterial
 from gateway.report.sentences import number
+from gateway.tooth import InspectedFlank
 from gateway.workflow.outcome import Outcome, of_verdicts
 
 RUN_STANDARD = "ISO 230-2:2014"
@@ -115,14 +116,14 @@ def _decisions(axis: AxisMaterial, name: str, said: ToleranceSection) -> tuple[D
 
 
 def _gear(tooth: ToothMaterial, said: GearToleranceSection) -> Iterator[Judged]:
-    """The last inspected part. U of a figure: two touched points, and how far the whole flank may lie."""
+    """The last inspected part."""
     parts = [one for one in tooth.parts if one.flank is not None]
     if not parts:
         return
     last = parts[-1]
     if last.flank is None:
         return
-    U = COVERAGE * hypot(sqrt(2.0) * last.flank.u_um, last.flank.rms_u_um)
+    U = figure_U(last.flank)
     by_class = f"{STANDARD}, {said.grade}" if said.grade is not None else ""
     limits = {name: (limit, by_class) for name, limit in _class(said).items()}
     limits |= {name: (limit, "") for name, limit in said.limits.items()}
@@ -130,6 +131,11 @@ def _gear(tooth: ToothMaterial, said: GearToleranceSection) -> Iterator[Judged]:
         if name in last.flank.figures or name in said.limits:
             decision = decide(name, last.flank.figures.get(name), U=U, limit=limit)
             yield Judged(last.part, by, last.part != "before", decision)
+
+
+def figure_U(flank: InspectedFlank) -> float:
+    """U (k = 2) of a gear figure, um: two touched points, and how far the whole flank may lie."""
+    return COVERAGE * hypot(sqrt(2.0) * flank.u_um, flank.rms_u_um)
 
 
 def _class(said: GearToleranceSection) -> dict[str, float]:

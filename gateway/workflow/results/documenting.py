@@ -82,9 +82,9 @@ def write_document(material: ReportMaterial, folder: Path, written: datetime) ->
     inside: tuple[Attached, ...] = (
         Attached(
             "results.csv",
-            results_csv(material.axes, simulated=material.simulated).encode(),
+            results_csv(material).encode(),
             "text/csv",
-            "figures of every axis",
+            "figures of every axis and of the flank",
         ),
         Attached("report.json", json.dumps(as_json(material)).encode(), "application/json", "every value"),
     )

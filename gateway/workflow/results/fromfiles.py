@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from importlib import metadata
 from pathlib import Path
 
@@ -14,19 +15,27 @@ from drivers.types.results import MeasuredSet
 from drivers.units import deviation_unit
 from gateway.config import SiteFile
 from gateway.domain.captures import Capture, Corrections
+from gateway.domain.stated import StatedFacts
 from gateway.evaluate.behaviour.doubts import told, with_doubts
 from gateway.evaluate.behaviour.positioning import Surroundings, budget_with, contributions, said_contributions
 from gateway.evaluate.optics import corrections
 from gateway.evaluate.standards.iso230_2 import evaluate
 from gateway.report.material import AxisMaterial, FileUsed, ReportMaterial
-from gateway.store import RunFolder, Store
+from gateway.store import Maps, RunFolder, Store
 from gateway.store.disk import disk_errors
+from gateway.workflow import stages
 from gateway.workflow.axes.conditions import stated_of
 from gateway.workflow.files.exporting import MeasuredItem, items
+from gateway.workflow.files.facts import Compared, FileFacts, facts_of, moment_of
 from gateway.workflow.files.importing import MEASURED, STATE, How
+from gateway.workflow.files.motions import NAME
+from gateway.workflow.results.testconditions import conditions_of
 
 DOUBLE = "simulated"
 LONGEST_NAME = 32
+CONDITION = "condition"
+Conditions = Mapping[str, Mapping[str, str]]
+"""Test conditions by axis ("" for every axis) and key."""
 
 
 def imported(folder: RunFolder) -> bool:
@@ -35,73 +44,126 @@ def imported(folder: RunFolder) -> bool:
 
 
 def material_of_import(
-    folder: RunFolder, site: SiteFile | None = None, *, accepted: Mapping[str, str] | None = None
+    folder: RunFolder,
+    at: Compared | None = None,
+    maps: Maps | None = None,
+    accepted: Mapping[str, str] | None = None,
 ) -> ReportMaterial:
-    """A run that imported a result file, as a report shows it, with U by a site's register. Raises CorruptRecord."""
+    """A run that imported a result file, as a report shows it, with U by a site's register.
+
+    ``at`` says with which site the file is compared. Raises CorruptRecord, ConfigError (E-FACTS-DIFFER and others of
+    `settle`).
+    """
+    at = at or Compared()
     plan = folder.plan
     said = plan.get("imported", {}) if isinstance(plan, Mapping) else {}
     name = str(said.get("name", folder.run_id))
-    item = MeasuredItem(name, folder.get(MEASURED, MeasuredSet))
+    component = str(said.get("component", ""))
+    item = MeasuredItem(f"{name} {component}".strip(), folder.get(MEASURED, MeasuredSet))
     file = FileUsed(name, str(said.get("sha256", "")), "imported")
-    return _material((item,), (file,), folder.run_id, str(folder.facts["created_utc"]), site=site, accepted=accepted)
+    before = folder.get(stages.STATED, StatedFacts) if folder.has(stages.STATED) else StatedFacts()
+    found = at.settled([facts_of(name, _measured(item).header)], maps)
+    known = {(one.file, one.key, one.value): one for one in (*before.accepted, *found.accepted)}
+    stated = replace(found, accepted=tuple(known.values()), conditions=before.conditions)
+    made = _Files((item,), (name,), (file,), stated, at.site, accepted or {})
+    return made.material(folder.run_id, str(folder.facts["created_utc"]))
+
+
+def keep_conditions(folder: RunFolder, new: Conditions) -> None:
+    """Keep test conditions that a person stated with the run. Raises StoreError."""
+    stated = folder.get(stages.STATED, StatedFacts) if folder.has(stages.STATED) else StatedFacts()
+    known = {axis: {**stated.conditions.get(axis, {}), **own} for axis, own in new.items()}
+    folder.put(stages.STATED, replace(stated, conditions={**stated.conditions, **known}))
 
 
 def material_of_files(
     paths: Sequence[Path],
     how: How,
     store: Store,
-    site: SiteFile | None = None,
+    at: Compared | None = None,
     *,
+    conditions: Conditions | None = None,
     accepted: Mapping[str, str] | None = None,
 ) -> ReportMaterial:
     """Result files as a report shows them, each an axis as found; what a site's register states goes into U.
 
-    ``accepted`` are doubts about the readings that a person answers for, reasons by code.
-
-    Raises ConfigError (E-CLI-KIND) for a file that holds no targets, and what reading a file raises.
+    What the files state is compared with the site of ``at`` and with each other. ``conditions`` are test conditions
+    that a person stated; they are remembered for these files. ``accepted`` are doubts about the readings that a person
+    answers for, reasons by code. Raises ConfigError (E-CLI-KIND) for a file that holds no targets, and what reading a
+    file and `settle` raise.
     """
+    at = at or Compared()
     found: list[MeasuredItem] = []
+    names: list[str] = []
     files: list[FileUsed] = []
+    facts: list[FileFacts] = []
     for path in paths:
-        found += items(path, how, store)
+        new = items(path, how, store)
+        found += new
+        names += [path.name] * len(new)
+        facts.append(facts_of(path.name, _measured(new[0]).header))
         with disk_errors(path):
             files.append(FileUsed(path.name, hashlib.sha256(path.read_bytes()).hexdigest(), "result file"))
     digest = hashlib.sha256("".join(one.sha256 for one in files).encode()).hexdigest()
-    return _material(found, files, f"files-{digest[:6]}", "", site=site, accepted=accepted)
+    maps = Maps(store.root)
+    stated = replace(at.settled(facts, maps), conditions=_remembered(maps, digest, conditions))
+    made = _Files(tuple(found), tuple(names), tuple(files), stated, at.site, accepted or {})
+    return made.material(f"files-{digest[:6]}", "")
 
 
-def _material(
-    found: Iterable[MeasuredItem],
-    files: Sequence[FileUsed],
-    run_id: str,
-    created: str,
-    *,
-    site: SiteFile | None,
-    accepted: Mapping[str, str] | None = None,
-) -> ReportMaterial:
-    found = tuple(found)
-    named = zip(_names(found), found, strict=True)
-    axes = tuple(_axis(name, item, site, accepted or {}) for name, item in named)
-    heads = [item.header for item in (_measured(one) for one in found)]
-    moments = sorted(head["Date"] for head in heads if head.get("Date"))
-    first = moments[0] if moments else created
-    return ReportMaterial(
-        site=_said(heads, "Machine"),
-        machine=MachineIdentity(_said(heads, "Serial No"), "", ()),
-        run_id=run_id,
-        outcome="not-pushed",
-        axes=axes,
-        started_utc=first,
-        ended_utc=moments[-1] if moments else created,
-        software=f"trueflank {metadata.version('trueflank')}",
-        operator=_said(heads, "By"),
-        files=tuple(files),
-        simulated=any(DOUBLE in text.lower() for head in heads for text in head.values()),
-    )
+def _remembered(maps: Maps, digest: str, new: Conditions | None) -> Conditions:
+    """The test conditions that a person ever stated for these files, the new ones kept with them."""
+    kept = maps.find(CONDITION, digest)
+    flat = {str(key): str(value) for key, value in kept.said.items()} if kept is not None else {}
+    if new:
+        flat |= {f"{axis}.{key}": text for axis, own in new.items() for key, text in own.items()}
+        maps.keep(CONDITION, digest, flat, "")
+    found: dict[str, dict[str, str]] = {}
+    for place, text in flat.items():
+        axis, _, key = place.rpartition(".")
+        found.setdefault(axis, {})[key] = text
+    return found
 
 
-def _said(heads: Sequence[Mapping[str, str]], key: str) -> str:
-    return next((head[key].strip() for head in heads if head.get(key, "").strip()), "")
+@dataclass(frozen=True, slots=True)
+class _Files:
+    """Measured items with the file that each comes from, and everything that was settled about them."""
+
+    found: tuple[MeasuredItem, ...]
+    names: tuple[str, ...]
+    files: tuple[FileUsed, ...]
+    stated: StatedFacts
+    site: SiteFile | None
+    answered: Mapping[str, str]
+
+    def material(self, run_id: str, created: str) -> ReportMaterial:
+        labels = _names(self.found)
+        axes = tuple(
+            self._axis(label, item, name) for label, item, name in zip(labels, self.found, self.names, strict=True)
+        )
+        heads = [_measured(one).header for one in self.found]
+        moments = sorted(filter(None, (moment_of(text) for text in self.stated.values("date"))))
+        unclear = next(iter(self.stated.values("date")), "")
+        first, last = (moments[0], moments[-1]) if moments else (unclear or created,) * 2
+        return ReportMaterial(
+            site=next(iter(self.stated.values("machine")), ""),
+            machine=MachineIdentity(next(iter(self.stated.values("serial")), ""), "", ()),
+            run_id=run_id,
+            outcome="not-pushed",
+            axes=axes,
+            started_utc=first,
+            ended_utc=last,
+            software=f"trueflank {metadata.version('trueflank')}",
+            operator=", ".join(self.stated.values("operator")),
+            files=self.files,
+            simulated=any(DOUBLE in text.lower() for head in heads for text in head.values()),
+            stated=self.stated,
+        )
+
+    def _axis(self, name: str, item: MeasuredItem, file: str) -> AxisMaterial:
+        found = _axis(name, item, self.site, self.answered)
+        meant = self.site.meant(found.letter) if self.site is not None else None
+        return replace(found, test_before=conditions_of(found.capture_before, self.stated, file, self.site, meant))
 
 
 def _measured(item: MeasuredItem) -> MeasuredSet:
@@ -114,7 +176,11 @@ def _names(found: Sequence[MeasuredItem]) -> Iterator[str]:
     """What each is called: the axis that its file names, else the file's name; a number behind what stands twice."""
     seen: dict[str, int] = {}
     for item in found:
-        name = _measured(item).header.get("Axis", "").strip() or Path(item.label).stem
+        header = _measured(item).header
+        title = header.get("TITLE", "").split()[:1]
+        motion = title[0] if title and NAME.fullmatch(title[0]) else ""
+        name = header.get("Axis", "").strip() or Path(item.label).stem
+        name = f"{name} {motion}" if motion and item.label.endswith(f" {motion}") else name
         name = shown(name)[:LONGEST_NAME]
         seen[name] = seen.get(name, 0) + 1
         yield name if seen[name] == 1 else f"{name} ({seen[name]})"
@@ -160,6 +226,6 @@ def _capture(axis: str, label: str, measured: MeasuredSet, done: Corrections) ->
         live=None,
         sense=None,
         source=label,
-        started_utc=measured.header.get("Date", ""),
+        started_utc=moment_of(measured.header.get("Date", "")) or measured.header.get("Date", ""),
         doubts=measured.doubts,
     )

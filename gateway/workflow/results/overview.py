@@ -4,15 +4,23 @@ from __future__ import annotations
 
 import csv
 import io
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from html import escape
+from math import floor, isfinite, log10
 from typing import Any
 
 from gateway.report import parameter_rows
-from gateway.report.material import AxisMaterial, ReportMaterial
+from gateway.report.material import ReportMaterial, ToothMaterial
+from gateway.report.parameters import ParameterRow
+from gateway.report.tooth.flank import states
 from gateway.report.tooth.rows import inspected_parts
 from gateway.store import layout
+from gateway.workflow.results.conformity import figure_U
 
+FLANK = "flank"
+LATER = ("predicted",)
+FEWEST, USUAL, MOST = 2, 3, 6
+"""Decimals of figures in um and arcsec."""
 COLUMNS = ("axis", "parameter", "unit", "before", "before_u", "after", "after_u", "change_pct")
 DOUBLE = "SIMULATED"
 MEANS = {
@@ -27,20 +35,74 @@ MEANS = {
 _HEAD = '<!doctype html><html lang="en"><meta charset="utf-8"><title>{title}</title><h1>{title}</h1>\n'
 
 
-def results_csv(axes: Iterable[AxisMaterial], *, simulated: bool = False) -> str:
-    """One line for each axis and parameter: values and U (k = 2) before and after; empty where unknown.
+def results_csv(report: ReportMaterial) -> str:
+    """One line for each parameter of each axis and of the flank: values and U (k = 2); empty where unknown.
 
-    Where a double was in the loop each line says so in one more column.
+    Decimals by the uncertainty: two digits of U, three decimals without one. Where a double was in the loop each line
+    says so in one more column.
     """
-    word = (DOUBLE,) if simulated else ()
+    word = (DOUBLE,) if report.simulated else ()
     text = io.StringIO()
     sheet = csv.writer(text, lineterminator="\n")
     sheet.writerow((*COLUMNS, *(one.lower() for one in word)))
-    for axis in axes:
-        for row in parameter_rows(axis.axis, axis.before, axis.after):
-            values = ("" if (value := getattr(row, name)) is None else value for name in COLUMNS)
-            sheet.writerow((*values, *word))
+    rows = [row for axis in report.axes for row in parameter_rows(axis.axis, axis.before, axis.after)]
+    for one in (*map(_line, rows), *(_flank_lines(report.tooth) if report.tooth is not None else ())):
+        sheet.writerow((*one, *word))
     return text.getvalue()
+
+
+Line = tuple[str, ...]
+
+
+def _line(row: ParameterRow) -> Line:
+    figures = _pair(row.before, row.before_u), _pair(row.after, row.after_u)
+    change = "" if row.change_pct is None else f"{row.change_pct:.1f}"
+    return row.axis, row.parameter, row.unit, *figures[0], *figures[1], change
+
+
+def _pair(value: float | None, U: float | None) -> tuple[str, str]:
+    """A value and its U with the same decimals."""
+    decimals = decimals_of(U)
+    return tuple("" if one is None else f"{one:.{decimals}f}" for one in (value, U))  # type: ignore[return-value]
+
+
+def decimals_of(U: float | None) -> int:
+    """Decimals that show two digits of an uncertainty, from `FEWEST` to `MOST`; `USUAL` where it is unknown."""
+    if U is None or not isfinite(U) or U <= 0.0:
+        return USUAL
+    return min(max(1 - floor(log10(U)), FEWEST), MOST)
+
+
+def _flank_lines(tooth: ToothMaterial) -> Iterator[Line]:
+    """The flank: each state of its RMS, then the figures of the first and the last inspected part."""
+    known = {one.key if one.key != "part" else one.title: one for one in states(tooth)}
+    ends = [known.pop(key, None) for key in ("before", "after")]
+    if any(ends):
+        rms = [one.rms if one is not None else None for one in ends]
+        pairs = [_pair(one.rms, one.U) if one is not None else ("", "") for one in ends]
+        yield FLANK, "RMS", "um", *pairs[0], *pairs[1], _change(rms)
+    for name, one in known.items():
+        pair, empty = _pair(one.rms, one.U), ("", "")
+        yield FLANK, f"RMS {name}", "um", *(empty if name in LATER else pair), *(pair if name in LATER else empty), ""
+    parts = [one for one in inspected_parts(tooth) if one.flank is not None]
+    inspected = [parts[0], parts[-1]] if len(parts) > 1 else parts
+    names = dict.fromkeys(name for one in inspected if one.flank is not None for name in one.flank.figures)
+    for name in names:
+        pairs = [_pair(one.flank.figures.get(name), figure_U(one.flank)) for one in inspected if one.flank is not None]
+        pairs += [("", "")] * (2 - len(pairs))
+        yield (
+            FLANK,
+            name,
+            "um",
+            *pairs[0],
+            *pairs[1],
+            _change([one.flank.figures.get(name) for one in inspected if one.flank]),
+        )
+
+
+def _change(ends: Sequence[float | None]) -> str:
+    first, last = ends[0], ends[-1]
+    return "" if len(ends) < len("ab") or not first or last is None else f"{100.0 * (last - first) / first:.1f}"
 
 
 def gear_csv(report: ReportMaterial) -> str:
@@ -51,10 +113,12 @@ def gear_csv(report: ReportMaterial) -> str:
     word = (DOUBLE,) if report.simulated else ()
     text = io.StringIO()
     sheet = csv.writer(text, lineterminator="\n")
-    sheet.writerow(("part", "figure", "value_um", *(one.lower() for one in word)))
+    sheet.writerow(("part", "figure", "value_um", "U_um", *(one.lower() for one in word)))
     for one in parts:
         for name, value in one.flank.figures.items() if one.flank is not None else ():
-            sheet.writerow((one.part, name, value, *word))
+            sheet.writerow(
+                (one.part, name, *_pair(value, figure_U(one.flank) if one.flank is not None else None), *word)
+            )
     return text.getvalue()
 
 

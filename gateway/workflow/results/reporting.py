@@ -16,6 +16,7 @@ from gateway.domain.equipment import Equipment
 from gateway.domain.figures import Component, Evaluation
 from gateway.domain.outcomes import ActingCheck, AxisVerdict, PushRecord, Verdict
 from gateway.domain.proposals import Proposal, TableChange
+from gateway.domain.stated import StatedFacts
 from gateway.errors import StoreError
 from gateway.evaluate.uncertainty.budget import budget_of
 from gateway.report import (
@@ -40,14 +41,17 @@ from gateway.workflow.axes.propose import size_of
 from gateway.workflow.bench import site_recorded
 from gateway.workflow.errors21.setups import planned
 from gateway.workflow.files.doubles import was_simulated
+from gateway.workflow.files.facts import moment_of
 from gateway.workflow.results.conformity import judged
 from gateway.workflow.results.overview import index_html, results_csv
 from gateway.workflow.results.particulars import particulars_of
+from gateway.workflow.results.testconditions import conditions_of
 from gateway.workflow.results.tooth import found, proof_of, tooth_of
 
 WRITTEN = ("report.", "calibration-report.", "results.csv", "index.html")
 
 BEFORE_AFTER = "before-after"
+CONTROL = "controller"  # the name of the control among the devices of a run
 PICTURES = (BEFORE_AFTER, *TOOTH_PICTURES)
 
 
@@ -84,7 +88,7 @@ def write_report(folder: RunFolder, known: ReportMaterial | None = None) -> Repo
     folder.adopt(picture, *drawn)
     html = folder.write_text("report.html", render(material))
     data = folder.write_text("report.json", json.dumps(as_json(material), indent=1))
-    folder.write_text("results.csv", results_csv(material.axes, simulated=material.simulated))
+    folder.write_text("results.csv", results_csv(material))
     folder.write_text("index.html", index_html(folder.facts, simulated=material.simulated))
     return ReportPaths(html, data, picture, drawn)
 
@@ -120,10 +124,12 @@ def material_of(folder: RunFolder) -> ReportMaterial:
     verdict = found(folder, stages.VERDICT, Verdict)
     tooth = tooth_of(folder, site, path)
     facts = folder.facts
-    axes = tuple(_axis(folder, axis, proposal, verdict, site=site) for axis in site.axes)
+    stated = found(folder, stages.STATED, StatedFacts) or StatedFacts()
+    axes = tuple(_axis(folder, axis, proposal, verdict, of=(site, stated)) for axis in site.axes)
     measured = tuple(axis for axis in axes if axis.before is not None or axis.after is not None)
     axes = measured if measured or tooth is not None else axes
     items = equipment.items if equipment is not None else ()
+    opened = any(item.name == CONTROL for item in items)
     instruments = tuple(InstrumentNote(item.name, item.identity, item.notices) for item in items)
     files = tuple(
         FileUsed(name, digest, "stored with the run")
@@ -150,8 +156,9 @@ def material_of(folder: RunFolder) -> ReportMaterial:
         tooth=tooth,
         particulars=particulars_of(site, path, ended or facts["created_utc"]),
         simulated=was_simulated(site, instruments),
-        unprotected=open_road(site),
-        excused=excused_certificate(site),
+        unprotected=open_road(site) if opened else "",
+        excused=excused_certificate(site) if opened else "",
+        stated=stated,
     )
     return replace(material, judged=judged(site, material))
 
@@ -185,20 +192,28 @@ def _machine(known: Mapping[str, str]) -> MachineIdentity:
 
 
 def _axis(
-    folder: RunFolder, axis: AxisSection, proposal: Proposal | None, verdict: Verdict | None, *, site: SiteFile
+    folder: RunFolder,
+    axis: AxisSection,
+    proposal: Proposal | None,
+    verdict: Verdict | None,
+    *,
+    of: tuple[SiteFile, StatedFacts],
 ) -> AxisMaterial:
-    name = axis.name
+    name, (site, stated) = axis.name, of
     before = found(folder, stages.capture(name, "before"), Capture)
     change = _change(proposal, name)
     component = found(folder, stages.component(name), Component)
     findings = (change.skipped,) if change is not None and change.skipped else ()
     beside = _beside(folder, proposal, verdict, name)
+    after = found(folder, stages.capture(name, "after"), Capture)
     return AxisMaterial(
         axis=name,
         letter=axis.letter,
         unit=axis.unit,
         capture_before=before,
-        capture_after=found(folder, stages.capture(name, "after"), Capture),
+        capture_after=after,
+        test_before=_conditions(before, axis, site, stated),
+        test_after=_conditions(after, axis, site, stated),
         before=found(folder, stages.evaluation(name, "before"), Evaluation),
         after=found(folder, stages.evaluation(name, "after"), Evaluation),
         components=(component,) if component is not None else (),
@@ -215,6 +230,14 @@ def _axis(
         course_before=_course(folder, stages.raw(name, "before"), _setup_raw(site, axis)),
         course_after=_course(folder, stages.raw(name, "after")),
     )
+
+
+def _conditions(capture: Capture | None, axis: AxisSection, site: SiteFile, stated: StatedFacts) -> Mapping[str, str]:
+    """The test conditions of a capture; what measured it is named where the run did so itself."""
+    file = capture.source if capture is not None else ""
+    said = conditions_of(capture, stated, file, site, axis)
+    own = axis.measure.instrument if capture is not None and capture.source == "live" else ""
+    return {"instrument": own, **said} if own else said
 
 
 def _outlook(folder: RunFolder, axis: str) -> AxisOutlook | None:
@@ -265,9 +288,9 @@ def _axis_verdict(verdict: Verdict | None, axis: str) -> AxisVerdict | None:
 
 
 def _days_of_files(axes: tuple[AxisMaterial, ...]) -> tuple[str, str]:
-    """First and last moment that the files of a run without devices say; "" where they say none."""
-    said = sorted(one.capture_before.started_utc for one in axes if one.capture_before is not None)
-    dated = [moment for moment in said if moment]
+    """First and last moment that the files of a run without devices state; "" where they state none."""
+    texts = [one.capture_before.started_utc for one in axes if one.capture_before is not None]
+    dated = sorted(filter(None, map(moment_of, texts)))
     return (dated[0], dated[-1]) if dated else ("", "")
 
 

@@ -36,7 +36,8 @@ def site(folder: Path) -> Path:
     data = site_data([])
     shutil.copy(GEAR, folder / "gear.toml")
     data["work"] = {"gear": "gear.toml", "dresser": ""}
-    parts = [section(name, data[name]) for name in ("site", "controller", "work")]
+    data["machine"] = {"type": "YK-7350B", "number": "4711"}
+    parts = [section(name, data[name]) for name in ("site", "controller", "work", "machine")]
     parts += [section("[instruments]", one) for one in data["instruments"]]
     parts += [section("[axes]", one) for one in data["axes"]]
     path = folder / "site.toml"

@@ -286,7 +286,7 @@ def real(tmp_path: Path, said: list[str]) -> tuple[Watcher, Path, Store]:
     folder.mkdir(exist_ok=True)
 
     def take(path: Path, sha256: str) -> str:
-        return import_file(path, store, How(), None, expected=sha256).run_id
+        return import_file(path, store, How(), None, expected=sha256)[0].run_id
 
     def say(code: str, /, **_fields: object) -> None:
         said.append(code)
@@ -363,7 +363,8 @@ def test_the_command_imports_what_lies_there_and_ends(tmp_path: Path) -> None:
         'driver = "umd"\nurl = "tcp://127.0.0.1:1"\n[[axes]]\nname = "X1"\nletter = "X"\nkind = "linear"\n'
         'travel = [0.0, 10.0]\n[axes.measure]\ncomponent = "EXX"\ninstrument = "l"\nfeed = 1000.0\nstable = 1.0\n'
         "[axes.measure.targets]\nfirst = 0.0\nlast = 10.0\ncount = 5\n"
-        "[axes.table]\nminimum = 0.0\nmaximum = 10.0\nstep = 1.0\n",
+        "[axes.table]\nminimum = 0.0\nmaximum = 10.0\nstep = 1.0\n"
+        '[machine]\ntype = "Example"\nnumber = "12"\n',
         encoding="utf-8",
     )
     words = ["watch", str(site), "--folder", str(folder), "--settle", "0", "--once"]

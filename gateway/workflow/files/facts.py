@@ -1,0 +1,486 @@
+"""What a measured file states of machine, people, place, day and settings; compared with the site and between files.
+
+One function for every command that takes files: a difference is shown to a person, or refused. Pure but for the memory
+of what was accepted before.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from datetime import date, datetime
+from itertools import pairwise
+
+from drivers.errors import ConfigError, words
+from drivers.local.names import shown
+from gateway.config import AxisSection, SiteFile
+from gateway.domain.stated import AcceptedDifference, StatedFact, StatedFacts
+from gateway.store import Maps
+
+SITE = "site"
+MOST_DAYS = 31
+"""Files of one calibration are measured within a month; a larger difference is another calibration."""
+SAME = 0.01
+"""Settings agree within one hundredth of their value: rounding."""
+MEMORY = "fact"
+_HEADINGS: Mapping[str, str] = {
+    "machine": "machine, machine name, machine tool, machine type, maschine, maschinentyp, 机床, 机床型号, "
+    "macchina, máquina",
+    "serial": "serial no, serial number, serial, machine serial number, machine serial no, machine no, machine number, "
+    "seriennummer, maschinennummer, masch-nr, 序列号, 机床编号, numéro de série, matricola",
+    "operator": "by, operator, measured by, inspector, technician, bediener, prüfer, gemessen von, 操作员, 测量人, "
+    "opérateur, operatore, operador",
+    "place": "location, place, site, ort, standort, 地点, lieu, luogo, lugar",
+    "date": "date, measured on, test date, datum, messdatum, 日期, 测量日期, data, fecha",
+    "feed": "feed, feed rate, feedrate, vorschub, 进给, 进给速度, avance, avanzamento",
+    "dwell": "dwell, dwell time, dwell period, verweilzeit, haltezeit, 停留时间, temporisation",
+    "overrun": "overrun, over run, overtravel, überlauf, 越程",
+    "instrument": "instrument, laser, laser head, laser system, interferometer, measuring device, "
+    "measuring instrument, messgerät, messsystem, 仪器, 激光, 激光干涉仪",
+    "instrument_serial": "instrument serial no, instrument serial number, laser serial no, laser serial number, "
+    "laser sn, laser no, messgerät seriennummer, 仪器编号",
+    "tables": "compensation, error compensation, acting tables, kompensation, 补偿",
+    "warm_up": "warm-up, warm up, warmup, warmlauf, 预热",
+    "customer": "customer, client, kunde, 客户",
+    "order": "order, order no, order number, job no, auftrag, auftragsnummer, 订单号",
+}
+KEYS = tuple(_HEADINGS)
+_KEY_OF = {word: key for key, words in _HEADINGS.items() for word in words.split(", ")}
+# Sections of capture programs whose "Serial" is that of the instrument.
+_EQUIPMENT = ("equipment", "instrument", "laser")
+_NOTHING = {"", "-", "--", "---", "n/a", "none", "unknown", "?"}
+_TOKENS = re.compile(r"[^\W_]+")
+_PAIR = re.compile(r"\s*([^:=]{2,40}?)\s*[:=]\s*(\S.*)")
+_QUANTITY = re.compile(r"\s*F?\s*([0-9]+(?:[.,][0-9]+)?)\s*([^\W\d].*|°.*)?\Z", re.IGNORECASE)
+# To mm/min or deg/min, s, mm or deg.
+_FEEDS = {"mm/min": 1.0, "mm/s": 60.0, "m/min": 1000.0, "m/s": 60000.0, "deg/min": 1.0, "deg/s": 60.0, "rpm": 360.0}
+_FEEDS |= {"°/min": 1.0, "°/s": 60.0, "grad/min": 1.0, "1/min": 360.0, "in/min": 25.4, "inch/min": 25.4, "ipm": 25.4}
+_UNITS: Mapping[str, Mapping[str, float]] = {
+    "feed": _FEEDS,
+    "dwell": {"s": 1.0, "sec": 1.0, "seconds": 1.0, "ms": 1e-3, "min": 60.0, "秒": 1.0},
+    "overrun": {"mm": 1.0, "um": 1e-3, "µm": 1e-3, "deg": 1.0, "°": 1.0, "in": 25.4, "inch": 25.4},
+}
+UNIT_OF: Mapping[str, str] = {"feed": "{}/min", "dwell": "s", "overrun": "{}"}
+_OF_AXIS = ("feed", "dwell", "overrun")
+
+
+@dataclass(frozen=True, slots=True)
+class FileFacts:
+    """A file by its name in the report, the axis that it names ("" for none), and what it states by key."""
+
+    name: str
+    axis: str = ""
+    said: Mapping[str, str] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True)
+class Difference:
+    """What ``file`` states under ``key``, and what ``source`` ("site", or the name of a file) has instead."""
+
+    file: str
+    key: str
+    value: str
+    other: str
+    source: str
+
+    @property
+    def text(self) -> str:
+        """As a person types it to accept it: "machine=Mill 7"."""
+        return f"{self.key}={self.value}"
+
+
+Ask = Callable[[Difference], bool]
+"""Shows one difference to a person; true where the file belongs here all the same."""
+
+
+def facts_of(name: str, header: Mapping[str, str]) -> FileFacts:
+    """What a file's header states; a key without a value is not stated."""
+    found: dict[str, str] = {}
+    for heading, text in header.items():
+        plain = _plain(heading)
+        lines = text.splitlines()
+        if plain in _EQUIPMENT and (len(lines) > 1 or _PAIR.match(text)):
+            for line in lines:
+                _of_equipment(line, found)
+        elif (key := _KEY_OF.get(plain)) is not None and _plain(text) not in _NOTHING:
+            found.setdefault(key, shown(" ".join(text.split()))[:200])
+    return FileFacts(name, header.get("Axis", "").strip(), {key: found[key] for key in KEYS if key in found})
+
+
+def _of_equipment(line: str, found: dict[str, str]) -> None:
+    pair = _PAIR.match(line)
+    if pair is None or _plain(pair[2]) in _NOTHING:
+        return
+    key = _KEY_OF.get(_plain(pair[1]))
+    key = {"serial": "instrument_serial", "machine": "instrument"}.get(key or "", key)
+    if key in ("instrument", "instrument_serial"):
+        found.setdefault(key, shown(" ".join(pair[2].split()))[:200])
+
+
+def _plain(text: str) -> str:
+    return " ".join(text.replace("_", " ").lower().strip(" .:#").split())
+
+
+# ------------------------------------------------------------------------------------------------------------- dates
+
+_MONTHS = (
+    "jan, januar, january, janvier, gennaio, enero, jän, jänner",
+    "feb, februar, february, février, fevrier, febbraio, febrero",
+    "mar, mär, mrz, märz, maerz, march, mars, marzo",
+    "apr, april, avril, aprile, abril",
+    "may, mai, maggio, mayo",
+    "jun, juni, june, juin, giugno, junio",
+    "jul, juli, july, juillet, luglio, julio",
+    "aug, august, août, aout, agosto",
+    "sep, sept, september, septembre, settembre, septiembre",
+    "oct, okt, oktober, october, octobre, ottobre, octubre",
+    "nov, november, novembre, noviembre",
+    "dec, dez, dezember, december, décembre, decembre, dicembre, diciembre",
+)
+_MONTH = {word: number for number, words in enumerate(_MONTHS, 1) for word in words.split(", ")}
+NEWEST = 69
+"""A year of two digits up to this one is in this century."""
+_ISO = re.compile(r"(\d{4})[-/.年 ](\d{1,2})[-/.月 ](\d{1,2})日?(?!\d)")
+_RUN_TOGETHER = re.compile(r"((?:19|20)\d\d)(\d\d)(\d\d)(?!\d)")
+_NUMBERS = re.compile(r"(\d{1,2})([./-])\s?(\d{1,2})\2\s?(\d{4}|\d{2})(?!\d)")
+_DAY_FIRST = re.compile(r"(\d{1,2})(?:st|nd|rd|th|er)?[. -]*([^\W\d_]+)[. ,-]*(\d{4})")
+_MONTH_FIRST = re.compile(r"([^\W\d_]+)[. ]*(\d{1,2})(?:st|nd|rd|th)?[ ,]+(\d{4})")
+_CLOCK = re.compile(r"([^\W\d_]+) +(\d{1,2}) +\d{1,2}:\d\d(?::\d\d)? +(\d{4})")
+_YEAR = re.compile(r"((?:19|20)\d\d)\Z")
+
+
+@dataclass(frozen=True, slots=True)
+class Days:
+    """The days that a text can mean: one span, or several where day and month may be exchanged; none if unreadable."""
+
+    spans: tuple[tuple[date, date], ...] = ()
+
+    @property
+    def day(self) -> date | None:
+        """The day, where the text means exactly one."""
+        single = len(self.spans) == 1 and self.spans[0][0] == self.spans[0][1]
+        return self.spans[0][0] if single else None
+
+    @property
+    def last(self) -> date | None:
+        """The latest day that the text can mean."""
+        return max((last for _first, last in self.spans), default=None)
+
+    def apart(self, other: Days) -> int:
+        """Least number of days between two dates, by every reading of them; 0 where one cannot be read."""
+        found = [_between(one, two) for one in self.spans for two in other.spans]
+        return min(found, default=0)
+
+
+def _between(one: tuple[date, date], two: tuple[date, date]) -> int:
+    return max(0, (two[0] - one[1]).days, (one[0] - two[1]).days)
+
+
+def days_of(text: str) -> Days:
+    """The days that a date means, in the forms of English, German, Chinese and other files, a time behind it or not.
+
+    "3/4/2024" may be March or April, "2024" is any day of that year.
+    """
+    plain = text.strip().lower()
+    if found := _ISO.match(plain) or _RUN_TOGETHER.match(plain):
+        return _days([(found[1], found[2], found[3])])
+    if found := _NUMBERS.search(plain):
+        first, mark, second, year = found.groups()
+        if len(year) == len("24"):
+            year = f"{'19' if int(year) > NEWEST else '20'}{year}"
+        orders = [(year, second, first)] if mark == "." else [(year, second, first), (year, first, second)]
+        return _days(orders)
+    if (found := _DAY_FIRST.search(plain)) and found[2] in _MONTH:
+        return _days([(found[3], str(_MONTH[found[2]]), found[1])])
+    if (found := _CLOCK.search(plain) or _MONTH_FIRST.search(plain)) and found[1] in _MONTH:
+        return _days([(found[3], str(_MONTH[found[1]]), found[2])])
+    if found := _YEAR.match(plain):
+        return Days(((date(int(found[1]), 1, 1), date(int(found[1]), 12, 31)),))
+    return Days()
+
+
+def _days(orders: Sequence[tuple[str, str, str]]) -> Days:
+    found = []
+    for year, month, day in orders:
+        try:
+            one = date(int(year), int(month), int(day))
+        except ValueError:
+            continue
+        found.append((one, one))
+    return Days(tuple(dict.fromkeys(found)))
+
+
+def moment_of(text: str) -> str:
+    """A date as ISO 8601 where it means one day, with its time where that is ISO; "" where it does not."""
+    day = days_of(text).day
+    if day is None:
+        return ""
+    plain = text.strip()
+    try:
+        return plain if datetime.fromisoformat(plain) and plain.startswith(day.isoformat()) else day.isoformat()
+    except ValueError:
+        return day.isoformat()
+
+
+# -------------------------------------------------------------------------------------------------------- quantities
+
+
+def quantity(key: str, text: str) -> float | None:
+    """A setting in mm/min or deg/min, s, mm or deg; None for a text without a number or without a known unit."""
+    found = _QUANTITY.match(text)
+    if found is None or key not in _UNITS:
+        return None
+    unit = (found[2] or "").strip().lower().replace(" ", "").rstrip(".")
+    factor = _UNITS[key].get(unit)
+    return None if factor is None else float(found[1].replace(",", ".")) * factor
+
+
+# --------------------------------------------------------------------------------------------------------- comparing
+
+
+def differences(files: Sequence[FileFacts], site: SiteFile | None = None) -> tuple[Difference, ...]:
+    """Every statement that differs from the site's, or where the site has none, from that of most files."""
+    found: list[Difference] = []
+    for key in KEYS:
+        left: list[FileFacts] = []
+        for one in files:
+            if key not in one.said:
+                continue
+            known = _known(key, one, site)
+            if known and not any(_same(key, one.said[key], text) for text in known):
+                found.append(Difference(one.name, key, one.said[key], " / ".join(dict.fromkeys(known)), SITE))
+            elif not known:
+                left.append(one)
+        found += _across(key, left)
+        found += _too_early(left, site) if key == "date" and site is not None else ()
+    return tuple(dict.fromkeys(found))
+
+
+def _across(key: str, files: Sequence[FileFacts]) -> Iterator[Difference]:
+    """Each file whose value is not that of most files; settings are compared between files of one axis only."""
+    groups: dict[str, list[list[FileFacts]]] = {}
+    for one in files:
+        axis = one.axis.upper()
+        if key in _OF_AXIS and not axis:
+            continue
+        alike = groups.setdefault(axis if key in _OF_AXIS else "", [])
+        own = next((group for group in alike if _same(key, one.said[key], group[0].said[key])), None)
+        if own is None:
+            alike.append([one])
+        else:
+            own.append(one)
+    for alike in groups.values():
+        usual = max(alike, key=len)[0]
+        others = (one for group in alike if group[0] is not usual for one in group)
+        yield from (Difference(one.name, key, one.said[key], usual.said[key], usual.name) for one in others)
+
+
+def _too_early(files: Sequence[FileFacts], site: SiteFile) -> Iterator[Difference]:
+    """Dates before the machine was built, or before the calibration that the site's register states."""
+    for one in files:
+        last = days_of(one.said["date"]).last
+        if last is None:
+            continue
+        year = site.machine.year
+        later = [
+            f"{item.name}: calibrated {item.calibrated}" for item in site.equipment if _after(item.calibrated, last)
+        ]
+        built = [f"built {year}"] if year is not None and last.year < year else []
+        if built or later:
+            yield Difference(one.name, "date", one.said["date"], ", ".join(built + later), SITE)
+
+
+def _after(day: date | None, last: date) -> bool:
+    return day is not None and day > last
+
+
+def _known(key: str, one: FileFacts, site: SiteFile | None) -> tuple[str, ...]:
+    """What the site has under a key; none where it states nothing."""
+    if site is None:
+        return ()
+    axis = site.meant(one.axis)
+    own = site.machine
+    report = site.report
+    found: Mapping[str, tuple[str, ...]] = {
+        "machine": (site.site.name, f"{own.maker} {own.type}", f"{own.maker} {own.type} {own.number}", own.type),
+        "serial": (own.number, site.controller.serial),
+        "operator": (report.operator,),
+        "place": (report.place,),
+        "customer": (report.customer,),
+        "order": (report.order,),
+        "instrument": _instruments(site),
+        "instrument_serial": (*(item.serial for item in site.instruments), *(item.serial for item in site.equipment)),
+    }
+    if key in _OF_AXIS:
+        return _settings(key, axis, site)
+    return tuple(text for text in (one.strip() for one in found.get(key, ())) if text)
+
+
+def _instruments(site: SiteFile) -> tuple[str, ...]:
+    """Equipment by maker, type and serial number; nothing where the register is empty: a name there is no statement."""
+    return tuple(f"{one.name} {one.maker} {one.type} {one.serial}" for one in site.equipment)
+
+
+def _settings(key: str, axis: AxisSection | None, site: SiteFile) -> tuple[str, ...]:
+    """Feed, dwell or overrun of an axis: as the site states it for files, else as the site measures the axis itself."""
+    if axis is None:
+        return ()
+    name = {"dwell": "dwell_s"}.get(key, key)
+    for one in (*site.test_conditions, axis.measure):
+        value = getattr(one, name)
+        if value is not None and getattr(one, "axis", axis.name) in ("", axis.name):
+            return (f"{value:g} {UNIT_OF[key].format(axis.unit)}",)
+    return ()
+
+
+def _same(key: str, value: str, other: str) -> bool:
+    if key == "date":
+        return days_of(value).apart(days_of(other)) <= MOST_DAYS
+    if key in _OF_AXIS:
+        one, two = quantity(key, value), quantity(key, other)
+        if one is not None and two is not None:
+            return abs(one - two) <= SAME * max(abs(one), abs(two))
+    if key in ("serial", "instrument_serial"):
+        return _number(value) == _number(other)
+    return _words_agree(_tokens(value), _tokens(other))
+
+
+def _number(text: str) -> str:
+    """A serial number without its marks, its title and leading zeros."""
+    return "".join(token for token in _tokens(text) if token not in ("sn", "no", "nr", "serial")).lstrip("0")
+
+
+def _tokens(text: str) -> tuple[str, ...]:
+    return tuple(_TOKENS.findall(text.casefold().replace("ß", "ss")))
+
+
+def _words_agree(one: tuple[str, ...], other: tuple[str, ...]) -> bool:
+    """Whether a text names the same as another: every word of the shorter one is in the longer, or its initial.
+
+    A number of ``one`` that the other lacks is another thing; a number alone names nothing. Words run together
+    ("XL80", "XL-80") agree too.
+    """
+    joined = {*other, *("".join(pair) for pair in pairwise(other)), "".join(other)}
+    if "".join(one) in joined:
+        return True
+    if any(token not in joined and any(letter.isdigit() for letter in token) for token in one):
+        return False
+    short, long = sorted((one, other), key=len)
+    if not any(token.isalpha() for token in short):
+        return False
+    return all(token in long or (len(token) == 1 and any(word.startswith(token) for word in long)) for token in short)
+
+
+# ---------------------------------------------------------------------------------------------------------- settling
+
+
+def settle(
+    files: Sequence[FileFacts],
+    site: SiteFile | None,
+    *,
+    maps: Maps | None = None,
+    accepted: Sequence[str] = (),
+    ask: Ask | None = None,
+    utc: datetime | None = None,
+) -> StatedFacts:
+    """Compare, ask about what differs, remember what a person accepted for this site, and return it all as a record.
+
+    ``accepted`` are KEY=VALUE as `Difference.text` has them. Raises ConfigError: E-FACTS-ACCEPT for a word that is no
+    statement, E-FACTS-DIFFER where nobody can be asked, E-FACTS-OTHER where a person says that a file is another's.
+    """
+    for word in accepted:
+        if word.partition("=")[0].strip() not in KEYS or not word.partition("=")[2].strip():
+            raise ConfigError("E-FACTS-ACCEPT", "--accept", text=shown(word), known=", ".join(KEYS))
+    stamp = utc.isoformat(timespec="seconds") if utc is not None else ""
+    given = {_normal(word) for word in accepted}
+    found = differences(files, site)
+    settled: dict[Difference, str] = {}
+    for one in found:
+        when = _remembered(one, site, maps)
+        if when is None and _normal(one.text) in given:
+            when = _remember(one, site, maps, stamp)
+        if when is not None:
+            settled[one] = when
+    settled = _asked(
+        [one for one in found if one not in settled], settled, ask, lambda one: _remember(one, site, maps, stamp)
+    )
+    return StatedFacts(
+        tuple(StatedFact(one.name, key, value) for one in files for key, value in one.said.items()),
+        tuple(AcceptedDifference(one.file, one.key, one.value, one.other, one.source, settled[one]) for one in found),
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class Compared:
+    """With what the statements of files are compared, and who is asked about a difference."""
+
+    site: SiteFile | None = None
+    accepted: Sequence[str] = ()
+    ask: Ask | None = None
+    utc: Callable[[], datetime] | None = None
+
+    @property
+    def name(self) -> str:
+        """Whose runs are made of the files."""
+        return self.site.site.name if self.site is not None else "import"
+
+    def settled(
+        self, files: Sequence[FileFacts], maps: Maps | None, utc: Callable[[], datetime] | None = None
+    ) -> StatedFacts:
+        """See `settle`."""
+        clock = utc or self.utc
+        now = clock() if clock is not None else None
+        return settle(files, self.site, maps=maps, accepted=self.accepted, ask=self.ask, utc=now)
+
+
+def _asked(
+    left: Sequence[Difference], settled: Mapping[Difference, str], ask: Ask | None, keep: Callable[[Difference], str]
+) -> dict[Difference, str]:
+    if left and ask is None:
+        raise refusal(left)
+    found = dict(settled)
+    texts: dict[str, str] = {}
+    for one in left:
+        if ask is not None and one.text not in texts:
+            if not ask(one):
+                source = words("W-FACTS-SITE") if one.source == SITE else one.source
+                raise ConfigError(
+                    "E-FACTS-OTHER", one.file, key=one.key, value=one.value, source=source, other=one.other
+                )
+            texts[one.text] = keep(one)
+        found[one] = texts[one.text]
+    return found
+
+
+def refusal(left: Sequence[Difference]) -> ConfigError:
+    """The error that names every difference and how each is accepted."""
+    named = {SITE: words("W-FACTS-SITE")}
+    lines = "\n".join(
+        f"  {shown(one.file)}: {one.key} {one.value!r}, but {named.get(one.source, one.source)} {one.other!r}"
+        for one in left
+    )
+    accept = " ".join(dict.fromkeys(f'--accept "{one.text}"' for one in left))
+    return ConfigError("E-FACTS-DIFFER", shown(left[0].file), count=len(left), lines=lines, accept=accept)
+
+
+def _normal(word: str) -> str:
+    key, _, value = word.partition("=")
+    return f"{key.strip()}={' '.join(value.split())}"
+
+
+def _place(one: Difference, site: SiteFile | None) -> str:
+    """Where an acceptance holds: at this site; without one, and for a day, between these values only."""
+    name = site.site.name if site is not None else ""
+    return f"{name} {one.text}" if name and one.key != "date" else f"{name} {one.text} / {one.other}"
+
+
+def _remembered(one: Difference, site: SiteFile | None, maps: Maps | None) -> str | None:
+    found = maps.find(MEMORY, _place(one, site)) if maps is not None else None
+    return found.utc if found is not None else None
+
+
+def _remember(one: Difference, site: SiteFile | None, maps: Maps | None, utc: str) -> str:
+    if maps is not None:
+        maps.keep(MEMORY, _place(one, site), {"key": one.key, "value": one.value, "other": one.other}, utc)
+    return utc

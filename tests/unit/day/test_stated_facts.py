@@ -1,0 +1,205 @@
+"""What files state of machine, people, day and settings: read, compared with the site and between files, asked once."""
+
+from __future__ import annotations
+
+import json
+from datetime import date
+from pathlib import Path
+from typing import Any
+
+import pytest
+from click.testing import Result
+from typer.testing import CliRunner
+
+from drivers.errors import ConfigError, TrueflankError
+from gateway.cli import app
+from gateway.config import SiteFile
+from gateway.store import Maps, Store
+from gateway.workflow.files.facts import FileFacts, days_of, differences, facts_of, quantity, settle
+from gateway.workflow.files.importing import watcher_of
+from simulators.cell.site import section
+from tests.unit.components.site import site_data, site_of
+
+TABLE = "target_mm;direction;run;deviation_um\n0;+;1;1\n9;+;1;2\n9;-;1;3\n0;-;1;2\n0;+;2;1\n9;+;2;3\n9;-;2;3\n0;-;2;1\n"
+MACHINE: dict[str, Any] = {"maker": "Qinchuan", "type": "YK7350B", "number": "4711", "year": 2012}
+
+
+def site(**more: Any) -> SiteFile:
+    return site_of([], machine=MACHINE, **more)
+
+
+@pytest.mark.parametrize(
+    ("text", "day"),
+    [
+        ("2024-03-02", date(2024, 3, 2)),
+        ("2024/3/2 14:05", date(2024, 3, 2)),
+        ("02.03.2024", date(2024, 3, 2)),
+        ("2.3.24", date(2024, 3, 2)),
+        ("2. März 2024", date(2024, 3, 2)),
+        ("Mar 2, 2024", date(2024, 3, 2)),
+        ("2 March 2024", date(2024, 3, 2)),
+        ("Sat Mar  2 14:05:00 2024", date(2024, 3, 2)),
+        ("2024年3月2日", date(2024, 3, 2)),
+        ("20240302", date(2024, 3, 2)),
+        ("13/3/2024", date(2024, 3, 13)),
+        ("3/2/2024", None),
+        ("2024", None),
+        ("31.02.2024", None),
+        ("yesterday", None),
+    ],
+)
+def test_a_date_is_a_day_whatever_its_language_or_no_single_day(text: str, day: date | None) -> None:
+    assert days_of(text).day == day
+
+
+def test_dates_are_compared_as_days_not_as_texts() -> None:
+    same = [
+        FileFacts(str(at), said={"date": text}) for at, text in enumerate(("2024-03-02", "2. März 2024", "3/2/2024"))
+    ]
+    assert differences(same) == ()
+    late = FileFacts("old", said={"date": "02.03.2017"})
+    (one,) = differences([*same, late])
+    assert (one.file, one.key, one.value) == ("old", "date", "02.03.2017")
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "differs"),
+    [
+        ("machine", "Qinchuan YK7350B", False),
+        ("machine", "YK-7350B", False),
+        ("machine", "grinder", False),
+        ("machine", "Grinder 2", True),
+        ("machine", "Mill 7", True),
+        ("serial", "SN 04711", False),
+        ("serial", "4712", True),
+        ("operator", "J. Weiß", False),
+        ("operator", "Li Na", True),
+        ("place", "halle 3, jena", False),
+        ("place", "Halle 4", True),
+        ("feed", "3 m/min", False),
+        ("feed", "F1000 mm/min", True),
+        ("dwell", "1000 ms", False),
+        ("dwell", "5 s", True),
+        ("date", "2011", True),
+        ("date", "14.05.2019", True),
+        ("date", "2024-03-02", False),
+        ("instrument_serial", "77", True),
+    ],
+)
+def test_a_statement_is_compared_with_the_site(key: str, value: str, differs: bool) -> None:
+    told = {"operator": "Jürgen Weiss", "place": "Halle 3"}
+    laser = {"name": "head", "serial": "78", "calibrated": "2020-01-31"}
+    known = site(report=told, equipment=[laser])
+    assert bool(differences([FileFacts("a", "X", {key: value})], known)) is differs
+
+
+def test_settings_are_compared_between_files_of_one_axis_only() -> None:
+    files = [FileFacts(name, axis, {"feed": feed}) for name, axis, feed in (("a", "X", "500"), ("b", "Z", "900"))]
+    assert differences(files) == ()
+    (one,) = differences([*files, FileFacts("c", "Z", {"feed": "901 mm/min"}), FileFacts("d", "Z", {"feed": "900"})])
+    assert (one.file, one.other) == ("c", "900")
+    assert quantity("feed", "500") is None, "a number without a unit is no quantity"
+
+
+def test_a_header_is_read_in_the_languages_of_the_field_and_a_section_of_equipment_is_the_instruments() -> None:
+    header = {
+        "Maschine": "Mill 7",
+        "Prüfer": "Li Na",
+        "Vorschub": "500 mm/min",
+        "日期": "2024-03-02",
+        "By": "",
+        "Ort": "-",
+    }
+    found = facts_of("a", {**header, "EQUIPMENT": "Laser : XL 1234\nSerial No: 88\nwithout a key"})
+    wanted = {"machine": "Mill 7", "operator": "Li Na", "feed": "500 mm/min", "date": "2024-03-02"}
+    assert dict(found.said) == {**wanted, "instrument": "XL 1234", "instrument_serial": "88"}
+
+
+def test_a_difference_is_refused_asked_once_and_then_remembered_for_the_site(tmp_path: Path) -> None:
+    files, maps = [FileFacts("a", said={"machine": "Mill 7"})], Maps(tmp_path)
+    with pytest.raises(ConfigError, match=r'--accept "machine=Mill 7"'):
+        settle(files, site(), maps=maps)
+    with pytest.raises(ConfigError, match="E-FACTS-OTHER"):
+        settle(files, site(), maps=maps, ask=lambda _one: False)
+    asked: list[str] = []
+    settle(files, site(), maps=maps, ask=lambda one: not asked.append(one.text))
+    found = settle(files, site(), maps=maps)
+    assert asked == ["machine=Mill 7"]
+    assert [(one.value, one.source) for one in found.accepted] == [("Mill 7", "site")]
+    with pytest.raises(ConfigError, match="E-FACTS-ACCEPT"):
+        settle(files, site(), accepted=["colour=red"])
+
+
+def site_file(folder: Path) -> Path:
+    data = site_data([], machine=MACHINE)
+    parts = [section(name, data[name]) for name in ("site", "controller", "machine")]
+    parts += [section("[instruments]", one) for one in data["instruments"]]
+    parts += [section("[axes]", one) for one in data["axes"]]
+    path = folder / "site.toml"
+    path.write_text("\n".join(parts), encoding="utf-8")
+    return path
+
+
+def run(*words: str, typed: str | None = None) -> Result:
+    return CliRunner().invoke(app, list(words), input=typed)
+
+
+def test_every_command_with_a_site_refuses_another_machines_file_and_takes_it_once_it_was_accepted(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    known = site_file(tmp_path)
+    (tmp_path / "x.csv").write_text(f"Machine;Mill 7\nAxis;X\n{TABLE}", encoding="utf-8")
+    commands = {name: (name, "x.csv", "--site", "site.toml") for name in ("evaluate", "import", "report")}
+    for words in commands.values():
+        result = run(*words, "--no-ask")
+        said = result.output if result.exception is None else f"{result.output} {result.exception}"
+        assert result.exit_code != 0
+        assert "Mill 7" in said
+        assert '--accept "machine=Mill 7"' in said
+    watcher = watcher_of(site_of([], machine=MACHINE), known, tmp_path, settle_s=0.0)
+    assert watcher.look(0.0) == 0
+    assert watcher.look(1.0) == 0
+    assert not Store(tmp_path / "runs").runs()
+    first = run("import", "x.csv", "--site", "site.toml", typed="y\n")
+    assert first.exit_code == 0, first.output
+    assert "accepted" in first.output
+    for words in (commands["evaluate"], commands["report"]):
+        result = run(*words, "--no-ask")
+        assert result.exit_code == 0, result.output
+    assert watcher.look(2.0) == 1, "what a person accepted holds for the watched folder too"
+
+
+def test_a_day_refuses_a_file_of_another_machine_and_year_and_prints_what_was_accepted(tmp_path: Path) -> None:
+    known, folder = site_file(tmp_path), tmp_path / "day"
+    folder.mkdir()
+    for name, axis, head in (
+        ("x", "X", "Machine;YK7350B\nDate;20.11.2026"),
+        ("z", "Z", "Machine;Mill 7\nDate;May 3, 2019"),
+    ):
+        table = TABLE.replace("\n9", "\n300") if axis == "Z" else TABLE.replace("\n9", "\n-300")
+        (folder / f"{name}.csv").write_text(
+            f"{head}\nAxis;{axis}\nTitle;E{axis}{axis}\nBy;Li Na\nFeed;3000 mm/min\n{table}"
+        )
+    kept = '[axes.X1]\ndatum = 0\ndirection = "+"\n[axes.Z1]\ndatum = 0\ndirection = "+"\n'
+    (tmp_path / "day.answers.toml").write_text(kept)
+    words = ("day", str(folder), "--site", str(known))
+    error = run(*words, "--no-ask").exception
+    assert isinstance(error, TrueflankError)
+    assert error.code == "E-DAY-OPEN"
+    line = next(one for one in error.what.splitlines() if one.startswith("accept = "))
+    assert "machine=Mill 7" in line
+    assert "date=May 3, 2019" in line or "date=20.11.2026" in line
+    (tmp_path / "day.answers.toml").write_text(f"[all]\n{line}\n{kept}")
+    told = run(*words, "--no-ask", "--json")
+    assert told.exit_code == 0, told.output
+    page = Path(json.loads(told.stdout)["report"]["pdf"]).with_suffix(".html").read_text(encoding="utf-8")
+    assert "Accepted differences" in page
+    assert "Mill 7" in page
+    assert "Li Na (stated in the files)" in page
+    assert "3000 mm/min" in page
+    assert "UNPROTECTED" not in page
+    (tmp_path / "day.answers.toml").write_text(kept)
+    left = run(*words, typed="no\n")
+    assert left.exit_code == 0, left.output
+    assert 'files."z.csv"]\nuse = false' in (tmp_path / "day.answers.toml").read_text()
