@@ -157,7 +157,7 @@ def material_of(folder: RunFolder) -> ReportMaterial:
         particulars=particulars_of(site, path, ended or facts["created_utc"]),
         simulated=was_simulated(site, instruments),
         unprotected=open_road(site) if opened else "",
-        excused=excused_certificate(site) if opened else "",
+        excused=excused_certificate(site) if opened else ("", ""),
         stated=stated,
     )
     return replace(material, judged=judged(site, material))
