@@ -196,7 +196,7 @@ def _ask_about(one: Any) -> bool:
 
     typer.echo(words("P-FACTS-DIFFER", **difference_fields(one)))
     try:
-        return typer.confirm(f"  {words('P-FACTS-DIFFER', 'do')}", default=None)
+        return typer.confirm(f"  {words('P-FACTS-DIFFER', 'do', **difference_fields(one))}", default=None)
     except typer.Abort as error:
         raise refusal([one]) from error
 

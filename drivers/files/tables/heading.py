@@ -65,5 +65,5 @@ def _columns(heads: Row, body: Sequence[tuple[int, Row]]) -> tuple[TableColumn, 
             role = "reading"
         elif not role and at in numbers and not is_index(cell) and not is_statistic(text):
             role = "numbers"
-        found.append(TableColumn(at + 1, text, cell.words, cell.unit, role))
+        found.append(TableColumn(at + 1, text, cell.words, cell.unit, role=role))
     return tuple(found)

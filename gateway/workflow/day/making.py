@@ -116,7 +116,7 @@ def from_files(
             path = (site_path.parent / Path(str(one.setup.path))).resolve()
             if one.key in keys_of(site, setups) and path in mine:
                 _store(run, one, mine[path], folder=folder, answers=answers)
-        keep_stated(run, setups, answers, site, utc)
+        keep_stated(run, setups, answers, site, utc=utc)
         plan = conclude(site, run, work.tooth if work is not None else None)
         if any(one.positioning and run.has(stages.setup(one.key)) for one in planned(site)):
             axes_measured(run, site)
@@ -138,7 +138,7 @@ def _measured_on(setups: Sequence[Placed], today: date) -> date:
     return max(found, default=today)
 
 
-def keep_stated(run: RunFolder, setups: Sequence[Placed], answers: Answers, site: SiteFile, utc: datetime) -> None:
+def keep_stated(run: RunFolder, setups: Sequence[Placed], answers: Answers, site: SiteFile, *, utc: datetime) -> None:
     """What the day's files state, what a person accepted of it, and the test conditions among the answers.
 
     Raises ConfigError (E-FACTS-DIFFER) where a statement differs that no answer accepts, StoreError.
@@ -175,7 +175,7 @@ async def at_the_control(
     tooth, keys = work.tooth if work is not None else None, keys_of(site, setups)
     plan = await measure_site(site, site_path, clock=clock, say=say, wanted=keys, tooth=tooth)
     folder = RunFolder(Path(plan.run_folder))
-    keep_stated(folder, setups, answers, site, clock.utc())
+    keep_stated(folder, setups, answers, site, utc=clock.utc())
     found = await correct_site(site, site_path, folder, clock=clock, say=say) if work is not None else None
     return DayOutcome(site_path, folder.path, plan, None, proposal=found)
 

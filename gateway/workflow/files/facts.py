@@ -249,7 +249,7 @@ def differences(files: Sequence[FileFacts], site: SiteFile | None = None) -> tup
                 continue
             known = _known(key, one, site)
             if known and not any(_same(key, one.said[key], text) for text in known):
-                found.append(Difference(one.name, key, one.said[key], " / ".join(dict.fromkeys(known)), SITE))
+                found.append(Difference(one.name, key, one.said[key], " / ".join(dict.fromkeys(known)), source=SITE))
             elif not known:
                 left.append(one)
         found += _across(key, left)
@@ -273,7 +273,7 @@ def _across(key: str, files: Sequence[FileFacts]) -> Iterator[Difference]:
     for alike in groups.values():
         usual = max(alike, key=len)[0]
         others = (one for group in alike if group[0] is not usual for one in group)
-        yield from (Difference(one.name, key, one.said[key], usual.said[key], usual.name) for one in others)
+        yield from (Difference(one.name, key, one.said[key], usual.said[key], source=usual.name) for one in others)
 
 
 def _too_early(files: Sequence[FileFacts], site: SiteFile) -> Iterator[Difference]:
@@ -288,7 +288,7 @@ def _too_early(files: Sequence[FileFacts], site: SiteFile) -> Iterator[Differenc
         ]
         built = [f"built {year}"] if year is not None and last.year < year else []
         if built or later:
-            yield Difference(one.name, "date", one.said["date"], ", ".join(built + later), SITE)
+            yield Difference(one.name, "date", one.said["date"], ", ".join(built + later), source=SITE)
 
 
 def _after(day: date | None, last: date) -> bool:
@@ -407,7 +407,10 @@ def settle(
     )
     return StatedFacts(
         tuple(StatedFact(one.name, key, value) for one in files for key, value in one.said.items()),
-        tuple(AcceptedDifference(one.file, one.key, one.value, one.other, one.source, settled[one]) for one in found),
+        tuple(
+            AcceptedDifference(one.file, one.key, one.value, one.other, source=one.source, utc=settled[one])
+            for one in found
+        ),
     )
 
 

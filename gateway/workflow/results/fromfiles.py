@@ -163,7 +163,7 @@ class _Files:
     def _axis(self, name: str, item: MeasuredItem, file: str) -> AxisMaterial:
         found = _axis(name, item, self.site, self.answered)
         meant = self.site.meant(found.letter) if self.site is not None else None
-        return replace(found, test_before=conditions_of(found.capture_before, self.stated, file, self.site, meant))
+        return replace(found, test_before=conditions_of(found.capture_before, self.stated, file, self.site, axis=meant))
 
 
 def _measured(item: MeasuredItem) -> MeasuredSet:

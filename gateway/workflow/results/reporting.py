@@ -235,7 +235,7 @@ def _axis(
 def _conditions(capture: Capture | None, axis: AxisSection, site: SiteFile, stated: StatedFacts) -> Mapping[str, str]:
     """The test conditions of a capture; what measured it is named where the run did so itself."""
     file = capture.source if capture is not None else ""
-    said = conditions_of(capture, stated, file, site, axis)
+    said = conditions_of(capture, stated, file, site, axis=axis)
     own = axis.measure.instrument if capture is not None and capture.source == "live" else ""
     return {"instrument": own, **said} if own else said
 

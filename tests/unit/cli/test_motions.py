@@ -51,7 +51,8 @@ def refused(*words: str) -> TrueflankError:
 
 
 @pytest.fixture(autouse=True)
-def _here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def _folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Files and runs of each test lie in a folder of its own."""
     monkeypatch.chdir(tmp_path)
 
 
