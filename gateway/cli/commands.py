@@ -78,13 +78,20 @@ def recover(
     site: SiteArgument,
     apply: ApplyOption = False,
     machine: MachineOption = "",
+    finish: Annotated[
+        bool, typer.Option("--finish", help="Finish an interrupted rollback: the earlier tables act.")
+    ] = False,
+    undo: Annotated[bool, typer.Option("--undo", help="Undo an interrupted rollback: the pushed tables act.")] = False,
     take: TakeOption = "",
     as_json: JsonOption = False,
 ) -> None:
-    """Say what an interrupted push left behind; with --apply put the old table back."""
+    """Say what an interrupted push or rollback left behind; with --apply put it right."""
     from gateway.cli.machine.running import recover_command
 
-    recover_command(site, apply, machine, take=take, as_json=as_json)
+    if finish and undo:
+        raise typer.BadParameter("choose one of --finish and --undo", param_hint="--finish, --undo")
+    choice = "finish" if finish else "undo" if undo else "offered"
+    recover_command(site, apply, machine, choice, take=take, as_json=as_json)
 
 
 def lint(

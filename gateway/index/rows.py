@@ -11,7 +11,8 @@ from pathlib import Path
 
 from gateway.domain.figures import Evaluation
 from gateway.errors import StoreError
-from gateway.push.records.history import standing, table_id
+from gateway.push.records.history import table_id
+from gateway.push.records.holding import table_states
 from gateway.store import RunFolder, RunSummary
 from gateway.store.records import canonical, sha256
 from gateway.tooth import ToothVerdict
@@ -103,18 +104,20 @@ def seal_of(run: RunSummary) -> str:
 def tables_of(gateway: str, journals: Path, serial: str, seal: str) -> Iterator[IndexedTable]:
     """What pushes left in one machine."""
     try:
-        for one in standing(journals, serial):
+        for one in table_states(journals, serial):
+            if one.push is None:
+                continue
             yield IndexedTable(
                 gateway=gateway,
                 serial=serial,
                 name=one.table,
                 axis=one.axis,
-                table_id=table_id(one),
-                transaction=one.transaction,
-                utc=one.utc,
-                enabled=one.new.enabled,
-                kind=one.new.table.kind,
-                problem="",
+                table_id=one.name.id or table_id(one.push),
+                transaction=one.push.transaction,
+                utc=one.name.utc or one.push.utc,
+                enabled=one.acts == "on",
+                kind=one.push.new.table.kind,
+                problem=one.held.words if one.held is not None else "",
                 seal=seal,
             )
     except StoreError as error:

@@ -140,12 +140,16 @@ class ResultRow:
 
 @dataclass(frozen=True, slots=True)
 class HeldView:
-    """A push that did not end, by the catalogue; ``loud`` unless a read-back said last that its table is off."""
+    """A push that did not end, by the catalogue; ``loud`` unless a read-back said last that its table is off.
+
+    ``back``: it is a rollback, which a person finishes or undoes.
+    """
 
     words: str
     loud: bool
     code: str = ""
     fields: Mapping[str, object] = field(default_factory=dict)
+    back: bool = False
 
 
 @dataclass(frozen=True, slots=True)

@@ -51,7 +51,10 @@ def _acting(folder: RunFolder) -> tuple[ActingRow, ...]:
 def pushes_held(store: Store) -> tuple[HeldView, ...]:
     """Every push that did not end, from the journals alone; one that cannot be read is as loud as any."""
     try:
-        return tuple(HeldView(one.words, one.loud, one.code, one.fields) for one in held_pushes(store.root / JOURNALS))
+        return tuple(
+            HeldView(one.words, one.loud, one.code, one.fields, back=one.back)
+            for one in held_pushes(store.root / JOURNALS)
+        )
     except StoreError as error:
         return (HeldView(f"{error.code}: {error.what}", loud=True, code=error.code, fields=dict(error.fields)),)
 

@@ -116,8 +116,12 @@ class RollBack(Body):
 
 
 class Recover(Body):
-    """What an interrupted push left; with ``apply`` it is put right."""
+    """What an interrupted push left; with ``apply`` it is put right.
 
+    ``choice`` says whether an interrupted rollback is finished (the earlier tables act) or undone (the pushed ones do).
+    """
+
+    choice: Literal["offered", "finish", "undo"] = "offered"
     apply: bool = False
     machine: Text = ""
 

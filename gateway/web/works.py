@@ -105,7 +105,7 @@ def recover(at: ServedSite, clock: Clock, body: bodies.Recover) -> Work:
     """What was left, and what was done about it."""
 
     async def work(say: Say) -> object:
-        asked: dict[str, Any] = {"apply": body.apply, "machine_name": body.machine}
+        asked: dict[str, Any] = {"apply": body.apply, "machine_name": body.machine, "choice": body.choice}
         found = await recover_site(at.site, at.path, clock=clock, say=say, **asked)
         data = {"findings": [one.as_data() for one in found]}
         return Outcome("recovered", "", rows=(), lines=tuple(one.at_last for one in found), data=data)

@@ -111,7 +111,7 @@ def keep_looks(at: Bench, looks: tuple[Look, ...], *, aloud: bool = True) -> Non
         same = look.found.kind == "as-approved"
         if aloud and not same:
             at.say("P-TABLE-ALARM", table=look.name, words=look.found.words)
-        told = {"table": look.name, "found": look.found.words, "run": at.folder.run_id}
+        told = {"table": look.name, "found": look.found.words, "kind": look.found.kind, "run": at.folder.run_id}
         problem = audit.note(
             at.store.root,
             audit.AS_PUSHED if same else audit.DIFFERS,

@@ -83,8 +83,10 @@ def push_run_command(run_folder: str, store: Path, asked: PushAsked, *, as_json:
     show_outcome(outcome, as_json=as_json, points=asked.points, onward=onward)
 
 
-def recover_command(site: Path, apply: bool, machine: str, *, take: str = "", as_json: bool) -> None:
-    """Say what an interrupted push left; with apply put the old table back."""
+def recover_command(
+    site: Path, apply: bool, machine: str, choice: Any = "offered", *, take: str = "", as_json: bool
+) -> None:
+    """Say what an interrupted push or rollback left; with apply put it right."""
     from drivers.carried import PieceOfWork, carrying
     from gateway.broker import taking
     from gateway.workflow.control.recovering import recover_site
@@ -93,13 +95,16 @@ def recover_command(site: Path, apply: bool, machine: str, *, take: str = "", as
 
     async def main(say: Say) -> Any:
         with taking(take), carrying(PieceOfWork("recover", "instead")):
-            return await recover_site(tree, site, apply=apply, machine_name=machine, clock=LoopClock(), say=say)
+            asked: dict[str, Any] = {"apply": apply, "machine_name": machine, "choice": choice}
+            return await recover_site(tree, site, clock=LoopClock(), say=say, **asked)
 
     with progress(quiet=as_json, at=(tree, site)) as say:
         findings = run_to_end(main(say))
     if as_json:
         show_json([finding.as_data() for finding in findings])
-    for finding in () if as_json or apply else findings:  # what is carried out was said before it was
+    for finding in findings if apply and not as_json else ():  # what was found was said before it was carried out
+        echo(finding.at_last)
+    for finding in () if as_json or apply else findings:
         echo(finding.words, colour="red" if finding.still_on else None, bold=finding.still_on)
     if not apply and any(finding.still_on for finding in findings):
         raise typer.Exit(StillOn.exit_code)

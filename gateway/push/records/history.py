@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -61,7 +61,11 @@ def committed(journals: Path, serial: str, table: str, meant: Meant = as_kept) -
 
 def every_push(journals: Path, serial: str, meant: Meant = as_kept) -> tuple[Committed, ...]:
     """Every committed push of a machine, of all its tables, oldest first. Raises as `committed`."""
-    folder = journal.machine_folder(journals, serial)
+    return pushes_in(journal.machine_folder(journals, serial), meant)
+
+
+def pushes_in(folder: Path, meant: Meant = as_kept) -> tuple[Committed, ...]:
+    """As `every_push`, of the folder of one machine."""
     every = (_committed(one, meant) for one in _parts(folder))
     return _in_order(folder, [push for push in every if push is not None])
 
@@ -112,43 +116,42 @@ def consent_set(pushes: tuple[Committed, ...], asked: str = "") -> ConsentSet | 
 
 
 def _in_order(folder: Path, pushes: list[Committed]) -> tuple[Committed, ...]:
-    return tuple(sorted(pushes, key=_age_among(pushes, _last_number(folder, pushes))))
+    age = age_of(folder, [(push.transaction, push.utc) for push in pushes])
+    return tuple(sorted(pushes, key=lambda push: age(push.transaction)))
 
 
-def _age_among(pushes: list[Committed], last: int) -> Callable[[Committed], tuple[int, str, int]]:
-    """Place in the order of giving: counts go up and begin again after the largest; the PC's clock may jump.
+def age_of(folder: Path, known: Sequence[tuple[int, str]]) -> Callable[[int], tuple[int, str, int]]:
+    """Place of a transaction in the order of giving, among those ``known`` with their dates.
 
-    Numbers without a store's part are older than all others. Where a store lost its part and drew another, the
-    numbers of ``last`` are the newest and the other parts go by their first date.
+    Counts go up and begin again after the largest; the PC's clock may jump. Numbers without a store's part are older
+    than all others. Where a store lost its part and drew another, the numbers of the last one given are the newest and
+    the other parts go by their first date.
     """
+    last = _last_number(folder, known)
     newest = last // numbering.PART_SIZE
     firsts: dict[int, str] = {}
-    for push in pushes:
-        part = push.transaction // numbering.PART_SIZE
-        firsts[part] = min(firsts.get(part, push.utc), push.utc)
+    for number, utc in known:
+        part = number // numbering.PART_SIZE
+        firsts[part] = min(firsts.get(part, utc), utc)
 
-    def age(push: Committed) -> tuple[int, str, int]:
-        if push.transaction <= numbering.OLD_MAX:
-            return (
-                0,
-                "",
-                (push.transaction - last - 1) % numbering.OLD_MAX if last <= numbering.OLD_MAX else push.transaction,
-            )
-        part, count = divmod(push.transaction, numbering.PART_SIZE)
+    def age(number: int) -> tuple[int, str, int]:
+        if number <= numbering.OLD_MAX:
+            return 0, "", (number - last - 1) % numbering.OLD_MAX if last <= numbering.OLD_MAX else number
+        part, count = divmod(number, numbering.PART_SIZE)
         if part == newest:
             return 2, "", (count - last % numbering.PART_SIZE - 1) % numbering.MAX_COUNT
-        return 1, firsts[part], count
+        return 1, firsts.get(part, ""), count
 
     return age
 
 
-def _last_number(folder: Path, pushes: list[Committed]) -> int:
+def _last_number(folder: Path, known: Sequence[tuple[int, str]]) -> int:
     """The number given last, from the machine's counter; where that is lost, the largest seen."""
     try:
         text = read_own(folder / "number").decode("ascii").strip()
     except (OSError, UnicodeDecodeError):
         text = ""
-    return int(text) if text.isdigit() else max((push.transaction for push in pushes), default=0)
+    return int(text) if text.isdigit() else max((number for number, _ in known), default=0)
 
 
 def pushed_tables(journals: Path, serial: str) -> tuple[str, ...]:
@@ -167,14 +170,6 @@ def machines(journals: Path) -> tuple[str, ...]:
 def _serial(folder: Path) -> str:
     told = (part.latest("serial") for part in _parts(folder) if not part.broken)
     return next((str(serial) for serial in told if serial), "")
-
-
-def standing(journals: Path, serial: str) -> tuple[Committed, ...]:
-    """The newest push of each table of a machine: what should be live now. Raises as `committed`."""
-    folder = journal.machine_folder(journals, serial)
-    every = [push for one in _parts(folder) if (push := _committed(one, as_kept)) is not None]
-    names = sorted({push.table for push in every})
-    return tuple(_in_order(folder, [push for push in every if push.table == name])[-1] for name in names)
 
 
 def table_id(push: Committed) -> str:
@@ -228,6 +223,36 @@ def to_undo(pushes: tuple[Committed, ...]) -> Committed | None:
         else:
             standing.append(push)
     return standing[-1] if standing else None
+
+
+@dataclass(frozen=True, slots=True)
+class TwoTables:
+    """What a journal is about: the table that acted before it, and the one that it puts in its place."""
+
+    old: LiveTable
+    new: LiveTable
+    old_name: TableName
+    new_name: TableName
+    back: bool
+
+    @property
+    def words(self) -> dict[str, str]:
+        """Both names for the texts of the catalogue."""
+        return {"old": self.old_name.words, "new": self.new_name.words}
+
+
+def two_tables(found: JournalRead, pushes: tuple[Committed, ...], meant: Meant = as_kept) -> TwoTables:
+    """Both tables of a journal with their names; ``back``: it takes a push back. Raises StoreError (E-PUSH-JOURNAL)."""
+    old, table = tables_of(found, meant)
+    switch, undone = found.latest("enable"), found.latest("undoes")
+    name = spoken().name(table.kind, str(found.latest("axis") or ""), table.index)
+    if switch is None and undone:
+        switch = next((one.old.enabled for one in pushes if (one.transaction, one.table) == (undone, name)), True)
+    new = LiveTable(table, enabled=True if switch is None else bool(switch))
+    seen = next((str(one.facts["utc"]) for one in found.entries if "utc" in one.facts), "")
+    before = tuple(one for one in pushes if one.transaction != found.number)
+    names = named(before, name, old, seen), named(pushes, name, new, seen)
+    return TwoTables(old, new, *names, back=found.purpose == "restore")
 
 
 def _parts(folder: Path) -> list[JournalRead]:

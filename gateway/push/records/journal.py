@@ -72,6 +72,11 @@ class JournalRead:
         return tuple(entry.kind for entry in self.entries)
 
     @property
+    def purpose(self) -> str:
+        """What it was begun for; orders on its way back have purposes of their own."""
+        return str(self.entries[0].facts.get("purpose", "")) if self.entries else ""
+
+    @property
     def reasons(self) -> tuple[str, ...]:
         """Why it did not go on as asked, first cause first, each once."""
         told = (str(one.facts["why"]) for one in self.entries if one.kind in ENDS_BADLY and one.facts.get("why"))

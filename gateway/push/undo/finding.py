@@ -14,14 +14,15 @@ from drivers.types.abilities import Marker
 from drivers.types.tables import LiveTable
 from gateway.push.compare import three_way
 from gateway.push.records import journal
-from gateway.push.records.history import Meant, as_kept, tables_of
-from gateway.push.records.holding import standing
+from gateway.push.records.history import Committed, Meant, as_kept, tables_of
+from gateway.push.records.holding import held_push, standing
 from gateway.push.records.journal import JournalRead
 from gateway.push.records.steps import step_words
 from gateway.table.comparison import differences
 
 Action = Literal["close", "restore", "disable", "none"]
 MOST_TRIES = 3
+ENDED = ("R-PUSH-DONE", "R-PUSH-SUPERSEDED")
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,7 +31,9 @@ class PushFinding:
 
     ``difference`` says, where somebody else wrote, what is neither old nor new. ``still_on``: something is enabled,
     or may be, that no push stands for; it is told before all else. ``table``: which one of a push of several.
-    ``ended``: the outcome of what was done about it, "" for nothing.
+    ``ended``: the outcome of what was done about it, "" for nothing. ``old`` and ``new`` name the table that acted
+    before and the one that was to act, by id and date. ``back``: a rollback was interrupted after it had announced
+    a write, and the person says whether it is finished or undone.
     """
 
     transaction: int
@@ -44,24 +47,35 @@ class PushFinding:
     still_on: bool = False
     table: str = ""
     ended: str = ""
+    old: str = ""
+    new: str = ""
+    back: bool = False
     stands: ClassVar[bool] = False
+
+    @property
+    def choices(self) -> tuple[str, ...]:
+        """What a person may choose; nothing where only one thing can be done."""
+        return ("finish", "undo") if self.back and self.action in ("restore", "close") else ()
 
     @property
     def words(self) -> str:
         """The finding as people read it."""
         last = step_words(self.last)
         told = {"axis": self.table or self.axis, "transaction": self.transaction, "last": last, "backup": self.backup}
+        told |= {"old": self.old or "?", "new": self.new or "?"}
         text = f"{self.code}: {words(self.code, **told, count=MOST_TRIES)}"
-        return f"{text}: {'; '.join(self.difference)}" if self.difference else text
+        text = f"{text}: {'; '.join(self.difference)}" if self.difference else text
+        choice = words("R-UNDO-CHOICE", **told) if self.choices else ""
+        return f"{text}. {choice}" if choice else text
 
     @property
     def at_last(self) -> str:
         """How it stands now: the outcome of what was done about it, else the finding."""
         if not self.ended:
             return self.words
-        back = self.ended == "rolled-back"
-        told = {} if back else {"outcome": self.ended}
-        return words("P-RECOVERED" if back else "P-PUSH-END", axis=self.table or self.axis, **told)
+        acts = {"rolled-back": self.old, "committed": self.new}.get(self.ended, "")
+        told = {"acts": acts} if acts else {"outcome": self.ended}
+        return words("P-RECOVERED" if acts else "P-PUSH-END", axis=self.table or self.axis, **told)
 
     def as_data(self) -> dict[str, Any]:
         """The finding as JSON data."""
@@ -77,6 +91,9 @@ class PushFinding:
             "difference": list(self.difference),
             "still_on": self.still_on,
             "ended": self.ended,
+            "old": self.old,
+            "new": self.new,
+            "choices": list(self.choices),
             "what": self.words,
         }
 
@@ -95,10 +112,17 @@ class Seen:
     waits: bool = False
 
 
-def verdict(found: JournalRead, live: LiveTable | Seen | None, allowed: float, meant: Meant = as_kept) -> PushFinding:
+def verdict(
+    found: JournalRead,
+    live: LiveTable | Seen | None,
+    allowed: float,
+    meant: Meant = as_kept,
+    pushes: tuple[Committed, ...] = (),
+) -> PushFinding:
     """What happened, from the journal and the live table (None: not readable now).
 
-    ``meant`` gives the journal's tables by the proof that ``live`` was read by.
+    ``meant`` gives the journal's tables by the proof that ``live`` was read by; ``pushes`` are those that tables are
+    named by.
     """
     seen = Seen(live, coupled(found)) if isinstance(live, LiveTable) else live
     code, action = _verdict(found, seen, allowed, meant)
@@ -109,6 +133,7 @@ def verdict(found: JournalRead, live: LiveTable | Seen | None, allowed: float, m
         old, new = tables_of(found, meant)
         difference = tuple(three_way(old.table, new, seen.live.table))
     axis, loud = str(found.latest("axis") or ""), _still_on(found, seen, code, action)
+    held = held_push(found, pushes)
     return PushFinding(
         found.number,
         axis,
@@ -119,7 +144,10 @@ def verdict(found: JournalRead, live: LiveTable | Seen | None, allowed: float, m
         backup=backup,
         difference=difference,
         still_on=loud,
-        table=found.of,
+        table=found.of or held.table,
+        old=held.old,
+        new=held.new,
+        back=held.back and code not in ENDED and (action == "restore" or announced(found, "DISABLE")),
     )
 
 

@@ -20,7 +20,7 @@ from drivers.types.orders import SignProof
 from drivers.types.tables import CompensationTable, LiveSet
 from gateway.domain.outcomes import PushRecord
 from gateway.domain.proposals import TableChange
-from gateway.errors import VerifyError, WriteRefused
+from gateway.errors import StoreError, VerifyError, WriteRefused
 from gateway.interlocks.facts import rest_of
 from gateway.push import conversation
 from gateway.push.beginning import closed_at_the_end
@@ -28,16 +28,17 @@ from gateway.push.compare import aside, effect_positions, place_for, table_in, t
 from gateway.push.context import PushContext
 from gateway.push.effect import prove_effect
 from gateway.push.records import journal
-from gateway.push.records.history import tables_of
+from gateway.push.records.history import Committed, TwoTables, every_push, tables_of, two_tables
 from gateway.push.records.journal import JournalRead
 from gateway.push.records.lock import machine_lock
 from gateway.push.undo import disabling
 from gateway.push.undo.confirming import second_readings
 from gateway.push.undo.finding import MOST_TRIES, PushFinding, Seen, announced, before, coupled, verdict
-from gateway.push.undo.restoring import held, hold, roll_back
+from gateway.push.undo.restoring import held, hold, restore, roll_back
 from gateway.push.unexpected import foreseen, unheard
-from gateway.push.work import Transaction, Work
+from gateway.push.work import Outcome, Purpose, Transaction, Work
 
+Choice = Literal["offered", "finish", "undo"]
 Read = dict[tuple[str, SignProof | None], LiveSet]
 """Live tables of an output axis; for a cross table by the proof that they were read by."""
 
@@ -55,8 +56,8 @@ async def look(found: JournalRead, context: PushContext, read: Read | None = Non
 
     A controller that cannot be read, or whose program still waits, gives a finding that says so.
     """
-    found = _as_told_now(found)
-    without_controller = verdict(found, None, 0.0)
+    found, pushes = _as_told_now(found), known_pushes(context)
+    without_controller = verdict(found, None, 0.0, pushes=pushes)
     if without_controller.code not in ("R-PUSH-UNKNOWN", "R-PUSH-TRIES"):
         return without_controller
     try:
@@ -68,7 +69,15 @@ async def look(found: JournalRead, context: PushContext, read: Read | None = Non
         return without_controller
     except TrueflankError:
         return await _unreadable(found, context, without_controller)
-    return verdict(found, seen, allowed, context.meant)
+    return verdict(found, seen, allowed, context.meant, pushes=pushes)
+
+
+def known_pushes(context: PushContext) -> tuple[Committed, ...]:
+    """The pushes of the machine that tables are named by; none where a journal cannot be believed."""
+    try:
+        return every_push(context.journals, context.machine.serial)
+    except StoreError:
+        return ()
 
 
 def _as_told_now(found: JournalRead) -> JournalRead:
@@ -119,7 +128,13 @@ def _others(found: JournalRead) -> tuple[JournalRead, ...]:
 def _left_on(found: JournalRead, context: PushContext) -> bool:
     """Whether a table beside it has ended as one that acts: it is to be on again, whatever it reads now."""
     mine = [part for part in _others(found) if part.finished and part.latest("axis") == context.axis.name]
-    return any(part.said_last == "COMMITTED" or bool(part.latest("old_enabled")) for part in mine)
+    return any(_ended_on(part) for part in mine)
+
+
+def _ended_on(part: JournalRead) -> bool:
+    """Whether an ended table's switch is on: that of the new one where it was committed, else that of the old."""
+    switch = part.latest("enable" if part.said_last == "COMMITTED" else "old_enabled")
+    return part.said_last == "COMMITTED" if switch is None else bool(switch)
 
 
 def _known(context: PushContext, marker: Marker) -> bool:
@@ -141,13 +156,16 @@ def _place(found: JournalRead, context: PushContext) -> float:
 async def recover(
     found: JournalRead,
     context: PushContext,
-    action: Literal["offered", "finish"] = "offered",
+    action: Choice = "offered",
     tell: Callable[[PushFinding], None] | None = None,
 ) -> PushRecord:
     """Look, and carry out what is offered: close, switch off, restore the old table; "finish" proves a new one.
 
+    An interrupted rollback is finished ("finish": the earlier table acts) or undone ("undo": the pushed one acts) as
+    the person chooses; switching off what must not act, and closing what was never begun, need no choice.
     ``tell`` hears what was found before anything is done about it.
-    Raises WriteRefused (E-PUSH-NO-OFFER, E-PUSH-TRIES, E-INT-NAME) with nothing written, BusyError, StoreError.
+    Raises WriteRefused (E-PUSH-NO-OFFER, E-PUSH-TRIES, E-INT-NAME, E-RECOVER-CHOOSE) with nothing written, BusyError,
+    StoreError.
     """
     if context.typed_name != context.site_name:
         typed = context.typed_name or "nothing"
@@ -159,7 +177,7 @@ async def recover(
 async def _recovered(
     found: JournalRead,
     context: PushContext,
-    action: Literal["offered", "finish"],
+    action: Choice,
     tell: Callable[[PushFinding], None] | None,
 ) -> PushRecord:
     with machine_lock(journal.machine_folder(context.journals, context.machine.serial)):
@@ -170,20 +188,53 @@ async def _recovered(
             tell(finding)
         if finding.code == "R-PUSH-TRIES":
             raise WriteRefused("E-PUSH-TRIES", found.path.name, count=MOST_TRIES, backup=finding.backup)
-        may_finish = finding.code == "R-PUSH-ENABLED" and found.latest("purpose") == "table"
-        if finding.action == "none" or (action == "finish" and not may_finish):
+        may_finish = finding.back or (finding.code == "R-PUSH-ENABLED" and found.latest("purpose") == "table")
+        never = found.purpose == "restore" and finding.action == "close"  # of it nothing was announced
+        if finding.action == "none" or (action == "finish" and not may_finish and not never):
             raise WriteRefused("E-PUSH-NO-OFFER", found.path.name, finding=finding.words)
+        if finding.choices and action == "offered":
+            axis, old, new = finding.table or finding.axis, finding.old, finding.new
+            raise WriteRefused("E-RECOVER-CHOOSE", found.path.name, axis=axis, old=old, new=new)
         if finding.code == "R-DISABLE-LEFT":
             return _closed(found, finding)
         limits = await _limits(found, context)
+        forward = bool(finding.choices) and action == "finish"
         work = _work(found, context, _whole(found, context), limits)
+        if forward:
+            _turned_round(work, two_tables(found, known_pushes(context), context.meant))
         work.loaded = next(iter(read.values()), None)
         with closed_at_the_end((work,)):
-            if finding.action == "restore":
+            if finding.action == "restore" and not forward:
                 alike = _alike(found, context)
                 theirs = [_work(part, context, work.whole, await _limits(part, context)) for part in alike]
                 await second_readings((work, *theirs))
+            if forward:
+                return work.record(await _finish_rollback(work, finding))
             return await _carry_out(work, finding, action)
+
+
+def _turned_round(work: Work, both: TwoTables) -> None:
+    """The work of a rollback that goes on: what it was to put there is what to go to, the pushed table what goes.
+
+    The table to go to was the one before the push, and two readings agreed on it when that push was made.
+    """
+    work.change = replace(work.change, old=both.new.table, new=both.old.table, old_enabled=both.new.enabled)
+    work.restore_to, work.confirmed = both.new, True
+
+
+async def _finish_rollback(work: Work, finding: PushFinding) -> Outcome:
+    """The earlier table again, as the rollback was to leave it: "committed" once that is proved, else as `hold`."""
+    work.note("RECOVERING", finding=finding.code, action="finish")
+    try:
+        with foreseen(work.axis):
+            await restore(work)
+            await work.finish("committed")
+            work.note("COMMITTED", enable=work.restore_to.enabled)
+    except StoreError:
+        raise
+    except TrueflankError as error:
+        return await hold(work, str(error))
+    return "committed"
 
 
 def _closed(found: JournalRead, finding: PushFinding) -> PushRecord:
@@ -207,7 +258,8 @@ def _alike(found: JournalRead, context: PushContext) -> list[JournalRead]:
 def _whole(found: JournalRead, context: PushContext) -> Transaction:
     folder = journal.machine_folder(context.journals, context.machine.serial)
     kept = journal.Journal.reopen(found)
-    whole = Transaction(folder, kept, found.number, purpose="table", before=before(found))
+    purpose: Purpose = "restore" if found.purpose == "restore" else "table"
+    whole = Transaction(folder, kept, found.number, purpose=purpose, before=before(found))
     whole.sent |= journal.orders_of(found)
     return whole
 

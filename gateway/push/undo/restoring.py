@@ -37,7 +37,7 @@ async def roll_back(work: Work, why: str) -> Outcome:
                 work.context.say("P-PUSH-PROOF-OFF", axis=work.name)
             else:
                 work.context.say("P-PUSH-RESTORE", axis=work.name, why=why)
-            await _restore(work)
+            await restore(work)
             await work.finish("none")
             work.note("ROLLED_BACK")
     except BusyError as error:
@@ -134,8 +134,11 @@ async def _is_whole(work: Work) -> bool:
     return released and not differences(work.change.new, found.table, work.allowed)
 
 
-async def _restore(work: Work) -> None:
-    """Read first: what is already as it was is left alone, what is neither old nor new is left to a person."""
+async def restore(work: Work) -> None:
+    """What was live before is live again, read back. Raises as `play_back` and what the port raises.
+
+    Read first: what is already as it was is left alone, what is neither old nor new is left to a person.
+    """
     await conversation.reach(work.context)
     await work.only_ours()
     await conversation.leave_program(work.context)

@@ -61,7 +61,7 @@ function drawTop({ machine: place, told: chips, menu: person }, more) {
   const status = state.status;
   if (!same(place, state.site, state.sites, state.tables?.serial)) show(place, machine(more), h("small", {}, state.tables?.serial ?? ""));
   if (!same(person, state.me.name)) show(person, menu(more));
-  if (same(chips, status?.state, status?.devices, status?.control, status?.held, status?.alarms, state.tables?.tables?.map((one) => one.id), state.armed, state.offline)) return;
+  if (same(chips, status?.state, status?.devices, status?.control, status?.held, status?.alarms, state.tables?.tables?.map((one) => [one.id, one.acts]), state.armed, state.offline)) return;
   const control = status.devices.find((one) => one.name === "controller") ?? status.devices[0];
   show(chips,
     status.simulated && h("strong", { class: "chip simulated" }, t("frame.simulated")),
@@ -97,7 +97,7 @@ function tables() {
   if (!known.length) return h("span", { class: "chip" }, t("frame.no_tables"));
   const differs = Object.keys(state.tables.alarms ?? {});
   return h("span", { class: `chip tables ${differs.length ? "bad" : ""}`, title: known.map((one) => `${one.table} ${one.id} ${one.utc}`).join("\n") },
-    known.slice(0, 3).map((one) => h("span", { class: "table" }, h("span", {}, h("b", {}, one.table), ` ${one.id.slice(0, 4)}`), h("small", {}, `${day(one.utc)}${one.enabled ? "" : ` ${t("frame.off")}`}`))),
+    known.slice(0, 3).map((one) => h("span", { class: "table" }, h("span", {}, h("b", {}, one.table), ` ${one.id.slice(0, 4)}`), h("small", {}, `${day(one.utc)}${one.acts === "on" ? "" : ` ${t(`push.acts_${one.acts}`)}`}`))),
     known.length > 3 && h("small", {}, `+${known.length - 3}`), differs.length > 0 && h("b", {}, ` ▲ ${t("frame.differs")}`));
 }
 

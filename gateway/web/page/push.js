@@ -31,7 +31,7 @@ function open(root) {
     busy = !busy;
     drawPlan();
   };
-  const ends = [on("status", began), on("frame", draw), on("jobs", () => { drawPlan(); draw(); }), on("said", draw)];
+  const ends = [on("status", began), on("frame", () => { drawPlan(); draw(); }), on("jobs", () => { drawPlan(); draw(); }), on("said", draw)];
   return () => { for (const end of ends) end(); };
 }
 
@@ -44,7 +44,9 @@ async function plan(box) {
   const busy = Boolean(state.status.run);
   const needed = state.file.site.approvals;
   const agreed = state.approved[run.run_id]?.until > Date.now();
-  if (same(box, runs.map((one) => [one.run_id, one.state]), run.run_id, busy, may("operator"), agreed && state.approved[run.run_id].by)) return;
+  // Nothing is written over a table that nobody stands for: first it is put right.
+  const settled = state.tables?.settled !== false && !state.status.held.length && !state.status.left.length;
+  if (same(box, settled, runs.map((one) => [one.run_id, one.state]), run.run_id, busy, may("operator"), agreed && state.approved[run.run_id].by)) return;
   show(box, h("div", { class: "row head" }, h("h2", {}, t("push.plan")), h("label", { class: "inline" }, t("evaluate.run"), h("select", { id: "pick-run", onchange: (event) => { asked.run = event.target.value; plan(box); } }, runs.map((one) => h("option", { value: one.run_id, selected: one === run }, `${when(one.created_utc)} · ${stateOf(one)}`))))),
     h("ul", { class: `moves${proposal.changes.length > MANY ? " many" : ""}` }, proposal.changes.map((one) => h("li", {}, h("b", {}, nameOf(one)), ` ${plain(one.skipped) || t("push.replaces", { points: one.new.deviations.length, axis: one.axis, most: largest(one), old: t(one.old_enabled ? "correct.was_on" : "correct.was_off") })}`))),
     h("p", {}, t(needed > 1 ? "push.two" : "push.one")),
@@ -52,7 +54,7 @@ async function plan(box) {
     h("div", { class: "keys start three" },
       h("button", { id: "show-plan", disabled: busy || !may("operator"), onclick: () => give("push", { run: run.run_id }) }, `1 · ${t("push.show")}`),
       h("button", { id: "approve", disabled: busy, onclick: () => approve(run.run_id) }, `2 · ${t("push.approve")}`),
-      h("button", { id: "write", class: "primary", disabled: busy || !may("operator"), onclick: () => write(run.run_id) }, `3 · ${t("push.write")}`)));
+      h("button", { id: "write", class: "primary", disabled: busy || !settled || !may("operator"), title: settled ? null : t("push.not_settled"), onclick: () => write(run.run_id) }, `3 · ${t("push.write")}`)));
 }
 
 async function give(path, body) {
@@ -124,25 +126,35 @@ function back(box) {
   const held = state.status.held;
   // What a program of ours left in the control is put right by the same key as a push that did not end.
   const open_ = held.length > 0 || state.status.left.length > 0;
+  const halfway = held.some((one) => one.back);
   const busy = Boolean(state.status.run);
   if (same(box, tables, held, open_, busy)) return;
   show(box, h("h2", {}, t("push.ways_back")),
     held.map((one) => h("p", { class: one.loud ? "fault" : "warn", role: "alert" }, `${one.loud ? "✖" : "▲"} ${capital(heldWords(one))}`)),
     h("div", { class: "keys start" }, h("button", { id: "recover", class: open_ ? "primary" : null, disabled: busy || !may("operator", "service"), onclick: () => give("recover", {}) }, t("push.recover")),
-      open_ && h("button", { id: "recover-apply", class: "danger", disabled: busy || !may("operator", "service"), onclick: () => applied("recover", {}, t("push.recover_apply")) }, t("push.recover_apply")),
+      open_ && !halfway && h("button", { id: "recover-apply", class: "danger", disabled: busy || !may("operator", "service"), onclick: () => applied("recover", {}, t("push.recover_apply")) }, t("push.recover_apply")),
+      // A rollback that was interrupted ends as the person chooses; each key says what acts then.
+      halfway && ["finish", "undo"].map((choice) => h("button", { id: `recover-${choice}`, class: "danger", disabled: busy || !may("operator", "service"), onclick: () => applied("recover", { choice }, t(`push.recover_${choice}`), ends(held, choice)) }, t(`push.recover_${choice}`))),
       h("button", { id: "verify", disabled: busy || !may("operator") || !tables.length, onclick: compare }, t("push.verify"))),
     tables.length ? h("table", {}, h("thead", {}, h("tr", {}, [t("push.table"), t("push.state"), ""].map((one) => h("th", {}, one)))),
-      h("tbody", {}, tables.map((one) => h("tr", {}, h("td", {}, h("b", {}, one.table), h("small", { class: "below" }, `${t("push.id")} ${one.id.slice(0, 6)}`)), h("td", {}, one.enabled ? `● ${t("push.on")}` : `○ ${t("frame.off")}`, h("small", { class: "below" }, when(one.utc))),
-        h("td", {}, h("div", { class: "keys" }, h("button", { class: "off", "data-table": one.table, disabled: busy || !may("operator", "service"), onclick: () => disable(one) }, t("push.disable")), h("button", { class: "back", "data-table": one.table, disabled: busy || !may("operator"), onclick: () => applied("roll-back", { table: one.table }, t("push.roll_back")) }, t("push.roll_back")))))))) : h("p", { class: "empty" }, t("frame.no_tables")));
+      h("tbody", {}, tables.map((one) => h("tr", {}, h("td", {}, h("b", {}, one.table), h("small", { class: "below" }, one.id ? `${t("push.id")} ${one.id.slice(0, 6)}` : "")), h("td", { class: one.acts === "on" || one.acts === "off" ? null : "fault" }, actsWords(one), h("small", { class: "below" }, when(one.utc))),
+        h("td", {}, h("div", { class: "keys" }, h("button", { class: "off", "data-table": one.table, disabled: busy || !may("operator", "service"), onclick: () => disable(one) }, t("push.disable")), h("button", { class: "back", "data-table": one.table, disabled: busy || !may("operator") || !one.back.length, onclick: () => applied("roll-back", { table: one.axis }, `${t("push.roll_back")}: ${one.axis}`, takenBack(one)) }, t("push.roll_back")))))))) : h("p", { class: "empty" }, t("frame.no_tables")));
 }
 
 const disable = (one) => applied("disable", { axis: one.axis, table: one.kind === "axis" ? "" : one.table.split("-").slice(1).join("-") }, `${t("push.disable")}: ${one.table}`);
 
+// One state of each table, by one function of the service: journal and read-back.
+export const ACTS = { on: "●", off: "○", differs: "▲", unknown: "✖" };
+export const actsWords = (one) => `${ACTS[one.acts]} ${t(`push.acts_${one.acts}`)}`;
+// Everything that goes back with one press, what acts in its place, and what of the same push stays on.
+const takenBack = (one) => [...one.back.map((each) => `${each.table}: ${each.newer} → ${each.older}`), ...(one.stays.length ? [t("push.stays", { tables: one.stays.join(", ") })] : [])];
+const ends = (held, choice) => held.filter((one) => one.back).map((one) => `${one.fields.axis}: ${choice === "finish" ? one.fields.new : one.fields.old}`);
+
 const compare = async () => { if (await confirmed(t("push.verify"), t("push.verify_what"))) give("verify-table", {}); };
 
 // First what it will do, then the machine's name.
-async function applied(path, body, title) {
-  const machine = await machineTyped(title, [h("p", {}, t("push.back_what"))], state.site);
+async function applied(path, body, title, lines = []) {
+  const machine = await machineTyped(title, [h("p", {}, t("push.back_what")), lines.length > 0 && h("ul", { class: "moves" }, lines.map((one) => h("li", {}, one)))], state.site);
   if (machine) give(path, { ...body, apply: true, machine });
 }
 

@@ -62,7 +62,7 @@ export function stateOf(run) {
 
 // Commands that the catalogue names, and the key of the page that does the same, with its screen.
 const KEYS = {
-  "recover --apply": ["push.recover_apply", "frame.push"], recover: ["push.recover", "frame.push"], disable: ["push.disable", "frame.push"],
+  "recover --apply": ["push.recover_apply", "frame.push"], "recover --finish": ["push.recover_finish", "frame.push"], "recover --undo": ["push.recover_undo", "frame.push"], recover: ["push.recover", "frame.push"], disable: ["push.disable", "frame.push"],
   rollback: ["push.roll_back", "frame.push"], push: ["push.show", "frame.push"], approve: ["push.approve", "frame.push"], doctor: ["connect.examine", "frame.connect"],
   "trust show": ["trust.look", "frame.connect"], "trust accept": ["trust.accept", "frame.connect"], trust: ["trust.look", "frame.connect"], "self-test": ["capture.self_test", "frame.capture"],
   run: ["capture.measure_axes", "frame.capture"], measure: ["capture.measure_errors", "frame.capture"], "verify-table": ["push.verify", "frame.push"], report: ["report.make", "frame.report"],
@@ -74,7 +74,8 @@ const minus = (text) => text.replace(/(?<![\w.:)\]-])-(?=\d)/g, "−").replaceAl
 
 function atPage(text) {
   return minus(String(text)).replace(COMMAND, (all, name, more) => {
-    const key = KEYS[more.includes("--apply") && `${name} --apply` in KEYS ? `${name} --apply` : name];
+    const flag = ["--finish", "--undo", "--apply"].find((one) => more.includes(one) && `${name} ${one}` in KEYS);
+    const key = KEYS[flag ? `${name} ${flag}` : name];
     return key ? t("order.key", { key: t(key[0]), screen: t(key[1]) }) : all;
   });
 }

@@ -17,7 +17,7 @@ from gateway.push import PushContext, outcome_error
 from gateway.push.records.history import tables_of
 from gateway.push.records.journal import JOURNALS, JournalRead, machine_folder, tidy
 from gateway.push.undo.finding import PushFinding, verdict
-from gateway.push.undo.recovery import Read, look, recover, unfinished
+from gateway.push.undo.recovery import Choice, Read, look, recover, unfinished
 from gateway.say import Say
 from gateway.workflow.bench import Bench, bench, check_name, run_or_look
 from gateway.workflow.consents import looked, not_recovered, recovered, tell
@@ -29,20 +29,29 @@ HELD = ("held-on", "held")
 
 
 async def recover_site(
-    site: SiteFile, site_path: Path, *, apply: bool, machine_name: str, clock: Clock, say: Say
+    site: SiteFile,
+    site_path: Path,
+    *,
+    apply: bool,
+    machine_name: str,
+    clock: Clock,
+    say: Say,
+    choice: Choice = "offered",
 ) -> tuple[PushFinding | LeftFinding, ...]:
     """What an earlier gateway left in the control, and every unfinished push of the site's machine.
 
     With `apply` what each finding offers is carried out; a program that stands until a person presses keeps the rest.
+    ``choice`` says whether an interrupted rollback is finished or undone; it counts for nothing else.
 
     Looking reads the live tables and changes none. A journal that cannot be believed is told and left alone. The
-    findings with something still on come first. Raises WriteRefused when nothing is offered; where the old table did
+    findings with something still on come first. Raises WriteRefused when nothing is offered, or a rollback is to be
+    finished or undone and nobody has chosen (E-RECOVER-CHOOSE); where the old table did
     not come back StillOn (E-PUSH-HELD-ON) or, once all is off, RollbackFailed (E-PUSH-HELD).
     """
     check_name(site, apply, machine_name)
     with run_or_look(site, site_path, "recovering", look=not apply) as folder:
         async with bench(site, site_path, folder=folder, clock=clock, say=say, instruments=()) as at:
-            findings, held = await _all(at, apply=apply)
+            findings, held = await _all(at, apply=apply, choice=choice)
             if not apply:
                 looked(at, "recover", found=len(findings))
         folder.set_state(held[0].outcome if held else "recovered")
@@ -52,7 +61,7 @@ async def recover_site(
     return tuple(sorted(findings, key=lambda finding: not finding.still_on))
 
 
-async def _all(at: Bench, *, apply: bool) -> tuple[list[PushFinding | LeftFinding], list[PushRecord]]:
+async def _all(at: Bench, *, apply: bool, choice: Choice) -> tuple[list[PushFinding | LeftFinding], list[PushRecord]]:
     """What is found, and what of it did not go back to the old table, what is still on first."""
     findings: list[PushFinding | LeftFinding] = []
     held: list[PushRecord] = []
@@ -66,7 +75,7 @@ async def _all(at: Bench, *, apply: bool) -> tuple[list[PushFinding | LeftFindin
             at.say("P-RECOVER", words=verdict(ended, None, 0.0).words)
     read: Read | None = None if may_write else {}
     for found in unfinished(at.store.root / JOURNALS, at.machine.serial, begun):
-        finding, record = await _one(at, found, apply=may_write, read=read)
+        finding, record = await _one(at, found, choice if may_write else None, read=read)
         findings.append(finding)
         held += [record] if record is not None and record.outcome in HELD else []
     return findings, sorted(held, key=lambda record: HELD.index(record.outcome))
@@ -82,18 +91,21 @@ async def _left(at: Bench, found: LeftOver, *, apply: bool) -> LeftFinding:
 
 
 async def _one(
-    at: Bench, found: JournalRead, *, apply: bool, read: Read | None
+    at: Bench, found: JournalRead, choice: Choice | None, read: Read | None
 ) -> tuple[PushFinding, PushRecord | None]:
+    """One finding, looked at (None) or carried out."""
     context = _context(at, found)
-    if context is None or not apply:
+    if context is None or choice is None:
         finding = verdict(found, None, 0.0) if context is None else await look(found, context, read)
-        if apply:
+        if choice is not None:
             at.say("P-RECOVER", words=finding.words)
         return finding, None
-    return await _recovered(at, found, context)
+    return await _recovered(at, found, context, choice)
 
 
-async def _recovered(at: Bench, found: JournalRead, context: PushContext) -> tuple[PushFinding, PushRecord]:
+async def _recovered(
+    at: Bench, found: JournalRead, context: PushContext, choice: Choice
+) -> tuple[PushFinding, PushRecord]:
     """Look and carry out the offer; one that ends without a record is kept in the audit log too."""
     finding = verdict(found, None, 0.0)
 
@@ -103,12 +115,17 @@ async def _recovered(at: Bench, found: JournalRead, context: PushContext) -> tup
         at.say("P-RECOVER", words=seen.words)
 
     try:
-        record = await recover(found, context, tell=hear)
+        record = await recover(found, context, _chosen(found, choice), tell=hear)
     except (TrueflankError, asyncio.CancelledError) as error:
         tell(at, not_recovered(at, finding.code, found.number, error))
         raise
     tell(at, recovered(at, finding.code, record))
     return replace(finding, ended=record.outcome), record
+
+
+def _chosen(found: JournalRead, choice: Choice) -> Choice:
+    """What a person chose, of a rollback; anything else is as it is offered."""
+    return choice if found.purpose == "restore" else "offered"
 
 
 def _context(at: Bench, found: JournalRead) -> PushContext | None:

@@ -145,7 +145,7 @@ def recovered(root: Path, machine: Machine, old: LiveTable) -> str:
     record = run_virtual(lambda: recover(found, again.context))
     assert record.outcome == "rolled-back"
     assert finding.at_last == finding.words
-    assert replace(finding, ended=record.outcome).at_last == "X1: the old table acts again"
+    assert replace(finding, ended=record.outcome).at_last == f"X1: now acts: {finding.old}"
     assert machine.own == old
     assert unfinished(root / "journal", MACHINE.serial) == ()
     return finding.code
