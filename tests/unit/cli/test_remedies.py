@@ -1,0 +1,347 @@
+"""What an error says to do can be done: each command and option named exists, and following it ends the trouble.
+
+The table drives the real commands: an input that provokes the code, then the remedy as printed, round by round, until
+the command ends well. A code of files and sites that names a command or an option and stands in no list fails here.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+import shlex
+import shutil
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import pytest
+import typer
+from typer.testing import CliRunner, Result
+
+from drivers.errors import TrueflankError, catalogue
+from gateway.cli import app
+from gateway.cli.onward import STEPS
+
+ROOT = Path(__file__).parents[3]
+GOLDEN = ROOT / "tests" / "golden" / "files"
+SITE = ROOT / "examples" / "sites" / "files-only.toml"
+RUNNER = CliRunner()
+MOST_ROUNDS = 6
+OPTION = re.compile(r"(?<![\w-])--[a-z][a-z-]+")
+CALL = re.compile(
+    r"trueflank((?: [a-z][a-z-]*)+)((?: (?:--?[a-zA-Z][\w-]*|[A-Z][\w=.:/]*|\.\.\.|NAME=VALUE|[\w]+=[\w]+))*)"
+)
+FOLLOWED = (
+    "E-FILE-",
+    "E-IMPORT-",
+    "E-DAY-",
+    "E-CFG-",
+    "E-COMP-",
+    "E-DOUBT-",
+    "E-EXPORT-",
+    "E-KIND-",
+    "E-CLI-",
+    "E-EVAL-",
+)
+"""Codes that files, sites and what was typed about them raise: their remedies are executed."""
+Words = list[str]
+Answer = Callable[[Words, "Raised"], Words]
+
+
+# ------------------------------------------------------------------------------------- every command and option exists
+
+
+def command_of(words: list[str]) -> tuple[Any, list[str]] | None:
+    """The command that the first words name, and the words behind it; None where the first is none."""
+    found, depth = typer.main.get_command(app), 0
+    while words and hasattr(found, "get_command"):
+        inner = found.get_command(typer.Context(found), words[0])
+        if inner is None:
+            break
+        found, words, depth = inner, words[1:], depth + 1
+    return (found, words) if depth else None
+
+
+def options_of(command: Any) -> set[str]:
+    return {name for one in command.params for name in (*one.opts, *one.secondary_opts)} | {"--help"}
+
+
+def every_option() -> set[str]:
+    found: set[str] = set()
+    groups: list[Any] = [typer.main.get_command(app)]
+    while groups:
+        one = groups.pop()
+        found |= options_of(one)
+        if hasattr(one, "list_commands"):
+            context = typer.Context(one)
+            groups += [one.get_command(context, name) for name in one.list_commands(context)]
+    return found
+
+
+def wrong_calls(text: str) -> list[str]:
+    """Calls of a text whose command does not exist or lacks an option that is named with it."""
+    wrong = []
+    marked = re.findall(r"`(trueflank [^`]+)`", text)
+    # Without marks it may be a sentence about the program, so only what begins as a command counts.
+    for line in marked or [call for one in CALL.finditer(text) if command_of((call := one.group()).split()[1:])]:
+        words = [word.rstrip(".,;:") for word in shlex.split(line.replace("...", ""))[1:]]
+        found = command_of(words)
+        if found is None:
+            wrong.append(line)
+            continue
+        command, rest = found
+        wrong += [f"{line}: {word}" for word in rest if word.startswith("--") and word not in options_of(command)]
+    return wrong
+
+
+@pytest.mark.parametrize("language", ["en", "de", "zh"])
+def test_every_command_and_option_that_a_text_names_exists(language: str) -> None:
+    known, wrong = every_option(), []
+    assert {"--accept-doubt", "--apply", "--column"} <= known
+    for code, entry in catalogue(language).items():
+        text = entry.get("do", "")
+        wrong += [f"{code}: {one}" for one in wrong_calls(text)]
+        wrong += [f"{code}: {one}" for one in OPTION.findall(text) if one not in known]
+    assert wrong == []
+
+
+def test_every_next_command_exists() -> None:
+    lines = [f"trueflank {text.split(' (')[0].replace('{', '').replace('}', '')}" for text in STEPS.values()]
+    assert len(lines) > 20
+    assert [one for line in lines for one in wrong_calls(f"`{line}`")] == []
+
+
+def test_a_command_or_option_that_does_not_exist_is_found() -> None:
+    assert wrong_calls("run `trueflank evalute FILE`") == ["trueflank evalute FILE"]
+    assert wrong_calls("run `trueflank evaluate FILE --colum target=1`") == [
+        "trueflank evaluate FILE --colum target=1: --colum"
+    ]
+    assert wrong_calls("say it once: trueflank import --column passes=up FILE") == []
+
+
+# -------------------------------------------------------------------------------------------- the remedies are executed
+
+
+@dataclass(frozen=True)
+class Raised:
+    """An error as a command prints it: raised, or in the record of one of several files."""
+
+    code: str
+    hint: str
+    fields: Mapping[str, object]
+
+
+def raised(result: Result) -> Raised | None:
+    error = result.exception
+    if isinstance(error, TrueflankError):
+        return Raised(error.code, error.hint, error.fields)
+    assert error is None or isinstance(error, SystemExit), result.output
+    records = json.loads(result.stdout) if result.stdout.startswith(("[", "{")) else []
+    failed = [one["error"] for one in records if isinstance(one, dict) and "error" in one]
+    return Raised(failed[0]["code"], failed[0]["do"], failed[0]) if failed else None
+
+
+def add(*words: str) -> Answer:
+    """The options that the remedy names, behind what was typed."""
+    return lambda typed, _error: [*typed, *words]
+
+
+def instead(old: str, *new: str) -> Answer:
+    """Other words in the place of one that was wrong; none leave it out."""
+
+    def answer(typed: Words, _error: Raised) -> Words:
+        at = typed.index(old)
+        return [*typed[:at], *new, *typed[at + 1 :]]
+
+    return answer
+
+
+@dataclass(frozen=True)
+class Remedy:
+    """``words`` typed in a folder with ``files`` raise the first code of ``answers``; each answer follows one code."""
+
+    words: str
+    answers: Mapping[str, Answer]
+    files: Mapping[str, str]
+    named: tuple[str, ...] = ()
+
+
+def table(heading: str, *rows: str) -> str:
+    return "\n".join((heading, *rows, ""))
+
+
+def both_ways(places: tuple[float, ...], gap: float = 0.0) -> list[str]:
+    turns = {places[-1]: gap}
+    return [f"{at},{way},{run},{at % 7 / 10 + turns.get(at, 0.0)}" for at in places for way in "+-" for run in (1, 2)]
+
+
+LINE = table("target_mm,direction,repetition,deviation_um", *both_ways((0.0, 10.0, 20.0, 30.0)))
+UNEVEN = table("target_mm,direction,repetition,deviation_um", *both_ways((0.0, 11.0, 20.0, 30.0)))
+OPEN = table("target_deg,direction,repetition,deviation_arcsec", *both_ways((0.0, 90.0, 180.0, 270.0, 360.0), 9.0))
+PASSES = table("target_mm,Run 1 [um],Run 2 [um]", "0,0.1,0.4", "10,1.2,1.5", "20,2.0,2.4", "30,1.1,1.4")
+RUNS = table("target_mm,run,deviation_um", *(f"{10 * at},{run},{at}.{run}" for run in (1, 2) for at in range(4)))
+STRANGE = table("A mm;B mm", "0;0.0001", "10;10.0002", "20;20.0004", "30;30.0001")
+SMALL = table(
+    "target_mm,direction,repetition,deviation", *(f"{10 * at},{way},1,0.00{at}" for at in range(4) for way in "+-")
+)
+TO_EEC = "convert f.csv --to eec --axis X1 --reference 0 --datum 0=0 -o out.spf"
+DATUM = {"E-CLI-DATUM": add("--reference", "0", "--datum", "0=0")}
+LIST: Answer = lambda _typed, _error: ["evaluate", "--standard", "list"]  # noqa: E731 - the printed command itself
+
+REMEDIES: Mapping[str, Remedy] = {
+    "E-IMPORT-COLUMNS": Remedy(
+        "import --json f.csv",
+        {"E-IMPORT-COLUMNS": add("--column", "target=1", "--column", "measured=2")},
+        {"f.csv": STRANGE},
+    ),
+    "E-IMPORT-WAYS": Remedy(
+        "import --json f.csv", {"E-IMPORT-WAYS": add("--column", "passes=alternate")}, {"f.csv": PASSES}
+    ),
+    "E-IMPORT-RUNS": Remedy(
+        "import --json f.csv", {"E-IMPORT-RUNS": add("--column", "direction=runs")}, {"f.csv": RUNS}
+    ),
+    "E-IMPORT-READINGS": Remedy(
+        "import --json f.csv", {"E-IMPORT-READINGS": add("--column", "reading_unit=um")}, {"f.csv": SMALL}
+    ),
+    "E-FILE-RTA-UNIT": Remedy(
+        "import --json rotary.rta", {"E-FILE-RTA-UNIT": add("--unit", "arcsec")}, {"rotary.rta": ""}
+    ),
+    "E-CLI-DATUM": Remedy("convert f.csv --to eec --axis X1 -o out.spf", DATUM, {"f.csv": LINE}),
+    "E-CLI-AXIS": Remedy(
+        "convert f.csv --to eec --reference 0 --datum 0=0 -o out.spf",
+        {"E-CLI-AXIS": add("--axis", "X1")},
+        {"f.csv": LINE},
+    ),
+    "E-CLI-LAYER": Remedy(TO_EEC.replace("eec", "both"), {"E-CLI-LAYER": instead("both", "eec")}, {"f.csv": LINE}),
+    "E-CLI-EXISTS": Remedy(TO_EEC, {"E-CLI-EXISTS": add("--force")}, {"f.csv": LINE, "out.spf": "older"}),
+    "E-CLI-COLUMN": Remedy(
+        "import --json f.csv --column target --column measured=2",
+        {"E-CLI-COLUMN": instead("target", "target=1")},
+        {"f.csv": STRANGE},
+    ),
+    "E-COMP-NO-GRID": Remedy(
+        TO_EEC, {"E-COMP-NO-GRID": add("--min", "0", "--max", "30", "--step", "5")}, {"f.csv": UNEVEN}
+    ),
+    "E-COMP-DATUM": Remedy(
+        f"{TO_EEC} --datum 10=25", {"E-COMP-DATUM": instead("10=25", "10=10")}, {"f.csv": LINE}, ("--datum",)
+    ),
+    "E-COMP-FREE": Remedy(
+        "convert f.csv --to linuxcnc --axis X --reference 99 --datum 0=0 -o out.comp",
+        {"E-COMP-FREE": instead("99", "10")},
+        {"f.csv": LINE},
+        ("--reference",),
+    ),
+    "E-DOUBT-OPEN": Remedy(
+        f"{TO_EEC.replace('X1', 'C1')} --modulo",
+        {
+            "E-DOUBT-OPEN": lambda typed, error: [
+                *typed,
+                "--accept-doubt",
+                f"{error.fields['first']}=slipped at the end",
+            ]
+        },
+        {"f.csv": OPEN},
+        ("--accept-doubt",),
+    ),
+    "E-DOUBT-ACCEPT": Remedy(
+        f"{TO_EEC.replace('X1', 'C1')} --modulo --accept-doubt slipped",
+        {"E-DOUBT-ACCEPT": instead("slipped", "S-EVAL-CLOSURE-FAR=slipped")},
+        {"f.csv": OPEN},
+        ("--accept-doubt",),
+    ),
+    "E-CLI-LIMIT": Remedy("evaluate f.csv --limit A10", {"E-CLI-LIMIT": instead("A10", "A=1000")}, {"f.csv": LINE}),
+    "E-CLI-NO-FILES": Remedy("evaluate", {"E-CLI-NO-FILES": LIST}, {}),
+    "E-CLI-STANDARD": Remedy("evaluate f.csv --standard iso9999", {"E-CLI-STANDARD": LIST}, {"f.csv": LINE}),
+    "E-CLI-SITE-KIND": Remedy(
+        "evaluate f.csv --kind straightness --site site.toml",
+        {"E-CLI-SITE-KIND": lambda typed, _error: [word for word in typed if word not in ("--site", "site.toml")]},
+        {"f.csv": LINE, "site.toml": ""},
+        ("--site",),
+    ),
+    "E-KIND-NAME": Remedy(
+        "evaluate f.csv --kind bent", {"E-KIND-NAME": instead("bent", "straightness")}, {"f.csv": LINE}, ("--kind",)
+    ),
+    "E-EXPORT-FORM": Remedy(
+        "export f.csv --to doc -o out.csv", {"E-EXPORT-FORM": instead("doc", "csv")}, {"f.csv": LINE}, ("--to",)
+    ),
+    "E-CLI-NOT-DYNAMIC": Remedy(
+        "dynamic f.csv", {"E-CLI-NOT-DYNAMIC": lambda _typed, _error: ["evaluate", "f.csv"]}, {"f.csv": LINE}
+    ),
+}
+"""What provokes each code, and its remedy."""
+ELSEWHERE = {
+    "E-CLI-CELL": "a cell that fails at its start: tests/cell",
+    "E-CLI-KIND": "asks for another command of the same file: test_import_export.py, tests/unit/inspecting",
+    "E-CLI-NO-CELL": "starts a cell and waits: tests/cell",
+    "E-CLI-CELL-WORD": "a cell that runs: tests/cell",
+    "E-CFG-CERTIFICATE": "a control's certificate: tests/contract",
+    "E-DAY-OPEN": "tests/unit/day/test_day.py writes the answers that it prints",
+    "E-DAY-ROAD": "a site that reaches its control by another road: tests/unit/closing",
+    "E-DAY-EMPTY": "the capture software has the files; test_day.py runs the day then",
+    "E-DAY-UNDESCRIBED": "only the capture software can export the table: the text says so",
+    "E-EVAL-STANDARD": "of the library; the command raises E-CLI-STANDARD",
+    "E-EVAL-NOT-LINEAR": "leaving options out: tests/unit/evaluate/test_corrections.py",
+    "E-EXPORT-NOTHING": "a run with captures: test_import_export.py",
+    "E-EXPORT-SEVERAL": "a run with two captures: test_import_export.py",
+    "E-FILE-CSV-SECOND": "tests/unit/drivers/test_exported_files.py",
+    "E-FILE-RTX-UNIT": "a dynamic capture: test_import_export.py",
+    "E-IMPORT-TURN": "tests/unit/drivers/test_standard_tables.py",
+    "E-IMPORT-SEVERAL": "tests/unit/drivers/test_csv_files.py",
+    "E-KIND-FILES": "test_kinds_command.py",
+    "E-KIND-UNIT": "the file itself must be another one: test_kinds_command.py",
+    "E-KIND-MOTION": "test_kinds_command.py",
+    "E-KIND-DISTANCE": "test_kinds_command.py",
+}
+"""Remedies that are followed elsewhere, or that nobody can follow here, each with the reason."""
+
+
+def names_something(text: str) -> bool:
+    return bool(OPTION.search(text) or "trueflank " in text)
+
+
+def test_every_remedy_of_files_and_sites_is_followed_or_excused() -> None:
+    asked = {
+        code
+        for code, entry in catalogue().items()
+        if code.startswith(FOLLOWED) and names_something(entry.get("do", ""))
+    }
+    assert sorted(asked - set(REMEDIES) - set(ELSEWHERE) - {"E-CFG-NOTHING"}) == []
+    assert set(REMEDIES) & set(ELSEWHERE) == set()
+    assert set(REMEDIES) <= set(catalogue())
+
+
+@pytest.mark.parametrize("code", REMEDIES)
+def test_following_what_is_printed_ends_the_trouble(code: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    remedy = REMEDIES[code]
+    monkeypatch.chdir(tmp_path)
+    for name, text in remedy.files.items():
+        if text:
+            Path(name).write_text(text, encoding="utf-8")
+        else:
+            shutil.copy(SITE if name.endswith(".toml") else GOLDEN / name, name)
+    words, met = shlex.split(remedy.words), []
+    for _ in range(MOST_ROUNDS):
+        result = RUNNER.invoke(app, words)
+        error = raised(result)
+        if error is None:
+            break
+        assert error.code in remedy.answers, str(error)
+        assert all(name in error.hint for name in remedy.named), error.hint
+        met.append(error.code)
+        typed, words = words, remedy.answers[error.code](words, error)
+        new = [word for word in words if word.startswith("--") and word not in typed]
+        assert all(option in error.hint for option in new), f"{new} are not in: {error.hint}"
+    assert met[:1] == [code]
+    assert result.exit_code == 0, result.output
+
+
+def test_a_site_file_that_is_not_there_is_copied_from_the_examples(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    refused = RUNNER.invoke(app, ["check", "site.toml"])
+    assert isinstance(refused.exception, TrueflankError)
+    assert "trueflank init" in catalogue()["E-CFG-NOTHING"]["do"]
+    shutil.copytree(SITE.parent, tmp_path / "sites")
+    assert RUNNER.invoke(app, ["check", "sites/files-only.toml"]).exit_code in (0, 2)
