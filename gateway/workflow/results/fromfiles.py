@@ -146,8 +146,8 @@ class _Files:
         unclear = next(iter(self.stated.values("date")), "")
         first, last = (moments[0], moments[-1]) if moments else (unclear or created,) * 2
         return ReportMaterial(
-            site=next(iter(self.stated.values("machine")), ""),
-            machine=MachineIdentity(next(iter(self.stated.values("serial")), ""), "", ()),
+            site=self.site.site.name if self.site is not None else next(iter(self.stated.values("machine")), ""),
+            machine=MachineIdentity(self._serial, "", ()),
             run_id=run_id,
             outcome="not-pushed",
             axes=axes,
@@ -159,6 +159,11 @@ class _Files:
             simulated=any(DOUBLE in text.lower() for head in heads for text in head.values()),
             stated=self.stated,
         )
+
+    @property
+    def _serial(self) -> str:
+        """Serial number of the site's control; without a site that which the files state."""
+        return self.site.controller.serial if self.site is not None else next(iter(self.stated.values("serial")), "")
 
     def _axis(self, name: str, item: MeasuredItem, file: str) -> AxisMaterial:
         found = _axis(name, item, self.site, self.answered)

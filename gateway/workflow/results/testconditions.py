@@ -15,6 +15,7 @@ from gateway.workflow.files.facts import UNIT_OF, quantity
 
 STATED = tuple(name for name in CaptureConditionsSection.model_fields if name != "axis")
 _OF_FILE = {"dwell": "dwell_s"}
+CORRECTED = (".rtl", ".rta")
 NUMBERS = {"feed": "feed", "dwell_s": "dwell", "overrun": "overrun"}
 
 
@@ -76,7 +77,12 @@ def _others(axis: str, stands: Mapping[str, float]) -> str:
 
 
 def _compensated(capture: Capture) -> str:
-    """Which of air and material the readings are corrected for, as a word of the report; "" where nobody knows."""
+    """Which of air and material the readings are corrected for, as a word of the report; "" where nobody knows.
+
+    Of files only those of the layouts that are always corrected are known; a table states nothing of it.
+    """
+    if capture.source != "live" and not capture.source.lower().endswith(CORRECTED):
+        return ""
     standing: set[str] = set()
     for step in capture.corrections.chain:
         (standing.discard if step.undone else standing.add)(step.step)

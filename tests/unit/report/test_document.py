@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import csv
+import io
 import json
 import re
 import zlib
@@ -26,6 +28,7 @@ from gateway.report.document.web import page
 from gateway.report.document.whole import document
 from gateway.report.drawings import positioning
 from gateway.report.particulars import Maker, Particulars, Parties
+from gateway.workflow.results.overview import decimals_of, results_csv
 from tests.unit.report import closing, synthetic
 from tests.unit.report.attacks import STRINGS
 
@@ -234,3 +237,19 @@ def test_doctor_names_the_font_and_a_missing_one_is_a_fault_only_where_it_is_nee
     assert [one.outcome for one in report_font("zh")] == ["wrong"]
     with pytest.raises(StoreError, match="font"):
         fonts_for("zh")
+
+
+def test_the_table_of_results_has_the_flank_and_decimals_by_the_uncertainty(material: ReportMaterial) -> None:
+    head, *rows = list(csv.reader(io.StringIO(results_csv(material))))
+    flank = {row[1]: dict(zip(head, row, strict=True)) for row in rows if row[0] == "flank"}
+    assert material.tooth is not None
+    before, after = (material.tooth.part(name).flank for name in ("before", "after"))
+    assert before is not None
+    assert after is not None
+    assert float(flank["RMS"]["before"]) == pytest.approx(before.fitted.rms_um, abs=0.005)
+    assert float(flank["RMS"]["after"]) == pytest.approx(after.fitted.rms_um, abs=0.005)
+    assert set(before.figures) <= set(flank)
+    assert float(flank["F_p"]["before"]) == pytest.approx(before.figures["F_p"], abs=0.005)
+    assert {row[0] for row in rows} == {*(axis.axis for axis in material.axes), "flank"}
+    assert all(len(cell.partition(".")[2]) <= 6 for row in rows for cell in row[3:8])
+    assert [decimals_of(U) for U in (23.1, 0.4, 0.055, 0.0021, None)] == [2, 2, 3, 4, 3]

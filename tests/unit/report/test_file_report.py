@@ -45,3 +45,18 @@ def test_two_files_of_one_axis_have_two_names(tmp_path: Path) -> None:
         (tmp_path / f"{name}.csv").write_text(f"Axis: X\n{TABLE}")
     found = material_of_files([tmp_path / "a.csv", tmp_path / "b.csv"], How(), Store(tmp_path / "runs"))
     assert [axis.axis for axis in found.axes] == ["X", "X (2)"]
+
+
+def test_a_report_of_files_prints_what_they_state_and_names_every_condition_that_nobody_stated(tmp_path: Path) -> None:
+    (tmp_path / "a.csv").write_text(f"Axis: X\nOperator: Li Na\nFeed: 500 mm/min\nLaser: XL-80\nPlace: Hall 3\n{TABLE}")
+    store = Store(tmp_path / "runs")
+    material_of_files([tmp_path / "a.csv"], How(), store, conditions={"": {"tables": "none"}})
+    (axis,) = (found := material_of_files([tmp_path / "a.csv"], How(), store)).axes
+    assert dict(axis.test_before) == {"instrument": "XL-80", "feed": "500 mm/min", "tables": "none"}
+    said = str(document(found).blocks)
+    assert "Li Na (stated in the files)" in said
+    assert "Hall 3 (stated in the files)" in said
+    assert "No register of equipment" in said
+    assert "UNPROTECTED" not in said
+    for name in ("Dwell at the target", "Overrun before reversing", "Warm-up", "Readings compensated for"):
+        assert f"('{name}', 'not stated')" in said
