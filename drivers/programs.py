@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Literal, Protocol, runtime_checkable
 
@@ -54,7 +54,8 @@ class SelfTested:
     """How a self-test ended, word by word: for one axis and measuring system of the very machine that it names.
 
     ``utc`` is this PC's time, ``control_date`` the day that the control wrote into its report ("": none). ``stopped``
-    says why the program did not come to its end ("": it did); ``failed`` then names the trial it stopped at.
+    says why the program did not come to its end ("": it did); ``failed`` then names its trial. ``without``
+    are words that the control does not take and that our programs do without: they are longer there.
     """
 
     machine: MachineIdentity
@@ -65,6 +66,7 @@ class SelfTested:
     passed: tuple[str, ...]
     failed: tuple[str, ...]
     stopped: str = ""
+    without: tuple[str, ...] = ()
 
     @property
     def ok(self) -> bool:
@@ -110,7 +112,8 @@ class PaperMachine:
     """What a program must know of a control, where there is none to ask.
 
     ``axes``: machine axis names; ``modulo``: those that turn endlessly; ``own_points``: points that axis tables have
-    reserved, by axis; ``cross_points``: those of cross tables, by number; ``places``: where axes may stand.
+    reserved, by axis; ``cross_points``: those of cross tables, by number; ``places``: where axes may stand;
+    ``without``: words that the control does not take (`SelfTested`).
     """
 
     axes: tuple[str, ...]
@@ -118,6 +121,7 @@ class PaperMachine:
     own_points: Mapping[str, int] = field(default_factory=dict)
     cross_points: tuple[int, ...] = ()
     places: SafePlaces = field(default_factory=SafePlaces)
+    without: tuple[str, ...] = ()
 
 
 @runtime_checkable
@@ -145,6 +149,15 @@ class SelfTests(Protocol):
 
         Raises DeadlineExceeded (nobody started it), and what the wire raises.
         """
+        ...
+
+
+@runtime_checkable
+class WritesWithout(Protocol):
+    """A controller whose programs can do without some words of its language."""
+
+    def do_without(self, words: Collection[str]) -> None:
+        """From now on programs are written without these, as a self-test of this control found (`SelfTested`)."""
         ...
 
 

@@ -38,6 +38,13 @@ class SelfTestBook:
         same = [one for one in found if not one.machine.differences(machine)]
         return max(same or found, key=lambda one: one.utc, default=None)
 
+    def without(self, machine: MachineIdentity) -> tuple[str, ...]:
+        """Words that this very machine does not take, by the newest test of each of its axes. Raises as `last`."""
+        newest = {
+            (one.axis, one.encoder): one for one in self.all(machine.serial) if not one.machine.differences(machine)
+        }
+        return tuple(dict.fromkeys(word for one in newest.values() for word in one.without))
+
     def all(self, serial: str) -> tuple[SelfTested, ...]:
         """Every self-test of a machine, oldest first. Raises as `last`."""
         folder = self._root / stem(serial)

@@ -19,7 +19,7 @@ from drivers.errors import ConfigError, TrueflankError
 from drivers.local.names import shown
 from drivers.local.scrub import without_secrets_text
 from drivers.ports.controller import Controller
-from drivers.programs import ForeseesPlans, Origin, ProgramText, SaysMotion, SendsPrograms
+from drivers.programs import ForeseesPlans, Origin, ProgramText, SaysMotion, SendsPrograms, WritesWithout
 from drivers.types.identity import MachineIdentity
 from drivers.types.stops import StopPlan
 from gateway import stopping
@@ -31,7 +31,7 @@ from gateway.errors import StoreError, WriteRefused
 from gateway.push.records.journal import JOURNALS
 from gateway.push.records.sent import SentBook
 from gateway.say import Say
-from gateway.store import Proofs, RunFolder, Store
+from gateway.store import Proofs, RunFolder, SelfTestBook, Store
 from gateway.store.runs import MEASURES
 from gateway.supervisor import Supervisor
 from gateway.walk import Patience
@@ -243,6 +243,8 @@ async def _opened(
             supervisor.controller.attend(origin_of(site, folder.run_id), _Kept(folder).keep)
         if isinstance(supervisor.controller, SaysMotion):
             supervisor.controller.keep_to(site.moves.places)
+        if isinstance(supervisor.controller, WritesWithout):
+            supervisor.controller.do_without(SelfTestBook(store.root).without(machine))
         count = len(supervisor.picture())
         say("P-OPEN", site=site.site.name, serial=machine.serial, count=count, run=folder.run_id)
         if wire := supervisor.controller.capabilities.unprotected:

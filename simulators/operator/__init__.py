@@ -19,6 +19,7 @@ ACTIVATE = re.compile(r"TRUEFLANK ACTIVATE NCK RESET AND REFERENCE (?P<axis>\S+(
 SELF_TEST = re.compile(r"TRUEFLANK SELF-TEST PRESS NC START$")
 PROBE = "_N_TFPROBE_"  # programs that are meant to be refused: the person who tries them presses RESET
 RESET, ACTIVE, INTERRUPTED = 0, 1, 2
+SELF = "TFSELF_"  # a self-test whose last word the control does not take
 LOOK_S, READS_S = 0.5, 10.0  # between two looks; to read an alarm and note its number
 KEYS = ("RESET", "NC START", "NCK RESET")
 # Kept in the same box: what someone takes who takes the wrong ones.
@@ -92,7 +93,7 @@ class Operator:
                 await self._mind(self._panel)
             if status == RESET and self._control.selections != self._started:
                 await self._begin()
-            elif status == INTERRUPTED and self._control.in_alarm and PROBE in self._control.selected:
+            elif status == INTERRUPTED and self._control.in_alarm and _resets(self._control.selected):
                 await self._clock.sleep(READS_S)
                 self.press("RESET")
             elif status == INTERRUPTED and self._control.message != done:
@@ -215,3 +216,8 @@ class Operator:
             while not self._control.referenced(name) and self._control.ready:
                 await self._clock.sleep(LOOK_S)
         self._control.set_mode("AUTO")
+
+
+def _resets(selected: str) -> bool:
+    """Whether a person who reads this program's alarm presses RESET, and nothing else."""
+    return PROBE in selected or SELF in selected

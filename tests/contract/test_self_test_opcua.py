@@ -4,12 +4,19 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Awaitable, Callable
+from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
+import pytest
+
 from drivers.clock import run_virtual
+from drivers.errors import DeviceRefused
 from drivers.programs import SelfTest, SelfTested, SelfTests
+from drivers.sinumerik.ncprogram.selftest import LOOPS
 from drivers.types.machine import ChannelStatus
-from tests.contract.opcua_stage import Stage, on_stage
+from drivers.types.stops import Stop
+from tests.contract.opcua_stage import SPEC, Stage, on_stage, plan
 
 C1 = SelfTest("C1")
 Act = Callable[[Stage], Awaitable[None]]
@@ -42,7 +49,7 @@ async def short_files(on: Stage) -> None:
     on.press()
 
 
-def outcome(person: Act) -> SelfTested:
+def outcome(person: Act, **switches: object) -> SelfTested:
     """What the driver says of one run of it at which somebody does this."""
     found: list[Any] = []
 
@@ -63,7 +70,7 @@ def outcome(person: Act) -> SelfTested:
         found.append(test)
 
     async def main() -> None:
-        async with on_stage() as on:
+        async with on_stage(replace(SPEC, **switches)) as on:
             await act(on)
 
     run_virtual(main)
@@ -75,6 +82,34 @@ def test_a_control_that_knows_every_word() -> None:
     test = outcome(pressed_on)
     assert (test.ok, test.missed, test.stopped) == (True, "", "")
     assert test.passed[-1] == "MSG AND M0"
+    assert test.without == ()
+
+
+def test_a_control_that_takes_no_lists_passes_and_gets_programs_without_them() -> None:
+    """The alarm at the word that programs can do without costs nothing; any other word still must be passed."""
+    test = outcome(pressed_on, fills_arrays=False)
+    assert (test.ok, test.missed, test.stopped) == (True, "", "")
+    assert test.passed[-1] == "MSG AND M0"
+    assert test.without == (LOOPS,)
+
+
+async def test_programs_do_without_what_the_self_test_found(keys: Path) -> None:
+    """At a control that takes no lists: with its self-test known a plan is visited, without it an alarm stops it."""
+    stops = plan((Stop(0.0, 1), Stop(30.0, 1, 0, 1), Stop(10.0, -1, 0, 2)))
+    async with on_stage(replace(SPEC, fills_arrays=False), folder=keys) as on:
+        on.device.do_without((LOOPS,))
+        await on.device.prepare_stops(stops)
+        on.press()
+        for count in range(1, 4):
+            stop = await on.device.wait_stop(count - 1, 60.0)
+            assert stop.target == stops.stops[count - 1].target
+            await on.device.release_stop(count)
+        assert await on.device.wait_stop(3, 60.0) is None
+        on.device.do_without(())
+        await on.device.prepare_stops(stops)
+        on.press()
+        with pytest.raises(DeviceRefused, match="12550"):
+            await on.device.wait_stop(0, 60.0)
 
 
 def test_reset_at_its_message_is_no_pass() -> None:

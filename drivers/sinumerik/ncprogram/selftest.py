@@ -26,8 +26,10 @@ from drivers.sinumerik.ncprogram.measuring import (
 from drivers.sinumerik.ncprogram.words import Phase, Word, Words, file_path, program_path
 
 PRESS = "TRUEFLANK SELF-TEST PRESS NC START"
+LOOPS = "LISTS INTO ARRAYS"
+"""The word that programs can do without: they are written out one by one then. It is tried last."""
 _LEFT, _FAILED = "TF_LEFT", "TF_FAILED"
-_OLD, _LINE = "UOLD", "ULINE"
+_OLD, _LINE, _TABLE = "UOLD", "ULINE", "UTABLE"
 _STOPS = "press RESET: nothing that acts was written. R{counter} holds the number of the trial that was not passed."
 _FULL_LINE = 180
 _FIRST = re.compile(r";TRUEFLANK SELF (\d+) (\w+)", re.ASCII)
@@ -50,6 +52,7 @@ def self_test(axis: str, encoder: int, number: int, setting: Setting) -> str:
     words, path = setting.words, file_path("SELF", axis)
     trials = tuple(_trials(axis, encoder, path, setting))
     out = [f"DEF INT {backup.VARIABLES}, {_OLD}", f"DEF STRING[200] {_LINE}[2]"]
+    out += [f"DEF REAL {_TABLE}[3]"] if setting.loops else []
     out += [section("modal states, R words"), *PREPARE]
     out += [f"{words.name(word)}=0" for word in (Word.COUNTER, Word.ECHO, Word.MISMATCHES, Word.RELEASE)]
     out += [f"{words.name(Word.TRANSACTION)}={number}", "STOPRE", unless_aborted(words, _LEFT)]
@@ -135,6 +138,10 @@ def _trials(axis: str, encoder: int, path: str, setting: Setting) -> Iterator[Tr
         yield _product(table)
     yield _room(path, saving)
     yield Trial("MSG AND M0", (f'MSG("{PRESS}")', "M0", 'MSG("")', "STOPRE"), "TRUE")
+    if setting.loops:
+        filled = (f"{_TABLE}[0]=SET(1.5,-2.5)", f"{_TABLE}[2]=SET(4.0)", f"{_OLD}=0", f"FOR {point}=0 TO 2")
+        summed = f"IF {_TABLE}[{point}]<>0"
+        yield Trial(LOOPS, (*filled, summed, f"{_OLD}={_OLD}+1", "ENDIF", "ENDFOR"), f"({_OLD}==3) AND ({_TABLE}[2]>3)")
 
 
 def _read(saving: Saving) -> Iterator[str]:

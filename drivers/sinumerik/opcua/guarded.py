@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 
 from drivers.programs import NOBODY, Moment
@@ -10,6 +10,7 @@ from drivers.sinumerik.ncprogram.grinding import placed
 from drivers.sinumerik.ncprogram.guarding import Guard, going, guards_of
 from drivers.sinumerik.ncprogram.measuring import Parts, Setting, stops_of
 from drivers.sinumerik.ncprogram.messages import message
+from drivers.sinumerik.ncprogram.selftest import LOOPS
 from drivers.sinumerik.opcua import encoders
 from drivers.sinumerik.opcua.dialogue import Dialogue
 from drivers.sinumerik.opcua.grinding import PartGrinding
@@ -85,6 +86,11 @@ class RunsPlans(GuardsPrograms):
     _grinding: PartGrinding
     _configuration = Configuration((), (), ())
     _origin = NOBODY
+    _without: frozenset[str] = frozenset()
+
+    def do_without(self, words: Collection[str]) -> None:
+        """As `drivers.programs.WritesWithout.do_without`."""
+        self._without = frozenset(words)
 
     async def prepare_stops(self, plan: StopPlan) -> None:
         """Send, read back and select a plan's program. Raises UnsupportedDevice (E-NC-ENCODER...), as `Measuring`."""
@@ -144,6 +150,7 @@ class RunsPlans(GuardsPrograms):
             approach_feed=self.places.feed(configuration.units[axis]),
             wait_limit_s=self._settings.wait_limit_s,
             origin=self._origin,
+            loops=LOOPS not in self._without,
         )
 
     async def _check_encoder(self, axis: str, encoder: int, *, said: bool) -> None:

@@ -80,6 +80,7 @@ def _setting(moved: str, compensated: str, settings: UaSettings, machine: PaperM
         axis_number=machine.axes.index(moved) + 1,
         wait_limit_s=settings.wait_limit_s,
         origin=origin,
+        loops=selftest.LOOPS not in machine.without,
     )
 
 

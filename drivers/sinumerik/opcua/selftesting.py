@@ -9,7 +9,7 @@ from drivers.sinumerik.ncprogram.legal import legal
 from drivers.sinumerik.ncprogram.measuring import Setting
 from drivers.sinumerik.ncprogram.selftest import Report
 from drivers.sinumerik.ncprogram.words import Phase, Word, file_path, program_path
-from drivers.sinumerik.opcua.dialogue import Dialogue, Glance, file_refused
+from drivers.sinumerik.opcua.dialogue import HARMLESS, Dialogue, Glance, file_refused
 from drivers.sinumerik.opcua.pushing import Pushing
 from drivers.sinumerik.opcua.transfer import Transfer
 from drivers.types.identity import MachineIdentity
@@ -39,7 +39,10 @@ class SelfTesting:
         number = self._dialogue.fresh_number()
         text = program.self_test(order.axis, order.encoder, number=number, setting=setting)
         passed = legal(path, text, setting.memory.axes)
-        self._number, self._words = number, program.words_of(order.axis, order.encoder, setting)
+        self._number, self._words = (
+            number,
+            tuple(word for word in program.words_of(order.axis, order.encoder, setting) if word != program.LOOPS),
+        )
         self._alarms = set()
         await self._dialogue.begin(setting.axis_number, number, path)
         await self._transfer.send(passed)
@@ -56,23 +59,30 @@ class SelfTesting:
             await self._pushing.until(self._number, timeout_s, lambda before, seen: self._is_over(order, before, seen))
         except DeviceRefused as error:
             stopped = str(error)
-        if self._alarms and not stopped:
+        report = await self._report(order)
+        passed, failed = (
+            tuple(word for word in tried if word != program.LOOPS) for tried in (report.passed, report.failed)
+        )
+        untried = self._untried(report)
+        whole = report.whole or (program.LOOPS not in report.passed and not untried)
+        if whole:  # what stopped it then is the word that programs do without
+            stopped = ""
+        if self._alarms & HARMLESS and not stopped:
             # The program went on with the old value, which is what it had written: only the alarm tells.
             stopped = words("W-NC-SELF-ALARM", axis=order.axis, numbers=", ".join(map(str, sorted(self._alarms))))
-        report = await self._report(order)
-        failed = report.failed
-        if not report.whole or self._untried(report):
+        if not whole or untried:
             stopped = stopped or words("W-NC-SELF-CUT", axis=order.axis)
-            failed += self._untried(report)[:1]
+            failed += untried[:1]
         return SelfTested(
             machine,
             order.axis,
             encoder=order.encoder,
             utc=utc,
             control_date=report.date,
-            passed=report.passed,
+            passed=passed,
             failed=failed,
             stopped=stopped,
+            without=() if program.LOOPS in report.passed else (program.LOOPS,),
         )
 
     async def _report(self, order: SelfTest) -> Report:

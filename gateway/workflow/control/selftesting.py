@@ -5,8 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 
 from drivers.clock import Clock
-from drivers.errors import DeviceRefused, TrueflankError, words
-from drivers.programs import SelfTest, SelfTested, SelfTests
+from drivers.errors import DeadlineExceeded, DeviceRefused, TrueflankError, words
+from drivers.programs import SelfTest, SelfTested, SelfTests, WritesWithout
+from drivers.types.machine import ChannelStatus
 from gateway import audit
 from gateway.config import AxisSection, SiteFile
 from gateway.moving import shown_there
@@ -15,6 +16,8 @@ from gateway.store import SelfTestBook
 from gateway.workflow.bench import Bench, bench, new_run
 from gateway.workflow.consents import tell
 from gateway.workflow.outcome import Outcome
+
+RESET_LOOK_S = 0.5
 
 
 async def self_test_site(site: SiteFile, site_path: Path, *, axis: str, clock: Clock, say: Say) -> Outcome:
@@ -31,6 +34,8 @@ async def self_test_site(site: SiteFile, site_path: Path, *, axis: str, clock: C
             controller = at.supervisor.controller
             if not controller.capabilities.self_test or not isinstance(controller, SelfTests):
                 return _no_programs(at)
+            if isinstance(controller, WritesWithout):
+                controller.do_without(())  # what it did not take before is tried again
             return _told(at, tuple([await _tested(at, controller, one) for one in axes]))
     except TrueflankError as error:
         folder.set_state("failed", error=error.as_record())
@@ -49,7 +54,22 @@ async def _tested(at: Bench, controller: SelfTests, axis: AxisSection) -> SelfTe
     root, serial = at.store.root, at.machine.serial
     tell(at, audit.note(root, action, clock=at.clock, serial=serial, details=told))
     at.say("P-SELF-TEST-PASSED" if found.ok else "P-SELF-TEST-FAILED", **_fields(found))
+    if found.without and isinstance(controller, WritesWithout):
+        controller.do_without(found.without)
+        await _until_reset(at, found)
     return found
+
+
+async def _until_reset(at: Bench, found: SelfTested) -> None:
+    """A word that the control does not take stopped the program: the person resets it. Raises DeadlineExceeded."""
+    controller, end = at.supervisor.controller, at.clock.now() + at.patience.start_s
+    if (await controller.state()).channel is ChannelStatus.RESET:
+        return
+    at.say("P-SELF-TEST-WITHOUT", axis=found.axis, words=", ".join(found.without))
+    while (await controller.state()).channel is not ChannelStatus.RESET:
+        if at.clock.now() >= end:
+            raise DeadlineExceeded("E-SELF-TEST-RESET", at.site.site.name, axis=found.axis)
+        await at.clock.sleep(RESET_LOOK_S)
 
 
 def _fields(test: SelfTested) -> dict[str, object]:
@@ -65,6 +85,8 @@ def _told(at: Bench, found: tuple[SelfTested, ...]) -> Outcome:
         raise DeviceRefused("E-SELF-TEST", at.site.site.name, missed=missed)
     at.folder.set_state("self-tested")
     lines = tuple(words("W-SELF-TEST-PASSED", version=test.machine.version, **_fields(test)) for test in found)
+    missing = ", ".join(dict.fromkeys(word for test in found for word in test.without))
+    lines += (words("W-SELF-TEST-WITHOUT", words=missing),) if missing else ()
     data = {"axes": {test.axis: {"passed": list(test.passed), "control_date": test.control_date} for test in found}}
     data |= {"version": at.machine.version}  # type: ignore[dict-item]
     return Outcome(state=at.folder.state, run_folder=str(at.folder.path), rows=(), lines=lines, data=data)
