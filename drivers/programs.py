@@ -54,8 +54,9 @@ class SelfTested:
     """How a self-test ended, word by word: for one axis and measuring system of the very machine that it names.
 
     ``utc`` is this PC's time, ``control_date`` the day that the control wrote into its report ("": none). ``stopped``
-    says why the program did not come to its end ("": it did); ``failed`` then names its trial. ``without``
-    are words that the control does not take and that our programs do without: they are longer there.
+    says why the program did not come to its end ("": it did); ``failed`` then names its trial. ``without`` are words that
+    the control does not take and that our programs do without: they are longer there. ``own_points``, ``cross_points``
+    and ``file_kb`` are what the control had reserved (None: not kept): with them programs are written again without it.
     """
 
     machine: MachineIdentity
@@ -67,6 +68,9 @@ class SelfTested:
     failed: tuple[str, ...]
     stopped: str = ""
     without: tuple[str, ...] = ()
+    own_points: int | None = None
+    cross_points: tuple[int, ...] = ()
+    file_kb: int = 0
 
     @property
     def ok(self) -> bool:
@@ -87,7 +91,14 @@ class DwellPlan:
     dwell_s: float
 
 
-Order = StopPlan | TableQuestion | PushBatch | DisableOrder | GrindPlan | SelfTest | DwellPlan
+@dataclass(frozen=True, slots=True)
+class Visits:
+    """Stop plans that are foreseen to follow one another: they go into one program, as far as one holds them."""
+
+    plans: tuple[StopPlan, ...]
+
+
+Order = Visits | StopPlan | TableQuestion | PushBatch | DisableOrder | GrindPlan | SelfTest | DwellPlan
 """What a program is written for."""
 
 
@@ -113,7 +124,8 @@ class PaperMachine:
 
     ``axes``: machine axis names; ``modulo``: those that turn endlessly; ``own_points``: points that axis tables have
     reserved, by axis; ``cross_points``: those of cross tables, by number; ``places``: where axes may stand;
-    ``without``: words that the control does not take (`SelfTested`).
+    ``without``: words that the control does not take, ``file_kb`` how large a file may become (`SelfTested`);
+    ``number``: what stands for the number that a program gets when it is sent.
     """
 
     axes: tuple[str, ...]
@@ -122,6 +134,8 @@ class PaperMachine:
     cross_points: tuple[int, ...] = ()
     places: SafePlaces = field(default_factory=SafePlaces)
     without: tuple[str, ...] = ()
+    file_kb: int = 0
+    number: int = 999_999
 
 
 @runtime_checkable

@@ -6,7 +6,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from drivers.types.abilities import Capabilities
 from drivers.types.tables import LiveTable
+from gateway.axes import AxisRecord
 from gateway.domain.proposals import TableChange
 from gateway.interlocks import MAX_JUMP, value_at
 from gateway.push.compare import place_for
@@ -18,29 +20,34 @@ _SLACK = 1e-9
 
 def common_places(wishes: Sequence[Wish]) -> dict[str, float | None]:
     """Where each input axis must stand; None where no one place suits all its tables."""
-    return {name: _place([wish for wish in wishes if wish[1].moved.name == name]) for name in _inputs(wishes)}
+    found: dict[str, float | None] = {}
+    for name in _inputs(wishes):
+        mine = [wish for wish in wishes if wish[1].moved.name == name]
+        context = mine[0][1]
+        changes = [change for change, _ in mine]
+        found[name] = place_of_all(changes, context.moved, context.controller.capabilities)
+    return found
 
 
 def _inputs(wishes: Sequence[Wish]) -> tuple[str, ...]:
     return tuple(dict.fromkeys(context.moved.name for _, context in wishes))
 
 
-def _place(wishes: Sequence[Wish]) -> float | None:
-    """As `agreeing_position`, of several: each place that suits one is tried on the others, the nearest first."""
-    change, context = wishes[0]
-    axis, can = context.moved, context.controller.capabilities
-    if len(wishes) == 1 or not can.switches_now:
+def place_of_all(changes: Sequence[TableChange], axis: AxisRecord, can: Capabilities) -> float | None:
+    """As `agreeing_position`, of several over one input axis: what suits one is tried on the others, nearest first."""
+    change = changes[0]
+    if len(changes) == 1 or not can.switches_now:
         return place_for(LiveTable(change.old, change.old_enabled), change.new, axis, can)
     low, high = axis.room
-    points = {place for change, _ in wishes for place in change.new.positions if low <= place <= high}
+    points = {place for change in changes for place in change.new.positions if low <= place <= high}
     tried = [float(np.clip(axis.reference, low, high)), *sorted(points, key=lambda one: abs(one - axis.reference))]
-    return next((place for place in tried if _suits(wishes, place)), None)
+    return next((place for place in tried if _suits(changes, place)), None)
 
 
-def _suits(wishes: Sequence[Wish], place: float) -> bool:
+def _suits(changes: Sequence[TableChange], place: float) -> bool:
     """Whether switching all of them off and on there moves no output axis further than one table may."""
-    for axis in {change.axis for change, _ in wishes}:
-        mine = [change for change, _ in wishes if change.axis == axis and change.new.kind != "reversal"]
+    for axis in {change.axis for change in changes}:
+        mine = [change for change in changes if change.axis == axis and change.new.kind != "reversal"]
         off = sum(abs(value_at(one.old, place)) for one in mine if one.old_enabled)
         on = sum(abs(value_at(one.new, place)) for one in mine)
         if max(off, on) > MAX_JUMP + _SLACK:

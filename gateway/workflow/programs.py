@@ -1,7 +1,8 @@
 """Every program that a site would send, written without a control: to be read and signed before the first day.
 
-What only the control knows is taken as small as the work allows: as many points as the tables ask
-for, and no tables of others. Numbers of runs and transactions are none that was ever given.
+They are the programs of the site's next commands: what only the control knows (its axes, what it has reserved, words
+that it does not take) is what its self-test kept. Before a self-test it is taken as small as the work allows: as many
+points as the tables ask for, and no tables of others. The number is none that was ever given.
 """
 
 from __future__ import annotations
@@ -13,23 +14,26 @@ from typing import Any, Literal
 
 from drivers import registry
 from drivers.errors import ConfigError
-from drivers.programs import Order, PaperMachine, ProgramText, SelfTest
-from drivers.terms import spoken
+from drivers.programs import Order, PaperMachine, ProgramText, SelfTest, SelfTested, Visits
+from drivers.types.abilities import Capabilities
 from drivers.types.identity import MachineIdentity
 from drivers.types.orders import DisableOrder, PushOrder, SignProof
 from drivers.types.stops import Stop, StopPlan
 from drivers.types.tables import CompensationTable
-from gateway.capture.targets import jog_plan, jog_start, measuring_plan, plan_of, targets_of, with_checks
+from gateway.capture.targets import plan_of
 from gateway.config import AxisSection, SiteFile
 from gateway.domain.proposals import Proposal
+from gateway.push.places import place_of_all
 from gateway.push.proofs.switching import TIMES
 from gateway.push.trials import triangle_of
+from gateway.store import Proofs, SelfTestBook
 from gateway.tooth import SetupValues
 from gateway.walk import Patience, question
-from gateway.workflow.axes.measure import check_stops
-from gateway.workflow.bench import origin_of
+from gateway.workflow.axes.measure import plans_of_axis
+from gateway.workflow.bench import origin_of, store_of
 from gateway.workflow.dwelling import DwellWish, dwell_plans
-from gateway.workflow.errors21.setups import Planned, planned
+from gateway.workflow.errors21.setupcapture import coming
+from gateway.workflow.errors21.setups import planned
 from gateway.workflow.part.grinding import gear_of_site, grind_plan
 
 What = Literal["self-test", "measure", "load", "proof", "backup", "grind", "off", "dwell"]
@@ -37,6 +41,8 @@ EVERY: tuple[What, ...] = ("self-test", "measure", "load", "proof", "backup", "g
 KNOWN: tuple[What, ...] = (*EVERY, "dwell")
 """All kinds; "dwell" is for capture programs of others, and no run of ours sends it."""
 NUMBER = 999_999
+ON_PAPER = Capabilities(stops=True, tables=(), switched="at-stop", marker=True, consent="start", together=True)
+"""What a control can do whose programs are written here: they switch tables at a stop, all of a layer together."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,17 +61,23 @@ def programs(
     proposal: Proposal | None = None,
     *,
     dwell: DwellWish | None = None,
+    number: int = NUMBER,
 ) -> tuple[Written, ...]:
     """Programs of these kinds in the order in which a run sends them; ``load`` from ``proposal`` or an example table.
+
+    With what the control's self-test kept of it they are what is sent, byte for byte, ``number`` apart: each program
+    gets one of its own when it is sent. Axes are taken to stand in their safe places then, as commands ask for.
 
     Raises ConfigError (E-PROGRAM-NO-ROAD) for a road that runs no programs, and what writing and judging raise.
     """
     write, settings = _writer(site, wanted)
     tables = _loaded(site, proposal)
-    machine, origin = _machine(site, tables), origin_of(site)
+    known = known_control(site, site_path)
+    machine, origin = _machine(site, tables, known, number), origin_of(site)
+    made_for = _For(site, site_path, tables, proposal, known, number)
     found = []
     for what in wanted:
-        for name, order in _orders(site, site_path, what, tables) if what != "dwell" else _dwelling(site, dwell):
+        for name, order in _orders(made_for, what) if what != "dwell" else _dwelling(site, dwell):
             made = write(order, settings, machine=machine, origin=origin, where=str(site_path))
             found += [Written(what, f"{what}-{name}-{one.file_name}", one) for one in made]
     return tuple(found)
@@ -96,31 +108,109 @@ def _triangle(axis: AxisSection) -> tuple[CompensationTable, float]:
     return triangle_of(facts, facts, minimum=grid.minimum, maximum=grid.maximum, step=grid.step)
 
 
-def _machine(site: SiteFile, tables: tuple[CompensationTable, ...]) -> PaperMachine:
+def known_control(site: SiteFile, site_path: Path) -> Mapping[str, SelfTested]:
+    """The newest self-test of each axis of the site that kept what the control had reserved, by axis; all or none.
+
+    Raises StoreError.
+    """
+    tests = SelfTestBook(store_of(site, site_path).root).all(site.controller.serial)
+    kept = {(one.axis, one.encoder): one for one in tests if one.own_points is not None}
+    found = {axis.name: kept[axis.name, axis.encoder] for axis in site.axes if (axis.name, axis.encoder) in kept}
+    return found if len(found) == len(site.axes) else {}
+
+
+@dataclass(frozen=True, slots=True)
+class _For:
+    """What programs are written for: a site, the tables to be loaded, and what is known of its control."""
+
+    site: SiteFile
+    path: Path
+    tables: tuple[CompensationTable, ...]
+    proposal: Proposal | None
+    known: Mapping[str, SelfTested]
+    number: int
+
+    @property
+    def machine(self) -> MachineIdentity:
+        """The control's own fingerprint where a self-test kept it."""
+        if self.known:
+            return next(iter(self.known.values())).machine
+        return MachineIdentity(self.site.controller.serial, "", tuple(axis.name for axis in self.site.axes))
+
+
+def _machine(
+    site: SiteFile, tables: tuple[CompensationTable, ...], known: Mapping[str, SelfTested], number: int
+) -> PaperMachine:
+    modulo = frozenset(axis.name for axis in site.axes if axis.modulo)
+    if known:
+        one = next(iter(known.values()))
+        return PaperMachine(
+            one.machine.axis_names,
+            modulo,
+            {name: test.own_points or 0 for name, test in known.items()},
+            one.cross_points,
+            places=site.moves.places,
+            without=tuple(dict.fromkeys(word for test in known.values() for word in test.without)),
+            file_kb=one.file_kb,
+            number=number,
+        )
     own = {axis.name: len(_triangle(axis)[0].deviations) for axis in site.axes}
     cross = {table.index: len(table.deviations) for table in tables if table.kind == "cross"}
     asked = {table.output_axis: len(table.deviations) for table in tables if table.kind == "axis"}
-    modulo = frozenset(axis.name for axis in site.axes if axis.modulo)
-    points = tuple(cross.get(number, 0) for number in range(max(cross, default=-1) + 1))
+    points = tuple(cross.get(table, 0) for table in range(max(cross, default=-1) + 1))
     names = tuple(axis.name for axis in site.axes)
     held = {name: max(own[name], asked.get(name, 0)) for name in names}
-    return PaperMachine(names, modulo, held, points, places=site.moves.places)
+    return PaperMachine(names, modulo, held, points, places=site.moves.places, number=number)
 
 
-def _orders(
-    site: SiteFile, site_path: Path, what: What, tables: tuple[CompensationTable, ...]
-) -> Iterator[tuple[str, Order]]:
+def _orders(made: _For, what: What) -> Iterator[tuple[str, Order]]:
+    site = made.site
     if what == "grind":
         if site.work is not None:
-            yield "part", grind_plan(site, gear_of_site(site, site_path), SetupValues())
+            yield "part", grind_plan(site, gear_of_site(site, made.path), SetupValues())
     elif what == "load":
-        yield from (_load(site, table) for table in tables)
+        yield from _loads(made)
+    elif what == "measure":
+        yield from _measured(site)
     else:
-        axes = site.axes if what != "measure" or not site.setups else ()
-        for axis in axes:
-            yield from _of_axis(axis, what)
-        if what == "measure" and site.setups:
-            yield from (order for one in planned(site) for order in _of_setup(site, one))
+        for axis in site.axes:
+            yield from _of_axis(made, axis, what)
+
+
+def _measured(site: SiteFile) -> Iterator[tuple[str, Order]]:
+    """What a run of the axes sends, and what measuring the errors sends: plans in one program, as they are foreseen."""
+    live = [axis for axis in site.axes if axis.measure.file is None]
+    plans = tuple(plan for axis in live for plan in plans_of_axis(axis, "before"))
+    if plans:
+        yield "axes", Visits(plans)
+    for axis in site.axes:
+        if axis.measure.file is not None:
+            yield f"tables-{axis.letter}", question(axis.facts, Patience(0.0, 0.0))
+    coming_plans = coming(site, planned(site)) if site.setups else ()
+    if coming_plans:
+        yield "errors", Visits(coming_plans)
+
+
+def _loads(made: _For) -> Iterator[tuple[str, Order]]:
+    """One batch for each layer, as a push sends them; without a proposal the example tables of all axes."""
+    if made.proposal is None:
+        batch = tuple(_order(made, table, "table") for table in made.tables)
+        if batch:
+            yield "axis", batch
+        return
+    layers: tuple[Literal["axis", "cross"], ...] = ("axis", "cross")
+    for layer in layers:
+        changes = [one for one in made.proposal.changes if not one.skipped and one.layer == layer]
+        places = {
+            name: place_of_all(
+                [one for one in changes if one.new.input_axis == name], _moved(made, name).facts, ON_PAPER
+            )
+            for name in dict.fromkeys(one.new.input_axis for one in changes)
+        }
+        orders = [(_order(made, change.new, "table"), places[change.new.input_axis]) for change in changes]
+        batch = tuple(order if place is None else replace(order, agreeing_position=place) for order, place in orders)
+        if batch:
+            yield layer, batch
 
 
 def _writer(site: SiteFile, wanted: tuple[What, ...]) -> tuple[Any, Mapping[str, Any]]:
@@ -142,75 +232,51 @@ def _dwelling(site: SiteFile, wish: DwellWish | None) -> Iterator[tuple[str, Ord
     return ((axis.letter, plan) for axis, plan in dwell_plans(site, wish or DwellWish()))
 
 
-def _of_axis(axis: AxisSection, what: What) -> Iterator[tuple[str, Order]]:
-    if what == "measure":
-        if axis.measure.file is None:
-            yield from _measured(axis, f"{axis.letter}-{axis.measure.component}", axis.measure.jog)
-        else:
-            yield from _of_axis(axis, "backup")
-    elif what == "backup":
+def _of_axis(made: _For, axis: AxisSection, what: What) -> Iterator[tuple[str, Order]]:
+    if what == "backup":
         yield axis.letter, question(axis.facts, Patience(0.0, 0.0))
     elif what == "self-test":
         yield axis.letter, SelfTest(axis.name, axis.encoder, axis.encoder_said)
     elif what == "proof":
-        yield from _proof(axis)
+        yield from _proof(made, axis)
     else:
-        yield axis.letter, DisableOrder(NUMBER, "axis", axis.name, axis.encoder)
+        yield axis.letter, DisableOrder(made.number, "axis", axis.name, axis.encoder)
 
 
-def _measured(axis: AxisSection, name: str, jog: float, between: bool = True) -> Iterator[tuple[str, Order]]:
-    """The move that proves the mounting, then every target, with check stops where an axis is positioned."""
-    setup = f"TRUEFLANK SETUP {axis.measure.component} ON {axis.letter}"
-    yield f"{name}-jog", jog_plan(axis, jog_start(axis, jog), jog, setup)
-    places, checks = with_checks(targets_of(axis), check_stops(axis, "before") if between else None)
-    yield name, measuring_plan(axis, places, "", name=f"TFMEAS{axis.letter}", checks=checks)
+def _moved(made: _For, name: str) -> AxisSection:
+    return next(axis for axis in made.site.axes if axis.name == name)
 
 
-def _of_setup(site: SiteFile, one: Planned) -> Iterator[tuple[str, Order]]:
-    if one.setup.source != "live":
-        return
-    for name, place in sorted(one.setup.park.items()):
-        axis = next(axis for axis in site.axes if axis.name == name)
-        parked = plan_of(axis, (Stop(place, 1),), "", name=f"TFPARK{axis.letter}", dwell_s=0.1, save=False)
-        yield f"{one.key}-park-{axis.letter}", parked
-    jog = one.axis.measure.jog if one.positioning else one.jog
-    yield from _measured(one.axis, one.key, jog, between=one.positioning)
-
-
-def _load(site: SiteFile, table: CompensationTable) -> tuple[str, Order]:
-    moved = next(axis for axis in site.axes if axis.name == table.input_axis)
-    identity = MachineIdentity(site.controller.serial, "", tuple(axis.name for axis in site.axes))
-    proof = SignProof(identity, table.kind, output_axis=table.output_axis, slope=1.0, slope_u=0.01, sign=1, date_utc="")
-    order = _order(moved, table, "table", proof)
-    key = spoken().key(table.kind)
-    return f"{key}-{table.output_axis}-{table.input_axis}", (order,)
-
-
-def _order(
-    moved: AxisSection,
-    table: CompensationTable,
-    purpose: Literal["table", "sign-proof"],
-    proof: SignProof | None = None,
-) -> PushOrder:
+def _order(made: _For, table: CompensationTable, purpose: Literal["table", "sign-proof"]) -> PushOrder:
+    moved, output = _moved(made, table.input_axis), _moved(made, table.output_axis)
     return PushOrder(
-        NUMBER,
+        made.number,
         table,
         letter=moved.letter,
         rotary=moved.kind == "rotary",
         enable=purpose == "table",
         agreeing_position=moved.reference,
         purpose=purpose,
-        proof=proof,
+        proof=_proof_of(made, table) if purpose == "table" else None,
+        encoder=output.encoder,
+        encoder_said=output.encoder_said,
     )
 
 
-def _proof(axis: AxisSection) -> Iterator[tuple[str, Order]]:
+def _proof_of(made: _For, table: CompensationTable) -> SignProof:
+    """The machine's own; where none is kept yet, one of the usual sense."""
+    machine, axis = made.machine, table.output_axis
+    found = Proofs(store_of(made.site, made.path).root).find(machine, table.kind, axis)
+    return found or SignProof(machine, table.kind, output_axis=axis, slope=1.0, slope_u=0.01, sign=1, date_utc="")
+
+
+def _proof(made: _For, axis: AxisSection) -> Iterator[tuple[str, Order]]:
     """The triangle table, the stops that switch it, and the old table back."""
     table, peak = _triangle(axis)
-    order = _order(axis, table, "sign-proof")
+    order = _order(made, table, "sign-proof")
     yield f"{axis.letter}-triangle", (order,)
     stops = tuple(
-        Stop(peak, 1, repetition=number // 2, label=number, switch=bool(number % 2)) for number in range(2 * TIMES + 1)
+        Stop(peak, 1, repetition=turn // 2, label=turn, switch=bool(turn % 2)) for turn in range(2 * TIMES + 1)
     )
     setup = f"TRUEFLANK SETUP {axis.measure.component} ON {axis.letter}"
     switching: StopPlan = plan_of(axis, stops, setup, name=f"TFSIGN{axis.letter}", dwell_s=axis.measure.dwell_s)

@@ -47,9 +47,7 @@ def disabling(order: DisableOrder, setting: Setting) -> str:
     what = f"switch the {order.kind} table {order.index} of {order.axis} off, nothing else"
     also = f"Switching the table off moves {order.axis} by the table's value."
     path = program_path("OFF", order.axis)
-    return text_of(
-        headed(Head(path, what, number=order.transaction, stops=_STOPS, origin=setting.origin, also=also), out)
-    )
+    return text_of(headed(Head(path, what, stops=_STOPS, origin=setting.origin, also=also), out))
 
 
 def switches(order: DisableOrder) -> tuple[str, ...]:

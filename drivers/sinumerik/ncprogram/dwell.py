@@ -34,4 +34,4 @@ def dwelling(plan: DwellPlan, modulo: bool, origin: Origin) -> str:
         out += [*leg, f"G4 F{number(plan.dwell_s)}"]
     out.append("M30")
     what = f"{len(stops.stops)} stops of {stops.axis} for {ABOUT}, {plan.dwell_s:g} s at each"
-    return text_of(headed(Head(program_path("DWEL", stops.axis), what, number=0, stops=STOPPED, origin=origin), out))
+    return text_of(headed(Head(program_path("DWEL", stops.axis), what, stops=STOPPED, origin=origin), out))

@@ -117,16 +117,14 @@ def _text(plan: GrindPlan, token: int, setting: GrindSetting, *, saves: bool) ->
     out += [*away(words, setting.guards), *file_failed(words, _FAILED)]
     out += [f"{_REFUSED}:", "STOPRE", phase_block(words, Phase.SETUP_REFUSED), "M30"]
     out += [f"{_STALE}:", "M30"]
-    return text_of(headed(_head(plan, token, setting, saves=saves), out))
+    return text_of(headed(_head(plan, setting, saves=saves), out))
 
 
-def _head(plan: GrindPlan, token: int, setting: GrindSetting, *, saves: bool) -> Head:
+def _head(plan: GrindPlan, setting: GrindSetting, *, saves: bool) -> Head:
     files = ", ".join(file_path("LIVE", axis.name) for axis in plan.compensated)
     also = "The wheel runs. X is retracted before C turns." + (f" Saves what acts in {files}." if saves else "")
     what = f"test part {plan.part}, {plan.spaces} spaces"
-    return Head(
-        program_path("GRIND", plan.index.name), what, number=token, stops=_STOPS, origin=setting.origin, also=also
-    )
+    return Head(program_path("GRIND", plan.index.name), what, stops=_STOPS, origin=setting.origin, also=also)
 
 
 def placed(plan: GrindPlan) -> dict[str, float]:

@@ -13,6 +13,7 @@ from math import isfinite
 from drivers.sinumerik.ncprogram.motion import number
 from drivers.sinumerik.ncprogram.words import Phase, Word, Words
 from drivers.types.moves import NEAR, Going, SafePlaces
+from drivers.types.stops import StopPlan
 from drivers.units import AxisUnit
 
 AWAY = "TF_AWAY"
@@ -108,6 +109,13 @@ def _place(text: str, values: Mapping[str, float]) -> float | None:
         value = values[term] if term[0].isalpha() else float(term)
         total += -value if sign == "-" else value
     return total
+
+
+def left_safe(safe: set[str], plan: StopPlan, places: SafePlaces) -> set[str]:
+    """The axes that stand in their safe places once a plan has been visited; before it those in ``safe`` did."""
+    if not plan.stops:
+        return safe
+    return safe | {plan.axis} if places.holds(plan.axis, plan.stops[-1].target) else safe - {plan.axis}
 
 
 def guards_of(places: SafePlaces, axes: Sequence[str], only: Collection[str]) -> tuple[Guard, ...]:

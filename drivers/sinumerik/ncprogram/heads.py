@@ -24,11 +24,13 @@ _WRITTEN = re.compile(r"(\$[AMS][A-Z]*_[A-Z0-9_]+)(?:\[[^\]]*\])?=(?!=)")
 
 @dataclass(frozen=True, slots=True)
 class Head:
-    """What only the writer of a program knows: its path, purpose, number, and what a person does if it stops."""
+    """What only the writer of a program knows: its path, purpose, and what a person does if it stops.
+
+    Neither run nor number: a program that was read and signed before is sent with the same head.
+    """
 
     path: str
     purpose: str
-    number: int
     stops: str
     origin: Origin = NOBODY
     also: str = ""
@@ -43,10 +45,10 @@ def headed(head: Head, blocks: Sequence[str], moves: Sequence[str] = ()) -> list
     """The blocks behind their head of comments; ``moves``: its moves, where the blocks take them from tables."""
     origin = head.origin
     name = head.path.rpartition("/")[2]
-    whose = f"site {_said(origin.site)}, machine {_said(origin.machine)}, run {_said(origin.run)}"
+    whose = f"site {_said(origin.site)}, machine {_said(origin.machine)}"
     said = [
         f"{name}: {head.purpose}",
-        f"{whose}, number {head.number}, trueflank {_said(origin.version)}",
+        f"{whose}, trueflank {_said(origin.version)}",
         f"Moves: {'; '.join(_moves(moves or blocks)) or 'nothing'}. {head.also}".rstrip(),
         f"Writes: {', '.join(_written(blocks)) or 'no table, no datum'}.",
         f"R parameters: {', '.join(_ranges(_numbers(blocks))) or 'none'}.",

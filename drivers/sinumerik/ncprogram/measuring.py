@@ -91,7 +91,7 @@ def chained(parts: Parts, token: int) -> str:
     out += [*away(words, guards), *file_failed(words, _FAILED)]
     return text_of(
         headed(
-            _head(parts, token),
+            _head(parts),
             out,
             moves=[block for one in parts if one[0].stops for block in (*stops_of(*one), *_further(*one))],
         )
@@ -155,7 +155,7 @@ def _part(plan: StopPlan, token: int, setting: Setting, *, saves: bool, table: V
     return [*out, *guarded(words, setting.guards), *visited, *_further(plan, setting)]
 
 
-def _head(parts: Parts, token: int) -> Head:
+def _head(parts: Parts) -> Head:
     plans = [plan for plan, _ in parts]
     first = plans[0]
     switched = any(stop.switch is not None for plan in plans for stop in plan.stops)
@@ -169,7 +169,7 @@ def _head(parts: Parts, token: int) -> Head:
         also += f"Saves what acts on {axis} in {file_path('LIVE', axis)}. "
     told = SWITCHED if switched else STANDING
     path = program_path("MEAS", first.compensated_axis)
-    return Head(path, what, number=token, stops=told, origin=parts[0][1].origin, also=also.rstrip())
+    return Head(path, what, stops=told, origin=parts[0][1].origin, also=also.rstrip())
 
 
 def looped(plan: StopPlan, setting: Setting, table: Visits) -> list[str]:

@@ -162,7 +162,6 @@ def _head(kind: str, loads: Loads) -> Head:
     return Head(
         program_path(kind, axes[0]),
         what,
-        number=orders[0].transaction,
         stops=_STOPS,
         origin=loads[0][1].origin,
         also=also,

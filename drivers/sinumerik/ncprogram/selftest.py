@@ -69,11 +69,7 @@ def self_test(axis: str, encoder: int, number: int, setting: Setting) -> str:
     stops = _STOPS.format(counter=words.number(Word.COUNTER))
     what = f"self-test of every word our programs need, {len(trials)} trials"
     also = f"Says what passed in {path}."
-    return text_of(
-        headed(
-            Head(program_path("SELF", axis), what, number=number, stops=stops, origin=setting.origin, also=also), out
-        )
-    )
+    return text_of(headed(Head(program_path("SELF", axis), what, stops=stops, origin=setting.origin, also=also), out))
 
 
 def words_of(axis: str, encoder: int, setting: Setting) -> tuple[str, ...]:

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 from drivers.programs import NOBODY, Moment
 from drivers.sinumerik.ncprogram.grinding import placed
-from drivers.sinumerik.ncprogram.guarding import Guard, going, guards_of
+from drivers.sinumerik.ncprogram.guarding import Guard, going, guards_of, left_safe
 from drivers.sinumerik.ncprogram.measuring import Parts, Setting, stops_of
 from drivers.sinumerik.ncprogram.messages import message
 from drivers.sinumerik.ncprogram.selftest import LOOPS
@@ -45,10 +45,7 @@ class GuardsPrograms(KeepsPlaces):
         out: list[tuple[Guard, ...]] = []
         for plan in plans:
             out.append(guards_of(self.places, self._dialogue.names, safe - {plan.axis}))
-            if plan.stops and self.places.holds(plan.axis, plan.stops[-1].target):
-                safe.add(plan.axis)
-            elif plan.stops:
-                safe.discard(plan.axis)
+            safe = left_safe(safe, plan, self.places)
         return out
 
     def message(self, moment: Moment) -> str:

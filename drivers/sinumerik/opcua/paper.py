@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
-from drivers.programs import DwellPlan, Order, Origin, PaperMachine, ProgramText, SelfTest, reading_plan
+from drivers.programs import DwellPlan, Order, Origin, PaperMachine, ProgramText, SelfTest, Visits, reading_plan
 from drivers.sinumerik.ncprogram import disabling, dwell, grinding, measuring, pushing, selftest
 from drivers.sinumerik.ncprogram.backup import Memory
-from drivers.sinumerik.ncprogram.grinding import NEVER_GIVEN, GrindSetting
-from drivers.sinumerik.ncprogram.guarding import Guard, guards_of
+from drivers.sinumerik.ncprogram.grinding import GrindSetting
+from drivers.sinumerik.ncprogram.guarding import Guard, guards_of, left_safe
 from drivers.sinumerik.ncprogram.legal import legal
 from drivers.sinumerik.ncprogram.measuring import Setting
 from drivers.sinumerik.ncprogram.words import program_path
@@ -19,7 +19,7 @@ from drivers.types.orders import DisableOrder, PushBatch, PushOrder, TableQuesti
 from drivers.types.stops import StopPlan
 from drivers.workpiece import GrindPlan
 
-HandShaken = StopPlan | TableQuestion | PushBatch | DisableOrder | GrindPlan | SelfTest
+HandShaken = Visits | StopPlan | TableQuestion | PushBatch | DisableOrder | GrindPlan | SelfTest
 
 
 def on_paper(
@@ -41,9 +41,9 @@ def _texts(order: HandShaken, settings: UaSettings, machine: PaperMachine, origi
     if isinstance(order, TableQuestion):
         order = reading_plan(order)
     if isinstance(order, StopPlan):
-        setting = _setting(order.axis, order.compensated_axis, settings, machine, origin)
-        setting = replace(setting, guards=_guards(machine, order.axis))
-        return {program_path("MEAS", order.compensated_axis): measuring.measuring(order, NEVER_GIVEN, setting)}
+        order = Visits((replace(order, further=False),))
+    if isinstance(order, Visits):
+        return _visits(order.plans, settings, machine, origin)
     if isinstance(order, tuple):
         return _push(order, settings, machine, origin)
     if isinstance(order, DisableOrder):
@@ -51,12 +51,25 @@ def _texts(order: HandShaken, settings: UaSettings, machine: PaperMachine, origi
         return {program_path("OFF", order.axis): disabling.disabling(order, setting)}
     if isinstance(order, SelfTest):
         setting = _setting(order.axis, order.axis, settings, machine, origin)
-        text = selftest.self_test(order.axis, order.encoder, NEVER_GIVEN, setting)
+        text = selftest.self_test(order.axis, order.encoder, machine.number, setting)
         return {program_path("SELF", order.axis): text}
     memory = {axis.name: _memory(axis.name, machine) for axis in order.compensated}
     guards = _guards(machine, *(axis.name for axis in order.axes))
     given = GrindSetting(settings.words, memory, order.index.name in machine.modulo, origin=origin, guards=guards)
-    return {program_path("GRIND", order.index.name): grinding.grinding(order, NEVER_GIVEN, given)}
+    return {program_path("GRIND", order.index.name): grinding.grinding(order, machine.number, given)}
+
+
+def _visits(plans: Sequence[StopPlan], settings: UaSettings, machine: PaperMachine, origin: Origin) -> dict[str, str]:
+    """The first program of these plans: with more of them than one holds, the others follow in programs like it."""
+    together = plans[: settings.plans_together]
+    parts = []
+    safe = set(machine.axes)
+    for plan in together:
+        setting = _setting(plan.axis, plan.compensated_axis, settings, machine, origin)
+        parts.append((plan, replace(setting, guards=guards_of(machine.places, machine.axes, safe - {plan.axis}))))
+        safe = left_safe(safe, plan, machine.places)
+    path = program_path("MEAS", together[0].compensated_axis)
+    return {path: measuring.chained(parts, machine.number)}
 
 
 def _push(batch: PushBatch, settings: UaSettings, machine: PaperMachine, origin: Origin) -> dict[str, str]:
@@ -90,4 +103,4 @@ def _guards(machine: PaperMachine, *moved: str) -> tuple[Guard, ...]:
 
 
 def _memory(axis: str, machine: PaperMachine) -> Memory:
-    return Memory(machine.own_points.get(axis, 0), machine.cross_points, machine.axes)
+    return Memory(machine.own_points.get(axis, 0), machine.cross_points, machine.axes, machine.file_kb)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from drivers.errors import DeviceRefused, words
 from drivers.programs import SelfTest, SelfTested
 from drivers.sinumerik.ncprogram import selftest as program
+from drivers.sinumerik.ncprogram.backup import Memory
 from drivers.sinumerik.ncprogram.legal import legal
 from drivers.sinumerik.ncprogram.measuring import Setting
 from drivers.sinumerik.ncprogram.selftest import Report
@@ -29,6 +30,7 @@ class SelfTesting:
         self._number = 0
         self._words: tuple[str, ...] = ()
         self._alarms: set[int] = set()
+        self._memory = Memory(0)
 
     async def prepare(self, order: SelfTest, setting: Setting) -> None:
         """Send, read back and select the program.
@@ -43,7 +45,7 @@ class SelfTesting:
             number,
             tuple(word for word in program.words_of(order.axis, order.encoder, setting) if word != program.LOOPS),
         )
-        self._alarms = set()
+        self._alarms, self._memory = set(), setting.memory
         await self._dialogue.begin(setting.axis_number, number, path)
         await self._transfer.send(passed)
         await self._transfer.select(path)
@@ -83,6 +85,9 @@ class SelfTesting:
             failed=failed,
             stopped=stopped,
             without=() if program.LOOPS in report.passed else (program.LOOPS,),
+            own_points=self._memory.eec_points,
+            cross_points=self._memory.cec_points,
+            file_kb=self._memory.file_kb,
         )
 
     async def _report(self, order: SelfTest) -> Report:

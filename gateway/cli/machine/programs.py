@@ -33,19 +33,23 @@ def program_command(
     calibrator_feed: Annotated[
         float, typer.Option(min=1, help="Of dwell: fastest feed of a rotary calibrator.")
     ] = 720.0,
+    number: Annotated[
+        int,
+        typer.Option(min=1, max=999_999_999, help="Number in their places: that of a sent program, to compare with."),
+    ] = 999_999,
     as_json: JsonOption = False,
 ) -> None:
     """Write every program that this site would send, without a control; each is judged by the language's rules."""
-    from drivers.errors import ConfigError
+    from drivers.errors import ConfigError, words
     from gateway.config import load_site
     from gateway.workflow.dwelling import DwellWish, dwell_plans, said, target_lists
-    from gateway.workflow.programs import EVERY, KNOWN, kept, programs
+    from gateway.workflow.programs import EVERY, KNOWN, kept, known_control, programs
 
     chosen = tuple(one for one in KNOWN if what == one or (what == "all" and one in EVERY))
     if not chosen:
         raise ConfigError("E-PROGRAM-WHAT", "--what", given=what, known=", ".join((*KNOWN, "all")))
     tree, wish = load_site(site), DwellWish(dwell, settling, calibrator_feed)
-    written = programs(tree, site, chosen, _proposal(run, store) if run else None, dwell=wish)
+    written = programs(tree, site, chosen, _proposal(run, store) if run else None, dwell=wish, number=number)
     lists: dict[str, str] = {}
     told: list[str] = []
     for axis, plan in dwell_plans(tree, wish) if what == "dwell" else ():
@@ -60,6 +64,8 @@ def program_command(
     for line in told:
         echo(line)
     echo(f"{len(written)} programs in {output}; nothing was sent")
+    if what != "dwell" and not known_control(tree, site):
+        echo(words("W-PROGRAM-UNKNOWN"))
 
 
 def _proposal(run: str, store: Path) -> Any:

@@ -1,0 +1,124 @@
+"""What is signed is what is sent: `program` prints, byte for byte, what a run and a push send to the control."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import re
+from collections.abc import Awaitable, Callable
+from pathlib import Path
+
+import numpy as np
+
+from drivers.clock import LoopClock, run_virtual
+from drivers.types.orders import SignProof
+from drivers.types.tables import CompensationTable
+from gateway.config import load_site
+from gateway.domain.proposals import Proposal, TableChange
+from gateway.push.compare import table_in
+from gateway.say import silence
+from gateway.workflow import consents, stages
+from gateway.workflow.axes.measure import fetch_tables
+from gateway.workflow.bench import Bench, bench, new_run, store_of
+from gateway.workflow.control.pushing import apply_proposal
+from gateway.workflow.control.selftesting import self_test_site
+from gateway.workflow.loop.run import run_site
+from gateway.workflow.programs import What, Written, programs
+from simulators.cell import Cell, cell_running
+
+NOTHING = np.zeros(0)
+GRIDS = {"Z1": (0.0, 300.0, 30.0, "mm"), "C1": (0.0, 360.0, 45.0, "deg")}
+
+
+def number_of(text: str) -> int:
+    found = re.search(r"^R87=(\d+)$", text, re.MULTILINE)
+    assert found is not None
+    return int(found[1])
+
+
+def sent(site_path: Path, purpose: str) -> list[str]:
+    """Programs that went to the control in the newest runs, oldest first."""
+    root = store_of(load_site(site_path), site_path).root
+    return [path.read_text(encoding="utf-8") for path in sorted(root.glob(f"*/sent-*-{purpose}_*"))]
+
+
+async def until_sent(site_path: Path, purpose: str, work: Awaitable[object]) -> str:
+    """Do the work until it has sent a program of this purpose; then it is stopped."""
+    task, before = asyncio.ensure_future(work), len(sent(site_path, purpose))
+    while len(sent(site_path, purpose)) == before:
+        if task.done():
+            await task
+            raise AssertionError("it ended and sent nothing")
+        await asyncio.sleep(0.5)
+    task.cancel()
+    with contextlib.suppress(asyncio.CancelledError, Exception):
+        await task
+    return sent(site_path, purpose)[-1]
+
+
+def printed(site_path: Path, what: What, text: str, proposal: Proposal | None = None) -> list[Written]:
+    """What `program` prints with the number of the program that was sent."""
+    return list(programs(load_site(site_path), site_path, (what,), proposal, number=number_of(text)))
+
+
+def table(source: str, index: int) -> CompensationTable:
+    low, high, step, unit = GRIDS[source]
+    count = round((high - low) / step) + 1
+    values = [0.0, *(round(2.0 * np.sin(place), 3) for place in range(1, count - 1)), 0.0]
+    grid = {"modulo": unit == "deg", "index": index, "input_unit": unit}
+    return CompensationTable("cross", source, "X1", low, high, step, tuple(map(float, values)), **grid)  # type: ignore[arg-type]
+
+
+async def proposed(at: Bench) -> Proposal:
+    """Two cross tables of X whose sense is proved."""
+    live = await fetch_tables(at, at.axis("X1"))
+    tables = (table("Z1", 0), table("C1", 1))
+    changes = tuple(
+        TableChange("X1", table_in(live, one).table, one, False, live.digest, NOTHING, NOTHING, NOTHING, base=live)
+        for one in tables
+    )
+    at.proofs.save(SignProof(at.machine, "cross", "X1", -1.0, 0.01, -1, at.clock.utc().isoformat()))
+    return Proposal(at.machine, changes, (), at.clock.utc().isoformat())
+
+
+def at_a_cell(folder: Path, job: Callable[[Cell, LoopClock], Awaitable[None]]) -> None:
+    async def main() -> None:
+        clock = LoopClock()
+        async with cell_running("demo", folder, clock, wires="memory", block_s=1.0) as cell:
+            path = cell.site_path
+            await self_test_site(load_site(path), path, axis="", clock=clock, say=silence)
+            await job(cell, clock)
+
+    run_virtual(main)
+
+
+def test_a_run_sends_what_program_prints_and_the_self_test_is_printed_too(tmp_path: Path) -> None:
+    async def job(cell: Cell, clock: LoopClock) -> None:
+        path = cell.site_path
+        for text in sent(path, "TFSELF"):
+            assert text in [one.program.text for one in printed(path, "self-test", text)]
+        run = run_site(load_site(path), path, apply=False, machine_name="", clock=clock, say=silence)
+        text = await until_sent(path, "TFMEAS", run)
+        one, *_ = printed(path, "measure", text)
+        assert one.program.text == text
+        assert "IF $AA_IM[Y1]" in text  # the dresser's axis, which is no axis of the site, is guarded
+        assert "$AN_CEC" in text
+
+    at_a_cell(tmp_path, job)
+
+
+def test_a_push_sends_what_program_prints(tmp_path: Path) -> None:
+    async def job(cell: Cell, clock: LoopClock) -> None:
+        path = cell.site_path
+        site = load_site(path)
+        folder = new_run(site, path)
+        async with bench(site, path, folder, clock, silence) as at:
+            proposal = await proposed(at)
+            folder.put(stages.PROPOSAL, proposal)
+            assert consents.proposed(at, proposal) == ""
+            text = await until_sent(path, "TFPUSH", apply_proposal(at, proposal, {}))
+        (one,) = printed(path, "load", text, proposal)
+        assert one.program.text == text
+        assert "UTABLE2[0]=SET(" in text
+
+    at_a_cell(tmp_path, job)
