@@ -54,9 +54,10 @@ class SelfTested:
     """How a self-test ended, word by word: for one axis and measuring system of the very machine that it names.
 
     ``utc`` is this PC's time, ``control_date`` the day that the control wrote into its report ("": none). ``stopped``
-    says why the program did not come to its end ("": it did); ``failed`` then names its trial. ``without`` are words that
-    the control does not take and that our programs do without: they are longer there. ``own_points``, ``cross_points``
-    and ``file_kb`` are what the control had reserved (None: not kept): with them programs are written again without it.
+    says why the program did not come to its end ("": it did); ``failed`` then names its trial. ``without`` are words
+    that the control does not take and that our programs do without: they are longer there. ``own_points``,
+    ``cross_points`` and ``file_kb`` are what the control had reserved (None: not kept): with them programs are written
+    again without it.
     """
 
     machine: MachineIdentity

@@ -30,8 +30,10 @@ NOTHING = np.zeros(0)
 GRIDS = {"Z1": (0.0, 300.0, 30.0, "mm"), "C1": (0.0, 360.0, 45.0, "deg")}
 
 
-def number_of(text: str) -> int:
-    found = re.search(r"^R87=(\d+)$", text, re.MULTILINE)
+def number_of(site_path: Path, text: str) -> int:
+    """The number that a program was sent with: it shows it in the eighth of its R parameters."""
+    first = int(load_site(site_path).controller.settings.get("r_first", 80))
+    found = re.search(rf"^R{first + 7}=(\d+)$", text, re.MULTILINE)
     assert found is not None
     return int(found[1])
 
@@ -39,7 +41,7 @@ def number_of(text: str) -> int:
 def sent(site_path: Path, purpose: str) -> list[str]:
     """Programs that went to the control in the newest runs, oldest first."""
     root = store_of(load_site(site_path), site_path).root
-    return [path.read_text(encoding="utf-8") for path in sorted(root.glob(f"*/sent-*-{purpose}_*"))]
+    return [path.read_text(encoding="utf-8") for path in sorted(root.rglob(f"sent-*-{purpose}_*"))]
 
 
 async def until_sent(site_path: Path, purpose: str, work: Awaitable[object]) -> str:
@@ -53,12 +55,12 @@ async def until_sent(site_path: Path, purpose: str, work: Awaitable[object]) -> 
     task.cancel()
     with contextlib.suppress(asyncio.CancelledError, Exception):
         await task
-    return sent(site_path, purpose)[-1]
+    return sent(site_path, purpose)[before]  # what comes after it ends the program
 
 
 def printed(site_path: Path, what: What, text: str, proposal: Proposal | None = None) -> list[Written]:
     """What `program` prints with the number of the program that was sent."""
-    return list(programs(load_site(site_path), site_path, (what,), proposal, number=number_of(text)))
+    return list(programs(load_site(site_path), site_path, (what,), proposal, number=number_of(site_path, text)))
 
 
 def table(source: str, index: int) -> CompensationTable:
@@ -77,7 +79,7 @@ async def proposed(at: Bench) -> Proposal:
         TableChange("X1", table_in(live, one).table, one, False, live.digest, NOTHING, NOTHING, NOTHING, base=live)
         for one in tables
     )
-    at.proofs.save(SignProof(at.machine, "cross", "X1", -1.0, 0.01, -1, at.clock.utc().isoformat()))
+    at.proofs.save(SignProof(at.machine, "cross", "X1", -1.0, 0.01, 1, at.clock.utc().isoformat()))
     return Proposal(at.machine, changes, (), at.clock.utc().isoformat())
 
 

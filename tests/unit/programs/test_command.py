@@ -23,13 +23,15 @@ def test_every_program_says_what_it_is_and_moves_and_what_to_do_when_it_stops(tm
     folder, site = tmp_path / "out", site_file(tmp_path, "demo")
     told = json.loads(run(site, "-o", folder, "--what", "load", "--json"))
     assert sorted(told["programs"]) == sorted(path.name for path in folder.iterdir())
-    text = (folder / "load-eec-X1-X1-TFPUSH_X1.MPF").read_text()
+    text = (folder / "load-axis-TFPUSH_X1.MPF").read_text()
     head = text[: text.index("DEF INT")]
     assert all(line.startswith("; ") for line in head.splitlines())
     said = " ".join(line.lstrip("; ") for line in head.splitlines())
-    assert "_N_TFPUSH_X1_MPF: load and, after the release, enable X1(X1) (41 points) (table)" in said
+    assert "_N_TFPUSH_X1_MPF: load and, after the release, enable X1(X1) (41 points), Z1(Z1) (31 points)" in said
     assert "machine YK7350B-0042" in said
-    assert "Moves: X to 0.0, F 6000. Switching a table off or on moves its axis (X1) by the table's value." in said
+    assert "Switching a table off or on moves its axis (X1, Z1, C1) by the table's value." in said
+    assert "run " not in head
+    assert "number " not in head
     assert "$AA_ENC_COMP" in said
     assert "R parameters: R80, R82, R85 to R90, R93 to R95." in said
     assert "If it stops: press RESET and grind nothing" in said
