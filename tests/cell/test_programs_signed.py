@@ -51,7 +51,7 @@ async def until_sent(site_path: Path, purpose: str, work: Awaitable[object]) -> 
         if task.done():
             await task
             raise AssertionError("it ended and sent nothing")
-        await asyncio.sleep(0.5)
+        await LoopClock().sleep(0.5)
     task.cancel()
     with contextlib.suppress(asyncio.CancelledError, Exception):
         await task
