@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
 from datetime import datetime
 from typing import Literal
 
@@ -42,6 +43,25 @@ class CheckLine:
         fields = {key: str(value) for key, value in self.fields.items()}
         record = {"check": self.check, "outcome": self.outcome, "code": self.code, "fields": fields}
         return {**record, "what": self.what, "fix": self.fix}
+
+
+def gathered(lines: Sequence[CheckLine]) -> tuple[CheckLine, ...]:
+    """The same lines for people: what is found alike of several axes is one line that names them all."""
+    found: list[CheckLine] = []
+    for line in lines:
+        axis = line.fields.get("axis")
+        place = next((at for at, one in enumerate(found) if axis is not None and _alike(one, line)), None)
+        if place is None:
+            found.append(line)
+        else:
+            axes = f"{found[place].fields['axis']}, {axis}"
+            found[place] = replace(found[place], fields={**found[place].fields, "axis": axes})
+    return tuple(found)
+
+
+def _alike(one: CheckLine, other: CheckLine) -> bool:
+    same = (one.check, one.outcome, one.code) == (other.check, other.outcome, other.code)
+    return same and {**one.fields, "axis": ""} == {**other.fields, "axis": ""}
 
 
 def fine(code: str, check: str, **fields: object) -> CheckLine:

@@ -57,6 +57,7 @@ class DriverSettings(BaseModel):
         str_max_length=1000,
     )
     addresses: ClassVar[tuple[str, ...]] = ()
+    sources: ClassVar[str] = ""
     """Kinds of url that the driver opens, by scheme; "" is a serial port's own name; none named: any."""
     typed: ClassVar[bool] = False
     """Whether a person types the readings: of whatever the person reads."""

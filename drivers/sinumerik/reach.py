@@ -26,7 +26,9 @@ async def reach(host: str, port: int, clock: Clock, timeout_s: float) -> list[Ch
     except (OSError, UnicodeError, DeadlineExceeded) as error:
         return [wrong("E-DOC-NAME", "name", host=host, why=str(error))]
     addresses = ", ".join(sorted({str(entry[4][0]) for entry in found}))
-    lines = [fine("W-DOC-NAME", "name", host=host, addresses=addresses)]
+    named = addresses != host
+    told = {"host": host, "addresses": addresses}
+    lines = [fine("W-DOC-NAME" if named else "W-DOC-NUMERIC", "name", **told)]
     try:
         async with clock.deadline(timeout_s, host):
             _reader, writer = await asyncio.open_connection(host, port)

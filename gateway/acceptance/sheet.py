@@ -119,18 +119,20 @@ def _answer(results: Collection[CheckResult], t: Tongue) -> Band:
 
 def _table(results: Collection[CheckResult], t: Tongue) -> tuple[Block, ...]:
     head = tuple(t(f"accept_head_{name}") for name in ("check", "what", "outcome", "seen"))
-    rows = tuple(
-        (
-            f"{t(f'accept_name_{one.check}')} {one.axis}".strip(),
-            t(f"accept_what_{one.check}"),
-            t(f"accept_outcome_{one.outcome}"),
-            one.seen.told(t),
-        )
-        for one in results
-    )
+    before: str | None = None
+    rows: list[tuple[str, ...]] = []
+    for one in results:
+        what = "" if one.check == before else t(f"accept_what_{one.check}")  # said once for all axes of a check
+        name = f"{t(f'accept_name_{one.check}')} {one.axis}".strip()
+        rows.append((name, what, t(f"accept_outcome_{one.outcome}"), one.seen.told(t)))
+        before = one.check
     strong = tuple(number for number, one in enumerate(results) if one.outcome == "failed")
     english = (Paragraph(t("accept_english"), "small"),) if strong and t("accept_english") else ()
-    return (Heading(t("accept_checks")), TableBlock(head, rows, "llll", strong, dense=True, wide=(1, 3)), *english)
+    return (
+        Heading(t("accept_checks")),
+        TableBlock(head, tuple(rows), "llll", strong, dense=True, wide=(1, 3)),
+        *english,
+    )
 
 
 def _signatures(t: Tongue) -> Block:

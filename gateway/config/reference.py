@@ -54,6 +54,13 @@ def _named(section: Mapping[str, Any], driver: str) -> dict[str, Any]:
     return said if is_default else {**said, "required": ["driver"]}
 
 
+SOURCES = (
+    "<!-- source: ISO 230-1: edition 2012; ISO 230-2: edition 2014; ISO 1328-1: edition 2013; ISO 14253-1: edition "
+    "2017; ISO 3166: country codes, part 1 -->"
+)
+"""Where what the descriptions of keys say of standards comes from; a test asks for each."""
+
+
 def page() -> str:
     """The page of reference, in Markdown: every section with its keys, then every driver's settings."""
     lines = [
@@ -62,6 +69,8 @@ def page() -> str:
         "Every key of a site file, as `trueflank check` knows it; this page is written from the code by",
         "`trueflank schema --page`. Keys without a default must be given. Positions are the machine's coordinates.",
         "`trueflank init` writes a commented file, `examples/sites` holds five.",
+        "",
+        SOURCES,
         "",
         *_section("", SiteFile),
         "# Settings of the drivers",
@@ -75,6 +84,7 @@ def page() -> str:
                 f"`{kind}://`" if kind else "a serial port" for kind in model.addresses if kind != "memory"
             )
             lines += [f"## {name} ({role})", "", f"{_first(model)} Its `url` is {kinds}.", "", *_table(model), ""]
+            lines += [f"<!-- source: {model.sources} -->", ""] if model.sources else []
     return shown("\n".join(lines)).rstrip() + "\n"
 
 

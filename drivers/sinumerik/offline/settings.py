@@ -20,6 +20,7 @@ class OfflineSettings(DriverSettings):
     """Keys under ``[controller.settings]`` of a control that is reached by carrying files."""
 
     addresses: ClassVar[tuple[str, ...]] = ("carried",)
+    sources: ClassVar[str] = "MD10000, MD18342: Siemens' own list of machine data (sublime-s840d, doc/en)"
     folder: FolderPathText = Field(
         default="carried", min_length=1, description="folder of what is carried to the control and back"
     )

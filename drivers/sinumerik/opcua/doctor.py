@@ -121,8 +121,10 @@ class UaDoctor:
         if offer.certificate != pinned:
             return [wrong("E-UA-TRUST", "certificate", found=shown.sha256, pinned=view(pinned).sha256)]
         accepted = last_record(place)
-        who = f"{accepted['who']} at {accepted['utc']}" if accepted else "a person not recorded"
-        line = fine("W-DOC-CERTIFICATE", "certificate", thumbprint=shown.sha256, until=shown.valid_until, who=who)
+        who = f"{accepted['who']} at {str(accepted['utc'])[:19]} UTC" if accepted else "a person not recorded"
+        line = fine(
+            "W-DOC-CERTIFICATE", "certificate", thumbprint=shown.sha256, until=shown.valid_until.date(), who=who
+        )
         judged = _valid(line, now, shown.valid_from, shown.valid_until)
         if accepted.get("reason"):
             told = fine("W-DOC-EXCUSED", "certificate", who=who, reason=accepted["reason"])
@@ -163,7 +165,7 @@ def _own(pair: KeyPair, now: datetime) -> list[CheckLine]:
 def _valid(line: CheckLine, now: datetime, since: datetime, until: datetime) -> CheckLine:
     """The line itself while the certificate holds for long enough."""
     if not since <= now <= until:
-        given = {"since": since.isoformat(), "until": until.isoformat(), "now": now.isoformat()}
+        given = {"since": since.isoformat(), "until": until.isoformat(), "now": now.isoformat(timespec="seconds")}
         return wrong("E-DOC-EXPIRED", line.check, **given)
     return line if until - now > SOON else wrong("E-DOC-EXPIRES", line.check, days=(until - now).days)
 

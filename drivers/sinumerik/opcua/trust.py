@@ -95,7 +95,7 @@ class UaTrust:
         fresh = place.with_name(f".{place.name}.new")
         _store(fresh, certificate.public_bytes(Encoding.DER), "wb")
         fresh.replace(place)
-        record = {"utc": self._clock.utc().isoformat(), "who": who, "url": self._url}
+        record = {"utc": self._clock.utc().isoformat(timespec="seconds"), "who": who, "url": self._url}
         record |= {"accepted": view(certificate).sha256, "before": before}
         record |= {"reason": reason} if reason else {}
         _store(record_of(place), (json.dumps(record) + "\n").encode(), "ab")

@@ -9,7 +9,7 @@ from typing import Annotated, Any
 import typer
 
 from drivers import registry
-from drivers.checks import CertificateView, CheckLine, TrustView, Wanted, WantedAxis, fine, unknown, wrong
+from drivers.checks import CertificateView, CheckLine, TrustView, Wanted, WantedAxis, fine, gathered, unknown, wrong
 from drivers.clock import Clock, LoopClock
 from drivers.errors import ConfigError, TrueflankError, words
 from drivers.leftover import Sent
@@ -34,7 +34,7 @@ def doctor_command(site: SiteArgument, take: TakeOption = "", as_json: JsonOptio
     if as_json:
         show_json({"site": tree.site.name, "ok": well, "lines": [line.as_record() for line in lines]})
     else:
-        for line in lines:
+        for line in gathered(lines):
             colour = {"ok": "green", "wrong": "red"}.get(line.outcome, "yellow")
             say_line(f"{MARKS[line.outcome]:<14} {line.check}: {line.what}", 15, colour=colour)
             if line.fix:

@@ -112,9 +112,17 @@ class ToleranceSection(Section):
 
 
 class GearToleranceSection(Section):
-    """Limits of the gear's figures: a class of ISO 1328-1:2013 with module and diameter, or figures in um."""
+    """Limits of the gear's figures: those of the reducer or an own tolerance, um, or a class of ISO 1328-1:2013.
 
-    grade: Whole | None = Field(default=None, ge=1, le=11, description="flank tolerance class of ISO 1328-1:2013")
+    That standard is for involute gears: for a cycloid disc its class is an own tolerance that is named so.
+    """
+
+    grade: Whole | None = Field(
+        default=None,
+        ge=2,
+        le=11,
+        description="class of ISO 1328-1:2013, as a named own tolerance: the standard is for involute gears",
+    )
     module_mm: Number | None = Field(default=None, gt=0, le=100.0, description="module for that class, mm")
     diameter_mm: Number | None = Field(default=None, gt=0, le=10000.0, description="reference diameter for it, mm")
     width_mm: Number | None = Field(default=None, gt=0, le=2000.0, description="face width for it, mm")
