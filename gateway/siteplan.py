@@ -114,7 +114,8 @@ class SetupSection(Section):
 
     ``axis`` moves. A square is one set-up on X and one on Z, and "B0Z-R" the same with the square turned over about
     its Z arm; a test bar is one set-up on Z with C parked at 0 and one at 180. ``sense`` -1 where the reading falls
-    when the moved part errs in the plus direction of the component: no jog can prove it. ``offset_mm``: the measured
+    when the moved part errs in the plus direction of the component: no jog can prove it, but a known
+    ``step`` does. ``offset_mm``: the measured
     point less the point the component is meant for, machine directions (on a rotary axis along it only).
     """
 
@@ -154,6 +155,12 @@ class SetupSection(Section):
     )
     jog: Number | None = Field(default=None, description="jog of the plausibility check, mm or deg")
     U: Number | None = Field(default=None, ge=0, le=100.0, description="of the instrument (k = 2), um or arcsec")
+    step: Number | None = Field(
+        default=None,
+        gt=0,
+        le=200.0,
+        description="known step that proves the sense: a shim or table step in the plus direction, um or arcsec",
+    )
     own_angle_arcsec: Number | None = Field(default=None, description="angle of the square minus 90 deg, if known")
     park: dict[Name, Number] = Field(
         default_factory=dict, description="positions of the other axes during the measurement"

@@ -48,7 +48,8 @@ class ErrorRig(Rig):
     """A rig for one error motion: readings times ``factor`` are its deviation in ``unit``.
 
     ``column`` is the channel's place; ``largest`` the greatest reading from the datum that optics still at their
-    place can give; ``jog`` the plausibility move in the axis unit. The axis' ``stable`` is in ``unit``.
+    place can give; ``jog`` the plausibility move in the axis unit, ``step`` the known one of the optics that proves
+    their sense, in ``unit`` (0: none). The axis' ``stable`` is in ``unit``.
     """
 
     unit: DeviationUnit = "um"
@@ -57,6 +58,7 @@ class ErrorRig(Rig):
     largest: float = LARGEST["um"]
     jog: float = 10.0
     optics: tuple[str, ...] = ("unknown",)
+    step: float = 0.0
 
     @property
     def window(self) -> Window:
@@ -204,8 +206,19 @@ async def capture_error(rig: ErrorRig, more: More | None = None) -> RawCapture:
         return await visited(Visits(rig, found, readings), plan, more, judge)
 
 
-def error_capture(rig: ErrorRig, raw: RawCapture, sense: Literal[1, -1], *, absolute: bool = False) -> Capture:
-    """Deviations in the rig's unit, zero at the first reading, or as read where the zero was set by a gauge."""
+def error_capture(
+    rig: ErrorRig,
+    raw: RawCapture,
+    sense: Literal[1, -1],
+    *,
+    absolute: bool = False,
+    proved: SenseProof | None = None,
+) -> Capture:
+    """Deviations in the rig's unit, zero at the first reading, or as read where the zero was set by a gauge.
+
+    ``proved`` is how the sense that the site file says was proved.
+    """
+    told = "a known step proved it" if proved is not None else "no jog can prove it"
     values = rig.factor * raw.values[..., rig.column]
     deviations = values if absolute else values - values[0, 0, 0]
     reading_u = float(np.sqrt(np.nanmean(raw.window_sigma**2) / max(raw.window_count, 1))) * abs(rig.factor)
@@ -221,13 +234,13 @@ def error_capture(rig: ErrorRig, raw: RawCapture, sense: Literal[1, -1], *, abso
         ambient_end=raw.ambient[-1],
         corrections=corrections.begin("nothing"),
         live=raw.live,
-        sense=None,
+        sense=proved,
         suspects=robust_means(raw.targets, deviations).suspects,
         source="live",
         started_utc=raw.started_utc,
         ended_utc=raw.ended_utc,
         notes=(
-            *(*lost, *raw.notes, f"direction as the site file says it (sense {sense:+d}): no jog can prove it"),
+            *(*lost, *raw.notes, f"direction as the site file says it (sense {sense:+d}): {told}"),
             *warmth_said(raw.live, raw.targets),
         ),
         cycle=rig.axis.measure.cycle,

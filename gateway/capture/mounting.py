@@ -3,23 +3,30 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 from drivers.errors import BeamObstructed, UnsupportedDevice
 from drivers.types.stops import Stop, StopReached
 from drivers.units import DeviationUnit
 from gateway.capture.errormotion import ErrorReadings, ErrorRig
 from gateway.capture.readings import StopReading
-from gateway.capture.targets import jog_plan, jog_start
+from gateway.capture.rig import step_of
+from gateway.capture.targets import jog_plan, jog_start, step_plan
+from gateway.domain.equipment import SenseProof
 from gateway.walk import walk, watched
 
 # What a carriage or table can do over a jog, um or arcsec: 2.5 mrad of lean over 10 mm, a ball 0.3 mm off its axis.
 JOG_CHANGE: dict[DeviationUnit, float] = {"um": 25.0, "arcsec": 30.0}
+STEP_SHARE = 0.25  # of a step by hand: a shim's thickness, and how straight it is moved
 BACK_AGAIN: dict[DeviationUnit, float] = {"um": 2.0, "arcsec": 2.0}
 
 
 @dataclass(frozen=True, slots=True)
 class MountingProof:
-    """What the instrument said of its optics and read at start, start + ``jog`` and start again, in ``unit``."""
+    """What the instrument said of its optics and read at start, start + ``jog`` and start again, in ``unit``.
+
+    ``sense`` is the proof by a known step of the optics; None where the site file names no step.
+    """
 
     instrument: str
     axis: str
@@ -28,6 +35,7 @@ class MountingProof:
     unit: DeviationUnit
     jog: float
     evidence: tuple[float, ...]
+    sense: SenseProof | None = None
 
 
 async def prove_mounting(rig: ErrorRig) -> MountingProof:
@@ -35,7 +43,7 @@ async def prove_mounting(rig: ErrorRig) -> MountingProof:
 
     A jog that does not come back is made once more: one reading out of line is no wrong mounting.
     Raises UnsupportedDevice (E-SETUP-OPTICS: other optics; E-SETUP-LIGHT: no valid reading with them;
-    E-SETUP-JOG: it follows the travel or does not come back), Unstable.
+    E-SETUP-JOG: it follows the travel or does not come back; E-SETUP-STEP: it does not follow a known step), Unstable.
     """
     told, seen = await _jogged(rig, rig.setup)
     if not _plausible(rig, seen):
@@ -51,7 +59,44 @@ async def prove_mounting(rig: ErrorRig) -> MountingProof:
         unit=rig.unit,
         jog=rig.jog,
         evidence=tuple(seen),
+        sense=await _stepped(rig, seen[-1]) if rig.step else None,
     )
+
+
+async def _stepped(rig: ErrorRig, before: float) -> SenseProof:
+    """A person moves the optics by a known step in the plus direction and back again: the reading must follow.
+
+    Raises UnsupportedDevice (E-SETUP-STEP): another way or by another amount, or it does not come back.
+    """
+    there_at, back_at = [await _after(rig, moved) for moved in (rig.step, 0.0)]
+    there, back = there_at - before, there_at - back_at
+    if max(abs(there - rig.step), abs(back - rig.step)) > STEP_SHARE * rig.step + _repeats(rig):
+        told: dict[str, Any] = {"step": f"{rig.step:+g} {rig.unit}", "there": f"{there:+.2f} {rig.unit}"}
+        told |= {"component": rig.axis.measure.component, "back": f"{-back:+.2f} {rig.unit}"}
+        raise UnsupportedDevice("E-SETUP-STEP", rig.instrument.name, **told)
+    return SenseProof(
+        instrument=rig.instrument.name,
+        axis=rig.axis.name,
+        sense=1,
+        scale=0.5 * (there + back) / rig.step,
+        evidence=(before, there_at, back_at),
+    )
+
+
+async def _after(rig: ErrorRig, moved: float) -> float:
+    """The reading once a person has moved the optics to ``moved`` from where they were mounted."""
+    seen: list[float] = []
+    async with ErrorReadings(rig) as readings:
+
+        async def at_stop(_index: int, _stop: Stop, _reached: StopReached) -> None:
+            readings.datum()
+            reading = await _lit(rig, readings)
+            seen.append(float(rig.combine(reading.values[None, :])[0]))
+
+        plan = step_plan(rig.axis, jog_start(rig.axis, rig.jog), step_of(rig.axis, moved))
+        looks_on = watched(rig.controller, rig.clock, plan, at_stop)
+        await walk(rig.controller, plan, at_stop=looks_on, patience=rig.patience, say=rig.say)
+    return seen[-1]
 
 
 async def _jogged(rig: ErrorRig, setup: str) -> tuple[str, list[float]]:

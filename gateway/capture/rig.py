@@ -23,6 +23,11 @@ def setup_of(axis: AxisSection) -> str:
     return f"TRUEFLANK SETUP {axis.measure.component} ON {axis.letter}"
 
 
+def step_of(axis: AxisSection, step: float) -> str:
+    """The operator's message for moving optics by a known step from where they stand; 0: back again."""
+    return f"TRUEFLANK STEP {axis.measure.component} {step:g} ON {axis.letter}"
+
+
 @dataclass(slots=True)
 class StandingOptics:
     """Whose optics were mounted last, by the message that asked for them; "" where nobody can vouch for it any more."""

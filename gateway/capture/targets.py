@@ -101,6 +101,12 @@ def jog_plan(axis: AxisSection, start: float, jog: float, setup: str) -> StopPla
     return plan_of(axis, stops, setup, name=f"TFSENSE{axis.letter}", dwell_s=axis.measure.dwell_s)
 
 
+def step_plan(axis: AxisSection, start: float, message: str) -> StopPlan:
+    """One stop, after a person has done what the message says."""
+    dwell_s = axis.measure.dwell_s
+    return plan_of(axis, (Stop(start, 1, 0, 0),), message, name=f"TFSENSE{axis.letter}", dwell_s=dwell_s)
+
+
 def plan_of(
     axis: AxisSection, stops: tuple[Stop, ...], setup: str, *, name: str, dwell_s: float, save: bool = True
 ) -> StopPlan:

@@ -144,6 +144,7 @@ class OperatorSection(CellSection):
     auto: bool = True
     start_delay_s: float = Field(default=3.0, ge=0)
     setup_delay_s: float = Field(default=20.0, ge=0)
+    step_delay_s: float = Field(default=10.0, ge=0, description="to put a shim under optics, or take it out")
     load_delay_s: float = Field(default=20.0, ge=0, description="to take a part off or clamp a blank")
     release_delay_s: float = Field(default=2.0, ge=0)
     activate_delay_s: float = Field(default=10.0, ge=0)

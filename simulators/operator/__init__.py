@@ -13,6 +13,7 @@ from simulators.operator.panel import OperatorPanel, ShownControl, WorkPlace
 from simulators.optics import OpticsBench
 
 SETUP = re.compile(r"TRUEFLANK SETUP (?P<component>\S+) ON (?P<letter>[A-Z])$")
+STEP = re.compile(r"TRUEFLANK STEP (?P<component>\S+) (?P<size>[0-9.]+) ON (?P<letter>[A-Z])$")
 BLANK = re.compile(r"TRUEFLANK LOAD BLANK(?: .*)?$")
 UNLOAD = re.compile(r"TRUEFLANK UNLOAD PART(?: .*)?$")
 ACTIVATE = re.compile(r"TRUEFLANK ACTIVATE NCK RESET AND REFERENCE (?P<axis>\S+( \S+)*)$")
@@ -120,6 +121,7 @@ class Operator:
     async def _act(self, message: str) -> None:
         acts: tuple[tuple[re.Pattern[str], Callable[[re.Match[str]], Awaitable[None]]], ...] = (
             (SETUP, self._set_up),
+            (STEP, self._step),
             (BLANK, self._load_blank),
             (UNLOAD, self._unload_part),
             (ACTIVATE, self._activate),
@@ -146,6 +148,12 @@ class Operator:
         self.log.append(f"mounted {setup.component} on {setup.axis}")
         if self._control.channel_status == INTERRUPTED:
             self.press("NC START")
+
+    async def _step(self, found: re.Match[str]) -> None:
+        """A shim under the optics, or out again."""
+        await self._clock.sleep(self.spec.step_delay_s)
+        self._bench.steps[found["component"]] = float(found["size"])
+        self._go_on(f"stepped {found['component']} by {found['size']}")
 
     async def _load_blank(self, _found: re.Match[str]) -> None:
         await self._clock.sleep(self.spec.load_delay_s)

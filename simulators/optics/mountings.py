@@ -41,6 +41,7 @@ class OpticsBench:
         self.truth = truth
         self.machine = machine
         self.broken: set[str] = set()
+        self.steps: dict[str, float] = {}
         self._mounted: dict[str, Mounting] = {}
         self._turned: set[str] = set()
         self._count = 0
@@ -66,6 +67,7 @@ class OpticsBench:
     def mount(self, setup: Setup, optics: str | None = None) -> None:
         """Mount a set-up; what else its axis carried is taken off. `optics` if other than the set-up's."""
         self._count += 1
+        self.steps.pop(setup.component, None)
         self._mounted = {name: m for name, m in self._mounted.items() if m.setup.axis != setup.axis}
         self._mounted[setup.instrument] = Mounting(setup, optics or setup.optics, self._count)
 

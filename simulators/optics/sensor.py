@@ -98,7 +98,8 @@ class SensorReader:
 
     def _value(self, setup: Setup, times: FloatArray) -> FloatArray:
         motions = self._watcher.motions(watched(setup), times)
-        value = self._geometry(setup, motions, float(times[-1])) + self._zero
+        moved = self._bench.steps.get(setup.component, 0.0) * (-1.0 if setup.reversed else 1.0)
+        value = self._geometry(setup, motions, float(times[-1])) + self._zero + moved
         drift = self.spec.noise.drift_per_h * drifted_s(times) / 3600.0
         noise = self._rng.normal(0.0, self.spec.noise.sample, len(times))
         return value + drift + noise + self._offsets(motions[setup.axis], len(times))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import datetime
 from pathlib import Path
 from typing import Any
@@ -216,6 +216,7 @@ def conclude(site: SiteFile, folder: RunFolder, tooth: Tooth | None) -> PlanOutc
     ]
     usual = site.assumed
     model = error_model(measurements, spans(site), linear_um=usual.linear_um, angular_arcsec=usual.angular_arcsec)
+    model = replace(model, said=(*model.said, *_unproved(done, captures)))
     folder.put(stages.ERRORS, model, tuple(folder.digest(stages.setup(one.key)) for one in done))
     remaining = tuple(one.key for one in plan if one.measured and one not in done)
     folder.set_state(PARTIAL if remaining else MEASURED)
@@ -236,6 +237,12 @@ def conclude(site: SiteFile, folder: RunFolder, tooth: Tooth | None) -> PlanOutc
 def _settled(one: Planned, capture: Capture) -> tuple[Doubt, ...]:
     """The doubts of a set-up's capture, with what the site file accepts of them now."""
     return settled(all_doubts(capture), one.axis.measure.accept_doubts)
+
+
+def _unproved(done: Sequence[Planned], captures: Sequence[Capture]) -> tuple[str, ...]:
+    """The set-ups whose sense rests on what the site file says, in words."""
+    names = ", ".join(one.key for one, capture in zip(done, captures, strict=True) if capture.sense is None)
+    return (words("S-MODEL-SENSE", names=names),) if names else ()
 
 
 def grids(site: SiteFile) -> tuple[AxisGrid, ...]:

@@ -15,9 +15,9 @@ from gateway.capture.gathered.raw import RawCapture
 from gateway.capture.live import capture_axis
 from gateway.capture.mounting import prove_mounting
 from gateway.capture.retaking import demand_complete
-from gateway.capture.rig import setup_of
+from gateway.capture.rig import setup_of, step_of
 from gateway.capture.sense import prove_sense
-from gateway.capture.targets import jog_plan, jog_start, measuring_plan, plan_of, targets_of
+from gateway.capture.targets import jog_plan, jog_start, measuring_plan, plan_of, step_plan, targets_of
 from gateway.config import AxisSection, SiteFile
 from gateway.domain.captures import Capture
 from gateway.errors import CaptureError
@@ -81,7 +81,9 @@ def coming(site: SiteFile, left: Sequence[Planned]) -> tuple[StopPlan, ...]:
 
 def _error_plans(one: Planned) -> list[StopPlan]:
     jog = jog_plan(one.axis, jog_start(one.axis, one.jog), one.jog, setup_of(one.axis))
-    return [jog, measuring_plan(one.axis, targets_of(one.axis), "")]
+    start, step = jog_start(one.axis, one.jog), one.setup.step
+    steps = [step_plan(one.axis, start, step_of(one.axis, moved)) for moved in (step, 0.0)] if step else []
+    return [jog, *steps, measuring_plan(one.axis, targets_of(one.axis), "")]
 
 
 def _parking(axis: AxisSection, place: float) -> StopPlan:
@@ -139,12 +141,13 @@ async def _positioning(at: Bench, one: Planned) -> tuple[Capture, tuple[str, ...
 
 async def _error(at: Bench, one: Planned) -> tuple[Capture, tuple[str, ...]]:
     rig = error_rig(at, one)
-    proved = at.folder.put(stages.setup_proof(one.key), await prove_mounting(rig))
+    mounted = await prove_mounting(rig)
+    proved = at.folder.put(stages.setup_proof(one.key), mounted)
     without_cross(await rig.controller.saved_tables(one.axis.name), at.moved)
     absolute = one.setup.name in ("X0C", "Y0C")
 
     def corrected(raw: RawCapture) -> Capture:
-        return error_capture(rig, raw, one.setup.sense, absolute=absolute)
+        return error_capture(rig, raw, one.setup.sense, absolute=absolute, proved=mounted.sense)
 
     raw = await capture_error(rig, _finer(at, rig.axis, one.setup.name, corrected))
     digest = at.folder.put(stages.setup_raw(one.key), raw, (proved,))
@@ -177,6 +180,7 @@ def error_rig(at: Bench, one: Planned) -> ErrorRig:
         largest=one.setup.largest or LARGEST[one.unit],
         jog=one.jog,
         optics=OPTICS[one.axis.kind, one.unit],
+        step=one.setup.step or 0.0,
     )
 
 

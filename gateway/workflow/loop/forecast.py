@@ -29,6 +29,8 @@ from gateway.workflow.part.inspecting import inspector_name
 from gateway.workflow.tooth.proposal import work_of
 
 Told = Iterator[Piece]
+STEP_S = 60.0
+"""To put a shim in, or move optics by a known step, and back again."""
 
 
 def day_of_run(site: SiteFile, *, apply: bool, axes: Collection[str] = ()) -> DayPlan:
@@ -113,7 +115,8 @@ class _Day:
 
     def _setup(self, one: Planned, plans: Sequence[StopPlan], before: int) -> Piece:
         asks = self._begun(before, len(plans)).plus(Asks(machine_s=visiting(plans, one.axis)))
-        return Piece("measure", one.key, asks, _mounting_of(one))
+        hand_s = STEP_S if one.setup.step and not one.positioning else 0.0
+        return Piece("measure", one.key, asks, _mounting_of(one), hand_s=hand_s)
 
     def _begun(self, before: int, count: int) -> Asks:
         """The programs that begin with the next ``count`` plans after ``before`` others."""

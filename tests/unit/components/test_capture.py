@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import AsyncIterator, Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from drivers.clock import LoopClock, run_virtual
 from drivers.errors import ConfigError, UnsupportedDevice
-from drivers.types.sensing import Optics
+from drivers.types.sensing import Optics, SampleBlock
+from drivers.types.stops import StopPlan
 from gateway.capture.errormotion import ErrorReadings, ErrorRig, capture_error, channel_of, error_capture
 from gateway.capture.live import RawCapture
 from gateway.capture.mounting import MountingProof, prove_mounting
@@ -221,3 +223,43 @@ def test_the_channel_must_read_the_unit(
     with pytest.raises(ConfigError) as caught:
         channel_of(machine, wanted, unit)  # type: ignore[arg-type]
     assert caught.value.code == "E-SETUP-CHANNEL"
+
+
+class Shimmed(Little):
+    """One whose person puts a shim under the optics where MSG says so; ``way`` -1: they face the wrong way."""
+
+    way = 1.0
+    moved = 0.0
+
+    async def prepare_stops(self, plan: StopPlan) -> None:
+        words = plan.setup.split()
+        self.moved = float(words[3]) if words[1:2] == ["STEP"] else 0.0
+        await super().prepare_stops(plan)
+
+    async def blocks(self) -> AsyncIterator[SampleBlock]:
+        async for block in super().blocks():
+            yield replace(block, values=block.values + self.way * self.moved)
+
+
+@pytest.mark.parametrize("way", [1.0, -1.0])
+def test_a_known_step_proves_the_sense_and_refuses_optics_that_face_the_wrong_way(way: float) -> None:
+    async def main() -> tuple[MountingProof, Capture, list[str]]:
+        clock = LoopClock()
+        clock.now()
+        machine = Shimmed(clock, reading(), ("deviation_um",), "straightness")
+        machine.way = way
+        rig = rig_of(machine, step=50.0)
+        proof = await prove_mounting(rig)
+        return proof, error_capture(rig, await capture_error(rig), 1, proved=proof.sense), machine.setups
+
+    if way < 0.0:
+        with pytest.raises(UnsupportedDevice, match="known step") as caught:
+            run_virtual(main)
+        assert caught.value.code == "E-SETUP-STEP"
+        return
+    proof, capture, setups = run_virtual(main)
+    assert setups[1:3] == ["TRUEFLANK STEP EYX 50 ON X", "TRUEFLANK STEP EYX 0 ON X"]
+    assert proof.sense is not None
+    assert (proof.sense.sense, proof.sense.scale) == (1, pytest.approx(1.0, abs=0.01))
+    assert capture.sense == proof.sense
+    assert any("a known step proved it" in note for note in capture.notes)
