@@ -86,6 +86,7 @@ def evaluate(
             phase=phase,
             store=store,
             limits=limits_of(limit or ()),
+            accepted=accepted_doubts(accept_doubt),
         )
         raise typer.Exit(evaluate_kinds(files or [], options, as_json=as_json))
     tree = load_site(site) if site is not None else None

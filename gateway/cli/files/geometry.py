@@ -8,12 +8,14 @@ from pathlib import Path
 
 from drivers import registry
 from drivers.errors import ConfigError
+from drivers.types.doubts import Doubt
 from drivers.types.results import MeasuredSet
 from gateway.cli.exits import of_verdicts
 from gateway.cli.files.evaluating import show_verdicts, verdict
 from gateway.cli.show import echo, show_json, show_table
 from gateway.workflow.files.kindrecords import KindAnswer, KindQuestion, MeasuredFile
 
+ALONG = ("positioning", "reversal")
 MIXED = ("angular", "rotary-motion")
 """Kinds whose readings are no deviation along their own axis: angles over mm, lengths over deg."""
 TABLES = (".csv", ".txt", ".dat", ".tsv")
@@ -31,6 +33,7 @@ class KindOptions:
     phase: str = ""
     store: Path = Path("runs")
     limits: Mapping[str, float] = field(default_factory=dict)
+    accepted: Mapping[str, str] = field(default_factory=dict)
 
 
 def evaluate_kinds(files: Sequence[Path], asked: KindOptions, *, as_json: bool) -> int:
@@ -38,6 +41,8 @@ def evaluate_kinds(files: Sequence[Path], asked: KindOptions, *, as_json: bool) 
 
     Raises ConfigError, ModelError, FileFormatError, StoreError.
     """
+    from gateway.evaluate.behaviour.doubts import as_data, blocking, told
+    from gateway.evaluate.behaviour.positioning import undecided
     from gateway.workflow.files.kinds import evaluate_kind, known_kind
 
     known_kind(asked.kind)
@@ -49,16 +54,27 @@ def evaluate_kinds(files: Sequence[Path], asked: KindOptions, *, as_json: bool) 
         from gateway.report.drawings.kinds import draw
 
         draw(answer, asked.plot)
-    decided = answer.decided(asked.limits)
+    doubts = tuple(one for item in read for one in _doubts(item.measured, asked))
+    decided = [(one, unit) for item, unit in answer.decided(asked.limits) for one in undecided((item,), doubts)]
     if as_json:
-        show_json(answer.as_data() | {"verdicts": [verdict(one) for one, _ in decided]})
+        show_json(answer.as_data() | {"verdicts": [verdict(one) for one, _ in decided], "doubts": as_data(doubts)})
     else:
-        _show(answer, [warning for one in read for warning in one.measured.warnings])
+        _show(answer, [*told(doubts), *(warning for one in read for warning in one.measured.warnings)])
         for place, (one, unit) in enumerate(decided, 1):
             show_verdicts([verdict(one)], unit, rule=place == len(decided))
         if asked.plot is not None:
             echo(f"picture: {asked.plot}")
-    return of_verdicts([one.verdict for one, _ in decided])
+    return of_verdicts([*(one.verdict for one, _ in decided), *("not decidable" for _ in blocking(doubts))])
+
+
+def _doubts(measured: MeasuredSet, asked: KindOptions) -> tuple[Doubt, ...]:
+    """Doubts that matter for the kind: of the reader, their size, and along the own axis whether a turn closes."""
+    from gateway.evaluate.behaviour.doubts import all_doubts, notable, settled
+
+    own = {one.code for one in measured.doubts}
+    found = all_doubts(measured) if asked.kind not in MIXED else measured.doubts
+    kept = (one for one in notable(found) if one.code in own or asked.kind in ALONG or one.code == "S-EVAL-SPREAD")
+    return settled(kept, asked.accepted)
 
 
 def _measured(path: Path, asked: KindOptions) -> tuple[MeasuredFile, ...]:

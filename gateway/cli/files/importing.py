@@ -9,11 +9,13 @@ import typer
 
 from drivers.errors import ConfigError, TrueflankError
 from gateway.cli.options import (
+    AcceptOption,
     AskOption,
     JsonOption,
     SiteOption,
     StatementOption,
     StoreOption,
+    accepted_doubts,
     accepted_words,
     compared_of,
     run_or_file,
@@ -35,6 +37,7 @@ def import_command(
     site: SiteOption = None,
     accept: StatementOption = None,
     ask: AskOption = True,
+    accept_doubt: AcceptOption = None,
     as_json: JsonOption = False,
 ) -> None:
     """Take result files into the store; what they do not say is said once and remembered."""
@@ -48,9 +51,10 @@ def import_command(
     at = compared_of(site, accept, ask=ask and not as_json)
     told: list[dict[str, Any]] = []
     failures: list[TrueflankError] = []
+    accepted = accepted_doubts(accept_doubt)
     for path in files:
         try:
-            done = import_file(path, Store(store), how, lambda: datetime.now(UTC), at=at)
+            done = import_file(path, Store(store), how, lambda: datetime.now(UTC), at=at, accepted=accepted)
         except TrueflankError as error:
             failures.append(error)
             told.append({"file": str(path), "error": error.as_record()})

@@ -19,6 +19,7 @@ from drivers.types.results import MeasuredSet
 from gateway.config import SiteFile
 from gateway.domain.stated import StatedFacts
 from gateway.errors import StoreError
+from gateway.evaluate.behaviour.doubts import told, with_doubts
 from gateway.say import Say, silence
 from gateway.store import Maps, RunFolder, Store
 from gateway.store.disk import disk_errors
@@ -319,10 +320,12 @@ def import_file(
     *,
     at: Compared = Compared(),
     expected: str = "",
+    accepted: Mapping[str, str] | None = None,
 ) -> tuple[Imported, ...]:
     """Read a file and keep each measurement in it as a run of its own; the same one a second time is only named.
 
-    ``at`` says with which site the file's statements are compared. ``expected`` is the sha256 it must have. The user's
+    ``at`` says with which site the file's statements are compared. ``expected`` is the sha256 it must have. The
+    doubts of the readings are kept with them, those settled that ``accepted`` has a reason for, by code. The user's
     file is never changed. Raises what `read_all` and `settle` raise; FileFormatError (E-IMPORT-CHANGED) when the file
     changed meanwhile; StoreError.
     """
@@ -330,9 +333,19 @@ def import_file(
     if expected and digest != expected:
         raise FileFormatError("E-IMPORT-CHANGED", str(path))
     maps = Maps(store.root)
-    reads = read_all(path, how, maps, utc)
+    reads = tuple(_doubted(one, accepted or {}) for one in read_all(path, how, maps, utc))
     stated = at.settled([facts_of(path.name, header_of(reads[0].content))], maps, utc)
     return tuple(_import(path, store, one, digest, at=at, stated=stated) for one in reads)
+
+
+def _doubted(read: Read, accepted: Mapping[str, str]) -> Read:
+    """What was read with its doubts in the record; those that stop verdict and table, or would, are told."""
+    across = read.component and read.component[1:2] != read.component[2:3]
+    if not isinstance(read.content, MeasuredSet) or across:
+        return read
+    content = with_doubts(read.content, accepted)
+    said = told(one for one in content.doubts if one.blocking or one.settled)
+    return replace(read, content=content, notes=(*read.notes, *said))
 
 
 def header_of(content: Content) -> Mapping[str, str]:

@@ -17,6 +17,7 @@ from gateway.cli import app
 from gateway.errors import InDoubt
 from gateway.evaluate.behaviour.doubts import blocking, doubts_of, gap_across
 from gateway.evaluate.optics.rotary import closure_arcsec, rotary_deviations
+from gateway.store import RunFolder
 from gateway.table.conversion import FileDatum, TableRequest, convert
 
 RUNNER = CliRunner()
@@ -203,3 +204,22 @@ def test_what_blocks_is_first_and_named() -> None:
     found = doubts_of(at, x, "deg")
     assert [one.code for one in found[:2]] == ["S-EVAL-SPREAD", "S-EVAL-CLOSURE-FAR"]
     assert all(one.remedy for one in blocking(found))
+
+
+def test_an_import_keeps_its_doubts_and_what_a_person_said_of_them(tmp_path: Path) -> None:
+    path, store = turn(tmp_path, 6.0), tmp_path / "runs"
+    told = json.loads(typed("import", path, "--store", store, "--json", "--accept-doubt", ACCEPT).stdout)[0]
+    assert "S-EVAL-CLOSURE-FAR accepted: the belt slipped" in " ".join(told["notes"])
+    kept = RunFolder(Path(told["folder"])).get("measured", MeasuredSet)
+    assert [one.settled for one in kept.doubts if one.code == "S-EVAL-CLOSURE-FAR"] == [
+        "the belt slipped on the way back"
+    ]
+
+
+def test_the_other_kinds_decide_nothing_of_readings_in_doubt(tmp_path: Path) -> None:
+    path = tmp_path / "s.csv"
+    rows = [f"{10 * at},+,1,{9999000 if at == 2 else at % 2}" for at in range(5)]
+    path.write_text("\n".join(["target_mm,direction,repetition,deviation_um", *rows]) + "\n", encoding="utf-8")
+    result = typed("evaluate", path, "--kind", "straightness", "--limit", "s.csv lsq=1e9", "--json")
+    assert result.exit_code == 21, result.output
+    assert "S-EVAL-SPREAD" in {one["code"] for one in json.loads(result.stdout)["doubts"]}
