@@ -112,10 +112,10 @@ def mean_of_both(evaluation: Evaluation) -> FloatArray:
 
 
 def _verdict(size: int, by: Literal["M", "B"], before: Evaluation, after: Evaluation) -> str:
-    """The verdict in one sentence, with the figure that it rests on."""
+    """The verdict in one sentence, then the figure that it rests on."""
     was, is_now = getattr(before, by), getattr(after, by)
     figures = {"figure": by, "before": _number(was), "after": _number(is_now), "U": _number(_doubt(before, after, by))}
-    return words(_SIZES[size], **figures, unit=before.unit)
+    return words(_SIZES[size]) + " " + words("W-VERDICT-FIGURES", **figures, unit=before.unit)
 
 
 def _number(value: float | None) -> str:

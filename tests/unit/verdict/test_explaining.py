@@ -64,7 +64,7 @@ def test_one_verdict_in_one_sentence_and_no_reason_against_it(slope: float, U: f
     assert [improved, same, "became worse" in verdict].count(True) == 1
     assert improved == told.improved
     assert told.worse == ("became worse" in verdict)
-    assert f"M {np.ptp(SHAPE):.2f} -> {np.ptp(SHAPE) * abs(1.0 + slope):.2f} arcsec" in verdict
+    assert f"M {np.ptp(SHAPE):.2f} -> {np.ptp(SHAPE) * abs(1.0 + slope):.2f} arcsec" in told.words
     against = {
         True: ("cannot be determined", "is not active", "wrong sign"),
         False: ("cannot be determined",) if told.worse else (),
