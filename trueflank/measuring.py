@@ -21,8 +21,9 @@ from gateway.evaluate.behaviour.doubts import all_doubts, as_data, demand_settle
 from gateway.evaluate.behaviour.doubts import told as told_doubts
 from gateway.evaluate.behaviour.positioning import Surroundings, evaluate_positioning, said_contributions
 from gateway.evaluate.standards.readings import checked, counts, means, standard_deviations
-from gateway.model.components import standard_uncertainty, value
+from gateway.model.components import TURN_DEG, is_periodic, standard_uncertainty, value
 from gateway.model.means import fit_means
+from gateway.siteplan import MOST_POINTS
 from trueflank.frames import frame
 from trueflank.given import ASKS, axis_unit_of, motion_name, numbers_given, of_kind, path_given, units_fit, wholes_given
 
@@ -272,7 +273,8 @@ def positions_its_axis(name: str) -> bool:
 class ErrorMotion:
     """A fitted error motion, um or arcsec over mm or deg; call it with positions of any shape.
 
-    Outside the measured range a turning axis repeats and any other holds its end value: nothing is extrapolated.
+    One measured around a whole turn repeats; any other is known over ``range`` alone, and elsewhere raises ModelError
+    (E-MODEL-RANGE). Angles a whole turn apart are one place.
     """
 
     component: Component
@@ -287,8 +289,18 @@ class ErrorMotion:
         """Unit of its values."""
         return self.component.unit
 
+    @property
+    def range(self) -> tuple[float, float]:
+        """Lowest and highest position (mm or deg) that was measured."""
+        return self.component.domain
+
+    @property
+    def periodic(self) -> bool:
+        """Whether the motion repeats after a turn, so that it is known everywhere."""
+        return is_periodic(self.component)
+
     def __call__(self, positions: ArrayLike) -> FloatArray:
-        """Values at positions (mm or deg). Raises ConfigError (E-LIBRARY-KIND) for what is no number."""
+        """Values at positions (mm or deg). Raises ConfigError (E-LIBRARY-KIND) for what is no number, E-MODEL-RANGE."""
         return value(self.component, numbers_given(positions, self.component.axis_unit, self.name))
 
     def u(self, positions: ArrayLike) -> FloatArray:
@@ -296,9 +308,29 @@ class ErrorMotion:
         return standard_uncertainty(self.component, numbers_given(positions, self.component.axis_unit, self.name))
 
     def points(self, count: int = 51) -> tuple[FloatArray, FloatArray]:
-        """Equally spaced positions over the measured range and the values there, each (count,)."""
-        at = np.linspace(*self.component.domain, count)
+        """Equally spaced positions over the measured range, or the whole turn, and the values there, each (count,)."""
+        low, high = self.component.domain
+        at = np.linspace(low, low + TURN_DEG if self.periodic else high, count)
         return at, self(at)
+
+    def function(self) -> dict[str, Any]:
+        """The motion as an error file and `Machine` take it, with its range: exact, or a broken line of many points."""
+        one, c = self.component, self.component.coefficients
+        known: dict[str, Any] = {"range": self.range}
+        if self.periodic:
+            known = {"period": TURN_DEG} if one.basis not in ("constant", "polynomial") else {}
+        if one.basis == "constant":
+            return {"type": "poly", "c": c.tolist(), **known}
+        if one.basis == "polynomial":
+            shape = {"q0": one.parameters["centre"], "scale": one.parameters["scale"]}
+            return {"type": "poly", "c": c.tolist(), **shape, **known}
+        if one.basis == "fourier":
+            return {"type": "fourier", "a0": float(c[0]), **_harmonics(one), **known}
+        if one.basis == "piecewise":
+            nodes: Any = one.parameters["nodes"]
+            return {"type": "pl", "q": list(nodes), "v": c.tolist(), **known}
+        at, values = self.points(MOST_POINTS)
+        return {"type": "pl", "q": at.tolist(), "v": values.tolist(), **known}
 
     def to_dict(self) -> dict[str, Any]:
         """Plain data: basis, coefficients and the curve at 51 positions."""
@@ -308,6 +340,8 @@ class ErrorMotion:
             "unit": self.unit,
             "basis": self.component.basis,
             "coefficients": self.component.coefficients.tolist(),
+            "range": list(self.range),
+            "periodic": self.periodic,
             "positions": at.tolist(),
             "values": values.tolist(),
         }
@@ -320,6 +354,15 @@ class ErrorMotion:
     def __repr__(self) -> str:
         _, values = self.points()
         return f"ErrorMotion({self.name}: {self.component.basis}, range {np.ptp(values):.3f} {SHOWN[self.unit]})"
+
+
+def _harmonics(one: Component) -> dict[str, list[float]]:
+    """Cosine and sine amplitudes of every order up to the highest; those that were not fitted are zero."""
+    orders: Any = one.parameters["orders"]
+    a, b = np.zeros((2, max(orders)))
+    for place, order in enumerate(orders):
+        a[order - 1], b[order - 1] = one.coefficients[1 + 2 * place : 3 + 2 * place]
+    return {"a": a.tolist(), "b": b.tolist()}
 
 
 def fit(

@@ -116,8 +116,7 @@ class Machine:
 def _function(name: str, one: Given) -> Any:
     if isinstance(one, ErrorMotion):
         units_fit(motion_name(name, "Machine"), one.component.axis_unit, one.unit, "Machine")
-        at, values = one.points()
-        return {"type": "pl", "q": at.tolist(), "v": values.tolist()}
+        return one.function()
     if isinstance(one, tuple):
         if len(one) != 2:
             raise ConfigError(

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import replace
-from typing import Any
+from dataclasses import dataclass, replace
+from typing import Any, Literal
 
 import numpy as np
 import scipy
 from numpy.typing import ArrayLike
 
+from drivers.units import rad_to_deg
 from gateway.domain.figures import Component
 from gateway.domain.values import FloatArray
 from gateway.errors import ModelError
@@ -18,13 +19,97 @@ from gateway.model.cubic import cardinal
 LONGEST_WAVE = 12
 """Orders of a turn above this are waves of worm or scale, not the axis' shape."""
 Parameters = Mapping[str, Any]
+TURN_DEG = 360.0
+SLACK = 1e-3
+"""mm or deg beyond the ends that count as the ends: controls round positions, and a derivative needs both sides."""
+
+
+@dataclass(frozen=True, slots=True)
+class KnownRange:
+    """Where an error motion is known: ``low`` to ``high`` in ``unit``, everywhere if it repeats after ``period``.
+
+    Angles a whole turn apart are one place, so a position of a turning axis is reduced into the range where exactly
+    one such place lies in it.
+    """
+
+    name: str
+    low: float
+    high: float
+    unit: Literal["mm", "deg", "rad"]
+    period: float | None = None
+
+    @staticmethod
+    def of(component: Component) -> KnownRange:
+        """The range that a component was fitted over."""
+        period = component.parameters.get("period")
+        turn = float(str(period)) if period is not None else None
+        return KnownRange(component.name, *component.domain, component.axis_unit, turn)
+
+    @property
+    def turn(self) -> float | None:
+        """A whole turn in the unit; None for a length."""
+        return {"mm": None, "deg": TURN_DEG, "rad": 2.0 * np.pi}[self.unit]
+
+    @property
+    def slack(self) -> float:
+        """`SLACK` in the unit."""
+        return float(np.deg2rad(SLACK)) if self.unit == "rad" else SLACK
+
+    def inside(self, positions: ArrayLike) -> FloatArray:
+        """Positions (any shape) as they lie in the range.
+
+        Raises ModelError (E-MODEL-RANGE) with name, range and the first position that lies outside.
+        """
+        at = np.asarray(positions, dtype=np.float64)
+        if self.period is not None or not np.any(self._outside(at)):
+            return at
+        at = self._reduced(at)
+        outside = self._outside(at)
+        if np.any(outside):
+            raise self._error(float(np.asarray(positions, dtype=np.float64)[outside].flat[0]))
+        return at
+
+    def has(self, position: float) -> bool:
+        """Whether the motion is known at a position."""
+        at = np.asarray(position, dtype=np.float64)
+        return self.period is not None or not bool(np.any(self._outside(self._reduced(at))))
+
+    def within(self, low: float, high: float) -> tuple[float, float]:
+        """What of a travel is known; all of it where the motion repeats or the travel of a turning axis fits in.
+
+        Raises ModelError (E-MODEL-RANGE) where nothing of it is.
+        """
+        if self.period is not None or (self.turn is not None and self.has(low) and self.has(high)):
+            return low, high
+        if self.turn is not None:
+            return self.low, self.high
+        if low > self.high + self.slack or high < self.low - self.slack:
+            raise self._error(low if low > self.high else high)
+        return max(low, self.low), min(high, self.high)
+
+    def _outside(self, at: FloatArray) -> Any:
+        return (at < self.low - self.slack) | (at > self.high + self.slack)
+
+    def _reduced(self, at: FloatArray) -> FloatArray:
+        turn = self.turn
+        if turn is None or self.high - self.low > turn + self.slack:  # over more than a turn two places would do
+            return at
+        lifted = self.low + np.mod(at - self.low, turn)
+        lifted = np.where(lifted - turn >= self.low - self.slack, lifted - turn, lifted)
+        return np.where(self._outside(at), lifted, at)
+
+    def _error(self, position: float) -> ModelError:
+        unit = "mm" if self.unit == "mm" else "deg"
+        low, high, at = (
+            f"{float(rad_to_deg(one)) if self.unit == 'rad' else one:.6g}" for one in (self.low, self.high, position)
+        )
+        return ModelError("E-MODEL-RANGE", self.name, name=self.name, low=low, high=high, position=at, unit=unit)
 
 
 def value(component: Component, positions: ArrayLike) -> FloatArray:
-    """Value of a component at positions (any shape) in its own unit.
+    """Value of a component at positions (any shape) in its own unit; one that repeats is known everywhere.
 
-    Outside its domain a periodic component repeats and any other holds its end value: nothing is
-    extrapolated.
+    Raises ModelError (E-MODEL-RANGE) outside the range that was fitted: nothing is extrapolated.
     """
     at = np.asarray(positions, dtype=np.float64)
     return (_design_at(component, at.ravel()) @ component.coefficients).reshape(at.shape)
@@ -34,7 +119,7 @@ def standard_uncertainty(component: Component, positions: ArrayLike) -> FloatArr
     """Standard uncertainty of the fitted value at positions: sqrt(g' V g), GUM.
 
     V holds the readings' scatter and the scatter of what the fit leaves; structure that lies between the
-    targets and is not seen by them is ``residual_rms``, to be added where it matters.
+    targets and is not seen by them is ``residual_rms``, to be added where it matters. Raises as `value`.
     """
     at = np.asarray(positions, dtype=np.float64)
     g = _design_at(component, at.ravel())
@@ -53,7 +138,7 @@ def motion_uncertainty(component: Component, positions: ArrayLike) -> FloatArray
 def at_datum(component: Component, reference: float) -> Component:
     """The component with its value at the reference taken off everywhere; its uncertainty is zero there.
 
-    The offset of a positioning deviation is the machine zero and no error motion.
+    The offset of a positioning deviation is the machine zero and no error motion. Raises as `value`.
     """
     g = _design_at(component, np.asarray([reference]))[0]
     ones = _one_everywhere(component, g.size)
@@ -94,7 +179,7 @@ def is_periodic(component: Component) -> bool:
 
 
 def design(basis: str, parameters: Parameters, positions: FloatArray) -> FloatArray:
-    """Basis functions (points, coefficients) at positions inside the domain.
+    """Basis functions (points, coefficients) at positions inside the domain, which is not checked here.
 
     Raises ModelError (E-MODEL-BASIS) for an unknown name.
     """
@@ -104,8 +189,7 @@ def design(basis: str, parameters: Parameters, positions: FloatArray) -> FloatAr
 
 
 def _design_at(component: Component, positions: FloatArray) -> FloatArray:
-    inside = positions if is_periodic(component) else np.clip(positions, *component.domain)
-    return design(component.basis, component.parameters, inside)
+    return design(component.basis, component.parameters, KnownRange.of(component).inside(positions))
 
 
 def _constant(_parameters: Parameters, positions: FloatArray) -> FloatArray:
@@ -127,13 +211,13 @@ def _fourier(parameters: Parameters, positions: FloatArray) -> FloatArray:
 
 def _bspline(parameters: Parameters, positions: FloatArray) -> FloatArray:
     knots = np.asarray(parameters["knots"], dtype=np.float64)
-    return np.asarray(scipy.interpolate.BSpline.design_matrix(positions, knots, 3).toarray())
+    return np.asarray(scipy.interpolate.BSpline.design_matrix(positions, knots, 3, extrapolate=True).toarray())
 
 
 def _piecewise(parameters: Parameters, positions: FloatArray) -> FloatArray:
     nodes = np.asarray(parameters["nodes"], dtype=np.float64)
     period = parameters.get("period")
-    return hats(nodes, positions) if period is None else periodic_hats(nodes, float(period), positions)
+    return hats(nodes, positions, held=False) if period is None else periodic_hats(nodes, float(period), positions)
 
 
 def _cubic(parameters: Parameters, positions: FloatArray) -> FloatArray:
@@ -158,15 +242,16 @@ _BASES: Mapping[str, Callable[[Parameters, FloatArray], FloatArray]] = {
 }
 
 
-def hats(nodes: FloatArray, positions: FloatArray) -> FloatArray:
-    """Hat functions (points, nodes) of ascending nodes; end values hold outside."""
+def hats(nodes: FloatArray, positions: FloatArray, *, held: bool = True) -> FloatArray:
+    """Hat functions (points, nodes) of ascending nodes; outside, end values hold or the last lines go on."""
     found = np.zeros((positions.size, nodes.size))
     rows = np.arange(positions.size)
     if nodes.size == 1:
         found[:, 0] = 1.0
         return found
     left = np.clip(np.searchsorted(nodes, positions, side="right") - 1, 0, nodes.size - 2)
-    share = np.clip((positions - nodes[left]) / (nodes[left + 1] - nodes[left]), 0.0, 1.0)
+    share = (positions - nodes[left]) / (nodes[left + 1] - nodes[left])
+    share = np.clip(share, 0.0, 1.0) if held else share
     found[rows, left] = 1.0 - share
     found[rows, left + 1] = share
     return found

@@ -1,4 +1,7 @@
-"""Takes out of a fitted motion what belongs to set-up or location: line, mean, the wave of an eccentric artefact."""
+"""Takes out of a fitted motion what belongs to set-up or location: line, mean, the wave of an eccentric artefact.
+
+Means and waves are those of the axis' own travel: the whole turn of a motion that repeats, else the range measured.
+"""
 
 from __future__ import annotations
 
@@ -9,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from gateway.domain.figures import Component
 from gateway.domain.values import FloatArray
-from gateway.model.components import design, value
+from gateway.model.components import design, is_periodic, value
 
 TURN_DEG = 360.0
 DENSE = 720
@@ -25,9 +28,16 @@ def without_line(component: Component, positions: ArrayLike) -> Component:
 
 
 def without_mean(component: Component) -> Component:
-    """A component of a turning axis less its mean over the turn: that is a location error."""
-    x = np.arange(DENSE) * TURN_DEG / DENSE
+    """A component of a turning axis less its mean over the axis' travel: that is a location error."""
+    x = travel(component)
     return _less(component, x, np.ones((DENSE, 1)))
+
+
+def travel(component: Component) -> FloatArray:
+    """Places (720,) evenly over the travel: the turn of a component that repeats, else the range that was measured."""
+    if is_periodic(component):
+        return np.arange(DENSE) * TURN_DEG / DENSE
+    return np.linspace(*component.domain, DENSE)
 
 
 def _less(component: Component, x: FloatArray, shapes: FloatArray) -> Component:
@@ -40,9 +50,8 @@ def _less(component: Component, x: FloatArray, shapes: FloatArray) -> Component:
 
 
 def mean_of(component: Component) -> tuple[float, float]:
-    """Mean over the turn and its standard uncertainty."""
-    x = np.arange(DENSE) * TURN_DEG / DENSE
-    g = design(component.basis, component.parameters, x).mean(axis=0)
+    """Mean over the axis' travel and its standard uncertainty."""
+    g = design(component.basis, component.parameters, travel(component)).mean(axis=0)
     return float(g @ component.coefficients), float(np.sqrt(max(g @ component.covariance @ g, 0.0)))
 
 
@@ -60,10 +69,11 @@ class Wave:
 
 
 def first_harmonic(component: Component) -> Wave:
-    """The once-per-turn part."""
-    x = np.arange(DENSE) * TURN_DEG / DENSE
+    """The once-per-turn part: over a part of a turn that of the least-squares wave with a constant."""
+    x = travel(component)
     values, q = value(component, x), np.deg2rad(x)
-    return Wave(2.0 * float(np.mean(values * np.cos(q))), 2.0 * float(np.mean(values * np.sin(q))))
+    found = np.linalg.lstsq(np.column_stack([np.ones_like(q), np.cos(q), np.sin(q)]), values, rcond=None)[0]
+    return Wave(float(found[1]), float(found[2]))
 
 
 def in_phase(first: Wave, second: Wave) -> tuple[Wave, Wave]:

@@ -86,13 +86,16 @@ def fit_positioning(
     extended for the number of choices and with the known noise as floor, chooses the order; between families
     the leave-one-out error does (see `choose`). The covariance holds the scatter that the fit leaves (order
     above the targets, steps). Targets without a mean (NaN) are left out. With `reference` the value there is
-    made zero (datum).
+    made zero (datum). Targets around a part of the turn of a `modulo` axis lie beside each other across 0 deg, whatever
+    they are counted from: the curve never crosses the part that was not measured.
     Raises NotIdentifiable (E-MODEL-POINTS) with fewer than two targets, ModelError (E-MODEL-U: a mean has no
     uncertainty; E-MODEL-SHAPE).
     """
     data = _data(targets, means, u, name)
     if kind == "rotary" and _closes(data, modulo):
         data = replace(data, period=TURN_DEG)
+    elif kind == "rotary" and modulo:
+        data = _part_of_turn(data)
     best = choose(candidates(data), data.noise)
     fitted = _component(best, data, name, axis, axis_unit)
     return fitted if reference is None else at_datum(fitted, reference)
@@ -138,7 +141,7 @@ def choose(tried: Iterable[Candidate], noise: float) -> Candidate:
 
 def candidates(data: _Data) -> tuple[Candidate, ...]:
     """The best of every family that the data can carry."""
-    found = [_candidate("constant", {}, data)]
+    found = [_candidate("constant", {} if data.period is None else {"period": data.period}, data)]
     if data.period is not None:
         found += _harmonics(data)
     else:
@@ -168,6 +171,25 @@ def _closes(data: _Data, modulo: bool) -> bool:
     early, late = np.nonzero(np.abs(data.at[:, None] + TURN_DEG - data.at[None, :]) < SAME_DEG)
     apart = np.abs(data.values[late] - data.values[early])
     return modulo or bool(np.all(apart <= max(FAR_ABOVE_NOISE * data.noise, ENDS_ALIKE * float(np.ptp(data.values)))))
+
+
+def part_of_turn(at: FloatArray) -> FloatArray:
+    """Positions (m,) of a modulo axis counted on from where the widest gap of the turn ends: 340, 350, 0 as 340 .. 360.
+
+    Positions that lie so already are returned as they are.
+    """
+    places = np.unique(np.round(np.mod(at, TURN_DEG), 6))
+    gaps = np.diff(np.append(places, places[0] + TURN_DEG))
+    if float(np.ptp(at)) <= TURN_DEG - float(gaps.max()) + SAME_DEG:
+        return at
+    start = float(places[(int(np.argmax(gaps)) + 1) % places.size])
+    return np.asarray(start + np.mod(np.round(at - start, 9), TURN_DEG))
+
+
+def _part_of_turn(data: _Data) -> _Data:
+    at = part_of_turn(data.at)
+    order = np.argsort(at, kind="stable")
+    return replace(data, at=at[order], values=data.values[order], u=data.u[order])
 
 
 def _gaps(at: FloatArray) -> tuple[int, float]:

@@ -48,7 +48,11 @@ def _element(data: object, where: str) -> Element:
     for key in ("err", "loc"):
         if not isinstance(data.get(key, {}), Mapping):
             raise ModelError("E-CHAIN-ELEMENT", where, why=f"{key} is a table of keys")
-    err = {key: motion_of(value, f"{where} {key}") for key, value in dict(data.get("err", {})).items()}
+    turning = data["kind"] == "revolute"
+    err = {
+        key: motion_of(value, f"{where} {key}", name=f"{key} of {data['name']}", turning=turning)
+        for key, value in dict(data.get("err", {})).items()
+    }
     frame = data.get("err_frame", "moving")
     return Axis(
         name=str(data["name"]),

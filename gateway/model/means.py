@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 from drivers.units import AxisUnit
 from gateway.domain.figures import Component
 from gateway.domain.values import FloatArray
-from gateway.model.components import is_periodic, value
+from gateway.model.components import KnownRange, is_periodic, value
 from gateway.model.fit import SMALLEST_U, THROUGH, TURN_DEG, fit_positioning, fit_through
 from gateway.model.regression import alike
 from gateway.model.waves import fit_waves
@@ -56,6 +56,7 @@ def fit_means(
 
 def _waved(smooth: Component, at: FloatArray, mean: FloatArray, u: FloatArray) -> Component | None:
     """The curve with waves that the means tell; None where they tell none."""
+    at = KnownRange.of(smooth).inside(at)
     order = np.argsort(at, kind="stable")
     fit = fit_waves(at[order], mean[order], u[order], TURN_DEG if is_periodic(smooth) else None)
     if fit is None:

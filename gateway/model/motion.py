@@ -9,13 +9,17 @@ from typing import Any
 import numpy as np
 
 from drivers.types.values import FloatArray
-from drivers.units import arcsec_to_rad, rad_to_deg, um_to_mm
+from drivers.units import arcsec_to_rad, deg_to_rad, rad_to_deg, um_to_mm
 from gateway.domain.figures import Component
 from gateway.errors import ModelError
 from gateway.model.axis import Motion
-from gateway.model.components import value
+from gateway.model.components import KnownRange, value
 
 FULL_TURN = 2.0 * np.pi
+SAME = 1e-6  # of a turn
+WIDEST_GAP = FULL_TURN / 6.0
+NEXT_GAP = 1.5  # the last gap of a turn may be so much wider than the widest other one
+ENDS_ALIKE = 0.1  # of all that an axis deviates by: places a turn apart may differ by warmth and instruments
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,7 +62,10 @@ class Fourier:
 
 @dataclass(frozen=True, slots=True)
 class PiecewiseLinear:
-    """Straight between points, held outside; repeats if ``period`` is given."""
+    """Straight between points (n,), one value each; repeats if ``period`` is given, else its last lines go on.
+
+    `motion_of` makes one that is known between its points alone.
+    """
 
     q: tuple[float, ...]
     v: tuple[float, ...]
@@ -66,7 +73,50 @@ class PiecewiseLinear:
 
     def __call__(self, q: FloatArray) -> FloatArray:
         """Values at q, same shape."""
-        return np.asarray(np.interp(q, self.q, self.v, period=self.period))
+        at, nodes, values = np.asarray(q, dtype=np.float64), np.asarray(self.q), np.asarray(self.v)
+        if self.period is not None:
+            at = nodes[0] + np.mod(at - nodes[0], self.period)
+            if nodes[-1] < nodes[0] + self.period * (1.0 - SAME):
+                nodes, values = np.append(nodes, nodes[0] + self.period), np.append(values, values[0])
+        if nodes.size == 1:
+            return np.full(at.shape, values[0])
+        left = np.clip(np.searchsorted(nodes, at, side="right") - 1, 0, nodes.size - 2)
+        share = (at - nodes[left]) / (nodes[left + 1] - nodes[left])
+        return np.asarray((1.0 - share) * values[left] + share * values[left + 1])
+
+
+@dataclass(frozen=True, slots=True)
+class Within:
+    """A motion in mm or rad that is known over a range alone: elsewhere it raises ModelError (E-MODEL-RANGE)."""
+
+    motion: Polynomial | Fourier | PiecewiseLinear
+    known: KnownRange
+
+    def __call__(self, q: FloatArray) -> FloatArray:
+        """Values at q, same shape."""
+        return self.motion(self.known.inside(q))
+
+
+@dataclass(frozen=True, slots=True)
+class Fitted:
+    """A fitted component (um or arcsec over mm or deg) as a motion in mm or rad over mm or rad; raises as `value`."""
+
+    component: Component
+
+    @property
+    def known(self) -> KnownRange:
+        """The range of the fit, in mm or rad."""
+        found = KnownRange.of(self.component)
+        if found.unit == "mm":
+            return found
+        low, high = (float(deg_to_rad(one)) for one in (found.low, found.high))
+        return KnownRange(found.name, low, high, "rad", None if found.period is None else FULL_TURN)
+
+    def __call__(self, q: FloatArray) -> FloatArray:
+        """Values at q, same shape."""
+        at = rad_to_deg(q) if self.component.axis_unit == "deg" else q
+        found = value(self.component, at)
+        return um_to_mm(found) if self.component.name[1:2] in "XYZ" else arcsec_to_rad(found)
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,9 +133,24 @@ class Sum:
         return total
 
 
-def motion_of(data: object, where: str = "motion") -> Motion:
+def travel_of(motion: Motion, low: float, high: float) -> tuple[float, float]:
+    """What of an axis' travel (mm or rad) a motion is known over: all of it for a constant or a formula.
+
+    Raises ModelError (E-MODEL-RANGE) where nothing of it is known.
+    """
+    if isinstance(motion, Sum):
+        for part in motion.parts:
+            low, high = travel_of(part, low, high)
+    if isinstance(motion, Within | Fitted):
+        return motion.known.within(low, high)
+    return low, high
+
+
+def motion_of(data: object, where: str = "motion", *, name: str = "", turning: bool = False) -> Motion:
     """An error motion from plain data: a number, a callable, or a mapping with "type" poly, fourier or pl.
 
+    A broken line (pl) is known between its points, one around a whole turn of a ``turning`` axis everywhere. With
+    "range" (low, high) a formula is known over that range alone; without it everywhere. ``name`` is that of errors.
     Raises ModelError E-CHAIN-MOTION-DATA saying what is wrong.
     """
     if callable(data):
@@ -94,9 +159,10 @@ def motion_of(data: object, where: str = "motion") -> Motion:
         return float(data)
     if not isinstance(data, Mapping) or data.get("type") not in _TYPES:
         raise ModelError("E-CHAIN-MOTION-DATA", where, why=f"neither a number nor one of {', '.join(_TYPES)}")
-    rest = {key: part for key, part in data.items() if key != "type"}
+    rest = {key: part for key, part in data.items() if key not in ("type", "range")}
     try:
-        return _checked(_TYPES[str(data["type"])](rest), where)
+        found = _checked(_TYPES[str(data["type"])](rest), where)
+        return _ranged(found, data.get("range"), name or where, turning=turning)
     except (KeyError, TypeError, ValueError) as error:
         raise ModelError("E-CHAIN-MOTION-DATA", where, why=f"{type(error).__name__} {error}") from error
 
@@ -106,12 +172,37 @@ def motion_from(component: Component) -> Motion:
 
     The second letter of its name says what it is: X, Y, Z a displacement, A, B, C a rotation (ISO 230-1).
     """
-    to_unit: Callable[[FloatArray], FloatArray] = um_to_mm if component.name[1:2] in "XYZ" else arcsec_to_rad
+    return Fitted(component)
 
-    def motion(q: FloatArray) -> FloatArray:
-        at = rad_to_deg(q) if component.axis_unit == "deg" else q
-        return to_unit(value(component, at))
 
+def _ranged(motion: Polynomial | Fourier | PiecewiseLinear, limits: Any, name: str, *, turning: bool) -> Motion:
+    if isinstance(motion, PiecewiseLinear):
+        if motion.period is None and turning and limits is None:
+            motion = _around(motion)
+        if motion.period is not None:
+            return motion
+        limits = limits if limits is not None else (motion.q[0], motion.q[-1])
+        if limits[0] < motion.q[0] or limits[1] > motion.q[-1]:
+            raise ValueError("the range is wider than the points")
+    if limits is None:
+        return motion
+    low, high = _floats(limits)
+    if not low < high and not isinstance(motion, PiecewiseLinear):
+        raise ValueError("the range must ascend")
+    return Within(motion, KnownRange(name, low, high, "rad" if turning else "mm"))
+
+
+def _around(motion: PiecewiseLinear) -> PiecewiseLinear:
+    """The same line; it repeats if its points lie around a whole turn and its ends, where they meet, agree."""
+    q, v = np.asarray(motion.q), np.asarray(motion.v)
+    span = float(q[-1] - q[0])
+    if abs(span - FULL_TURN) <= SAME * FULL_TURN:
+        closes = abs(float(v[-1] - v[0])) <= ENDS_ALIKE * float(np.ptp(v))
+        return PiecewiseLinear(motion.q, motion.v, FULL_TURN) if closes else motion
+    widest = float(np.max(np.diff(q), initial=0.0))
+    closing = FULL_TURN - span
+    if 0.0 < closing <= min(WIDEST_GAP, NEXT_GAP * widest):
+        return PiecewiseLinear(motion.q, motion.v, FULL_TURN)
     return motion
 
 
@@ -148,6 +239,9 @@ def _checked(motion: Polynomial | Fourier | PiecewiseLinear, where: str) -> Moti
         len(motion.q) != len(motion.v) or not motion.q or bool(np.any(np.diff(motion.q) <= 0.0))
     ):
         why = "points must ascend and have one value each"
+    elif isinstance(motion, PiecewiseLinear) and motion.period is not None:
+        if not motion.period > 0.0 or motion.q[-1] - motion.q[0] > motion.period * (1.0 + SAME):
+            why = "points must lie within one period, which must be above 0"
     if why:
         raise ModelError("E-CHAIN-MOTION-DATA", where, why=why)
     return motion

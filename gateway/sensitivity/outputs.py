@@ -17,6 +17,7 @@ from gateway.gear.grinding import Grinding
 from gateway.gear.inspection import inspect
 from gateway.gear.linear import ErrorParameter, linear_flank
 from gateway.model.axis import Motion
+from gateway.model.motion import travel_of
 
 OUTPUTS = ("rms", "largest", "profile", "lead", "pitch", "runout")
 Order = Literal["first", "second", "exact"]
@@ -115,13 +116,20 @@ def equal_size(name: str) -> float:
 def measured_spans(
     grinding: Grinding, names: Sequence[str], travels: Mapping[str, tuple[float, float]]
 ) -> tuple[Span, ...]:
-    """Each error from its least to its greatest value over its axis' travel (mm or rad); a constant from zero to it."""
+    """Each error from its least to its greatest value over its axis' travel (mm or rad); a constant from zero to it.
+
+    Of a travel that counts over which the error is known. Raises ModelError (E-MODEL-RANGE) where that is nothing,
+    E-SENS-TRAVEL for a linear axis without a travel.
+    """
     found = []
     for name in names:
         axis, key = grinding.chain.error_place(name)
         one = grinding.chain.axis(axis)
         if key in one.err and callable(one.err[key]):
-            values = one.value(key, np.linspace(*travels.get(axis, (0.0, 2.0 * np.pi)), TRAVEL_SAMPLES))
+            reach = travels.get(axis, (0.0, 2.0 * np.pi) if one.kind == "revolute" else None)
+            if reach is None:
+                raise ModelError("E-SENS-TRAVEL", "ranking", name=name, axis=axis)
+            values = one.value(key, np.linspace(*travel_of(one.err[key], *reach), TRAVEL_SAMPLES))
         else:
             values = np.array(
                 [0.0, float(one.loc.get(key, 0.0)) if key in one.loc else _constant(one.err.get(key, 0.0))]

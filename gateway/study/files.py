@@ -76,7 +76,11 @@ class ChainSection(_Section):
 
 
 class ErrorFunction(_Section):
-    """An error motion over its axis' position: values in um or arcsec, positions in mm or deg."""
+    """An error motion over its axis' position: values in um or arcsec, positions in mm or deg.
+
+    A broken line (pl) is known between its points, one around a whole turn everywhere; a formula everywhere, or over
+    ``range`` alone.
+    """
 
     type: Literal["poly", "fourier", "pl"]
     c: tuple[float, ...] = Field(default=(), max_length=MOST_POINTS)
@@ -88,6 +92,7 @@ class ErrorFunction(_Section):
     period: float | None = None
     q: tuple[float, ...] = Field(default=(), max_length=MOST_POINTS)
     v: tuple[float, ...] = Field(default=(), max_length=MOST_POINTS)
+    range: tuple[float, float] | None = Field(default=None, description="lowest and highest position where it is known")
 
 
 class Seeded(_Section):

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 
 from drivers.units import arcsec_to_rad, deg_to_rad, um_to_mm
+from gateway.correct.plan.ownlayer import known_travel
 from gateway.correct.plan.plan import AxisGrid, Plan
 from gateway.errors import ModelError
 from gateway.gear.cycloid import CycloidGear
@@ -80,7 +82,9 @@ def motion_in_mm_rad(
         "fourier": {"a0": value.a0 * size, "a": scaled["a"], "b": scaled["b"], **period},
         "pl": {"q": tuple(one * at for one in value.q), "v": scaled["v"], **period},
     }
-    return motion_of({"type": value.type, **data[value.type]}, name)
+    known = {} if value.range is None else {"range": tuple(one * at for one in value.range)}
+    turning = chain.axis(axis).kind == "revolute"
+    return motion_of({"type": value.type, **data[value.type], **known}, name, name=name, turning=turning)
 
 
 def drawn_errors(chain: Chain, seeded: Seeded) -> dict[str, Motion]:
@@ -128,10 +132,19 @@ def _usual_grids(grinding: Grinding) -> dict[str, AxisGrid]:
     reach = REACH_MM * np.ceil(grinding.gear.b / 2.0 / REACH_MM) + REACH_MM
     low, high = (-far, 0.0) if at < 0.0 else (0.0, far)
     return {
-        x: AxisGrid(x, float(low), float(high), 20.0),
-        z: AxisGrid(z, -float(reach), float(reach), REACH_MM),
+        x: _known_grid(grinding.chain, AxisGrid(x, float(low), float(high), 20.0)),
+        z: _known_grid(grinding.chain, AxisGrid(z, -float(reach), float(reach), REACH_MM)),
         c: AxisGrid(c, 0.0, 360.0, 15.0, modulo=True),
     }
+
+
+def _known_grid(chain: Chain, grid: AxisGrid) -> AxisGrid:
+    """The grid as far as the axis' own deviation is known, zero at its place nearest to the reference."""
+    low, high = known_travel(chain, grid.axis, grid.minimum, grid.maximum)
+    if (low, high) == (grid.minimum, grid.maximum) or not low < high:
+        return grid
+    step = (high - low) / max(round((high - low) / grid.step), 1)
+    return replace(grid, minimum=low, maximum=high, step=step, reference=float(np.clip(grid.reference, low, high)))
 
 
 def travels(plan: Plan, chain: Chain) -> dict[str, tuple[float, float]]:

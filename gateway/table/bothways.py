@@ -15,9 +15,9 @@ from drivers.types.tables import CompensationTable
 from gateway.axes import AxisRecord
 from gateway.domain.figures import Component
 from gateway.domain.values import FloatArray
-from gateway.model.components import value
 from gateway.table.comparison import acting, apart
 from gateway.table.limits import check
+from gateway.table.merging import held
 from gateway.table.projection import Grid, project, quantised
 
 
@@ -37,7 +37,7 @@ def with_directions(
     """
 
     def half(at: FloatArray) -> FloatArray:
-        found = value(reversal, at) if reversal is not None else np.zeros_like(at)
+        found = held(reversal, at) if reversal is not None else np.zeros_like(at)
         return np.asarray((apart(acts, at) + found) / 2.0)
 
     middle = np.asarray(

@@ -20,7 +20,7 @@ from drivers.types.tables import CompensationTable
 from drivers.units import AxisUnit, DeviationUnit, deviation_scale, deviation_unit
 from gateway.domain.values import FloatArray
 from gateway.errors import InDoubt
-from gateway.table.limits import check, told
+from gateway.table.limits import check, check_reach, told
 from gateway.table.projection import Grid, project, quantised, zeroed
 
 TURN_DEG = 360.0
@@ -97,8 +97,8 @@ def convert(measured: MeasuredSet, request: TableRequest, limits: Limits | None 
     """The axis table or the pair of cross tables of a result file.
 
     Raises InDoubt (E-COMP-DOUBT: a doubt that nobody settled), ConfigError (E-COMP-DATUM, E-COMP-NO-GRID), Gap
-    (E-COMP-GRID, E-COMP-TURN, E-COMP-MISSING, E-COMP-ONE-WAY), ValueOutOfRange (E-COMP-VALUE, E-COMP-SLOPE,
-    E-COMP-CHANGE).
+    (E-COMP-GRID, E-COMP-TURN, E-COMP-MISSING, E-COMP-ONE-WAY, E-COMP-REACH), ValueOutOfRange (E-COMP-VALUE,
+    E-COMP-SLOPE, E-COMP-CHANGE).
     """
     found = curves(measured, request.datum, modulo=request.modulo)
     grid = _grid(found, request)
@@ -227,6 +227,7 @@ def _coverage(found: Curves, grid: Grid, request: TableRequest) -> list[str]:
         gap = _widest_gap(found.positions)
         return [told("W-COMP-BRIDGE", request.axis, gap=f"{gap:g}", unit="deg")] if gap > WIDEST_BRIDGE_DEG else []
     low, high, unit = float(found.positions[0]), float(found.positions[-1]), found.unit
+    check_reach((low, high), (grid.minimum, grid.maximum), unit, request.axis)
     findings = []
     if low > grid.minimum + EVEN or high < grid.maximum - EVEN:
         ends = {"minimum": f"{grid.minimum:g}", "maximum": f"{grid.maximum:g}"}

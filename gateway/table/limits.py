@@ -6,12 +6,16 @@ from typing import Literal
 
 import numpy as np
 
-from drivers.errors import TableError, TooManyPoints, ValueOutOfRange
+from drivers.errors import Gap, TableError, TooManyPoints, ValueOutOfRange
 from drivers.limits import Limits
 from drivers.terms import spoken
 from drivers.types.tables import CompensationTable
+from drivers.units import AxisUnit
 from gateway.domain.values import FloatArray
 from gateway.table.comparison import acting
+
+
+COVERED = 0.5  # of a table's range: what must have been measured
 
 
 def check_points(needed: int, reserved: int, axis: str, kind: Literal["axis", "cross"] = "axis") -> None:
@@ -51,6 +55,18 @@ def check(new: CompensationTable, live: CompensationTable, limits: Limits, axis:
             per=new.input_unit,
         ),
     )
+
+
+def check_reach(measured: tuple[float, float], table: tuple[float, float], unit: AxisUnit, axis: str) -> None:
+    """Raise Gap (E-COMP-REACH) where a table is mostly beyond what was measured: less than half of it is covered.
+
+    Ranges are (low, high) in mm or deg. What is left beyond holds the last value and is always said (W-COMP-FLAT).
+    """
+    (low, high), (minimum, maximum) = measured, table
+    covered = min(high, maximum) - max(low, minimum)
+    if covered < COVERED * (maximum - minimum) - 1e-6:
+        fields = {"low": f"{low:g}", "high": f"{high:g}", "minimum": f"{minimum:g}", "maximum": f"{maximum:g}"}
+        raise Gap("E-COMP-REACH", axis, **fields, unit=unit)
 
 
 def told(code: str, axis: str, **fields: str | float) -> str:

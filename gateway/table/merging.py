@@ -11,7 +11,7 @@ from drivers.types.tables import CompensationTable
 from gateway.axes import AxisRecord
 from gateway.domain.figures import Component
 from gateway.domain.values import FloatArray
-from gateway.model.components import is_periodic, value, without_waves
+from gateway.model.components import KnownRange, is_periodic, value, without_waves
 from gateway.table.comparison import acting
 from gateway.table.projection import Grid, project, quantised, zeroed
 
@@ -55,7 +55,7 @@ def _merged(
     grid: Grid,
     resolution: float,
 ) -> CompensationTable:
-    values = project(lambda at: acting(acts, at) + value(component, at), grid, modulo=axis.modulo)
+    values = project(lambda at: acting(acts, at) + held(component, at), grid, modulo=axis.modulo)
     values = zeroed(values, grid, axis.reference, modulo=axis.modulo)
     return replace(
         old,
@@ -69,6 +69,17 @@ def _merged(
         places=(),
         reverse=(),
     )
+
+
+def held(component: Component, at: FloatArray) -> FloatArray:
+    """What a table is given at places (n,): beyond the measured range the curve's last value, and no estimate of it.
+
+    A control does the same beyond its tables' ends, so the table adds no step there. `check_reach` bounds how far.
+    """
+    known = KnownRange.of(component)
+    if known.period is None and not all(known.has(float(one)) for one in (np.min(at), np.max(at))):
+        at = np.clip(at, known.low, known.high)
+    return value(component, at)
 
 
 def travelled(component: Component) -> FloatArray:

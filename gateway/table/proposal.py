@@ -21,8 +21,8 @@ from gateway.model.components import is_periodic, standard_uncertainty, value
 from gateway.table import reasons
 from gateway.table.chances import Chance, Possible, chance_of
 from gateway.table.comparison import acting, effective
-from gateway.table.limits import check, check_points, told
-from gateway.table.merging import left_over, merged, travelled
+from gateway.table.limits import check, check_points, check_reach, told
+from gateway.table.merging import held, left_over, merged, travelled
 from gateway.table.projection import Grid
 
 BAND_RISK = 0.01
@@ -84,7 +84,8 @@ def propose(
 
     ``component`` was fitted to ``measured``, captured while ``live`` acted: new = live (if enabled) +
     fitted, by least squares on the grid, zero at the reference, first = last for a modulo axis, rounded to
-    ``resolution`` (deviation unit: um or arcsec). Beyond the measured range the last fitted value holds.
+    ``resolution`` (deviation unit: um or arcsec). Beyond the measured range the last fitted value holds, which is said
+    (W-COMP-FLAT); a table that lies mostly there is refused.
 
     Nothing is proposed (``skipped`` says why) when the whole fitted curve lies within its uncertainty:
     |d - mean d| <= U everywhere (see `_significance`), when the means would not get a smaller range, when what lies
@@ -95,7 +96,7 @@ def propose(
     into the table. ``predicted`` is zero on the fitted curve at the reference; compare a later measurement
     after removing its common offset.
 
-    Raises TooManyPoints (E-COMP-POINTS), Gap (E-COMP-GRID, E-COMP-TURN), ValueOutOfRange (see `check`).
+    Raises TooManyPoints (E-COMP-POINTS), Gap (E-COMP-GRID, E-COMP-TURN, E-COMP-REACH), ValueOutOfRange (see `check`).
     """
     check_points(grid.intervals + 1, reserved_points, axis.name)
     _check_turn(axis, component, grid)
@@ -134,10 +135,12 @@ def propose(
 
 def _check_turn(axis: AxisRecord, component: Component, grid: Grid) -> None:
     if not axis.modulo:
+        if not is_periodic(component):
+            check_reach(component.domain, (grid.minimum, grid.maximum), axis.unit, axis.name)
         return
     if abs(grid.maximum - grid.minimum - TURN_DEG) > 1e-9:
         raise Gap("E-COMP-GRID", axis.name, minimum=grid.minimum, maximum=grid.maximum, step=grid.step)
-    if not is_periodic(component) and component.basis != "constant":
+    if not is_periodic(component):
         raise Gap("E-COMP-TURN", axis.name, low=component.domain[0], high=component.domain[1])
 
 
@@ -247,7 +250,7 @@ def _predicted(
 ) -> FloatArray:
     places = np.append(measured.targets, axis.reference)
     change = acting(new, places) - acting(acts, places)
-    datum = float(value(component, axis.reference))
+    datum = float(held(component, np.asarray([axis.reference]))[0])
     return np.asarray(measured.means - datum - (change[:-1] - change[-1]))
 
 

@@ -20,7 +20,7 @@ from gateway.correct.flank.flankmodel import setup_tables
 from gateway.correct.flank.mounting import WorkMounting, centred, mounting_of
 from gateway.correct.flank.tables import Table, with_tables
 from gateway.correct.flank.wheel_places import places_of_grid
-from gateway.correct.plan.ownlayer import AxisCurve, axis_curve, own_layer, tooth_table
+from gateway.correct.plan.ownlayer import AxisCurve, axis_curve, held_tables, own_layer, tooth_table
 from gateway.correct.plan.plan import Plan, cross_specs, live_table, setup_unknowns
 from gateway.correct.plan.records import in_deviation_unit, record, table_of
 from gateway.correct.solve.limits import AxisBound
@@ -102,7 +102,7 @@ def correct(
         machine=machine,
         unmoved=unmoved,
         axes=tuple(axis_curve(chain, axis, plan=plan, own=first, tooth=second) for axis in plan.own if plan.has(axis)),
-        said=_said(plan, found, layer),
+        said=(*_said(plan, found, layer), *(held_tables(chain, plan) if own is None else ())),
     )
 
 

@@ -20,7 +20,7 @@ from gateway.domain.values import COVERAGE
 from gateway.errors import ModelError
 from gateway.model.components import value
 from gateway.table import Grid, project
-from gateway.table.merging import travelled
+from gateway.table.merging import held, travelled
 from gateway.table.projection import zeroed
 from gateway.table.proposal import band
 
@@ -94,11 +94,11 @@ def reversal_pair(
 ) -> tuple[CompensationTable, CompensationTable]:
     """The pair for what the curve is more than at the reference: +half coming from -, -half coming from +.
 
-    Both are zero at the reference, not rounded, and have no number until they have a place. Raises as
-    `gateway.table.project`.
+    Both are zero at the reference, not rounded, and have no number until they have a place; beyond what was measured
+    they hold their last values. Raises as `gateway.table.project`.
     """
-    at_reference = float(value(curve, reference))
-    projected = project(lambda q: 0.5 * (value(curve, q) - at_reference), grid, modulo=modulo)
+    at_reference = float(held(curve, np.asarray([reference]))[0])
+    projected = project(lambda q: 0.5 * (held(curve, q) - at_reference), grid, modulo=modulo)
     half = zeroed(projected, grid, reference, modulo=modulo)
     up, down = (_table(curve.axis, unit, grid, sign * half, modulo, sign) for sign in (1, -1))
     return up, down

@@ -13,6 +13,7 @@ from gateway.domain.figures import Component
 from gateway.domain.values import COVERAGE, FloatArray
 from gateway.errors import ModelError
 from gateway.evaluate.geometry.straightness import StraightnessRun
+from gateway.model.components import is_periodic
 from gateway.model.conventions import mean_of
 
 RotaryAxis = Literal["A", "B", "C"]
@@ -44,12 +45,17 @@ def from_ball(
     A ring's centre is the mean over the turn of each direction across the axis: the ball's eccentricity and the axis'
     own motions turn with it and leave none. Directions that were not read are left out. Two heights or more also give
     the lean, as a straight line through the centres, and the position at `height_mm`. One height: position only.
-    Raises ModelError (E-EVAL-LOCATION).
+    Raises ModelError (E-EVAL-LOCATION), also for a ring that was not read around the whole turn: an eccentric ball's
+    mean over a part of it is no centre.
     """
     across = _across(axis)
     read = [letter for letter in across if rings and all(letter in ring for _, ring in rings)]
     if not read:
         raise ModelError("E-EVAL-LOCATION", "location", axis=axis, why="no direction was read in every ring")
+    for ring in (one for _, ring in rings for one in ring.values() if not is_periodic(one)):
+        low, high = ring.domain
+        why = f"{ring.name} was read from {low:g} to {high:g} deg, not around the whole turn"
+        raise ModelError("E-EVAL-LOCATION", "location", axis=axis, why=why)
     heights = np.array([height for height, _ in rings], dtype=np.float64) - height_mm
     values, U = {}, {}
     for letter in read:

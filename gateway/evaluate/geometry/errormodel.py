@@ -16,7 +16,7 @@ from gateway.evaluate.geometry.lever import Lever
 from gateway.evaluate.geometry.locations import locations
 from gateway.evaluate.geometry.measurement import Means, Measurement, means_of
 from gateway.evaluate.geometry.straightness import straightness
-from gateway.model.components import at_datum, standard_uncertainty, value
+from gateway.model.components import KnownRange, at_datum, standard_uncertainty, value
 from gateway.model.conventions import first_harmonic, in_phase, without_line, without_mean
 from gateway.model.known import ErrorModel, unmeasured
 
@@ -81,9 +81,21 @@ class _Work:
             self.said.append(words("S-MODEL-SLOPE", name=name, slope=f"{told:+.2f}"))
         else:
             found = one.fitted()
-        turning = one.of.axis_unit == "deg" and name[1] != "C"
-        self.motions[name] = without_mean(found) if turning else at_datum(found, one.of.reference)
+        turning = one.of.axis_unit == "deg" and name[1] != name[2]
+        self.motions[name] = without_mean(found) if turning else at_datum(found, self._datum(found, one.of.reference))
         self.systematic[name] = hypot(self.systematic.get(name, 0.0), one.of.systematic)
+
+    def _datum(self, found: Component, reference: float) -> float:
+        """The reference, or where it was not reached the nearest position that was measured."""
+        known = KnownRange.of(found)
+        if known.has(reference):
+            return reference
+        nearest = min(found.domain, key=lambda end: abs(end - reference))
+        ends = {"low": f"{known.low:g}", "high": f"{known.high:g}", "unit": found.axis_unit}
+        self.said.append(
+            words("S-MODEL-DATUM", name=found.name, reference=f"{reference:g}", nearest=f"{nearest:g}", **ends)
+        )
+        return nearest
 
     def off_lever(self, one: Means) -> Means:
         """Readings without what the angles did at the offset, where offset and angles are known."""
@@ -98,13 +110,21 @@ class _Work:
         return replace(one.less(lever.um(at)), u=np.hypot(one.u, lever.u(at)))
 
     def tilt(self, name: str, place: float | None) -> tuple[float, float]:
-        """An angular motion at a place and its standard uncertainty, arcsec; unknown ones are 0 within their span."""
+        """An angular motion at a place and its standard uncertainty, arcsec; unknown ones are 0 within their span.
+
+        So is one at a place that was not measured.
+        """
         motion = self.motions.get(name)
         if motion is None:
             return 0.0, self._spans.get(name, self._usual["arcsec"]) / 3.0**0.5
         if place is None:
             reach = value(motion, np.linspace(*motion.domain, 101))
             return float(reach.max() + reach.min()) / 2.0, float(np.ptp(reach)) / 12.0**0.5
+        known = KnownRange.of(motion)
+        if not known.has(place):
+            ends = {"low": f"{known.low:g}", "high": f"{known.high:g}", "unit": motion.axis_unit}
+            self.said.append(words("S-MODEL-OUTSIDE", name=name, position=f"{place:g}", **ends))
+            return 0.0, self._spans.get(name, self._usual["arcsec"]) / 3.0**0.5
         at = np.asarray([place])
         return float(value(motion, at)[0]), float(standard_uncertainty(motion, at)[0])
 

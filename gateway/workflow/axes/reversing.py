@@ -22,6 +22,7 @@ from gateway.model.means import fit_means
 from gateway.table import Grid, effective
 from gateway.table.comparison import acting
 from gateway.table.limits import told
+from gateway.table.merging import held
 from gateway.workflow.axes.crossplaces import free_places, placed_change, places_of
 from gateway.workflow.axes.structure import Structure
 from gateway.workflow.bench import Bench
@@ -84,7 +85,7 @@ def reversal_change(
     advice, old, unit = seen.advice, live.reversal, shown.capture.unit
     step = resolution * deviation_scale(axis.unit)
     acts = old.table.deviations[0]
-    constant = float(value(seen.curve, axis.reference)) if pair else advice.constant
+    constant = float(held(seen.curve, np.asarray([axis.reference]))[0]) if pair else advice.constant
     wanted = round(float(np.rint((acts + constant) / step)) * step, 9) + 0.0
     skipped = "" if pair else _why_not(axis.name, unit, advice, able=able)
     if not skipped and abs(wanted) > Limits.of(axis.unit).reversal:
