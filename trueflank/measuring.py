@@ -20,13 +20,16 @@ from gateway.domain.values import FloatArray, component_unit
 from gateway.evaluate.behaviour.doubts import all_doubts, as_data, demand_settled, settled
 from gateway.evaluate.behaviour.doubts import told as told_doubts
 from gateway.evaluate.behaviour.positioning import Surroundings, evaluate_positioning, said_contributions
-from gateway.evaluate.standards.readings import checked, counts, means, standard_deviations
+from gateway.evaluate.behaviour.repetitions import robust_means
+from gateway.evaluate.standards.readings import checked
 from gateway.model.components import TURN_DEG, is_periodic, standard_uncertainty, value
+from gateway.model.fit import SMALLEST_U
 from gateway.model.means import fit_means
 from gateway.siteplan import MOST_POINTS
 from trueflank.frames import frame
 from trueflank.given import ASKS, axis_unit_of, motion_name, numbers_given, of_kind, path_given, units_fit, wholes_given
 
+FEWEST_POINTS, POINTS_PER_WAVE = 501, 100  # of a broken line that stands for a curve: it misses 0.05 % of a wave
 SHOWN = {"um": "µm", "arcsec": "arcsec"}
 
 
@@ -314,22 +317,17 @@ class ErrorMotion:
         return at, self(at)
 
     def function(self) -> dict[str, Any]:
-        """The motion as an error file and `Machine` take it, with its range: exact, or a broken line of many points."""
-        one, c = self.component, self.component.coefficients
-        known: dict[str, Any] = {"range": self.range}
-        if self.periodic:
-            known = {"period": TURN_DEG} if one.basis not in ("constant", "polynomial") else {}
-        if one.basis == "constant":
-            return {"type": "poly", "c": c.tolist(), **known}
-        if one.basis == "polynomial":
-            shape = {"q0": one.parameters["centre"], "scale": one.parameters["scale"]}
-            return {"type": "poly", "c": c.tolist(), **shape, **known}
-        if one.basis == "fourier":
-            return {"type": "fourier", "a0": float(c[0]), **_harmonics(one), **known}
+        """The motion as an error file has it: a broken line, 100 points to its shortest wave, known over its range."""
+        one, parameters = self.component, dict[str, Any](self.component.parameters)
+        known = {"period": TURN_DEG} if self.periodic else {"range": self.range}
         if one.basis == "piecewise":
-            nodes: Any = one.parameters["nodes"]
-            return {"type": "pl", "q": list(nodes), "v": c.tolist(), **known}
-        at, values = self.points(MOST_POINTS)
+            at, values = np.asarray(parameters["nodes"]), one.coefficients
+        else:
+            span = TURN_DEG if self.periodic else float(np.ptp(self.range))
+            waves = max(
+                [*parameters.get("orders", ()), *(span / length for length in parameters.get("lengths", ())), 1.0]
+            )
+            at, values = self.points(min(MOST_POINTS, max(FEWEST_POINTS, int(POINTS_PER_WAVE * waves) + 1)))
         return {"type": "pl", "q": at.tolist(), "v": values.tolist(), **known}
 
     def to_dict(self) -> dict[str, Any]:
@@ -356,20 +354,13 @@ class ErrorMotion:
         return f"ErrorMotion({self.name}: {self.component.basis}, range {np.ptp(values):.3f} {SHOWN[self.unit]})"
 
 
-def _harmonics(one: Component) -> dict[str, list[float]]:
-    """Cosine and sine amplitudes of every order up to the highest; those that were not fitted are zero."""
-    orders: Any = one.parameters["orders"]
-    a, b = np.zeros((2, max(orders)))
-    for place, order in enumerate(orders):
-        a[order - 1], b[order - 1] = one.coefficients[1 + 2 * place : 3 + 2 * place]
-    return {"a": a.tolist(), "b": b.tolist()}
-
-
 def fit(
     measured: Measured, name: str = "", *, kind: Literal["linear", "rotary", ""] = "", modulo: bool = False
 ) -> ErrorMotion:
     """The curve of a measured axis, um or arcsec over mm or deg, as a run fits it: the mean of both directions.
 
+    Means are robust against drift between runs and readings out of line; a target read in one direction alone counts
+    half the usual reversal off.
     Its order is chosen by the data. ``name`` is the error's ISO 230-1 name, that of the readings where they have one;
     ``kind`` "linear" for a rotary axis measured over a part of a turn; ``modulo`` for one that turns endlessly.
     Raises ConfigError (E-LIBRARY-KIND, E-LIBRARY-NAME, E-LIBRARY-UNIT), InDoubt (E-DOUBT-OPEN: a doubt of the readings
@@ -380,10 +371,8 @@ def fit(
     units_fit(name, measured.axis_unit, measured.unit, "fit")
     demand_settled(measured.doubts, measured.source or name)
     at, x = measured.targets, measured.deviations
-    way, s, n = means(x), standard_deviations(x), counts(x)
-    both = np.nanmean(way, axis=1)
-    scatter = float(np.sqrt(np.nanmean(s**2))) if np.isfinite(s).any() else 0.0
-    u = np.maximum(scatter / np.sqrt(np.maximum(n.sum(axis=1), 1)), 1e-3)
+    found = robust_means(at, x)
+    u = np.where(np.isfinite(found.u), np.maximum(found.u, SMALLEST_U), SMALLEST_U)
     turns = measured.axis_unit == "deg"
     if kind not in ("", "linear", "rotary") or (kind == "rotary" and not turns):
         raise ConfigError(
@@ -392,7 +381,9 @@ def fit(
         )  # fmt: skip
     chosen: Literal["linear", "rotary"] = kind or ("rotary" if turns else "linear")
     return ErrorMotion(
-        fit_means(at, both, u, name=name, axis=name[-1:], axis_unit=measured.axis_unit, kind=chosen, modulo=modulo)
+        fit_means(
+            at, found.mean, u, name=name, axis=name[-1:], axis_unit=measured.axis_unit, kind=chosen, modulo=modulo
+        )
     )
 
 

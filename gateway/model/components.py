@@ -83,8 +83,8 @@ class KnownRange:
             return low, high
         if self.turn is not None:
             return self.low, self.high
-        if low > self.high + self.slack or high < self.low - self.slack:
-            raise self._error(low if low > self.high else high)
+        if low > self.high - self.slack or high < self.low + self.slack:
+            raise self._error(high if low > self.high - self.slack else low)
         return max(low, self.low), min(high, self.high)
 
     def _outside(self, at: FloatArray) -> Any:

@@ -240,8 +240,8 @@ def _checked(motion: Polynomial | Fourier | PiecewiseLinear, where: str) -> Moti
     ):
         why = "points must ascend and have one value each"
     elif isinstance(motion, PiecewiseLinear) and motion.period is not None:
-        if not motion.period > 0.0 or motion.q[-1] - motion.q[0] > motion.period * (1.0 + SAME):
-            why = "points must lie within one period, which must be above 0"
+        most = motion.period * (1.0 + SAME)
+        why = "" if 0.0 <= motion.q[-1] - motion.q[0] <= most > 0.0 else "points must lie within one period above 0"
     if why:
         raise ModelError("E-CHAIN-MOTION-DATA", where, why=why)
     return motion

@@ -79,11 +79,12 @@ def one_at_a_time(figure: Figure, study: Study) -> None:
     panels = figure.subplots(rows, columns, squeeze=False, sharex=True, sharey=True)
     figure.subplots_adjust(left=0.05, right=0.92, top=0.9, bottom=0.09, hspace=0.42, wspace=0.1)
     figure.suptitle(f"{study.gear.name}: each error alone, 5 µm or 0.01 deg, space 0", x=0.05, ha="left", fontsize=10)
-    top = max(mm_to_um(float(np.max(np.abs(one.deviation[0])))) for one in study.alone)
+    turned = [_turned(study.grid, one.deviation) for one in study.alone]
+    top = max(mm_to_um(float(np.max(np.abs(one[0])))) for one in turned)
     arc = study.grid.gear.arc(study.grid.thetas)
-    for panel, one in zip(panels.flat, study.alone, strict=False):
-        _image(panel, mm_to_um(one.deviation[0]).T, _edges(arc), _edges(study.grid.zs), top)
-        largest = mm_to_um(float(np.max(np.abs(one.deviation))))
+    for panel, one, e in zip(panels.flat, study.alone, turned, strict=False):
+        _image(panel, mm_to_um(e[0]).T, _edges(arc), _edges(study.grid.zs), top)
+        largest = mm_to_um(one.figure.largest)
         text = f"{largest:.2g}" if largest >= NOTHING else "0"
         panel.set_title(f"{one.name}  {text} µm", loc="left", fontsize=8, color=INK, pad=3)
         panel.tick_params(labelsize=6, length=2)

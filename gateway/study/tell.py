@@ -14,8 +14,6 @@ from gateway.correct.flank.compensability import Cure
 from gateway.correct.plan.layers import LayeredCorrection
 from gateway.gear.flank import FlankFigure
 from gateway.gear.grinding import Grinding
-from gateway.model.axis import MOTIONS
-from gateway.model.chain import LETTERS, Chain
 from gateway.sensitivity.outputs import OUTPUTS
 from gateway.sensitivity.ranks import Ranked
 from gateway.study.work import State, Study
@@ -25,25 +23,17 @@ PART = 0.5  # of the RMS: a cure that leaves more is none
 
 
 def tag(study: Study, name: str) -> str:
-    """Who cures an error: none, the axis' own table, set-up, a cross table, a product of tables, or mechanics only."""
+    """What `cured_by` names, as a kind: none, an axis' table over itself, set-up, a cross table, a product, mechanics."""
     by = cured_by(study.cures[name])
     if by == "none needed":
         return "none"
-    if is_own(study.grinding.chain, name):
+    if by.removesuffix(" in part") in {f"{one.name}({one.name})" for one in study.grinding.chain.axes}:
         return "axis"
     if by == "mechanical only":
         return "mech"
     if "zero" in by or "dressing" in by or by.startswith(("mounting", "set-up")):
         return "set-up"
     return "product" if "*" in by else "cross"
-
-
-def is_own(chain: Chain, name: str) -> bool:
-    """Whether an error is an axis' own deviation along or about itself: EXX, EZZ, ECC."""
-    axis, key = chain.error_place(name)
-    one = chain.axis(axis)
-    main = int(np.argmax(np.abs(one.vector))) + (0 if one.kind == "prismatic" else 3)
-    return name.startswith("E") and name[1] == LETTERS[main] and key in MOTIONS
 
 
 def cured_by(cure: Cure) -> str:
@@ -88,12 +78,15 @@ def tooth_rows(study: Study) -> list[Row]:
 
 
 def error_rows(study: Study) -> Sequence[Row]:
-    """Every error: alone at the paper's size, its rank, and in this machine what cures it and what is left."""
+    """Every error: alone at the paper's size, its rank, and in this machine what cures it and what is left.
+
+    All sizes have one rotation of the gear taken out, as the flank figure has.
+    """
     rank = {one.name: one for one in study.equal.rankings["rms"]}
     rows = []
     for one in study.alone:
         cure, ranked = study.cures[one.name], rank[one.name]
-        alone = f"{mm_to_um(one.figure.rms):.3f}", f"{mm_to_um(float(np.max(np.abs(one.deviation)))):.3f}"
+        alone = f"{mm_to_um(one.figure.rms):.3f}", f"{mm_to_um(one.figure.largest):.3f}"
         place = f"{ranked.rank_low}-{ranked.rank_high}" if ranked.rank_low != ranked.rank_high else str(ranked.rank)
         rows.append((one.name, *alone, place, cured_by(cure), _um(cure.rms), _um(cure.floor)))
     return rows
@@ -219,7 +212,7 @@ def _alone(study: Study, i: int) -> dict[str, float]:
     one = study.alone[i]
     return {
         "rms_um": mm_to_um(one.figure.rms),
-        "largest_um": mm_to_um(float(np.max(np.abs(one.deviation)))),
+        "largest_um": mm_to_um(one.figure.largest),
         "first_order_misses_um": mm_to_um(one.missed),
     }
 

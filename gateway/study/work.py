@@ -188,7 +188,10 @@ def _alone(grinding: Grinding, grid: FlankGrid, name: str) -> Alone:
 
 
 def _cures(grinding: Grinding, grid: FlankGrid, names: tuple[str, ...]) -> dict[str, Cure]:
-    """Cures of the machine's own errors; one the machine does not have is judged as a constant of the paper's size."""
+    """Cures of the machine's own errors; one the machine does not have is judged as a constant of the paper's size.
+
+    Sizes are those of the flank figure, as everywhere in a study.
+    """
     wanted = []
     for name in names:
         axis, key = grinding.chain.error_place(name)
@@ -199,7 +202,7 @@ def _cures(grinding: Grinding, grid: FlankGrid, names: tuple[str, ...]) -> dict[
         else:
             size = float(motion) or equal_size(name)
             wanted.append(ErrorParameter(name, _Constant(size)))
-    return {cure.error: cure for cure in cures(grinding, grid, wanted)}
+    return {cure.error: cure for cure in cures(grinding, grid, wanted, figure=True)}
 
 
 @dataclass(frozen=True, slots=True)

@@ -14,7 +14,6 @@ from drivers.units import AxisUnit
 from gateway.domain.values import FloatArray
 from gateway.table.comparison import acting
 
-
 COVERED = 0.5  # of a table's range: what must have been measured
 
 

@@ -7,7 +7,7 @@ set-up values (x zero, c zero, dressing offset), tables of one axis over another
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -105,26 +105,42 @@ def families(grinding: Grinding, grid: FlankGrid) -> dict[str, tuple[ErrorParame
 
 
 def cures(
-    grinding: Grinding, grid: FlankGrid, errors: Sequence[ErrorParameter | str], *, share: float = 0.1
+    grinding: Grinding,
+    grid: FlankGrid,
+    errors: Sequence[ErrorParameter | str],
+    *,
+    share: float = 0.1,
+    figure: bool = False,
 ) -> tuple[Cure, ...]:
     """Standing of each error (a parameter of one unit; give bases to say how it varies), in the order given.
 
-    A family cures if at most ``share`` of the error's RMS is left.
+    A family cures if at most ``share`` of the error's RMS is left. With ``figure`` the sizes are those of the flank
+    figure, one rotation of the gear taken out; what cures is judged with the rotation all the same.
     """
     if not 0.0 < share < 1.0:
         raise ModelError("E-CORRECT-SHARE", "compensability", share=share)
     groups = families(grinding, grid)
     columns = [*errors, *(one for group in groups.values() for one in group)]
-    root = linear_flank(grinding, grid, columns).normal_form().root
-    wanted = root[:, : len(errors)]
-    left, first = {}, len(errors)
-    for name, group in groups.items():
-        left[name] = _left(root[:, first : first + len(group)], wanted)
-        first += len(group)
-    floor = _left(root[:, len(errors) :], wanted)
+    flank = linear_flank(grinding, grid, columns)
+    names = [one if isinstance(one, str) else one.name for one in errors]
+    spans = {name: len(group) for name, group in groups.items()}
+    judged = _standing(flank.normal_form().root, names, spans, share)
+    if not figure:
+        return judged
+    sized = _standing(flank.normal_form(without_rotation=True).root, names, spans, share)
+    return tuple(replace(one, by=other.by) for one, other in zip(sized, judged, strict=True))
+
+
+def _standing(root: FloatArray, names: Sequence[str], spans: Mapping[str, int], share: float) -> tuple[Cure, ...]:
+    """Cures by a root whose first columns are the errors', then those of each family."""
+    wanted = root[:, : len(names)]
+    left, first = {}, len(names)
+    for name, count in spans.items():
+        left[name] = _left(root[:, first : first + count], wanted)
+        first += count
+    floor = _left(root[:, len(names) :], wanted)
     size = np.linalg.norm(wanted, axis=0)
     null = size <= NULL * np.max(np.linalg.norm(root, axis=0))
-    names = [one if isinstance(one, str) else one.name for one in errors]
     return tuple(
         _cure(name, float(size[i]), {family: float(rest[i]) for family, rest in left.items()}, share, float(floor[i]))
         if not null[i]

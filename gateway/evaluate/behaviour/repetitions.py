@@ -62,6 +62,20 @@ def robust_means(targets: ArrayLike, deviations: ArrayLike) -> RobustMeans:
     return RobustMeans(mean_up=up, mean_down=down, mean=mean, u=u, s=s, pass_offsets=offsets, suspects=found)
 
 
+def mean_of_both(up: ArrayLike, down: ArrayLike) -> FloatArray:
+    """Mean (m,) of means of approach + and - (m,), NaN where one is missing.
+
+    A target reached in one direction alone counts half the median reversal of the others off, so it makes no kink of
+    half the reversal; with one direction everywhere that one is the mean.
+    """
+    plus, minus = np.asarray(up, dtype=np.float64), np.asarray(down, dtype=np.float64)
+    reversal = plus - minus
+    known = reversal[np.isfinite(reversal)]
+    half = float(np.median(known)) / 2.0 if known.size else 0.0
+    one_way = np.where(np.isfinite(plus), plus - half, minus + half)
+    return np.asarray(np.where(np.isfinite(reversal), (plus + minus) / 2.0, one_way))
+
+
 def out_of_line(targets: ArrayLike, deviations: ArrayLike) -> list[tuple[tuple[int, int, int], float]]:
     """Each suspect of `robust_means` (target, repetition, approach) and how far off it is, the farthest first.
 
@@ -194,11 +208,7 @@ def _from_reversal(reversal: FloatArray) -> float:
 
 
 def _both(up: FloatArray, down: FloatArray, n: NDArray[np.int64], s: float) -> tuple[FloatArray, FloatArray]:
-    reversal = up - down
-    known = reversal[np.isfinite(reversal)]
-    half = float(np.median(known)) / 2.0 if known.size else 0.0
-    mean = np.where(np.isfinite(reversal), (up + down) / 2.0, np.where(np.isfinite(up), up - half, down + half))
     with np.errstate(divide="ignore"):
         inverse = np.where(n > 0, 1.0 / n, 0.0)
     both = (n > 0).sum(axis=1)
-    return mean, s * np.sqrt(inverse.sum(axis=1)) / np.maximum(both, 1)
+    return mean_of_both(up, down), s * np.sqrt(inverse.sum(axis=1)) / np.maximum(both, 1)

@@ -52,9 +52,9 @@ def from_ball(
     read = [letter for letter in across if rings and all(letter in ring for _, ring in rings)]
     if not read:
         raise ModelError("E-EVAL-LOCATION", "location", axis=axis, why="no direction was read in every ring")
-    for ring in (one for _, ring in rings for one in ring.values() if not is_periodic(one)):
-        low, high = ring.domain
-        why = f"{ring.name} was read from {low:g} to {high:g} deg, not around the whole turn"
+    for one in (part for _, ring in rings for part in ring.values() if not is_periodic(part)):
+        low, high = one.domain
+        why = f"{one.name} was read from {low:g} to {high:g} deg, not around the whole turn"
         raise ModelError("E-EVAL-LOCATION", "location", axis=axis, why=why)
     heights = np.array([height for height, _ in rings], dtype=np.float64) - height_mm
     values, U = {}, {}

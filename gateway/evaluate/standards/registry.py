@@ -174,10 +174,14 @@ def evaluate_by(
 ) -> StandardResult:
     """Evaluate deviations (m, n, 2), approach + then -, NaN where missing, in `unit`, by a standard.
 
-    Raises ModelError as `standard` and `readings.checked`.
+    Raises ModelError as `standard` and `readings.checked`, and E-EVAL-ONE-TARGET where all targets are one place: no
+    standard has figures for a travel of nothing.
     """
     chosen = standard(name)
     at, x = readings.checked(targets, deviations)
+    if float(at.min()) == float(at.max()):
+        least = iso230_2.minimum_targets("linear" if unit == "um" else "rotary", 1.0)[0]
+        raise ModelError("E-EVAL-ONE-TARGET", "evaluate", at=f"{at[0]:g}", least=least)
     costs = budget or Budget()
     values, by_law, flags = _figures(chosen, at, x, unit, costs)
     formulas, of_table = _formulas(chosen)

@@ -17,7 +17,6 @@ from gateway.correct.plan.reversal import ReversalAdvice, reversal_advice, rever
 from gateway.domain.figures import Component
 from gateway.domain.proposals import TableChange
 from gateway.domain.values import COVERAGE
-from gateway.model.components import value
 from gateway.model.means import fit_means
 from gateway.table import Grid, effective
 from gateway.table.comparison import acting

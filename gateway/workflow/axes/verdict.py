@@ -12,6 +12,7 @@ from drivers.types.values import FloatArray
 from gateway.domain.figures import Evaluation
 from gateway.domain.outcomes import AxisVerdict, PushRecord, Verdict
 from gateway.domain.proposals import TableChange
+from gateway.evaluate.behaviour import repetitions
 from gateway.evaluate.behaviour.spread_change import SpreadChange, spread_change
 from gateway.evaluate.behaviour.table_effect import Kind
 from gateway.evaluate.standards.iso230_2 import scatter_alone
@@ -106,9 +107,8 @@ def judge(axes: tuple[AxisVerdict, ...], pushes: tuple[PushRecord, ...], proofs:
 
 
 def mean_of_both(evaluation: Evaluation) -> FloatArray:
-    """Mean of both approaches at each target, shape (m,); the one that exists where only one does."""
-    both = np.stack([evaluation.mean_up, evaluation.mean_down])
-    return np.asarray(np.nanmean(both, axis=0), dtype=np.float64)
+    """Mean of both approaches at each target, shape (m,), as `repetitions.mean_of_both`."""
+    return repetitions.mean_of_both(evaluation.mean_up, evaluation.mean_down)
 
 
 def _verdict(size: int, by: Literal["M", "B"], before: Evaluation, after: Evaluation) -> str:

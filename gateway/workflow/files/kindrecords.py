@@ -11,6 +11,7 @@ import numpy as np
 from drivers.types.results import MeasuredSet
 from gateway.domain.values import FloatArray
 from gateway.errors import ModelError
+from gateway.evaluate.behaviour.repetitions import mean_of_both
 from gateway.evaluate.standards.decision import Decision, decide
 
 MANY = range(1, 33)
@@ -124,7 +125,9 @@ def unit_of(kind: str, files: tuple[MeasuredFile, ...], unit: str) -> None:
 
 
 def means(measured: MeasuredSet) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Targets (k,), mean over directions and repetitions (k,) and its standard uncertainty; empty targets are left out.
+    """Targets (k,), mean of both directions (k,) and its standard uncertainty; empty targets are left out.
+
+    A target read in one direction alone makes no kink (`mean_of_both`).
 
     The uncertainty is the pooled scatter of the readings about the mean of their own direction; NaN without repeats.
     """
@@ -135,7 +138,7 @@ def means(measured: MeasuredSet) -> tuple[FloatArray, FloatArray, FloatArray]:
     counts = np.isfinite(kept).sum(axis=1)
     sums = np.where(np.isfinite(kept), kept, 0.0).sum(axis=1)
     way = np.divide(sums, counts, out=np.full_like(sums, np.nan), where=counts > 0)
-    mean = np.nanmean(way, axis=1)
+    mean = mean_of_both(way[:, 0], way[:, 1])
     residual = kept - way[:, None, :]
     free = float(np.maximum(counts - 1, 0).sum())
     if free == 0.0:

@@ -22,7 +22,7 @@ def test_plain_data_mean_what_they_say() -> None:
     wanted = 0.5 + np.cos(q) + 2.0 * np.cos(2 * q) - np.sin(q)
     np.testing.assert_allclose(at({"type": "fourier", "a0": 0.5, "a": [1.0, 2.0], "b": [-1.0]}, q), wanted, atol=1e-14)
     np.testing.assert_allclose(at({"type": "fourier", "b": [1.0], "period": 8.0}, q), np.sin(np.pi / 4 * q), atol=1e-15)
-    np.testing.assert_allclose(at({"type": "pl", "q": [0.0, 5.0], "v": [1.0, 2.0]}, q), [[1.0, 1.0], [1.2, 2.0]])
+    np.testing.assert_allclose(at({"type": "pl", "q": [0.0, 5.0], "v": [1.0, 2.0]}, [0.0, 1.0, 5.0]), [1.0, 1.2, 2.0])
     turning = {"type": "pl", "q": [0.0, 1.0], "v": [0.0, 1.0], "period": 2.0}
     np.testing.assert_allclose(at(turning, [0.5, 2.5, -1.5, 1.5]), 0.5)
     assert motion_of(3) == 3.0

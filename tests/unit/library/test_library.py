@@ -186,7 +186,8 @@ def test_an_error_keeps_its_unit_from_the_file_to_the_tooth(tmp_path: Path) -> N
     motion = tf.fit(pitch)
     assert (motion.name, motion.unit) == ("EBX", "arcsec")
     assert tf.flank(tf.Machine({"EBX": motion}), GEAR_READ).rms < 5.0  # 2 arcsec and no micrometres: it stays small
-    np.testing.assert_allclose(motion([0.0, 500.0]), motion([-70.0, -70.0]))  # nothing is extrapolated
+    with pytest.raises(tf.TrueflankError, match=r"E-MODEL-RANGE.*EBX is known from -250 to -70 mm.* 500 mm"):
+        motion([-100.0, 500.0])  # nothing is extrapolated
 
 
 def test_lists_are_readings_too_and_a_figure_that_is_not_there_is_said() -> None:
