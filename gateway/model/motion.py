@@ -85,11 +85,14 @@ class PiecewiseLinear:
         return np.asarray((1.0 - share) * values[left] + share * values[left + 1])
 
 
+Plain = Polynomial | Fourier | PiecewiseLinear
+
+
 @dataclass(frozen=True, slots=True)
 class Within:
     """A motion in mm or rad that is known over a range alone: elsewhere it raises ModelError (E-MODEL-RANGE)."""
 
-    motion: Polynomial | Fourier | PiecewiseLinear
+    motion: Plain
     known: KnownRange
 
     def __call__(self, q: FloatArray) -> FloatArray:
@@ -175,7 +178,7 @@ def motion_from(component: Component) -> Motion:
     return Fitted(component)
 
 
-def _ranged(motion: Polynomial | Fourier | PiecewiseLinear, limits: Any, name: str, *, turning: bool) -> Motion:
+def _ranged(motion: Plain, limits: Any, name: str, *, turning: bool) -> Motion:
     if isinstance(motion, PiecewiseLinear):
         if motion.period is None and turning and limits is None:
             motion = _around(motion)
@@ -218,7 +221,7 @@ def _piecewise(data: Mapping[str, Any]) -> PiecewiseLinear:
     return PiecewiseLinear(**{**data, "q": _floats(data["q"]), "v": _floats(data["v"])})
 
 
-_TYPES: Mapping[str, Callable[[Mapping[str, Any]], Polynomial | Fourier | PiecewiseLinear]] = {
+_TYPES: Mapping[str, Callable[[Mapping[str, Any]], Plain]] = {
     "poly": _polynomial,
     "fourier": _fourier,
     "pl": _piecewise,
@@ -229,7 +232,7 @@ def _floats(values: Sequence[float]) -> tuple[float, ...]:
     return tuple(float(v) for v in values)
 
 
-def _checked(motion: Polynomial | Fourier | PiecewiseLinear, where: str) -> Motion:
+def _checked(motion: Plain, where: str) -> Plain:
     why = ""
     if isinstance(motion, Polynomial) and (not motion.c or motion.scale == 0.0):
         why = "a polynomial needs coefficients and a scale that is not 0"

@@ -23,7 +23,7 @@ PART = 0.5  # of the RMS: a cure that leaves more is none
 
 
 def tag(study: Study, name: str) -> str:
-    """What `cured_by` names, as a kind: none, an axis' table over itself, set-up, a cross table, a product, mechanics."""
+    """What `cured_by` names, as a kind: none, axis (its table over itself), set-up, cross, product, mech."""
     by = cured_by(study.cures[name])
     if by == "none needed":
         return "none"

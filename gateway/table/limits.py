@@ -64,8 +64,8 @@ def check_reach(measured: tuple[float, float], table: tuple[float, float], unit:
     (low, high), (minimum, maximum) = measured, table
     covered = min(high, maximum) - max(low, minimum)
     if covered < COVERED * (maximum - minimum) - 1e-6:
-        fields = {"low": f"{low:g}", "high": f"{high:g}", "minimum": f"{minimum:g}", "maximum": f"{maximum:g}"}
-        raise Gap("E-COMP-REACH", axis, **fields, unit=unit)
+        ends = {"low": f"{low:g}", "high": f"{high:g}", "minimum": f"{minimum:g}", "maximum": f"{maximum:g}"}
+        raise Gap("E-COMP-REACH", axis, retryable=False, unit=unit, **ends)
 
 
 def told(code: str, axis: str, **fields: str | float) -> str:

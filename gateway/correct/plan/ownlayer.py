@@ -130,7 +130,8 @@ def axis_curve(chain: Chain, axis: str, plan: Plan, own: Sequence[Table], tooth:
     low, high = known_travel(chain, axis, float(spec.grid.nodes[0]), float(spec.grid.nodes[-1]))
     at = np.linspace(low, high, SAMPLES)
     turning = chain.axis(axis).kind == "revolute"
-    zero = np.asarray(spec.reference if turning else np.clip(spec.reference, low, high))
+    reference = spec.reference or 0.0
+    zero = np.asarray(reference if turning else min(max(reference, low), high))
 
     def added(tables: Sequence[Table]) -> FloatArray:
         mine = [table for table in tables if (table.grid.out, table.grid.over) == (axis, axis)]
