@@ -113,7 +113,7 @@ class Fitted:
         if found.unit == "mm":
             return found
         low, high = (float(deg_to_rad(one)) for one in (found.low, found.high))
-        return KnownRange(found.name, low, high, "rad", None if found.period is None else FULL_TURN)
+        return KnownRange(found.name, low, high, unit="rad", period=None if found.period is None else FULL_TURN)
 
     def __call__(self, q: FloatArray) -> FloatArray:
         """Values at q, same shape."""
