@@ -35,7 +35,7 @@ def site(folder: Path) -> Path:
     """A site with one axis section for each of X, Z and C, and the work."""
     data = site_data([])
     shutil.copy(GEAR, folder / "gear.toml")
-    data["work"] = {"gear": "gear.toml", "dresser": "", "height_mm": 150.0}
+    data["work"] = {"gear": "gear.toml", "dresser": "", "height_mm": 10.0}
     data["machine"] = {"type": "YK-7350B", "number": "4711"}
     parts = [section(name, data[name]) for name in ("site", "controller", "work", "machine")]
     parts += [section("[instruments]", one) for one in data["instruments"]]
