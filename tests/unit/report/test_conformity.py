@@ -45,6 +45,10 @@ kelvin = 0.06
 """
 
 
+MACHINE = '\n[machine]\ntype = "{}"\nnumber = "12"\n'
+"""The machine that the files name."""
+
+
 def site(folder: Path, *more: str) -> Path:
     """A site file of three axes with more sections behind."""
     axes = [("X", "linear", "false"), ("Z", "linear", "false"), ("C", "rotary", "true")]
@@ -209,7 +213,7 @@ def test_the_report_ends_with_its_verdict_and_tells_equipment_and_conditions(tmp
 
 
 def test_files_become_a_report_and_evaluate_decides_by_the_site(tmp_path: Path) -> None:
-    path = site(tmp_path, tolerance("A = 1.0"))
+    path = site(tmp_path, MACHINE.format("Example"), tolerance("A = 1.0"))
     source = Path(__file__).parents[2] / "golden" / "files"
     file = sorted(source.rglob("*.rtl"))[0]
     shown = CliRunner().invoke(app, ["report", str(file), "--out", str(tmp_path / "out"), "--language", "de"])
@@ -226,7 +230,7 @@ def test_a_report_decides_on_every_file_whose_axis_has_the_letter(tmp_path: Path
     other = tmp_path / "again.rtl"
     other.write_bytes(source.read_bytes())
     for limit, word, code in ((500.0, "PASS", 0), (0.001, "FAIL", 13)):
-        path = site(tmp_path, tolerance(f"A = {limit}"))
+        path = site(tmp_path, MACHINE.format("Schleifmaschine für Räder"), tolerance(f"A = {limit}"))
         for files in ([source], [source, other]):
             done = CliRunner().invoke(
                 app, ["report", *map(str, files), "--site", str(path), "--out", str(tmp_path / "out")]
