@@ -37,6 +37,7 @@ STARTS = "a start of the control"
 LEAVES = "states of a program that stay"
 CHANCE = "what happens by chance"
 OWN = "the machine's own settings"
+TRIED = "a word of the language that a control lacks"
 WRITER = "a value that no program can make"
 UNSEEN = {
     **dict.fromkeys(("cec_sign", "cec_factor_tables_count", "cec_direction_at_start"), ACTS),
@@ -50,6 +51,7 @@ UNSEEN = {
     **dict.fromkeys(("enables_at_block", "forgets_at_block", "forgets"), CHANCE),
     **dict.fromkeys(("diameter_axis", "zero_offset_mm", "tool_length_mm"), OWN),
     "accepts_nan": WRITER,
+    "fills_arrays": TRIED,
     "judges_programs": "the gate, which the leniencies of the language take away rule by rule",
 }
 

@@ -156,7 +156,8 @@ def test_a_run_is_evaluated_by_its_short_name_axis_and_phase(tmp_path: Path) -> 
     )
     (latest,) = (one.name for one in (tmp_path / "runs").glob("*-import-*"))
     found = RUNNER.invoke(app, ["evaluate", "latest", "--store", str(tmp_path / "runs"), "--json"])
-    assert latest in json.loads(found.output)[0]["file"]
+    assert latest in json.loads(found.stdout)[0]["file"]
+    assert latest in found.stderr
     assert refused(run[:20], "--store", tmp_path / "runs", "--kind", "harmonics") == "E-KIND-FILES"
     assert refused("nonsense", *here, "before", "--kind", "harmonics") == "E-STORE-RUN"
 

@@ -111,6 +111,19 @@ HEADS: dict[str, tuple[str, ...]] = {
             "DEF STRING[9] UA1=2+3",
         ),
     ),
+    "E-LEGAL-LIST": (
+        "DEF REAL UL[3]\nUL[0]=SET(1,2,3,4)",
+        "DEF REAL UL[3]\nUL[1]=SET(1,2,3)",
+        "DEF REAL UL[3]\nUL[2]=SET(1,2)",
+        "DEF INT UL[1]\nUL[0]=SET(1,2)",
+        "DEF INT UL[2,2]\nUL[0,0]=SET(1,2,3,4,5)",
+        "DEF INT UL[2,2]\nUL[0,1]=SET(1,2,3,4)",
+        "DEF INT UL[2,2]\nUL[1,0]=SET(1,2,3)",
+        "DEF INT UL[2,2]\nUL[1,1]=SET(1,2)",
+        "DEF BOOL UL[2]\nUL[0]=SET(TRUE,FALSE,TRUE)",
+        "DEF REAL UL[2]\nUL[1]=SET(1.5,2.5)",
+        "DEF REAL UL[4,2]\nUL[3,1]=SET(0.1,0.2)",
+    ),
     "E-LEGAL-FOR": tuple(
         f"DEF {kind} UA1\nFOR UA1={first} TO 3\nENDFOR"
         for kind in ("BOOL", "STRING[5]", "AXIS", "CHAR", "FRAME")

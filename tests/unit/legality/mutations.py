@@ -56,7 +56,7 @@ def body(rng: random.Random, code: str, blocks: str, offset: int = 0) -> Mutant:
 
 def head(rng: random.Random, code: str, blocks: str, offset: int = 0) -> Mutant:
     """``blocks`` put before everything else; those that work before a program without definitions."""
-    host = TABLE if code == "E-LEGAL-FOR" else rng.choice(HOSTS)
+    host = TABLE if code in _BEFORE_WORK else rng.choice(HOSTS)
     return Mutant(blocks + "\n" + host, code, 1 + offset)
 
 
@@ -74,7 +74,8 @@ _BODY_OFFSETS = {
     "E-LEGAL-PRIORITY": {"REPEAT\nUNTIL R1>3 OR R2>3": 1},
 }
 
-_AT_LAST_LINE = ("E-LEGAL-TWICE", "E-LEGAL-FOR", "E-LEGAL-PATH")
+_AT_LAST_LINE = ("E-LEGAL-TWICE", "E-LEGAL-FOR", "E-LEGAL-LIST", "E-LEGAL-PATH")
+_BEFORE_WORK = ("E-LEGAL-FOR", "E-LEGAL-LIST")
 
 
 def _nested(rng: random.Random) -> Mutant:
@@ -103,7 +104,7 @@ def _offset(code: str, block: str) -> int:
 def _head_offset(code: str, block: str) -> int:
     if code not in _AT_LAST_LINE:
         return 0
-    return 1 if code == "E-LEGAL-FOR" else block.count("\n")
+    return 1 if code in _BEFORE_WORK else block.count("\n")
 
 
 _ENDS = (

@@ -18,6 +18,7 @@ from simulators.nck.language.syntax import (
     OrdinaryBlock,
     Procedure,
 )
+from tests.unit.nck.bench import on_bench
 
 
 def words(text: str) -> tuple[object, ...]:
@@ -154,3 +155,14 @@ def test_outline_reads_numbers_labels_comments_and_skips() -> None:
 def test_an_open_string_is_refused() -> None:
     with pytest.raises(NcSyntaxError):
         outline('MSG("abc)')
+
+
+async def test_a_control_that_fills_no_arrays_stops_at_the_first_list() -> None:
+    text = "DEF REAL UTAB[3]\nUTAB[0]=SET(1.5,2.5,3.5)\nR1=UTAB[2]\nM30\n"
+    async with on_bench() as bench:
+        await bench.run(text)
+        assert bench.nck.get("R[1]") == 3.5
+    async with on_bench(fills_arrays=False) as bench:
+        await bench.run(text)
+        assert bench.numbers() == [12550]
+        assert bench.nck.get("R[1]") == 0.0

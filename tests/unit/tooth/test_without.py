@@ -187,7 +187,9 @@ def test_the_stored_prediction_is_revised_once_and_says_why() -> None:
     folder |= {stages.push(one.name): PushRecord(1, one.axis, "committed", (), "") for one in changes}
     without.predict_without(said.bench, proposal)
     assert folder[stages.TOOTH].prediction is told
-    folder[stages.push(lost.name)] = PushRecord(0, lost.axis, "skipped", ("E-PUSH-NO-PROOF: too small",), "")
+    folder[stages.push(lost.name)] = PushRecord(
+        0, lost.axis, "skipped", (), "", reasons=("E-PUSH-NO-PROOF: too small",)
+    )
     without.predict_without(said.bench, proposal)
     found = folder[stages.TOOTH]
     assert found.said[0] == f"{lost.name}: E-PUSH-NO-PROOF: too small"
