@@ -1,4 +1,4 @@
-"""The only unit conversions: mm, um, inch, deg, arcsec, rad, degC, hPa."""
+"""The only unit conversions, and the units that files and people name: lengths, angles, degC, hPa."""
 
 from __future__ import annotations
 
@@ -83,6 +83,62 @@ def deviation_scale(axis_unit: AxisUnit) -> float:
 def typed_unit(unit: str) -> str:
     """A unit that a person typed, as keys name it: µm, with either letter, is um."""
     return unit.replace("\N{MICRO SIGN}", "u").replace("\N{GREEK SMALL LETTER MU}", "u")
+
+
+TARGET_UNITS: dict[str, tuple[AxisUnit, float]] = {
+    "mm": ("mm", 1.0),
+    "um": ("mm", um_to_mm(1.0)),
+    "m": ("mm", 1e3),
+    "cm": ("mm", 10.0),
+    "nm": ("mm", um_to_mm(1e-3)),
+    "inch": ("mm", MM_PER_INCH),
+    "uin": ("mm", MM_PER_INCH * 1e-6),
+    "deg": ("deg", 1.0),
+    "rad": ("deg", rad_to_deg(1.0)),
+    "mrad": ("deg", rad_to_deg(1e-3)),
+    "urad": ("deg", rad_to_deg(1e-6)),
+    "arcmin": ("deg", 1.0 / 60.0),
+    "arcsec": ("deg", arcsec_to_deg(1.0)),
+}
+"""A unit's kind, and what one of it is in mm or deg."""
+READING_UNITS: dict[str, tuple[AxisUnit, float]] = {
+    "um": ("mm", 1.0),
+    "mm": ("mm", mm_to_um(1.0)),
+    "m": ("mm", mm_to_um(1000.0)),
+    "cm": ("mm", mm_to_um(10.0)),
+    "nm": ("mm", 1e-3),
+    "inch": ("mm", mm_to_um(MM_PER_INCH)),
+    "uin": ("mm", mm_to_um(MM_PER_INCH * 1e-6)),
+    "arcsec": ("deg", 1.0),
+    "arcmin": ("deg", 60.0),
+    "deg": ("deg", deg_to_arcsec(1.0)),
+    "rad": ("deg", rad_to_arcsec(1.0)),
+    "mrad": ("deg", rad_to_arcsec(1e-3)),
+    "urad": ("deg", rad_to_arcsec(1e-6)),
+}
+"""A unit's kind, and what one of it is in um or arcsec."""
+_SPELLINGS = {
+    "um": "micron, microns, micrometer, micrometers, micrometre, micrometres, мкм, 微米",
+    "mm": "мм, 毫米, millimeter, millimeters, millimetre, millimetres",
+    "nm": "nanometer, nanometers, nanometre, nanometres, нм, 纳米",
+    "m": "meter, meters, metre, metres",
+    "inch": "in, in., inches, zoll, 英寸",
+    "uin": "uinch, microinch, microinches",
+    "deg": "°, grad, degree, degrees, 度, grado, grados, град",
+    "arcsec": '", \N{DOUBLE PRIME}, 角秒, arcs, arc sec, arcseconds, arcsecond, arc-sec, asec, winkelsekunden',
+    "arcmin": "arc min, arcminutes, arcminute, 角分",
+    "rad": "radian, radians",
+    "urad": "microrad, microradian, microradians",
+    "mrad": "millirad, milliradian, milliradians",
+}
+_NAMES = {word: unit for unit, words in _SPELLINGS.items() for word in words.split(", ")}
+
+
+def unit_named(text: str) -> str:
+    """The unit that a heading or a person names, as `TARGET_UNITS` has it; "" for what is no unit we know."""
+    plain = typed_unit(text.strip().lower())
+    plain = _NAMES.get(plain, plain)
+    return plain if plain in TARGET_UNITS else ""
 
 
 def wrap_deg(value: T) -> T:

@@ -24,6 +24,8 @@ ASKS = {
     "E-IMPORT-WAYS": "E-LIBRARY-WAYS",
     "E-IMPORT-RUNS": "E-LIBRARY-RUNS",
     "E-IMPORT-READINGS": "E-LIBRARY-READINGS",
+    "E-IMPORT-CHOOSE": "E-LIBRARY-SEVERAL",
+    "E-IMPORT-SHEET": "E-LIBRARY-SHEET",
 }
 """What is asked about a table, by the code of the command line; here the answer is an argument of `read`."""
 

@@ -124,16 +124,16 @@ def read(
     *,
     name: str = "",
     unit: str = "",
-    columns: Mapping[str, str | int] | None = None,
+    columns: Mapping[str, str | int | float] | None = None,
     accepted: Mapping[str, str] | None = None,
 ) -> Measured:
-    """A result file (.rtl, .rta, .pos, .csv): targets in mm or deg as the file counts them, deviations in um or arcsec.
+    """A result file (.rtl, .rta, .pos) or table (.csv, .txt, .dat, .tsv, .xlsx): deviations in um or arcsec.
 
-    ``name`` is the error's ISO 230-1 name; a pitch over mm (EBX) or a run-out over deg needs it. ``unit`` of an .rta
-    file's deviations, which it does not say: mrad, urad or arcsec. ``columns`` of a table whose heading does not say
-    them, counted from 1: ``{"target": 1, "measured": 2}``. ``accepted`` are doubts that you answer for, reasons by
-    code. Raises ConfigError (E-LIBRARY-COLUMNS, -WAYS, -RUNS and
-    -READINGS: ``columns`` answers them), FileFormatError with line and reason.
+    Targets are in mm or deg as the file counts them. ``name`` is the error's ISO 230-1 name; a pitch over mm (EBX) or a
+    run-out over deg needs it. ``unit`` of an .rta file's deviations, which it does not say: mrad, urad or arcsec.
+    ``columns`` of a table whose heading does not say them, counted from 1: ``{"target": 1, "measured": 2}``.
+    ``accepted`` are doubts that you answer for, reasons by code. Raises ConfigError (E-LIBRARY-COLUMNS, -WAYS, -RUNS,
+    -READINGS, -SEVERAL and -SHEET: ``columns`` answers them), FileFormatError with line and reason.
     """
     from gateway.workflow.files.importing import How, read_file
 
@@ -145,9 +145,8 @@ def read(
     except ConfigError as error:
         if error.code not in ASKS:
             raise
-        raise ConfigError(
-            ASKS[error.code], error.where, found=error.fields["found"], columns=error.fields["columns"]
-        ) from error
+        fields: Mapping[str, Any] = error.fields
+        raise ConfigError(ASKS[error.code], error.where, **fields) from error
     found = got.content
     if not isinstance(found, MeasuredSet):
         raise ConfigError("E-CLI-KIND", str(path), kind=type(found).__name__)

@@ -27,6 +27,33 @@ SIDES = (
 )
 NO_SIDES = "no datum_face was found: which flank is left is not known from the file"
 MOST_NAMES = 40
+AS_TABLE = "export the readings as a table (CSV or .xlsx) in the program that wrote the file"
+BALLBAR = (
+    "a circular test of a ballbar",
+    "a circular test holds no positions of one axis; measure the axes one by one",
+)
+OTHERS = {
+    "ballbar": (
+        "a circular test of a ballbar",
+        "a circular test holds no positions of one axis; measure the axes one by one",
+    ),
+    "b5r": (
+        "a circular test of a ballbar",
+        "a circular test holds no positions of one axis; measure the axes one by one",
+    ),
+    "qif": ("QIF, results or plans of a coordinate measuring machine (ISO 23952)", AS_TABLE),
+    "calibrationcertificate": (
+        "a digital calibration certificate (DCC)",
+        "enter what it states of an instrument in the site file; " + AS_TABLE,
+    ),
+    "workbook": ("a workbook as XML", "save it as .xlsx or as CSV in the spreadsheet program"),
+    "svg": ("a picture", "choose the file with the readings"),
+    "html": ("a web page", "choose the file with the readings"),
+}
+UNKNOWN = (
+    "of no kind known here (a ballbar's circular test, QIF and DCC are XML too)",
+    AS_TABLE + "; if it is GDE, declare point, x, y, z, space and flank with --column",
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -126,6 +153,7 @@ def read_gde(data: bytes, names: GdeNames | None, where: str) -> GearInspection:
     seen = survey(data, where)
     parts = ", ".join(dict.fromkeys(seen.parts))
     if names is None:
+        _refuse_others(seen, where)
         listed = ", ".join(f"{name} ({count})" for name, count in list(seen.names.items())[:MOST_NAMES])
         raise ConfigError("E-FILE-GDE-MAP", where, version=seen.version or "not said", parts=parts, names=listed)
     wanted = names.point or names.triples
@@ -146,6 +174,15 @@ def read_gde(data: bytes, names: GdeNames | None, where: str) -> GearInspection:
     header |= {"Datum face": seen.datum_face}
     more = (f"beside the points stand others that were not read: {', '.join(beside)}",) if beside else ()
     return inspection(touches, names, where, warnings=(side, *more), header=header)
+
+
+def _refuse_others(seen: GdeSurvey, where: str) -> None:
+    """Raise FileFormatError (E-FILE-XML-OTHER) where nothing of an XML file is of gears: it says what it may be."""
+    root = seen.root.lower()
+    if "gde" in root or seen.datum_face or any("gear" in name.lower() for name in seen.names):
+        return
+    guess, advice = next((told for word, told in OTHERS.items() if word in root), UNKNOWN)
+    raise FileFormatError("E-FILE-XML-OTHER", where, root=seen.root, guess=guess, advice=advice)
 
 
 def _touches(element: Element, above: list[Element], names: GdeNames, where: str) -> list[Touch]:

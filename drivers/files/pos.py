@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from drivers.errors import FileFormatError
+from drivers.files.assembly import doubted
 from drivers.files.numbers import decimal
 from drivers.files.text import end_doubts, read_bytes
 from drivers.local.letters import decode
@@ -27,14 +28,16 @@ MEANS_ONLY = "the file holds means only: repeatability cannot be evaluated from 
 class PosFormat:
     """File driver "pos": positions and errors in mm; forward and backward means where they are there."""
 
-    def __init__(self, unit: str = "", codepage: str = "cp1252") -> None:
+    def __init__(self, unit: str = "", codepage: str = "cp1252", *, confirmed: bool = False) -> None:
         del unit  # positions and errors are mm
         self._codepage = codepage
+        self._confirmed = confirmed
 
     def read(self, path: Path) -> MeasuredSet:
         """Read a file. Raises FileFormatError with line and reason."""
         where = str(path)
-        return parse_pos(decode(read_bytes(path), self._codepage, where), where)
+        measured = parse_pos(decode(read_bytes(path), self._codepage, where), where)
+        return doubted(measured, where, confirmed=self._confirmed)
 
 
 def parse_pos(text: str, where: str) -> MeasuredSet:

@@ -11,6 +11,7 @@ from typing import Literal
 import numpy as np
 
 from drivers.errors import ConfigError, FileFormatError
+from drivers.files.assembly import doubted
 from drivers.files.environment import KEYS, environment, environment_words
 from drivers.files.numbers import no_readings
 from drivers.files.rtltext import RtlText, lookup, parse, render
@@ -44,7 +45,8 @@ _BREAK = re.compile(r"[\r\n\v\f\x1c-\x1e\x85\u2028\u2029]+")
 class RtlFormat:
     """File driver "rtl": targets mm, deviations um unless `unit` says mm; deviation = measured - target."""
 
-    def __init__(self, unit: str = "", codepage: str = "cp1252") -> None:
+    def __init__(self, unit: str = "", codepage: str = "cp1252", *, confirmed: bool = False) -> None:
+        self._confirmed = confirmed
         self._convert = _conversion(typed_unit(unit) or "um", LENGTH, "rtl")
         self._codepage = codepage
 
@@ -52,7 +54,7 @@ class RtlFormat:
         """Read a file. Raises FileFormatError with line and reason."""
         where = str(path)
         content = parse(decode(read_bytes(path), self._codepage, where), where)
-        return measured_set(content, "mm", self._convert, where)
+        return doubted(measured_set(content, "mm", self._convert, where), where, confirmed=self._confirmed)
 
     def text(self, measured: MeasuredSet) -> str:
         """A linear set as a file, deviations in um. Raises ConfigError (E-FILE-KIND) for a rotary one."""
@@ -63,7 +65,8 @@ class RtlFormat:
 class RtaFormat:
     """File driver "rta": targets deg; the file does not say its deviation unit, so `unit` must be confirmed."""
 
-    def __init__(self, unit: str = "", codepage: str = "cp1252") -> None:
+    def __init__(self, unit: str = "", codepage: str = "cp1252", *, confirmed: bool = False) -> None:
+        self._confirmed = confirmed
         unit = "urad" if typed_unit(unit) == "um/m" else typed_unit(unit)
         self._unit = unit
         self._codepage = codepage
@@ -77,7 +80,7 @@ class RtaFormat:
         if not self._unit:
             largest = max(abs(value) for _run, _target, value in content.rows)
             raise ConfigError("E-FILE-RTA-UNIT", where, largest=f"{largest:g}")
-        return measured_set(content, "deg", ANGLE[self._unit], where)
+        return doubted(measured_set(content, "deg", ANGLE[self._unit], where), where, confirmed=self._confirmed)
 
     def origin(self, path: Path) -> dict[str, str]:
         """The file's own words (Machine, Serial No, ...) without its numbers, for which no unit is needed yet."""

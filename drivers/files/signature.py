@@ -8,7 +8,7 @@ import re
 from drivers.files.numbers import decimal
 
 _BREAK = re.compile(r"\r\n|\n|\r")
-_SPLIT = re.compile(r"[;\t]|,(?!\d)|\s+")
+_SPLIT = re.compile(r"[;\t|]|,(?!\d)|\s+")
 _DIGITS = re.compile(r"\d+")
 MOST_LINES = 100
 FEWEST_NUMBERS = 2

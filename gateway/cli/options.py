@@ -53,6 +53,14 @@ StatementOption = Annotated[
     ),
 ]
 AskOption = Annotated[bool, typer.Option("--ask/--no-ask", help="Ask where a file's statements differ, or refuse.")]
+ColumnOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--column",
+        help="What a table leaves open, NAME=VALUE: target=1, measured=2, reading_unit=mm, sheet=X; may be repeated.",
+        show_default=False,
+    ),
+]
 ROADS = ("", "opcua", "modbus", "both")
 TakeOption = Annotated[
     str, typer.Option(help="Why the devices are taken from a service that hangs.", show_default=False)

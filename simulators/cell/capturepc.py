@@ -47,7 +47,7 @@ class SetupPc:
 
     def save(self, path: Path, repetitions: int) -> Path:
         """Write target, direction, repetition, deviation, the last in um or arcsec as its heading says."""
-        target = "target_deg" if self.axis.kind == "rotary" else "target"
+        target = "target_deg" if self.axis.kind == "rotary" else "target_mm"
         unit = "arcsec" if looks_along(self.setup) in "ABC" else "um"
         rows = [f"{target},direction,repetition,deviation_{unit}", *self._rows(self.deviations(repetitions))]
         path.write_text("\n".join(rows) + "\n", encoding="utf-8")

@@ -31,6 +31,7 @@ LIBRARIES = {
     "linuxcnc": {"drivers.linuxcnc"},
     "markupsafe": {"gateway.report"},
     "matplotlib": {"gateway.report", "gateway.study", "gateway.workflow"},
+    "openpyxl": {"drivers.files"},
     "pandas": {"trueflank"},
     "prometheus_client": {"gateway.web"},
     "pydantic": {

@@ -101,7 +101,7 @@ def with_file(edit: Callable[[str], str], path: Path) -> Callable[[str], str]:
 def written(cell: Cell, path: Path) -> None:
     """The true pitch in urad at 11 places, with a hundredth of scatter, as a table."""
     at = np.linspace(-400.0, 0.0, 11)
-    rows = ["target,direction,repetition,deviation"]
+    rows = ["target_mm,direction,repetition,deviation"]
     for place, arcsec in zip(at, cell.truth.motion("EBX", at), strict=True):
         for repetition in (1, 2):
             urad = arcsec * 4.8481368 + 0.02 * repetition

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 
-from drivers.files.numbers import decimal
+from drivers.files.numbers import like_number, missing
 from drivers.files.tables.headwords import head_cell, is_index, is_statistic, is_way_or_unit, pass_of, run_of
 from drivers.files.tables.sheet import MARKS, MOST_LINES, Row, cells, words_above
 from drivers.types.results import TableColumn, TableHeading
@@ -46,7 +46,7 @@ def _numbers(body: Sequence[tuple[int, Row]], width: int) -> set[int]:
     found = set()
     for column in range(width):
         read = [row[column] for _at, row in body[:ROWS_LOOKED_AT] if column < len(row) and row[column]]
-        if read and all(decimal(one.replace(",", ".")) is not None for one in read):
+        if any(like_number(one) for one in read) and all(like_number(one) or missing(one) for one in read):
             found.add(column)
     return found
 

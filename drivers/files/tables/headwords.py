@@ -11,14 +11,17 @@ import re
 from dataclasses import dataclass
 from typing import Literal
 
-from drivers.files.columns import DOWN, READING_UNITS, TARGET_UNITS, UP
+from drivers.units import unit_named
 
+UP, DOWN = {"+", "+1", "1", "up", "forward", "f", "pos"}, {"-", "-1", "down", "backward", "reverse", "r", "b", "neg"}
 Meaning = Literal["target", "direction", "repetition", "deviation", "position", ""]
 # "position" stands alone as a reading of the place, and as the target where the reading is something else.
 PLACE = "position"
+PLACES = ("position", "pos", "mpos", "machine position", "axis position")
 WORDS: dict[Meaning, str] = {
     "target": (
-        "target, nominal, nominal value, commanded, command, setpoint, set, set point, p_i, p i, "
+        "target, nominal, nominal value, commanded, command, setpoint, set, set point, p_i, p i, tgt, tgt pos, "
+        "setpoint value, set value, demand, demand position, desired, sollmaß, sollmass, "
         "pi, target position pi, target pi, position pi, "
         "soll, sollwert, ziel, sollposition, zielposition, 目标, 理论, 指令, 名义, 目標, position "
         "cible, cible, consigne, position nominale, quota nominale, quota, posizione "
@@ -31,23 +34,28 @@ WORDS: dict[Meaning, str] = {
         "kierunek, направление"
     ),
     "repetition": (
-        "repetition, run, cycle, pass, repeat, run no, run number, j, lauf, zyklus, "
+        "repetition, run, cycle, pass, repeat, run no, run number, pass no, pass number, cycle no, rep, j, "
+        "lauf, zyklus, lauf nr, zyklus nr, "
         "wiederholung, messreihe, 次数, 循环, 重复, 趟, 回数, passage, ciclo, passata, pasada, "
         "przejazd, проход, цикл"
     ),
     "deviation": (
-        "deviation, dev, error, positioning deviation, positioning error, x_ij, x ij, "
+        "deviation, dev, error, err, diff, difference, positioning deviation, positioning error, x_ij, x ij, "
+        "pitch, yaw, roll, differenz, "
         "abweichung, fehler, positionsabweichung, 偏差, 误差, 誤差, écart, erreur, scostamento, "
         "errore, deviazione, desviación, odchyłka, отклонение"
     ),
     "position": (
-        "position, measured, measured value, actual, actual value, act, reading, pos, ist, "
+        "position, mpos, machine position, axis position, measured, measured value, measured position, "
+        "actual, actual value, act, reading, pos, ist, "
         "istwert, istposition, messwert, 实际, 实测, 测量值, 位置, position mesurée, mesure, quota "
         "misurata, posizione misurata, posición medida, medida"
     ),
 }
-_KNOWN: dict[str, Meaning] = {word: meaning for meaning, words in WORDS.items() for word in words.split(", ")}
-_PLACES = ("position", " position", " pos", "位置", "值", "点")
+_KNOWN: dict[str, Meaning] = {
+    word.strip(): meaning for meaning, words in WORDS.items() for word in words.split(",") if word.strip()
+}
+_ENDS = ("position", " position", " pos", "位置", "值", "点")
 UP_WORDS = (
     "fwd, forwards, positive, positiv, vor, vorwärts, hin, auf, aufwärts, ↑, →, 正, 正向, 正程, aller, avanti, andata, "
     "adelante, ida, прямое, прямой, прямо, вперёд, вперед, туда, 往, heen"
@@ -64,14 +72,32 @@ STATISTIC_WORDS = (
     "moyenne, média, media, promedio, 平均, 平均值, 标准差, 标准偏差, 最大, 最小, b, r, e, a, m, u"
 )
 STATISTICS = frozenset(STATISTIC_WORDS.split(", "))
-_SPELLED = {"micron": "um", "microns": "um", "мкм": "um", "微米": "um", "мм": "mm", "毫米": "mm", "in": "inch"}
-_SPELLED |= {"uinch": "uin", "°": "deg", "grad": "deg", "度": "deg", '"': "arcsec", "″": "arcsec", "角秒": "arcsec"}
 _BRACKET = re.compile(r"[\[(（]\s*([^\[\]()（）]{1,12}?)\s*[\])）]\s*$")
 _TAIL = re.compile(r"[_ ,/]+([a-zµμмк]+|[微毫]米)$")
+_COUNTED = re.compile(r"\(\s*[ij]\s*\)(?=\s*(?:[\[(].*)?$)")
 _TOKEN = re.compile(r"[\u4e00-\u9fff]+|[^\W\d_\u4e00-\u9fff]+|[0-9]+|[+\-↑↓→←]")
-_BESIDE = frozenset({"x", "i", "j", "d", "no", "nr", "第", "次", *_KNOWN}) - {PLACE}
+_BESIDE = frozenset({"x", "i", "j", "d", "no", "nr", "ref", "第", "次", *_KNOWN}) - {PLACE}
 _INDEX = frozenset(
-    {"", "no", "no.", "nr", "nr.", "#", "n", "n°", "i", "index", "idx", "point", "pt", "punkt", "序号", "编号"}
+    {
+        "",
+        "no",
+        "no.",
+        "nr",
+        "nr.",
+        "#",
+        "n",
+        "n°",
+        "i",
+        "index",
+        "idx",
+        "test",
+        "stop",
+        "point",
+        "pt",
+        "punkt",
+        "序号",
+        "编号",
+    }
 )
 
 
@@ -96,7 +122,7 @@ class HeadPass:
 @functools.lru_cache(maxsize=1024)
 def head_cell(text: str) -> HeadCell:
     """A cell of a heading."""
-    words, unit = _unit_apart(text.strip().lower())
+    words, unit = _unit_apart(_COUNTED.sub("", text.strip().lower()))
     words = " ".join(words.replace("_", " ").split()) if words != "p_i" else words
     front, mark, rest = text.strip().lower().partition("_")
     if mark and not unit and words not in _KNOWN and front in _KNOWN:
@@ -106,17 +132,23 @@ def head_cell(text: str) -> HeadCell:
 
 def pass_of(cell: HeadCell) -> HeadPass | None:
     """The pass that a cell names, "Run 3 fwd", "x_i2↓", "Lauf 4 -", "反向3"; None where it names none, or more."""
-    tokens = _TOKEN.findall(cell.words)
-    tokens = [part for token in tokens for part in _chinese(token)]
-    ways = [token for token in tokens if token in DIRECTIONS and token[0] not in "0123456789"]
+    tokens = [part for token in _TOKEN.findall(cell.words) for part in _chinese(token)]
+    if cell.meaning == "target":
+        return None
+    # Beside a "ref" the word "pos" is a position, not the positive way.
+    ways = [one for one in tokens if _is_way(one) and not (one == "pos" and "ref" in tokens)]
     numbers = [token for token in tokens if token[0] in "0123456789"]
-    others = {token for token in tokens if token not in DIRECTIONS and token[0] not in "0123456789"}
+    others = {token for token in tokens if token not in ways and token[0] not in "0123456789"}
     if len(ways) != 1 or len(numbers) > 1 or not others <= _BESIDE:
         return None
     meanings = {_KNOWN[one] for one in others if one in _KNOWN} & {"deviation", "position"}
     if len(meanings) > 1:
         return None
     return HeadPass(int(numbers[0][:6]) if numbers else 0, DIRECTIONS[ways[0]], meanings.pop() if meanings else "")
+
+
+def _is_way(token: str) -> bool:
+    return token in DIRECTIONS and token[0] not in "0123456789"
 
 
 def pass_of_text(text: str) -> bool:
@@ -140,7 +172,13 @@ def run_of(cell: HeadCell) -> int:
 def is_way_or_unit(text: str) -> bool:
     """Whether a cell is nothing but a direction, or a unit, in brackets or not."""
     plain = text.strip().lower().strip("[]()（）").strip()
-    return plain in DIRECTIONS or bool(_unit(plain))
+    return plain in DIRECTIONS or bool(unit_named(plain))
+
+
+def way_in(text: str) -> str:
+    """ "up" or "down" where a line above a table names one way in words, "" where it names none, or both."""
+    ways = {DIRECTIONS[token] for token in _TOKEN.findall(text.lower()) if len(token) > 1 and token in DIRECTIONS}
+    return ("up", "down")[ways.pop()] if len(ways) == 1 else ""
 
 
 def is_index(cell: HeadCell) -> bool:
@@ -173,23 +211,17 @@ def _unit_apart(text: str) -> tuple[str, str]:
     """The words and the unit: in brackets, or as the last word."""
     for pattern in (_BRACKET, _TAIL):
         found = pattern.search(text)
-        if found and (unit := _unit(found[1])):
+        if found and (unit := unit_named(found[1])):
             return text[: found.start()].strip(), unit
     found = _BRACKET.search(text)
     # What stands in brackets and is no unit we know is said, not lost: whoever reads it refuses it.
     return (text[: found.start()].strip(), found[1]) if found else (text, "")
 
 
-def _unit(text: str) -> str:
-    plain = text.replace("µ", "u").replace("μ", "u")
-    plain = _SPELLED.get(plain, plain)
-    return plain if plain in READING_UNITS or plain in TARGET_UNITS else ""
-
-
 def _meaning(words: str) -> Meaning:
     if words in _KNOWN:
         return _KNOWN[words]
-    for end in _PLACES:
+    for end in _ENDS:
         if words.endswith(end) and (found := _KNOWN.get(words.removesuffix(end).strip())) in ("target", "position"):
             return found
     return ""

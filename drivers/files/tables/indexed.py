@@ -1,17 +1,18 @@
 """Text of a positioning test by indices, as motion tests with ecmc write it: TGT_DATA[i]=, REF_DATA_FWD[i,j]=.
 
 Layout as two public programs describe and read it: lines NAME=VALUE in any order, "#" begins a comment; i counts
-targets, j cycles, from 1; UNIT is mm where nobody says otherwise. Values are positions; FWD is the way up.
+targets, j cycles, from 1; UNIT may be missing. Values are positions; FWD is the way up.
 """
 
 from __future__ import annotations
 
 import re
+from math import nan
 from typing import Any
 
 from drivers.errors import FileFormatError
-from drivers.files.columns import TARGET_UNITS
-from drivers.files.numbers import decimal
+from drivers.files.numbers import decimal, missing
+from drivers.units import TARGET_UNITS, unit_named
 
 _BREAK = re.compile(r"\r\n|\n|\r")
 _TARGET = re.compile(r"\s*TGT_DATA\[(\d{1,4})\]\s*=\s*(\S+)\s*\Z")
@@ -26,23 +27,23 @@ def is_indexed(text: str) -> bool:
 
 
 def indexed(text: str, where: str) -> tuple[str, list[tuple[int, tuple[float, int, int], float]]]:
-    """The unit, and every position with its line: line, (target, 0 up or 1 down, cycle), position; pure.
+    """The unit ("": none named), and every position: line, (target, 0 up or 1 down, cycle), position; pure.
 
     Raises FileFormatError (E-FILE-LINE) with the line and reason.
     """
     targets: dict[int, float] = {}
     readings: dict[tuple[int, int, int], tuple[float, int]] = {}
-    unit = "mm"
+    unit = ""
     for at, line in enumerate(_BREAK.split(text), start=1):
         if found := _UNIT.match(line):
-            unit = found[1].lower()
-            if unit not in TARGET_UNITS:
+            unit = unit_named(found[1])
+            if not unit:
                 raise _wrong(where, at, f"unit {found[1]!r}, expected one of {', '.join(TARGET_UNITS)}")
         elif found := _TARGET.match(line):
             _once(targets, int(found[1]), _number(found[2], at, where), at, where)
         elif found := _READING.match(line):
             key = (int(found[2]), int(found[1] == "BWD"), int(found[3]))
-            _once(readings, key, (_number(found[4], at, where), at), at, where)
+            _once(readings, key, (nan if missing(found[4]) else _number(found[4], at, where), at), at, where)
     lost = next(((index, at) for (index, _w, _c), (_v, at) in readings.items() if index not in targets), None)
     if lost is not None:
         raise _wrong(where, lost[1], f"a reading of target {lost[0]}, which the file does not name")

@@ -1,21 +1,20 @@
-"""Which column of a table means what, by its heading: our own names and those the field uses beside them.
+"""Which column of a table means what, in which unit: by what a person said, else by its heading.
 
-What a heading leaves open is decided by the readings where they leave no doubt (positions lie on their targets,
-deviations about zero), else it is asked.
+What both leave open is decided by the readings where they leave no doubt (positions lie on their targets,
+deviations about zero), else it is asked. There is no unit that nobody named.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Literal
+from dataclasses import dataclass, replace
+from typing import cast
 
 from drivers.errors import FileFormatError
-from drivers.files.columns import READING_UNITS, TARGET_UNITS
+from drivers.files.columns import ColumnMap
 from drivers.files.numbers import decimal
-from drivers.files.tables.doubts import NEAR, both_marks, decimal_comma, too_small, whole_turn
 from drivers.files.tables.headwords import (
-    PLACE,
+    PLACES,
     HeadCell,
     HeadPass,
     Meaning,
@@ -27,98 +26,216 @@ from drivers.files.tables.headwords import (
 )
 from drivers.files.tables.order import PASSES, pass_in
 from drivers.files.tables.sheet import Row, Sheet
-from drivers.units import AxisUnit
+from drivers.types.readings import Quantity
+from drivers.units import READING_UNITS, TARGET_UNITS, typed_unit, unit_named
 
 COLUMNS = ("target", "direction", "repetition", "deviation")
-DEFAULT_READING: dict[AxisUnit, str] = {"mm": "um", "deg": "arcsec"}
-UNITS = READING_UNITS
-Reading = Literal["deviation", "position"]
-READINGS: tuple[Reading, ...] = ("deviation", "position")
 MOST_ALONE = 2  # a single column beside the targets is no table of passes
 ALONE_UNITS = {"um", "nm", "uin", "arcsec", "urad", "mrad"}
+NEAR = 0.01
+"""Of the targets' span: readings all within it of their targets are positions, within it of zero deviations."""
 NONE = -1
+ROW_WORDS: tuple[Meaning, Meaning] = ("direction", "repetition")
+OPEN = ""
 
 
 @dataclass(frozen=True, slots=True)
 class Layout:
-    """A table's heading understood: ``columns`` are those of target, direction, repetition and reading, -1: none.
+    """A table understood: ``columns`` are those of target, direction, repetition and reading, from 0; -1: none.
 
     A table with a column for each pass has ``passes``: (column, way, number) each; of ``columns`` the target's counts
-    then. ``beside`` is a column of positions beside deviations, -1: none. ``target_unit`` of `TARGET_UNITS`; ``unit``
-    of `UNITS` for deviations, of `TARGET_UNITS` for positions.
+    then. ``beside`` is a column of positions beside deviations, -1: none. Units are those of `TARGET_UNITS`. ``width``
+    is how many cells a row has, 0: at least as many as are needed. ``aside`` are headings of columns not read.
     """
 
     columns: tuple[int, int, int, int]
-    reading: Reading
+    quantity: Quantity
     target_unit: str
     unit: str
-    comma: bool
+    ways: str = ""
     passes: tuple[tuple[int, int, int], ...] = ()
     beside: int = NONE
     width: int = 0
+    aside: tuple[str, ...] = ()
 
     @property
-    def axis_unit(self) -> AxisUnit:
-        """mm where deviations are lengths, deg where they are angles; positions are what the targets are."""
-        return UNITS[self.unit][0] if self.reading == "deviation" else TARGET_UNITS[self.target_unit][0]
+    def read(self) -> tuple[int, ...]:
+        """The columns that hold numbers of the result."""
+        own = [column for column, _way, _number in self.passes] or [self.columns[3]]
+        return (self.columns[0], *own, *((self.beside,) if self.beside != NONE else ()))
 
 
 def understood(heads: Row) -> int | None:
     """The column of the targets where a heading names what it must, or leaves nothing open but a way or a unit."""
+    return understood_as(heads, ColumnMap())
+
+
+def understood_as(heads: Row, said: ColumnMap) -> int | None:
+    """The same where a person said some of it."""
     cells = [head_cell(cell) for cell in heads]
-    passes = _passes(cells) or _runs(cells)
-    if passes:
+    if len(cells) < said.needed:
+        return None
+    if not said.reading and (_passes(cells) or _runs(cells)):
         return _target(cells)
-    found = _by_row(cells)
-    return found[0][0] if found is not None else None
+    found = _places(cells, said)
+    if len(found.get("target", ())) != 1 or any(len(found.get(one, ())) > 1 for one in ("direction", "repetition")):
+        return None
+    named = found.get("deviation") or found.get("position") or said.reading
+    return found["target"][0] if named or _unnamed(cells, found) else None
 
 
-def layout(sheet: Sheet, unit: str, where: str, *, mixed: bool = False, ways: str = "") -> Layout:
-    """``mixed`` lets angles stand over lengths and lengths over angles; ``ways`` of `PASSES` says how passes went.
+def layout(sheet: Sheet, said: ColumnMap, where: str, *, mixed: bool = False) -> tuple[Layout, Sheet]:
+    """The table's layout, and the sheet with the numbers of its columns written plainly.
 
-    Raises FileFormatError: E-FILE-CSV-WAYS where passes do not say their way, E-FILE-CSV-UNIT where readings have
-    neither unit nor a value that tells positions from deviations, E-FILE-CSV-TURN without a unit and with targets
-    round a whole turn, E-FILE-LINE.
+    ``mixed`` lets angles stand over lengths and lengths over angles. Raises FileFormatError: E-FILE-CSV-WAYS where
+    passes do not say their way, E-FILE-CSV-UNIT where targets or readings have no unit, or no value that tells
+    positions from deviations, E-FILE-CSV-SEVERAL where several columns may be the readings, E-FILE-CSV-CONTRADICTS
+    where the heading names another unit than was declared, E-FILE-CSV-MARKS, E-FILE-LINE.
     """
     heads = [head_cell(cell) for cell in sheet.heads]
-    comma = decimal_comma(sheet)
-    passes = _passes(heads)
-    runs = () if passes else _runs(heads)
-    if runs:
-        if ways not in PASSES[1:]:
-            raise _open("E-FILE-CSV-WAYS", where, sheet, runs)
-        passes = tuple((column, *_way_of(runs.index(column), runs, ways, sheet, where)) for column in runs)
-    found = _by_pass(heads, passes, (sheet, comma, unit, where)) if passes else _by_row(heads)
-    if found is None:
-        raise FileFormatError("E-FILE-CSV-HEADER", where, found=" ".join(sheet.heads)[:80], columns=", ".join(COLUMNS))
-    columns, reading, beside = found
-    read = [column for column, _way, _number in passes] or [columns[3]]
-    marks = both_marks(sheet, (columns[0], *read))
-    if marks is not None:
-        raise FileFormatError("E-FILE-CSV-MARKS", where, line=marks[0], one=marks[1], other=marks[2])
-    stated = (heads[columns[0]].unit, heads[columns[3]].unit)
-    if reading == "deviation" and not (stated[1] or unit) and too_small(sheet, columns, passes, comma=comma):
-        raise _open("E-FILE-CSV-UNIT", where, sheet, [column for column, _way, _number in passes] or [columns[3]])
-    if not any((*stated, unit)) and whole_turn(sheet, columns[0], comma=comma):
-        raise _open("E-FILE-CSV-TURN", where, sheet, (columns[0], columns[3]))
-    target_unit, reading_unit = _units(stated, reading, unit, sheet.at, where)
-    apart = reading == "deviation" and UNITS[reading_unit][0] != TARGET_UNITS[target_unit][0]
-    if apart and not mixed:
+    heads += [HeadCell("", "", "")] * (said.needed - len(heads))
+    chosen = _by_passes(heads, sheet, said, where) if said.reading and not (said.whole or said.passes) else None
+    if chosen is not None and said.reading - 1 in chosen.read:
+        found = replace(chosen, quantity=cast(Quantity, said.quantity))
+    elif said.whole or said.reading:
+        found = _declared(heads, sheet, said, where)
+    else:
+        found = _by_passes(heads, sheet, said, where) or _by_row(heads, sheet, said, where)
+    if said.run and not found.passes:
+        found = replace(found, columns=(*found.columns[:2], said.run - 1, found.columns[3]))
+    if said.direction_column and not found.passes:
+        found = replace(found, columns=(found.columns[0], said.direction_column - 1, *found.columns[2:]))
+    plain = sheet.spelled(found.read, where, comma=said.decimal_comma)
+    found = _with_units(found, (heads, plain, said), where)
+    apart = READING_UNITS[found.unit][0] != TARGET_UNITS[found.target_unit][0]
+    if apart and not (mixed and found.quantity == "deviation"):
         raise _wrong(
             where,
             sheet.at,
-            f"targets in {target_unit}, but {reading}s in {reading_unit}: one is a length, one an angle",
+            f"targets in {found.target_unit}, but {found.quantity}s in {found.unit}: one is a length, one an angle",
         )
-    return Layout(
-        columns=columns,
-        reading=reading,
-        target_unit=target_unit,
-        unit=reading_unit,
-        comma=comma,
-        passes=passes,
-        beside=beside,
-        width=len(heads),
+    return found, plain
+
+
+# ------------------------------------------------------------------------------------------------ which column is what
+
+
+def _places(heads: list[HeadCell], said: ColumnMap) -> dict[Meaning, list[int]]:
+    """The columns of each meaning, what a person said before what the heading says."""
+    places: dict[Meaning, list[int]] = {}
+    for index, head in enumerate(heads):
+        places.setdefault(head.meaning, []).append(index)
+    alone = places.get("position", [])
+    other = "deviation" in places or (said.reading and alone != [said.reading - 1]) or _instruments(heads)
+    if "target" not in places and len(alone) == 1 and heads[alone[0]].words in PLACES and other:
+        places["target"] = places.pop("position")
+    for meaning, column in (("target", said.target), ("direction", said.direction_column), ("repetition", said.run)):
+        if column:
+            places[cast(Meaning, meaning)] = [column - 1]
+    return places
+
+
+def _instruments(heads: list[HeadCell]) -> bool:
+    """Whether a column with a unit of a length or angle has a name that is none of the known words."""
+    return any(not head.meaning and unit_named(head.unit) and not is_statistic(head.words) for head in heads)
+
+
+def _unnamed(heads: list[HeadCell], places: dict[Meaning, list[int]]) -> list[int]:
+    """Columns that no known word names and that have a unit of a length or angle: instruments by their own names."""
+    if any(pass_of(head) is not None or run_of(head) for head in heads):
+        return []
+    free = [one for one in places.get("", []) if one not in places.get("target", ())]
+    return [one for one in free if unit_named(heads[one].unit) and not is_statistic(heads[one].words)]
+
+
+def _declared(heads: list[HeadCell], sheet: Sheet, said: ColumnMap, where: str) -> Layout:
+    """The layout where a person named the column of the readings; the heading may name the others."""
+    places = _places(heads, said)
+    if len(places.get("target", ())) != 1:
+        raise _no_heading(sheet, where)
+    target, reading = places["target"][0], said.reading - 1
+    named: list[Meaning] = [] if said.whole else ["direction", "repetition"]
+    direction, repetition = (
+        places[one][0] if one in named and len(places.get(one, ())) == 1 else NONE for one in ROW_WORDS
     )
+    columns = (target, direction, repetition, reading)
+    quantity = cast(Quantity, said.quantity)
+    ways = said.ways or sheet.way
+    if said.passes:
+        width = max((len(row) for _at, row in sheet.rows), default=0)
+        chosen = tuple(range(reading, said.last or width))
+        passes = tuple((column, *_way_of(chosen.index(column), chosen, said.passes, sheet, where)) for column in chosen)
+        return Layout(columns, quantity, OPEN, OPEN, ways, passes=passes, width=0 if said.last else width)
+    return Layout(columns, quantity, OPEN, OPEN, ways, aside=_aside_of(heads, columns))
+
+
+def _by_passes(heads: list[HeadCell], sheet: Sheet, said: ColumnMap, where: str) -> Layout | None:
+    """A table with a column for each pass; None where it is none."""
+    passes = _passes(heads)
+    runs = () if passes else _runs(heads)
+    if runs:
+        ways = said.ways or sheet.way
+        if ways not in PASSES[1:]:
+            raise _open("E-FILE-CSV-WAYS", where, sheet, runs)
+        passes = tuple((column, *_way_of(runs.index(column), runs, ways, sheet, where)) for column in runs)
+    if not passes:
+        return None
+    columns = [heads[column] for column, _way, _number in passes]
+    if len({one.unit for one in columns}) != 1:
+        raise _no_heading(sheet, where)
+    words = {given.meaning for one in columns if (given := pass_of(one)) is not None and given.meaning}
+    words |= {one.meaning for one in columns if run_of(one) and one.meaning in ("deviation", "position")}
+    if len(words) > 1:
+        raise _no_heading(sheet, where)
+    quantity = cast(Quantity, words.pop() if words else OPEN)
+    target = _target(heads) or 0
+    return Layout((target, NONE, NONE, passes[0][0]), quantity, OPEN, OPEN, passes=passes, width=len(heads))
+
+
+def _by_row(heads: list[HeadCell], sheet: Sheet, said: ColumnMap, where: str) -> Layout:
+    """A table with one reading a row."""
+    places = _places(heads, said)
+    if any(len(places.get(one, ())) > 1 for one in ("target", "direction", "repetition")) or "target" not in places:
+        raise _no_heading(sheet, where)
+    target, direction, repetition = (places.get(one, [NONE])[0] for one in ("target", *ROW_WORDS))
+    deviations, positions = places.get("deviation", []), places.get("position", [])
+    unnamed = [one for one in _unnamed(heads, places) if _may_hold(sheet, heads, (target, one))]
+    if len(deviations) > 1 or len(positions) > 1 or len(unnamed) > 1 or (unnamed and positions):
+        raise _several(sheet, (*deviations, *positions, *unnamed), where)
+    if not (deviations or positions or unnamed):
+        raise _no_heading(sheet, where)
+    reading = (deviations or positions or unnamed)[0]
+    quantity: Quantity | str = "deviation" if deviations else "position" if positions else OPEN
+    columns = (target, direction, repetition, reading)
+    beside = (positions or unnamed)[0] if deviations and (positions or unnamed) else NONE
+    return Layout(
+        columns,
+        cast(Quantity, quantity),
+        OPEN,
+        OPEN,
+        said.ways or sheet.way,
+        beside=beside,
+        width=len(sheet.heads),
+        aside=_aside_of(heads, (*columns, beside)),
+    )
+
+
+def _aside_of(heads: list[HeadCell], read: Sequence[int]) -> tuple[str, ...]:
+    """Names of columns with a unit of a length or angle that are not read."""
+    return tuple(
+        head.words or f"column {at + 1}" for at, head in enumerate(heads) if at not in read and unit_named(head.unit)
+    )
+
+
+def _may_hold(sheet: Sheet, heads: list[HeadCell], two: tuple[int, int]) -> bool:
+    """Whether a column's numbers are like positions or deviations of the targets."""
+    target, column = two
+    units = (unit_named(heads[target].unit) or unit_named(heads[column].unit), unit_named(heads[column].unit))
+    try:
+        plain = sheet.spelled((target, column), "")
+    except FileFormatError:
+        return True
+    return bool(_by_values(plain, target, (column,), units))
 
 
 def _way_of(place: int, runs: Sequence[int], ways: str, sheet: Sheet, where: str) -> tuple[int, int]:
@@ -127,29 +244,6 @@ def _way_of(place: int, runs: Sequence[int], ways: str, sheet: Sheet, where: str
         raise _wrong(where, sheet.at, f"{len(runs)} passes, but as many forward as reverse are needed")
     number, way = pass_in(place, len(runs), ways)
     return way, number
-
-
-Columns = tuple[tuple[int, int, int, int], Reading, int]
-
-
-def _by_row(heads: list[HeadCell]) -> Columns | None:
-    """The columns of a table with one reading a row; None where one is missing or stands twice."""
-    places: dict[Meaning, list[int]] = {}
-    for index, head in enumerate(heads):
-        places.setdefault(head.meaning, []).append(index)
-    if "target" not in places and "deviation" in places and heads[places.get("position", [0])[0]].words == PLACE:
-        places["target"] = places.pop("position", [])
-    readings: list[Reading] = [one for one in READINGS if places.get(one)]
-    wanted: tuple[Meaning, ...] = ("target", *readings)
-    if not readings or any(len(places.get(one, ())) != 1 for one in wanted):
-        return None
-    if any(len(places.get(one, ())) > 1 for one in ("direction", "repetition")):
-        return None
-    target, direction, repetition, reading = (
-        places.get(one, [NONE])[0] for one in ("target", "direction", "repetition", readings[0])
-    )
-    beside = places["position"][0] if len(readings) > 1 else NONE
-    return (target, direction, repetition, reading), readings[0], beside
 
 
 def _target(heads: list[HeadCell]) -> int | None:
@@ -202,45 +296,70 @@ def _runs(heads: list[HeadCell]) -> tuple[int, ...]:
     return tuple(column for column, _number in numbers)
 
 
-def _by_pass(
-    heads: list[HeadCell], passes: tuple[tuple[int, int, int], ...], told: tuple[Sheet, bool, str, str]
-) -> Columns | None:
-    """What the columns of passes read: by their words, by a unit of deviations alone, or by the readings themselves."""
-    sheet, comma, unit, where = told
-    columns = [heads[column] for column, _way, _number in passes]
-    units = {one.unit for one in columns}
-    said: set[Meaning] = {given.meaning for one in columns if (given := pass_of(one)) is not None and given.meaning}
-    target = _target(heads) or 0
-    if len(units) != 1 or len(said) > 1:
-        return None
-    (stated,) = units
-    if not said and (stated or unit) in ALONE_UNITS:
-        said = {"deviation"}
-    if not said:
-        said = {_by_values(sheet, (target, passes, heads[target].unit, stated or unit), comma=comma)}
-    if said == {""} or (said == {"deviation"} and not (stated or unit) and not _words_say(columns)):
-        raise _open("E-FILE-CSV-UNIT", where, sheet, [column for column, _way, _number in passes])
-    return (target, 0, 0, passes[0][0]), "position" if "position" in said else "deviation", NONE
+# ------------------------------------------------------------------------------------------------------------- units
 
 
-def _words_say(columns: Sequence[HeadCell]) -> bool:
-    return any(given.meaning for one in columns if (given := pass_of(one)) is not None)
+def _with_units(found: Layout, told: tuple[list[HeadCell], Sheet, ColumnMap], where: str) -> Layout:
+    """Units of heading and person as one; what is read by the readings where no word says it."""
+    heads, sheet, said = told
+    target, own = found.columns[0], found.read[1 : len(found.passes) + 1] or (found.columns[3],)
+    stated = {heads[column].unit if column < len(heads) else "" for column in own}
+    if len(stated) > 1:
+        raise _wrong(where, sheet.at, f"the columns of one measurement have several units: {', '.join(sorted(stated))}")
+    target_unit = _unit(heads[target].unit, said.target_unit, "target", sheet, where)
+    unit = _unit(next(iter(stated), ""), said.reading_unit, "reading", sheet, where)
+    quantity: Quantity | str = found.quantity
+    if not quantity and unit in ALONE_UNITS and target_unit not in ("", unit):
+        quantity = "deviation"
+    if quantity != "deviation" and bool(target_unit) != bool(unit):
+        known = target_unit or unit
+        if _by_values(sheet, target, own, (known, known)) == "position":
+            target_unit = unit = known
+    missing = [f"target_unit={'deg' if unit and READING_UNITS[unit][0] == 'deg' else 'mm'}"] if not target_unit else []
+    missing += [f"reading_unit={_example(target_unit, quantity)}"] if not unit else []
+    if missing:
+        raise _open("E-FILE-CSV-UNIT", where, sheet, (target, *own), " ".join(missing))
+    if not quantity:
+        quantity = _by_values(sheet, target, own, (target_unit, unit))
+    if not quantity:
+        column = own[0] + 1
+        raise _open("E-FILE-CSV-UNIT", where, sheet, own, f"measured={column} or deviation={column}")
+    return replace(found, quantity=cast(Quantity, quantity), target_unit=target_unit, unit=unit)
 
 
-def _by_values(sheet: Sheet, told: tuple[int, Sequence[tuple[int, int, int]], str, str], *, comma: bool) -> Meaning:
+def _example(target_unit: str, quantity: str) -> str:
+    if quantity in ("position", "increment", "length"):
+        return target_unit or "mm"
+    return "arcsec" if target_unit and TARGET_UNITS[target_unit][0] == "deg" else "um"
+
+
+def _unit(stated: str, declared: str, what: str, sheet: Sheet, where: str) -> str:
+    """The unit that heading and person agree on, "" where neither names one.
+
+    Raises FileFormatError (E-FILE-CSV-CONTRADICTS, or E-FILE-LINE for a unit nobody knows).
+    """
+    known, declared = unit_named(stated), typed_unit(declared)
+    if known and declared and known != declared:
+        raise FileFormatError(
+            "E-FILE-CSV-CONTRADICTS", where, line=sheet.at, what=what, stated=known, declared=declared
+        )
+    if stated and not (known or declared):
+        raise _wrong(where, sheet.at, f"{what}s in {stated!r}, expected one of {', '.join(TARGET_UNITS)}")
+    return known or declared
+
+
+def _by_values(sheet: Sheet, target: int, columns: Sequence[int], units: tuple[str, str]) -> Quantity | str:
     """Positions or deviations, where every reading lies on its target or about zero; "" where neither, or both, do."""
-    target, passes, target_unit, unit = told
-    kind, scale = TARGET_UNITS.get(target_unit or "mm", TARGET_UNITS["mm"])
-    own = TARGET_UNITS.get(unit or target_unit or "mm", (kind, scale))
-    if own[0] != kind:
+    if not all(units) or TARGET_UNITS[units[0]][0] != TARGET_UNITS[units[1]][0]:
         return ""
+    scale, own = TARGET_UNITS[units[0]][1], TARGET_UNITS[units[1]][1]
     places, values = [], []
     for _at, row in sheet.rows:
-        for column, _way, _number in passes:
-            place, value = (decimal(row[one], comma=comma) if one < len(row) else None for one in (target, column))
+        for column in columns:
+            place, value = (decimal(row[one]) if one < len(row) else None for one in (target, column))
             if place is not None and value is not None:
                 places.append(place * scale)
-                values.append(value * own[1])
+                values.append(value * own)
     if not places:
         return ""
     near = NEAR * (max(places) - min(places))
@@ -251,29 +370,60 @@ def _by_values(sheet: Sheet, told: tuple[int, Sequence[tuple[int, int, int]], st
     return "position" if on_target else "deviation"
 
 
-def _units(said: tuple[str, str], reading: Reading, unit: str, at: int, where: str) -> tuple[str, str]:
-    """Units of targets and readings; what the headings leave open follows from the other, mm and um at last."""
-    target, stated = said
-    known = UNITS if reading == "deviation" else TARGET_UNITS
-    if target and target not in TARGET_UNITS:
-        raise _wrong(where, at, f"targets in {target!r}, expected one of {', '.join(TARGET_UNITS)}")
-    if (stated and stated not in known) or (stated and unit and stated != unit):
-        raise _wrong(where, at, f"{reading}s in {stated!r}, expected one of {unit or ', '.join(known)}")
-    chosen = stated or unit
-    if chosen and chosen not in known:
-        raise _wrong(where, at, f"{reading}s in {chosen!r}, expected one of {', '.join(known)}")
-    if not target:
-        target = (chosen if reading == "position" else known[chosen][0]) if chosen else "mm"
-    if not chosen:
-        chosen = DEFAULT_READING[TARGET_UNITS[target][0]] if reading == "deviation" else target
-    if reading == "position" and known[chosen][0] != TARGET_UNITS[target][0]:
-        raise _wrong(where, at, f"targets in {target}, but {reading}s in {chosen}: one is a length, one an angle")
-    return target, chosen
+# ------------------------------------------------------------------------------------------------------------ refusals
 
 
-def _open(code: str, where: str, sheet: Sheet, columns: Sequence[int]) -> FileFormatError:
-    first, last = (sheet.heads[column] for column in (columns[0], columns[-1]))
-    return FileFormatError(code, where, found=f"{first} ... {last}"[:80])
+def _no_heading(sheet: Sheet, where: str) -> FileFormatError:
+    return no_heading(sheet, " ".join(sheet.heads), where)
+
+
+def no_heading(sheet: Sheet, found: str, where: str) -> FileFormatError:
+    """The error for a table whose heading does not tell its columns, with those that its numbers point at."""
+    return FileFormatError(
+        "E-FILE-CSV-HEADER",
+        where,
+        found=found[:80] or "nothing",
+        columns=", ".join(COLUMNS),
+        suggested=_suggested(sheet),
+    )
+
+
+def _suggested(sheet: Sheet) -> str:
+    """The two columns that look like targets and readings; a column that only counts the rows is neither."""
+    try:
+        plain = sheet.spelled(range(max((len(row) for _at, row in sheet.rows), default=0)), "")
+    except FileFormatError:
+        plain = sheet
+    columns: dict[int, list[float]] = {}
+    for _at, row in plain.rows:
+        for place, cell in enumerate(row):
+            value = decimal(cell)
+            if value is not None:
+                columns.setdefault(place, []).append(value)
+    most = max((len(values) for values in columns.values()), default=0)
+    able = [
+        place
+        for place, values in sorted(columns.items())
+        if 2 * len(values) > most and values != [values[0] + step for step in range(len(values))]
+    ]
+    skip = f" skip={sheet.at}" if sheet.at != 1 else ""
+    if len(able) < MOST_ALONE:
+        return f"target=1 measured=2{skip}"
+    target, reading = able[:2]
+    word = "deviation" if _by_values(plain, target, (reading,), ("mm", "mm")) == "deviation" else "measured"
+    return f"target={target + 1} {word}={reading + 1}{skip}"
+
+
+def _several(sheet: Sheet, columns: Sequence[int], where: str) -> FileFormatError:
+    each = ", ".join(f"{sheet.heads[one]} (column {one + 1})" for one in sorted(columns))[:200]
+    first = min(columns) + 1
+    return FileFormatError("E-FILE-CSV-SEVERAL", where, found=each, columns=f"measured={first} or deviation={first}")
+
+
+def _open(code: str, where: str, sheet: Sheet, columns: Sequence[int], missing: str = "") -> FileFormatError:
+    names = [sheet.heads[one] if one < len(sheet.heads) else f"column {one + 1}" for one in (columns[0], columns[-1])]
+    found = " ... ".join(dict.fromkeys(names))[:80]
+    return FileFormatError(code, where, found=found, columns=missing)
 
 
 def _wrong(where: str, line: int, why: str) -> FileFormatError:

@@ -35,6 +35,33 @@ def by_order(targets: Sequence[float]) -> list[tuple[int, int]] | None:
     return [(way, number) for sweep, way, number in zip(sweeps, ways, numbers, strict=True) for _target in sweep]
 
 
+def by_steps(targets: Sequence[float], turn: float = 0.0) -> list[int] | int:
+    """0 up or 1 down for each reading, by the way from the one before; or the place of one whose side nobody can tell.
+
+    At a turn, where a target comes twice, the second is from the new side. A step against the way so far that passes
+    over other targets may be a return to the start of a pass: it tells nothing. ``turn`` (in the targets' unit; 0:
+    none) is what a rotary axis counts to before it begins again: a step of more than half of it goes the other way.
+    """
+    steps = [after - before for before, after in pairwise(targets)]
+    if turn:
+        steps = [step - turn * round(step / turn) for step in steps]
+    known = sorted(set(targets))
+    ways: list[int] = []
+    for index in range(len(targets)):
+        step = steps[index - 1] if index else 0.0
+        if step == 0.0:
+            step = next((later for later in steps[index:] if later), 0.0)
+        if step == 0.0:
+            return index
+        way = 0 if step > 0 else 1
+        if ways and index and way != ways[-1] and abs(targets[index] - targets[index - 1]) == abs(steps[index - 1]):
+            low, high = sorted((targets[index - 1], targets[index]))
+            if any(low < one < high for one in known):
+                return index
+        ways.append(way)
+    return ways
+
+
 def counted(keys: Sequence[tuple[float, int]]) -> list[int]:
     """The repetition, from 1, of each reading: how often its target has come from its side so far."""
     seen: dict[tuple[float, int], int] = {}

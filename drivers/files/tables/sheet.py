@@ -13,12 +13,21 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 from drivers.errors import FileFormatError
-from drivers.files.columns import READING_UNITS
-from drivers.files.numbers import decimal
-from drivers.files.tables.headwords import DIRECTIONS, head_cell, is_statistic, is_way_or_unit, names_run, pass_of_text
+from drivers.files.numbers import decimal_mark, like_number, spelled
+from drivers.files.tables.headwords import (
+    DIRECTIONS,
+    head_cell,
+    is_statistic,
+    is_way_or_unit,
+    names_run,
+    pass_of_text,
+    way_in,
+)
+from drivers.units import READING_UNITS
 
 MARKS = (";", "\t", "|", ",")
 MOST_LINES, MOST_WORDS, LONGEST_WORD = 100, 40, 200
+MOST_TABLES, MOST_TITLES, MOST_HEADS = 2, 2, 3
 FEWEST_TURNED = 2  # targets in a heading, before a table counts as turned over
 _BREAK = re.compile(r"\r\n|\n|\r")
 _RULE = re.compile(r"[\s|:+\-=_*]*\Z")
@@ -47,7 +56,10 @@ Understands = Callable[[Row], int | None]
 
 @dataclass(frozen=True, slots=True)
 class Sheet:
-    """``heads`` stand in line ``at``; ``rows`` are (line, cells); ``said`` are the pairs of words above the table."""
+    """``heads`` stand in line ``at``; ``rows`` are (line, cells); ``said`` are the pairs of words above the table.
+
+    ``way`` is "up" or "down" where the words above the table name one.
+    """
 
     at: int
     separator: str
@@ -55,6 +67,28 @@ class Sheet:
     rows: tuple[tuple[int, Row], ...]
     said: Mapping[str, str] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
+    way: str = ""
+
+    def spelled(self, columns: Sequence[int], where: str, *, comma: bool = False) -> Sheet:
+        """The same with the numbers of these columns written plainly: a decimal point, nothing between thousands.
+
+        ``comma`` says that the decimal mark is one. Raises FileFormatError (E-FILE-CSV-MARKS).
+        """
+        chosen = [[(at, row[one]) for at, row in self.rows if one < len(row)] for one in dict.fromkeys(columns)]
+        mark = "," if comma else decimal_mark(chosen, where, quoted=self.separator == ",")
+        kept = set(columns)
+        rows: list[tuple[int, Row]] = []
+        for at, row in self.rows:
+            own = [spelled(cell, mark) if place in kept else cell for place, cell in enumerate(row)]
+            for cell, plain in zip(row, own, strict=True):
+                if plain is None:
+                    raise FileFormatError(
+                        "E-FILE-LINE", where, line=at, why=f"{cell!r} is no number whose decimal mark is {mark!r}"
+                    )
+            rows.append((at, tuple(cell or "" for cell in own)))
+        comma = mark == "," and any("," in cell for column in chosen for _at, cell in column)
+        notes = ("numbers are written with a decimal comma",) if comma else ()
+        return replace(self, rows=tuple(rows), notes=(*notes, *self.notes))
 
 
 def cells(line: str, separator: str) -> list[str]:
@@ -69,21 +103,68 @@ def cells(line: str, separator: str) -> list[str]:
         return []
 
 
-def sheet_of(text: str, understands: Understands, where: str) -> Sheet | None:
-    """The first table whose heading is understood. Raises FileFormatError (E-FILE-LINE) where a second one follows."""
+def sheets_of(text: str, understands: Understands, where: str) -> tuple[Sheet, ...]:
+    """The tables whose headings are understood: one, or several in one text, each with the way named above it.
+
+    Raises FileFormatError (E-FILE-CSV-SECOND) where a further table follows without words that tell the two apart.
+    """
     every = list(enumerate(_BREAK.split(text), start=1))
+    found: list[Sheet] = []
+    rest = every
+    while (one := _first_sheet(rest, understands)) is not None:
+        sheet, end = one
+        found.append(replace(sheet, way=_way_above(every, sheet.at)))
+        rest = [line for line in rest if line[0] >= end] if end else []
+    for sheet in found[1:]:
+        if len(found) > MOST_TABLES or {one.way for one in found} != {"up", "down"}:
+            raise FileFormatError("E-FILE-CSV-SECOND", where, line=sheet.at)
+    return tuple(found)
+
+
+def declared_sheet(text: str, skip: int, separator: str, needed: int) -> Sheet:
+    """A table by what a person said of it: ``skip`` lines above its rows, the last of them its heading."""
+    every = list(enumerate(_BREAK.split(text), start=1))
+    lines = [(at, line) for at, line in every[skip:] if line.strip() and not _passed_over(line)]
+    if not separator and lines:
+        found = next((mark for mark in MARKS if all(mark in line for _at, line in lines)), "")
+        few = any(len(line.split()) < needed for _at, line in lines)
+        separator = found if found != "," or few else ""
+    rows = tuple((at, tuple(cells(line, separator))) for at, line in lines)
+    heads: list[str] = []
+    for _at, line in every[max(skip - MOST_HEADS, 0) : skip]:
+        own = cells(line.lstrip("# \t") if line.lstrip().startswith("#") else line, separator)
+        if len(own) > 1 or needed < 2:
+            width = max(len(own), len(heads))
+            both = zip(own + [""] * (width - len(own)), heads + [""] * (width - len(heads)), strict=True)
+            heads = [f"{old} {new}".strip() if is_way_or_unit(new) else new or old for new, old in both]
+    return Sheet(skip, separator=separator, heads=tuple(heads), rows=rows, said=words_above(text, skip))
+
+
+def _first_sheet(every: Sequence[tuple[int, str]], understands: Understands) -> tuple[Sheet, int] | None:
+    """The first table, and the line where a further heading stands (0: nowhere)."""
     lines = [(at, line) for at, line in every if not _passed_over(line)]
     remarks = [(at, line.lstrip("# \t")) for at, line in every[:MOST_LINES] if line.lstrip().startswith("#")]
     for index in range(min(len(lines), MOST_LINES)):
-        found = _headed(lines, index, understands, where)
+        found = _headed(lines, index, understands)
         if found is not None:
-            above = [(at, line) for at, line in remarks if at < found.at]
-            return replace(found, said={**_said(above), **found.said})
+            above = [(at, line) for at, line in remarks if at < found[0].at]
+            return replace(found[0], said={**_said(above), **found[0].said}), found[1]
     for at, line in remarks:
-        found = _headed([(at, line), *(one for one in lines if one[0] > at)], 0, understands, where)
+        found = _headed([(at, line), *(one for one in lines if one[0] > at)], 0, understands)
         if found is not None:
             return found
     return None
+
+
+def _way_above(every: Sequence[tuple[int, str]], at: int) -> str:
+    """The way that the nearest words above a heading name, "" where they name none."""
+    above = [line for number, line in every if number < at and line.strip() and not _RULE.match(line.strip())]
+    for line in reversed(above[-MOST_TITLES:]):
+        if sum(like_number(cell) for cell in re.split(r"[;\t|,\s]+", line) if cell) > 1:
+            return ""
+        if way := way_in(line):
+            return way
+    return ""
 
 
 def heading_of(text: str) -> tuple[int, str]:
@@ -92,7 +173,7 @@ def heading_of(text: str) -> tuple[int, str]:
     for at, line in list(enumerate(_BREAK.split(text), start=1))[:MOST_LINES]:
         if _passed_over(line) or not line.strip():
             continue
-        numbers = sum(decimal(cell.replace(",", ".")) is not None for cell in re.split(r"[;\t|,\s]+", line) if cell)
+        numbers = sum(like_number(cell) for cell in re.split(r"[;\t|,\s]+", line) if cell)
         if best[1] and numbers > 1:
             break
         best = (at, line.strip())
@@ -105,7 +186,7 @@ def _passed_over(line: str) -> bool:
     return text.startswith("#") or bool(_SEPARATED.match(text)) or (len(text) > 1 and bool(_RULE.match(text)))
 
 
-def _headed(lines: Sequence[tuple[int, str]], index: int, understands: Understands, where: str) -> Sheet | None:
+def _headed(lines: Sequence[tuple[int, str]], index: int, understands: Understands) -> tuple[Sheet, int] | None:
     at, line = lines[index]
     separator = next((mark for mark in MARKS if mark in line), "")
     heads = _trimmed(cells(line, separator))
@@ -116,13 +197,14 @@ def _headed(lines: Sequence[tuple[int, str]], index: int, understands: Understan
     for head, body in ((both, index + 2), (heads, index + 1)):
         column = understands(head) if head else None
         if column is not None:
-            rows, notes = _rows(lines[body:], separator, (head, column), understands, where)
-            return Sheet(at, separator=separator, heads=head, rows=rows, said=_said(lines[:index]), notes=notes)
+            rows, notes, end = _rows(lines[body:], separator, (head, column), understands)
+            said = _said(lines[:index])
+            return Sheet(at, separator=separator, heads=head, rows=rows, said=said, notes=notes), end
     after = [cells(text, separator) for _at, text in lines[index + 1 :]]
     turned = _annex(heads, after, _unit_above(lines[:index])) or _turned(heads, list(enumerate(after)))
     if turned and understands(turned[0]) is not None:
         rows = tuple((at, row) for row in turned[1:])
-        return Sheet(at, separator=separator, heads=turned[0], rows=rows, said=_said(lines[:index]))
+        return Sheet(at, separator=separator, heads=turned[0], rows=rows, said=_said(lines[:index])), 0
     return None
 
 
@@ -139,7 +221,7 @@ def _merged(upper: Row, lower: Sequence[str]) -> Row:
     width = max(len(upper), len(lower))
     top, low = [*upper, *[""] * (width - len(upper))], [*lower, *[""] * (width - len(lower))]
     words = [cell for cell in low if cell]
-    if not words or decimal(low[0].replace(",", ".")) is not None:
+    if not words or like_number(low[0]):
         return ()
     above, below = ([is_way_or_unit(cell) or names_run(cell) for cell in row if cell] for row in (top[1:], low[1:]))
     if not all(below) and not all(above):
@@ -150,13 +232,13 @@ def _merged(upper: Row, lower: Sequence[str]) -> Row:
 
 
 def _rows(
-    lines: Sequence[tuple[int, str]], separator: str, heading: tuple[Row, int], understands: Understands, where: str
-) -> tuple[tuple[tuple[int, Row], ...], tuple[str, ...]]:
-    """Rows of readings, and a note of what stands below them. Raises FileFormatError (E-FILE-CSV-SECOND)."""
+    lines: Sequence[tuple[int, str]], separator: str, heading: tuple[Row, int], understands: Understands
+) -> tuple[tuple[tuple[int, Row], ...], tuple[str, ...], int]:
+    """Rows of readings, a note of what stands below them, and the line of a further heading (0: there is none)."""
     heads, column = heading
     rows: list[tuple[int, Row]] = []
     aside: list[int] = []
-    below = False
+    below, end = False, 0
     for at, line in lines:
         row = cells(line, separator)
         while len(row) > len(heads) and not row[-1]:
@@ -164,21 +246,22 @@ def _rows(
         if not any(row) and line.strip(f"{separator} \t") == "":
             below = bool(rows)
             continue
-        known = decimal(row[column].replace(",", ".")) is not None if column < len(row) else False
+        known = like_number(row[column]) if column < len(row) else False
         first = next((cell for cell in row if cell), "")
         if rows and not known and (below or is_statistic(first)):
             if understands(_trimmed(list(row))) is not None or tuple(row) == heads:
-                raise FileFormatError("E-FILE-CSV-SECOND", where, line=at)
+                end = at
+                break
             aside.append(at)
             continue
         rows.append((at, tuple(row)))
     notes = (f"{len(aside)} lines below the table are not read, the first is line {aside[0]}",) if aside else ()
-    return tuple(rows), notes
+    return tuple(rows), notes, end
 
 
 def _turned(heads: Row, rows: Sequence[tuple[int, list[str]]]) -> tuple[Row, ...]:
     """A table with the targets in its heading and a pass in each row, turned over; () where it is none."""
-    numbers = [decimal(cell.replace(",", ".")) is not None for cell in heads]
+    numbers = [like_number(cell) for cell in heads]
     names = numbers.index(True) if True in numbers else 0
     if not names or sum(numbers) < FEWEST_TURNED or not all(numbers[names:]):
         return ()
@@ -207,7 +290,7 @@ def _annex(heads: Row, rows: Sequence[list[str]], unit: str) -> tuple[Row, ...]:
     targets: list[str] = []
     for cell in (*heads[1:], *[""] * (len(ways) - len(heads) + 1)):
         targets.append(cell or (targets[-1] if targets else ""))
-    if len(targets) != len(ways) or any(decimal(cell.replace(",", ".")) is None for cell in targets):
+    if len(targets) != len(ways) or not all(like_number(cell) for cell in targets):
         return ()
     named_runs = [bool(row) and names_run(row[0]) for row in rows[1:]]
     count = named_runs.index(False) if False in named_runs else len(named_runs)

@@ -15,7 +15,7 @@ from drivers.tablefile import TableMachine
 from drivers.terms import TableKind, spoken
 from drivers.units import AxisUnit
 from gateway.cli.files.exchanging import TABLES, ExchangeOptions, exchange, is_exchange, known_formats
-from gateway.cli.files.tables import number, reader, show_findings, table_format, write_text
+from gateway.cli.files.tables import number, show_findings, table_format, write_text
 from gateway.cli.show import echo, show_json
 
 FORMS = {".ini": "ini", ".arc": "archive"}
@@ -42,6 +42,7 @@ class ConversionOptions:
     origin: str = ""
     store: Path = Path("runs")
     accepted: Mapping[str, str] = field(default_factory=dict)
+    columns: tuple[str, ...] = ()
 
 
 def convert_file(wish: ConversionOptions, *, as_json: bool) -> None:
@@ -55,7 +56,7 @@ def convert_file(wish: ConversionOptions, *, as_json: bool) -> None:
     _layer(wish.to)
     if not wish.axis:
         raise ConfigError("E-CLI-AXIS", str(wish.result))
-    measured = _read(wish)
+    measured, notes = _read(wish)
     request = _request(wish, _complete(wish, measured))
     made = convert(measured, request)
     text = table_format().write(made.tables, wish.form or _form(wish.output), _comments(wish, measured))
@@ -64,7 +65,7 @@ def convert_file(wish: ConversionOptions, *, as_json: bool) -> None:
     wrong = any(one.severity == "wrong" for one in findings)
     if not wrong:
         write_text(wish.output, text, force=wish.force, encoding="ascii")
-    told = [*measured.warnings, *doubts.told(doubts.notable(measured.doubts)), *made.findings]
+    told = [*measured.warnings, *notes, *doubts.told(doubts.notable(measured.doubts)), *made.findings]
     if as_json:
         records = [{"severity": one.severity, **one.error.as_record()} for one in findings]
         data = {"file": str(wish.output), "written": not wrong, "notes": told, "findings": records}
@@ -76,13 +77,22 @@ def convert_file(wish: ConversionOptions, *, as_json: bool) -> None:
         raise typer.Exit(7)
 
 
-def _read(wish: ConversionOptions) -> Any:
-    """The measured file with its doubts, none of them open. Raises InDoubt (E-DOUBT-OPEN): no table comes of those."""
-    from gateway.evaluate.behaviour.doubts import demand_settled, with_doubts
+def _read(wish: ConversionOptions) -> tuple[Any, tuple[str, ...]]:
+    """The readings, their doubts settled, by what is said now or was said before in the same store; and notes.
 
-    measured = with_doubts(reader(wish.result, wish.unit).read(wish.result), wish.accepted)
+    Raises InDoubt (E-DOUBT-OPEN): no table comes of readings in doubt.
+    """
+    from gateway.evaluate.behaviour.doubts import demand_settled, with_doubts
+    from gateway.store import Maps
+    from gateway.workflow.files.columnwords import columns_of
+    from gateway.workflow.files.importing import How, read_measured
+
+    content, notes = read_measured(
+        wish.result, How(wish.unit, columns=columns_of(wish.columns) or None), Maps(wish.store)
+    )
+    measured = with_doubts(content, wish.accepted)
     demand_settled(measured.doubts, str(wish.result))
-    return measured
+    return measured, notes
 
 
 def _exchange(wish: ConversionOptions, *, as_json: bool) -> None:
@@ -115,7 +125,7 @@ def _measured(wish: ConversionOptions) -> tuple[Any, bool]:
 
     if not wish.axis:
         raise ConfigError("E-CLI-AXIS", str(wish.result))
-    measured = _read(wish)
+    measured, _notes = _read(wish)
     reference = _complete(wish, measured)
     datum = datum_of([_pair(word) for word in wish.datum])
     return as_measured(measured, wish.axis.strip().upper(), reference, datum), simulated_set(measured)

@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from drivers.terms import spoken
-from gateway.cli.options import AcceptOption, JsonOption, StoreOption, accepted_doubts
+from gateway.cli.options import AcceptOption, ColumnOption, JsonOption, StoreOption, accepted_doubts
 
 WORDS = spoken()
 
@@ -46,6 +46,7 @@ def convert(
     step: Annotated[float | None, typer.Option(help="Distance of the points.", show_default=False)] = None,
     modulo: Annotated[bool, typer.Option("--modulo", help="Endless rotary axis, 0 to 360 deg.")] = False,
     unit: Annotated[str, typer.Option(help="Unit of the deviations, where the file does not say it.")] = "",
+    column: ColumnOption = None,
     index: Annotated[
         int, typer.Option(min=0, help=f"Encoder ({WORDS.own_key}: 0 or 1) or first table number ({WORDS.cross_key}).")
     ] = 0,
@@ -81,5 +82,6 @@ def convert(
         origin=origin,
         store=store,
         accepted=accepted_doubts(accept_doubt),
+        columns=tuple(column or ()),
     )
     convert_file(wish, as_json=as_json)

@@ -39,6 +39,7 @@ class EvaluationOptions:
     site: Any = None
     accepted: Mapping[str, str] = field(default_factory=dict)
     compared: Any = None
+    columns: tuple[str, ...] = ()
 
     @property
     def recompensates(self) -> bool:
@@ -132,12 +133,12 @@ def _draw(files: tuple[MeasuredFile, ...], path: Path) -> None:
 def _evaluated(path: Path, asked: EvaluationOptions, drawn: list[MeasuredFile]) -> list[dict[str, Any]]:
     """Every set that a file or a run holds; what a picture shows of it is added to ``drawn``."""
     from gateway.store import Store
+    from gateway.workflow.files.columnwords import columns_of
     from gateway.workflow.files.exporting import items
     from gateway.workflow.files.importing import How
 
-    found = items(
-        run_or_file(asked.store, path), How(asked.unit), Store(asked.store), axis=asked.axis, phase=asked.phase
-    )
+    how = How(asked.unit, columns=columns_of(asked.columns) or None)
+    found = items(run_or_file(asked.store, path), how, Store(asked.store), axis=asked.axis, phase=asked.phase)
     accepted = _accepted(path, found, asked)
     return [_evaluate(item, asked, drawn, accepted) for item in found]
 

@@ -11,6 +11,7 @@ from drivers.errors import ConfigError
 from gateway.cli.options import (
     AcceptOption,
     AskOption,
+    ColumnOption,
     JsonOption,
     StatementOption,
     StoreOption,
@@ -24,6 +25,7 @@ def evaluate(
     files: Annotated[list[Path] | None, typer.Argument(help="Result files, or runs.", show_default=False)] = None,
     standard: Annotated[str, typer.Option(help="Standard by name, or an edition of ISO 230-2; list: all.")] = "2014",
     unit: Annotated[str, typer.Option(help="Unit of an .rta's deviations: mrad, urad, arcsec or deg.")] = "",
+    column: ColumnOption = None,
     limit: Annotated[list[str] | None, typer.Option(help="Judge a parameter: A=10. May be repeated.")] = None,
     air: Annotated[str, typer.Option(help="Re-compensate: edlen, ciddor or edlen-1966.")] = "",
     expansion: Annotated[float | None, typer.Option(min=-5, max=100, help="Re-compensate: ppm/K.")] = None,
@@ -87,6 +89,7 @@ def evaluate(
             store=store,
             limits=limits_of(limit or ()),
             accepted=accepted_doubts(accept_doubt),
+            columns=tuple(column or ()),
         )
         raise typer.Exit(evaluate_kinds(files or [], options, as_json=as_json))
     tree = load_site(site) if site is not None else None
@@ -105,5 +108,6 @@ def evaluate(
         site=tree,
         compared=compared_of(None, accept, ask=ask and not as_json, tree=tree) if tree is not None else None,
         accepted=accepted_doubts(accept_doubt),
+        columns=tuple(column or ()),
     )
     evaluate_files(files or [], asked, as_json=as_json)

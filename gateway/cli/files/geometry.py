@@ -6,7 +6,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from drivers import registry
 from drivers.errors import ConfigError
 from drivers.types.doubts import Doubt
 from drivers.types.results import MeasuredSet
@@ -18,7 +17,6 @@ from gateway.workflow.files.kindrecords import KindAnswer, KindQuestion, Measure
 ALONG = ("positioning", "reversal")
 MIXED = ("angular", "rotary-motion")
 """Kinds whose readings are no deviation along their own axis: angles over mm, lengths over deg."""
-TABLES = (".csv", ".txt", ".dat", ".tsv")
 SHOWN = {"um": "µm", "urad": "µrad"}
 
 
@@ -34,6 +32,7 @@ class KindOptions:
     store: Path = Path("runs")
     limits: Mapping[str, float] = field(default_factory=dict)
     accepted: Mapping[str, str] = field(default_factory=dict)
+    columns: tuple[str, ...] = ()
 
 
 def evaluate_kinds(files: Sequence[Path], asked: KindOptions, *, as_json: bool) -> int:
@@ -80,13 +79,12 @@ def _doubts(measured: MeasuredSet, asked: KindOptions) -> tuple[Doubt, ...]:
 def _measured(path: Path, asked: KindOptions) -> tuple[MeasuredFile, ...]:
     """A file read by its ending, or by the columns that were said once about its like; of a run every set asked for."""
     from gateway.store import Store
+    from gateway.workflow.files.columnwords import columns_of
     from gateway.workflow.files.exporting import items
     from gateway.workflow.files.importing import How
 
-    if asked.kind in MIXED and path.suffix.lower() in TABLES:
-        found: MeasuredSet = registry.load("csv", "file")(asked.unit, mixed=True).read(path)
-        return (MeasuredFile(path.name, found),)
-    held = items(path, How(asked.unit), Store(asked.store), axis=asked.question.axis, phase=asked.phase)
+    how = How(asked.unit, columns=columns_of(asked.columns) or None, mixed=asked.kind in MIXED)
+    held = items(path, how, Store(asked.store), axis=asked.question.axis, phase=asked.phase)
     content = [(one.label, one.content) for one in held if isinstance(one.content, MeasuredSet)]
     if not content:
         raise ConfigError("E-CLI-KIND", str(path), kind=", ".join(type(one.content).__name__ for one in held))

@@ -11,6 +11,7 @@ from drivers.errors import ConfigError, TrueflankError
 from gateway.cli.options import (
     AcceptOption,
     AskOption,
+    ColumnOption,
     JsonOption,
     SiteOption,
     StatementOption,
@@ -28,9 +29,7 @@ def import_command(
     store: StoreOption = Path("runs"),
     unit: Annotated[str, typer.Option(help="Unit of an .rta's or .rtx's numbers; said once.")] = "",
     machine: Annotated[str, typer.Option(help="Whose files they are; the unit is remembered for it.")] = "",
-    column: Annotated[
-        list[str] | None, typer.Option(help="NAME=VALUE of the column map; said once for a heading.")
-    ] = None,
+    column: ColumnOption = None,
     gear: Annotated[bool, typer.Option("--gear", help="The tables hold flank points of a gear.")] = False,
     forget: Annotated[bool, typer.Option("--forget", help="Forget what was said about such files before.")] = False,
     motion: Annotated[str, typer.Option(help="Only this error motion of a table with several: EXX.")] = "",
@@ -93,16 +92,19 @@ def export_command(
     axis: Annotated[str, typer.Option(help="Which axis of the run.")] = "",
     phase: Annotated[str, typer.Option(help="before or after, where the run has both.")] = "",
     unit: Annotated[str, typer.Option(help="Unit of the file read or written where it does not say it.")] = "",
+    column: ColumnOption = None,
     store: StoreOption = Path("runs"),
     force: Annotated[bool, typer.Option("--force", help="Replace an existing file.")] = False,
     as_json: JsonOption = False,
 ) -> None:
     """Write a run's capture, or any file that can be read, in a form that others read."""
     from gateway.store import Store
+    from gateway.workflow.files.columnwords import columns_of
     from gateway.workflow.files.exporting import export, items
     from gateway.workflow.files.importing import How
 
-    found = items(run_or_file(store, source), How(unit), Store(store), axis=axis, phase=phase)
+    how = How(unit, columns=columns_of(column or []) or None)
+    found = items(run_or_file(store, source), how, Store(store), axis=axis, phase=phase)
     if len(found) > 1:
         raise ConfigError("E-EXPORT-SEVERAL", source, labels=", ".join(item.label for item in found))
     notes = [*found[0].notes, *export(found[0], to.lower(), output, unit=unit, force=force)]

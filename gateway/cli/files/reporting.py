@@ -14,6 +14,7 @@ from gateway.cli.onward import next_step, step_of
 from gateway.cli.options import (
     AcceptOption,
     AskOption,
+    ColumnOption,
     JsonOption,
     StatementOption,
     StoreOption,
@@ -50,6 +51,7 @@ def report(
     ] = None,
     accept: StatementOption = None,
     ask: AskOption = True,
+    column: ColumnOption = None,
     as_json: JsonOption = False,
 ) -> None:
     """Write the calibration report of a run, or of result files: PDF, HTML and data; 13 where a limit is exceeded."""
@@ -58,14 +60,18 @@ def report(
         from gateway.workflow.results.testconditions import stated_conditions
     except ModuleNotFoundError as error:
         raise ConfigError("E-REPORT-EXTRA", "report", library=error.name) from error
+    from gateway.workflow.files.columnwords import columns_of
+    from gateway.workflow.files.importing import How
+
     if not what:
         raise ConfigError("E-CLI-NO-FILES", "report")
     accepted = accepted_doubts(accept_doubt)
     told = Told(language=language, site=(load_site(site), site) if site is not None else None, accepted=accepted)
     at = compared_of(None, accept, ask=ask and not as_json, tree=told.tree)
     said = stated_conditions(condition or ())
+    how = How(unit, columns=columns_of(column or []) or None)
     made, lines, data = (
-        _of_files(what, store, unit, told, out, at=at, said=said)
+        _of_files(what, store, how, told, out, at=at, said=said)
         if _files(what)
         else _of_run(what, store, told, out, at=at, said=said)
     )
@@ -131,16 +137,15 @@ def _logo(material: Any, told: Any) -> tuple[str, ...]:
 
 
 def _of_files(
-    what: list[str], store: Path, unit: str, told: Any, out: Path | None, *, at: Any, said: Any
+    what: list[str], store: Path, how: Any, told: Any, out: Path | None, *, at: Any, said: Any
 ) -> tuple[Any, tuple[str, ...], dict[str, Any]]:
     from drivers.clock import LoopClock
     from gateway.store import Store
-    from gateway.workflow.files.importing import How
     from gateway.workflow.results.documenting import with_told, write_document
     from gateway.workflow.results.fromfiles import material_of_files
 
     paths = [Path(one) for one in what]
-    read = material_of_files(paths, How(unit), Store(store), at, conditions=said, accepted=told.accepted)
+    read = material_of_files(paths, how, Store(store), at, conditions=said, accepted=told.accepted)
     material = with_told(read, told)
     made = write_document(material, out or Path(), LoopClock().utc())
     return made, tuple(material.findings), made.as_data()

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import inspect
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -205,14 +204,3 @@ def _pair_record(pair: Any) -> dict[str, Any]:
             for at, old, new, change in rows
         ],
     }
-
-
-def reader(path: Path, unit: str = "") -> Any:
-    """The driver for a result file by its ending. Raises ConfigError (E-CLI-FILE) for unknown endings."""
-    name = path.suffix.lower().lstrip(".")
-    known = registry.known("file")
-    if name not in known:
-        endings = ", ".join(f".{ending}" for ending in sorted(known))
-        raise ConfigError("E-CLI-FILE", str(path), ending=path.suffix or "(none)", known=endings)
-    factory = known[name].load()
-    return factory(unit=unit) if unit and "unit" in inspect.signature(factory).parameters else factory()

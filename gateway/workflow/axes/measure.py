@@ -7,7 +7,6 @@ from pathlib import Path
 
 import numpy as np
 
-from drivers import registry
 from drivers.errors import ConfigError, UnsupportedDevice
 from drivers.terms import spoken
 from drivers.types.results import MeasuredSet
@@ -39,7 +38,7 @@ from gateway.workflow.axes.line import on_its_line, told
 from gateway.workflow.axes.more import MoreTargets
 from gateway.workflow.axes.toothplaces import tooth_places
 from gateway.workflow.bench import Bench
-from gateway.workflow.files.importing import How, read_file
+from gateway.workflow.files.importing import How, read_file, result_endings
 
 # A push is proved at so many places that were not measured before, at least.
 PROOF_STOPS = 6
@@ -161,12 +160,11 @@ def read_result(path: Path, unit: str, at: Bench) -> MeasuredSet:
 
     Raises ConfigError (E-RUN-FILE) for an ending that holds no results, and what `read_file` raises.
     """
-    known = registry.known("file")
-    if path.suffix.lower().lstrip(".") not in known:
-        raise ConfigError("E-RUN-FILE", str(path), known=", ".join(f".{ending}" for ending in sorted(known)))
+    if path.suffix.lower() not in result_endings():
+        raise ConfigError("E-RUN-FILE", str(path), known=", ".join(result_endings()))
     content = read_file(path, How(unit, at.site.site.name), Maps(at.store.root)).content
     if not isinstance(content, MeasuredSet):
-        raise ConfigError("E-RUN-FILE", str(path), known=", ".join(f".{ending}" for ending in sorted(known)))
+        raise ConfigError("E-RUN-FILE", str(path), known=", ".join(result_endings()))
     return content
 
 

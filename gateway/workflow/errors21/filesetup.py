@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
-from drivers.errors import ConfigError, FileFormatError
+from drivers.errors import ConfigError
 from drivers.types.results import MeasuredSet
 from drivers.types.tables import LiveSet
 from drivers.units import deg_to_arcsec, rad_to_arcsec
@@ -14,13 +14,12 @@ from gateway.domain.captures import Capture
 from gateway.errors import CaptureError
 from gateway.store import Maps
 from gateway.workflow.errors21.setups import Planned
-from gateway.workflow.files.importing import How, driver_of, read_file
+from gateway.workflow.files.importing import How, driver_of, read_file, result_endings
 
 ANGLES = ("mrad", "urad", "arcsec", "deg")
 ARCSEC = {"mrad": rad_to_arcsec(1e-3), "urad": rad_to_arcsec(1e-6), "deg": deg_to_arcsec(1.0)}
 # Drivers that bring deviations to um or arcsec themselves, once they are told the file's unit.
 CONVERTING = ("rta", "csv")
-KNOWN = (".rtl", ".rta", ".csv", ".pos")
 
 
 def read_setup(path: Path, one: Planned, machine: str, maps: Maps | None, how: How | None = None) -> MeasuredSet:
@@ -36,8 +35,6 @@ def read_setup(path: Path, one: Planned, machine: str, maps: Maps | None, how: H
     how = replace(how, unit=told, mixed=not one.positioning, motion=one.setup.component)
     content = _set(path, how, maps)
     if driver in CONVERTING:
-        if driver == "csv" and not how.unit and not _fits(content, one):
-            content = _unstated(path, how, maps, one) or content
         return _as_error(content, one, path)
     return replace(content, deviations=_factor(one) * content.deviations)
 
@@ -45,20 +42,12 @@ def read_setup(path: Path, one: Planned, machine: str, maps: Maps | None, how: H
 def _set(path: Path, how: How, maps: Maps | None) -> MeasuredSet:
     content = read_file(path, how, maps).content
     if not isinstance(content, MeasuredSet):
-        raise ConfigError("E-RUN-FILE", str(path), known=", ".join(KNOWN))
+        raise ConfigError("E-RUN-FILE", str(path), known=", ".join(result_endings()))
     return content
 
 
 def _fits(content: MeasuredSet, one: Planned) -> bool:
     return ("um" if content.axis_unit == "mm" else "arcsec") == one.unit
-
-
-def _unstated(path: Path, how: How, maps: Maps | None, one: Planned) -> MeasuredSet | None:
-    """Numbers whose heading names no unit are those of the error; None where it names another."""
-    try:
-        return _set(path, replace(how, unit=one.unit), maps)
-    except FileFormatError:
-        return None
 
 
 def _tells(driver: str, unit: str) -> bool:

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 
 from drivers.errors import ConfigError
+from gateway.store.maps import Value
 
 # What a table leaves open, and the question that a person answers once for all tables with its heading.
 ASKS = {
@@ -12,21 +14,27 @@ ASKS = {
     "E-FILE-CSV-WAYS": "E-IMPORT-WAYS",
     "E-FILE-CSV-RUNS": "E-IMPORT-RUNS",
     "E-FILE-CSV-UNIT": "E-IMPORT-READINGS",
-    "E-FILE-CSV-TURN": "E-IMPORT-TURN",
+    "E-FILE-CSV-SEVERAL": "E-IMPORT-CHOOSE",
+    "E-FILE-SHEET": "E-IMPORT-SHEET",
 }
+_WHOLE, _NUMBER = re.compile(r"[+-]?\d{1,8}\Z", re.ASCII), re.compile(r"[+-]?\d{1,8}\.\d{0,9}\Z", re.ASCII)
 WORDS: dict[str, str | bool] = {"tab": "\t", "semicolon": ";", "comma": ",", "blank": ""}
 WORDS |= {"yes": True, "true": True, "no": False, "false": False}
 
 
-def columns_of(words: Sequence[str]) -> dict[str, str | int | bool]:
+def columns_of(words: Sequence[str]) -> dict[str, Value]:
     """A column map from NAME=VALUE words. Raises ConfigError (E-CLI-COLUMN)."""
-    found: dict[str, str | int | bool] = {}
+    found: dict[str, Value] = {}
     for word in words:
         name, mark, value = word.partition("=")
         if not mark or not name.strip():
             raise ConfigError("E-CLI-COLUMN", "--column", text=word)
-        plain = value.strip().lower()
-        number = plain.lstrip("+-")
-        is_number = number.isascii() and number.isdigit() and len(number) < 9
-        found[name.strip()] = int(plain) if is_number else WORDS.get(plain, value.strip())
+        found[name.strip()] = _value(value.strip())
     return found
+
+
+def _value(text: str) -> Value:
+    plain = text.lower()
+    if _WHOLE.match(plain):
+        return int(plain)
+    return float(plain) if _NUMBER.match(plain) else WORDS.get(plain, text)

@@ -36,9 +36,12 @@ from gateway.workflow.files.motions import TableMotions, motions_of
 
 MEASURED, GEAR, DYNAMIC = "measured", "gear-inspection", "dynamic"
 ROLES = ("file", "dynamic-file", "gear-file")
-OTHER_ENDINGS = {"xml": "gde", "txt": "csv", "dat": "csv", "tsv": "csv"}
+OTHER_ENDINGS = {"xml": "gde", **dict.fromkeys(("txt", "dat", "tsv", "md", "xlsx", "xls"), "csv")}
 NEED_UNIT = ("rta", "rtx")
 STATE = "imported"
+WHOLE, READINGS = {"target"}, {"deviation", "measured", "increment", "length"}
+ONCE = ("confirmed", "beside")
+"""Words about one file only: they are never remembered for others."""
 CHUNK = 1 << 20
 MOST_COMPARED = 10_000  # samples of a recording that tell one unit or scale from another
 Content = MeasuredSet | Recording | GearInspection
@@ -111,6 +114,24 @@ def endings() -> set[str]:
     return {name for role in ROLES for name in registry.known(role)}
 
 
+def result_endings() -> tuple[str, ...]:
+    """Endings of files that hold the readings of an axis."""
+    drivers = registry.known("file")
+    others = (ending for ending, name in OTHER_ENDINGS.items() if name in drivers)
+    return tuple(sorted(f".{one}" for one in (*drivers, *others)))
+
+
+def read_measured(path: Path, how: How, maps: Maps | None = None) -> tuple[MeasuredSet, tuple[str, ...]]:
+    """The readings of an axis in a file, and what was taken from memory.
+
+    Raises ConfigError (E-CLI-KIND) for another content, and what `read_file` raises.
+    """
+    read = read_file(path, how, maps)
+    if not isinstance(read.content, MeasuredSet):
+        raise ConfigError("E-CLI-KIND", str(path), kind=type(read.content).__name__)
+    return read.content, read.notes
+
+
 def read_file(path: Path, how: How, maps: Maps | None = None, utc: Callable[[], datetime] | None = None) -> Read:
     """Read a file that holds one measurement, or the ``motion`` of several; else as `read_all`.
 
@@ -138,8 +159,15 @@ def read_all(
         return (asker.with_unit(name, factory),)
     if name in ("csv", "gear-csv", "gde"):
         return asker.with_columns(name, factory)
-    takes = how.unit and "unit" in inspect.signature(factory).parameters
-    return (Read((factory(unit=how.unit) if takes else factory()).read(path), name),)
+    return (Read(factory(**_options(factory, how.unit, how)).read(path), name),)
+
+
+def _options(factory: Any, unit: str, how: How) -> dict[str, Any]:
+    """What a driver of a vendor's files takes of what was said."""
+    able = inspect.signature(factory).parameters
+    said = {"unit": unit} if unit and "unit" in able else {}
+    confirmed = (how.columns or {}).get("confirmed") is True
+    return said | ({"confirmed": True} if confirmed and "confirmed" in able else {})
 
 
 class _Asker:
@@ -158,7 +186,7 @@ class _Asker:
         notes: list[str] = []
         if not said:
             said, notes = self._remembered_unit(keys)
-        content = factory(unit=said).read(self._path)
+        content = factory(**_options(factory, said, self._how)).read(self._path)
         if self._how.unit:
             notes += self._keep("unit", keys[0], {"unit": said})
         return Read(content, name, tuple(notes))
@@ -183,21 +211,23 @@ class _Asker:
         signature = factory().signature(self._path)
         keys = [f"{name} {signature}"] if signature else []
         self._forget("columns", keys)
-        notes: list[str] = []
-        said = self._how.columns
-        if said is None:
-            said, notes = self._remembered_columns(keys)
+        said, notes = self._said_columns(name, keys)
         table = self._motions(factory, said) if name == "csv" else TableMotions()
         left = (f"columns not read: {', '.join(map(shown, table.left_out))}",) if table.left_out else ()
         if table.motions:
             found = self._each(name, factory, table)
-        elif said is None:
-            return (Read(self._by_itself(name, factory), name, left),)
-        else:
-            found = (Read(factory(columns=said, **self._mixed(name)).read(self._path), name),)
-        if self._how.columns is not None and said is not None:
-            notes += self._keep("columns", keys[0], said) if keys else ["the table has no heading: nothing remembered"]
-        return tuple(replace(one, notes=(*notes, *left)) for one in found)
+            kept = self._kept(said, keys)
+            return tuple(replace(one, notes=(*notes, *kept, *left)) for one in found)
+        try:
+            content: Content = factory(columns=said, **self._options(name)).read(self._path)
+        except FileFormatError as error:
+            if error.code not in ASKS:
+                raise
+            # What was said is kept: the next answer comes to it, until nothing is open.
+            self._kept(said, keys)
+            fields: Mapping[str, Any] = error.fields
+            raise ConfigError(ASKS[error.code], str(self._path), **fields) from error
+        return (Read(content, name, (*notes, *self._kept(said, keys), *left)),)
 
     def _motions(self, factory: Any, said: Mapping[str, Value] | None) -> TableMotions:
         heading = factory().heading(self._path)
@@ -219,20 +249,32 @@ class _Asker:
             found.append(Read(replace(content, header=header), name, component=one.component))
         return tuple(found)
 
-    def _mixed(self, name: str) -> dict[str, bool]:
-        return {"mixed": True} if name == "csv" and self._how.mixed else {}
+    def _options(self, name: str) -> dict[str, Any]:
+        """What is said beside the columns."""
+        if name != "csv":
+            return {}
+        return {"mixed": self._how.mixed} | ({"unit": self._how.unit} if self._how.unit else {})
 
-    def _by_itself(self, name: str, factory: Any) -> Content:
-        options = {"unit": self._how.unit} if name == "csv" and self._how.unit else {}
-        try:
-            content: Content = factory(**options, **self._mixed(name)).read(self._path)
-        except FileFormatError as error:
-            if error.code not in ASKS:
-                raise
-            raise ConfigError(
-                ASKS[error.code], str(self._path), found=error.fields["found"], columns=error.fields.get("columns", "")
-            ) from error
-        return content
+    def _said_columns(self, name: str, keys: list[str]) -> tuple[Mapping[str, Value] | None, list[str]]:
+        """What is said now, with what was said before of files like this one where it leaves something open."""
+        now = self._how.columns
+        if now is not None and (name != "csv" or (set(now) >= WHOLE and READINGS & set(now))):
+            return now, []
+        before, notes = self._remembered_columns(keys)
+        if now is not None and before is not None:
+            left = READINGS if READINGS & set(now) else set()
+            before = {key: value for key, value in before.items() if key not in left}
+            return {**before, **now}, notes
+        return (now if now is not None else before), notes
+
+    def _kept(self, said: Mapping[str, Value] | None, keys: list[str]) -> list[str]:
+        if self._how.columns is None or said is None:
+            return []
+        way = {"passes", "direction"} if "beside" in said else set()
+        lasting = {key: value for key, value in said.items() if key not in {*ONCE, *way}}
+        if not keys:
+            return ["the table has no heading: nothing remembered"]
+        return self._keep("columns", keys[0], lasting) if lasting else []
 
     def _remembered_columns(self, keys: list[str]) -> tuple[Mapping[str, Value] | None, list[str]]:
         for key in keys:
@@ -420,5 +462,5 @@ def watcher_of(site: SiteFile, site_path: Path, folder: Path, *, settle_s: float
         found = import_file(path, store, how, None, at=Compared(site), expected=sha256)
         return ", ".join(one.run_id for one in found)
 
-    wanted = {f".{name}" for name in (*endings(), *OTHER_ENDINGS)} - {".gear-csv", ".txt", ".dat"}
+    wanted = {f".{name}" for name in (*endings(), *OTHER_ENDINGS)} - {".gear-csv", ".md"}
     return Watcher(Folder(folder), WatchJournal(store.root), take, wanted, settle_s=settle_s, say=say)

@@ -17,7 +17,7 @@ RUNNER = CliRunner()
 
 def _csv(tmp_path: Path, *rows: str) -> Path:
     path = tmp_path / "c.csv"
-    path.write_text("target,direction,repetition,deviation\n" + "\n".join(rows) + "\n", encoding="utf-8")
+    path.write_text("target_mm,direction,repetition,deviation_um\n" + "\n".join(rows) + "\n", encoding="utf-8")
     return path
 
 

@@ -68,7 +68,7 @@ def test_what_a_heading_leaves_open_is_one_question_and_one_word_answers_it(tmp_
     assert "--column passes=alternate" in RUNNER.invoke(app, ["import", str(first)]).output
     told("import", str(first), "--column", "passes=alternate")
     assert told("evaluate", str(second))[0]["targets"] == 2
-    second.write_text("target,deviation,run\n0,1,1\n10,2,1\n0,1,2\n10,2,2\n", encoding="utf-8")
+    second.write_text("target_mm,deviation_um,run\n0,1,1\n10,2,1\n0,1,2\n10,2,2\n", encoding="utf-8")
     assert refused("import", str(second)) == "E-IMPORT-RUNS"
     told("import", str(second), "--column", "direction=up")
 
@@ -124,7 +124,19 @@ def test_columns_are_said_once_for_a_heading_shown_and_forgotten_on_request(tmp_
     assert (result["targets"], result["unit"]) == (2, "um")
     assert refused("import", str(second), "--forget") == "E-IMPORT-COLUMNS"
     (tmp_path / "c.csv").write_text("1 2\n3 4\n", encoding="utf-8")
-    bare = ["--column", "deviation=2", "--column", "direction=up", "--column", "skip=0", "--column", "separator=blank"]
+    bare = [
+        "--column",
+        "target=1",
+        "--column",
+        "deviation=2",
+        "--column",
+        "direction=up",
+        "--column",
+        "skip=0",
+        "--column",
+        "separator=blank",
+    ]
+    bare += ["--column", "target_unit=mm", "--column", "reading_unit=um"]
     assert "no heading" in told("import", "c.csv", *bare)[0]["notes"][0]
 
 

@@ -188,7 +188,7 @@ class TestConvert:
 
     def test_a_csv_and_a_grid(self, tmp_path: Path) -> None:
         rows = [f"{10 * at},{way},1,{at % 3 / 2}" for at in range(5) for way in "+-"]
-        path = written(tmp_path, "r.csv", "target,direction,repetition,deviation\n" + "\n".join(rows) + "\n")
+        path = written(tmp_path, "r.csv", "target_mm,direction,repetition,deviation_um\n" + "\n".join(rows) + "\n")
         out = tmp_path / "x.mpf"
         words = ["convert", path, "--to", "eec", "--axis", "x1", "-o", out, "--reference", 0, "--datum", "0=0"]
         assert typed(*words, "--step", 5, "--min", -10, "--index", 1).exit_code == 0
@@ -202,7 +202,7 @@ class TestConvert:
 
     def test_a_table_beyond_the_limits_is_not_written(self, tmp_path: Path) -> None:
         rows = [f"{10 * at},{way},1,{15 * at}" for at in range(3) for way in "+-"]
-        path = written(tmp_path, "r.csv", "target,direction,repetition,deviation\n" + "\n".join(rows) + "\n")
+        path = written(tmp_path, "r.csv", "target_mm,direction,repetition,deviation_um\n" + "\n".join(rows) + "\n")
         words = ["convert", path, "--to", "eec", "--axis", "X1", "-o", tmp_path / "x.spf", "--reference", 0]
         assert refusal(*words, "--datum", "0=0").exit_code == 7
         assert not (tmp_path / "x.spf").exists()

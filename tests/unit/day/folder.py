@@ -66,7 +66,7 @@ def pos(one: Measurement) -> str:
 def made(folder: Path, machine: Machine, *, mrad: float = ARCSEC * 1e3) -> Path:
     """The day's folder: all 21 errors in 24 files, and a dynamic record."""
     folder.mkdir(parents=True, exist_ok=True)
-    english, german = "target,direction,repetition,deviation", "target_mm;direction;run;deviation"
+    english, german = "target_mm,direction,repetition,deviation", "target_mm;direction;run;deviation"
     angle = machine.angle
 
     def put(name: str, text: str, encoding: str = "cp1252", end: str = "\r\n") -> None:
@@ -84,7 +84,7 @@ def made(folder: Path, machine: Machine, *, mrad: float = ARCSEC * 1e3) -> Path:
     for name in ("EYX", "EZX"):
         put(f"{name}.csv", table(machine.length(name, slope=0.12), english + "_um"))
     put("Geradheit Z in X.csv", table(machine.length("EXZ", slope=-0.1), german + "_mm", ";", comma=True, unit=1e-3))
-    put("straightness Z in Y.csv", table(machine.length("EYZ"), english), "utf-8", "\n")
+    put("straightness Z in Y.csv", table(machine.length("EYZ"), english + "_um"), "utf-8", "\n")
     for name in ("EXC", "EYC", "EZC"):
         put(
             f"spindle {name}.csv",
@@ -93,11 +93,11 @@ def made(folder: Path, machine: Machine, *, mrad: float = ARCSEC * 1e3) -> Path:
     for name in ("EAC", "EBC"):
         put(f"spindle {name}.csv", table(angle(name, lean=6.0), "target_deg,direction,repetition,deviation_arcsec"))
     along_x, along_z = machine.square(0.8, 12.0)[:2]
-    put("square B0Z X1.csv", table(along_x, english))
-    put("square B0Z Z1.csv", table(along_z, english))
+    put("square B0Z X1.csv", table(along_x, english + "_um"))
+    put("square B0Z Z1.csv", table(along_z, english + "_um"))
     for name in ("A0C", "B0C"):
         for one in machine.bar(name, 6.0):
-            put(f"bar {name} {one.turned_deg:g} deg.csv", table(one, english))
+            put(f"bar {name} {one.turned_deg:g} deg.csv", table(one, english + "_um"))
     (folder / "spindle.rtx").write_bytes(b"\x00" * 64)
     return folder
 

@@ -1,4 +1,4 @@
-"""A set-up's table whose heading names no unit holds its error's; one that names another kind is refused."""
+"""A set-up's table whose heading names no unit is asked about; one that names another kind is refused."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from drivers.errors import ConfigError
 from gateway.config import SiteFile
 from gateway.errors import CaptureError
 from gateway.workflow.errors21.filesetup import read_setup
@@ -18,15 +19,18 @@ GOLDEN = Path(__file__).parents[2] / "golden" / "files"
 ROWS = "0,+,1,0.5\n10,+,1,1.25\n10,-,1,-1.5\n0,-,1,0.25\n"
 
 
-@pytest.mark.parametrize("heading", ["target", "target_mm"])
-def test_bare_deviations_are_those_of_the_error(tmp_path: Path, heading: str) -> None:
+def test_bare_deviations_are_asked_for_and_stated_ones_read(tmp_path: Path) -> None:
+    """The error's own unit would be a guess: a pitch in um per metre, or in urad, looks the same."""
     plan = planned(SiteFile.model_validate(site_data()))
     units = {one.unit for one in plan if one.axis.kind == "linear"}
     assert units == {"um", "arcsec"}
     for unit in units:
         one = next(found for found in plan if found.unit == unit and found.axis.kind == "linear")
         path = tmp_path / f"{one.key}.csv"
-        path.write_text(f"{heading},direction,repetition,deviation\n{ROWS}", encoding="utf-8")
+        path.write_text(f"target_mm,direction,repetition,deviation\n{ROWS}", encoding="utf-8")
+        with pytest.raises(ConfigError, match=r"E-IMPORT-READINGS.*reading_unit="):
+            read_setup(path, one, "grinder", None)
+        path.write_text(f"target_mm,direction,repetition,deviation_{unit}\n{ROWS}", encoding="utf-8")
         found = read_setup(path, one, "grinder", None)
         assert (found.deviations[1, 0].tolist(), found.axis_unit) == ([1.25, -1.5], "mm")
 

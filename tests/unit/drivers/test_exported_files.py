@@ -10,6 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from drivers.errors import ConfigError, FileFormatError
+from drivers.files.columns import ColumnMap
 from drivers.files.csvmap import CsvFormat, parse_csv
 from drivers.files.csvtext import guarded
 from drivers.files.rtl import RtaFormat, RtlFormat, measured_set
@@ -35,11 +36,11 @@ VALUES = st.one_of(st.none(), st.floats(-4000, 4000).filter(lambda value: value 
     lambda text: text.replace(",up,", ",f,").replace(",down,", ",reverse,"),
     lambda text: text.replace("run", "cycle").replace("direction", "approach"),
     lambda text: text.replace("position_mm", "measured_mm"),
-    lambda text: text.replace("position_mm", "position").replace("target_mm", "target"),
+    lambda text: text.replace("position_mm", "position"),
     lambda text: text.replace("down,1", "down,2x").replace("down,2,", "down,4,").replace("down,2x", "down,3"),
 ])  # fmt: skip
 def test_the_fields_own_names_and_positions_in_place_of_deviations(change: object) -> None:
-    found = parse_csv(change(FIELD), "", "x")  # type: ignore[operator]
+    found = parse_csv(change(FIELD), ColumnMap(), "x")  # type: ignore[operator]
     assert found.targets.tolist() == [15.0, 25.0]
     np.testing.assert_allclose(found.deviations, UM, atol=1e-9)
     assert found.header["Reading"] == "position"
@@ -47,20 +48,23 @@ def test_the_fields_own_names_and_positions_in_place_of_deviations(change: objec
 
 
 def test_angles_by_name_are_arcsec_and_mixtures_are_refused() -> None:
-    angular = "target_deg,direction,run,deviation\n0,up,1,1.5\n90,up,1,2\n"
-    found = parse_csv(angular, "", "x")
+    angular = "target_deg,direction,run,deviation_arcsec\n0,up,1,1.5\n90,up,1,2\n"
+    found = parse_csv(angular, ColumnMap(), "x")
     assert (found.axis_unit, found.deviations[0, 0, 0]) == ("deg", 1.5)
-    place = parse_csv("target_deg,direction,run,position\n0,up,1,0\n90,up,1,90.001\n", "", "x")
+    place = parse_csv("target_deg,direction,run,position\n0,up,1,0\n90,up,1,90.001\n", ColumnMap(), "x")
     assert place.deviations[1, 0, 0] == pytest.approx(3.6)
     with pytest.raises(FileFormatError, match="line 1"):
-        parse_csv(angular.replace("deviation", "deviation_um"), "", "x")
-    with pytest.raises(FileFormatError, match="E-FILE-CSV-HEADER"):
-        parse_csv(FIELD.replace("position_mm", "position_mm,actual"), "", "x")
+        parse_csv(angular.replace("deviation_arcsec", "deviation_um"), ColumnMap(), "x")
+    with pytest.raises(FileFormatError, match="E-FILE-CSV-SEVERAL"):
+        parse_csv(FIELD.replace("position_mm", "position_mm,actual"), ColumnMap(), "x")
 
 
 def test_a_column_that_cannot_be_what_it_says_is_doubted() -> None:
-    found = parse_csv(FIELD.replace("15.00067", "1500.067"), "", "x")
-    assert any("what its name says" in warning for warning in found.warnings)
+    wrong = FIELD.replace("15.00067", "1500.067")
+    with pytest.raises(FileFormatError, match=r"E-FILE-OUTLIER.*line 2 \(target 15: 1500.07\)"):
+        parse_csv(wrong, ColumnMap(), "x")
+    (doubt,) = parse_csv(wrong, ColumnMap(confirmed=True), "x").doubts
+    assert (doubt.code, doubt.blocking) == ("S-READ-SIZE", False)
 
 
 @st.composite
@@ -86,7 +90,7 @@ def sets(draw: st.DrawFn) -> MeasuredSet:
 @given(sets())
 def test_a_table_says_the_same_again(measured: MeasuredSet) -> None:
     text = CsvFormat().text(measured)
-    again = parse_csv(text, "", "x")
+    again = parse_csv(text, ColumnMap(confirmed=True), "x")  # any numbers, also those that no axis has
     assert again.axis_unit == measured.axis_unit
     assert again.targets.tolist() == measured.targets.tolist()
     np.testing.assert_array_equal(again.deviations, measured.deviations)

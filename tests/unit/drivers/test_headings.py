@@ -54,7 +54,7 @@ TABLES: dict[str, tuple[str, str]] = {
         "utf-8",
     ),
     "positions": (
-        long("nominal,measured,run,dir", lambda t, n, w, v: f"{t},{t + v / 1000:.6f},{n},{['up', 'down'][w]}"),
+        long("nominal [mm],measured,run,dir", lambda t, n, w, v: f"{t},{t + v / 1000:.6f},{n},{['up', 'down'][w]}"),
         "utf-8",
     ),
     "german": (
@@ -76,7 +76,10 @@ TABLES: dict[str, tuple[str, str]] = {
     "passes with arrows": (wide("P_i [mm];x_i1↑ [µm];x_i1↓ [µm];x_i2↑ [µm];x_i2↓ [µm]", ";", in_turn), "utf-16"),
     "passes without numbers": (wide("target_mm,up_um,down_um,up_um,down_um", ",", in_turn), "utf-8"),
     "passes in german": (GERMAN.replace(".", ","), "cp1252"),
-    "passes in chinese": (wide("目标位置,正向1偏差,反向1偏差,正向2偏差,反向2偏差", ",", in_turn), "gb18030"),
+    "passes in chinese": (
+        wide("目标位置[mm],正向1偏差[um],反向1偏差[um],正向2偏差[um],反向2偏差[um]", ",", in_turn),
+        "gb18030",
+    ),
     "by indices": (
         "\n".join(
             (
@@ -135,7 +138,7 @@ TABLES |= {
         "utf-8-sig",
     ),
     "positions by pass": (
-        "Target,Run 1 +,Run 1 -,Run 2 +,Run 2 -\n"
+        "Target [mm],Run 1 +,Run 1 -,Run 2 +,Run 2 -\n"
         + "".join(f"{t},{','.join(f'{t + v / 1000:.6f}' for v in in_turn(t))}\n" for t in READINGS),
         "utf-8",
     ),
@@ -181,9 +184,9 @@ def test_one_measurement_in_every_layout_gives_the_same_numbers(name: str, tmp_p
 @pytest.mark.parametrize(
     "heading",
     [
-        "Target,Run 1 fwd [um],Run 1 fwd [um],Run 2 fwd [um],Run 2 rev [um]",  # one pass twice
-        "Target,Run 1 fwd [um],Run 1 rev [um],Run 2 fwd [um],Temperature [um]",
-        "Target,Run 1 fwd [um],Run 1 rev [mm],Run 2 fwd [um],Run 2 rev [um]",
+        "Target [mm],Run 1 fwd [um],Run 1 fwd [um],Run 2 fwd [um],Run 2 rev [um]",  # one pass twice
+        "Target [mm],Run 1 fwd [um],Run 1 rev [um],Run 2 fwd [um],Temperature [um]",
+        "Target [mm],Run 1 fwd [um],Run 1 rev [mm],Run 2 fwd [um],Run 2 rev [um]",
     ],
 )
 def test_what_a_heading_leaves_open_is_not_guessed(heading: str, tmp_path: Path) -> None:
@@ -197,8 +200,11 @@ def test_what_a_heading_leaves_open_is_not_guessed(heading: str, tmp_path: Path)
     ("heading", "code"),
     [
         ("Position,Forward 1,Forward 2,Backward 1,Backward 2", "E-FILE-CSV-UNIT"),  # neither unit nor what is read
-        ("Target,Run 1 fwd [mm],Run 1 rev [mm],Run 2 fwd [mm],Run 2 rev [mm]", "E-FILE-CSV-UNIT"),  # positions or not
-        ("Target,Run 1 [um],Run 2 [um],Run 3 [um],Run 4 [um]", "E-FILE-CSV-WAYS"),
+        (
+            "Target [mm],Run 1 fwd [mm],Run 1 rev [mm],Run 2 fwd [mm],Run 2 rev [mm]",
+            "E-FILE-CSV-UNIT",
+        ),  # positions or not
+        ("Target [mm],Run 1 [um],Run 2 [um],Run 3 [um],Run 4 [um]", "E-FILE-CSV-WAYS"),
     ],
 )
 def test_what_only_a_person_knows_is_asked_by_itself(heading: str, code: str, tmp_path: Path) -> None:
@@ -215,41 +221,20 @@ def test_what_only_a_person_knows_is_asked_by_itself(heading: str, code: str, tm
         np.testing.assert_array_equal(CsvFormat(columns=whole).read(file).deviations, found.deviations)
 
 
-@pytest.mark.parametrize(("last", "count"), [(330, 12), (360, 13), (350, 36), (345, 24)])
-def test_targets_round_a_whole_turn_without_a_unit_are_asked_for(last: int, count: int, tmp_path: Path) -> None:
-    """Millimetres would be a guess; a unit said, one in the heading or targets that end elsewhere leave no doubt."""
-    file = tmp_path / "table.csv"
-
-    def written(heading: str, end: float) -> Path:
-        places = np.linspace(0.0, end, count)
-        rows = [f"{at:g};{way};{turn};{at / 90:g}" for turn in (1, 2) for way in "+-" for at in places]
-        file.write_text("\n".join([heading, *rows]).replace(".", ",") + "\n", encoding="utf-8-sig")
-        return file
-
-    plain = "target;direction;repetition;deviation"
-    with pytest.raises(FileFormatError, match="E-FILE-CSV-TURN"):
-        CsvFormat().read(written(plain, last))
-    for unit, axis in (("arcsec", "deg"), ("um", "mm")):
-        assert CsvFormat(unit).read(file).axis_unit == axis
-        assert CsvFormat(columns={"reading_unit": unit}).read(file).axis_unit == axis
-    assert CsvFormat().read(written("target_deg;direction;repetition;deviation", last)).axis_unit == "deg"
-    assert CsvFormat().read(written(plain, last + 77)).axis_unit == "mm"
-
-
 def test_words_above_a_table_are_kept_and_lines_below_it_told(tmp_path: Path) -> None:
     file = tmp_path / "axis.csv"
-    file.write_text("Machine: Mill 7\ntarget,up [um],down [um]\n0,1,2\n9,1,2\n\nA,12\n", encoding="utf-8")
+    file.write_text("Machine: Mill 7\ntarget [mm],up [um],down [um]\n0,1,2\n9,1,2\n\nA,12\n", encoding="utf-8")
     found = CsvFormat().read(file)
     assert found.header["Machine"] == "Mill 7"
     assert found.warnings == ("1 lines below the table are not read, the first is line 6",)
-    file.write_text("target,up [um],down [um]\n0,1,2\n\ntarget,up [um],down [um]\n0,1,2\n", encoding="utf-8")
+    file.write_text("target [mm],up [um],down [um]\n0,1,2\n\ntarget [mm],up [um],down [um]\n0,1,2\n", encoding="utf-8")
     with pytest.raises(FileFormatError, match=r"E-FILE-CSV-SECOND.*line 4"):
         CsvFormat().read(file)
 
 
 def test_sweeps_that_all_go_one_way_tell_no_direction(tmp_path: Path) -> None:
     file = tmp_path / "axis.csv"
-    file.write_text("target,deviation\n0,1\n9,2\n0,1\n9,2\n", encoding="utf-8")
+    file.write_text("target [mm],deviation [um]\n0,1\n9,2\n0,1\n9,2\n", encoding="utf-8")
     with pytest.raises(FileFormatError, match="E-FILE-CSV-RUNS"):
         CsvFormat().read(file)
     assert CsvFormat(columns={"direction": "up"}).read(file).deviations.shape == (2, 2, 2)
@@ -257,7 +242,7 @@ def test_sweeps_that_all_go_one_way_tell_no_direction(tmp_path: Path) -> None:
 
 def test_an_empty_cell_of_a_pass_is_a_missing_reading(tmp_path: Path) -> None:
     file = tmp_path / "axis.csv"
-    file.write_text("target,up 1 [um],down 1 [um]\n0,1.5,\n10,2,3\n", encoding="utf-8")
+    file.write_text("target [mm],up 1 [um],down 1 [um]\n0,1.5,\n10,2,3\n", encoding="utf-8")
     found = CsvFormat().read(file)
     assert np.isnan(found.deviations[0, 0, 1])
     assert "readings missing: 1" in found.warnings
@@ -269,10 +254,11 @@ def test_an_empty_cell_of_a_pass_is_a_missing_reading(tmp_path: Path) -> None:
         ("TGT_DATA[1]=0\nREF_DATA_FWD[2,1]=0\n", "target 2"),
         ("TGT_DATA[1]=0\nTGT_DATA[1]=1\n", "twice"),
         ("TGT_DATA[1]=0\nREF_DATA_FWD[1,1]=x\n", "no number"),
-        ("TGT_DATA[1]=0\nREF_DATA_FWD[1,1]=1e30\n", "no measurement"),
+        ("UNIT=mm\nTGT_DATA[1]=0\nREF_DATA_FWD[1,1]=1e30\n", "no measurement"),
         ("TGT_DATA[1]=0\nUNIT=furlong\n", "furlong"),
-        ("TGT_DATA[1]=0\n", "E-FILE-ROWS"),
-        ("TGT_DATA[1]=0\nTGT_DATA[2]=0.0\nREF_DATA_FWD[1,1]=0\nREF_DATA_FWD[2,1]=0\n", "occurs twice"),
+        ("UNIT=mm\nTGT_DATA[1]=0\n", "E-FILE-ROWS"),
+        ("TGT_DATA[1]=0\nREF_DATA_FWD[1,1]=0\n", "E-FILE-CSV-UNIT"),
+        ("UNIT=mm\nTGT_DATA[1]=0\nTGT_DATA[2]=0.0\nREF_DATA_FWD[1,1]=0\nREF_DATA_FWD[2,1]=0\n", "occurs twice"),
     ],
 )
 def test_indices_that_do_not_fit_are_refused_with_their_line(text: str, why: str, tmp_path: Path) -> None:

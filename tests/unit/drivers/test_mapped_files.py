@@ -12,7 +12,8 @@ from hypothesis import strategies as st
 
 from drivers import registry
 from drivers.errors import ConfigError, FileFormatError, TrueflankError
-from drivers.files.columns import ColumnMap, read_columns
+from drivers.files.columns import ColumnMap
+from drivers.files.csvmap import parse_csv
 from drivers.files.pos import parse_pos
 
 TABLE = """No;Soll [mm];Ist [mm];Lauf;Richtung
@@ -62,7 +63,7 @@ def test_sense_and_units_are_applied_once() -> None:
         "target_unit": "arcsec",
         "reading_unit": "mrad",
     }
-    found = read_columns(text, ColumnMap.read(said, "x"), "x")
+    found = parse_csv(text, ColumnMap.read(said, "x"), "x")
     assert found.axis_unit == "deg"
     assert found.targets.tolist() == [0.0, 0.01]
     assert found.deviations[:, 0, 0] == pytest.approx([-20.62648, 41.25296], abs=1e-5)
@@ -71,7 +72,7 @@ def test_sense_and_units_are_applied_once() -> None:
 
 def test_inches_become_millimetres() -> None:
     said = {"target": 1, "measured": 2, "direction": "up", "target_unit": "inch", "reading_unit": "inch", "skip": 0}
-    found = read_columns("1 1.0001\n2 2.0003\n", ColumnMap.read(said, "x"), "x")
+    found = parse_csv("1 1.0001\n2 2.0003\n", ColumnMap.read(said, "x"), "x")
     assert found.targets.tolist() == [25.4, 50.8]
     assert found.deviations[:, 0, 0] == pytest.approx([2.54, 7.62])
 
@@ -79,14 +80,14 @@ def test_inches_become_millimetres() -> None:
 @pytest.mark.parametrize(
     "wrong",
     [
-        {"target": 0},
-        {"measured": 0},
+        {"target": -1},
+        {"measured": -3},
         {"deviation": 3},
         {"direction": "sideways"},
         {"direction": "column"},
         {"direction": "runs"},
         {"target_unit": "parsec"},
-        {"reading_unit": "arcsec"},
+        {"reading_unit": "arcsec", "target_unit": "mm"},
         {"sense": 0},
         {"separator": ";;"},
         {"colour": 3},
@@ -104,7 +105,7 @@ def test_a_map_that_makes_no_sense_is_refused(wrong: dict[str, Any]) -> None:
     [
         (("3;10,000;10,0030;1;+", "3;10,000"), 4),
         (("3;10,000;10,0030;1;+", "3;10,000;1O,0030;1;+"), 4),
-        (("3;10,000;10,0030;1;+", "3;10.000;10.0030;1;+"), 4),
+        (("3;10,000;10,0030;1;+", "3;10.00;10.0030;1;+"), 4),
         (("3;10,000;10,0030;1;+", "3;0,000;10,0030;1;+"), 4),
         (("5;0,000;0,0005;2;-", "5;0,000;0,0005;x;-"), 6),
         (("5;0,000;0,0005;2;-", "5;0,000;0,0005;2;?"), 6),
@@ -113,13 +114,13 @@ def test_a_map_that_makes_no_sense_is_refused(wrong: dict[str, Any]) -> None:
 def test_a_line_that_does_not_fit_is_refused_by_its_number(change: tuple[str, str], line: int) -> None:
     columns = ColumnMap.read(BASE | {"direction": "column", "direction_column": 5, "run": 4}, "x")
     with pytest.raises(FileFormatError) as caught:
-        read_columns(TABLE.replace(*change), columns, "x")
+        parse_csv(TABLE.replace(*change), columns, "x")
     assert (caught.value.code, caught.value.fields["line"]) == ("E-FILE-LINE", line)
 
 
 def test_nothing_but_a_header_is_no_reading() -> None:
     with pytest.raises(FileFormatError) as caught:
-        read_columns("a b\n", ColumnMap.read(BASE, "x"), "x")
+        parse_csv("a b\n", ColumnMap.read(BASE, "x"), "x")
     assert caught.value.code == "E-FILE-ROWS"
 
 
@@ -169,7 +170,7 @@ def test_mutated_tables_are_read_or_refused_in_our_words(data: st.DataObject) ->
             [
                 (
                     TABLE,
-                    lambda text: read_columns(text, ColumnMap.read(BASE | {"direction": "runs", "run": 4}, "x"), "x"),
+                    lambda text: parse_csv(text, ColumnMap.read(BASE | {"direction": "runs", "run": 4}, "x"), "x"),
                 ),
                 (POS, lambda text: parse_pos(text, "x")),
             ]
@@ -208,6 +209,6 @@ def test_marks_that_nobody_declared_are_those_of_the_lines(mark: str) -> None:
         ("-400,5", "2", "0"),
     ]
     text = "\n".join(mark.join(row) for row in rows) + "\n"
-    found = read_columns(text, ColumnMap(target=1, run=2, deviation=3), "export.csv")
+    found = parse_csv(text, ColumnMap(target=1, run=2, deviation=3, target_unit="mm", reading_unit="um"), "export.csv")
     assert found.targets.tolist() == [-400.5, 0.0]
     assert found.deviations[:, 0, 0].tolist() == [-0.8, 1.25]

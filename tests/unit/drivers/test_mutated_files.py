@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from drivers.errors import FileFormatError
-from drivers.files.columns import ColumnMap, read_columns
+from drivers.files.columns import ColumnMap
 from drivers.files.csvmap import parse_csv
 from drivers.files.csvtext import table_text
 from drivers.files.gde import GdeNames, read_gde
@@ -51,7 +51,7 @@ EOF::
 CSV = [
     b"Target [mm];Run 1 fwd [um];Run 1 rev [um];Run 2 fwd [um]\n0;0.5;1.25;0.75\n10;-1.5;0.25;\n",
     b"UNIT=mm\nTGT_DATA[1]=0\nTGT_DATA[2]=10\nREF_DATA_FWD[1,1]=0.0005\nREF_DATA_BWD[2,1]=9.9985\n",
-    b"target,direction,repetition,deviation\n0,+,1,0.5\n10,+,1,1.25\n10,-,1,-1.5\n0,-,1,0.25\n",
+    b"target_mm,direction,repetition,deviation_um\n0,+,1,0.5\n10,+,1,1.25\n10,-,1,-1.5\n0,-,1,0.25\n",
     b"target_mm;direction;run;position_mm\n0;up;1;0,0015\n10;up;1;10,25\n10;down;1;9,5\n",
     b"target_deg\tdirection\tcycle\tdeviation_arcsec\n0\tforward\t1\t0.5\n90\tbackward\t2\t-1\n",
 ]
@@ -119,7 +119,7 @@ def check_rtl(_data: bytes, found: Any) -> None:
 def check_table(data: bytes, found: Any) -> None:
     sound(found)
     assert data.endswith((b"\n", b"\r")) or any("whole" in warning for warning in found.warnings)
-    same(found, parse_csv(table_text(found), "", "x"))
+    same(found, parse_csv(table_text(found), ColumnMap(confirmed=True), "x"))
 
 
 def check_pos(data: bytes, found: Any) -> None:
@@ -155,8 +155,8 @@ def check_gear(_data: bytes, found: Any) -> None:
 
 PARSERS: dict[str, tuple[list[bytes], Callable[[bytes], object], Callable[[bytes, Any], None]]] = {
     "rtl": ([RTL], read_rtl, check_rtl),
-    "csv": (CSV, lambda data: parse_csv(decode(data, "cp1252", "x"), "", "x"), check_table),
-    "csv by columns": ([MAPPED], lambda data: read_columns(decode(data, "cp1252", "x"), MAP, "x"), check_table),
+    "csv": (CSV, lambda data: parse_csv(decode(data, "cp1252", "x"), ColumnMap(), "x"), check_table),
+    "csv by columns": ([MAPPED], lambda data: parse_csv(decode(data, "cp1252", "x"), MAP, "x"), check_table),
     "pos": ([POS], lambda data: parse_pos(decode(data, "cp1252", "x"), "x"), check_pos),
     "rtx header": ([RTX], read_rtx, check_rtx),
     "gde": ([GDE], lambda data: read_gde(data, NAMES, "x"), check_gear),

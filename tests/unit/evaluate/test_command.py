@@ -26,7 +26,7 @@ def csv_of(tmp_path: Path, name: str) -> str:
         for way in (0, 1)
     ]
     path = tmp_path / f"{name}.csv"
-    path.write_text("target,direction,repetition,deviation_um\n" + "\n".join(rows))
+    path.write_text("target_mm,direction,repetition,deviation_um\n" + "\n".join(rows))
     return str(path)
 
 

@@ -10,7 +10,6 @@ import pytest
 
 from drivers.types.sensing import Ambient
 from drivers.units import arcsec_to_rad, rad_to_arcsec
-from gateway.cli.files.tables import reader
 from gateway.errors import AmbientOutOfRange, ModelError
 from gateway.evaluate.behaviour.doubts import doubts_of
 from gateway.evaluate.geometry import harmonics, lever, squareness, straightness
@@ -20,6 +19,7 @@ from gateway.evaluate.optics.corrections import begin
 from gateway.evaluate.standards import iso230_2
 from gateway.evaluate.standards.registry import evaluate_by
 from gateway.evaluate.uncertainty.budget import file_budget, linear_budget
+from gateway.workflow.files.importing import How, read_measured
 
 S = np.array([-1.0, -1.0, 0.0, 1.0, 1.0])
 AT = np.array([0.0, 90.0, 210.0, 290.0, 400.0])
@@ -37,7 +37,7 @@ def figures(x: np.ndarray = X, **options: object) -> dict[str, float | None]:
 def csv(tmp_path: Path, text: str) -> np.ndarray:
     path = tmp_path / "a.csv"
     path.write_text(text, encoding="utf-8")
-    return reader(path).read(path).deviations
+    return read_measured(path, How())[0].deviations
 
 
 def test_mistake_01_R_and_E_of_both_directions_are_no_maxima_of_one() -> None:
@@ -70,7 +70,7 @@ def test_mistake_04_deviation_is_measured_less_target() -> None:
 
 
 def test_mistake_05_runs_down_belong_to_their_targets_not_to_their_order(tmp_path: Path) -> None:
-    head = "target,direction,repetition,deviation\n"
+    head = "target_mm,direction,repetition,deviation_um\n"
     up = "0,+,1,1\n100,+,1,2\n200,+,1,3\n"
     found = csv(tmp_path, head + up + "200,-,1,30\n100,-,1,20\n0,-,1,10\n")
     np.testing.assert_allclose(found[:, 0, 1], [10.0, 20.0, 30.0])
@@ -209,5 +209,5 @@ def test_mistake_21_nothing_is_rounded_before_maxima_are_taken() -> None:
 
 
 def test_mistake_22_decimal_commas_of_a_locale_are_numbers_not_columns(tmp_path: Path) -> None:
-    text = "target;direction;repetition;deviation\n0,5;+;1;1,25\n100,5;+;1;-2,75\n"
+    text = "target_mm;direction;repetition;deviation_um\n0,5;+;1;1,25\n100,5;+;1;-2,75\n"
     np.testing.assert_allclose(csv(tmp_path, text)[:, 0, 0], [1.25, -2.75])

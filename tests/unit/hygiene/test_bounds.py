@@ -96,7 +96,7 @@ def test_a_result_file_gets_no_more_room_than_a_measurement_needs(tmp_path: Path
     with pytest.raises(FileFormatError, match=str(MOST_READINGS)):
         no_readings(100_000, 5_000, "f")
     lines = [f"{target},+,0,3.1" for target in range(2001)] + [f"0,+,{number},3.1" for number in range(1, 1001)]
-    path = written(tmp_path, "a.csv", "\n".join(["target,direction,repetition,deviation", *lines, ""]))
+    path = written(tmp_path, "a.csv", "\n".join(["target_mm,direction,repetition,deviation_um", *lines, ""]))
     with pytest.raises(FileFormatError, match="E-FILE-SIZE"):
         CsvFormat().read(path)
 

@@ -11,6 +11,7 @@ import pytest
 
 from drivers.clock import LoopClock, run_virtual
 from drivers.errors import FileFormatError
+from drivers.files.columns import ColumnMap
 from drivers.files.csvmap import parse_csv
 from gateway.config import load_site
 from simulators.cell import Cell
@@ -218,7 +219,7 @@ async def test_the_table_of_a_set_up_names_its_unit_so_that_it_is_read_however_s
     cell = Cell(with_plan(load_cell("demo")), tmp_path, LoopClock())
     heading, *rows = write_setup_file(cell, component, axis, tmp_path / "table.csv").read_text().splitlines()
     small = [f"{row.rpartition(',')[0]},0.0001" for row in rows]
-    read = parse_csv("\n".join([heading, *small]), "", "table.csv", mixed=True)
+    read = parse_csv("\n".join([heading, *small]), ColumnMap(), "table.csv", mixed=True)
     assert read.deviations == pytest.approx(0.0001)
     with pytest.raises(FileFormatError, match="E-FILE-CSV-UNIT"):
-        parse_csv("\n".join([heading.removesuffix(f"_{unit}"), *small]), "", "table.csv", mixed=True)
+        parse_csv("\n".join([heading.removesuffix(f"_{unit}"), *small]), ColumnMap(), "table.csv", mixed=True)

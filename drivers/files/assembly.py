@@ -1,0 +1,312 @@
+"""From readings to a measured set, the one way for every layout: units, datum, turns, and what cannot be true."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from math import isnan
+
+import numpy as np
+
+from drivers.errors import FileFormatError
+from drivers.files.numbers import MOST_TOLD, beyond, no_readings
+from drivers.types.doubts import Doubt
+from drivers.types.readings import Reading, Readings
+from drivers.types.results import MeasuredSet
+from drivers.types.values import FloatArray
+from drivers.units import READING_UNITS, TARGET_UNITS, AxisUnit, deviation_scale, deviation_unit
+
+MOST_SHARE = 0.02  # of the targets' range: an axis that goes so wrong is none, columns changed about are
+LARGEST = {"mm": 5000.0, "deg": 1000.0}
+APART, MARK_APART, MARK_LEAST = 30.0, 20.0, 20.0
+"""A reading is out of line by so many robust spreads, a mark for no reading by fewer; um or arcsec at least."""
+SAME_LENGTH = 0.05  # of the targets' range: readings that differ less while the targets run through it are one length
+HALF_TURN, TURN = 180.0, 360.0
+TYPICAL = 1.4826  # of the median distance from the median: the standard deviation of what is normal
+FEWEST_NINES = 4
+MARKS = {999.0, *(float(2**power - 1) for power in (15, 16, 31, 32)), *(10.0**power for power in range(6, 10))}
+LEAST_FOR_SPREAD = 3
+
+
+def assembled(
+    found: Readings,
+    where: str,
+    *,
+    header: Mapping[str, str],
+    warnings: tuple[str, ...] = (),
+    confirmed: bool = False,
+) -> MeasuredSet:
+    """Targets (m,) rising in mm or deg, deviations (m, n, 2) in um or arcsec.
+
+    Raises FileFormatError: E-FILE-ROWS; E-FILE-LINE for a target that occurs twice in a run, or a number that no
+    measurement holds; E-FILE-LENGTH and E-FILE-SAME for a length in place of positions; E-FILE-OUTLIER for readings
+    that are out of line by orders of magnitude; the last two not where a person ``confirmed`` the readings.
+    """
+    rows = tuple(row for row in found.rows if not isnan(row.value))
+    if not rows:
+        raise FileFormatError("E-FILE-ROWS", where)
+    if found.quantity == "length":
+        raise FileFormatError("E-FILE-LENGTH", where, line=rows[0].line, targets=len({row.target for row in rows}))
+    targets, crossed = _unwrapped(found, rows)
+    values, turned = _deviations(found, rows, targets, where)
+    for row, target, value in zip(rows, targets, values, strict=True):
+        if beyond(target, value):
+            why = f"target {row.target:g} with {found.quantity} {row.value:g} is no measurement"
+            raise _wrong(where, row.line, why)
+    grid = _arranged(rows, targets, values, where)
+    doubts = (*found.doubts, *crossed, *turned, *_missing(found.rows))
+    measured = MeasuredSet(grid.targets, grid.deviations, found.axis_unit, header=header, doubts=doubts)
+    kept = _judged(measured, where, grid, apart=found.apart, confirmed=confirmed)
+    return replace(kept, warnings=(*_notes(kept.deviations), *warnings))
+
+
+def doubted(measured: MeasuredSet, where: str, *, confirmed: bool = False) -> MeasuredSet:
+    """A set that a vendor's file holds as deviations, with the same marks left out and the same doubts.
+
+    Raises FileFormatError (E-FILE-LENGTH, E-FILE-OUTLIER).
+    """
+    lines = np.zeros(measured.deviations.shape, np.int64)
+    grid = _Grid(measured.targets, measured.deviations, measured.deviations, lines)
+    return _judged(measured, where, grid, apart=False, confirmed=confirmed)
+
+
+def _wrong(where: str, line: int, why: str) -> FileFormatError:
+    return FileFormatError("E-FILE-LINE", where, line=line, why=why)
+
+
+# ------------------------------------------------------------------------------------------------- units and turns
+
+
+def _unwrapped(found: Readings, rows: tuple[Reading, ...]) -> tuple[list[float], tuple[Doubt, ...]]:
+    """Targets in mm or deg; where an axis was measured through the end of its turn, 340 deg counts as -20 deg."""
+    kind, scale = TARGET_UNITS[found.target_unit]
+    targets = [row.target * scale for row in rows]
+    if kind != "deg" or not all(0.0 <= target <= TURN for target in targets):
+        return targets, ()
+    passes: dict[tuple[int, int], list[float]] = {}
+    for row, target in zip(rows, targets, strict=True):
+        passes.setdefault((row.approach, row.run), []).append(target)
+    cuts = [_cut(own, -1.0 if way else 1.0) for (way, _run), own in passes.items()]
+    known = [one for one in cuts if one is not None]
+    if not known or len(known) < len([own for own in passes.values() if len(own) > 1]):
+        return targets, ()
+    low, high = max(one[0] for one in known), min(one[1] for one in known)
+    if low >= high:
+        return targets, ()
+    moved = [target - TURN if target >= high else target for target in targets]
+    doubt = Doubt("S-READ-CROSSED", "", numbers={"first": high, "as_target": high - TURN})
+    return moved, (doubt,)
+
+
+def _cut(targets: list[float], sense: float) -> tuple[float, float] | None:
+    """The largest target after and the smallest before the one place where a pass jumps back by over half a turn."""
+    steps = [sense * (after - before) for before, after in pairwise(targets)]
+    jumps = [at for at, step in enumerate(steps) if step < -HALF_TURN]
+    if len(jumps) != 1 or any(step < 0.0 for at, step in enumerate(steps) if at != jumps[0]):
+        return None
+    one, other = targets[: jumps[0] + 1], targets[jumps[0] + 1 :]
+    high, low = (one, other) if sense > 0 else (other, one)
+    return max(low), min(high)
+
+
+def _deviations(
+    found: Readings, rows: tuple[Reading, ...], targets: list[float], where: str
+) -> tuple[list[float], tuple[Doubt, ...]]:
+    """Deviations in um or arcsec; angles are subtracted as angles, a whole turn more or less is none."""
+    scale = deviation_scale(found.axis_unit)
+    if found.quantity == "deviation":
+        factor = READING_UNITS[found.unit][1]
+        values = [found.sense * row.value * factor for row in rows]
+    else:
+        factor, own = TARGET_UNITS[found.unit][1], TARGET_UNITS[found.target_unit][1]
+        read = [found.sense * row.value * factor for row in rows]
+        if found.quantity == "increment":
+            read = _summed(rows, read, targets, where)
+            values = [(one - target) * scale for one, target in zip(read, targets, strict=True)]
+        else:
+            datum = found.datum * own
+            values = [(one - (target - datum)) * scale for one, target in zip(read, targets, strict=True)]
+    if not found.circular:
+        return values, ()
+    whole = [float(np.round(value / (TURN * scale))) for value in values]
+    over = [row for row, turns in zip(rows, whole, strict=True) if turns]
+    if not over:
+        return values, ()
+    values = [value - turns * TURN * scale for value, turns in zip(values, whole, strict=True)]
+    return values, (Doubt("S-READ-TURNS", where, numbers={"count": len(over)}, names={"stops": _told(over)}),)
+
+
+def _summed(rows: tuple[Reading, ...], read: list[float], targets: list[float], where: str) -> list[float]:
+    """Positions out of steps: the first stop of a run is its datum, and its own step must be zero."""
+    last: dict[tuple[int, int], float] = {}
+    found = []
+    for row, step, target in zip(rows, read, targets, strict=True):
+        key = (row.approach, row.run)
+        if key not in last and step != 0.0:
+            raise _wrong(where, row.line, f"the first step of run {row.run} is {row.value:g}: it counts from no stop")
+        last[key] = last[key] + step if key in last else target
+        found.append(last[key])
+    return found
+
+
+# --------------------------------------------------------------------------------------------------------- the grid
+
+
+@dataclass(frozen=True, slots=True)
+class _Grid:
+    """Arrays of one shape (m, n, 2): deviations in um or arcsec, the numbers as written, their lines (0: unknown)."""
+
+    targets: FloatArray
+    deviations: FloatArray
+    written: FloatArray
+    lines: np.ndarray
+
+
+def _arranged(rows: tuple[Reading, ...], targets: list[float], values: list[float], where: str) -> _Grid:
+    places = sorted(set(targets))
+    row_of = {target: at for at, target in enumerate(places)}
+    column = _repetitions(rows)
+    deviations = no_readings(len(places), 1 + max(column.values()), where)
+    written = deviations.copy()
+    lines = np.zeros(deviations.shape, np.int64)
+    for row, target, value in zip(rows, targets, values, strict=True):
+        at = (row_of[target], column[row.approach, row.run], row.approach)
+        if not np.isnan(deviations[at]):
+            raise _wrong(where, row.line, f"target {row.target:g}, repetition {row.run} in this direction occurs twice")
+        deviations[at], written[at], lines[at] = value, row.value, row.line
+    return _Grid(np.array(places, np.float64), deviations, written, lines)
+
+
+def _repetitions(rows: tuple[Reading, ...]) -> dict[tuple[int, int], int]:
+    """(way, number) -> repetition from 0. Numbers that no way shares count one-way passes, as vendors do."""
+    numbers = [sorted({row.run for row in rows if row.approach == way}) for way in (0, 1)]
+    if not set(numbers[0]) & set(numbers[1]):
+        return {(way, number): at for way in (0, 1) for at, number in enumerate(numbers[way])}
+    every = sorted({*numbers[0], *numbers[1]})
+    return {(way, number): at for way in (0, 1) for at, number in enumerate(every)}
+
+
+def _missing(rows: Iterable[Reading]) -> tuple[Doubt, ...]:
+    lost = [row for row in rows if isnan(row.value)]
+    return (Doubt("S-READ-MISSING", "", numbers={"count": len(lost)}, names={"stops": _told(lost)}),) if lost else ()
+
+
+def _told(rows: Iterable[Reading]) -> str:
+    """Lines with their targets, a few of them and how many more."""
+    every = sorted({(row.line, row.target) for row in rows})
+    return _several(f"line {line} ({target:g})" for line, target in every)
+
+
+def _several(texts: Iterable[str]) -> str:
+    every = list(texts)
+    more = f" and {len(every) - MOST_TOLD} more" if len(every) > MOST_TOLD else ""
+    return ", ".join(every[:MOST_TOLD]) + more
+
+
+# ------------------------------------------------------------------------------------------------ what cannot be true
+
+
+def _judged(measured: MeasuredSet, where: str, grid: _Grid, *, apart: bool, confirmed: bool) -> MeasuredSet:
+    """Marks of no reading left out by name; lengths and wild readings refused; a doubt about the size of the rest."""
+    kind = measured.axis_unit
+    span = 0.0 if apart else float(np.ptp(grid.targets)) * deviation_scale(kind)
+    if not confirmed:
+        _refuse_length(grid, span, kind, where)
+    known = grid.deviations[~np.isnan(grid.deviations)]
+    limit = min(LARGEST[kind], span * MOST_SHARE) if span > 0.0 else LARGEST[kind]
+    center = float(np.median(known))
+    spread = TYPICAL * float(np.median(np.abs(known - center)))
+    away = np.abs(np.nan_to_num(grid.deviations - center))
+    enough = known.size >= LEAST_FOR_SPREAD
+    wild = enough & (away > max(limit, APART * spread))
+    odd = enough & (away > max(MARK_LEAST, MARK_APART * spread))
+    marks = _nines(grid.written, odd) | (wild & _marks(grid.written)) if odd.any() or wild.any() else wild
+    doubts = measured.doubts
+    if marks.any() and not confirmed and 2 * int(marks.sum()) < known.size:
+        measured, grid = _without(measured, grid, marks)
+        doubts += (Doubt("S-READ-MARKS", where, names={"stops": _named(grid, marks)}),)
+        measured, grid = _whole(measured, grid)
+        return _judged(replace(measured, doubts=doubts), where, grid, apart=apart, confirmed=confirmed)
+    if wild.any() and not confirmed:
+        unit = deviation_unit(kind)
+        raise FileFormatError(
+            "E-FILE-OUTLIER", where, stops=_named(grid, wild), unit=unit, size=float(away[wild].max()), typical=spread
+        )
+    largest = float(np.max(np.abs(known)))
+    if largest > LARGEST[kind] or 0.0 < span * MOST_SHARE < largest:
+        names = {"unit": deviation_unit(kind), "stops": _named(grid, np.abs(np.nan_to_num(grid.deviations)) == largest)}
+        doubts += (Doubt("S-READ-SIZE", where, blocking=not confirmed, names=names, numbers={"largest": largest}),)
+    return replace(measured, doubts=doubts)
+
+
+def _refuse_length(grid: _Grid, span: float, kind: AxisUnit, where: str) -> None:
+    """Readings that stay the same while the targets run through their range are those of one length."""
+    if span <= 0.0:
+        return
+    scale = deviation_scale(kind)
+    places = (grid.deviations / scale + grid.targets[:, None, None])[~np.isnan(grid.deviations)]
+    if float(np.ptp(places)) >= SAME_LENGTH * span / scale:
+        return
+    line = int(grid.lines.max(where=grid.lines > 0, initial=0))
+    raise FileFormatError(
+        "E-FILE-SAME", where, low=float(places.min()), high=float(places.max()), unit=kind, line=line,
+        first=float(grid.targets[0]), last=float(grid.targets[-1]),
+    )  # fmt: skip
+
+
+def _marks(written: FloatArray) -> np.ndarray:
+    """Where a number as written is one that counters show for no reading: a full register, 0, or one repeated."""
+    size = np.nan_to_num(np.abs(written))
+    return np.isin(size, sorted(MARKS)) | (size == 0.0) | _repeated(written)
+
+
+def _nines(written: FloatArray, among: np.ndarray) -> np.ndarray:
+    """Where a number consists of nines: 999, 9999, 99.99."""
+    found = np.zeros(written.shape, bool)
+    for at in zip(*np.nonzero(among), strict=True):
+        value = abs(float(written[at]))
+        digits = repr(value).removesuffix(".0").replace(".", "")
+        found[at] = value == 999.0 or (len(digits) >= FEWEST_NINES and set(digits) == {"9"})
+    return found
+
+
+def _repeated(written: FloatArray) -> np.ndarray:
+    """Where the same number stands at more than one target."""
+    target = np.broadcast_to(np.arange(written.shape[0])[:, None, None], written.shape)
+    there = ~np.isnan(written)
+    pairs = np.unique(np.stack([written[there], target[there].astype(np.float64)]), axis=1)
+    values, counts = np.unique(pairs[0], return_counts=True)
+    return np.isin(written, values[counts > 1])
+
+
+def _named(grid: _Grid, which: np.ndarray) -> str:
+    found = sorted(
+        {
+            (int(grid.lines[at]), float(grid.targets[at[0]]), float(grid.written[at]))
+            for at in zip(*np.nonzero(which), strict=True)
+        }
+    )
+    return _several(
+        f"line {line} (target {target:g}: {value:g})" if line else f"target {target:g} ({value:g})"
+        for line, target, value in found
+    )
+
+
+def _without(measured: MeasuredSet, grid: _Grid, marks: np.ndarray) -> tuple[MeasuredSet, _Grid]:
+    deviations = np.where(marks, np.nan, grid.deviations)
+    return replace(measured, deviations=deviations), replace(grid, deviations=deviations)
+
+
+def _whole(measured: MeasuredSet, grid: _Grid) -> tuple[MeasuredSet, _Grid]:
+    """Without targets at which nothing was read."""
+    there = ~np.isnan(grid.deviations).all(axis=(1, 2))
+    cut = _Grid(grid.targets[there], grid.deviations[there], grid.written[there], grid.lines[there])
+    return replace(measured, targets=cut.targets, deviations=cut.deviations), cut
+
+
+def _notes(deviations: FloatArray) -> tuple[str, ...]:
+    ways = [way for way in (0, 1) if not np.isnan(deviations[:, :, way]).all()]
+    missing = int(np.isnan(deviations[:, :, ways]).sum())
+    one_way = ("measured in one direction only",) if len(ways) == 1 else ()
+    return one_way + ((f"readings missing: {missing}",) if missing else ())
