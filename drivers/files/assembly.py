@@ -49,7 +49,9 @@ def assembled(
     if found.quantity == "length":
         raise FileFormatError("E-FILE-LENGTH", where, line=rows[0].line, targets=len({row.target for row in rows}))
     targets, crossed = _unwrapped(found, rows)
-    values, turned = _deviations(found, rows, targets, where)
+    own = TARGET_UNITS[found.target_unit][1]  # a reading counts as its target does, not as the target of the record
+    from_ = targets if found.quantity == "increment" else [row.target * own for row in rows]
+    values, turned = _deviations(found, rows, from_, where)
     for row, target, value in zip(rows, targets, values, strict=True):
         if beyond(target, value):
             why = f"target {row.target:g} with {found.quantity} {row.value:g} is no measurement"

@@ -160,7 +160,7 @@ def readings_of(text: str, said: ColumnMap, where: str, *, mixed: bool = False) 
         unit = unit or said.reading_unit or said.target_unit
         if not unit:
             raise FileFormatError("E-FILE-CSV-UNIT", where, found="TGT_DATA", columns="target_unit=mm reading_unit=mm")
-        rows = tuple(Reading(at, key[0], key[1], key[2], value) for at, key, value in indexed_rows)
+        rows = tuple(Reading(at, key[0], key[1], run=key[2], value=value) for at, key, value in indexed_rows)
         return Readings("position", unit, unit, rows), {}, ()
     if said.whole:
         sheets: tuple[Sheet, ...] = (declared_sheet(text, said.skip, said.separator, said.needed),)
@@ -284,7 +284,7 @@ def _of_passes(row: Row, found: Layout, at: int, where: str) -> list[Reading]:
     """One reading of each pass."""
     target = _target(row, found, at, where)
     return [
-        Reading(at, target, way, number, _value(row[column], found, at, where, cut=0))
+        Reading(at, target, way, run=number, value=_value(row[column], found, at, where, cut=0))
         for column, way, number in found.passes
     ]
 
@@ -317,7 +317,7 @@ def _of_row(row: Row, found: Layout, at: int, where: str, *, cut: int) -> Readin
     value = _value(row[found.columns[3]], found, at, where, cut=cut)
     if found.beside != NONE and not isnan(value):
         _agree(row, found, (target, value), at, where)
-    return Reading(at, target, way, run, value)
+    return Reading(at, target, way, run=run, value=value)
 
 
 def _agree(row: Row, found: Layout, read: tuple[float, float], at: int, where: str) -> None:

@@ -165,8 +165,8 @@ def _declared(heads: list[HeadCell], sheet: Sheet, said: ColumnMap, where: str) 
         width = max((len(row) for _at, row in sheet.rows), default=0)
         chosen = tuple(range(reading, said.last or width))
         passes = tuple((column, *_way_of(chosen.index(column), chosen, said.passes, sheet, where)) for column in chosen)
-        return Layout(columns, quantity, OPEN, OPEN, ways, passes=passes, width=0 if said.last else width)
-    return Layout(columns, quantity, OPEN, OPEN, ways, aside=_aside_of(heads, columns))
+        return Layout(columns, quantity, OPEN, OPEN, ways=ways, passes=passes, width=0 if said.last else width)
+    return Layout(columns, quantity, OPEN, OPEN, ways=ways, aside=_aside_of(heads, columns))
 
 
 def _by_passes(heads: list[HeadCell], sheet: Sheet, said: ColumnMap, where: str) -> Layout | None:
@@ -213,7 +213,7 @@ def _by_row(heads: list[HeadCell], sheet: Sheet, said: ColumnMap, where: str) ->
         cast(Quantity, quantity),
         OPEN,
         OPEN,
-        said.ways or sheet.way,
+        ways=said.ways or sheet.way,
         beside=beside,
         width=len(sheet.heads),
         aside=_aside_of(heads, (*columns, beside)),
