@@ -24,7 +24,7 @@ _CHANNEL = re.compile(r"CHANDATA\s*\(\s*\d{1,2}\s*\)", re.IGNORECASE | re.ASCII)
 _CHECK_SUM = re.compile(r"'[0-9A-Fa-f]{4}\s*$")
 _BLOCK_NUMBER = re.compile(r"N\d{1,9}(?=[\s$])\s*", re.IGNORECASE | re.ASCII)
 _END = frozenset({"M17", "M30", "M2", "M02", "RET"})
-_HOLD = frozenset({"M0", "M00"})
+STOPS = frozenset({"M0", "M00"})
 _PASSED = frozenset({"NEWCONF", "STOPRE"})
 _UNITS = frozenset({"METRIC", "INCH"})
 _OTHER = re.compile(r"N([1-9]\d{4})\s+(\$[A-Z]{1,2}_\w+)", re.IGNORECASE | re.ASCII)  # numbers of machine data
@@ -131,9 +131,9 @@ class _Scan:
         if word in _UNITS:
             self.units.append((number, word))
             return
-        if word in _END or word in _HOLD:
+        if word in _END or word in STOPS:
             self.ends.append((number, word))
-            self.ended, self.holding = self.ended or word in _END, word in _HOLD
+            self.ended, self.holding = self.ended or word in _END, word in STOPS
         elif self.ended:
             raise refused("E-TABLE-AFTER-END", self.where, line=number, text=raw)
         elif word and word not in _PASSED and not _CHANNEL.fullmatch(word):

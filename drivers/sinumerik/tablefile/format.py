@@ -14,7 +14,7 @@ from typing import Any
 
 from drivers.errors import ConfigError, FileFormatError, TableError, TrueflankError
 from drivers.sinumerik.tablefile import forms, layers, lint, reader, suspicion
-from drivers.sinumerik.tablefile.archive import Listing, listing
+from drivers.sinumerik.tablefile.archive import STOPS, Listing, listing
 from drivers.sinumerik.tablefile.facts import facts_of
 from drivers.sinumerik.tablefile.groups import (
     Group,
@@ -136,8 +136,12 @@ def _of_text(found: Listing, where: str) -> Iterator[TableFinding]:
     if found.passed:
         error = TableError("W-TABLE-OTHER-DATA", where, count=found.passed, line=found.first_passed)
         yield TableFinding("note", error)
-    if len(found.ends) > max(len(found.headers), 1):
-        words = ", ".join(f"{word} in line {line}" for line, word in found.ends[:4])
+    ends = [one for one in found.ends if one[1] not in STOPS]
+    for line, word in found.ends[:-1]:
+        if word in STOPS:  # the control waits there for NC START, and reads on
+            yield TableFinding("note", TableError("W-TABLE-STOP", where, line=line, word=word))
+    if len(ends) > max(len(found.headers), 1):
+        words = ", ".join(f"{word} in line {line}" for line, word in ends[:4])
         yield TableFinding("doubtful", TableError("W-TABLE-ENDS", where, words=words))
     plain = [item.line for item in found.assignments if item.line not in found.checked]
     if found.checked and plain:

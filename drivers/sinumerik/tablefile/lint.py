@@ -24,6 +24,13 @@ MEMORY = {
 }
 # Fixed sizes that a manual states: tables x points of CEC (828D: K3 03/2013, p. 264; 802D sl: FM 11/2012, p. 222).
 CEC_SIZES = {"828D": (8, 200), "802D": (2, 350)}
+# Points of one axis table, N = 0 to 199: SINUMERIK 808D function manual 01/2017, p. 106.
+AXIS_SIZES = {"808D": 200}
+SOURCES = {
+    "828D": "K3 03/2013, p. 264",
+    "802D": "802D sl FM 11/2012, p. 222",
+    "808D": "808D FM 01/2017, p. 106",
+}
 CONTROLS = ("840D", "828D", "808D", "802D")
 
 
@@ -91,6 +98,8 @@ def _control(table: CompensationTable, where: str, known: TableMachine, reserved
     points = len(table.deviations)
     fields: dict[str, Any] = {"table": table.name, "control": known.control}
     fixed = CEC_SIZES.get(known.control) if table.kind == "cross" else None
+    if table.kind == "axis" and known.control in AXIS_SIZES:
+        fixed = (table.index + 1, AXIS_SIZES[known.control])
     if fixed is None:
         if reserved is None:
             memory = MEMORY[table.kind]
@@ -100,7 +109,10 @@ def _control(table: CompensationTable, where: str, known: TableMachine, reserved
         error = TooManyPoints("E-TABLE-NUMBER-OF", where, **fields, index=table.index, count=fixed[0])
         yield finding("wrong", error)
     if points > fixed[1]:
-        yield finding("wrong", TooManyPoints("E-TABLE-CONTROL", where, **fields, points=points, limit=fixed[1]))
+        source = SOURCES[known.control]
+        yield finding(
+            "wrong", TooManyPoints("E-TABLE-CONTROL", where, **fields, points=points, limit=fixed[1], source=source)
+        )
 
 
 def _grid(table: CompensationTable, where: str) -> Iterator[TableFinding]:

@@ -159,7 +159,8 @@ def test_what_the_text_itself_tells() -> None:
     good = forms.render(TableFile((CLEAN,)))
     assert of_file(good.replace("M17\n", "")) == {"E-TABLE-CUT": "wrong"}
     assert of_file("; nothing\n") == {"E-TABLE-EMPTY": "wrong"}
-    assert of_file(good.replace("M17", "M0\nM30\nM17")) == {"W-TABLE-ENDS": "doubtful"}
+    assert of_file(good.replace("M17", "M0\nM17")) == {"W-TABLE-STOP": "note"}
+    assert of_file(good.replace("M17", "M0\nM30\nM17")) == {"W-TABLE-STOP": "note", "W-TABLE-ENDS": "doubtful"}
     checked = "".join(f"{line} '1A2B\n" for line in good.splitlines()[:-1]) + "M17\n"
     assert of_file(checked) == {"W-TABLE-CHECK-SUMS": "note"}
     assert of_file(checked.replace("=50.0 '1A2B", "=50.0")) == {"W-TABLE-EDITED": "doubtful"}

@@ -53,7 +53,8 @@ class TestFixedEncoderNoEqualsNothingChecked:
     def test_counted_from_one(self) -> None:
         words = found(self.text("="))
         assert "point 0 of 0 .. 2 is missing" in words["E-TABLE-GAP"]
-        assert "M0 in line 10, M30 in line 11" in words["W-TABLE-ENDS"]
+        assert "M30 in line 11, M17 in line 12" in words["W-TABLE-ENDS"]
+        assert "line 10: M0 stops the program" in words["W-TABLE-STOP"]
 
     def test_encoder_unit_count_and_reference(self) -> None:
         text = self.text("=").replace(",1,X1]", ",0,X1]").replace(",2,X1]", ",1,X1]").replace(",3,X1]", ",2,X1]")
