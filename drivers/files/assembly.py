@@ -40,8 +40,8 @@ def assembled(
     """Targets (m,) rising in mm or deg, deviations (m, n, 2) in um or arcsec.
 
     Raises FileFormatError: E-FILE-ROWS; E-FILE-LINE for a target that occurs twice in a run, or a number that no
-    measurement holds; E-FILE-LENGTH and E-FILE-SAME for a length in place of positions; E-FILE-OUTLIER for readings
-    that are out of line by orders of magnitude; the last two not where a person ``confirmed`` the readings.
+    measurement holds; E-FILE-LENGTH and E-FILE-SAME for a length in place of positions. Readings out of line by orders
+    of magnitude are a blocking doubt, unless a person ``confirmed`` them.
     """
     rows = tuple(row for row in found.rows if not isnan(row.value))
     if not rows:
@@ -59,18 +59,15 @@ def assembled(
     grid = _arranged(rows, targets, values, where)
     doubts = (*found.doubts, *crossed, *turned, *_missing(found.rows))
     measured = MeasuredSet(grid.targets, grid.deviations, found.axis_unit, header=header, doubts=doubts)
-    kept = _judged(measured, where, grid, apart=found.apart, confirmed=confirmed)
+    kept = _judged(measured, where, grid, apart=found.apart, confirmed=confirmed, refuses=True)
     return replace(kept, warnings=(*_notes(kept.deviations), *warnings))
 
 
 def doubted(measured: MeasuredSet, where: str, *, confirmed: bool = False) -> MeasuredSet:
-    """A set that a vendor's file holds as deviations, with the same marks left out and the same doubts.
-
-    Raises FileFormatError (E-FILE-LENGTH, E-FILE-OUTLIER).
-    """
+    """A set that a vendor's file holds as deviations: the same marks left out, a blocking doubt about wild readings."""
     lines = np.zeros(measured.deviations.shape, np.int64)
     grid = _Grid(measured.targets, measured.deviations, measured.deviations, lines)
-    return _judged(measured, where, grid, apart=False, confirmed=confirmed)
+    return _judged(measured, where, grid, apart=False, confirmed=confirmed, refuses=False)
 
 
 def _wrong(where: str, line: int, why: str) -> FileFormatError:
@@ -209,11 +206,13 @@ def _several(texts: Iterable[str]) -> str:
 # ------------------------------------------------------------------------------------------------ what cannot be true
 
 
-def _judged(measured: MeasuredSet, where: str, grid: _Grid, *, apart: bool, confirmed: bool) -> MeasuredSet:
-    """Marks of no reading left out by name; lengths and wild readings refused; a doubt about the size of the rest."""
+def _judged(
+    measured: MeasuredSet, where: str, grid: _Grid, *, apart: bool, confirmed: bool, refuses: bool
+) -> MeasuredSet:
+    """Marks of no reading left out by name; one length refused; a blocking doubt about wild readings or sizes."""
     kind = measured.axis_unit
     span = 0.0 if apart else float(np.ptp(grid.targets)) * deviation_scale(kind)
-    if not confirmed:
+    if refuses and not confirmed:
         _refuse_length(grid, span, kind, where)
     known = grid.deviations[~np.isnan(grid.deviations)]
     limit = min(LARGEST[kind], span * MOST_SHARE) if span > 0.0 else LARGEST[kind]
@@ -229,15 +228,12 @@ def _judged(measured: MeasuredSet, where: str, grid: _Grid, *, apart: bool, conf
         measured, grid = _without(measured, grid, marks)
         doubts += (Doubt("S-READ-MARKS", where, names={"stops": _named(grid, marks)}),)
         measured, grid = _whole(measured, grid)
-        return _judged(replace(measured, doubts=doubts), where, grid, apart=apart, confirmed=confirmed)
-    if wild.any() and not confirmed:
-        unit = deviation_unit(kind)
-        raise FileFormatError(
-            "E-FILE-OUTLIER", where, stops=_named(grid, wild), unit=unit, size=float(away[wild].max()), typical=spread
-        )
+        return _judged(replace(measured, doubts=doubts), where, grid, apart=apart, confirmed=confirmed, refuses=refuses)
     largest = float(np.max(np.abs(known)))
-    if largest > LARGEST[kind] or 0.0 < span * MOST_SHARE < largest:
-        names = {"unit": deviation_unit(kind), "stops": _named(grid, np.abs(np.nan_to_num(grid.deviations)) == largest)}
+    size = np.abs(np.nan_to_num(grid.deviations))
+    if wild.any() or largest > LARGEST[kind] or 0.0 < span * MOST_SHARE < largest:
+        stops = _named(grid, wild if wild.any() else size == largest)
+        names = {"unit": deviation_unit(kind), "stops": stops}
         doubts += (Doubt("S-READ-SIZE", where, blocking=not confirmed, names=names, numbers={"largest": largest}),)
     return replace(measured, doubts=doubts)
 

@@ -185,6 +185,10 @@ STRANGE = table("A mm;B mm", "0;0.0001", "10;10.0002", "20;20.0004", "30;30.0001
 SMALL = table(
     "target_mm,direction,repetition,deviation", *(f"{10 * at},{way},1,0.00{at}" for at in range(4) for way in "+-")
 )
+INSTRUMENTS = table(
+    "target_mm,direction,repetition,Encoder [mm],Laser [mm]",
+    *(f"{10 * at},{way},1,{10 * at}.000{at},{10 * at}.001{at}" for at in range(4) for way in "+-"),
+)
 TO_EEC = "convert f.csv --to eec --axis X1 --reference 0 --datum 0=0 -o out.spf"
 DATUM = {"E-CLI-DATUM": add("--reference", "0", "--datum", "0=0")}
 LIST: Answer = lambda _typed, _error: ["evaluate", "--standard", "list"]  # noqa: E731 - the printed command itself
@@ -203,6 +207,9 @@ REMEDIES: Mapping[str, Remedy] = {
     ),
     "E-IMPORT-READINGS": Remedy(
         "import --json f.csv", {"E-IMPORT-READINGS": add("--column", "reading_unit=um")}, {"f.csv": SMALL}
+    ),
+    "E-IMPORT-CHOOSE": Remedy(
+        "import --json f.csv", {"E-IMPORT-CHOOSE": add("--column", "measured=4")}, {"f.csv": INSTRUMENTS}
     ),
     "E-FILE-RTA-UNIT": Remedy(
         "import --json rotary.rta", {"E-FILE-RTA-UNIT": add("--unit", "arcsec")}, {"rotary.rta": ""}

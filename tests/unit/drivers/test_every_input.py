@@ -256,7 +256,7 @@ def test_one_foreign_fact_never_gives_other_figures(count: int) -> None:
         if np.isnan(kept).any() or fact == "turn":
             assert found.doubts, fact
     assert outcomes["letter"] == outcomes["unit unsaid"] == outcomes["unit contradicts"] == {"refused"}
-    asked = ("E-FILE-CSV-UNIT", "E-FILE-CSV-CONTRADICTS", "E-FILE-LINE", "E-FILE-OUTLIER", "E-FILE-CSV-MARKS")
+    asked = ("E-FILE-CSV-UNIT", "E-FILE-CSV-CONTRADICTS", "E-FILE-LINE", "E-FILE-CSV-MARKS")
     assert set(refused) <= set(asked)
     assert "read" in outcomes["word"]
     assert "read" in outcomes["sentinel"]
@@ -291,14 +291,13 @@ def table(*rows: str, head: str = "target_mm,direction,repetition,measured_mm", 
     ("value", "lost"),
     [("9999", True), ("0.0000", True), ("99999", True), ("-9999", True), ("33", False)],
 )
-def test_marks_for_no_reading_are_left_out_by_name_and_wild_readings_refused(value: str, lost: bool) -> None:
+def test_marks_for_no_reading_are_left_out_by_name_and_wild_readings_block(value: str, lost: bool) -> None:
     rows = [f"{at},+,1,{value if at in (100, 200) else at + 0.001 * (at % 7)}" for at in range(100, 1100, 100)]
     if value == "33":
         rows[1] = "200,+,1,44"
-        with pytest.raises(
-            FileFormatError, match=r"E-FILE-OUTLIER.*line 2 \(target 100: 33\), line 3 \(target 200: 44\)"
-        ):
-            table(*rows)
+        (doubt,) = table(*rows).doubts
+        assert (doubt.code, doubt.blocking) == ("S-READ-SIZE", True)
+        assert "line 2 (target 100: 33), line 3 (target 200: 44)" in doubt.text
         assert not table(*rows, confirmed=True).doubts[-1].blocking
         return
     found = table(*rows)
