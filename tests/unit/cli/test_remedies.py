@@ -297,6 +297,7 @@ ELSEWHERE = {
     "E-IMPORT-MOTION": "test_motions.py chooses one of the motions that it names",
     "E-IMPORT-MOTION-TWICE": "test_motions.py",
     "E-IMPORT-MOTION-UNIT": "test_motions.py declares units as it prints",
+    "E-IMPORT-SHEET": "a workbook: test_strangers_files.py",
     "E-IMPORT-SEVERAL": "test_motions.py imports all of them, or one",
     "E-KIND-FILES": "test_kinds_command.py",
     "E-KIND-UNIT": "the file itself must be another one: test_kinds_command.py",
