@@ -27,7 +27,7 @@ from tests.sizes import soak
 from tests.unit.drivers.mutations import Score, run
 
 COUNT = 100_000
-SLOW = {"gear table": 5}
+SLOW = {"gear table": 5, "csv": 3, "csv by columns": 3}
 
 RTL = b"""HEADER::
 File type  : rtl
