@@ -13,14 +13,10 @@ from typer.testing import CliRunner
 from gateway.cli import app
 
 RUNNER = CliRunner()
+pytestmark = pytest.mark.usefixtures("inside_folder")
 # Made-up deviations, um, by target (mm): runs 1 and 2, up and down.
 AT = (0.0, 600.0, 1200.0)
 UP, DOWN = ((0.1, 0.2), (3.1, 3.2), (6.1, 6.2)), ((2.1, 2.2), (5.1, 5.2), (8.1, 8.2))
-
-
-@pytest.fixture(autouse=True)
-def _here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(tmp_path)
 
 
 def run(*words: str) -> Any:
