@@ -27,7 +27,8 @@ def page() -> str:
     parts = []
     for group in order():
         sections = (_section(words, command) for words, command in _all(group["commands"], ()))
-        parts.append(f"## {group['title']}\n\n" + "\n".join(sections))
+        source = f"<!-- source: {group['source']} -->\n\n" if "source" in group else ""
+        parts.append(f"## {group['title']}\n\n{source}" + "\n".join(sections))
     return shown(HEAD + "\n" + "\n".join(parts))
 
 
