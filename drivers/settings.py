@@ -62,6 +62,11 @@ class DriverSettings(BaseModel):
     typed: ClassVar[bool] = False
     """Whether a person types the readings: of whatever the person reads."""
 
+    @property
+    def followed_feed_mm_min(self) -> float | None:
+        """The greatest feed, mm/min, that the instrument counts without loss; None: none that it declares."""
+        return None
+
     @classmethod
     def read(cls, settings: Mapping[str, Any], where: str) -> Self:
         """The settings as a record. Raises ConfigError (E-CFG-SETTING, E-CFG-SETTING-VALUE) for the first fault."""

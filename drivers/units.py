@@ -144,3 +144,16 @@ def unit_named(text: str) -> str:
 def wrap_deg(value: T) -> T:
     """Bring an angle difference to -180 .. 180 deg, the shortest way."""
     return (value + 180.0) % 360.0 - 180.0
+
+
+def fringe_rate_hz(feed_mm_min: float, wavelength_nm: float) -> float:
+    """Fringes a second, 2 v / lambda, of a reflector in an interferometer at a feed (mm/min) by wavelength (nm).
+
+    A counter whose greatest rate is less loses counts without a sign of it.
+    """
+    return 2.0 * (feed_mm_min / 60.0) / (wavelength_nm * 1e-6)
+
+
+def followed_feed_mm_min(rate_hz: float, wavelength_nm: float) -> float:
+    """The greatest feed, mm/min, that a counter of at most ``rate_hz`` fringes a second follows."""
+    return rate_hz * wavelength_nm * 1e-6 / 2.0 * 60.0

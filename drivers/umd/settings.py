@@ -10,7 +10,7 @@ from pydantic import Field
 
 from drivers.errors import words
 from drivers.settings import WIRES, DriverSettings, Rule, usual_rate
-from drivers.units import arcsec_of_path
+from drivers.units import arcsec_of_path, followed_feed_mm_min
 
 # Vacuum wavelength of the XL/ML lasers, nm; reproduces the Env factor of a real result file to its last digit.
 VACUUM_WAVELENGTH_NM = 632.990577
@@ -54,6 +54,11 @@ class UmdSettings(DriverSettings):
     )
     axis: int = Field(default=1, ge=1, le=3, description="channel of the counter")
     sample_rate_hz: float = Field(default=0.0, ge=0, description="samples a second; 0: as the counter says")
+    max_fringe_hz: float = Field(
+        default=0.0,
+        ge=0,
+        description="greatest fringe rate (2 v / wavelength) that the counter follows, Hz; 0: not known",
+    )
     max_speed_mm_s: float = Field(default=4000.0, gt=0, description="a faster step is rejected, mm/s")
     least_signal: int = Field(default=0, ge=0, description="samples below this signal strength are rejected; 0: none")
     stale_s: float = Field(default=5.0, gt=0, description="longest gap in the counter's data, s")
@@ -72,6 +77,14 @@ class UmdSettings(DriverSettings):
         usual = abs(self.wavelength_nm - VACUUM_WAVELENGTH_NM) < HELIUM_NEON_NM
         why = words("W-UMD-WAVELENGTH", usual=f"{VACUUM_WAVELENGTH_NM:.2f}")
         return (usual_rate(self.baudrate), ("wavelength_nm", usual, why))
+
+    @property
+    def followed_feed_mm_min(self) -> float | None:
+        """The least of what the stated fringe rate and the stated speed allow; None where neither is stated."""
+        limits = [self.max_speed_mm_s * 60.0] if "max_speed_mm_s" in self.model_fields_set else []
+        if self.max_fringe_hz:
+            limits.append(followed_feed_mm_min(self.max_fringe_hz, self.wavelength_nm))
+        return min(limits, default=None)
 
     @property
     def angular(self) -> bool:

@@ -21,6 +21,7 @@ from gateway.config.rules import (
     ROTARY,
     TURN_DEG,
     bounds,
+    feed_faults,
     instrument_faults,
     is_pair,
     target_faults,
@@ -171,6 +172,7 @@ def _measured(tree: Mapping[str, Any], site: Any, axis: Any) -> Iterator[Fault]:
         if measure.instrument == "" and getattr(site.controller, "driver", "") != NO_CONTROL:
             yield broken(tree, place, words("W-CFG-LIVE-NEEDS"))
         yield from instrument_faults(tree, site, (*place, "instrument"), measure.instrument)
+        yield from feed_faults(tree, site, axis)
         yield from _unmeasured(tree, axis, measure)
     elif measure.file_datum is not None and not within(measure.file_datum, *bounds(axis)):
         low, high = bounds(axis)

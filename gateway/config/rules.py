@@ -70,6 +70,24 @@ def instrument_faults(tree: Mapping[str, Any], site: Any, path: Path, name: Any)
         yield broken(tree, path, words("W-CFG-GEAR-MACHINE"))
 
 
+def feed_faults(tree: Mapping[str, Any], site: Any, axis: Any) -> Iterator[Fault]:
+    """A feed of a linear axis at which its instrument loses counts."""
+    measure = axis.measure
+    if axis.kind != "linear" or not isinstance(measure.feed, int | float):
+        return
+    for one in site.instruments:
+        if one.name != measure.instrument or not isinstance(one.settings, Mapping):
+            continue
+        spec = registry.known().get(str(one.driver))
+        model = spec.load_settings() if spec is not None else None
+        if model is None or model.faults(one.settings):
+            continue
+        limit = model.read(one.settings, str(one.name)).followed_feed_mm_min
+        if limit is not None and measure.feed > limit:
+            told = words("W-CFG-FRINGES", limit=f"{limit:.0f}", instrument=str(one.name))
+            yield broken(tree, (*measure.place, "feed"), told)
+
+
 def target_faults(tree: Mapping[str, Any], axis: Any, targets: Any, overrun: Any) -> Iterator[Fault]:
     """Targets beyond what the axis can reach; those that are twice there or no range."""
     if not hasattr(targets, "place"):

@@ -283,8 +283,10 @@ def _tell(outcome: Any, report: Mapping[str, object]) -> None:
     ]
     headings = ("error", "state", "range", "U (k=2)", "unit", "may change on the tooth, um")
     show_table("errors of the machine", headings, rows)
-    missing = [row.name for row in outcome.plan.rows if row.state != "measured"]
-    echo(words("S-DAY-KNOWN", known=len(rows) - len(missing), all=len(rows), missing=", ".join(missing) or "-"))
+    measured, machine = outcome.plan.model.measured, outcome.plan.machine
+    missing = [name for name in machine if name not in measured]
+    known = len(machine) - len(missing)
+    echo(words("S-DAY-KNOWN", known=known, all=len(machine), missing=", ".join(missing) or "-"))
     for line in outcome.plan.model.said:
         say_line(f"  note: {line}", 4)
     say_line(outcome.plan.advice, 0)
@@ -311,8 +313,14 @@ def _size(change: Mapping[str, float], name: str) -> str:
 def _tell_tooth(outcome: Any) -> None:
     if outcome.forecast is not None:
         one = outcome.forecast
-        figures = {"before": f"{one.before_um:.2f}", "own": f"{one.with_own_um:.2f}", "after": f"{one.after_um:.2f}"}
-        say_line(words("S-DAY-FORECAST", **figures, u=f"{one.after_u_um:.2f}"), 0)
+        steps = {
+            "before": (one.before_um, one.before_u_um),
+            "own": (one.with_own_um, one.with_own_u_um),
+            "after": (one.after_um, one.after_u_um),
+        }
+        figures = {name: f"{value:.2f} +- {u:.2f}" for name, (value, u) in steps.items()}
+        sources = {name: f"{size:.2f}" for name, size in one.sources_um.items()}
+        say_line(words("S-DAY-FORECAST", **figures, **sources, largest=", ".join(one.largest) or "-"), 0)
         rows = [(t.name, t.layer, str(t.points), f"{t.low:+.2f} .. {t.high:+.2f}", t.unit) for t in one.tables]
         show_table("tables that would be proposed", ("table", "layer", "points", "range", "unit"), rows)
     elif outcome.proposal is not None:

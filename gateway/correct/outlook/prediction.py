@@ -39,13 +39,15 @@ class Outlook:
     """A prediction, and what the tooth's tables gain: RMS with axis tables alone less RMS after, both set right, um.
 
     ``gain_u_um`` is the standard deviation of that gain, for both flanks have the same doubts; ``worse`` is how likely
-    the flank gets worse (0 to 1).
+    the flank gets worse (0 to 1). ``steps_um`` are nominal RMS and its standard uncertainty, set right: as it is, with
+    axis tables, with everything; the nominal ones are of the known errors alone, u of all doubts (`FlankPrediction`).
     """
 
     flank: FlankPrediction
     gain_um: float
     gain_u_um: float
     worse: float
+    steps_um: tuple[tuple[float, float], ...] = ()
 
     @property
     def sure(self) -> bool:
@@ -80,7 +82,8 @@ def predict(
         passing(grinding, grid, shop)
     )
     doubt = less(doubt, [_turn(doubt.places)])
-    drawn = _Drawn.of(doubt, (set_right(with_own, gear), after), seed, draws)
+    steps = (set_right(before, gear), set_right(with_own, gear), after)
+    drawn = _Drawn.of(doubt, steps, seed, draws)
     flank = FlankPrediction(
         before=before,
         with_own=with_own,
@@ -88,12 +91,22 @@ def predict(
         floor_um=float(mm_to_um(found.best.rms)),
         u_um=float(np.sqrt(np.sum(drawn.squares) / doubt.places.points)),
         u_point_um=point_u_um(doubt).reshape(grid.shape),
-        rms_um=float(np.mean(drawn.rms[1])),
-        rms_u_um=float(np.std(drawn.rms[1])),
+        rms_um=float(np.mean(drawn.rms[2])),
+        rms_u_um=float(np.std(drawn.rms[2])),
         parts_um=_parts(doubt, drawn.squares),
     )
-    gains = drawn.rms[0] - drawn.rms[1]
-    return Outlook(flank, float(np.mean(gains)), float(np.std(gains)), float(np.mean(gains < 0.0)))
+    gains = drawn.rms[1] - drawn.rms[2]
+    told = tuple(
+        (one.rms_um, float(np.sqrt(np.mean((rms - one.rms_um) ** 2))))
+        for one, rms in zip(steps, drawn.rms, strict=True)
+    )
+    return Outlook(
+        flank,
+        gain_um=float(np.mean(gains)),
+        gain_u_um=float(np.std(gains)),
+        worse=float(np.mean(gains < 0.0)),
+        steps_um=told,
+    )
 
 
 def flank_map(grinding: Grinding, grid: FlankGrid) -> FlankMap:

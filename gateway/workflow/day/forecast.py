@@ -15,11 +15,11 @@ from gateway.correct.plan.layers import LayeredCorrection, correct
 from gateway.correct.plan.plan import AxisGrid, Plan
 from gateway.gear.flank import flank_grid
 from gateway.gear.grinding import Grinding
-from gateway.gear.setright import set_right
 from gateway.model.known import ErrorModel, chain_of_errors
 from gateway.workflow.tooth.proposal import ToothWork
 
 PROFILE, WIDTH = 11, 5
+LARGEST = 3
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,15 +36,22 @@ class ForecastTable:
 
 @dataclass(frozen=True, slots=True)
 class ToothForecast:
-    """RMS of the flank, um: as it is with its set-up values right, with axis tables, and with everything, with u.
+    """RMS of the flank, um: as it is with its set-up values right, with axis tables, and with everything.
 
-    It supposes that no table acted while the files were measured: only the control can tell.
+    Each by the errors that are known, with its standard uncertainty by all doubts (``_u_um``). ``sources_um``: what of
+    that comes from errors not measured, from measured ones and from the process, RMS on the flank; ``largest``: the
+    errors not measured that do most. It supposes that no table acted while the files were measured: only the control
+    can tell.
     """
 
     before_um: float
+    before_u_um: float
     with_own_um: float
+    with_own_u_um: float
     after_um: float
     after_u_um: float
+    sources_um: dict[str, float]
+    largest: tuple[str, ...]
     tables: tuple[ForecastTable, ...]
 
     def as_data(self) -> dict[str, Any]:
@@ -65,12 +72,24 @@ def forecast(model: ErrorModel, work: ToothWork, grids: tuple[AxisGrid, ...]) ->
         return found, predict(grinding, grid, plan=tried, model=model, found=found, shop=Shop())
 
     chosen = worthwhile(plan, worked_out)
-    found, flank = chosen.found, chosen.outlook.flank
+    found, parts = chosen.found, chosen.outlook.flank.parts_um
+    before, own, after = chosen.outlook.steps_um
+    gaps = {one.name for one in model.unknown}
+    kinds = {
+        name: "unmeasured" if name in gaps else "measured" if name in model.measured else "process" for name in parts
+    }
     return ToothForecast(
-        before_um=set_right(flank.before, work.gear).rms_um,
-        with_own_um=set_right(flank.with_own, work.gear).rms_um,
-        after_um=flank.rms_um,
-        after_u_um=flank.rms_u_um,
+        before_um=before[0],
+        before_u_um=before[1],
+        with_own_um=own[0],
+        with_own_u_um=own[1],
+        after_um=after[0],
+        after_u_um=after[1],
+        sources_um={
+            kind: sum(size**2 for name, size in parts.items() if kinds[name] == kind) ** 0.5
+            for kind in ("unmeasured", "measured", "process")
+        },
+        largest=tuple(name for name in parts if name in gaps)[:LARGEST],
         tables=tuple(_table(one) for one in (*found.own, *found.cross) if any(one.deviations)),
     )
 

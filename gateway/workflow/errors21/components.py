@@ -23,7 +23,9 @@ from gateway.errors import CaptureError, IllegalTransition, Incomplete
 from gateway.evaluate.behaviour.doubts import all_doubts, blocking, demand_settled, settled
 from gateway.evaluate.geometry.errormodel import error_model
 from gateway.interlocks import aged, crowded
+from gateway.model.chain import LETTERS
 from gateway.model.known import ErrorModel
+from gateway.model.preset import LOCATION_NAMES
 from gateway.report.tooth.errors import ErrorRow, error_rows
 from gateway.say import Say
 from gateway.store import RunFolder
@@ -46,6 +48,7 @@ class PlanOutcome:
     run_folder: str
     model: ErrorModel
     rows: tuple[ErrorRow, ...]
+    machine: tuple[str, ...]
     remaining: tuple[str, ...]
     open: tuple[OpenDoubt, ...]
     advice: str
@@ -222,12 +225,13 @@ def conclude(site: SiteFile, folder: RunFolder, tooth: Tooth | None) -> PlanOutc
     folder.set_state(PARTIAL if remaining else MEASURED)
     opened = what_next(model, tooth, grids(site)) if tooth is not None else ()
     advice = advise(plan, remaining, opened, asked=tooth is not None)
-    rows = error_rows(model)
+    rows = tuple(row for row in error_rows(model) if row.state == "measured" or row.name in machine_errors(site))
     return PlanOutcome(
         state=folder.state,
         run_folder=str(folder.path),
         model=model,
         rows=rows,
+        machine=machine_errors(site),
         remaining=remaining,
         open=opened,
         advice=advice,
@@ -243,6 +247,13 @@ def _unproved(done: Sequence[Planned], captures: Sequence[Capture]) -> tuple[str
     """The set-ups whose sense rests on what the site file says, in words."""
     names = ", ".join(one.key for one, capture in zip(done, captures, strict=True) if capture.sense is None)
     return (words("S-MODEL-SENSE", names=names),) if names else ()
+
+
+def machine_errors(site: SiteFile) -> tuple[str, ...]:
+    """The errors that this machine has: six motions of each of its axes, and the tilts between those of a grinder."""
+    letters = [axis.letter for axis in site.axes]
+    motions = [f"E{letter}{axis}" for axis in letters for letter in LETTERS]
+    return (*motions, *(name for name in LOCATION_NAMES if name[2] in letters))
 
 
 def grids(site: SiteFile) -> tuple[AxisGrid, ...]:

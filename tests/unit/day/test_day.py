@@ -77,7 +77,12 @@ def test_25_files_become_all_21_errors_a_forecast_and_a_report(tmp_path: Path) -
     assert located["B0Z"].value == pytest.approx(square, abs=0.3)
     assert located["A0C"].value == pytest.approx(machine.table_lean("A0C") + slopes["EYZ"], abs=0.3)
     assert located["B0C"].value == pytest.approx(table, abs=0.3)
-    assert day["forecast"]["after_um"] < day["forecast"]["with_own_um"] < day["forecast"]["before_um"]
+    told = day["forecast"]
+    assert told["after_um"] < told["with_own_um"] < told["before_um"]
+    assert all(told[f"{step}_u_um"] > 0.0 for step in ("before", "with_own", "after"))
+    assert told["sources_um"]["unmeasured"] == 0.0  # all 21 were measured
+    assert told["sources_um"]["measured"] > 0.0
+    assert told["largest"] == []
     assert Path(str(day["report"]["html"])).is_file()
     files = {row["file"]: row for row in day["files"]}
     assert "dynamic" in files["spindle.rtx"]["left_out"]

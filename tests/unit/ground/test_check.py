@@ -164,6 +164,7 @@ MISTAKES = [
     ("maximum = 360.0", "maximum = 345.0", 59, 11, "covers one turn"),
     ('instrument = "ring"', 'instrument = "laser"', 50, 14, "needs a rotary calibrator"),
     ('url = "COM5"', 'url = "COM5"\nsettings = { optics_spacing_mm = 30.0 }', 32, 14, "reads arcsec, but EXX"),
+    ('url = "COM5"', 'url = "COM5"\nsettings = { max_fringe_hz = 1e5 }', 35, 8, "at most 1899 mm/min"),
     ('"EYX"', '"EBX"', 65, 14, "reads mm, but EBX"),
     ('url = "COM5"', 'url = "COM0"', 17, 7, "is not an address"),
     ('url = "COM5"', 'port = "COM5"', 17, 1, "did you mean url?"),
