@@ -20,6 +20,7 @@ LONGEST_WAVE = 12
 """Orders of a turn above this are waves of worm or scale, not the axis' shape."""
 Parameters = Mapping[str, Any]
 TURN_DEG = 360.0
+NEAR = 0.05  # of a range: beyond its ends an end's value is an estimate with a doubt (`near_value`)
 SLACK = 1e-3
 """mm or deg beyond the ends that count as the ends: controls round positions, and a derivative needs both sides."""
 
@@ -63,7 +64,7 @@ class KnownRange:
         at = np.asarray(positions, dtype=np.float64)
         if self.period is not None or not np.any(self._outside(at)):
             return at
-        at = self._reduced(at)
+        at = self.reduced(at)
         outside = self._outside(at)
         if np.any(outside):
             raise self._error(float(np.asarray(positions, dtype=np.float64)[outside].flat[0]))
@@ -72,7 +73,7 @@ class KnownRange:
     def has(self, position: float) -> bool:
         """Whether the motion is known at a position."""
         at = np.asarray(position, dtype=np.float64)
-        return self.period is not None or not bool(np.any(self._outside(self._reduced(at))))
+        return self.period is not None or not bool(np.any(self._outside(self.reduced(at))))
 
     def within(self, low: float, high: float) -> tuple[float, float]:
         """What of a travel is known; all of it where the motion repeats or the travel of a turning axis fits in.
@@ -90,7 +91,8 @@ class KnownRange:
     def _outside(self, at: FloatArray) -> Any:
         return (at < self.low - self.slack) | (at > self.high + self.slack)
 
-    def _reduced(self, at: FloatArray) -> FloatArray:
+    def reduced(self, at: FloatArray) -> FloatArray:
+        """Positions with those outside moved by whole turns into the range, where one such place lies in it."""
         turn = self.turn
         if turn is None or self.high - self.low > turn + self.slack:  # over more than a turn two places would do
             return at
@@ -125,6 +127,26 @@ def standard_uncertainty(component: Component, positions: ArrayLike) -> FloatArr
     g = _design_at(component, at.ravel())
     variance = np.einsum("ij,jk,ik->i", g, component.covariance, g)
     return np.sqrt(np.maximum(variance, 0.0)).reshape(at.shape)
+
+
+def near_value(component: Component, positions: ArrayLike) -> tuple[FloatArray, FloatArray]:
+    """Value and standard uncertainty at positions (any shape), up to `NEAR` of the range beyond its ends.
+
+    Set-ups of one axis have targets of their own, so one begins a little before the other. There the value of the end
+    is taken, and what the curve may change by on the way, at its steepest, is uncertainty: an estimate that says so.
+    Raises ModelError (E-MODEL-RANGE) further away.
+    """
+    known = KnownRange.of(component)
+    at = np.asarray(positions, dtype=np.float64)
+    if known.period is not None:
+        return value(component, at), standard_uncertainty(component, at)
+    inside = np.clip(known.reduced(at), known.low, known.high)
+    beyond = np.abs(known.reduced(at) - inside)
+    if np.any(beyond > NEAR * (known.high - known.low)):
+        known.inside(at[beyond > NEAR * (known.high - known.low)])
+    dense = np.linspace(known.low, known.high, 401)
+    steepest = float(np.max(np.abs(np.gradient(value(component, dense), dense))))
+    return value(component, inside), np.hypot(standard_uncertainty(component, inside), steepest * beyond)
 
 
 def motion_uncertainty(component: Component, positions: ArrayLike) -> FloatArray:

@@ -12,11 +12,12 @@ from drivers.errors import words
 from drivers.units import rad_to_arcsec, um_to_mm
 from gateway.domain.figures import Component
 from gateway.domain.values import component_unit
+from gateway.errors import ModelError
 from gateway.evaluate.geometry.lever import Lever
 from gateway.evaluate.geometry.locations import locations
 from gateway.evaluate.geometry.measurement import Means, Measurement, means_of
 from gateway.evaluate.geometry.straightness import straightness
-from gateway.model.components import KnownRange, at_datum, standard_uncertainty, value
+from gateway.model.components import KnownRange, at_datum, near_value, value
 from gateway.model.conventions import first_harmonic, in_phase, without_line, without_mean
 from gateway.model.known import ErrorModel, unmeasured
 
@@ -112,7 +113,7 @@ class _Work:
     def tilt(self, name: str, place: float | None) -> tuple[float, float]:
         """An angular motion at a place and its standard uncertainty, arcsec; unknown ones are 0 within their span.
 
-        So is one at a place that was not measured.
+        So is one far from where it was measured.
         """
         motion = self.motions.get(name)
         if motion is None:
@@ -120,13 +121,14 @@ class _Work:
         if place is None:
             reach = value(motion, np.linspace(*motion.domain, 101))
             return float(reach.max() + reach.min()) / 2.0, float(np.ptp(reach)) / 12.0**0.5
-        known = KnownRange.of(motion)
-        if not known.has(place):
+        known, at = KnownRange.of(motion), np.asarray([place])
+        try:
+            found, u = near_value(motion, at)
+        except ModelError:
             ends = {"low": f"{known.low:g}", "high": f"{known.high:g}", "unit": motion.axis_unit}
             self.said.append(words("S-MODEL-OUTSIDE", name=name, position=f"{place:g}", **ends))
             return 0.0, self._spans.get(name, self._usual["arcsec"]) / 3.0**0.5
-        at = np.asarray([place])
-        return float(value(motion, at)[0]), float(standard_uncertainty(motion, at)[0])
+        return float(found[0]), float(u[0])
 
 
 def _centred(found: dict[str, Means], work: _Work) -> dict[str, Means]:

@@ -11,7 +11,7 @@ import numpy as np
 from drivers.units import arcsec_to_rad, mm_to_um
 from gateway.domain.figures import Component
 from gateway.domain.values import FloatArray
-from gateway.model.components import standard_uncertainty, value
+from gateway.model.components import near_value
 
 # (eps x r) along X, Y, Z: which rotation acts on which arm with which sign (right-handed, ISO 230-1).
 _ARMS: Mapping[str, tuple[tuple[str, int, float], tuple[str, int, float]]] = {
@@ -63,12 +63,12 @@ class Lever:
         return cls(levers, known, shares)
 
     def um(self, at: FloatArray) -> FloatArray:
-        """What the known angles add at places (m,)."""
-        return lever_um(self.levers, {key: value(one, at) for key, one in self.angles.items()}, at.size)
+        """What the known angles add at places (m,). Raises ModelError (E-MODEL-RANGE) as `near_value`."""
+        return lever_um(self.levers, {key: near_value(one, at)[0] for key, one in self.angles.items()}, at.size)
 
     def u(self, at: FloatArray) -> FloatArray:
-        """Its standard uncertainty (m,) by the fits of the angles."""
-        squares = [(self.levers[key] * standard_uncertainty(one, at)) ** 2 for key, one in self.angles.items()]
+        """Its standard uncertainty (m,) by the fits of the angles, and where these begin a little later."""
+        squares = [(self.levers[key] * near_value(one, at)[1]) ** 2 for key, one in self.angles.items()]
         return np.asarray(np.sqrt(np.sum(squares, axis=0))) if squares else np.zeros(at.size)
 
     @property

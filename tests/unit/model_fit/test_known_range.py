@@ -18,7 +18,7 @@ from gateway.gear.cycloid import CycloidGear
 from gateway.gear.flank import flank_grid
 from gateway.gear.grinding import Grinding
 from gateway.gear.linear import ErrorParameter
-from gateway.model.components import value
+from gateway.model.components import near_value, value
 from gateway.model.conventions import first_harmonic, mean_of, without_mean
 from gateway.model.fit import fit_positioning
 from gateway.model.motion import motion_of
@@ -182,6 +182,18 @@ def test_a_ball_read_over_a_part_of_the_turn_gives_no_centre() -> None:
     )
     with pytest.raises(ModelError, match=r"-110 to 110 deg"):
         from_ball("C", [(0.0, {"X": ring})])
+
+
+def test_an_angle_that_begins_a_little_later_than_the_length_is_an_estimate_with_a_doubt() -> None:
+    at = np.linspace(-399.8, 0.0, 21)
+    curve = fit_positioning(at, 0.01 * at, 0.01, name="EBX", axis="X", axis_unit="mm", kind="linear")
+    values, u = near_value(curve, np.array([-405.8, -200.0]))
+    np.testing.assert_allclose(values, [-3.998, -2.0], atol=0.02)
+    assert u[0] >= abs(values[0] - -4.058)  # the true line lies within the stated doubt
+    assert u[0] == pytest.approx(0.06, rel=0.1)  # 0.01 arcsec/mm over 6 mm
+    assert u[1] < 0.01
+    with pytest.raises(ModelError, match=r"EBX is known from -399.8 to 0 mm.* 21 mm"):
+        near_value(curve, np.array([-100.0, 21.0]))
 
 
 def test_a_table_holds_the_last_value_beyond_what_was_measured() -> None:
