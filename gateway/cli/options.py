@@ -200,11 +200,13 @@ def compared_of(site: Path | None, accepted: list[str] | None, *, ask: bool, tre
 
 def _ask_about(one: Any) -> bool:
     """Show one difference; yes takes the file. Without anybody at the terminal it is refused (E-FACTS-DIFFER)."""
+    from drivers.local.names import visible
+    from gateway.cli.show import echo
     from gateway.workflow.files.facts import refusal
 
-    typer.echo(words("P-FACTS-DIFFER", **difference_fields(one)))
+    echo(words("P-FACTS-DIFFER", **difference_fields(one)))
     try:
-        return typer.confirm(f"  {words('P-FACTS-DIFFER', 'do', **difference_fields(one))}", default=None)
+        return typer.confirm(f"  {visible(words('P-FACTS-DIFFER', 'do', **difference_fields(one)))}", default=None)
     except typer.Abort as error:
         raise refusal([one]) from error
 
