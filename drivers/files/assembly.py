@@ -11,8 +11,8 @@ import numpy as np
 
 from drivers.errors import FileFormatError
 from drivers.files.numbers import MOST_TOLD, beyond, no_readings
+from drivers.files.readings import Reading, Readings
 from drivers.types.doubts import Doubt
-from drivers.types.readings import Reading, Readings
 from drivers.types.results import MeasuredSet
 from drivers.types.values import FloatArray
 from drivers.units import READING_UNITS, TARGET_UNITS, AxisUnit, deviation_scale, deviation_unit

@@ -11,8 +11,8 @@ from typing import Any
 
 from drivers.errors import ConfigError
 from drivers.files.declared import declared
+from drivers.files.readings import Quantity
 from drivers.files.tables.order import PASSES
-from drivers.types.readings import Quantity
 from drivers.units import READING_UNITS, TARGET_UNITS, unit_named
 
 WAYS = ("", "column", "runs", "order", "up", "down")

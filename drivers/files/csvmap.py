@@ -16,6 +16,7 @@ from drivers.files.assembly import assembled
 from drivers.files.columns import ColumnMap
 from drivers.files.csvtext import table_text
 from drivers.files.numbers import decimal, like_number, missing, whole
+from drivers.files.readings import Reading, Readings
 from drivers.files.signature import signature_of
 from drivers.files.tables.heading import table_heading
 from drivers.files.tables.headwords import DIRECTIONS
@@ -27,7 +28,6 @@ from drivers.files.text import end_doubts, other_texts, plain_minus, read_bytes
 from drivers.files.workbook import is_workbook, workbook_text
 from drivers.local.letters import decode
 from drivers.types.doubts import Doubt
-from drivers.types.readings import Reading, Readings
 from drivers.types.results import MeasuredSet, TableHeading
 from drivers.units import (
     READING_UNITS,

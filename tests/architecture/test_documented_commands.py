@@ -111,6 +111,9 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
         ]
         text = "\n".join((f"target_mm,direction,repetition,deviation_{unit}", *rows, ""))
         (tmp_path / f"{name}.csv").write_text(text, encoding="utf-8")
+    turn = [f"{at},{way},{run},{0.01 * at + 0.01 * run}" for run in (1, 2) for way in "+-" for at in range(0, 361, 45)]
+    text = "\n".join(("target_deg,direction,repetition,deviation_arcsec", *turn, ""))
+    (tmp_path / "C.csv").write_text(text, encoding="utf-8")
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("TRUEFLANK_PASSWORD", "x")
     return tmp_path

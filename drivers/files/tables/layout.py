@@ -13,6 +13,7 @@ from typing import cast
 from drivers.errors import FileFormatError
 from drivers.files.columns import ColumnMap
 from drivers.files.numbers import decimal
+from drivers.files.readings import Quantity
 from drivers.files.tables.headwords import (
     PLACES,
     HeadCell,
@@ -26,7 +27,6 @@ from drivers.files.tables.headwords import (
 )
 from drivers.files.tables.order import PASSES, pass_in
 from drivers.files.tables.sheet import Row, Sheet
-from drivers.types.readings import Quantity
 from drivers.units import READING_UNITS, TARGET_UNITS, typed_unit, unit_named
 
 COLUMNS = ("target", "direction", "repetition", "deviation")

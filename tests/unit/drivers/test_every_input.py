@@ -14,8 +14,8 @@ import pytest
 from drivers.errors import ConfigError, FileFormatError
 from drivers.files.columns import ColumnMap
 from drivers.files.csvmap import parse_csv
+from drivers.files.readings import Reading, Readings
 from drivers.files.workbook import workbook_text
-from drivers.types.readings import Reading, Readings
 from drivers.types.results import MeasuredSet
 from tests.sizes import soak
 

@@ -56,7 +56,16 @@ CSV = [
     b"target_deg\tdirection\tcycle\tdeviation_arcsec\n0\tforward\t1\t0.5\n90\tbackward\t2\t-1\n",
 ]
 MAPPED = b"No;Soll;Ist;Lauf\n1;-10,0;-9,9990;1\n2;0,0;0,0010;1\n3;0,0;0,0005;2\n4;-10,0;-9,9985;2\n"
-MAP = ColumnMap(target=2, measured=3, run=4, direction="runs", separator=";", decimal_comma=True, reading_unit="mm")
+MAP = ColumnMap(
+    target=2,
+    measured=3,
+    run=4,
+    direction="runs",
+    separator=";",
+    decimal_comma=True,
+    target_unit="mm",
+    reading_unit="mm",
+)
 POS = (
     b"API\nPosition \tForward Directional Avg Error\n0\t0.001\n10\t0.002\n\n"
     b"Position\tBackward Directional Avg Error\n0\t0\n10\t-0.1\n"
