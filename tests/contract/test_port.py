@@ -18,6 +18,8 @@ from drivers.contract import CHECKS, Check
 from drivers.contract.loading import loads_and_acts, restores, switches_as_declared
 from drivers.contract.reading import says_what_it_can, shows_what_acts
 from drivers.contract.subject import ContractBroken, Moment, Subject
+from drivers.errors import ConfigError
+from drivers.files import only
 from drivers.ports.controller import Controller
 from drivers.types.orders import PushBatch, PushOrder, ReadBack, SignProof
 from drivers.types.tables import LiveSet, LiveTable
@@ -119,7 +121,11 @@ ROADS: dict[str, Callable[[Path], contextlib.AbstractAsyncContextManager[Subject
 
 
 def test_every_registered_controller_is_judged() -> None:
-    assert set(registry.known("controller")) <= set(ROADS)
+    """But for "none": a site of files only has no device, and making one must fail before the port is used."""
+    assert set(registry.known("controller")) - set(ROADS) == {only.NAME}
+    with pytest.raises(ConfigError) as caught:
+        only.FilesOnly("control", only.ADDRESS, {}, LoopClock())
+    assert caught.value.code == "E-FILES-ONLY"
 
 
 PAIRS = [

@@ -140,22 +140,42 @@ class ModbusCodec:
             return self._wrong("E-MODBUS-FRAME"), len(self._buffer)
         return None, 6 + length if len(self._buffer) >= 6 + length else 0
 
-    def _passed_over(self) -> ModbusReply | None:
-        """Take what an RS-485 adapter adds off the front, where the settings say so; a reply where they do not.
+    def _passed_over(self) -> tuple[ModbusReply | None, int] | None:
+        """Take what an RS-485 adapter adds off the front, where the settings allow it; None once an answer begins.
 
-        Zero bytes before an answer come from a line that floats while the driver is switched over: no unit is 0.
+        Otherwise the same as a frame that is cut: what is wrong with the bytes, or nothing yet while more must come.
+        Zero bytes before an answer come from a line that floats while the driver is switched over.
         """
         while True:
             zeros = len(self._buffer) - len(self._buffer.lstrip(b"\0"))
+            if zeros == 1 and (foreign := self._is_of_unit_0()) is not False:
+                return (self._wrong("E-MODBUS-UNIT"), len(self._buffer)) if foreign else (None, 0)
             if zeros and not self._adapter.leading_zeros:
-                return self._wrong("E-MODBUS-ZEROS")
+                return self._wrong("E-MODBUS-ZEROS"), len(self._buffer)
             del self._buffer[:zeros]
             if not self._sent or self._buffer[: len(self._sent)] != self._sent:
                 return None
             if not self._echoes:
-                return None if self._is_confirmed() else self._wrong("E-MODBUS-LOCAL-ECHO")
+                return None if self._is_confirmed() else (self._wrong("E-MODBUS-LOCAL-ECHO"), len(self._buffer))
             self._echoes -= 1
             del self._buffer[: len(self._sent)]
+
+    def _is_of_unit_0(self) -> bool | None:
+        """Whether one zero byte begins a whole frame of unit 0 (another device); None while it may still become one."""
+        if len(self._buffer) > 3 and self._is_sound(self._buffer):
+            return True
+        if self._asked is None:
+            return False
+        if len(self._buffer) == 1:
+            return None
+        function, refused = self._buffer[1] & 0x7F, self._buffer[1] & 0x80
+        if function != self._asked.function:
+            return False
+        counted = function == READ and not refused
+        if counted and self._buffer[2:3] not in (b"", bytes([2 * self._asked.count])):
+            return False
+        length = 5 if refused else _LENGTHS.get(function, 5 + 2 * self._asked.count)
+        return self._is_sound(self._buffer[:length]) if len(self._buffer) >= length else None
 
     def _is_confirmed(self) -> bool:
         """Whether our own question is what a PLC must answer: a single register is confirmed by its repetition."""
@@ -179,8 +199,10 @@ class ModbusCodec:
 
     def _cut_rtu(self) -> tuple[ModbusReply | None, int]:
         added = self._passed_over()
-        if added is not None or not self._buffer or self._may_be_own():
-            return added, len(self._buffer) if added is not None else 0
+        if added is not None:
+            return added
+        if not self._buffer or self._may_be_own():
+            return None, 0
         if self._asked is None:
             return self._wrong("E-MODBUS-STRAY"), len(self._buffer)
         if len(self._buffer) < 3:

@@ -41,7 +41,7 @@ def test_every_other_code_stands_there_too() -> None:
     }
     assert set(EXIT.values()) == {0, exits.REMEASURE, exits.CANNOT_TELL}
     for name, code in known.items():
-        assert table()[code] == {name}
+        assert table()[code] - {"InDoubt"} == {name}
     assert set(table()) == {*range(16), 20, 21, 130, 143}
 
 

@@ -17,7 +17,7 @@ from gateway.cli.begin.atpage import SiteMaker
 from gateway.cli.begin.checking import checked
 from gateway.cli.begin.wizard import ROADS
 
-FILES = {"road": "files", "name": "old-1", "serial": "S7", "axes": "C1", "travel": "C1 0 360"}
+FILES = {"road": "files", "name": "old-1", "axes": "C1", "travel": "C1 0 360"}
 SILENT = {"road": "opcua", "name": "g", "url": "opc.tcp://127.0.0.1:9", "user": "u"}
 
 

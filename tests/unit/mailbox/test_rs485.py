@@ -77,6 +77,23 @@ def test_zero_bytes_are_the_adapters() -> None:
         assert "[controller.settings]" in text["do"]
 
 
+@pytest.mark.parametrize("adapter", [PLAIN, Adapter(leading_zeros=True)])
+@pytest.mark.parametrize("question", ANSWERS)
+def test_a_whole_frame_of_unit_0_is_another_units(question: Question, adapter: Adapter) -> None:
+    for frame in (framed(0, *ANSWERS[question][1:-2]), framed(0, 0x80 | question.function, 2)):
+        for cut in range(len(frame)):
+            assert [one.problem for one in replies(question, adapter, frame[:cut], frame[cut:])] == ["E-MODBUS-UNIT"]
+
+
+@pytest.mark.parametrize("question", ANSWERS)
+def test_one_zero_byte_before_an_answer_is_the_adapters_however_it_comes(question: Question) -> None:
+    line = b"\0" + ANSWERS[question]
+    for cut in range(len(line)):
+        assert replies(question, PLAIN, line[:cut], line[cut:])[0].problem == "E-MODBUS-ZEROS"
+        passed = replies(question, Adapter(leading_zeros=True), line[:cut], line[cut:])
+        assert [one.problem for one in passed] == [""]
+
+
 def test_the_settings_are_of_serial_lines() -> None:
     assert ModbusSettings.faults({"local_echo": True, "leading_zeros": True}) == ()
     assert [fault.key for fault in ModbusSettings.faults({"local_echo": True, "framer": "tcp"})] == ["local_echo"]

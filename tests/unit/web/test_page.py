@@ -158,6 +158,7 @@ def _measured(folder: Path) -> tuple[Client, str, Any]:
     offer = offered(folder, SITE)
     material = axis_material("X1", "mm")
     run = Store(folder).create("hall-3")
+    run.put("capture-X1-before", material.capture_before)
     run.put("evaluation-X1-before", material.before)
     return Client(offer.app, headers=BEARER), run.run_id, material.before
 
