@@ -33,7 +33,7 @@ def _tables(found_eec: tuple[CompensationTable, ...]) -> dict[str, CompensationT
 
 
 def test_exx_of_plus_5_um_is_x_x_plus_5() -> None:
-    bump = PiecewiseLinear((-180.0, -160.0, -140.0), (0.0, 0.005, 0.0))
+    bump = PiecewiseLinear((-240.0, -180.0, -160.0, -140.0, 40.0), (0.0, 0.0, 0.005, 0.0, 0.0))
     found = correct(Grinding(yk7350b({"EXX": bump}), RV40E, 160.0), GRID, PLAN)
     table = _tables(found.own)["X(X)"]
     assert table.kind == "axis"

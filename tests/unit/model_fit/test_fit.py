@@ -162,7 +162,9 @@ def test_places_too_close_together_are_one_and_graded_ones_stay() -> None:
 def test_nothing_is_extrapolated_and_a_turn_repeats() -> None:
     at = np.linspace(0.0, 400.0, 21)
     found = fit.fit_positioning(at, 1e-4 * (at - 100) ** 2, 0.05, kind="linear", **LINEAR)
-    np.testing.assert_allclose(value(found, [-50.0, 500.0]), value(found, [0.0, 400.0]))
+    for outside in (-50.0, 500.0):
+        with pytest.raises(ModelError, match="E-MODEL-RANGE"):
+            value(found, [0.0, outside])
     turn = fit.fit_positioning(unequal(12, 1), np.cos(np.radians(unequal(12, 1))), 0.01, kind="rotary", **ROTARY)
     np.testing.assert_allclose(value(turn, [10.0, 370.0, -350.0]), float(value(turn, 10.0)))
 

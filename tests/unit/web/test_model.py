@@ -30,7 +30,7 @@ b = 10.0
 [grinding]
 centre_distance_mm = 160.0
 """
-WORK = {"gear": "gear.toml", "height_mm": 150.0}
+WORK = {"gear": "gear.toml", "height_mm": 5.0}
 RUN = "/api/v1/sites/grinder/runs"
 
 
