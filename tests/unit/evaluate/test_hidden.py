@@ -19,8 +19,9 @@ def wave(period: float, size: float) -> Curve:
 
 
 def missed(one: Captured) -> float:
-    """RMS by which the fit really misses the machine."""
-    places = np.linspace(0.0, 360.0 if one.rotary else 400.0, 2001)
+    """RMS by which the fit really misses the machine, where it is known."""
+    low, high = (0.0, 360.0) if one.rotary else (float(one.targets.min()), float(one.targets.max()))
+    places = np.linspace(low, high, 2001)
     return float(np.std(one.truth(places) - one.fit()(places)))
 
 
