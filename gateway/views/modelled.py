@@ -18,6 +18,7 @@ from gateway.correct.outlook.ranking import ConstantShape, Sized, cure_errors, e
 from gateway.correct.plan.plan import Plan
 from gateway.domain.figures import Component
 from gateway.domain.values import COVERAGE
+from gateway.errors import ModelError
 from gateway.gear.flank import FlankGrid, flank_grid
 from gateway.gear.grinding import Grinding
 from gateway.model.components import is_periodic, motion_uncertainty, value
@@ -38,17 +39,17 @@ MOST = 2.0
 def model_of(folder: RunFolder, site: SiteFile, site_path: Path) -> dict[str, Any]:
     """Every error of a run: range, U (k = 2), its curve with its band; with a gear its effect, cure, and what is next.
 
-    Curves are in um or arcsec over mm or deg. ``tooth`` is None where the site names no gear that can be read, and
-    ``why`` the reason. Raises StoreError (E-STORE-STAGE: no errors in this run).
+    Curves are in um or arcsec over mm or deg. ``tooth`` is None where the site names no gear that can be read or
+    the work lies where an error is not known (E-MODEL-RANGE), and ``why`` the reason.
+    Raises StoreError (E-STORE-STAGE: no errors in this run).
     """
     model = folder.get(stages.ERRORS, ErrorModel)
     curves = {one.name: _curve(one, model.systematic.get(one.name, 0.0)) for one in model.motions}
     errors = [{**row.as_data(), "curve": curves.get(row.name)} for row in error_rows(model)]
     try:
-        work = work_of(site, site_path)
-    except ConfigError as error:
+        tooth = _tooth(folder, site, model, work_of(site, site_path))
+    except (ConfigError, ModelError) as error:
         return {"errors": errors, "said": list(model.said), "tooth": None, "why": error.as_record()}
-    tooth = _tooth(folder, site, model, work)
     return {"errors": errors, "said": list(model.said), "tooth": tooth, "why": None}
 
 

@@ -39,6 +39,7 @@ STATUS = {
     "E-USER-NONE": 404,
     "E-WEB-METHOD": 405,
     "E-RUN-NO-SITE": 409,
+    "E-MODEL-RANGE": 409,
     "E-WEB-BODY": 422,
     "E-INDEX-FIGURE": 422,
     "E-USER-NAME": 422,

@@ -41,7 +41,7 @@ MOVED = """([name, value]) => new Promise((done) => {
 
 def ground(site: str) -> str:
     """The cell's site with its gear as the work."""
-    return "\n".join((site, section("work", {"gear": "site.gear.toml", "height_mm": 150.0})))
+    return "\n".join((site, section("work", {"gear": "site.gear.toml", "height_mm": 5.0})))
 
 
 def errors() -> ErrorModel:

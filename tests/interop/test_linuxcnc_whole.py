@@ -16,7 +16,7 @@ pytestmark = [pytest.mark.interop, pytest.mark.wall_time, pytest.mark.timeout(18
 
 QUICK = {
     r"feed = 3000\.0": "feed = 4800.0",
-    r"feed = 900\.0": "feed = 9000.0",
+    r"feed = 720\.0": "feed = 9000.0",
     r"feed_mm = 500\.0": "feed_mm = 4800.0",
     r"feed_deg = 360\.0": "feed_deg = 6000.0",
     # On a computer that has much else to do a fit may hold the stream up for longer than an instrument would.

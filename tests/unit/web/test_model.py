@@ -96,3 +96,13 @@ def test_what_is_not_there_is_said(tmp_path: Path) -> None:
         assert client.get(f"{run}/flank?sizes={sizes}").status_code == 422, sizes
     other = Store(tmp_path / "b").create("grinder").run_id
     assert client.get(f"{RUN}/{other}/model").status_code == 404
+
+
+def test_a_work_beyond_the_measured_travel_leaves_the_errors_and_names_the_one_unknown(tmp_path: Path) -> None:
+    client, run = asking(tmp_path, closing.errors(), work={**WORK, "height_mm": 150.0})
+    answer = client.get(f"{run}/model")
+    assert answer.status_code == 200
+    told = answer.json()
+    assert {one["name"] for one in told["errors"]} >= set(TWENTY_ONE)
+    assert (told["tooth"], told["why"]["code"], told["why"]["where"]) == (None, "E-MODEL-RANGE", "EXZ")
+    assert client.get(f"{run}/flank?sizes=").status_code == 409, "nothing is out of order: the work is out of reach"
