@@ -22,7 +22,7 @@ from scipy import signal
 
 from drivers.recordings import Recording
 from gateway.workflow.axes.dynamic import outcome_of
-from gateway.workflow.files.importing import How, read_file
+from gateway.workflow.files.reading import How, read_file
 
 COUNT, RATE_HZ = 1_000_001, 50_000.0
 LIMIT = 3.0

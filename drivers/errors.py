@@ -3,29 +3,60 @@
 from __future__ import annotations
 
 import functools
+import os
 import re
 import tomllib
-from importlib import resources
 from typing import ClassVar
 
 from drivers.terms import filled, shown
+
+_MESSAGES = os.path.join(os.path.dirname(__file__), "messages")
+_HEADING = re.compile(r"^\[([A-Z0-9-]+)\][ \t]*\n", re.MULTILINE)
 
 
 @functools.cache
 def catalogue(language: str = "en") -> dict[str, dict[str, str]]:
     """Return the message catalogue: code -> {"what", "do"}, the rooms' own files read as one."""
     merged: dict[str, dict[str, str]] = {}
-    folder = resources.files("drivers").joinpath("messages", language)
-    for entry in sorted(folder.iterdir(), key=lambda item: item.name):
-        if entry.name.endswith(".toml"):
-            merged.update(tomllib.loads(entry.read_text(encoding="utf-8")))
+    for text in _files(language):
+        merged.update(tomllib.loads(text))
     return merged
+
+
+def text_of(code: str, language: str = "en") -> dict[str, str] | None:
+    """One entry of the catalogue, read alone: a command says ten of two thousand texts. None for an unknown code."""
+    block = _blocks(language).get(code)
+    return None if block is None else dict(_entry(block))
+
+
+def _files(language: str) -> list[str]:
+    folder = os.path.join(_MESSAGES, language)
+    return [_read(os.path.join(folder, name)) for name in sorted(os.listdir(folder)) if name.endswith(".toml")]
+
+
+def _read(path: str) -> str:
+    with open(path, encoding="utf-8") as file:
+        return file.read()
+
+
+@functools.cache
+def _blocks(language: str) -> dict[str, str]:
+    """What stands below each heading, not yet read as TOML; a text never begins a line with a bare heading."""
+    found: dict[str, str] = {}
+    for text in _files(language):
+        _, *parts = _HEADING.split(text)
+        found.update(zip(parts[::2], parts[1::2], strict=True))
+    return found
+
+
+@functools.cache
+def _entry(block: str) -> dict[str, str]:
+    return tomllib.loads(block)
 
 
 @functools.cache
 def _explanations(language: str) -> dict[str, dict[str, str]]:
-    file = resources.files("drivers").joinpath("messages", "explained", f"{language}.toml")
-    return tomllib.loads(file.read_text(encoding="utf-8"))
+    return tomllib.loads(_read(os.path.join(_MESSAGES, "explained", f"{language}.toml")))
 
 
 def explained(code: str, language: str = "en") -> dict[str, str]:
@@ -38,7 +69,7 @@ def words(code: str, part: str = "what", /, **fields: object) -> str:
 
     Unknown codes show their fields.
     """
-    entry = catalogue().get(code)
+    entry = text_of(code)
     if entry is None:
         return f"{code} {fields}"
     return shown(entry.get(part, "").format_map(_Fields(fields)))
@@ -71,7 +102,7 @@ class TrueflankError(Exception):
         return self._render("do")
 
     def _render(self, part: str) -> str:
-        return words(self.code, part, **self.fields) if part == "what" or self.code in catalogue() else ""
+        return words(self.code, part, **self.fields) if part == "what" or text_of(self.code) is not None else ""
 
     def __str__(self) -> str:
         place = f" [{self.where}]" if self.where else ""

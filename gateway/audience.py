@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from enum import Enum
 
-from drivers.errors import catalogue
+from drivers.errors import text_of
 
 
 class Audience(Enum):
@@ -116,7 +116,7 @@ KINDS = {
 
 def kind_of(code: str) -> Audience:
     """What a code is; one of a driver that asks for the start is an `ASK`, whatever else nobody named a result."""
-    asks = "{term_start}" in catalogue().get(code, {}).get("what", "")
+    asks = "{term_start}" in (text_of(code) or {}).get("what", "")
     if code.startswith("P-MOVE-"):
         return Audience.MOVE
     return KINDS.get(code, Audience.ASK if asks else Audience.RESULT)

@@ -14,8 +14,8 @@ import simulators.cell
 from drivers.programs import SelfTested
 from drivers.types.identity import MachineIdentity
 from gateway.config import load_site
-from gateway.store import SelfTestBook
-from gateway.workflow.bench import store_of
+from gateway.store.selftests import SelfTestBook
+from gateway.workflow.runsite import store_of
 from simulators.cell import Cell
 from simulators.cellfile import CellFile
 

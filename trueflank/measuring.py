@@ -135,7 +135,7 @@ def read(
     ``accepted`` are doubts that you answer for, reasons by code. Raises ConfigError (E-LIBRARY-COLUMNS, -WAYS, -RUNS,
     -READINGS, -SEVERAL and -SHEET: ``columns`` answers them), FileFormatError with line and reason.
     """
-    from gateway.workflow.files.importing import How, read_file
+    from gateway.workflow.files.reading import How, read_file
 
     path_given(path, "read")
     axis = axis_unit_of(motion_name(name, "read")) if name else None

@@ -15,8 +15,9 @@ from drivers.errors import TrueflankError
 from drivers.local.names import is_file_name, shown
 from gateway import audit
 from gateway.errors import StoreError
-from gateway.store import RunFolder, SelfTestBook
+from gateway.store import RunFolder
 from gateway.store.folder import RUN_FILE
+from gateway.store.selftests import SelfTestBook
 from gateway.users import Person
 from gateway.views import as_data
 from gateway.views.measuring import plan_of

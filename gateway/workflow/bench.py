@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-import os
-from collections.abc import AsyncIterator, Collection, Iterator, Mapping, Sequence
+from collections.abc import AsyncIterator, Collection, Iterator, Sequence
 from contextlib import asynccontextmanager, contextmanager
 from dataclasses import dataclass, field, replace
 from importlib import metadata
@@ -17,7 +16,6 @@ from drivers.carried import Carried
 from drivers.clock import Clock
 from drivers.errors import ConfigError, TrueflankError
 from drivers.local.names import shown
-from drivers.local.scrub import without_secrets_text
 from drivers.ports.controller import Controller
 from drivers.programs import ForeseesPlans, Origin, ProgramText, SaysMotion, SendsPrograms, WritesWithout
 from drivers.types.identity import MachineIdentity
@@ -26,18 +24,18 @@ from gateway import stopping
 from gateway.axes import AxisRecord
 from gateway.broker import borrowed
 from gateway.capture.rig import Rig, StandingOptics
-from gateway.config import AxisSection, SiteFile, load_site
+from gateway.config import AxisSection, SiteFile
 from gateway.errors import StoreError, WriteRefused
 from gateway.push.records.journal import JOURNALS
 from gateway.push.records.sent import SentBook
 from gateway.say import Say
-from gateway.store import Proofs, RunFolder, SelfTestBook, Store
-from gateway.store.runs import MEASURES
+from gateway.store import RunFolder, Store
+from gateway.store.proofs import Proofs
+from gateway.store.selftests import SelfTestBook
 from gateway.supervisor import Supervisor
 from gateway.walk import Patience
 from gateway.workflow.leaving import leave
-
-KEPT = "site.toml"
+from gateway.workflow.runsite import new_run, store_of
 
 
 @dataclass(frozen=True, slots=True)
@@ -101,41 +99,6 @@ class Bench:
         return frozenset(axis.name for axis in self.site.axes)
 
 
-def store_of(site: SiteFile, site_path: Path) -> Store:
-    """The site's store: its folder is relative to the site file."""
-    return Store((site_path.parent / site.site.store).resolve())
-
-
-def new_run(site: SiteFile, site_path: Path, store: Store | None = None, *, measures: bool = True) -> RunFolder:
-    """A run folder that remembers the site file: its path and its text as it was, without any secret.
-
-    In the site's store, or in another one. The path is seen from the run's own folder, so that no record tells how this
-    computer's folders are called; a folder for a short time may be elsewhere, and tells the whole. One that can measure
-    nothing (not ``measures``) is never the latest.
-    """
-    path = site_path.resolve()
-    told = str(path) if store is not None else _from_run(path, store_of(site, site_path).root)
-    plan = {"site_file": told} if measures else {"site_file": told, MEASURES: False}
-    folder = (store or store_of(site, site_path)).create(site.site.name, plan)
-    folder.write_text(KEPT, without_secrets_text(site_path.read_text(encoding="utf-8")))
-    return folder
-
-
-def _from_run(path: Path, root: Path) -> str:
-    """A path as the runs of a store see it; whole where no way leads there (another drive)."""
-    try:
-        return Path(os.path.relpath(path, root / "run")).as_posix()
-    except ValueError:
-        return str(path)
-
-
-def site_path_of(folder: RunFolder) -> Path | None:
-    """Where the site file of a stored run lies; None where the run was made without one."""
-    plan = folder.plan
-    told = str(plan["site_file"]) if isinstance(plan, Mapping) and plan.get("site_file") else ""
-    return (folder.path / told).resolve() if told else None
-
-
 @contextmanager
 def run_or_look(site: SiteFile, site_path: Path, state: str, *, look: bool) -> Iterator[RunFolder]:
     """The folder of a run that measures nothing and begins with ``state``; of a ``look`` one that goes with it.
@@ -158,26 +121,6 @@ def kept_in(at: Bench) -> str:
         return str(copytree(at.folder.path, at.store.root / at.folder.run_id))
     except OSError as error:
         raise StoreError("E-STORE-DISK", str(at.store.root), why=error.strerror or str(error)) from error
-
-
-def site_of(folder: RunFolder) -> tuple[SiteFile, Path]:
-    """The site a stored run was made at, read afresh. Raises ConfigError when its file is gone or wrong."""
-    path = site_path_of(folder)
-    if path is None:
-        raise ConfigError("E-RUN-NO-SITE", str(folder.path))
-    return load_site(path), path
-
-
-def site_recorded(folder: RunFolder) -> tuple[SiteFile, Path]:
-    """The site as the run itself kept it, with the path it had: a report needs nothing beside its run.
-
-    A copy that today's rules refuse gives way to the file it was made from. Raises as `site_of`.
-    """
-    path = site_path_of(folder)
-    try:
-        return load_site(folder.path / KEPT), path or folder.path / KEPT
-    except ConfigError:
-        return site_of(folder)
 
 
 def with_axes(site: SiteFile, names: Collection[str]) -> SiteFile:

@@ -26,15 +26,17 @@ from gateway.domain.proposals import Proposal
 from gateway.push.places import place_of_all
 from gateway.push.proofs.switching import TIMES
 from gateway.push.trials import triangle_of
-from gateway.store import Proofs, SelfTestBook
+from gateway.store.proofs import Proofs
+from gateway.store.selftests import SelfTestBook
 from gateway.tooth import SetupValues
 from gateway.walk import Patience, question
 from gateway.workflow.axes.measure import plans_of_axis
-from gateway.workflow.bench import origin_of, store_of
+from gateway.workflow.bench import origin_of
 from gateway.workflow.dwelling import DwellWish, dwell_plans
 from gateway.workflow.errors21.setupcapture import coming
 from gateway.workflow.errors21.setups import planned
 from gateway.workflow.part.grinding import gear_of_site, grind_plan
+from gateway.workflow.runsite import store_of
 
 What = Literal["self-test", "measure", "load", "proof", "backup", "grind", "off", "dwell"]
 EVERY: tuple[What, ...] = ("self-test", "measure", "load", "proof", "backup", "grind", "off")

@@ -8,7 +8,7 @@ from drivers.errors import words
 from drivers.programs import SelfTested
 from gateway.config import AxisSection
 from gateway.errors import WriteRefused
-from gateway.store import SelfTestBook
+from gateway.store.selftests import SelfTestBook
 from gateway.workflow.bench import Bench
 
 

@@ -18,6 +18,8 @@ TOOTH_VERDICT = "tooth-verdict"
 FROM_GEAR = "from-gear"
 CARRIED = "carried-push"
 STATED = "stated"
+MEASURED, GEAR, DYNAMIC = "measured", "gear-inspection", "dynamic"
+"""What an imported file was."""
 
 
 def raw(axis: str, phase: Phase) -> str:

@@ -8,7 +8,7 @@ import string
 import tomllib
 from pathlib import Path
 
-from drivers.errors import TrueflankError, catalogue
+from drivers.errors import TrueflankError, catalogue, text_of
 from drivers.terms import PREFIX, Terms, filled
 from tests.architecture.sources import parsed
 
@@ -54,6 +54,13 @@ def test_every_code_in_the_source_has_a_text_whose_fields_are_given() -> None:
         if missing and not star:
             problems.append(f"{place}: {code} lacks the fields {sorted(missing)}")
     assert not problems, "\n".join(problems)
+
+
+def test_a_text_read_alone_is_the_text_of_the_whole_catalogue() -> None:
+    for language in ("en", "de", "zh"):
+        whole = catalogue(language)
+        assert {code: text_of(code, language) for code in whole} == whole
+    assert text_of("E-NOBODY-SAYS-THIS") is None
 
 
 def test_every_text_is_used_and_says_what_to_do() -> None:

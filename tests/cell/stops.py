@@ -30,12 +30,12 @@ from gateway.push.records.journal import JOURNALS
 from gateway.push.records.sent import SentBook
 from gateway.say import Say
 from gateway.stopping import StopAsked, Stopped, current, obey
-from gateway.store import Proofs
+from gateway.store.proofs import Proofs
 from gateway.supervisor import Supervisor
 from gateway.views.stored import pushes_held
-from gateway.workflow.bench import store_of
 from gateway.workflow.control.recovering import recover_site
 from gateway.workflow.loop.run import run_site
+from gateway.workflow.runsite import store_of
 from simulators.cell import Cell
 from tests.cell.bench import short
 from tests.selftested import cell_running

@@ -25,8 +25,9 @@ from gateway.workflow.axes.acting import check_acting, check_u, judge_acting
 from gateway.workflow.axes.guard import guard_site
 from gateway.workflow.axes.measure import measure_axis, store_equipment
 from gateway.workflow.axes.propose import axis_changes, keep
-from gateway.workflow.bench import bench, new_run
+from gateway.workflow.bench import bench
 from gateway.workflow.control.pushing import apply_proposal
+from gateway.workflow.runsite import new_run
 from gateway.workflow.tooth.everything import outlooks
 from tests.cell.bench import section, short
 from tests.selftested import cell_running

@@ -23,10 +23,10 @@ from gateway.study.files import load_gear
 from gateway.study.machine import gear_of
 from gateway.supervisor import DevicesFailed, Supervisor
 from gateway.workflow.axes.guard import GuardOutcome, guard_site
-from gateway.workflow.bench import store_of
 from gateway.workflow.errors21.components import PlanOutcome, measure_site
 from gateway.workflow.errors21.setups import planned
 from gateway.workflow.loop.run import run_site
+from gateway.workflow.runsite import store_of
 from simulators.cell import Cell
 from simulators.cell.filed import write_filed_site
 from simulators.cell.judge import Judge

@@ -17,8 +17,9 @@ from gateway.push.compare import table_in
 from gateway.say import silence
 from gateway.workflow import consents, stages
 from gateway.workflow.axes.measure import fetch_tables
-from gateway.workflow.bench import bench, new_run
+from gateway.workflow.bench import bench
 from gateway.workflow.control.pushing import apply_proposal
+from gateway.workflow.runsite import new_run
 from tests.cell.bench import short
 from tests.selftested import cell_running
 from tests.sizes import few

@@ -21,7 +21,7 @@ from gateway.push import push_table
 from gateway.say import silence
 from gateway.store import Store
 from gateway.workflow import consents, stages
-from gateway.workflow.bench import bench, store_of
+from gateway.workflow.bench import bench
 from gateway.workflow.control.approving import approve_plan, show_plan
 from gateway.workflow.control.contexts import push_context
 from gateway.workflow.control.disabling import disable_site
@@ -29,6 +29,7 @@ from gateway.workflow.control.rolling_back import roll_back_site
 from gateway.workflow.control.verifying import verify_table
 from gateway.workflow.loop.run import run_site
 from gateway.workflow.outcome import Outcome
+from gateway.workflow.runsite import store_of
 from gateway.workflow.showing import narrowed
 from simulators.cell import Cell
 from simulators.cell.judge import Judge

@@ -16,12 +16,12 @@ from gateway.domain.proposals import Proposal
 from gateway.say import silence
 from gateway.store import RunFolder, Store
 from gateway.tooth import GearProposal, GroundPart, InspectedFlank, SetupValues
-from gateway.workflow.bench import store_of
 from gateway.workflow.control.pushing import push_run
 from gateway.workflow.part import inspecting
 from gateway.workflow.part.correcting import propose_from_gear
 from gateway.workflow.part.guard import guard_gear_site
 from gateway.workflow.part.inspecting import inspect_site
+from gateway.workflow.runsite import store_of
 from simulators.cell import Cell
 from simulators.cellfile import CellFile, load_cell, with_plan
 from simulators.grinding import WorkPiece

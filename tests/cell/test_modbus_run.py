@@ -10,7 +10,7 @@ import pytest
 
 from drivers.types.identity import MachineIdentity
 from drivers.types.orders import SignProof
-from gateway.store import Proofs
+from gateway.store.proofs import Proofs
 from simulators.cell import Cell
 from tests.cell.bench import main_job, short
 from tests.cell.test_reversals import lagging

@@ -19,11 +19,12 @@ from gateway.push.compare import table_in
 from gateway.say import silence
 from gateway.workflow import consents, stages
 from gateway.workflow.axes.measure import fetch_tables
-from gateway.workflow.bench import Bench, bench, new_run, store_of
+from gateway.workflow.bench import Bench, bench
 from gateway.workflow.control.pushing import apply_proposal
 from gateway.workflow.control.selftesting import self_test_site
 from gateway.workflow.loop.run import run_site
 from gateway.workflow.programs import What, Written, programs
+from gateway.workflow.runsite import new_run, store_of
 from simulators.cell import Cell, cell_running
 
 NOTHING = np.zeros(0)

@@ -24,8 +24,9 @@ from gateway.push import push_table
 from gateway.push.compare import table_in
 from gateway.say import silence
 from gateway.workflow.axes.measure import fetch_tables
-from gateway.workflow.bench import Bench, bench, new_run
+from gateway.workflow.bench import Bench, bench
 from gateway.workflow.control import contexts, proving
+from gateway.workflow.runsite import new_run
 from simulators.cell import Cell
 from simulators.cellfile import load_cell
 from tests.cell.bench import short

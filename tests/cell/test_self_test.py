@@ -12,10 +12,11 @@ from drivers.errors import DeviceRefused, TrueflankError, words
 from drivers.types.identity import MachineIdentity
 from gateway.config import load_site
 from gateway.say import silence
-from gateway.store import SelfTestBook
+from gateway.store.selftests import SelfTestBook
 from gateway.workflow.axes.measure import fetch_tables
-from gateway.workflow.bench import bench, new_run, store_of
+from gateway.workflow.bench import bench
 from gateway.workflow.control.selftesting import self_test_site
+from gateway.workflow.runsite import new_run, store_of
 from simulators.cell import Cell, cell_running
 from simulators.cellfile import load_cell
 from tests.selftested import machine_of

@@ -31,8 +31,9 @@ from gateway.store import RunFolder
 from gateway.tooth import FlankMap, InspectedFlank, ToothProposal
 from gateway.workflow import stages
 from gateway.workflow.axes.measure import fetch_tables, store_equipment
-from gateway.workflow.bench import bench, new_run
+from gateway.workflow.bench import bench
 from gateway.workflow.control.pushing import push_run
+from gateway.workflow.runsite import new_run
 from gateway.workflow.tooth.correcting import ToothOutcome, correct_site
 from simulators.cell import Cell
 from simulators.cellfile import load_cell, with_plan

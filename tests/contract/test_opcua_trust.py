@@ -29,8 +29,8 @@ from drivers.sinumerik.opcua.trust import UaTrust, record_of
 from drivers.types.identity import MachineIdentity
 from gateway.cli import app
 from gateway.config.loading import load_site
-from gateway.store import SelfTestBook
-from gateway.workflow.bench import store_of
+from gateway.store.selftests import SelfTestBook
+from gateway.workflow.runsite import store_of
 from simulators.nck.control import Nck
 from simulators.opcua import SinumerikServer
 from tests.contract.opcua_stage import SPEC, Stage, on_stage

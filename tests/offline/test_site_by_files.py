@@ -17,16 +17,17 @@ from gateway import audit
 from gateway.config import SiteFile, load_site
 from gateway.domain.proposals import Proposal
 from gateway.say import silence
-from gateway.store import Proofs, RunFolder, Store
+from gateway.store import RunFolder, Store
+from gateway.store.proofs import Proofs
 from gateway.supervisor import DevicesFailed
 from gateway.workflow import stages
-from gateway.workflow.bench import store_of
 from gateway.workflow.carrying import way_of
 from gateway.workflow.control.pushing import push_run
 from gateway.workflow.control.rolling_back import roll_back_site
 from gateway.workflow.control.selftesting import self_test_site
 from gateway.workflow.control.verifying import verify_table
 from gateway.workflow.loop.run import run_site
+from gateway.workflow.runsite import store_of
 from simulators.cell import Cell, cell_running
 from tests.cell.bench import short
 from tests.selftested import machine_of

@@ -113,7 +113,7 @@ async def asked(site: Any, path: Path) -> tuple[Sequence[tuple[str, ...]], tuple
     from gateway.broker import borrowed
     from gateway.cli.begin.surveying import surveyed
     from gateway.supervisor import Supervisor
-    from gateway.workflow.bench import store_of
+    from gateway.workflow.runsite import store_of
 
     clock, control = LoopClock(), site.controller
     async with borrowed(store_of(site, path).root, "check", clock):

@@ -11,7 +11,7 @@ from typing import Any, Protocol, TypeVar
 
 import typer
 
-from drivers.errors import ConfigError, catalogue, words
+from drivers.errors import ConfigError, words
 from drivers.local.names import shown
 from gateway.audit import os_user
 from gateway.cli.show import echo
@@ -97,9 +97,8 @@ class Asker:
             if wrong := judge(answer):
                 raise ConfigError("E-INIT-ANSWER", "init", key=key, answer=shown(answer), why=wrong.words)
             return answer
-        text = catalogue()[code]
         echo(f"\n{words(code, **fields)}", bold=True)
-        echo(_indented(text["do"]))
+        echo(_indented(words(code, "do")))
         while True:
             answer = _typed(key, default, secret=secret)
             if (wrong := judge(answer)) is None:

@@ -47,7 +47,7 @@ def doctor_command(site: SiteArgument, take: TakeOption = "", as_json: JsonOptio
 async def _borrowing(tree: Any, site: Path, take: str) -> tuple[CheckLine, ...]:
     """The lines, with the devices borrowed from a gateway that serves this site, or taken from one that hangs."""
     from gateway.broker import borrowed, taking
-    from gateway.workflow.bench import store_of
+    from gateway.workflow.runsite import store_of
 
     clock = LoopClock()
     with taking(take):
@@ -112,7 +112,7 @@ def sent_before(tree: Any, site: Path) -> tuple[Sent, ...]:
     """Every program this store sent to the control; none while a gateway is at work with them."""
     from gateway.push.records.journal import JOURNALS
     from gateway.push.records.sent import SentBook
-    from gateway.workflow.bench import store_of
+    from gateway.workflow.runsite import store_of
 
     book = SentBook(store_of(tree, site).root / JOURNALS, tree.controller.serial)
     return () if book.at_work() else book.known()
@@ -122,7 +122,7 @@ def unended(tree: Any, site: Path) -> tuple[CheckLine, ...]:
     """A line for each push of this store that did not end and that nobody is at work with, the loud ones first."""
     from gateway.push.records.holding import held_pushes
     from gateway.push.records.journal import JOURNALS
-    from gateway.workflow.bench import store_of
+    from gateway.workflow.runsite import store_of
 
     return tuple(wrong(one.code, "journal", **one.fields) for one in held_pushes(store_of(tree, site).root / JOURNALS))
 
@@ -132,8 +132,8 @@ def kept_tests(tree: Any, site: Path, seen: Sequence[CheckLine]) -> tuple[CheckL
 
     ``seen`` is what was found of the control just now: a test of another version of it does not count.
     """
-    from gateway.store import SelfTestBook
-    from gateway.workflow.bench import store_of
+    from gateway.store.selftests import SelfTestBook
+    from gateway.workflow.runsite import store_of
 
     if f"{tree.controller.driver}-paper" not in registry.known("paper"):
         return ()  # no programs of ours run on this road

@@ -35,8 +35,8 @@ def approve(
     from gateway.cli.screen.telling import progress
     from gateway.cli.show import echo, show_json
     from gateway.store import Store
-    from gateway.workflow.bench import site_of
     from gateway.workflow.control.approving import approve_plan, show_plan
+    from gateway.workflow.runsite import site_of
 
     folder = open_run(Store(store), run_folder, "proposal")
     with progress(quiet=as_json, folder=folder) as say:
@@ -93,8 +93,8 @@ def verify_table_command(
     from gateway.cli.machine.running import show_outcome
     from gateway.cli.screen.telling import progress
     from gateway.config import load_site
-    from gateway.workflow.bench import store_of
     from gateway.workflow.control.verifying import verify_table
+    from gateway.workflow.runsite import store_of
 
     tree = load_site(site)
     folder = open_run(store_of(tree, site), run, "proposal") if run else None
@@ -119,7 +119,7 @@ def _site(place: str, store: Path) -> tuple[Any, Path]:
     """The site named by its file or by a run made at it."""
     from gateway.config import load_site
     from gateway.store import Store
-    from gateway.workflow.bench import site_of
+    from gateway.workflow.runsite import site_of
 
     if place.endswith(".toml"):
         return load_site(Path(place)), Path(place)

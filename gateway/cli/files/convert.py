@@ -85,7 +85,7 @@ def _read(wish: ConversionOptions) -> tuple[Any, tuple[str, ...]]:
     from gateway.evaluate.behaviour.doubts import demand_settled, with_doubts
     from gateway.store import Maps
     from gateway.workflow.files.columnwords import columns_of
-    from gateway.workflow.files.importing import How, read_measured
+    from gateway.workflow.files.reading import How, read_measured
 
     content, notes = read_measured(
         wish.result, How(wish.unit, columns=columns_of(wish.columns) or None), Maps(wish.store)
@@ -121,7 +121,7 @@ def _measured(wish: ConversionOptions) -> tuple[Any, bool]:
     """The table of a measured file, at its own targets and with a curve for each direction; whether of a double."""
     from gateway.table.conversion import datum_of
     from gateway.table.free import as_measured
-    from gateway.workflow.files.doubles import simulated_set
+    from gateway.workflow.doubles import simulated_set
 
     if not wish.axis:
         raise ConfigError("E-CLI-AXIS", str(wish.result))
@@ -185,7 +185,7 @@ def _form(output: Path) -> str:
 
 def _comments(wish: ConversionOptions, measured: Any) -> list[str]:
     """What stands in the file for its next reader; the control takes plain ASCII."""
-    from gateway.workflow.files.doubles import SAID, simulated_set
+    from gateway.workflow.doubles import SAID, simulated_set
 
     datum = ", ".join(wish.datum)
     lines = [

@@ -35,9 +35,9 @@ def day_command(
     """Turn the files of a calibration day into set-ups, error model, plan for the tooth and calibration report."""
     from drivers.clock import LoopClock
     from gateway.store import Maps
-    from gateway.workflow.bench import store_of
     from gateway.workflow.day.answers import beside, read_answers
     from gateway.workflow.day.gathering import DayFolder
+    from gateway.workflow.runsite import store_of
 
     tree = load_site(site)
     said = read_answers(answers or beside(folder))

@@ -135,7 +135,7 @@ def _evaluated(path: Path, asked: EvaluationOptions, drawn: list[MeasuredFile]) 
     from gateway.store import Store
     from gateway.workflow.files.columnwords import columns_of
     from gateway.workflow.files.exporting import items
-    from gateway.workflow.files.importing import How
+    from gateway.workflow.files.reading import How
 
     how = How(asked.unit, columns=columns_of(asked.columns) or None)
     found = items(run_or_file(asked.store, path), how, Store(asked.store), axis=asked.axis, phase=asked.phase)
@@ -146,13 +146,14 @@ def _evaluated(path: Path, asked: EvaluationOptions, drawn: list[MeasuredFile]) 
 def _accepted(path: Path, found: Sequence[Any], asked: EvaluationOptions) -> tuple[str, ...]:
     """What the file states otherwise than the site, accepted by a person; nothing of a run that measured itself."""
     from drivers.types.results import MeasuredSet
-    from gateway.cli.options import accepted_words
-    from gateway.store import Maps, Store
-    from gateway.workflow.files.facts import facts_of
 
     measured = [one.content for one in found if one.capture is None and isinstance(one.content, MeasuredSet)]
     if asked.compared is None or not measured:
         return ()
+    from gateway.cli.options import accepted_words
+    from gateway.store import Maps, Store
+    from gateway.workflow.files.facts import facts_of
+
     stated = asked.compared.settled([facts_of(path.name, measured[0].header)], Maps(Store(asked.store).root))
     return tuple(accepted_words(one) for one in stated.accepted)
 
@@ -163,7 +164,7 @@ def _evaluate(
     from drivers.types.results import MeasuredSet
     from gateway.evaluate.behaviour import doubts, positioning
     from gateway.evaluate.optics import corrections
-    from gateway.workflow.files.doubles import SAID, simulated_set
+    from gateway.workflow.doubles import SAID, simulated_set
 
     measured, path = item.content, Path(item.label)
     if not isinstance(measured, MeasuredSet):
@@ -218,10 +219,11 @@ def _evaluate(
 
 def _limits(measured: Any, asked: EvaluationOptions) -> dict[str, float]:
     """What was typed stands before the site's limits of this axis."""
+    if asked.site is None:
+        return dict(asked.limits)
     from gateway.workflow.results.conformity import limits_of_axis
 
-    known = limits_of_axis(asked.site, _axis(measured, asked), asked.standard) if asked.site is not None else {}
-    return {**known, **asked.limits}
+    return {**limits_of_axis(asked.site, _axis(measured, asked), asked.standard), **asked.limits}
 
 
 def _axis(measured: Any, asked: EvaluationOptions) -> str:
@@ -230,10 +232,12 @@ def _axis(measured: Any, asked: EvaluationOptions) -> str:
 
 def _undecided(measured: Any, asked: EvaluationOptions) -> tuple[str, ...]:
     """Why a site that was named decides nothing of this file: silence would be taken for a pass."""
+    if asked.site is None:
+        return ()
     from gateway.workflow.results.conformity import limited_axes, limits_of_axis
 
     axis = _axis(measured, asked)
-    if asked.site is None or limits_of_axis(asked.site, axis, asked.standard):
+    if limits_of_axis(asked.site, axis, asked.standard):
         return ()
     known = ", ".join(limited_axes(asked.site, asked.standard)) or "none"
     named = f"axis {axis}" if axis else "no axis, which --axis can name"
@@ -242,12 +246,14 @@ def _undecided(measured: Any, asked: EvaluationOptions) -> tuple[str, ...]:
 
 def _deviations(measured: Any, asked: EvaluationOptions, path: Path) -> tuple[Any, Any]:
     """Deviations as they are, or re-compensated, with the record of what was done to them."""
-    from gateway.errors import ModelError
-    from gateway.evaluate.optics import air, corrections
-    from gateway.evaluate.optics.recompensation import recompensated_set
+    from gateway.evaluate.optics import corrections
 
     if not asked.recompensates:
         return measured.deviations, corrections.begin(measured.compensated_for)
+    from gateway.errors import ModelError
+    from gateway.evaluate.optics import air
+    from gateway.evaluate.optics.recompensation import recompensated_set
+
     if measured.axis_unit != "mm":
         raise ModelError("E-EVAL-NOT-LINEAR", str(path))
     equation: Any = asked.air or "edlen"
@@ -272,9 +278,11 @@ def _surroundings(measured: Any, asked: EvaluationOptions) -> Any:
 
 
 def _stated(measured: Any, asked: EvaluationOptions) -> dict[str, float]:
+    if asked.site is None:
+        return {}
     from gateway.workflow.axes.conditions import stated_of
 
-    return stated_of(asked.site, _axis(measured, asked)) if asked.site is not None else {}
+    return stated_of(asked.site, _axis(measured, asked))
 
 
 def _outcome(outcome: Any) -> dict[str, Any]:

@@ -62,7 +62,7 @@ def exchange(wish: ExchangeOptions, measured: CompensationTable | None, *, as_js
     Raises ConfigError (E-EXCHANGE-NAME, E-EXCHANGE-KIND, E-CLI-EXISTS ...), FileFormatError, TableError.
     """
     role = _role(wish.to)
-    from gateway.workflow.files.doubles import DOUBLE
+    from gateway.workflow.doubles import DOUBLE
 
     if wish.origin and DOUBLE.upper().encode() in table_data(wish.source):
         wish = replace(wish, simulated=True)
@@ -162,7 +162,7 @@ def _of_axis(tables: Sequence[CompensationTable], wish: ExchangeOptions) -> tupl
 
 
 def _comments(wish: ExchangeOptions) -> list[str]:
-    from gateway.workflow.files.doubles import SAID
+    from gateway.workflow.doubles import SAID
 
     return [*((SAID,) if wish.simulated else ()), f"made by trueflank from {wish.source.name}"]
 

@@ -81,7 +81,7 @@ def _measured(path: Path, asked: KindOptions) -> tuple[MeasuredFile, ...]:
     from gateway.store import Store
     from gateway.workflow.files.columnwords import columns_of
     from gateway.workflow.files.exporting import items
-    from gateway.workflow.files.importing import How
+    from gateway.workflow.files.reading import How
 
     how = How(asked.unit, columns=columns_of(asked.columns) or None, mixed=asked.kind in MIXED)
     held = items(path, how, Store(asked.store), axis=asked.question.axis, phase=asked.phase)

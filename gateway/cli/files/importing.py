@@ -44,7 +44,8 @@ def import_command(
 
     from gateway.store import Store
     from gateway.workflow.files.columnwords import columns_of
-    from gateway.workflow.files.importing import How, import_file
+    from gateway.workflow.files.importing import import_file
+    from gateway.workflow.files.reading import How
 
     how = How(unit, machine, columns_of(column or []) or None, gear=gear, forget=forget, motion=motion)
     at = compared_of(site, accept, ask=ask and not as_json)
@@ -101,7 +102,7 @@ def export_command(
     from gateway.store import Store
     from gateway.workflow.files.columnwords import columns_of
     from gateway.workflow.files.exporting import export, items
-    from gateway.workflow.files.importing import How
+    from gateway.workflow.files.reading import How
 
     how = How(unit, columns=columns_of(column or []) or None)
     found = items(run_or_file(store, source), how, Store(store), axis=axis, phase=phase)

@@ -61,7 +61,7 @@ def report(
     except ModuleNotFoundError as error:
         raise ConfigError("E-REPORT-EXTRA", "report", library=error.name) from error
     from gateway.workflow.files.columnwords import columns_of
-    from gateway.workflow.files.importing import How
+    from gateway.workflow.files.reading import How
 
     if not what:
         raise ConfigError("E-CLI-NO-FILES", "report")
@@ -93,7 +93,7 @@ def report(
 def after_report(run: str) -> str:
     """What comes after the report of a run, by the state that the run is in."""
     from gateway.store import RunFolder
-    from gateway.workflow.bench import site_path_of
+    from gateway.workflow.runsite import site_path_of
 
     folder = RunFolder(Path(run))
     return step_of(folder.state, run=run, site=site_path_of(folder))

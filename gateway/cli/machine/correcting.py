@@ -40,7 +40,7 @@ def correct_command(
 def _from_run(site: Path, run: str, *, as_json: bool) -> None:
     from drivers.clock import LoopClock
     from gateway.config import load_site
-    from gateway.workflow.bench import store_of
+    from gateway.workflow.runsite import store_of
     from gateway.workflow.tooth.correcting import correct_site
 
     tree = load_site(site)

@@ -81,7 +81,7 @@ def _opened(path: Path, unit: str, plot: Path | None, band: float | None, store:
     from gateway.store import Maps
     from gateway.store.rawstream import open_stream
     from gateway.workflow.axes.dynamic import outcome_of
-    from gateway.workflow.files.importing import How, read_file
+    from gateway.workflow.files.reading import How, read_file
 
     notes: tuple[str, ...] = ()
     if path.suffix == ".f64":

@@ -35,10 +35,10 @@ def grind_command(
 ) -> None:
     """Grind a test part with these set-up values; without --machine show its places and values only."""
     from gateway.config import load_site
-    from gateway.store import SetupBook
+    from gateway.store.setupbook import SetupBook
     from gateway.tooth import SetupValues
-    from gateway.workflow.bench import store_of
     from gateway.workflow.part.grinding import gear_of_site
+    from gateway.workflow.runsite import store_of
 
     tree = load_site(site)
     store = store_of(tree, site)

@@ -38,8 +38,8 @@ def inspect_command(
     """Inspect the clamped part on the gear inspection machine, or read a file of its flank points."""
     from drivers.clock import LoopClock
     from gateway.config import load_site
-    from gateway.workflow.bench import store_of
     from gateway.workflow.part.inspecting import inspect_site
+    from gateway.workflow.runsite import store_of
     from gateway.workflow.tooth.flankpicture import draw_flank
 
     tree = load_site(site)
@@ -70,8 +70,8 @@ def guard_gear(
     """Compare the clamped part with the approved one of a run: 0 still valid, 20 changed, 21 cannot tell."""
     from drivers.clock import LoopClock
     from gateway.config import load_site
-    from gateway.workflow.bench import store_of
     from gateway.workflow.part.guard import guard_gear_site
+    from gateway.workflow.runsite import store_of
 
     tree = load_site(site)
     folder = open_run(store_of(tree, site), run, "part")
@@ -87,8 +87,8 @@ def correct_gear(site: Path, gear: str, part: str, heights: str, *, as_json: boo
     """Propose cross tables and set-up values from a run's inspected part, or from a file of flank points."""
     from drivers.clock import LoopClock
     from gateway.config import load_site
-    from gateway.workflow.bench import store_of
     from gateway.workflow.part.correcting import propose_from_gear
+    from gateway.workflow.runsite import store_of
 
     tree = load_site(site)
     source = flank_file(Path(gear), heights) if Path(gear).is_file() else open_run(store_of(tree, site), gear, "part")

@@ -28,9 +28,9 @@ def measure_command(
     from drivers.clock import LoopClock
     from gateway.config import load_site
     from gateway.store import RunFolder
-    from gateway.workflow.bench import store_of
     from gateway.workflow.errors21.components import measure_site
     from gateway.workflow.results.reporting import write_report
+    from gateway.workflow.runsite import store_of
 
     tree = load_site(site)
     if plan:
@@ -82,7 +82,7 @@ def _guard_axis(site: Path, run: str, axis: str, limit: float | None, *, as_json
     from drivers.clock import LoopClock
     from gateway.config import load_site
     from gateway.workflow.axes.guard import guard_site
-    from gateway.workflow.bench import store_of
+    from gateway.workflow.runsite import store_of
 
     tree = load_site(site)
     folder = open_run(store_of(tree, site), run, "curve", f"{axis}-")

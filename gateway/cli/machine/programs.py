@@ -92,7 +92,7 @@ def _after(site: Path) -> str:
     from gateway.config import load_site
     from gateway.errors import StoreError
     from gateway.store.runs import LATEST, Needs
-    from gateway.workflow.bench import store_of
+    from gateway.workflow.runsite import store_of
 
     with contextlib.suppress(StoreError):
         latest = store_of(load_site(site), site).open(LATEST, Needs(*NEEDS["proposal"][:2])).summary()

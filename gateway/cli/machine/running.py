@@ -65,8 +65,8 @@ class PushAsked:
 def push_run_command(run_folder: str, store: Path, asked: PushAsked, *, as_json: bool) -> None:
     """Show a stored proposal against the live machine, or apply it."""
     from gateway.store import Store
-    from gateway.workflow.bench import site_of
     from gateway.workflow.control.pushing import push_run
+    from gateway.workflow.runsite import site_of
 
     folder = open_run(Store(store), run_folder, "proposal")
 

@@ -54,8 +54,8 @@ def close_site_command(
 ) -> None:
     """Close the loop at a site; the demo, which owns its cell, types the machine's name itself."""
     from gateway.config import load_site
-    from gateway.workflow.bench import store_of
     from gateway.workflow.loop.tooth_loop import close_site
+    from gateway.workflow.runsite import store_of
 
     tree, used = load_site(site), clock or LoopClock()
     folder = open_run(store_of(tree, site), resume) if resume else None

@@ -38,7 +38,7 @@ def progress(
     asked to press anything. An error that leaves the block is kept in the log.
     """
     if folder is not None:
-        from gateway.workflow.bench import site_path_of
+        from gateway.workflow.runsite import site_path_of
 
         begun_with({"site": site_path_of(folder)})
     clock = LoopClock()
@@ -86,7 +86,7 @@ def _log(at: tuple[Any, Path] | None, folder: Any, clock: Clock) -> Any:
         return LogBook(folder.path.parent, clock.utc)
     if at is None:
         return None
-    from gateway.workflow.bench import store_of
+    from gateway.workflow.runsite import store_of
 
     return LogBook(store_of(*at).root, clock.utc)
 

@@ -93,8 +93,8 @@ def _serving(tree: Any, path: Path, clock: LoopClock) -> Any:
     from gateway.push.records.sent import SentBook
     from gateway.supervisor import Supervisor, unopened
     from gateway.workflow.aftercare import StandingAlarms
-    from gateway.workflow.bench import store_of
     from gateway.workflow.files.importing import watcher_of
+    from gateway.workflow.runsite import store_of
 
     store, serial, folder = store_of(tree, path), tree.controller.serial, tree.service.watch
 

@@ -12,7 +12,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from drivers.errors import ConfigError, catalogue
+from drivers.errors import ConfigError, text_of
 from drivers.types.doubts import Doubt
 from drivers.types.results import MeasuredSet
 from drivers.units import AxisUnit, DeviationUnit, deviation_scale, deviation_unit
@@ -106,7 +106,7 @@ def accepted_of(texts: Iterable[str], where: str) -> dict[str, str]:
     found: dict[str, str] = {}
     for text in texts:
         code, _, reason = text.partition("=")
-        if code.strip() not in catalogue() or not reason.strip():
+        if text_of(code.strip()) is None or not reason.strip():
             raise ConfigError("E-DOUBT-ACCEPT", where, text=text)
         found[code.strip()] = reason.strip()
     return found

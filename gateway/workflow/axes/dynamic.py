@@ -23,7 +23,7 @@ from gateway.say import Say
 from gateway.store import RunFolder
 from gateway.store.rawstream import RawRecorder, StreamFacts, open_stream
 from gateway.workflow.axes.dynamicpicture import draw
-from gateway.workflow.bench import new_run, store_of
+from gateway.workflow.runsite import new_run, store_of
 
 PICTURE, STATE = "dynamic.png", "captured"
 # Settling looks at the whole record at once; a longer one is cut by its trigger or recorded shorter.

@@ -36,7 +36,8 @@ from gateway.workflow.aftercare import Look, compare_with, expected_of
 from gateway.workflow.axes.line import on_its_line
 from gateway.workflow.axes.measure import store_equipment
 from gateway.workflow.axes.verdict import PUSHED
-from gateway.workflow.bench import Bench, bench, new_run
+from gateway.workflow.bench import Bench, bench
+from gateway.workflow.runsite import new_run
 
 EXIT = {"still valid": 0, "re-measure this axis": 20, "cannot tell": 21}
 GUARDED = "guarded"

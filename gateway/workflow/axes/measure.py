@@ -38,7 +38,7 @@ from gateway.workflow.axes.line import on_its_line, told
 from gateway.workflow.axes.more import MoreTargets
 from gateway.workflow.axes.toothplaces import tooth_places
 from gateway.workflow.bench import Bench
-from gateway.workflow.files.importing import How, read_file, result_endings
+from gateway.workflow.files.reading import How, read_file, result_endings
 
 # A push is proved at so many places that were not measured before, at least.
 PROOF_STOPS = 6

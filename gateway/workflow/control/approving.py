@@ -12,10 +12,10 @@ from gateway.say import Say
 from gateway.store import RunFolder
 from gateway.store.records import encode, sha256
 from gateway.workflow import stages
-from gateway.workflow.bench import site_of, store_of
 from gateway.workflow.consents import demand_todays
 from gateway.workflow.control.pushing import push_run
 from gateway.workflow.outcome import Outcome
+from gateway.workflow.runsite import site_of, store_of
 
 
 async def show_plan(folder: RunFolder, *, clock: Clock, say: Say) -> Outcome:

@@ -26,7 +26,7 @@ from gateway.workflow.aftercare import in_push, standing_alarms
 from gateway.workflow.axes.acting import acting_plans, check_acting
 from gateway.workflow.axes.measure import MeasuredAxis
 from gateway.workflow.axes.verdict import PUSHED, judge
-from gateway.workflow.bench import Bench, bench, check_name, conclude, run_or_look, site_of
+from gateway.workflow.bench import Bench, bench, check_name, conclude, run_or_look
 from gateway.workflow.consents import (
     Taken,
     begin,
@@ -46,6 +46,7 @@ from gateway.workflow.control.signing import signed
 from gateway.workflow.control.stored import stored_axes
 from gateway.workflow.outcome import Outcome, alarmed
 from gateway.workflow.results.ending import finish
+from gateway.workflow.runsite import site_of
 from gateway.workflow.showing import narrowed, once, shown
 from gateway.workflow.tooth.agreement import demand_agreement
 from gateway.workflow.tooth.remaining import remaining

@@ -12,10 +12,11 @@ from gateway import audit
 from gateway.config import AxisSection, SiteFile
 from gateway.moving import shown_there
 from gateway.say import Say
-from gateway.store import SelfTestBook
-from gateway.workflow.bench import Bench, bench, new_run
+from gateway.store.selftests import SelfTestBook
+from gateway.workflow.bench import Bench, bench
 from gateway.workflow.consents import tell
 from gateway.workflow.outcome import Outcome
+from gateway.workflow.runsite import new_run
 
 RESET_LOOK_S = 0.5
 

@@ -11,7 +11,7 @@ from drivers.errors import ConfigError
 from drivers.ports.devices import Trust
 from gateway import audit
 from gateway.config import SiteFile, files_only
-from gateway.workflow.bench import store_of
+from gateway.workflow.runsite import store_of
 
 
 async def shown_by(site: SiteFile, clock: Clock) -> TrustView:

@@ -17,7 +17,7 @@ from drivers.types.results import MeasuredSet
 from gateway.store import Maps
 from gateway.workflow.day.answers import Answers
 from gateway.workflow.files.columnwords import ASKS, columns_of
-from gateway.workflow.files.importing import How, Read, driver_of, read_all, read_file
+from gateway.workflow.files.reading import How, Read, driver_of, read_all, read_file
 
 MOST_FILES = 500
 HEAD_LINES, HEAD_BYTES, LINE = 5, 4096, 100

@@ -20,18 +20,18 @@ from gateway.store import RunFolder
 from gateway.store.disk import write_whole
 from gateway.workflow import stages
 from gateway.workflow.axes.conditions import tell_overdue
-from gateway.workflow.bench import new_run
 from gateway.workflow.day.answers import Answers
 from gateway.workflow.day.forecast import ToothForecast, forecast
 from gateway.workflow.day.gathering import DayFolder
 from gateway.workflow.day.sorting import Placed, day_facts
+from gateway.workflow.doubles import simulated_set
 from gateway.workflow.errors21.components import PlanOutcome, conclude, grids, measure_site
 from gateway.workflow.errors21.filesetup import capture_of, read_setup
 from gateway.workflow.errors21.fromsetups import axes_measured
 from gateway.workflow.errors21.setups import Planned, key_of, planned
-from gateway.workflow.files.doubles import simulated_set
 from gateway.workflow.files.facts import days_of, settle
 from gateway.workflow.results.testconditions import STATED, with_unit
+from gateway.workflow.runsite import new_run
 from gateway.workflow.tooth.correcting import ToothOutcome, correct_site
 from gateway.workflow.tooth.proposal import work_of
 

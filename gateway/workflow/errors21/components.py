@@ -33,9 +33,10 @@ from gateway.tooth import FlankAgreement
 from gateway.workflow import stages
 from gateway.workflow.aftercare import look_at
 from gateway.workflow.axes.measure import fetch_tables, store_equipment
-from gateway.workflow.bench import Bench, bench, new_run
+from gateway.workflow.bench import Bench, bench
 from gateway.workflow.errors21.setupcapture import coming, measure_setup, stood
 from gateway.workflow.errors21.setups import Planned, chosen, planned, spans
+from gateway.workflow.runsite import new_run
 
 MEASURING, PARTIAL, MEASURED, STOPPED = "measuring", "partly-measured", "measured", "stopped"
 

@@ -14,7 +14,7 @@ from gateway.domain.captures import Capture
 from gateway.errors import CaptureError
 from gateway.store import Maps
 from gateway.workflow.errors21.setups import Planned
-from gateway.workflow.files.importing import How, driver_of, read_file, result_endings
+from gateway.workflow.files.reading import How, driver_of, read_file, result_endings
 
 ANGLES = ("mrad", "urad", "arcsec", "deg")
 ARCSEC = {"mrad": rad_to_arcsec(1e-3), "urad": rad_to_arcsec(1e-6), "deg": deg_to_arcsec(1.0)}

@@ -13,7 +13,8 @@ from gateway.model.components import value
 from gateway.model.known import ErrorModel
 from gateway.store import RunFolder
 from gateway.workflow import stages
-from gateway.workflow.files.doubles import SAID, simulated_run
+from gateway.workflow.doubles import SAID
+from gateway.workflow.runsite import simulated_run
 
 POINTS = 51
 

@@ -18,8 +18,9 @@ from drivers.types.values import CompensatedFor
 from gateway.domain.captures import Capture, Corrections
 from gateway.store import Maps, RunFolder, Store
 from gateway.store.rawstream import open_stream
-from gateway.workflow.files.doubles import DOUBLE, simulated_run
-from gateway.workflow.files.importing import GEAR, MEASURED, Content, How, Read, read_all
+from gateway.workflow.doubles import DOUBLE
+from gateway.workflow.files.reading import Content, How, Read, read_all
+from gateway.workflow.stages import GEAR, MEASURED
 
 FORMS = ("rtl", "rta", "csv", "rtx")
 STREAM = ".f64"
@@ -84,6 +85,8 @@ def _run_items(folder: RunFolder, axis: str, phase: str) -> Iterator[MeasuredIte
 
 def measured_of(capture: Capture, folder: RunFolder) -> MeasuredSet:
     """A capture as a result file would hold it; targets stay machine coordinates."""
+    from gateway.workflow.runsite import simulated_run  # noqa: PLC0415 - site files are read for a run alone
+
     header = {"Machine": str(folder.facts["site"]), "Serial No": str(folder.facts["machine"].get("serial", ""))}
     title = f"{capture.component} {folder.run_id}" + (f" {DOUBLE.upper()}" if simulated_run(folder) else "")
     header |= {"Date": capture.started_utc, "Axis": capture.axis, "TITLE": title}

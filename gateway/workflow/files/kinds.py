@@ -6,8 +6,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 
 from gateway.errors import ModelError
+from gateway.workflow.doubles import SAID, simulated_set
 from gateway.workflow.files import linearkinds, rotarykinds
-from gateway.workflow.files.doubles import SAID, simulated_set
 from gateway.workflow.files.kindrecords import KindAnswer, KindQuestion, MeasuredFile
 
 Evaluate = Callable[[tuple[MeasuredFile, ...], KindQuestion], KindAnswer]

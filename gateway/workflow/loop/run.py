@@ -14,10 +14,11 @@ from gateway.workflow import selftests
 from gateway.workflow.aftercare import standing_alarms
 from gateway.workflow.axes.measure import measure_axis, plans_of_axis, store_equipment
 from gateway.workflow.axes.propose import propose
-from gateway.workflow.bench import Bench, bench, check_name, new_run, with_axes
+from gateway.workflow.bench import Bench, bench, check_name, with_axes
 from gateway.workflow.control.pushing import apply_proposal
 from gateway.workflow.outcome import Outcome, alarmed
 from gateway.workflow.results.ending import finish
+from gateway.workflow.runsite import new_run
 
 
 async def run_site(

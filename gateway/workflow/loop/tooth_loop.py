@@ -15,7 +15,8 @@ from gateway.domain.outcomes import Verdict
 from gateway.domain.proposals import Proposal
 from gateway.model.known import ErrorModel
 from gateway.say import Say
-from gateway.store import RunFolder, SetupBook
+from gateway.store import RunFolder
+from gateway.store.setupbook import SetupBook
 from gateway.tooth import InspectedFlank, SetupValues, ToothProposal, ToothVerdict
 from gateway.workflow import selftests, stages
 from gateway.workflow.aftercare import standing_alarms

@@ -23,7 +23,8 @@ from gateway.study.files import GearFile, load_gear
 from gateway.tooth import GroundPart, SetupValues
 from gateway.workflow import stages
 from gateway.workflow.axes.measure import store_equipment
-from gateway.workflow.bench import Bench, bench, new_run
+from gateway.workflow.bench import Bench, bench
+from gateway.workflow.runsite import new_run
 
 DECIMALS = 6
 TELL_EVERY = 5

@@ -19,7 +19,7 @@ from gateway.tooth import InspectedFlank
 from gateway.workflow import stages
 from gateway.workflow.axes.guard import EXIT, GUARDED
 from gateway.workflow.axes.measure import store_equipment
-from gateway.workflow.bench import bench, new_run
+from gateway.workflow.bench import bench
 from gateway.workflow.part.grinding import gear_of_site
 from gateway.workflow.part.inspecting import (
     FlankFile,
@@ -30,6 +30,7 @@ from gateway.workflow.part.inspecting import (
     inspector_name,
     part_numbers,
 )
+from gateway.workflow.runsite import new_run
 
 PART = "guard"
 ANSWERS = {"re-measure this axis": "measure this machine again"}

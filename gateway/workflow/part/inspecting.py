@@ -28,10 +28,11 @@ from gateway.study.machine import gear_of
 from gateway.tooth import InspectedFlank
 from gateway.workflow import stages
 from gateway.workflow.axes.measure import store_equipment
-from gateway.workflow.bench import Bench, bench, new_run, store_of
-from gateway.workflow.files.importing import How, read_file
+from gateway.workflow.bench import Bench, bench
+from gateway.workflow.files.reading import How, read_file
 from gateway.workflow.part.grinding import gear_of_site, work_section
 from gateway.workflow.part.running import running_words
+from gateway.workflow.runsite import new_run, store_of
 
 INSPECTED = "inspected"
 LEVELS = (-0.45, -0.225, 0.0, 0.225, 0.45)  # of the face width, from its middle

@@ -27,9 +27,11 @@ from gateway.workflow import stages
 from gateway.workflow.axes.conditions import stated_of
 from gateway.workflow.files.exporting import MeasuredItem, items
 from gateway.workflow.files.facts import Compared, FileFacts, facts_of, moment_of
-from gateway.workflow.files.importing import MEASURED, STATE, How
+from gateway.workflow.files.importing import STATE
 from gateway.workflow.files.motions import NAME
+from gateway.workflow.files.reading import How
 from gateway.workflow.results.testconditions import conditions_of
+from gateway.workflow.stages import MEASURED
 
 DOUBLE = "simulated"
 LONGEST_NAME = 32

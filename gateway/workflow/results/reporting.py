@@ -38,15 +38,14 @@ from gateway.store import RunFolder
 from gateway.tooth import AxisOutlook, ToothProposal
 from gateway.workflow import stages
 from gateway.workflow.axes.propose import size_of
-from gateway.workflow.bench import site_recorded
 from gateway.workflow.errors21.setups import planned
-from gateway.workflow.files.doubles import was_simulated
 from gateway.workflow.files.facts import moment_of
 from gateway.workflow.results.conformity import judged
 from gateway.workflow.results.overview import index_html, results_csv
 from gateway.workflow.results.particulars import particulars_of
 from gateway.workflow.results.testconditions import conditions_of
 from gateway.workflow.results.tooth import found, proof_of, tooth_of
+from gateway.workflow.runsite import site_recorded, was_simulated
 
 WRITTEN = ("report.", "calibration-report.", "results.csv", "index.html")
 

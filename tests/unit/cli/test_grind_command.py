@@ -14,9 +14,9 @@ from drivers.errors import TrueflankError
 from drivers.types.identity import MachineIdentity
 from gateway.cli import app
 from gateway.config import load_site
-from gateway.store import SetupBook
+from gateway.store.setupbook import SetupBook
 from gateway.tooth import SetupValues
-from gateway.workflow.bench import store_of
+from gateway.workflow.runsite import store_of
 from simulators.cell.site import gear_text, site_text
 from simulators.cellfile import load_cell, with_plan
 

@@ -27,7 +27,8 @@ from gateway.store import Maps, Store
 from gateway.store.rawstream import open_stream
 from gateway.views.figured import figures_by, known_standards
 from gateway.workflow import stages
-from gateway.workflow.files.importing import How, import_file
+from gateway.workflow.files.importing import import_file
+from gateway.workflow.files.reading import How
 from tests.unit.capture.test_live import AXIS
 from tests.unit.capture.test_plans import run as captured
 from tests.unit.drivers.test_rtx_files import written

@@ -19,7 +19,7 @@ from gateway.evaluate.optics.corrections import begin
 from gateway.evaluate.standards import iso230_2
 from gateway.evaluate.standards.registry import evaluate_by
 from gateway.evaluate.uncertainty.budget import file_budget, linear_budget
-from gateway.workflow.files.importing import How, read_measured
+from gateway.workflow.files.reading import How, read_measured
 
 S = np.array([-1.0, -1.0, 0.0, 1.0, 1.0])
 AT = np.array([0.0, 90.0, 210.0, 290.0, 400.0])

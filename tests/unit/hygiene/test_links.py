@@ -24,7 +24,8 @@ from gateway.domain.proposals import Approval
 from gateway.errors import StoreError
 from gateway.push.records import journal, numbering
 from gateway.push.records.lock import held
-from gateway.store import Proofs, Store
+from gateway.store import Store
+from gateway.store.proofs import Proofs
 from gateway.store.rawstream import RawRecorder, StreamFacts
 from gateway.views.stored import newest_runs, stored_report
 from gateway.watch.journal import WatchJournal as Watched

@@ -22,10 +22,10 @@ from gateway.report.document.whole import document
 from gateway.store import RunFolder, Store
 from gateway.workflow import stages
 from gateway.workflow.axes.conditions import stated, tell_overdue, with_conditions
-from gateway.workflow.files.doubles import was_simulated
 from gateway.workflow.loop.verdict import closed
 from gateway.workflow.results.conformity import conforming, judged
 from gateway.workflow.results.reporting import material_of, standing_report, write_report
+from gateway.workflow.runsite import was_simulated
 from tests.unit.report import closing, synthetic
 from tests.unit.report.test_document import texts
 from tests.unit.report.test_tooth_run import AXIS, GEAR, SITE, fill

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from gateway.report.document.whole import document
 from gateway.store import Store
-from gateway.workflow.files.importing import How
+from gateway.workflow.files.reading import How
 from gateway.workflow.results.fromfiles import material_of_files
 
 TABLE = "target_mm,direction,run,deviation_um\n0,+,1,1\n9,+,1,2\n9,-,1,3\n0,-,1,2\n0,+,2,1\n9,+,2,3\n9,-,2,3\n0,-,2,1\n"

@@ -17,7 +17,8 @@ from gateway.domain.proposals import Proposal, TableChange
 from gateway.errors import FutureSchema, WriteRefused
 from gateway.push.records import journal
 from gateway.push.records.history import tables_of
-from gateway.store import Proofs, RunFolder, Store, records
+from gateway.store import RunFolder, Store, records
+from gateway.store.proofs import Proofs
 from gateway.workflow import stages
 from gateway.workflow.consents import demand_todays
 

@@ -10,7 +10,7 @@ import pytest
 from drivers.types.identity import MachineIdentity
 from drivers.types.orders import SignProof
 from gateway.errors import CorruptRecord
-from gateway.store import Proofs
+from gateway.store.proofs import Proofs
 
 MACHINE = MachineIdentity("SN/1 ö", "V4.8", ("X1", "C1"))
 PROOF = SignProof(MACHINE, "axis", "X1", -1.01, 0.02, 1, "2026-11-21T10:00:00+00:00")

@@ -22,7 +22,8 @@ from gateway.store import Store
 from gateway.watch.journal import WatchJournal
 from gateway.watch.listing import Folder, SeenFile
 from gateway.watch.watcher import Watcher
-from gateway.workflow.files.importing import How, import_file
+from gateway.workflow.files.importing import import_file
+from gateway.workflow.files.reading import How
 
 GOLDEN = Path(__file__).parents[2] / "golden" / "files"
 BASIC = (GOLDEN / "basic.rtl").read_bytes()
