@@ -24,7 +24,7 @@ APART, MARK_APART, MARK_LEAST = 30.0, 20.0, 20.0
 SAME_LENGTH = 0.05  # of the targets' range: readings that differ less while the targets run through it are one length
 HALF_TURN, TURN = 180.0, 360.0
 TYPICAL = 1.4826  # of the median distance from the median: the standard deviation of what is normal
-FEWEST_NINES = 4
+FEWEST_NINES = 3
 MARKS = {999.0, *(float(2**power - 1) for power in (15, 16, 31, 32)), *(10.0**power for power in range(6, 10))}
 LEAST_FOR_SPREAD = 3
 
@@ -40,7 +40,8 @@ def assembled(
     """Targets (m,) rising in mm or deg, deviations (m, n, 2) in um or arcsec.
 
     Raises FileFormatError: E-FILE-ROWS; E-FILE-LINE for a target that occurs twice in a run, or a number that no
-    measurement holds; E-FILE-LENGTH and E-FILE-SAME for a length in place of positions. Readings out of line by orders
+    measurement holds; E-FILE-LENGTH and E-FILE-SAME for a length in place of positions;
+    E-FILE-EXCHANGED for targets in the column of positions. Readings out of line by orders
     of magnitude are a blocking doubt, unless a person ``confirmed`` them.
     """
     rows = tuple(row for row in found.rows if not isnan(row.value))
@@ -48,6 +49,8 @@ def assembled(
         raise FileFormatError("E-FILE-ROWS", where)
     if found.quantity == "length":
         raise FileFormatError("E-FILE-LENGTH", where, line=rows[0].line, targets=len({row.target for row in rows}))
+    if found.quantity == "position" and not confirmed:
+        _refuse_exchanged(rows, where)
     targets, crossed = _unwrapped(found, rows)
     own = TARGET_UNITS[found.target_unit][1]  # a reading counts as its target does, not as the target of the record
     from_ = targets if found.quantity == "increment" else [row.target * own for row in rows]
@@ -238,6 +241,13 @@ def _judged(
     return replace(measured, doubts=doubts)
 
 
+def _refuse_exchanged(rows: tuple[Reading, ...], where: str) -> None:
+    """Targets are visited again and again, readings are not: where it is the other way round, so are the columns."""
+    targets, values = {row.target for row in rows}, {row.value for row in rows}
+    if len(targets) > LEAST_FOR_SPREAD * len(values) > LEAST_FOR_SPREAD:
+        raise FileFormatError("E-FILE-EXCHANGED", where, line=rows[0].line, targets=len(targets), values=len(values))
+
+
 def _refuse_length(grid: _Grid, span: float, kind: AxisUnit, where: str) -> None:
     """Readings that stay the same while the targets run through their range are those of one length."""
     if span <= 0.0:
@@ -260,12 +270,12 @@ def _marks(written: FloatArray) -> np.ndarray:
 
 
 def _nines(written: FloatArray, among: np.ndarray) -> np.ndarray:
-    """Where a number consists of nines: 999, 9999, 99.99."""
+    """Where a number consists of nines: 999, 9999, 99.9."""
     found = np.zeros(written.shape, bool)
     for at in zip(*np.nonzero(among), strict=True):
         value = abs(float(written[at]))
         digits = repr(value).removesuffix(".0").replace(".", "")
-        found[at] = value == 999.0 or (len(digits) >= FEWEST_NINES and set(digits) == {"9"})
+        found[at] = len(digits) >= FEWEST_NINES and set(digits) == {"9"}
     return found
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import re
 from collections.abc import Mapping
 from dataclasses import replace
 from math import isnan, nan
@@ -42,6 +43,9 @@ MOST_REPETITIONS = 10_000
 ONE_WAY = ("runs", "up", "down")
 AGREE_UM, NEARLY = 1.0, 0.01
 """Positions and deviations of one row may differ by so much, um or arcsec, and by a hundredth: rounding."""
+OF_ONE_TEST = ("Machine", "Serial No", "Axis", "Date")
+"""What the two parts of one test state alike; of the date the year."""
+_YEAR = re.compile(r"(?<!\d)(?:19|20)\d\d(?!\d)")
 OTHER_WAY = {"up": "down", "down": "up"}
 WAY = {"up": 0, "down": 1}
 
@@ -218,9 +222,20 @@ def _joined(one: Found, other: Found, where: str) -> Found:
     if places[0] != places[1]:
         apart = ", ".join(f"{place:g}" for place in sorted(places[0] ^ places[1])[:5])
         raise FileFormatError("E-FILE-BESIDE", where, why=f"only one of them has the targets {apart}")
+    for key in OF_ONE_TEST:
+        stated = [_plain(key, part[key]) for part in (words, more) if part.get(key)]
+        if len(set(stated)) > 1:
+            why = f"one states {key} {words[key]!r}, the other {more[key]!r}"
+            raise FileFormatError("E-FILE-BESIDE", where, why=why)
     doubts = tuple(dict.fromkeys(first.doubts)) if first.doubts == second.doubts else (*first.doubts, *second.doubts)
     both = replace(first, rows=(*first.rows, *second.rows), doubts=doubts)
     return both, {**more, **words}, tuple(dict.fromkeys((*notes, *others)))
+
+
+def _plain(key: str, text: str) -> str:
+    """What must be the same of a statement: of a date the year, of anything else its words."""
+    years = _YEAR.findall(text) if key == "Date" else []
+    return " ".join(years or ([] if key == "Date" else text.casefold().split()))
 
 
 def _named(units: tuple[str, str, str]) -> str:

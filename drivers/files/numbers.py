@@ -33,7 +33,7 @@ NO_NUMBER = frozenset({"", *NO_NUMBER_WORDS.split(", ")})
 # Of a target in mm or deg, of a deviation in um or arcsec: a kilometre that the axis is off is no measurement.
 FARTHEST = 1e9
 _DECIMAL = re.compile(r"[+-]?(?:\d{1,18}(?:\.\d{0,30})?|\.\d{1,30})(?:[eE][+-]?\d{1,2})?\Z", re.ASCII)
-_WHOLE = re.compile(r"\d{1,9}\Z", re.ASCII)
+_WHOLE = re.compile(r"[0-9]{1,9}(\.0*)?\Z")
 
 
 def decimal(token: str, *, comma: bool = False) -> float | None:
@@ -58,8 +58,8 @@ def untaken(lines: Iterable[int], read: Iterable[int]) -> tuple[str, ...]:
 
 
 def whole(token: str) -> int | None:
-    """The whole number from 0, or None."""
-    return int(token) if _WHOLE.match(token) else None
+    """The whole number from 0, or None; workbooks write 1.0 for 1."""
+    return int(token.partition(".")[0]) if _WHOLE.match(token) else None
 
 
 def beyond(target: float, deviation: float) -> bool:

@@ -321,6 +321,8 @@ def _with_units(found: Layout, told: tuple[list[HeadCell], Sheet, ColumnMap], wh
         raise _open("E-FILE-CSV-UNIT", where, sheet, (target, *own), " ".join(missing))
     if not quantity:
         quantity = _by_values(sheet, target, own, (target_unit, unit))
+    if quantity == "deviation" and not (found.quantity or found.passes):
+        quantity = OPEN  # "correction", "target - actual", "|dev|", "sigma": a word nobody knows says no sign either
     if not quantity:
         column = own[0] + 1
         raise _open("E-FILE-CSV-UNIT", where, sheet, own, f"measured={column} or deviation={column}")

@@ -115,7 +115,10 @@ def sheets_of(text: str, understands: Understands, where: str) -> tuple[Sheet, .
         sheet, end = one
         found.append(replace(sheet, way=_way_above(every, sheet.at)))
         rest = [line for line in rest if line[0] >= end] if end else []
-    for sheet in found[1:]:
+    for at, sheet in enumerate(found[1:], start=1):
+        before = found[at - 1].rows[-1][0] if found[at - 1].rows else found[at - 1].at
+        above = [line for line in every if before < line[0] < sheet.at]
+        found[at] = replace(sheet, said={**_said(above), **sheet.said})
         if len(found) > MOST_TABLES or {one.way for one in found} != {"up", "down"}:
             raise FileFormatError("E-FILE-CSV-SECOND", where, line=sheet.at)
     return tuple(found)
