@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any, TextIO
 
 from drivers.clock import LoopClock
-from drivers.errors import ConfigError
+from drivers.errors import ConfigError, words
 from drivers.local.extras import need
 from gateway.cli.machine.programs import self_tested
 from gateway.cli.machine.running import run_site_command
@@ -25,7 +25,6 @@ from gateway.cli.show import echo
 
 GRACE_S = 10.0
 STARTER = (sys.executable, "-m", "simulators.cell")
-EXPECT = {False: "all of the loop takes about four minutes", True: "the axes alone take about a minute and a half"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -101,23 +100,40 @@ def _ready(child: subprocess.Popen[str], cell: str) -> dict[str, object]:
     return dict(answer)
 
 
-def run_demo(folder: Path, cell: str, speed: float, seed: int | None, *, axes: bool, as_json: bool) -> None:
-    """The whole loop on a simulated machine, or with ``axes`` that of the axes alone; prints figures and paths."""
+def run_demo(
+    folder: Path, cell: str, speed: float, seed: int | None, *, axes: bool, everything: bool, as_json: bool
+) -> None:
+    """The loop on a simulated machine with the set-ups that pay, or all with ``everything``; prints figures and paths.
+
+    With ``axes`` it is the loop of the axes alone.
+    """
     site = folder / "site.toml"
     clock = LoopClock()
     with cell_process(CellAsked(cell, site, speed, seed, plan=not axes)):
-        if not as_json:
-            echo(f"a simulated grinder runs at {speed:g} x machine time; {EXPECT[axes]}")
+        wanted = () if axes or everything else _that_pay(site, quiet=as_json)
         started = clock.utc()
         self_tested(site, quiet=as_json, clock=clock, own_operator=True)
         if axes:
             run_site_command(site, True, "", as_json=as_json, typed_by_demo=True, clock=clock)
         else:
-            close_site_command(site, True, "", as_json=as_json, typed_by_demo=True, clock=clock)
+            close_site_command(site, True, "", as_json=as_json, typed_by_demo=True, clock=clock, wanted=wanted)
         seconds = (clock.utc() - started).total_seconds()
     if not as_json:
         echo(f"(all of it took {seconds:.0f} s)")
         next_step(f"report latest --store {folder / 'runs'}")
+
+
+def _that_pay(site: Path, *, quiet: bool) -> tuple[str, ...]:
+    """The set-ups that pay by the ranking of the site as it is, and what the rest is worth, said. Raises ConfigError."""
+    from gateway.config import load_site
+    from gateway.workflow.errors21.paying import setups_that_pay
+    from gateway.workflow.tooth.proposal import work_of
+
+    tree = load_site(site)
+    found = setups_that_pay(tree, work_of(tree, site).tooth)
+    if not quiet:
+        echo(words("P-DEMO-SETUPS", **found.told))
+    return found.keys
 
 
 def list_cells() -> None:

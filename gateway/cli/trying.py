@@ -16,12 +16,17 @@ def demo(
     seed: Annotated[int | None, typer.Option(help="Draw another machine.", show_default=False)] = None,
     cell: Annotated[str, typer.Option(help="Cell file, or the name of a shipped cell.")] = "demo",
     axes: Annotated[bool, typer.Option("--axes", help="The axes alone: no other error, no part.")] = False,
+    everything: Annotated[
+        bool, typer.Option("--all", help="Measure every set-up of the plan; else those that pay for the tooth.")
+    ] = False,
     as_json: JsonOption = False,
 ) -> None:
-    """Start a simulated grinder and close the whole loop on it, over its wires: 21 errors, both layers, the part."""
+    """Start a simulated grinder and close the whole loop on it, over its wires: errors, both layers, the part."""
     from gateway.cli.demonstration import run_demo
 
-    run_demo(folder, cell, speed, seed, axes=axes, as_json=as_json)
+    if axes and everything:
+        raise typer.BadParameter("--axes measures no other error: leave --all away", param_hint="--all")
+    run_demo(folder, cell, speed, seed, axes=axes, everything=everything, as_json=as_json)
 
 
 def simulate(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -51,6 +52,7 @@ def close_site_command(
     keep_worse: bool = False,
     typed_by_demo: bool = False,
     clock: Clock | None = None,
+    wanted: Sequence[str] = (),
 ) -> None:
     """Close the loop at a site; the demo, which owns its cell, types the machine's name itself."""
     from gateway.config import load_site
@@ -63,6 +65,7 @@ def close_site_command(
 
     async def main(say: Say) -> Any:
         asked: dict[str, Any] = {"apply": apply, "machine_name": name, "resume": folder, "back": not keep_worse}
+        asked |= {"wanted": wanted}
         return await close_site(tree, site, clock=used, say=say, **asked)
 
     with progress(quiet=as_json, at=(tree, site), own_operator=typed_by_demo) as say:

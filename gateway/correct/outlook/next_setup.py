@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from drivers.units import mm_to_um
@@ -24,6 +24,8 @@ from gateway.sensitivity.next import measure_next
 THRESHOLD_UM = 0.1
 PROFILE, WIDTH = 5, 3
 Doubt = tuple[ErrorParameter | str, float]
+ALSO_SHOWN: Mapping[str, tuple[str, ...]] = {"B0C": ("B0Z",)}
+"""Errors that need no measuring once another is known: these reach the flank by their difference alone."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,8 +66,8 @@ def doubts(model: ErrorModel, chain: Chain, plan: Plan) -> list[Doubt]:
         found += _shaped(gap.name, gap.u, chain, travels)
     located = [one for one in model.locations if one.name in LOCATION_NAMES]
     found += [(ErrorParameter(one.name), in_mm_rad(one.unit, one.u)) for one in located]
-    bar = any(one.name == "B0C" for one in located)
-    return [(parameter, u) for parameter, u in found if u > 0.0 and not (bar and _name(parameter) == "B0Z")]
+    shown = {other for one in located for other in ALSO_SHOWN.get(one.name, ())}
+    return [(parameter, u) for parameter, u in found if u > 0.0 and _name(parameter) not in shown]
 
 
 def _name(parameter: ErrorParameter | str) -> str:

@@ -221,10 +221,12 @@ def conclude(site: SiteFile, folder: RunFolder, tooth: Tooth | None) -> PlanOutc
     usual = site.assumed
     model = error_model(measurements, spans(site), linear_um=usual.linear_um, angular_arcsec=usual.angular_arcsec)
     model = replace(model, said=(*model.said, *_unproved(done, captures)))
-    folder.put(stages.ERRORS, model, tuple(folder.digest(stages.setup(one.key)) for one in done))
     remaining = tuple(one.key for one in plan if one.measured and one not in done)
-    folder.set_state(PARTIAL if remaining else MEASURED)
     opened = what_next(model, tooth, grids(site)) if tooth is not None else ()
+    if remaining and opened:
+        model = replace(model, said=(*model.said, _left_out(plan, remaining, opened)))
+    folder.put(stages.ERRORS, model, tuple(folder.digest(stages.setup(one.key)) for one in done))
+    folder.set_state(PARTIAL if remaining else MEASURED)
     advice = advise(plan, remaining, opened, asked=tooth is not None)
     rows = tuple(row for row in error_rows(model) if row.state == "measured" or row.name in machine_errors(site))
     return PlanOutcome(
@@ -248,6 +250,14 @@ def _unproved(done: Sequence[Planned], captures: Sequence[Capture]) -> tuple[str
     """The set-ups whose sense rests on what the site file says, in words."""
     names = ", ".join(one.key for one, capture in zip(done, captures, strict=True) if capture.sense is None)
     return (words("S-MODEL-SENSE", names=names),) if names else ()
+
+
+def _left_out(plan: Sequence[Planned], remaining: Sequence[str], opened: Sequence[OpenDoubt]) -> str:
+    """How much of the plan was measured, and what the rest is still worth, in words."""
+    able = [one for one in plan if one.measured]
+    names = {one.setup.name for one in able if one.key in remaining}
+    rest_um = sum(one.change_um**2 for one in opened if one.name in names and not one.measured) ** 0.5
+    return words("S-MODEL-PART", count=len(able) - len(remaining), of=len(able), rest=f"{rest_um:.2f}")
 
 
 def machine_errors(site: SiteFile) -> tuple[str, ...]:

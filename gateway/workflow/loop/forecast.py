@@ -48,11 +48,14 @@ def day_of_run(site: SiteFile, *, apply: bool, axes: Collection[str] = ()) -> Da
     return day.plan("run", (*day.warm_up(), *day.axes_measured(), *applied))
 
 
-def day_of_closing(site: SiteFile, site_path: Path, *, apply: bool) -> DayPlan:
-    """The day of `close`. Raises as `close_site` does before it opens a device, and ConfigError (E-DAY-ROAD)."""
+def day_of_closing(site: SiteFile, site_path: Path, *, apply: bool, wanted: Sequence[str] = ()) -> DayPlan:
+    """The day of `close` with these set-ups (none: all).
+
+    Raises as `close_site` does before it opens a device, and ConfigError (E-DAY-ROAD).
+    """
     work_of(site, site_path)
     day = _Day(site)
-    pieces = [*day.warm_up(), *day.setups_measured()]
+    pieces = [*day.warm_up(), *day.setups_measured(wanted)]
     if apply:
         inspector_name(site)
         part_s = grind_plan(site, gear_of_site(site, site_path), SetupValues()).seconds
@@ -100,9 +103,9 @@ class _Day:
             else:
                 yield from self.measured("measure", [(axis, plans_of_axis(axis, "before")) for axis in axes])
 
-    def setups_measured(self) -> Told:
+    def setups_measured(self, wanted: Sequence[str] = ()) -> Told:
         """Every set-up in the order of the plan, files first."""
-        todo = chosen(planned(self.site), ())
+        todo = chosen(planned(self.site), wanted)
         files = [one.axis.name for one in todo if one.setup.source == "file"]
         for name in dict.fromkeys(files):
             yield Piece("measure", f"tables of {name}", reading_tables(name))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
@@ -50,8 +51,11 @@ async def close_site(
     say: Say,
     resume: RunFolder | None = None,
     back: bool = True,
+    wanted: Sequence[str] = (),
 ) -> Outcome:
     """Do the whole loop, or go on with a run that stopped: what is stored is not done again.
+
+    ``wanted`` are the set-ups to be measured, by key; none: all of the plan.
 
     Without `apply` it ends with a stored proposal for the tooth; nothing is ground or written. Where the flank became
     worse than it was the run takes its tables ``back`` as its last step: part of the consent given here. Raises
@@ -63,7 +67,9 @@ async def close_site(
     work = work_of(site, site_path)
     used = {axis.measure.instrument for axis in site.axes if axis.measure.instrument}
     used |= {inspector_name(site)} if apply else set()
-    plan = await measure_site(site, site_path, clock=clock, say=say, resume=resume, tooth=work.tooth)
+    plan = await measure_site(
+        site, site_path, clock=clock, say=say, wanted=wanted, resume=resume, tooth=work.tooth
+    )
     folder = RunFolder(Path(plan.run_folder))
     try:
         async with bench(site, site_path, folder=folder, clock=clock, say=say, instruments=used) as at:
