@@ -8,7 +8,7 @@ export OPENBLAS_NUM_THREADS := 1
 # Tests start many processes: each would compile the whole source again.
 export PYTHONDONTWRITEBYTECODE :=
 
-.PHONY: demo test tests check rules types long soak families attacks interop kernel services browser bench clean \
+.PHONY: demo test tests slowest check rules types long soak families attacks interop kernel services browser bench clean \
 	lock package sbom vulnerabilities bundle docs
 
 demo: $(VENV)/installed
@@ -18,8 +18,15 @@ demo: $(VENV)/installed
 test: rules
 	$(MAKE) --no-print-directory -j2 types tests
 
+QUICK := not soak and not interop and not long and not services and not browser and not release
 tests: $(VENV)/developed
-	$(BIN)/python -m pytest -q -n $(WORKERS) --dist worksteal -m "not soak and not interop and not long and not services and not browser and not release"
+	$(BIN)/python -m pytest -q -n $(WORKERS) --dist worksteal -m "$(QUICK)"
+
+# The same tests, and what they cost: the ten slowest, sums by file and by folder, in processor time. `make slowest
+# WHICH=long` for those of `make long`.
+WHICH ?= $(QUICK)
+slowest: $(VENV)/developed
+	$(BIN)/python -m pytest -q -n $(WORKERS) --dist worksteal --slowest -m "$(WHICH)"
 
 # Both at a time: each takes one core. The words of one never stand in those of the other.
 check: $(VENV)/developed
@@ -76,7 +83,7 @@ kernel: $(VENV)/developed
 services: $(VENV)/developed
 	tests/services/prepare.sh
 	$(BIN)/$(PIP) --require-hashes -r locks/peers.lock
-	$(BIN)/python -m pytest -q -n 0 -m services tests/services
+	$(BIN)/python -m pytest -q -n 0 -p schemathesis.pytest.plugin -m services tests/services
 
 # The operator's page in Debian's Chromium, from the first sign-in to the report, on a cell over real wires; its pictures
 # are kept in .browser. Ten minutes on two cores.

@@ -9,12 +9,23 @@ from pathlib import Path
 import pytest
 from hypothesis import settings
 
-from tests import attacks
+from tests import attacks, spent
 from tests.unit.drivers.loops import run_clean
 
 # What a busy computer does to an example's time is no fault of the code.
 settings.register_profile("trueflank", deadline=None)
 settings.load_profile("trueflank")
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    """The option of `make slowest`."""
+    parser.addoption("--slowest", action="store_true", help="print what the tests cost, by processor time")
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Count where it is asked for."""
+    if config.getoption("--slowest"):
+        config.pluginmanager.register(spent.Spent(config), "trueflank-spent")
 
 
 @pytest.hookimpl(tryfirst=True)

@@ -9,6 +9,8 @@ from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
 
+from tests.architecture.sources import parsed
+
 ROOT = Path(__file__).parents[2]
 TOPS = ("gateway", "drivers", "simulators", "trueflank")
 MOST = 4
@@ -30,9 +32,9 @@ def _ours() -> set[str]:
     return set(re.findall(r"^\s*(?:async def|def|class) ([A-Za-z]\w*)", code, re.MULTILINE)) - FOREIGN
 
 
-def _statements(code: str) -> Iterator[ast.stmt]:
+def _statements(place: str) -> Iterator[ast.stmt]:
     """Simple statements and headers that hold enough commas for a call with more than four positions."""
-    lines, ahead = code.splitlines(), list[ast.AST](ast.parse(code).body)
+    lines, ahead = _sources()[place].splitlines(), list[ast.AST](parsed(ROOT / place).body)
     while ahead:
         node = ahead.pop()
         inside = [one for name in BODIES for one in getattr(node, name, ())]
@@ -55,8 +57,8 @@ def _calls(node: ast.AST) -> Iterator[ast.Call]:
 
 def _long_calls() -> Iterator[tuple[str, str]]:
     ours = _ours()
-    for place, code in _sources().items():
-        for call in (found for node in _statements(code) for found in _calls(node) if len(found.args) > MOST):
+    for place in _sources():
+        for call in (found for node in _statements(place) for found in _calls(node) if len(found.args) > MOST):
             name = call.func.id if isinstance(call.func, ast.Name) else getattr(call.func, "attr", "")
             if name in ours:
                 yield place, f"{place}:{call.lineno} {name} with {len(call.args)}"

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from drivers.errors import TrueflankError, catalogue, text_of
 from drivers.terms import PREFIX, Terms, filled
-from tests.architecture.sources import parsed
+from tests.architecture.sources import nodes
 
 ROOT = Path(__file__).parents[2]
 CODE = re.compile(r"^[EPW]-[A-Z0-9]+(-[A-Z0-9]+)+$")
@@ -21,9 +21,8 @@ def _uses() -> list[tuple[str, str, set[str], bool]]:
     found = []
     for package in ("gateway", "drivers", "simulators", "trueflank"):
         for path in sorted((ROOT / package).rglob("*.py")):
-            tree = parsed(path)
-            for node in ast.walk(tree):
-                if not isinstance(node, ast.Call) or not node.args or _callee(node).startswith("_"):
+            for node in nodes(path, ast.Call):
+                if not node.args or _callee(node).startswith("_"):
                     continue  # a private function passes the code on with its own fields
                 first = node.args[0]
                 if isinstance(first, ast.Constant) and isinstance(first.value, str) and CODE.match(first.value):
@@ -64,12 +63,14 @@ def test_a_text_read_alone_is_the_text_of_the_whole_catalogue() -> None:
 
 
 def test_every_text_is_used_and_says_what_to_do() -> None:
-    source = "\n".join(
-        path.read_text(encoding="utf-8")
+    quoted = re.compile(r'"([A-Z]-[A-Z0-9-]+)"')
+    used = {
+        code
         for package in ("gateway", "drivers", "simulators", "trueflank")
         for path in (ROOT / package).rglob("*.py")
-    )
-    unused = [code for code in catalogue() if f'"{code}"' not in source]
+        for code in quoted.findall(path.read_text(encoding="utf-8"))
+    }
+    unused = [code for code in catalogue() if code not in used]
     silent = [code for code, entry in catalogue().items() if code.startswith("E-") and not entry["do"].strip()]
     assert not unused
     assert not silent
@@ -117,8 +118,8 @@ def test_the_gateway_names_no_code_of_a_concrete_driver() -> None:
     found = [
         f"{path.relative_to(ROOT)}:{node.lineno} {node.value}"
         for path in sorted((ROOT / "gateway").rglob("*.py"))
-        for node in ast.walk(parsed(path))
-        if isinstance(node, ast.Constant) and node.value in codes
+        for node in nodes(path, ast.Constant)
+        if node.value in codes
     ]
     assert found == []
 

@@ -185,20 +185,25 @@ The judge judges closing runs, most of them long themselves.
 """
 
 
+def _files_with(word: str) -> list[Path]:
+    """Files of tests that have a word at all: the others need no parsing."""
+    return [path for path in TESTS.rglob("*.py") if word in path.read_text(encoding="utf-8")]
+
+
 def _fixtures(path: Path) -> list[str]:
     found = [node for node in parsed(path).body if isinstance(node, ast.FunctionDef)]
     return [ast.unparse(node) for node in found if any("fixture" in ast.unparse(one) for one in node.decorator_list)]
 
 
 def test_no_fixture_is_written_twice() -> None:
-    written = Counter(text for path in TESTS.rglob("*.py") for text in set(_fixtures(path)))
+    written = Counter(text for path in _files_with("fixture") for text in set(_fixtures(path)))
     assert [text for text, files in written.items() if files > 1] == []
 
 
 def test_the_marks_of_a_file_are_given_once() -> None:
     """A second assignment would take back the first one without a word."""
     twice = []
-    for path in TESTS.rglob("*.py"):
+    for path in _files_with("pytestmark"):
         nodes = [node for node in parsed(path).body if isinstance(node, ast.Assign)]
         if sum(ast.unparse(node.targets[0]) == "pytestmark" for node in nodes) > 1:
             twice.append(str(path))
@@ -209,7 +214,8 @@ def test_what_is_long_keeps_a_sample_in_the_default_run() -> None:
     """A whole test may be long only where the file says which smaller one stays."""
     marked = [
         (path.name, node)
-        for path in TESTS.rglob("test_*.py")
+        for path in _files_with("pytest.mark.long")
+        if path.name.startswith("test_")
         for node in parsed(path).body
         if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef)
         and any(ast.unparse(one) == "pytest.mark.long" for one in node.decorator_list)

@@ -5,11 +5,10 @@ from __future__ import annotations
 import ast
 import sys
 from collections import Counter, defaultdict
-from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
 
-from tests.architecture.sources import parsed
+from tests.architecture.sources import nodes
 
 ROOT = Path(__file__).parents[2]
 TOPS = ("gateway", "drivers", "simulators", "trueflank")
@@ -73,18 +72,17 @@ ANYWHERE = {"numpy"}
 
 
 @cache
-def _trees() -> dict[Path, ast.Module]:
-    paths = [path for top in TOPS for path in sorted((ROOT / top).rglob("*.py"))]
-    return {path.relative_to(ROOT): parsed(path) for path in paths}
+def _paths() -> list[Path]:
+    return [path.relative_to(ROOT) for top in TOPS for path in sorted((ROOT / top).rglob("*.py"))]
 
 
 def test_files_are_short() -> None:
-    lines = {str(path): len((ROOT / path).read_text(encoding="utf-8").splitlines()) for path in _trees()}
+    lines = {str(path): len((ROOT / path).read_text(encoding="utf-8").splitlines()) for path in _paths()}
     assert {path: count for path, count in lines.items() if count > LONGEST_FILE} == {}
 
 
 def test_folders_are_small() -> None:
-    folders = Counter(str(path.parent) for path in _trees() if path.name != "__init__.py")
+    folders = Counter(str(path.parent) for path in _paths() if path.name != "__init__.py")
     assert {folder: count for folder, count in folders.items() if count > LARGEST_FOLDER} == {}
 
 
@@ -93,22 +91,22 @@ def _module(path: Path) -> str:
     return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
 
 
-def _imported(tree: ast.Module) -> Iterator[tuple[str, str]]:
+@cache
+def _imported(path: Path) -> list[tuple[str, str]]:
     """(module, name) of every import statement, those inside functions too; the name is empty in `import module`."""
-    for node in ast.walk(tree):
-        if isinstance(node, ast.Import):
-            yield from ((alias.name, "") for alias in node.names)
-        elif isinstance(node, ast.ImportFrom):
-            yield from ((node.module or "", alias.name) for alias in node.names)
+    found = [(alias.name, "") for node in nodes(ROOT / path, ast.Import) for alias in node.names]
+    return found + [
+        (node.module or "", alias.name) for node in nodes(ROOT / path, ast.ImportFrom) for alias in node.names
+    ]
 
 
 @cache
 def _graph() -> dict[str, set[str]]:
     """What each module imports of ours; a module that is taken from its package counts, not the package."""
-    modules = {_module(path): tree for path, tree in _trees().items()}
+    modules = {_module(path): path for path in _paths()}
     graph: dict[str, set[str]] = {}
-    for name, tree in modules.items():
-        found = {f"{one}.{two}" if f"{one}.{two}" in modules else one for one, two in _imported(tree)}
+    for name, path in modules.items():
+        found = {f"{one}.{two}" if f"{one}.{two}" in modules else one for one, two in _imported(path)}
         graph[name] = {other for other in found if other in modules} - {name}
     return graph
 
@@ -135,7 +133,8 @@ def test_no_import_goes_in_a_circle() -> None:
 
 
 def test_modules_are_loaded_by_name_in_the_registry_alone() -> None:
-    loading = {str(path) for path, tree in _trees().items() if any(_loads(node) for node in ast.walk(tree))}
+    kinds = (ast.ImportFrom, ast.Attribute, ast.Name)
+    loading = {str(path) for path in _paths() if any(_loads(node) for node in nodes(ROOT / path, *kinds))}
     assert loading - STILL_BY_NAME == LOADED_BY_NAME
     assert STILL_BY_NAME - loading == set(), "cured: take them off the list"
 
@@ -155,8 +154,8 @@ def _package(path: Path) -> str:
 
 def test_foreign_libraries_are_imported_by_their_packages_alone() -> None:
     places: dict[str, set[str]] = defaultdict(set)
-    for path, tree in _trees().items():
-        for module, _name in _imported(tree):
+    for path in _paths():
+        for module, _name in _imported(path):
             places[module.partition(".")[0]].add(_package(path))
     foreign = set(places) - set(sys.stdlib_module_names) - set(TOPS) - ANYWHERE
     assert {library: places[library] for library in sorted(foreign)} == LIBRARIES

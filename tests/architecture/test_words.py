@@ -12,7 +12,7 @@ import pytest
 from drivers import registry
 from drivers.errors import catalogue
 from drivers.terms import Terms
-from tests.architecture.sources import parsed
+from tests.architecture.sources import nodes
 
 ROOT = Path(__file__).parents[2]
 MAKERS = {
@@ -53,8 +53,8 @@ def _raised() -> dict[str, set[str]]:
     known, found = catalogue(), defaultdict(set)
     for top in ("gateway", "drivers"):
         for path in (ROOT / top).rglob("*.py"):
-            for node in ast.walk(parsed(path)):
-                if isinstance(node, ast.Constant) and isinstance(node.value, str) and node.value in known:
+            for node in nodes(path, ast.Constant):
+                if isinstance(node.value, str) and node.value in known:
                     found[node.value].add(str(path.relative_to(ROOT)))
     return found
 
