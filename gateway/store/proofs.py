@@ -7,6 +7,7 @@ from pathlib import Path
 from drivers.local.names import stem
 from drivers.types.identity import MachineIdentity
 from drivers.types.orders import SignProof
+from drivers.types.values import Sense
 from gateway.errors import CorruptRecord
 from gateway.store import records
 from gateway.store.disk import disk_errors, make_folder, read_whole, write_whole
@@ -34,14 +35,28 @@ class Proofs:
 
         Raises CorruptRecord when a kept proof has been altered, FutureSchema when it is too new to read.
         """
-        folder = self._folder(machine)
-        with disk_errors(folder):
-            paths = sorted(folder.glob(f"*-{stem(output_axis)}-*.json"))
-        proofs = [proof for proof in map(_read, paths) if _fits(proof, machine, kind, output_axis)]
+        kept = _kept(self._folder(machine), output_axis)
+        proofs = [proof for proof in kept if _fits(proof, machine, kind, output_axis)]
         return max(proofs, key=lambda proof: proof.date_utc, default=None)
+
+    def sense_of(self, serial: str, output_axis: str) -> Sense | None:
+        """The sense of the newest proof of an axis' cross tables, for a look without a control; None without one.
+
+        Whether it still holds for the machine is said by `find`, before anything is written. Raises as `find`.
+        """
+        found = _kept(self._root / stem(serial), output_axis)
+        mine = [one for one in found if (one.machine.serial, one.kind, one.output_axis) == (serial, "cross", output_axis)]
+        newest = max(mine, key=lambda proof: proof.date_utc, default=None)
+        return newest.sense if newest is not None else None
 
     def _folder(self, machine: MachineIdentity) -> Path:
         return self._root / stem(machine.serial)
+
+
+def _kept(folder: Path, output_axis: str) -> list[SignProof]:
+    with disk_errors(folder):
+        paths = sorted(folder.glob(f"*-{stem(output_axis)}-*.json"))
+    return [_read(path) for path in paths]
 
 
 def _fits(proof: SignProof, machine: MachineIdentity, kind: str, output_axis: str) -> bool:

@@ -5,10 +5,11 @@ from __future__ import annotations
 from typing import Any
 
 from gateway import audit
-from gateway.push.records.history import Committed, consent_set, every_push, named
+from gateway.push.records.history import Committed, consent_set, every_push
 from gateway.push.records.holding import TableState, held_pushes, table_states
 from gateway.push.records.journal import JOURNALS
-from gateway.store import Store
+from gateway.push.records.preview import by_senses, previews
+from gateway.store import Proofs, Store
 
 
 def standing_tables(store: Store, serial: str) -> dict[str, Any]:
@@ -18,20 +19,37 @@ def standing_tables(store: Store, serial: str) -> dict[str, Any]:
     """
     journals, known = store.root / JOURNALS, audit.standing(store.root, serial)
     looks = {name: (utc, known.kinds.get(name, "differs")) for name, utc in known.looked.items()}
-    states, pushes = table_states(journals, serial, looks), every_push(journals, serial)
-    held = held_pushes(journals)
+    states, held = table_states(journals, serial, looks), held_pushes(journals)
+    rolling = _Rollbacks(store, serial)
     return {
         "serial": serial,
-        "tables": [_state(one, pushes) for one in states],
+        "tables": [_state(one, rolling) for one in states],
+        "rollback": rolling.of(""),
         "alarms": dict(known.alarms),
         "held": [one.as_data() for one in held],
         "settled": not held and all(one.settled for one in states),
     }
 
 
-def _state(state: TableState, pushes: tuple[Committed, ...]) -> dict[str, Any]:
-    """A table as every screen shows it; ``back`` are the tables that a rollback of its axis restores, with names."""
-    found = consent_set(pushes, state.axis)
+class _Rollbacks:
+    """What a rollback of one axis, or of everything the newest consent changed (""), restores."""
+
+    def __init__(self, store: Store, serial: str) -> None:
+        proofs, journals = Proofs(store.root), store.root / JOURNALS
+        self._kept = every_push(journals, serial)
+        self._pushes = every_push(journals, serial, by_senses(lambda axis: proofs.sense_of(serial, axis)))
+
+    def of(self, asked: str) -> dict[str, Any]:
+        """``back`` are the tables with names and moves, ``stays`` tables of the same consent that go on acting."""
+        found = consent_set(self._pushes, asked)
+        if found is None:
+            return {"back": [], "stays": []}
+        back = [one.as_data() for one in previews(self._kept, found).values()]
+        return {"back": back, "stays": [one.table for one in found.rest]}
+
+
+def _state(state: TableState, rolling: _Rollbacks) -> dict[str, Any]:
+    """A table as every screen shows it; ``back`` are the tables that a rollback of its axis restores."""
     told: dict[str, Any] = {
         "table": state.table,
         "axis": state.axis,
@@ -42,16 +60,8 @@ def _state(state: TableState, pushes: tuple[Committed, ...]) -> dict[str, Any]:
         "acts": state.acts,
         "enabled": state.acts == "on",
         "held": state.held.as_data() if state.held is not None else None,
-        "back": [_back(one, pushes) for one in found.tables] if found is not None else [],
-        "stays": [one.table for one in found.rest] if found is not None else [],
     }
-    return told | _points(state.push)
-
-
-def _back(push: Committed, pushes: tuple[Committed, ...]) -> dict[str, str]:
-    before = tuple(one for one in pushes if one.transaction != push.transaction)
-    newer, older = named(pushes, push.table, push.new), named(before, push.table, push.old, push.utc)
-    return {"table": push.table, "newer": newer.words, "older": older.words}
+    return told | rolling.of(state.axis) | _points(state.push)
 
 
 def _points(push: Committed | None) -> dict[str, Any]:

@@ -135,6 +135,8 @@ def show_outcome(outcome: Any, *, as_json: bool, points: bool = False, onward: s
             echo(line)
         for line in outcome.lines:
             echo(line)
+        if outcome.points and not points:
+            echo(words("S-RUN-POINTS"))
         if onward:
             next_step(onward)
     if outcome.exit_code:

@@ -19,8 +19,9 @@ from gateway.domain.outcomes import PushRecord
 from gateway.errors import StillOn, VerifyError, WriteRefused
 from gateway.moving import shown
 from gateway.push import PushContext, outcome_alarms, outcome_error
-from gateway.push.records.history import Committed, ConsentSet, TableName, consent_set, every_push, named
+from gateway.push.records.history import Committed, ConsentSet, consent_set, every_push
 from gateway.push.records.journal import JOURNALS
+from gateway.push.records.preview import RollbackPreview, changes, previews
 from gateway.push.undoing import Undo, ask_undos, groups, undo_tables
 from gateway.say import Say
 from gateway.table.comparison import effective, toward
@@ -99,8 +100,8 @@ async def _shown(at: Bench, found: ConsentSet, undos: Sequence[Sequence[Undo]]) 
             for refusal in asked.refusals:
                 against.setdefault(refusal.words, []).append(done.table)
     reasons = [f"{', '.join(names)}: {reason}" for reason, names in against.items()]
-    names = names_of(at.store.root, at.machine.serial, found)
-    lines = [line for done in found.tables for line in (names[done.table].plan(done), _largest(done))]
+    seen = _seen(at, found)
+    lines = [line for one in seen.values() for line in one.lines]
     lines += [f"  {reason}" for reason in reasons] or ["  " + words("W-ROLLBACK-FREE")]
     lines += [*_rest(found), words("W-ROLLBACK-DRY")]
     for done in found.tables:
@@ -110,30 +111,9 @@ async def _shown(at: Bench, found: ConsentSet, undos: Sequence[Sequence[Undo]]) 
     return Outcome(state="looked", run_folder="", rows=(), lines=tuple(lines), points=points, data=data)
 
 
-@dataclass(frozen=True, slots=True)
-class _Names:
-    """What acts in a table's place until a rollback, and after it."""
-
-    newer: TableName
-    older: TableName
-
-    def plan(self, done: Committed) -> str:
-        """What a rollback would do with this table."""
-        told = {"transaction": done.transaction, "utc": done.utc[:16].replace("T", " ")}
-        return words("W-ROLLBACK-PLAN", table=done.table, newer=self.newer.words, older=self.older.words, **told)
-
-
-def names_of(root: Path, serial: str, found: ConsentSet) -> dict[str, _Names]:
-    """The names of the newer and the older table of each table of a set, by the table's name. Raises StoreError."""
-    pushes = every_push(root / JOURNALS, serial)
-    return {
-        one.table: _Names(named(pushes, one.table, one.new), named(_before(pushes, one), one.table, one.old, one.utc))
-        for one in found.tables
-    }
-
-
-def _before(pushes: tuple[Committed, ...], done: Committed) -> tuple[Committed, ...]:
-    return tuple(one for one in pushes if one.transaction != done.transaction)
+def _seen(at: Bench, found: ConsentSet) -> Mapping[str, RollbackPreview]:
+    """What acts in each table's place until the rollback, and after it. Raises StoreError."""
+    return previews(every_push(at.store.root / JOURNALS, at.machine.serial), found)
 
 
 def _rest(found: ConsentSet) -> list[str]:
@@ -148,18 +128,6 @@ def _data(found: ConsentSet) -> dict[str, Any]:
     return {"transaction": first.transaction, "table": found.names, "tables": told, "rest": rest}
 
 
-def _largest(done: Committed) -> str:
-    """The point at which the table changes most, in words."""
-    unit, new = done.new.table.deviation_unit, done.new.table
-    if new.kind == "reversal":
-        was, becomes = (effective(one).deviations[0] for one in (done.new, done.old))
-        return words("W-ROLLBACK-REVERSAL", was=round(was, 2), becomes=round(becomes, 2), unit=unit)
-    changes = [(becomes - was, float(place), was, becomes) for place, _, was, becomes in _changes(done)]
-    _, place, was, becomes = max(changes, key=lambda one: abs(one[0]))
-    told = {"was": round(was, 2), "becomes": round(becomes, 2), "unit": unit}
-    return words("W-ROLLBACK-LARGEST", place=shown(place), place_unit=new.input_unit, count=len(changes), **told)
-
-
 def _difference(done: Committed) -> list[str]:
     """What the table would become, at the points of the larger of both."""
     new, old = done.new, done.old
@@ -168,21 +136,10 @@ def _difference(done: Committed) -> list[str]:
         return [f"  {was:+9.3f} -> {becomes:+9.3f} {new.table.deviation_unit}"]
     unit, both = new.table.deviation_unit, bool(new.table.reverse or old.table.reverse)
     lines = [words("W-ROLLBACK-POINTS", table=done.table)]
-    for place, way, was, becomes in _changes(done):
+    for place, way, was, becomes in changes(done):
         side = f"  {'+-'[way < 0]}" if both else ""
         lines.append(f"  {place:10.3f}{side} {was:+9.3f} -> {becomes:+9.3f} {unit}")
     return lines
-
-
-def _changes(done: Committed) -> Iterator[tuple[float, Approach, float, float]]:
-    """Each point of the larger of both tables, the direction of travel, what acts there now and what would act."""
-    new, old = done.new, done.old
-    places = max((new.table, old.table), key=lambda table: len(table.deviations)).positions
-    ways: tuple[Approach, ...] = (1, -1) if new.table.reverse or old.table.reverse else (1,)
-    for way in ways:
-        now, then = toward(effective(new), places, way), toward(effective(old), places, way)
-        for place, was, becomes in zip(places, now, then, strict=True):
-            yield float(place), way, float(was), float(becomes)
 
 
 async def _applied(at: Bench, found: ConsentSet, undos: Sequence[Sequence[Undo]]) -> Outcome:
@@ -190,7 +147,7 @@ async def _applied(at: Bench, found: ConsentSet, undos: Sequence[Sequence[Undo]]
 
     Raises what became of the first that did not end as asked, with what is back and what stays on.
     """
-    names = names_of(at.store.root, at.machine.serial, found)
+    seen = _seen(at, found)
     records: dict[str, PushRecord] = {}
     failure: TrueflankError | None = None
     for group in undos:
@@ -211,7 +168,7 @@ async def _applied(at: Bench, found: ConsentSet, undos: Sequence[Sequence[Undo]]
     at.folder.set_state(state)
     if failure is not None:
         raise failure if not back else _in_part(failure, [one.table for one in found.tables], back)
-    return _ended(at, found, records, names)
+    return _ended(at, found, records, seen)
 
 
 def _worst(records: Mapping[str, PushRecord]) -> str:
@@ -226,11 +183,13 @@ def _in_part(failure: TrueflankError, tables: Sequence[str], back: Sequence[str]
     return kind("E-ROLLBACK-PART", ", ".join(tables), back=", ".join(back), on=on, why=str(failure))
 
 
-def _ended(at: Bench, found: ConsentSet, records: Mapping[str, PushRecord], names: Mapping[str, _Names]) -> Outcome:
+def _ended(
+    at: Bench, found: ConsentSet, records: Mapping[str, PushRecord], seen: Mapping[str, RollbackPreview]
+) -> Outcome:
     """Everything asked for is back. One table of several that act together leaves the others on: exit code 9."""
     codes = {"committed": "W-ROLLBACK-DONE", "already-applied": "W-ROLLBACK-THERE"}
     lines = [
-        words(codes[records[one.table].outcome], table=one.table, acts=names[one.table].older.words)
+        words(codes[records[one.table].outcome], table=one.table, acts=seen[one.table].older.words)
         for one in found.tables
     ]
     left = [one for one in found.rest if one.axis in {done.axis for done in found.tables}]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
@@ -15,8 +16,12 @@ from gateway.domain.outcomes import PushRecord
 from gateway.errors import RollbackFailed, VerifyError
 from gateway.push import outcome_alarms, outcome_error, push_tables
 from gateway.push.records.history import consent_set, every_push, named
+from gateway.push.records.journal import JOURNALS
+from gateway.push.records.preview import previews
 from gateway.push.undoing import Undo, ask_undos, groups, undo_tables
+from gateway.store import Proofs, Store
 from gateway.store.encoding import read_typed, write_typed
+from gateway.views.pushed import standing_tables
 from tests.unit.push.double import MACHINE, NEW, OLD, PROOF, Bench, Killed, Reaper, bench, change_of, deadline
 from tests.unit.push.test_batches import held_now, machine_of, new, old
 from tests.unit.push.test_cross import change_for, stage
@@ -247,3 +252,32 @@ def test_a_marker_that_cannot_be_written_is_an_alarm_with_a_code_and_is_audited(
     assert [(table, state) for table, state, _ in log.lost] == [("X1", "committed")]
     assert [code for code, _ in at.told if code == "P-PUSH-MARKER"]
     assert not any("could not be written" in step for step in record.steps)
+
+
+def test_the_page_shows_the_set_and_the_figures_of_the_terminal(tmp_path: Path) -> None:
+    """Largest moves by hand: NEW 15.5 to OLD 6.0 at 150 mm, 1.2, 1.3 and 1.4 of 9.0 to 0.3 of it, or to a table off."""
+    at = pushed(tmp_path / "push")
+    store = Store(tmp_path / "store")
+    shutil.copytree(at.context.journals, store.root / JOURNALS)
+    pushes = every_push(at.context.journals, MACHINE.serial)
+    found = consent_set(pushes)
+    assert found is not None
+    terminal = previews(pushes, found)
+    page = standing_tables(store, MACHINE.serial)["rollback"]
+    moves = {one["table"]: one["move"]["fields"] for one in page["back"]}
+    assert {name: (one["was"], one["becomes"], one["size"], one["place"]) for name, one in moves.items()} == {
+        "X1": (15.5, 6.0, 9.5, "150"),
+        "X1-cec2": (10.8, 2.7, 8.1, "150"),
+        "X1-cec3": (11.7, 0.0, 11.7, "150"),
+        "X1-cec4": (12.6, 2.7, 9.9, "150"),
+    }
+    for one in page["back"]:
+        plan, move = terminal[one["table"]].lines
+        assert move.strip() == one["move"]["words"]
+        assert one["newer"] in plan
+        assert one["older"] in plan
+    assert page["stays"] == []
+    Proofs(store.root).save(replace(PROOF, kind="cross", sign=-1, date_utc="2026-11-29T09:00:00+00:00"))
+    turned = {one["table"]: one["move"]["fields"] for one in standing_tables(store, MACHINE.serial)["rollback"]["back"]}
+    assert (turned["X1-cec2"]["was"], turned["X1-cec2"]["becomes"], turned["X1-cec2"]["size"]) == (-10.8, -2.7, 8.1)
+    assert turned["X1"] == moves["X1"]
