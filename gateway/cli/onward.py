@@ -22,6 +22,7 @@ STEPS: Mapping[str, str] = {
     "choose": "recover {site} --finish --apply --machine {machine} (or --undo instead of --finish)",
     "unread": "recover {site}",
     "recovered": "verify-table {site}",
+    "in-part": "rollback {site}",
     "better": "verify-table {site}",
     "unchanged": "verify-table {site}",
     "committed": "verify-table {site}",
@@ -94,7 +95,7 @@ def after_recovery(findings: Collection[Any], site: str, machine: str, *, apply:
     if any(finding.stands for finding in findings):
         state = "left"
     elif apply or not findings:
-        state = "recovered"
+        state = "in-part" if any(getattr(finding, "rest", ()) for finding in findings) else "recovered"
     elif any(getattr(finding, "choices", ()) for finding in findings):
         state = "choose"
     else:

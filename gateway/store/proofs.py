@@ -45,7 +45,9 @@ class Proofs:
         Whether it still holds for the machine is said by `find`, before anything is written. Raises as `find`.
         """
         found = _kept(self._root / stem(serial), output_axis)
-        mine = [one for one in found if (one.machine.serial, one.kind, one.output_axis) == (serial, "cross", output_axis)]
+        mine = [
+            one for one in found if (one.machine.serial, one.kind, one.output_axis) == (serial, "cross", output_axis)
+        ]
         newest = max(mine, key=lambda proof: proof.date_utc, default=None)
         return newest.sense if newest is not None else None
 

@@ -9,7 +9,8 @@ from gateway.push.records.history import Committed, consent_set, every_push
 from gateway.push.records.holding import TableState, held_pushes, table_states
 from gateway.push.records.journal import JOURNALS
 from gateway.push.records.preview import by_senses, previews
-from gateway.store import Proofs, Store
+from gateway.store import Store
+from gateway.store.proofs import Proofs
 
 
 def standing_tables(store: Store, serial: str) -> dict[str, Any]:

@@ -105,7 +105,7 @@ def verify_table_command(
     rows = outcome.data.get("tables", [outcome.data])
     wrong = next((one["axis"] for one in rows if one.get("kind") != "as-approved"), axis)
     back = "unfinished" if outcome.data.get("unfinished") else "worse-axis"
-    onward = step_of(back, site=site, axis=wrong) if outcome.exit_code else f"audit verify {site}"
+    onward = step_of(back, site=site, axis=spoken().axis_of(wrong)) if outcome.exit_code else f"audit verify {site}"
     show_outcome(outcome, as_json=as_json, onward=onward)
 
 

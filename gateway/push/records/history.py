@@ -98,6 +98,29 @@ def consent_set(pushes: tuple[Committed, ...], asked: str = "") -> ConsentSet | 
     name, or "" for all; the newest consent is that of the tables asked for. ``pushes`` as `every_push` gives them.
     Recovery, page, report and comparison take their set from here. None where nothing is left to take back.
     """
+    tops = _standing(pushes)
+    mine = [one for one in tops if not asked or asked in (one.table, one.axis)]
+    if not mine:
+        return None
+    same = [one for one in tops if one.consent == mine[0].consent]
+    tables = tuple(one for one in same if one in mine)
+    return ConsentSet(tables, tuple(one for one in same if one not in mine))
+
+
+def same_consent(pushes: tuple[Committed, ...], found: JournalRead) -> tuple[Committed, ...]:
+    """Of the consent that an unfinished journal belongs to: what is committed and nobody has taken back, newest first.
+
+    Of a rollback that is the consent of the push that it was to take back. A journal of another purpose has none.
+    """
+    if found.broken or found.purpose not in ("table", "restore"):
+        return ()
+    undone = found.latest("undoes")
+    consents = {one.consent for one in pushes if one.transaction == undone} if undone else {_consent(found)}
+    return tuple(one for one in _standing(pushes) if one.consent in consents)
+
+
+def _standing(pushes: tuple[Committed, ...]) -> list[Committed]:
+    """The newest push of each table that no later one has taken back, newest first."""
     left: dict[str, list[Committed]] = {}
     for push in pushes:
         stack = left.setdefault(push.table, [])
@@ -106,13 +129,7 @@ def consent_set(pushes: tuple[Committed, ...], asked: str = "") -> ConsentSet | 
         else:
             stack.append(push)
     order = {id(push): place for place, push in enumerate(pushes)}
-    tops = sorted((stack[-1] for stack in left.values() if stack), key=lambda one: -order[id(one)])
-    mine = [one for one in tops if not asked or asked in (one.table, one.axis)]
-    if not mine:
-        return None
-    same = [one for one in tops if one.consent == mine[0].consent]
-    tables = tuple(one for one in same if one in mine)
-    return ConsentSet(tables, tuple(one for one in same if one not in mine))
+    return sorted((stack[-1] for stack in left.values() if stack), key=lambda one: -order[id(one)])
 
 
 def _in_order(folder: Path, pushes: list[Committed]) -> tuple[Committed, ...]:

@@ -44,9 +44,7 @@ class RollbackPreview:
     def plan(self) -> str:
         """Both tables by their names, in words."""
         told = {"transaction": self.done.transaction, "utc": self.done.utc[:16].replace("T", " ")}
-        return words(
-            "W-ROLLBACK-PLAN", table=self.done.table, newer=self.newer.words, older=self.older.words, **told
-        )
+        return words("W-ROLLBACK-PLAN", table=self.done.table, newer=self.newer.words, older=self.older.words, **told)
 
     @property
     def move(self) -> tuple[str, dict[str, Any]]:

@@ -5,7 +5,8 @@ Each finding carries what is offered; nothing is read or written here.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, ClassVar, Literal
 
@@ -14,7 +15,7 @@ from drivers.types.abilities import Marker
 from drivers.types.tables import LiveTable
 from gateway.push.compare import three_way
 from gateway.push.records import journal
-from gateway.push.records.history import Committed, Meant, as_kept, tables_of
+from gateway.push.records.history import Committed, Meant, as_kept, same_consent, tables_of
 from gateway.push.records.holding import held_push, standing
 from gateway.push.records.journal import JournalRead
 from gateway.push.records.steps import step_words
@@ -33,7 +34,8 @@ class PushFinding:
     or may be, that no push stands for; it is told before all else. ``table``: which one of a push of several.
     ``ended``: the outcome of what was done about it, "" for nothing. ``old`` and ``new`` name the table that acted
     before and the one that was to act, by id and date. ``back``: a rollback was interrupted after it had announced
-    a write, and the person says whether it is finished or undone.
+    a write, and the person says whether it is finished or undone. ``rest`` are other tables of the same consent, which
+    act and which a rollback takes back.
     """
 
     transaction: int
@@ -50,6 +52,7 @@ class PushFinding:
     old: str = ""
     new: str = ""
     back: bool = False
+    rest: tuple[str, ...] = ()
     stands: ClassVar[bool] = False
 
     @property
@@ -66,7 +69,11 @@ class PushFinding:
         text = f"{self.code}: {words(self.code, **told, count=MOST_TRIES)}"
         text = f"{text}: {'; '.join(self.difference)}" if self.difference else text
         choice = words("R-UNDO-CHOICE", **told) if self.choices else ""
-        return f"{text}. {choice}" if choice else text
+        return ". ".join(one for one in (text, choice, self._rest) if one)
+
+    @property
+    def _rest(self) -> str:
+        return words("R-CONSENT-REST", tables=", ".join(self.rest)) if self.rest else ""
 
     @property
     def at_last(self) -> str:
@@ -75,7 +82,8 @@ class PushFinding:
             return self.words
         acts = {"rolled-back": self.old, "committed": self.new}.get(self.ended, "")
         told = {"acts": acts} if acts else {"outcome": self.ended}
-        return words("P-RECOVERED" if acts else "P-PUSH-END", axis=self.table or self.axis, **told)
+        text = words("P-RECOVERED" if acts else "P-PUSH-END", axis=self.table or self.axis, **told)
+        return ". ".join(one for one in (text, self._rest) if one)
 
     def as_data(self) -> dict[str, Any]:
         """The finding as JSON data."""
@@ -94,8 +102,22 @@ class PushFinding:
             "old": self.old,
             "new": self.new,
             "choices": list(self.choices),
+            "rest": list(self.rest),
             "what": self.words,
         }
+
+
+def with_rest(
+    findings: Sequence[PushFinding], left: Sequence[JournalRead], pushes: tuple[Committed, ...]
+) -> tuple[PushFinding, ...]:
+    """The findings with the other tables of the same consent, each named once; ``left`` are the journals looked at."""
+    of = {found.path: same_consent(pushes, found) for found in left}
+    told, made = {one.table or one.axis for one in findings}, []
+    for finding in findings:
+        rest = tuple(one.table for one in of.get(finding.journal, ()) if one.table not in told)
+        told |= set(rest)
+        made.append(replace(finding, rest=rest))
+    return tuple(made)
 
 
 @dataclass(frozen=True, slots=True)

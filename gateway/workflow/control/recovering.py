@@ -14,9 +14,9 @@ from gateway.config import SiteFile
 from gateway.domain.outcomes import PushRecord
 from gateway.errors import StoreError
 from gateway.push import PushContext, outcome_error
-from gateway.push.records.history import tables_of
+from gateway.push.records.history import Committed, every_push, tables_of
 from gateway.push.records.journal import JOURNALS, JournalRead, machine_folder, tidy
-from gateway.push.undo.finding import PushFinding, verdict
+from gateway.push.undo.finding import PushFinding, verdict, with_rest
 from gateway.push.undo.recovery import Choice, Read, look, recover, unfinished
 from gateway.say import Say
 from gateway.workflow.bench import Bench, bench, check_name, run_or_look
@@ -63,22 +63,33 @@ async def recover_site(
 
 async def _all(at: Bench, *, apply: bool, choice: Choice) -> tuple[list[PushFinding | LeftFinding], list[PushRecord]]:
     """What is found, and what of it did not go back to the old table, what is still on first."""
-    findings: list[PushFinding | LeftFinding] = []
+    findings: list[PushFinding] = []
+    others: list[LeftFinding] = []
     held: list[PushRecord] = []
     left, may_write = at.supervisor.left, apply
     if not left.clear:
-        findings.append(told := await _left(at, left, apply=apply))
+        others.append(told := await _left(at, left, apply=apply))
         may_write = apply and told.after is not None and told.after.clear
     begun = Witness(at).begun
     for ended in tidy(machine_folder(at.store.root / JOURNALS, at.machine.serial), begun):
         if ended.entries:
             at.say("P-RECOVER", words=verdict(ended, None, 0.0).words)
     read: Read | None = None if may_write else {}
-    for found in unfinished(at.store.root / JOURNALS, at.machine.serial, begun):
+    open_ = unfinished(at.store.root / JOURNALS, at.machine.serial, begun)
+    for found in open_:
         finding, record = await _one(at, found, choice if may_write else None, read=read)
         findings.append(finding)
         held += [record] if record is not None and record.outcome in HELD else []
-    return findings, sorted(held, key=lambda record: HELD.index(record.outcome))
+    named = with_rest(findings, open_, _pushes(at))
+    return [*others, *named], sorted(held, key=lambda record: HELD.index(record.outcome))
+
+
+def _pushes(at: Bench) -> tuple[Committed, ...]:
+    """What is committed by now; nothing where a journal cannot be believed, which a finding says."""
+    try:
+        return every_push(at.store.root / JOURNALS, at.machine.serial)
+    except StoreError:
+        return ()
 
 
 async def _left(at: Bench, found: LeftOver, *, apply: bool) -> LeftFinding:

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -12,19 +12,18 @@ from drivers.clock import Clock
 from drivers.errors import TrueflankError, words
 from drivers.terms import spoken
 from drivers.types.tables import CompensationTable
-from drivers.types.values import Approach, Sense
+from drivers.types.values import Sense
 from gateway import audit
 from gateway.config import SiteFile
 from gateway.domain.outcomes import PushRecord
 from gateway.errors import StillOn, VerifyError, WriteRefused
-from gateway.moving import shown
 from gateway.push import PushContext, outcome_alarms, outcome_error
 from gateway.push.records.history import Committed, ConsentSet, consent_set, every_push
 from gateway.push.records.journal import JOURNALS
 from gateway.push.records.preview import RollbackPreview, changes, previews
 from gateway.push.undoing import Undo, ask_undos, groups, undo_tables
 from gateway.say import Say
-from gateway.table.comparison import effective, toward
+from gateway.table.comparison import effective
 from gateway.workflow.bench import Bench, bench, check_name, run_or_look
 from gateway.workflow.consents import audit_problem, looked, tell, why_of, word_of
 from gateway.workflow.control.contexts import table_context
@@ -119,6 +118,13 @@ def _seen(at: Bench, found: ConsentSet) -> Mapping[str, RollbackPreview]:
 def _rest(found: ConsentSet) -> list[str]:
     """Tables of the same consent that were not asked for: they go on acting."""
     return [words("W-ROLLBACK-REST", tables=", ".join(one.table for one in found.rest))] if found.rest else []
+
+
+def rollback_lines(found: ConsentSet | None) -> list[str]:
+    """What a rollback would take back together, and what of the same consent would stay on; nothing without a set."""
+    if found is None:
+        return []
+    return [words("W-ROLLBACK-SET", tables=found.names, transactions=found.transactions), *_rest(found)]
 
 
 def _data(found: ConsentSet) -> dict[str, Any]:

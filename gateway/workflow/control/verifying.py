@@ -16,6 +16,7 @@ from gateway.domain.proposals import Proposal
 from gateway.errors import StoreError
 from gateway.push import conversation
 from gateway.push.compare import table_in, tolerance
+from gateway.push.records.history import consent_set, every_push
 from gateway.push.records.journal import JOURNALS
 from gateway.push.undo.recovery import unfinished
 from gateway.say import Say
@@ -26,7 +27,7 @@ from gateway.workflow.aftercare import Look, against, compare_with, expected_of,
 from gateway.workflow.bench import Bench, bench, kept_in, run_or_look
 from gateway.workflow.consents import looked
 from gateway.workflow.control.contexts import push_context
-from gateway.workflow.control.rolling_back import context_of
+from gateway.workflow.control.rolling_back import context_of, rollback_lines
 from gateway.workflow.outcome import Outcome
 
 DIFFERS_EXIT = 9
@@ -71,13 +72,15 @@ def _outcome(at: Bench, table: str, looks: list[Look]) -> Outcome:
     kinds = {look.found.kind for look in looks} - {"as-approved"}
     at.folder.set_state(f"table-{min(kinds) if kinds else 'as-approved'}")
     rows = [{"axis": one.name, "against": one.against, "digest": one.digest, **one.found.as_data()} for one in looks]
-    left = unfinished(at.store.root / JOURNALS, at.machine.serial)
+    journals, serial = at.store.root / JOURNALS, at.machine.serial
+    left, back = unfinished(journals, serial), consent_set(every_push(journals, serial), table)
     data: dict[str, Any] = {**(rows[0] if table else {"tables": rows}), "unfinished": len(left)}
+    data["rollback"] = [one.table for one in back.tables] if back is not None else []
     return Outcome(
         state=at.folder.state,
         run_folder=str(at.folder.path),
         rows=(),
-        lines=tuple(_said(looks)),
+        lines=(*_said(looks), *rollback_lines(back)),
         data=data,
         exit_code=DIFFERS_EXIT if kinds else 0,
     )

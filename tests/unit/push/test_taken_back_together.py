@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shutil
 from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
@@ -12,15 +11,17 @@ import pytest
 
 from drivers.clock import run_virtual
 from drivers.types.tables import LiveTable
+from gateway.cli.onward import after_recovery
 from gateway.domain.outcomes import PushRecord
 from gateway.errors import RollbackFailed, VerifyError
-from gateway.push import outcome_alarms, outcome_error, push_tables
+from gateway.push import outcome_alarms, outcome_error, push_tables, unfinished
 from gateway.push.records.history import consent_set, every_push, named
-from gateway.push.records.journal import JOURNALS
 from gateway.push.records.preview import previews
+from gateway.push.undo.finding import verdict, with_rest
 from gateway.push.undoing import Undo, ask_undos, groups, undo_tables
-from gateway.store import Proofs, Store
+from gateway.store import Store
 from gateway.store.encoding import read_typed, write_typed
+from gateway.store.proofs import Proofs
 from gateway.views.pushed import standing_tables
 from tests.unit.push.double import MACHINE, NEW, OLD, PROOF, Bench, Killed, Reaper, bench, change_of, deadline
 from tests.unit.push.test_batches import held_now, machine_of, new, old
@@ -256,9 +257,7 @@ def test_a_marker_that_cannot_be_written_is_an_alarm_with_a_code_and_is_audited(
 
 def test_the_page_shows_the_set_and_the_figures_of_the_terminal(tmp_path: Path) -> None:
     """Largest moves by hand: NEW 15.5 to OLD 6.0 at 150 mm, 1.2, 1.3 and 1.4 of 9.0 to 0.3 of it, or to a table off."""
-    at = pushed(tmp_path / "push")
-    store = Store(tmp_path / "store")
-    shutil.copytree(at.context.journals, store.root / JOURNALS)
+    at, store = pushed(tmp_path), Store(tmp_path)
     pushes = every_push(at.context.journals, MACHINE.serial)
     found = consent_set(pushes)
     assert found is not None
@@ -281,3 +280,29 @@ def test_the_page_shows_the_set_and_the_figures_of_the_terminal(tmp_path: Path) 
     turned = {one["table"]: one["move"]["fields"] for one in standing_tables(store, MACHINE.serial)["rollback"]["back"]}
     assert (turned["X1-cec2"]["was"], turned["X1-cec2"]["becomes"], turned["X1-cec2"]["size"]) == (-10.8, -2.7, 8.1)
     assert turned["X1"] == moves["X1"]
+
+
+def test_recovery_names_what_else_of_the_consent_acts(tmp_path: Path) -> None:
+    """The three cross tables were going back when the gateway died; the axis' own table of the same consent acts."""
+    at = pushed(tmp_path)
+    here = stage(tmp_path, machine=at.machine, reaper=Reaper(50))
+    with pytest.raises(Killed):
+        take_back(here)
+    left = unfinished(at.context.journals, MACHINE.serial)
+    pushes = every_push(at.context.journals, MACHINE.serial)
+    found = with_rest([verdict(one, None, 0.0, pushes=pushes) for one in left], left, pushes)
+    assert {one.table for one in found} <= {"X1-cec2", "X1-cec3", "X1-cec4"}
+    named_once = [*(one.table for one in found), *(name for one in found for name in one.rest)]
+    assert sorted(named_once) == ["X1", "X1-cec2", "X1-cec3", "X1-cec4"]
+    assert "X1" in found[0].rest
+    assert "X1; `trueflank rollback`" in found[0].words
+    assert "X1; `trueflank rollback`" in replace(found[0], ended="rolled-back").at_last
+    assert after_recovery(found, "S", "M", apply=True) == "rollback S"
+
+
+def test_a_push_that_failed_alone_has_nothing_beside_it(tmp_path: Path) -> None:
+    at = bench(tmp_path, reaper=Reaper(20))
+    with pytest.raises(Killed):
+        run_virtual(lambda: push_tables([(change_of(at.machine), at.context)]))
+    left = unfinished(at.context.journals, MACHINE.serial)
+    assert [one.rest for one in with_rest([verdict(one, None, 0.0) for one in left], left, ())] == [()]
