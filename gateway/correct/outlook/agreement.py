@@ -10,7 +10,8 @@ d = c p, where p is what an error does to the flank by the model. c = -2 is a re
 does not have, others another size. Of the first harmonics of a rotary axis' radial (or tilting) pair those that turn
 with it are taken off as the set-up's eccentricity: with one reading of the pair reversed it is the others that were
 taken off. So a reversed one of a pair leaves them open. The doubts' covariance weighs: what the doubts could make as
-well explains little.
+well explains little. An error that leaves most of the difference on the flank does not explain it: a pit in the face is
+no error of the machine, and the part is inspected again.
 """
 
 from __future__ import annotations
@@ -45,6 +46,7 @@ MOST = 4.0  # times an error: a difference that large is no error measured wrong
 FREE = 4.0  # chi-square that a factor of its own must be better by than a reversed or an absent error
 APART = 9.0  # chi-square by which two explanations are told apart
 LIKELY = 16.0  # chi-square that an explanation must be better by than none: by chance in one of 20 000 honest machines
+LEFT = 0.7  # of the difference (RMS): what leaves more explains less than half of its power, as of a pit in the face
 SMALL_UM = 0.01  # of a pattern (RMS): what shows less on a flank explains nothing
 REVERSED, ABSENT = -2.0, -1.0
 ABOUT = 0.7  # of a factor: levers that were taken off with a reversed angle make it another than -2
@@ -159,6 +161,7 @@ class _Seen:
                 every += self._tried(rest, name, shape, root=root, known=name in measured)
             if self.rms(shape) >= SMALL_UM and name in turning and name in measured:
                 every.append(self._turned(rest, name, shape, root=root, beside=turning[name]))
+        every = [pair for pair in every if pair[1].left_um <= LEFT * self.rms(rest)]
         nothing = float(np.sum(_weighed(root, rest) ** 2))
         best = min((chi for chi, _ in every), default=nothing)
         if best > nothing - LIKELY:

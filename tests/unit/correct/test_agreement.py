@@ -156,3 +156,18 @@ def _without_c(flank: FlankMap) -> FlankMap:
     chain = yk7350b({"ECC": lambda q: np.pi / 648000.0 * true_error("ECC", np.rad2deg(q))}, c_frame="fixed")
     alone = flank_map(Grinding(chain, GEAR, DISTANCE), GRID).deviation_um
     return replace(flank, deviation_um=flank.deviation_um - alone)
+
+
+@pytest.mark.parametrize(
+    ("space", "points", "height", "depth_um", "outcome"),
+    [(3, slice(2, 6), 1, 25.0, "apart"), (0, slice(0, 2), 0, 8.0, "look"), (5, slice(3, 4), 1, 25.0, "apart")],
+)
+def test_a_pit_in_the_face_is_seen_and_accuses_no_error(
+    space: int, points: slice, height: int, depth_um: float, outcome: str
+) -> None:
+    """Rust over a few points of one space: nothing that an error of the machine can leave."""
+    pitted = np.array(ground(1).fitted.deviation_um)
+    pitted[space, points, height] -= depth_um
+    part = replace(ground(1), fitted=replace(ground(1).fitted, deviation_um=pitted))
+    found = compared(measured(1), part)
+    assert (found.outcome, found.explanations) == (outcome, ())
