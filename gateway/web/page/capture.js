@@ -2,10 +2,11 @@
 import { get, post } from "./api.js";
 import { plotOf } from "./captureplot.js";
 import { targetList } from "./capturetargets.js";
-import { confirmed, shown, textAsked } from "./dialogs.js";
+import { confirmed, machineTyped, shown, textAsked } from "./dialogs.js";
 import { h, same, show, write } from "./dom.js";
 import { clock, number, signed, unit } from "./figures.js";
 import { mounting } from "./drawing.js";
+import { riskAsked, riskParts } from "./push.js";
 import { stuckFor, untested } from "./sentence.js";
 import { base, may, on, state } from "./state.js";
 import { plain, t, told } from "./words.js";
@@ -135,8 +136,20 @@ function commands(box) {
   };
   const key_ = (id, path, body) => h("button", { id, class: id === first ? "primary" : null, disabled: Boolean(run) || !allowed, onclick: give(path, body, t(`capture.${id.replace("-", "_")}`), t(`capture.${id.replace("-", "_")}_what`)) }, t(`capture.${id.replace("-", "_")}`));
   show(box, key_("self-test", "self-test", { axis: "" }), key_("measure-axes", "run", {}), state.plan.setups.length > 0 && key_("measure-errors", "measure", { setups: [], resume: "" }), state.plan.setups.length > 0 && state.file.work && key_("tooth-loop", "close", {}),
+    state.plan.setups.length > 0 && state.file.work && h("button", { id: "close-loop", disabled: Boolean(run) || !allowed, onclick: closeLoop }, t("capture.close_loop")),
     h("button", { id: "mounting", onclick: () => shown(t("capture.mounting"), [mounting()]) }, t("capture.mounting")),
     h("button", { id: "note", disabled: !may("operator", "approver"), onclick: note }, t("capture.note")));
+}
+
+// The whole loop writes: the machine's name is typed, and what happens to tables that make the flank worse is ordered now.
+async function closeLoop() {
+  const title = t("capture.close_loop");
+  const keep = h("input", { type: "checkbox", id: "keep-worse" });
+  const risk = riskAsked("");
+  const machine = await machineTyped(title, [h("p", {}, t("capture.close_loop_what")), riskParts(risk), h("label", { class: "inline tickbox" }, keep, t("capture.keep_worse"))], state.site);
+  if (!machine) return;
+  const body = { apply: true, machine, keep_worse: keep.checked, risk: risk ? risk.value.trim() : "" };
+  post(`${base()}/commands/close`, body).catch((error) => shown(title, [h("p", { class: "fault" }, told(error))]));
 }
 
 async function note() {

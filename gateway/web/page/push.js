@@ -78,13 +78,14 @@ async function approve(run) {
 async function write(run) {
   const risk = riskAsked(run);
   const moves = toldOnce(newestPlan(run), Boolean(risk));
-  const machine = await machineTyped(t("push.write"), [h("p", {}, t("push.write_what")), risk && [h("p", { class: "warn" }, `▲ ${plain(state.status.unprotected)}`), field(t("push.risk", { word: RISK }), risk)], moves.length > 0 && h("h3", {}, t("push.last_look", { at: lookedAt(run) })), moves.length > 0 && h("ul", { class: "moves" }, moves.map((one) => h("li", {}, plain(one))))], state.site);
+  const machine = await machineTyped(t("push.write"), [h("p", {}, t("push.write_what")), riskParts(risk), moves.length > 0 && h("h3", {}, t("push.last_look", { at: lookedAt(run) })), moves.length > 0 && h("ul", { class: "moves" }, moves.map((one) => h("li", {}, plain(one))))], state.site);
   if (machine) give("push", { run, apply: true, machine, risk: risk ? risk.value.trim() : "" });
 }
 
 // One person alone on a connection that others can read and change types that they take this risk.
 const RISK = "unprotected";
-const riskAsked = (run) => state.status.unprotected && state.file.site.approvals < 2 && !(state.approved[run]?.until > Date.now()) && h("input", { id: "typed-risk", autocomplete: "off", spellcheck: "false" });
+export const riskParts = (risk) => risk && [h("p", { class: "warn" }, `▲ ${plain(state.status.unprotected)}`), field(t("push.risk", { word: RISK }), risk)];
+export const riskAsked = (run) => state.status.unprotected && state.file.site.approvals < 2 && !(state.approved[run]?.until > Date.now()) && h("input", { id: "typed-risk", autocomplete: "off", spellcheck: "false" });
 
 // What the last look at this plan told: which way things will move, and what is against it.
 const lastLook = (run) => state.jobs.find((one) => one.kind === "push" && one.run_id === run);
