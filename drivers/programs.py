@@ -15,11 +15,13 @@ from drivers.workpiece import GrindPlan
 
 @dataclass(frozen=True, slots=True)
 class Origin:
-    """Whose programs these are, for the head of each: site, serial number of the machine, run, our version."""
+    """Whose programs these are, for the head of each: site, serial number of the machine, our version.
+
+    No run: what is sent has the very bytes that were printed and signed before it.
+    """
 
     site: str = ""
     machine: str = ""
-    run: str = ""
     version: str = ""
 
 

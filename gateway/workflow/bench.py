@@ -183,7 +183,7 @@ async def _opened(
         machine = await supervisor.open_all()
         folder.set_state("opened", machine=machine)
         if isinstance(supervisor.controller, SendsPrograms):
-            supervisor.controller.attend(origin_of(site, folder.run_id), _Kept(folder).keep)
+            supervisor.controller.attend(origin_of(site), _Kept(folder).keep)
         if isinstance(supervisor.controller, SaysMotion):
             supervisor.controller.keep_to(site.moves.places)
         if isinstance(supervisor.controller, WritesWithout):
@@ -224,9 +224,9 @@ def conclude(controller: Controller) -> None:
         controller.conclude()
 
 
-def origin_of(site: SiteFile, run: str = "") -> Origin:
+def origin_of(site: SiteFile) -> Origin:
     """In whose name this site's programs are sent."""
-    return Origin(site.site.name, site.controller.serial, run, metadata.version("trueflank"))
+    return Origin(site.site.name, site.controller.serial, metadata.version("trueflank"))
 
 
 SENT = "sent-"
