@@ -93,13 +93,7 @@ browser: $(VENV)/developed
 	$(BIN)/python -m pytest -q -n 0 -m browser tests/browser
 
 bench: $(VENV)/developed
-	$(BIN)/python benchmarks/flank.py
-	$(BIN)/python benchmarks/dynamic.py
-	$(BIN)/python benchmarks/sweep.py
-	$(BIN)/python benchmarks/audit.py
-	$(BIN)/python benchmarks/streams.py
-	$(BIN)/python benchmarks/modbus.py
-	$(BIN)/python benchmarks/push.py
+	$(BIN)/python -m benchmarks --page docs/benchmarks.md
 
 # What builds, counts and checks what is handed out; it stands apart from what the program needs.
 TOOLS := .tools

@@ -1,31 +1,22 @@
-"""A dynamic capture of 1 000 001 samples opened, evaluated and drawn: seconds, and against numpy and matplotlib alone.
-
-`python benchmarks/dynamic.py`; exit code 1 when it takes more than 3 times as long as reading, a plain spectrum and
-the same two panels without any of our checks.
-"""
+"""A dynamic capture of a million samples opened, evaluated and drawn, against numpy, scipy and matplotlib alone."""
 
 from __future__ import annotations
 
-import os
 import sys
 import tempfile
 from pathlib import Path
-from time import perf_counter
-from typing import Any
-
-os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from scipy import signal
 
+from benchmarks.report import Report, main, spent
 from drivers.recordings import Recording
 from gateway.workflow.axes.dynamic import outcome_of
 from gateway.workflow.files.reading import How, read_file
 
 COUNT, RATE_HZ = 1_000_001, 50_000.0
-LIMIT = 3.0
 HEAD = (
     "HEADER::\r\nFile type: rtx\r\n\r\nTARGET DATA::\r\nSample rate: 50000\r\nSample no: 1000001\r\n"
     "Actual sample rate: 50000\r\n\r\nUSER-TEXT::\r\nAxis: X\r\n\r\nData:\r\n"
@@ -64,28 +55,17 @@ def alone(path: Path, picture: Path) -> None:
         figure.savefig(file, format="png")
 
 
-def best(work: Any, path: Path, folder: Path, repeats: int = 5) -> float:
-    """Seconds of the fastest of some calls."""
-    times = []
-    for number in range(repeats):
-        start = perf_counter()
-        work(path, folder / f"{work.__name__}-{number}.png")
-        times.append(perf_counter() - start)
-    return min(times)
-
-
-def main() -> int:
-    """Run and print."""
+def measure(report: Report) -> None:
+    """Both, each into a new picture at every call."""
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        path = written(folder / "a.rtx")
-        bare, whole = best(alone, path, folder), best(ours, path, folder)
-    ratio = whole / bare
-    sys.stdout.write(f"{'a 1 000 001-sample .rtx opened, evaluated and drawn, s':<66} {whole:10.3f}\n")
-    sys.stdout.write(f"{'the same panels by numpy, scipy and matplotlib alone, s':<66} {bare:10.3f}\n")
-    sys.stdout.write(f"{'ratio':<66} {ratio:10.3f}  <= {LIMIT:g}\n")
-    return int(ratio > LIMIT)
+        path, count = written(folder / "a.rtx"), iter(range(1000))
+        repeats = report.pick(3, 1)
+        floor = spent(lambda: alone(path, folder / f"{next(count)}.png"), repeats)
+        whole = spent(lambda: ours(path, folder / f"{next(count)}.png"), repeats)
+    report.say(f"a .rtx of {COUNT} samples opened, evaluated and drawn", whole, "s")
+    report.at_most("the same / the two panels by numpy, scipy and matplotlib alone", whole / floor, 3.0)
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(main(measure, __doc__))

@@ -1,17 +1,16 @@
-"""Speed of the flank, as ratios measured in one run: `python benchmarks/flank.py [--plot FILE] [--quick]`."""
+"""Flank and chain: exact flank, first order, poses, and how they grow with the points."""
 
 from __future__ import annotations
 
-import argparse
 import sys
 import tracemalloc
 from collections.abc import Callable
-from time import perf_counter
 
 import numpy as np
-from matplotlib.figure import Figure
 from scipy.optimize import root
 
+from benchmarks import compiled
+from benchmarks.report import Report, main, slope, spent
 from gateway.gear.cycloid import CycloidGear
 from gateway.gear.envelope import TOLERANCE, exact, prepare
 from gateway.gear.first_order import first_order
@@ -25,24 +24,7 @@ from gateway.model.preset import MOTION_NAMES, TWENTY_ONE, yk7350b
 
 GEAR = CycloidGear(64.0, 3.0, 1.3, 40, 39, 10.0)
 DISTANCE = 160.0
-VECTORS = 1000
 MEGABYTE = 2.0**20
-
-
-def say(text: str, value: float, limit: str = "") -> None:
-    """One line of the report."""
-    sys.stdout.write(f"{text:<66} {value:10.4g}  {limit}\n")
-    sys.stdout.flush()
-
-
-def best(work: Callable[[], object], repeats: int = 3) -> float:
-    """Shortest of some runs, s."""
-    times = []
-    for _ in range(repeats):
-        start = perf_counter()
-        work()
-        times.append(perf_counter() - start)
-    return min(times)
 
 
 def machine(seed: int = 1) -> Chain:
@@ -63,29 +45,83 @@ def coefficients(count: int) -> list[ErrorParameter]:
     return [ErrorParameter(name, Fourier(0.0, (0.0,) * o + (1.0,), (), pitch[name[2]])) for name, o in orders[:count]]
 
 
-def linear(parameters: list[ErrorParameter], title: str, rms_limit: float, grid: FlankGrid) -> None:
+def linear(report: Report, parameters: list[ErrorParameter], title: str, rms_limit: float, grid: FlankGrid) -> None:
     """First-order flank of many vectors against the plain product of the same blocks; RMS by Gram factor."""
     grinding = Grinding(yk7350b(), GEAR, DISTANCE)
     flank = linear_flank(grinding, grid, parameters)
-    rng = np.random.default_rng(0)
-    V = rng.normal(size=(len(parameters), VECTORS)) * 1e-3
+    vectors = report.pick(1000, 50)
+    V = np.random.default_rng(0).normal(size=(len(parameters), vectors)) * 1e-3
     J, block = flank.jacobian(), flank.points // grid.shape[0]
-    out = np.zeros((flank.points, VECTORS))
+    out = np.zeros((flank.points, vectors))
 
     def product() -> None:
         for first in range(0, flank.points, block):
             np.matmul(J[first : first + block], V, out=out[first : first + block])
 
-    plain = best(product)
-    say(f"{title}: product of {flank.points} points x {VECTORS} vectors, s", plain)
-    say(f"{title}: flank into a given output / product", best(lambda: flank.deviations(V, out)) / plain, "<= 1.5")
-    build: Callable[[], LinearFlank] = lambda: linear_flank(grinding, grid, parameters)  # noqa: E731
-    say(f"{title}: with the Jacobian built inside / product", best(lambda: build().deviations(V, out)) / plain, "<= 2")
+    plain = spent(product)
     form = flank.normal_form()
     form.rms(V)
-    say(f"{title}: product / RMS by Gram factor", plain / best(lambda: form.rms(V), 30), f">= {rms_limit:g}")
+    report.say(f"{title}: product of {flank.points} points x {vectors} vectors", plain, "s")
+    report.at_most(
+        f"{title}: flank into a given output / product", spent(lambda: flank.deviations(V, out)) / plain, 1.5
+    )
+    build: Callable[[], LinearFlank] = lambda: linear_flank(grinding, grid, parameters)  # noqa: E731
+    report.at_most(
+        f"{title}: with the Jacobian built inside / product", spent(lambda: build().deviations(V, out)) / plain, 2.0
+    )
+    report.at_least(f"{title}: product / RMS by Gram factor", plain / spent(lambda: form.rms(V)), rms_limit)
     truth = np.sqrt(np.mean(out**2, axis=0))
-    say(f"{title}: largest relative difference of the RMS", float(np.max(np.abs(form.rms(V) / truth - 1.0))), "<= 1e-9")
+    worst = float(np.max(np.abs(form.rms(V) / truth - 1.0)))
+    report.at_most(f"{title}: largest relative difference of that RMS", worst, 1e-9)
+
+
+def plain_numpy(values: dict[str, np.ndarray], q: dict[str, np.ndarray]) -> np.ndarray:
+    """The same pose by batched 4 x 4 products as anybody would write them, the error values (N,) given."""
+    count = q["X"].size
+
+    def error(axis: str) -> np.ndarray:
+        dx, dy, dz, a, b, c = (values[f"E{letter}{axis}"] for letter in "XYZABC")
+        T = np.zeros((count, 4, 4))
+        sa, ca, sb, cb, sc, cc = np.sin(a), np.cos(a), np.sin(b), np.cos(b), np.sin(c), np.cos(c)
+        T[:, 0] = np.stack([cc * cb, cc * sb * sa - sc * ca, cc * sb * ca + sc * sa, dx], -1)
+        T[:, 1] = np.stack([sc * cb, sc * sb * sa + cc * ca, sc * sb * ca - cc * sa, dy], -1)
+        T[:, 2] = np.stack([-sb, cb * sa, cb * ca, dz], -1)
+        T[:, 3, 3] = 1.0
+        return T
+
+    def moved(x: np.ndarray | float, z: np.ndarray | float) -> np.ndarray:
+        T = np.zeros((count, 4, 4))
+        T[:] = np.eye(4)
+        T[:, 0, 3], T[:, 2, 3] = x, z
+        return T
+
+    c, s = np.cos(q["C"]), np.sin(q["C"])
+    turned = np.zeros((count, 4, 4))
+    turned[:, 0, 0], turned[:, 0, 1], turned[:, 1, 0], turned[:, 1, 1] = c, -s, s, c
+    turned[:, 2, 2] = turned[:, 3, 3] = 1.0
+    work = moved(q["X"], 0.0) @ error("X") @ turned @ error("C")
+    back = np.zeros_like(work)
+    back[:, :3, :3] = np.swapaxes(work[:, :3, :3], 1, 2)
+    back[:, :3, 3] = -(back[:, :3, :3] @ work[:, :3, 3:])[..., 0]
+    back[:, 3, 3] = 1.0
+    return np.asarray(back @ moved(0.0, q["Z"]) @ error("Z"))
+
+
+def poses(report: Report) -> None:
+    """The actual pose of the wheel in the work against plain batched 4 x 4 products."""
+    curves = {name: Polynomial((1e-5, 2e-5, -1e-5), 0.0, 50.0) for name in MOTION_NAMES}
+    chain, rng, count = yk7350b(curves), np.random.default_rng(3), report.pick(100_000, 2_000)
+    ranges = {"X": (-200.0, 0.0), "Z": (-10.0, 10.0), "C": (0.0, 2.0 * np.pi)}
+    q = {name: rng.uniform(*span, count) for name, span in ranges.items()}
+
+    def floor() -> np.ndarray:
+        return plain_numpy({name: curve(q[name[2]]) for name, curve in curves.items()}, q)
+
+    worst = float(np.max(np.abs(floor() - chain.actual(q))))
+    report.at_most("chain: largest difference to plain batched products", worst, 1e-9, "mm")
+    plain = spent(floor)
+    report.say(f"chain: plain batched 4 x 4 products at {count} positions", plain, "s")
+    report.at_most("chain: actual pose / plain batched products", spent(lambda: chain.actual(q)) / plain, 1.5)
 
 
 def one_by_one(grinding: Grinding, k: np.ndarray, theta: np.ndarray, z: np.ndarray) -> np.ndarray:
@@ -103,94 +139,96 @@ def one_by_one(grinding: Grinding, k: np.ndarray, theta: np.ndarray, z: np.ndarr
     return found
 
 
-def envelope(points: int, full: FlankGrid) -> None:
-    """Exact flank: per point against hybr, and the memory of a whole gear."""
-    grinding = Grinding(machine(), GEAR, DISTANCE)
+def envelope(report: Report, full: FlankGrid) -> None:
+    """Exact flank against a general solver, and the memory of a whole gear."""
+    grinding, points = Grinding(machine(), GEAR, DISTANCE), report.pick(500, 5)
     rng = np.random.default_rng(0)
     k = rng.integers(0, GEAR.zc, points).astype(float)
     theta, z = rng.uniform(-0.95, 0.95, points) * GEAR.half_pitch, rng.uniform(-5.0, 5.0, points)
-    start = perf_counter()
     slow = one_by_one(grinding, k, theta, z)
-    per_slow = (perf_counter() - start) / points
-    say("exact: hybr, us per point", per_slow * 1e6)
-    per_fast = best(lambda: exact(grinding, k, theta, z)) / points
-    say(f"exact: hybr / ours on the same {points} scattered points", per_slow / per_fast, ">= 40")
-    say("exact: largest difference of the two, mm", float(np.max(np.abs(slow - exact(grinding, k, theta, z)))), "1e-10")
-    grid_time = best(lambda: exact(grinding, full.k, full.theta, full.z))
+    per_slow = spent(lambda: one_by_one(grinding, k, theta, z), 1) / points
+    report.say("exact: scipy.optimize.root(hybr), a point", 1e6 * per_slow, "us")
+    per_fast = spent(lambda: exact(grinding, k, theta, z)) / points
+    report.at_least(f"exact: hybr / ours on the same {points} scattered points", per_slow / per_fast, 40.0)
+    worst = float(np.max(np.abs(slow - exact(grinding, k, theta, z))))
+    report.at_most("exact: largest difference of the two", worst, 1e-9, "mm")
     count = int(np.prod(full.shape))
-    say(f"exact: hybr / ours on a grid of {count} points", per_slow * count / grid_time, ">= 40")
-    say(f"exact: {count} points, s", grid_time)
+    report.say(f"exact: {count} points", spent(lambda: exact(grinding, full.k, full.theta, full.z)), "s")
     tracemalloc.start()
     exact(grinding, full.k, full.theta, full.z)
     peak = tracemalloc.get_traced_memory()[1] / MEGABYTE
     tracemalloc.stop()
-    say(f"exact: peak memory of {count} points, MiB", peak, "< 512")
+    report.at_most(f"exact: peak memory of {count} points", peak, 64.0, "MiB")
 
 
-def what_if() -> None:
+def fused(report: Report, grid: FlankGrid) -> None:
+    """Exact flank of constant errors against a compiled loop of the same steps without checks."""
+    if compiled.library() is None:
+        report.leave_out("exact: ours / a compiled loop", "no C compiler here")
+        return
+    rng = np.random.default_rng(5)
+    errors = {
+        name: float(rng.normal() * (2e-5 if name[1] in "ABC" or name[0] in "ABC" else 0.003)) for name in TWENTY_ONE
+    }
+    grinding = Grinding(yk7350b(errors), GEAR, DISTANCE)
+    theta, z = (part.ravel() for part in np.broadcast_arrays(grid.theta, grid.z))
+    theta, z = np.array(theta), np.array(z)
+    data = np.array([GEAR.pin_circle, GEAR.pin, GEAR.K, GEAR.a, float(GEAR.zp)])
+
+    def loop() -> np.ndarray:
+        rows = []
+        for k in range(GEAR.zc):
+            q = grinding.commands(k, 0.0)
+            zero = grinding.actual(q)
+            one = grinding.actual({**q, grinding.stroke: q[grinding.stroke] + grinding.stroke_sense})
+            angle = float(GEAR.space_angle(k))
+            rows.append(compiled.flank(zero[:3], (one - zero)[:3], data, DISTANCE, angle, theta, z))
+        return np.stack(rows)
+
+    ours: Callable[[], np.ndarray] = lambda: exact(grinding, np.arange(GEAR.zc)[:, None], theta, z)  # noqa: E731
+    worst = float(np.max(np.abs(loop() - ours())))
+    report.at_most("exact: largest difference to a compiled loop, 21 constants", worst, 1e-9, "mm")
+    report.at_most(f"exact: ours / compiled loop, {GEAR.zc * theta.size} points", spent(ours) / spent(loop), 6.0)
+
+
+def what_if(report: Report) -> None:
     """Changing one error of the displayed flank, first order and exact."""
     shown = flank_grid(GEAR, profile=11, width=5)
     grinding = Grinding(machine(), GEAR, DISTANCE)
     changed = Grinding(grinding.chain.with_errors({"EYZ": 0.004}), GEAR, DISTANCE)
-    say(
-        "what-if of one error, exact, ms",
-        1e3 * best(lambda: exact(changed, shown.k, shown.theta, shown.z)),
-        "about 100",
-    )
-    say(
-        "what-if of one error, first order, ms", 1e3 * best(lambda: first_order(changed, shown.k, shown.theta, shown.z))
-    )
+    report.say("what-if of one error, exact", 1e3 * spent(lambda: exact(changed, shown.k, shown.theta, shown.z)), "ms")
+    first = 1e3 * spent(lambda: first_order(changed, shown.k, shown.theta, shown.z))
+    report.say("what-if of one error, first order", first, "ms")
 
 
-def growth(plot: str) -> None:
-    """How the times grow with points and with errors; drawn into a file if one is named."""
+def growth(report: Report) -> None:
+    """How the times grow with the points, on log scales."""
     grinding = Grinding(machine(), GEAR, DISTANCE)
-    sizes, exact_s, first_s = [], [], []
-    for profile, width in ((2, 2), (5, 5), (11, 5), (18, 17), (36, 35)):
+    sizes: list[float] = []
+    exact_s: list[float] = []
+    first_s: list[float] = []
+    for profile, width in ((5, 3), (11, 5)) if report.smoke else ((11, 5), (36, 35), (114, 112)):
         grid = flank_grid(GEAR, profile=profile, width=width)
-        sizes.append(int(np.prod(grid.shape)))
-        exact_s.append(best(lambda grid=grid: exact(grinding, grid.k, grid.theta, grid.z), 2))
-        first_s.append(best(lambda grid=grid: first_order(grinding, grid.k, grid.theta, grid.z), 2))
-        say(f"growth: {sizes[-1]} points, exact s", exact_s[-1])
-        say(f"growth: {sizes[-1]} points, first order s", first_s[-1])
-    counts, linear_s = [21, 50, 100, 200], []
-    grid, V = flank_grid(GEAR, profile=11, width=5), np.random.default_rng(0).normal(size=(200, VECTORS))
-    for count in counts:
-        flank = linear_flank(grinding, grid, coefficients(count))
-        linear_s.append(best(lambda flank=flank, count=count: flank.deviations(V[:count])))
-        say(f"growth: {count} parameters x {VECTORS} vectors, s", linear_s[-1])
-    if plot:
-        draw(plot, sizes, exact_s, first_s, counts, linear_s)
+        sizes.append(float(np.prod(grid.shape)))
+        exact_s.append(spent(lambda grid=grid: exact(grinding, grid.k, grid.theta, grid.z), 2))
+        first_s.append(spent(lambda grid=grid: first_order(grinding, grid.k, grid.theta, grid.z), 2))
+        report.say(f"growth: {sizes[-1]:.0f} points, exact", exact_s[-1], "s")
+        report.say(f"growth: {sizes[-1]:.0f} points, first order", first_s[-1], "s")
+    report.at_most(f"growth: slope up to {sizes[-1]:.0f} points, exact", slope(sizes, exact_s), 1.15)
+    report.at_most(f"growth: slope up to {sizes[-1]:.0f} points, first order", slope(sizes, first_s), 1.15)
 
 
-def draw(
-    plot: str, sizes: list[int], exact_s: list[float], first_s: list[float], counts: list[int], linear_s: list[float]
-) -> None:
-    """Both growths in one figure."""
-    figure = Figure(figsize=(10, 4), layout="constrained")
-    left, right = figure.subplots(1, 2)
-    left.loglog(sizes, exact_s, "o-", label="exact")
-    left.loglog(sizes, first_s, "s-", label="first order")
-    left.set(xlabel="flank points", ylabel="s")
-    left.legend()
-    right.plot(counts, linear_s, "o-")
-    right.set(xlabel="parameters", ylabel=f"s for {VECTORS} vectors")
-    figure.savefig(plot)
-
-
-def main() -> None:
-    """Print every ratio with the limit it should keep."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--plot", default="", help="draw the growth with points and errors into this file")
-    parser.add_argument("--quick", action="store_true", help="200 points for hybr instead of 2000")
-    options = parser.parse_args()
-    full = flank_grid(GEAR, profile=36, width=35)
-    linear([ErrorParameter(name) for name in TWENTY_ONE], "21 constants", 1000.0, full)
-    linear(coefficients(200), "200 coefficients", 150.0, full)
-    envelope(200 if options.quick else 2000, full)
-    what_if()
-    growth(options.plot)
+def measure(report: Report) -> None:
+    """All figures of this file."""
+    grid = flank_grid(GEAR, profile=5, width=3) if report.smoke else flank_grid(GEAR, profile=36, width=35)
+    linear(report, [ErrorParameter(name) for name in TWENTY_ONE], "21 constants", 1000.0, grid)
+    linear(report, coefficients(200), "200 coefficients", 150.0, grid)
+    poses(report)
+    envelope(report, grid)
+    fused(report, grid)
+    what_if(report)
+    growth(report)
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(main(measure, __doc__))

@@ -1,27 +1,30 @@
-"""The gateway's own time in a push over OPC UA: `python benchmarks/push.py`.
+"""A push of one table over OPC UA: the gateway's own processor time against as many bare requests, and its journal.
 
-One 801-point table is pushed whole, to a control and its server in a process of their own, fifty times as fast as in
-life. Own time is what the gateway's process works: requests, files both ways, comparisons, journal. The rest of the
-whole is pauses, in which it waits for the program and for people, and answers it waits for from the double.
+Own time is what the gateway's process works: requests, files both ways, comparisons, journal. The control and its
+server stand in a process of their own, fifty times as fast as in life; pauses and answers waited for do not count.
 """
 
 from __future__ import annotations
 
 import asyncio
-import statistics
 import subprocess
 import sys
 import tempfile
-from collections.abc import Callable
+from collections.abc import AsyncIterator, Callable
+from contextlib import asynccontextmanager
 from pathlib import Path
-from time import perf_counter, process_time
+from time import process_time
 from typing import Any
 
 import numpy as np
+from asyncua import Client, ua
+from asyncua.client.ua_client import UASocketProtocol
 
-from drivers.clock import LoopClock
+from benchmarks.report import Report, main
+from drivers.clock import LoopClock, run_virtual
 from drivers.programs import SelfTested
 from drivers.sinumerik.opcua.device import SinumerikOpcUa
+from drivers.types.moves import SafePlaces
 from drivers.types.orders import SignProof
 from drivers.types.stops import Stop, StopPlan
 from drivers.types.tables import CompensationTable, LiveSet
@@ -35,32 +38,11 @@ from simulators.nck.control import AxisSpec
 from simulators.nck.spec import NckSpec
 from simulators.opcua import SinumerikServer
 
-POINTS = 801
 RUNS = 3
 SPEED = 50.0
-OWN_S, JOURNAL_S, FAILS = 0.5, 0.020, 3.0
 AXIS = AxisRecord("X1", "X", "mm", False, False, (-400.0, 400.0), 0.0, 60_000.0, dwell_s=0.2)
+PLACES = SafePlaces({"X1": (-440.0, 440.0)}, feed_mm=60_000.0, feed_deg=6000.0)
 LOGIN = {"user": "trueflank", "password": "trueflank", "security": "None", "poll_s": 0.2}
-
-
-def say(text: str, value: float, limit: str = "") -> None:
-    """One line of the report."""
-    sys.stdout.write(f"{text:<72} {value:10.4g}  {limit}\n")
-    sys.stdout.flush()
-
-
-class PausingClock(LoopClock):
-    """A clock that knows how long one task slept on it, in s of the wall."""
-
-    paused_s = 0.0
-    watched: asyncio.Task[Any] | None = None
-
-    async def sleep(self, seconds: float) -> None:
-        """Wait, and remember."""
-        begun = perf_counter()
-        await super().sleep(seconds)
-        if asyncio.current_task() is self.watched:
-            self.paused_s += perf_counter() - begun
 
 
 class Folder:
@@ -75,32 +57,31 @@ class Folder:
         return self._path / name
 
 
-def table(size: float) -> CompensationTable:
+def table(size: float, points: int) -> CompensationTable:
     """Zero at the reference."""
-    places = np.linspace(-400.0, 400.0, POINTS)
+    places = np.linspace(-400.0, 400.0, points)
     values = np.round(size * (20.0 * np.sin(places / 130.0) + np.sin(places / 7.0)), 3) + 0.0
-    return CompensationTable("axis", "X1", "X1", -400.0, 400.0, 1.0, tuple(map(float, values)))
+    step = 800.0 / (points - 1)
+    return CompensationTable("axis", "X1", "X1", -400.0, 400.0, step, tuple(map(float, values)))
 
 
-class Timed:
-    """Seconds spent inside a function, and how often it was called."""
+class Counted:
+    """A function replaced by one that counts its calls and their processor time."""
 
-    def __init__(self, real: Callable[..., Any]) -> None:
-        self._real = real
-        self.spent_s, self.calls = 0.0, 0
+    def __init__(self, owner: type, name: str) -> None:
+        self.calls, self.spent_s = 0, 0.0
+        real: Callable[..., Any] = getattr(owner, name)
 
-    def method(self) -> Callable[..., Any]:
-        """The function, timed."""
-
-        def timed(*args: Any, **more: Any) -> Any:
-            begun = perf_counter()
+        def counted(*args: Any, **more: Any) -> Any:
+            begun = process_time()
             try:
-                return self._real(*args, **more)
+                return real(*args, **more)
             finally:
-                self.spent_s += perf_counter() - begun
+                self.spent_s += process_time() - begun
                 self.calls += 1
 
-        return timed
+        setattr(owner, name, counted)
+        self.restore = lambda: setattr(owner, name, real)
 
 
 async def saved(device: SinumerikOpcUa) -> LiveSet:
@@ -113,13 +94,14 @@ async def saved(device: SinumerikOpcUa) -> LiveSet:
     return await device.saved_tables("X1")
 
 
-async def one_push(url: str, size: float, folder: Path) -> tuple[PushRecord, float, float, float]:
-    """(record, whole s, s of it paused, s of it at work)."""
-    clock = PausingClock(SPEED)
+async def one_push(url: str, size: float, folder: Path, points: int, speed: float) -> tuple[PushRecord, float]:
+    """(record, processor seconds of the push)."""
+    clock = LoopClock(speed)
     device = SinumerikOpcUa("840D", url, LOGIN, clock)
+    device.keep_to(PLACES)
     await device.open(600.0)
     try:
-        base, machine, new = await saved(device), await device.identify(), table(size)
+        base, machine, new = await saved(device), await device.identify(), table(size, points)
         proof = SignProof(machine, "axis", "X1", -1.0, 0.01, 1, "2026-01-01T00:00:00+00:00")
         nothing = np.zeros(0)
         old = base.own
@@ -129,27 +111,48 @@ async def one_push(url: str, size: float, folder: Path) -> tuple[PushRecord, flo
             device, clock, Folder(folder), folder / "journal", AXIS, machine, "mill", "mill", proof,
             approvals_needed=1, risk_taken=True, self_test=tested,
         )  # fmt: skip
-        begun, worked, clock.watched = perf_counter(), process_time(), asyncio.current_task()
+        begun = process_time()
         record = await push_table(change, context)
-        return record, perf_counter() - begun, clock.paused_s, process_time() - worked
+        return record, process_time() - begun
     finally:
         await device.close()
 
 
-async def serve() -> None:
-    """A control, its server, and a person who does what MSG says, until standard input ends."""
-    clock = LoopClock(SPEED)
-    nck = CellNck(NckSpec((AxisSpec("X1", "X", travel=(-450.0, 450.0), eec_points=(900, 0)),), access_level=2), clock)
+async def bare(url: str, count: int) -> float:
+    """Processor seconds of as many bare reads by asyncua."""
+    client = Client(url)
+    client.set_user(LOGIN["user"])
+    client.set_password(LOGIN["password"])
+    async with client:
+        node = client.get_node(ua.NodeId(ua.ObjectIds.Server_ServerStatus_CurrentTime))
+        begun = process_time()
+        for _ in range(count):
+            await node.read_value()
+        return process_time() - begun
+
+
+@asynccontextmanager
+async def control(speed: float, points: int) -> AsyncIterator[str]:
+    """The address of a control, with a person who does what MSG says."""
+    clock = LoopClock(speed)
+    axes = (AxisSpec("X1", "X", travel=(-450.0, 450.0), eec_points=(points, 0)),)
+    nck = CellNck(NckSpec(axes, access_level=2, files_max_bytes=2_000_000), clock)
     await nck.start()
     server = SinumerikServer(nck, clock, {"security": ("None",)})
     await server.start()
     person = asyncio.ensure_future(_person(nck, clock))
-    sys.stdout.write(server.url + "\n")
-    sys.stdout.flush()
-    await asyncio.to_thread(sys.stdin.read)
+    yield server.url
     person.cancel()
     await server.stop()
     await nck.stop()
+
+
+async def serve(points: int) -> None:
+    """A control until standard input ends."""
+    async with control(SPEED, points) as url:
+        sys.stdout.write(url + "\n")
+        sys.stdout.flush()
+        await asyncio.to_thread(sys.stdin.read)
 
 
 async def _person(nck: CellNck, clock: LoopClock) -> None:
@@ -180,42 +183,49 @@ async def _ready(nck: CellNck, clock: LoopClock) -> None:
     nck.set_mode("AUTO")
 
 
-def main() -> int:
-    """Print the figures; fails only at three times what is asked."""
-    append = Timed(journal.Journal.append)
-    journal.Journal.append = append.method()  # type: ignore[method-assign]
-    machine = subprocess.Popen(  # noqa: S603 - this very file
-        [sys.executable, __file__, "--serve"], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
-    )
-    own: list[float] = []
-    written: list[float] = []
+def pushed(url: str, points: int, run: int) -> tuple[float, float, int, int]:
+    """One push: its own time, the time of as many bare requests, the requests, the journal's records."""
+    requests, written = Counted(UASocketProtocol, "send_request"), Counted(journal.Journal, "append")
     try:
-        url = machine.stdout.readline().strip() if machine.stdout is not None else ""
-        for run in range(RUNS):
-            with tempfile.TemporaryDirectory() as folder:
-                before, calls = append.spent_s, append.calls
-                record, whole, paused, alone = asyncio.run(one_push(url, 0.5 + 0.1 * run, Path(folder)))
-                if record.outcome != "committed":
-                    sys.stdout.write("\n".join(record.steps) + "\n")
-                    return 1
-                own.append(alone)
-                written.append(append.spent_s - before)
-                say(f"push {run + 1}: the whole at {SPEED:g} x life, s", whole)
-                say(f"push {run + 1}: pauses for program and people, s", paused)
-                say(f"push {run + 1}: waiting for answers, s", max(whole - paused - alone, 0.0))
-                say(f"push {run + 1}: the gateway's own time, s", alone)
-                say(f"push {run + 1}: journal, {append.calls - calls} records, s", written[-1])
+        with tempfile.TemporaryDirectory() as folder:
+            record, own = asyncio.run(one_push(url, 0.5 + 0.1 * run, Path(folder), points, SPEED))
     finally:
-        if machine.stdin is not None:
-            machine.stdin.close()
-        machine.wait()
-    say("gateway's own time, s", statistics.median(own), f"<= {OWN_S}")
-    say("journal, s", statistics.median(written), f"<= {JOURNAL_S}")
-    return int(statistics.median(own) > FAILS * OWN_S or statistics.median(written) > FAILS * JOURNAL_S)
+        requests.restore()
+        written.restore()
+    if record.outcome != "committed":
+        raise SystemExit(f"the push ended {record.outcome}: {record}")
+    return own, asyncio.run(bare(url, requests.calls)), requests.calls, written.calls
+
+
+async def together() -> str:
+    """A push of a small table with everything in one process: how it ends."""
+    async with control(1.0, 41) as url:
+        with tempfile.TemporaryDirectory() as folder:
+            record, _own = await one_push(url, 0.5, Path(folder), 41, 1.0)
+            return record.outcome
+
+
+def measure(report: Report) -> None:
+    """All figures of this file."""
+    if report.smoke:
+        outcome = run_virtual(together)
+        if outcome != "committed":
+            raise SystemExit(f"the push ended {outcome}")
+        report.say("a push of 41 points in one process, committed", 1)
+        return
+    for points in (201, 801):
+        command, pipe = [sys.executable, "-m", "benchmarks.push", "--serve", str(points)], subprocess.PIPE
+        with subprocess.Popen(command, stdin=pipe, stdout=pipe, text=True) as machine:  # noqa: S603 - ourselves
+            url = machine.stdout.readline().strip() if machine.stdout is not None else ""
+            runs = [pushed(url, points, run) for run in range(RUNS)]
+            machine.communicate("")
+        own, floor = min(run[0] for run in runs), min(run[1] for run in runs)
+        report.say(f"{points} points: the gateway's own time, {runs[0][3]} journal records", own, "s")
+        report.at_most(f"{points} points: own time / {runs[0][2]} bare requests by asyncua", own / floor, 6.0)
 
 
 if __name__ == "__main__":
     if "--serve" in sys.argv:
-        asyncio.run(serve())
+        asyncio.run(serve(int(sys.argv[2])))
     else:
-        sys.exit(main())
+        sys.exit(main(measure, __doc__))

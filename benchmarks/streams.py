@@ -1,4 +1,4 @@
-"""Speed of the live streams, each against its own floor in the same run: `python benchmarks/streams.py`."""
+"""The live streams: 50 kHz frames and counter lines, each against its own floor in the same run."""
 
 from __future__ import annotations
 
@@ -11,7 +11,6 @@ import subprocess
 import sys
 import tempfile
 import tty
-import warnings
 from collections.abc import Callable
 from contextlib import aclosing
 from pathlib import Path
@@ -21,6 +20,8 @@ from time import perf_counter, process_time
 import numpy as np
 import serial
 
+from benchmarks import compiled
+from benchmarks.report import Report, main, spent
 from drivers.bridge.device import BridgeInstrument
 from drivers.clock import LoopClock
 from drivers.umd.codec import CODE, DATA, DISPLACEMENT, SEQUENCE, VELOCITY, UmdCodec, encode_rows
@@ -30,30 +31,10 @@ from drivers.umd.settings import UmdSettings
 from gateway.daemon.looking import Looking
 from gateway.store.rawstream import RawRecorder, StreamFacts
 
-LINES = 600_000
-PTY_LINES = 300_000
-READLINES = 8_000
 BLOCK = 1 << 18
-SLOW = 3.0
-REPEATS = 5
-PTY_REPEATS = 7
-
-failures: list[str] = []
-
-
-def say(text: str, value: float, limit: str = "", *, good: bool = True) -> None:
-    """One line of the report."""
-    sys.stdout.write(f"{text:<74} {value:10.4g}  {limit}{'' if good else '  MISSED'}\n")
-    sys.stdout.flush()
-
-
-def ratio(text: str, value: float, asked: float, *, at_least: bool) -> None:
-    """A figure with the limit asked; failing is only what misses it three times over."""
-    good = value >= asked if at_least else value <= asked
-    say(text, value, f"{'>=' if at_least else '<='} {asked:g}", good=good)
-    far = value * SLOW < asked if at_least else value > SLOW * asked
-    if far:
-        failures.append(text)
+READLINES = 8_000
+REPEATS = 3
+WIRE_LINES_PER_S = 1_000  # what a counter on its USB port sends at most: a line a millisecond
 
 
 def counter_lines(count: int) -> bytes:
@@ -143,45 +124,6 @@ class Sender:
         self._file.close()
 
 
-def best(work: Callable[[], float]) -> float:
-    """The shortest of a few times in s: what others do on this machine only makes it longer."""
-    return min(work() for _ in range(REPEATS))
-
-
-def timed(work: Callable[[], object]) -> Callable[[], float]:
-    """Seconds of a call."""
-
-    def measured() -> float:
-        start = perf_counter()
-        work()
-        return perf_counter() - start
-
-    return measured
-
-
-def in_blocks(data: bytes) -> list[bytes]:
-    """The same bytes in whole lines, a block at a time."""
-    pieces, at = [], 0
-    while at < len(data):
-        end = data.rfind(b"\n", at, at + BLOCK) + 1
-        pieces.append(data[at:end])
-        at = end
-    return pieces
-
-
-def numbers_from_memory(data: bytes) -> float:
-    """Seconds for np.fromstring over all bytes."""
-    pieces = in_blocks(data)
-
-    def work() -> None:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")
-            for piece in pieces:
-                np.fromstring(piece, np.int64, sep=" ")
-
-    return best(timed(work))
-
-
 async def counted(url: str, lines: int, go: Callable[[], None], *, ask: bool) -> float:
     """Seconds from the second ``go`` until the driver has given the samples of all lines after the head."""
     device = UmdCounter("laser", url, {"stale_s": 30.0}, LoopClock())
@@ -201,12 +143,6 @@ async def counted(url: str, lines: int, go: Callable[[], None], *, ask: bool) ->
         seconds = perf_counter() - start
     await device.close()
     return seconds
-
-
-def over_socket(data: bytes, lines: int) -> float:
-    """The driver over socket://, shortest of a few."""
-    with Sender(data, "tcp", str(REPEATS), len(counter_lines(HEAD_LINES))) as sender:
-        return best(lambda: asyncio.run(counted(f"socket://127.0.0.1:{sender.port}", lines, sender.go, ask=False)))
 
 
 def on_pty(work: Callable[[str, Callable[[], None]], float], data: bytes, first: int = 0) -> float:
@@ -249,16 +185,12 @@ def line_reader(path: str, go: Callable[[], None], lines: int) -> float:
         return perf_counter() - start
 
 
-def decoded(data: bytes) -> float:
+def decoded(data: bytes) -> None:
     """Codec and counting alone, from memory."""
-
-    def work() -> None:
-        codec, counting = UmdCodec("client"), UmdCounting(UmdSettings(), "laser")
-        for at in range(0, len(data), BLOCK):
-            for message in codec.receive(data[at : at + BLOCK]):
-                counting.take(message)
-
-    return best(timed(work))
+    codec, counting = UmdCodec("client"), UmdCounting(UmdSettings(), "laser")
+    for at in range(0, len(data), BLOCK):
+        for message in codec.receive(data[at : at + BLOCK]):
+            counting.take(message)
 
 
 def damaged(data: bytes) -> bytes:
@@ -269,31 +201,45 @@ def damaged(data: bytes) -> bytes:
     return b"\r\n".join(lines)
 
 
-def counter() -> None:
+def counter(report: Report) -> None:
     """Everything about the quadrature counter."""
-    data = counter_lines(LINES)
-    floor_s = numbers_from_memory(data)
-    clean_s = decoded(data)
-    say("uMD: np.fromstring from memory, million lines/s", LINES / floor_s / 1e6)
-    say("uMD: codec and counting from memory, million lines/s", LINES / clean_s / 1e6)
-    socket_s = over_socket(data, LINES)
-    say("uMD: driver over socket://, million lines/s", LINES / socket_s / 1e6)
-    ratio("uMD: driver over socket:// / np.fromstring from memory (rates)", floor_s / socket_s, 0.5, at_least=True)
-    ratio("uMD: one damaged line in 1000, cost / clean", decoded(damaged(data)) / clean_s, 5.0, at_least=False)
-    data, head = counter_lines(PTY_LINES), len(counter_lines(HEAD_LINES))
+    count = report.pick(300_000, 5_000)
+    data = counter_lines(count)
+    clean = spent(lambda: decoded(data))
+    report.at_least(
+        "uMD: lines checked and counted in one processor second / what the wire brings",
+        count / clean / WIRE_LINES_PER_S,
+        100.0,
+    )
+    report.at_most("uMD: one damaged line in 1000, cost / clean", spent(lambda: decoded(damaged(data))) / clean, 5.0)
+    if compiled.library() is None:
+        report.leave_out("uMD: codec and counting / a compiled byte loop", "no C compiler here")
+    else:
+        floor = spent(lambda: compiled.integers(data, 8 * count))
+        report.at_most(
+            "uMD: codec, checks and counting / a compiled loop that only reads the numbers", clean / floor, 15.0
+        )
+    if not report.smoke:
+        over_wires(report, count)
+
+
+def over_wires(report: Report, count: int) -> None:
+    """The driver over a socket and a pty, by the wall: how many lines a second come through."""
+    data, head = counter_lines(count), len(counter_lines(HEAD_LINES))
+    with Sender(data, "tcp", str(REPEATS), head) as sender:
+        url = f"socket://127.0.0.1:{sender.port}"
+        socket_s = min(asyncio.run(counted(url, count, sender.go, ask=False)) for _ in range(REPEATS))
+    report.say("uMD: driver over socket://, wall time", count / socket_s / 1e6, "M/s")
     splits, drivers = [], []
-    for _ in range(PTY_REPEATS):
+    for _ in range(REPEATS):
         # A pty's speed depends on how its two ends happen to be scheduled: the middle of several is compared.
         splits.append(on_pty(lambda path, go: split_reader(path, go, len(data)), data))
-        drivers.append(on_pty(lambda path, go: asyncio.run(counted(path, PTY_LINES, go, ask=True)), data, head))
-    split_s, driver_s = median(splits), median(drivers)
-    slow_s = on_pty(lambda path, go: line_reader(path, go, READLINES), counter_lines(READLINES + 10))
-    say("uMD: block read and split on a pty, million lines/s", PTY_LINES / split_s / 1e6)
-    say("uMD: driver on a pty, million lines/s", PTY_LINES / driver_s / 1e6)
-    ratio("uMD: driver on a pty / block read and split (rates)", split_s / driver_s, 0.6, at_least=True)
-    ratio(
-        "uMD: driver on a pty / readline loop (rates)", PTY_LINES / driver_s / (READLINES / slow_s), 20, at_least=True
+        drivers.append(on_pty(lambda path, go: asyncio.run(counted(path, count, go, ask=True)), data, head))
+    slow = on_pty(lambda path, go: line_reader(path, go, READLINES), counter_lines(READLINES + 10)) / READLINES
+    report.at_least(
+        "uMD: driver on a pty / block read and split, rates, wall time", median(splits) / median(drivers), 0.3
     )
+    report.at_least("uMD: driver on a pty / readline loop, rates, wall time", slow * count / median(drivers), 20.0)
 
 
 BRIDGE = """
@@ -330,9 +276,7 @@ with socket.create_server(("127.0.0.1", 0)) as server:
 """
 RATE_HZ = 50_000
 FRAME = 2_500
-FRAMES = 2_400
 HOUR_FRAMES = 3600 * RATE_HZ // FRAME
-MOST_GROWTH_MB = 64.0
 
 
 class Bridge:
@@ -352,8 +296,8 @@ class Bridge:
         self._process.communicate()
 
 
-def floor_of_frames(port: int, folder: Path) -> tuple[float, float]:
-    """(wall, processor) seconds of recv_into, np.frombuffer and a file write of the same frames, unchecked."""
+def floor_of_frames(port: int, folder: Path, frames: int) -> float:
+    """Processor seconds of recv_into, np.frombuffer and a file write of the same frames, unchecked."""
     size = FRAME * 8 + 48
     buffer = bytearray(size)
     view = memoryview(buffer)
@@ -362,55 +306,53 @@ def floor_of_frames(port: int, folder: Path) -> tuple[float, float]:
         peer.sendall(b'{"jsonrpc":"2.0","id":1,"method":"stream.start","params":{"framing":"binary"}}\n')
         while peer.recv(1) != b"\n":
             pass
-        start, used = perf_counter(), process_time()
-        for _ in range(FRAMES):
+        used = process_time()
+        for _ in range(frames):
             got = 0
             while got < size:
                 got += peer.recv_into(view[got:])
             values = np.frombuffer(buffer, "<f8", FRAME, 48)
             file.write(values.data)
             total += float(values[0])
-        return perf_counter() - start, process_time() - used
+        return process_time() - used
 
 
-async def stored(port: int, folder: Path, name: str) -> tuple[float, float]:
-    """(wall, processor) seconds until driver and recorder have read, checked and stored every frame."""
+async def stored(port: int, folder: Path, name: str, frames: int) -> float:
+    """Processor seconds until driver and recorder have read, checked and stored every frame."""
     device = BridgeInstrument("laser", f"tcp://127.0.0.1:{port}", {}, LoopClock())
     await device.open(30.0)
     facts = StreamFacts(RATE_HZ, "um", 1000.0)
-    start, used = perf_counter(), process_time()
+    used = process_time()
     with RawRecorder(folder, name, facts) as recorder:
         async with aclosing(device.blocks()) as stream:  # type: ignore[type-var]
             async for block in stream:
                 recorder.append(block.values[:, 0], block.lost)
-                if recorder.count >= FRAMES * FRAME:
+                if recorder.count >= frames * FRAME:
                     break
-            figures = perf_counter() - start, process_time() - used
+            used = process_time() - used
     await device.close()
-    if recorder.count != FRAMES * FRAME or recorder.path.stat().st_size != 8 * FRAMES * FRAME:
-        failures.append("frames were lost")
+    if recorder.count != frames * FRAME or recorder.path.stat().st_size != 8 * frames * FRAME:
+        raise SystemExit("frames were lost")
     recorder.path.unlink()
-    return figures
+    return used
 
 
-async def watched(port: int) -> tuple[float, float]:
-    """(seconds, megabytes grown) while an hour of samples passes through driver and live picture."""
+async def watched(port: int, frames: int) -> float:
+    """Megabytes grown while frames pass through driver and live picture, the first tenth not counted."""
     device = BridgeInstrument("laser", f"tcp://127.0.0.1:{port}", {}, LoopClock())
     await device.open(30.0)
     seen, before = 0, 0.0
     looking = Looking(lambda _kind, _told: None, LoopClock())
-    start = perf_counter()
     async with aclosing(device.blocks()) as stream:  # type: ignore[type-var]
         async for block in stream:
             looking.samples("laser", block)
             seen += len(block)
-            if not before and seen >= FRAMES * FRAME:
+            if not before and seen >= frames * FRAME // 10:
                 before = most_memory_mb()
-            if seen >= HOUR_FRAMES * FRAME:
+            if seen >= frames * FRAME:
                 break
-    seconds = perf_counter() - start
     await device.close()
-    return seconds, most_memory_mb() - before
+    return most_memory_mb() - before
 
 
 def most_memory_mb() -> float:
@@ -418,32 +360,29 @@ def most_memory_mb() -> float:
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024.0
 
 
-def frames() -> None:
+def frames(report: Report) -> None:
     """Everything about the framed 50 kHz stream of doubles."""
-    real_s = FRAMES * FRAME / RATE_HZ
-    with tempfile.TemporaryDirectory() as name, Bridge(FRAMES, 2 * REPEATS) as bridge:
+    count, repeats = report.pick(2_400, 40), report.pick(REPEATS, 1)
+    with tempfile.TemporaryDirectory() as name, Bridge(count, 2 * repeats) as bridge:
         folder = Path(name)
         floors, ours = [], []
-        for number in range(REPEATS):
-            floors.append(floor_of_frames(bridge.port, folder))
-            ours.append(asyncio.run(stored(bridge.port, folder, f"stream{number}")))
-    floor_s, floor_cpu_s = (min(column) for column in zip(*floors, strict=True))
-    ours_s, ours_cpu_s = (min(column) for column in zip(*ours, strict=True))
-    ratio("frames: read, checked, stored / real time", real_s / ours_s, 20, at_least=True)
-    say("frames: read, checked, stored / recv_into + frombuffer + write, wall time", ours_s / floor_s)
-    ratio("frames: the same in processor time: the cost", ours_cpu_s / floor_cpu_s, 3, at_least=False)
-    with Bridge(HOUR_FRAMES, 1) as bridge:
-        seconds, grown_mb = asyncio.run(watched(bridge.port))
-    say("frames: one hour with its live picture, s", seconds)
-    ratio("frames: memory grown during the hour, MB", grown_mb, MOST_GROWTH_MB, at_least=False)
+        for number in range(repeats):
+            floors.append(floor_of_frames(bridge.port, folder, count))
+            ours.append(asyncio.run(stored(bridge.port, folder, f"stream{number}", count)))
+    real_s = count * FRAME / RATE_HZ
+    report.at_least("frames: real time / processor time to read, check and store", real_s / min(ours), 100.0)
+    report.at_most("frames: the same / recv_into, frombuffer and a file write", min(ours) / min(floors), 3.0)
+    hour = report.pick(HOUR_FRAMES, 100)
+    with Bridge(hour, 1) as bridge:
+        grown = asyncio.run(watched(bridge.port, hour))
+    report.at_most(f"frames: memory grown while {hour * FRAME / RATE_HZ:.0f} s of frames pass", grown, 64.0, "MB")
 
 
-def main() -> int:
-    """Print the figures; fails only at three times what was asked."""
-    frames()
-    counter()
-    return int(bool(failures))
+def measure(report: Report) -> None:
+    """All figures of this file."""
+    frames(report)
+    counter(report)
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(main(measure, __doc__))

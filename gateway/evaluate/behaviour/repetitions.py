@@ -17,6 +17,7 @@ OTHERS_FACTOR = 3.0
 DOUBT = 5.0 / 6.0
 MOST_TOLD = 5
 FEWEST_PAIRS = 5
+TOGETHER = 32  # repetitions compared with their others at a time, for their sets of others fill the memory
 MAD_TO_SIGMA = 1.4826
 Q80_TO_SIGMA = 1.2816
 
@@ -154,8 +155,15 @@ def pass_offsets(x: FloatArray) -> FloatArray:
 
 
 def _median(values: FloatArray, axis: int) -> FloatArray:
-    empty = ~np.isfinite(values).any(axis=axis, keepdims=True)
-    return np.asarray(np.nanmedian(np.where(empty, 0.0, values), axis=axis))
+    """Medians of the readings there are, 0 where there is none; numpy's own goes by masked arrays, 30 times slower."""
+    ordered, size = np.sort(values, axis=axis), values.shape[axis]  # what is missing comes last
+    there = np.isfinite(values)
+    if there.all():
+        return np.asarray(0.5 * (np.take(ordered, (size - 1) // 2, axis=axis) + np.take(ordered, size // 2, axis=axis)))
+    count = np.sum(there, axis=axis, keepdims=True)
+    low = np.take_along_axis(ordered, np.maximum((count - 1) // 2, 0), axis=axis)
+    high = np.take_along_axis(ordered, np.minimum(count // 2, size - 1), axis=axis)
+    return np.squeeze(np.where(count > 0, 0.5 * (low + high), 0.0), axis=axis)
 
 
 def _suspects(level: FloatArray, share: float = 1.0) -> NDArray[np.bool_]:
@@ -169,12 +177,14 @@ def _from_others(level: FloatArray) -> tuple[FloatArray, FloatArray]:
     """How far each reading (m, n, 2) lies from the median of its repetitions, and how far those spread; NaN if few."""
     n = level.shape[1]
     distance, spread = np.full(level.shape, np.nan), np.full(level.shape, np.nan)
-    for j in range(n if n >= 3 else 0):
-        others = np.delete(level, j, axis=1)
-        enough = np.isfinite(others).sum(axis=1) >= 2
-        centre = np.where(enough, _median(others, axis=1), np.nan)
-        distance[:, j] = np.abs(level[:, j] - centre)
-        spread[:, j] = MAD_TO_SIGMA * _median(np.abs(others - centre[:, None]), axis=1)
+    each, rest = np.arange(n), np.arange(n - 1)
+    for first in range(0, n if n >= 3 else 0, TOGETHER):
+        some = each[first : first + TOGETHER]
+        others = level[:, rest + (rest >= some[:, None])]  # (m, some, n - 1, 2)
+        enough = np.isfinite(others).sum(axis=2) >= 2
+        centre = np.where(enough, _median(others, axis=2), np.nan)
+        distance[:, some] = np.abs(level[:, some] - centre)
+        spread[:, some] = MAD_TO_SIGMA * _median(np.abs(others - centre[:, :, None]), axis=2)
     return distance, spread
 
 

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from gateway.domain.values import FloatArray
+from gateway.evaluate.behaviour import repetitions
 from gateway.evaluate.behaviour.doubts import doubts_of
 from gateway.evaluate.behaviour.repetitions import in_doubt, robust_means
 
@@ -132,3 +133,14 @@ def test_readings_out_of_line_are_told_with_their_place_the_farthest_first() -> 
     for number in range(10, 18):
         x[number, number % 5, 1] += 40.0
     assert _told_out(targets, x)[-2] == "5 more readings are out of line"
+
+
+@pytest.mark.parametrize("missing", [0.0, 0.3, 0.9])
+def test_medians_of_what_is_there_are_those_of_numpy(missing: float) -> None:
+    rng = np.random.default_rng(3)
+    x = rng.normal(size=(7, 6, 2))
+    x[rng.random(x.shape) < missing] = np.nan
+    for axis in range(3):
+        nothing = np.isnan(x).all(axis=axis)
+        expected = np.where(nothing, 0.0, np.nanmedian(np.where(np.expand_dims(nothing, axis), 0.0, x), axis))
+        np.testing.assert_array_equal(repetitions._median(x, axis), expected)
