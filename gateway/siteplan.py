@@ -35,10 +35,15 @@ Flag = Annotated[bool, Strict()]
 _UNTRUE = BeforeValidator(lambda value: str(value) if isinstance(value, bool) else value)
 Offset = Annotated[float, Strict(), Field(ge=-10000.0, le=10000.0)]
 Degc = Annotated[float, Strict(), Field(ge=-50.0, le=100.0)]
+LONGEST = 250
 Accepted = dict[
     Annotated[str, Field(pattern=r"^[A-Z]+(-[A-Z0-9]+)+$", max_length=MOST)], Annotated[str, Field(min_length=1)]
 ]
 """Doubts that a person answers for: the reason by the code."""
+Statements = Annotated[
+    tuple[Annotated[str, Field(pattern=r"^[a-z_]+=.+", max_length=LONGEST)], ...], Field(max_length=50)
+]
+"""What a file states otherwise than the site, and a person accepts: KEY=VALUE."""
 Sense = Annotated[Literal[1, -1], _UNTRUE]
 People = Annotated[Literal[1, 2] | None, _UNTRUE]
 
@@ -170,6 +175,9 @@ class SetupSection(Section):
     )
     accept_doubts: Accepted = Field(
         default_factory=dict, description="doubts about the readings that a person answers for: code = reason"
+    )
+    accept: Statements = Field(
+        default=(), description='statements of the file that differ and count all the same: "machine=Mill 7"'
     )
     assumed: Number | None = Field(
         default=None, gt=0, description="assumed half-width of an unmeasured error, um or arcsec"

@@ -31,6 +31,7 @@ from gateway.siteplan import (
     Section,
     Sense,
     SetupSection,
+    Statements,
     Targets,
     Whole,
     WorkSection,
@@ -179,6 +180,9 @@ class MeasureSection(Section):
     )
     accept_doubts: Accepted = Field(
         default_factory=dict, description="doubts about the readings that a person answers for: code = reason"
+    )
+    accept: Statements = Field(
+        default=(), description='statements of the file that differ and count all the same: "machine=Mill 7"'
     )
 
     @model_validator(mode="after")

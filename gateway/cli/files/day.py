@@ -56,11 +56,12 @@ def day_command(
 
 def _sorted(gathering: Any, site: Any, said: Any, language: str) -> tuple[Any, Any]:
     """Ask until nothing is open; without a language nobody is asked. Raises ConfigError (E-DAY-OPEN)."""
+    from drivers.clock import LoopClock
     from gateway.workflow.day.answers import keep
     from gateway.workflow.day.sorting import sort_day
 
     while True:
-        found = sort_day(gathering.files(said), site, said)
+        found = sort_day(gathering.files(said), site, said, LoopClock().utc().date())
         needed = [one for one in found.open if not one.optional]
         if not found.open or not (needed or language):
             return found, said

@@ -139,22 +139,22 @@ def _evaluated(path: Path, asked: EvaluationOptions, drawn: list[MeasuredFile]) 
 
     how = How(asked.unit, columns=columns_of(asked.columns) or None)
     found = items(run_or_file(asked.store, path), how, Store(asked.store), axis=asked.axis, phase=asked.phase)
-    accepted = _accepted(path, found, asked)
+    accepted = accepted_statements(path, found, asked.compared, asked.store)
     return [_evaluate(item, asked, drawn, accepted) for item in found]
 
 
-def _accepted(path: Path, found: Sequence[Any], asked: EvaluationOptions) -> tuple[str, ...]:
-    """What the file states otherwise than the site, accepted by a person; nothing of a run that measured itself."""
+def accepted_statements(path: Path, found: Sequence[Any], compared: Any, store: Path) -> tuple[str, ...]:
+    """What the file states otherwise than site and earlier files, accepted by a person; nothing of a measuring run."""
     from drivers.types.results import MeasuredSet
 
     measured = [one.content for one in found if one.capture is None and isinstance(one.content, MeasuredSet)]
-    if asked.compared is None or not measured:
+    if compared is None or not measured:
         return ()
     from gateway.cli.options import accepted_words
     from gateway.store import Maps, Store
     from gateway.workflow.files.facts import facts_of
 
-    stated = asked.compared.settled([facts_of(path.name, measured[0].header)], Maps(Store(asked.store).root))
+    stated = compared.settled([facts_of(path.name, measured[0].header)], Maps(Store(store).root))
     return tuple(accepted_words(one) for one in stated.accepted)
 
 

@@ -65,6 +65,7 @@ def evaluate(
     if standard == "list":
         list_standards(as_json=as_json)
         return
+    several = len(files or ()) > 1  # one file alone, without a site, has nothing to be compared with
     if kind != "positioning":
         if site is not None:  # its tolerances are of positioning: ignored, they would be taken for a pass
             raise ConfigError("E-CLI-SITE-KIND", "--site", kind=kind)
@@ -90,6 +91,7 @@ def evaluate(
             limits=limits_of(limit or ()),
             accepted=accepted_doubts(accept_doubt),
             columns=tuple(column or ()),
+            compared=compared_of(None, accept, ask=ask and not as_json) if several else None,
         )
         raise typer.Exit(evaluate_kinds(files or [], options, as_json=as_json))
     tree = load_site(site) if site is not None else None
@@ -106,7 +108,7 @@ def evaluate(
         phase=phase,
         plot=plot,
         site=tree,
-        compared=compared_of(None, accept, ask=ask and not as_json, tree=tree) if tree is not None else None,
+        compared=compared_of(None, accept, ask=ask and not as_json, tree=tree) if tree or several else None,
         accepted=accepted_doubts(accept_doubt),
         columns=tuple(column or ()),
     )

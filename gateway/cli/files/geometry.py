@@ -5,12 +5,13 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 from drivers.errors import ConfigError
 from drivers.types.doubts import Doubt
 from drivers.types.results import MeasuredSet
 from gateway.cli.exits import of_verdicts
-from gateway.cli.files.evaluating import show_verdicts, verdict
+from gateway.cli.files.evaluating import accepted_statements, show_verdicts, verdict
 from gateway.cli.show import echo, show_json, show_table
 from gateway.workflow.files.kindrecords import KindAnswer, KindQuestion, MeasuredFile
 
@@ -33,6 +34,7 @@ class KindOptions:
     limits: Mapping[str, float] = field(default_factory=dict)
     accepted: Mapping[str, str] = field(default_factory=dict)
     columns: tuple[str, ...] = ()
+    compared: Any = None
 
 
 def evaluate_kinds(files: Sequence[Path], asked: KindOptions, *, as_json: bool) -> int:
@@ -85,6 +87,7 @@ def _measured(path: Path, asked: KindOptions) -> tuple[MeasuredFile, ...]:
 
     how = How(asked.unit, columns=columns_of(asked.columns) or None, mixed=asked.kind in MIXED)
     held = items(path, how, Store(asked.store), axis=asked.question.axis, phase=asked.phase)
+    accepted_statements(path, held, asked.compared, asked.store)
     content = [(one.label, one.content) for one in held if isinstance(one.content, MeasuredSet)]
     if not content:
         raise ConfigError("E-CLI-KIND", str(path), kind=", ".join(type(one.content).__name__ for one in held))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -24,6 +25,7 @@ from gateway.config import AxisSection, Targets
 from gateway.domain.captures import Capture
 from gateway.domain.equipment import Equipment, Item, SenseProof
 from gateway.domain.figures import Evaluation
+from gateway.domain.stated import StatedFacts
 from gateway.evaluate.behaviour.doubts import notable
 from gateway.evaluate.behaviour.doubts import told as told_doubts
 from gateway.evaluate.behaviour.whole_travel import over_travel
@@ -38,6 +40,7 @@ from gateway.workflow.axes.line import on_its_line, told
 from gateway.workflow.axes.more import MoreTargets
 from gateway.workflow.axes.toothplaces import tooth_places
 from gateway.workflow.bench import Bench
+from gateway.workflow.files.facts import facts_of, settle_setup
 from gateway.workflow.files.reading import How, read_file, result_endings
 
 # A push is proved at so many places that were not measured before, at least.
@@ -150,9 +153,22 @@ def check_stops(axis: AxisSection, phase: stages.Phase) -> FloatArray:
 async def _from_file(at: Bench, axis: AxisSection) -> tuple[Capture, tuple[str, ...]]:
     path = at.site_path.parent / Path(str(axis.measure.file))
     measured = read_result(path, axis.measure.file_unit, at)
+    keep_statements(at, path, measured, axis.measure.accept)
     at.folder.write_bytes(f"source-{axis.name}{path.suffix}", path.read_bytes())
     live = await fetch_tables(at, axis)
     return from_file(axis, measured, live, path.name), ()
+
+
+def keep_statements(at: Bench, path: Path, measured: MeasuredSet, accepted: Sequence[str]) -> None:
+    """Compare what a set-up's file states with the site and the run's other files, and keep it with the run.
+
+    Raises ConfigError (E-FACTS-SETUP, E-FACTS-ACCEPT), StoreError.
+    """
+    before = at.folder.get(stages.STATED, StatedFacts) if at.folder.has(stages.STATED) else StatedFacts()
+    file, maps = facts_of(path.name, measured.header), Maps(at.store.root)
+    stated = settle_setup(file, at.site, before, maps=maps, accepted=accepted, utc=at.clock.utc())
+    if stated.facts:
+        at.folder.put(stages.STATED, stated)
 
 
 def read_result(path: Path, unit: str, at: Bench) -> MeasuredSet:

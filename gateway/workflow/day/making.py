@@ -23,7 +23,7 @@ from gateway.workflow.axes.conditions import tell_overdue
 from gateway.workflow.day.answers import Answers
 from gateway.workflow.day.forecast import ToothForecast, forecast
 from gateway.workflow.day.gathering import DayFolder
-from gateway.workflow.day.sorting import Placed, day_facts
+from gateway.workflow.day.sorting import Placed, accepted_words, day_facts
 from gateway.workflow.doubles import simulated_set
 from gateway.workflow.errors21.components import PlanOutcome, conclude, grids, measure_site
 from gateway.workflow.errors21.filesetup import capture_of, read_setup
@@ -143,9 +143,7 @@ def keep_stated(run: RunFolder, setups: Sequence[Placed], answers: Answers, site
 
     Raises ConfigError (E-FACTS-DIFFER) where a statement differs that no answer accepts, StoreError.
     """
-    accepted = answers.said.get("all", {}).get("accept", ())
-    words = tuple(str(one) for one in accepted) if isinstance(accepted, list | tuple) else ()
-    stated = settle(day_facts(setups), site, accepted=words, utc=utc)
+    stated = settle(day_facts(setups), site, accepted=accepted_words(answers), utc=utc)
     said: dict[str, Mapping[str, str]] = {}
     for axis in site.axes:
         names = [one.file.whole for one in setups if one.axis == axis.name]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from datetime import date
 from typing import Any
 
 from drivers.errors import ConfigError
@@ -12,7 +13,7 @@ from gateway.config import AxisSection, SiteFile
 from gateway.domain.values import component_unit
 from gateway.evaluate.behaviour.doubts import all_doubts, blocking
 from gateway.siteplan import LOCATIONS
-from gateway.workflow.day.answers import UNKNOWN, Answers
+from gateway.workflow.day.answers import ALL, UNKNOWN, Answers
 from gateway.workflow.day.gathering import DayFile, copies
 from gateway.workflow.day.naming import BY_ANSWER, Guessed, choices, guessed
 from gateway.workflow.files.facts import Difference, FileFacts, differences, facts_of
@@ -76,8 +77,8 @@ class SortedDay:
         return tuple(one for one in self.placed if one.setup)
 
 
-def sort_day(files: Sequence[DayFile], site: SiteFile, answers: Answers) -> SortedDay:
-    """Say of each file what it is, and whether it belongs to this day at this machine.
+def sort_day(files: Sequence[DayFile], site: SiteFile, answers: Answers, today: date | None = None) -> SortedDay:
+    """Say of each file what it is, and whether it belongs to this day at this machine; ``today`` judges its date.
 
     Raises ConfigError (E-DAY-ANSWER, E-DAY-NO-FILE, E-DAY-UNIT-OF, E-DAY-TWICE).
     """
@@ -85,7 +86,7 @@ def sort_day(files: Sequence[DayFile], site: SiteFile, answers: Answers) -> Sort
     same = copies(files)
     work = _Sorter(tuple(site.axes), answers, files)
     placed = [work.place(one, same.get(one.name, "")) for one in files]
-    work.foreign(placed, site)
+    work.foreign(placed, site, today)
     work.twice(placed)
     work.square(placed)
     return SortedDay(tuple(placed), tuple(work.questions.values()))
@@ -99,6 +100,12 @@ def day_facts(placed: Sequence[Placed]) -> tuple[FileFacts, ...]:
         if one.file.kind == "results" and one.why is None
     }
     return tuple(reversed(found.values()))
+
+
+def accepted_words(answers: Answers) -> tuple[str, ...]:
+    """The statements that a person accepted for the day, KEY=VALUE."""
+    found = answers.said.get(ALL, {}).get("accept", ())
+    return tuple(str(one) for one in found) if isinstance(found, list | tuple) else ()
 
 
 def _known_files(files: Sequence[DayFile], answers: Answers) -> None:
@@ -134,12 +141,11 @@ class _Sorter:
             return Placed(one, why=(NO_SETUP[one.kind], {"name": one.name}))
         return self._results(one)
 
-    def foreign(self, placed: Sequence[Placed], site: SiteFile) -> None:
+    def foreign(self, placed: Sequence[Placed], site: SiteFile, today: date | None) -> None:
         """Statements that differ from the site's or from other files': a person says whether they belong here."""
-        accepted = self._answers.said.get("all", {}).get("accept", ())
-        known = {str(one) for one in accepted} if isinstance(accepted, list | tuple) else set()
+        known = set(accepted_words(self._answers))
         open_: dict[str, list[Difference]] = {}
-        for one in differences(day_facts(placed), site):
+        for one in differences(day_facts(placed), site, today):
             if one.text not in known:
                 open_.setdefault(one.text, []).append(one)
         for text, found in open_.items():
@@ -275,6 +281,9 @@ class _Sorter:
         found |= {"sense": -1} if sense == "-" else {}
         found |= {"park": park} if park else {}
         found |= {"accept_doubts": settled} if settled else {}
+        stated = {f"{key}={value}" for key, value in facts_of(one.whole, one.words).said.items()}
+        words = [text for text in accepted_words(self._answers) if text in stated]
+        found |= {"accept": words} if words else {}
         found |= {"material_degc": degc} if degc is not None else {}
         own = {"U": "U", "offset": "offset_mm", "own_angle": "own_angle_arcsec"}
         more = {to: self._answers.of(key, one.name, moved.name) for key, to in own.items()}

@@ -26,7 +26,7 @@ from gateway.store import Maps, RunFolder
 from gateway.walk import walk
 from gateway.workflow import stages
 from gateway.workflow.axes.conditions import stands
-from gateway.workflow.axes.measure import check_stops, fetch_tables, more_targets, plans_of_axis
+from gateway.workflow.axes.measure import check_stops, fetch_tables, keep_statements, more_targets, plans_of_axis
 from gateway.workflow.axes.more import MoreTargets
 from gateway.workflow.axes.toothplaces import tooth_places
 from gateway.workflow.bench import Bench
@@ -187,6 +187,7 @@ def error_rig(at: Bench, one: Planned) -> ErrorRig:
 async def _from_file(at: Bench, one: Planned, tables: dict[str, LiveSet]) -> tuple[Capture, tuple[str, ...]]:
     path = at.site_path.parent / Path(str(one.setup.path))
     measured = read_setup(path, one, at.site.site.name, Maps(at.store.root))
+    keep_statements(at, path, measured, one.axis.measure.accept)
     at.folder.write_bytes(f"source-{one.key}{path.suffix}", path.read_bytes())
     if one.axis.name not in tables:
         tables[one.axis.name] = await fetch_tables(at, at.axis(one.axis.name))

@@ -18,6 +18,7 @@ from gateway.table.proposal import InstrumentU
 OWN = ("targets", "repetitions", "settle_s", "average_s", "stable", "material_degc")
 ORDER = "ABCXYZ"
 DEFAULT_U = 0.3
+WORD_OF_A_PERSON = ("accept_doubts", "accept")
 JOG = {"linear": 10.0, "rotary": 5.0}
 
 
@@ -34,7 +35,7 @@ class Planned:
     def was_measured_as(self, kept: str) -> bool:
         """Whether a set-up's stored form is what the site file has: its doubts may have been accepted since."""
         now, then = json.loads(self.setup.model_dump_json()), json.loads(kept)
-        return all(now.get(key) == then.get(key) for key in (*now, *then) if key != "accept_doubts")
+        return all(now.get(key) == then.get(key) for key in (*now, *then) if key not in WORD_OF_A_PERSON)
 
     @property
     def measured(self) -> bool:
@@ -108,12 +109,14 @@ def _own(axis: AxisSection) -> SetupSection | None:
         file_axis_sense=measure.file_axis_sense,
         material_degc=measure.material_degc,
         accept_doubts=measure.accept_doubts,
+        accept=measure.accept,
     )
 
 
 def _whole(setup: SetupSection, axis: AxisSection) -> Planned:
     own = {name: getattr(setup, name) for name in OWN if getattr(setup, name) is not None}
     changes: dict[str, Any] = {"component": setup.component, "instrument": setup.instrument, "file": None, **own}
+    changes["accept"] = (*axis.measure.accept, *setup.accept)
     changes["accept_doubts"] = {**axis.measure.accept_doubts, **setup.accept_doubts}
     if setup.source == "file":
         more = {"file": setup.path, "file_datum": setup.datum, "file_axis_sense": setup.file_axis_sense}

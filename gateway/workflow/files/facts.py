@@ -9,7 +9,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from datetime import date, datetime
+from datetime import date, datetime, timedelta
 from itertools import pairwise
 
 from drivers.errors import ConfigError, words
@@ -167,6 +167,11 @@ class Days:
         """The latest day that the text can mean."""
         return max((last for _first, last in self.spans), default=None)
 
+    @property
+    def first(self) -> date | None:
+        """The earliest day that the text can mean."""
+        return min((first for first, _last in self.spans), default=None)
+
     def apart(self, other: Days) -> int:
         """Least number of days between two dates, by every reading of them; 0 where one cannot be read."""
         found = [_between(one, two) for one in self.spans for two in other.spans]
@@ -239,8 +244,13 @@ def quantity(key: str, text: str) -> float | None:
 # --------------------------------------------------------------------------------------------------------- comparing
 
 
-def differences(files: Sequence[FileFacts], site: SiteFile | None = None) -> tuple[Difference, ...]:
-    """Every statement that differs from the site's, or where the site has none, from that of most files."""
+def differences(
+    files: Sequence[FileFacts], site: SiteFile | None = None, today: date | None = None
+) -> tuple[Difference, ...]:
+    """Every statement that differs from the site's, or where the site has none, from that of most files.
+
+    With ``today`` a date that is still to come differs from it.
+    """
     found: list[Difference] = []
     for key in KEYS:
         left: list[FileFacts] = []
@@ -254,6 +264,7 @@ def differences(files: Sequence[FileFacts], site: SiteFile | None = None) -> tup
                 left.append(one)
         found += _across(key, left)
         found += _too_early(left, site) if key == "date" and site is not None else ()
+        found += _to_come(left, today) if key == "date" and today is not None else ()
     return tuple(dict.fromkeys(found))
 
 
@@ -289,6 +300,14 @@ def _too_early(files: Sequence[FileFacts], site: SiteFile) -> Iterator[Differenc
         built = [f"built {year}"] if year is not None and last.year < year else []
         if built or later:
             yield Difference(one.name, "date", one.said["date"], ", ".join(built + later), source=SITE)
+
+
+def _to_come(files: Sequence[FileFacts], today: date) -> Iterator[Difference]:
+    """Dates after tomorrow: a clock that is wrong, or day and month exchanged; a day is left for time zones."""
+    for one in files:
+        first = days_of(one.said["date"]).first
+        if first is not None and first > today + timedelta(days=1):
+            yield Difference(one.name, "date", one.said["date"], today.isoformat(), source=words("W-FACTS-TODAY"))
 
 
 def _after(day: date | None, last: date) -> bool:
@@ -394,7 +413,7 @@ def settle(
             raise ConfigError("E-FACTS-ACCEPT", "--accept", text=shown(word), known=", ".join(KEYS))
     stamp = utc.isoformat(timespec="seconds") if utc is not None else ""
     given = {_normal(word) for word in accepted}
-    found = differences(files, site)
+    found = differences(files, site, utc.date() if utc is not None else None)
     settled: dict[Difference, str] = {}
     for one in found:
         when = _remembered(one, site, maps)
@@ -416,12 +435,16 @@ def settle(
 
 @dataclass(frozen=True, slots=True)
 class Compared:
-    """With what the statements of files are compared, and who is asked about a difference."""
+    """With what the statements of files are compared, and who is asked about a difference.
+
+    One command has one: ``earlier`` are the files that it took so far, with which each further one is compared.
+    """
 
     site: SiteFile | None = None
     accepted: Sequence[str] = ()
     ask: Ask | None = None
     utc: Callable[[], datetime] | None = None
+    earlier: list[FileFacts] = field(default_factory=list)
 
     @property
     def name(self) -> str:
@@ -431,10 +454,17 @@ class Compared:
     def settled(
         self, files: Sequence[FileFacts], maps: Maps | None, utc: Callable[[], datetime] | None = None
     ) -> StatedFacts:
-        """See `settle`."""
+        """See `settle`; what is returned is of these files alone, and the next ones are compared with them too."""
         clock = utc or self.utc
         now = clock() if clock is not None else None
-        return settle(files, self.site, maps=maps, accepted=self.accepted, ask=self.ask, utc=now)
+        both = [*(one for one in self.earlier if one not in files), *files]
+        found = settle(both, self.site, maps=maps, accepted=self.accepted, ask=self.ask, utc=now)
+        self.earlier[:] = both
+        names = {one.name for one in files}
+        return StatedFacts(
+            tuple(one for one in found.facts if one.file in names),
+            tuple(one for one in found.accepted if one.file in names),
+        )
 
 
 def _asked(
@@ -487,3 +517,24 @@ def _remember(one: Difference, site: SiteFile | None, maps: Maps | None, utc: st
     if maps is not None:
         maps.keep(MEMORY, _place(one, site), {"key": one.key, "value": one.value, "other": one.other}, utc)
     return utc
+
+
+def settle_setup(
+    file: FileFacts, site: SiteFile, before: StatedFacts, *, maps: Maps, accepted: Sequence[str], utc: datetime
+) -> StatedFacts:
+    """What a set-up's file states beside that of the run's earlier ones, compared with the site and with these.
+
+    Nobody is asked in a run: raises ConfigError E-FACTS-SETUP for a difference that the set-up does not accept.
+    """
+    names = dict.fromkeys(one.file for one in before.facts if one.file != file.name)
+    earlier = [FileFacts(name, "", before.of(name)) for name in names]
+    try:
+        found = settle([*earlier, file], site, maps=maps, accepted=accepted, utc=utc)
+    except ConfigError as error:
+        if error.code != "E-FACTS-DIFFER":
+            raise
+        lines, own = error.fields["lines"], differences([*earlier, file], site, utc.date())
+        texts = ", ".join(f'"{one.text}"' for one in own if one.file == file.name)
+        raise ConfigError("E-FACTS-SETUP", error.where, lines=lines, accept=texts) from error
+    known = dict.fromkeys((*before.accepted, *found.accepted))
+    return StatedFacts(found.facts, tuple(known), before.conditions)

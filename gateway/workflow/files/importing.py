@@ -111,7 +111,7 @@ def import_file(
     how: How,
     utc: Callable[[], datetime] | None,
     *,
-    at: Compared = Compared(),
+    at: Compared | None = None,
     expected: str = "",
     accepted: Mapping[str, str] | None = None,
 ) -> tuple[Imported, ...]:
@@ -122,6 +122,7 @@ def import_file(
     file is never changed. Raises what `read_all` and `settle` raise; FileFormatError (E-IMPORT-CHANGED) when the file
     changed meanwhile; StoreError.
     """
+    at = at or Compared()
     digest = content_hash(path)
     if expected and digest != expected:
         raise FileFormatError("E-IMPORT-CHANGED", str(path))

@@ -17,6 +17,7 @@ from typing import Any
 
 import pytest
 import typer
+from openpyxl import Workbook
 from typer.testing import CliRunner, Result
 
 from drivers.errors import TrueflankError, catalogue
@@ -157,6 +158,26 @@ def instead(old: str, *new: str) -> Answer:
     return answer
 
 
+def edited(name: str, old: str, new: str) -> Answer:
+    """The file as the remedy wants it, the first ``old`` in it replaced, and the same words again."""
+
+    def answer(typed: Words, _error: Raised) -> Words:
+        Path(name).write_text(Path(name).read_text(encoding="utf-8").replace(old, new, 1), encoding="utf-8")
+        return typed
+
+    return answer
+
+
+def book(path: Path, text: str) -> None:
+    """A workbook with the same table in two sheets."""
+    made = Workbook()
+    for title in ("one", "two"):
+        sheet = made.create_sheet(title)
+        for line in text.splitlines():
+            sheet.append([float(cell) if re.fullmatch(r"[\d.]+", cell) else cell for cell in line.split(",")])
+    made.save(path)
+
+
 @dataclass(frozen=True)
 class Remedy:
     """``words`` typed in a folder with ``files`` raise the first code of ``answers``; each answer follows one code."""
@@ -179,6 +200,7 @@ def both_ways(places: tuple[float, ...], gap: float = 0.0) -> list[str]:
 LINE = table("target_mm,direction,repetition,deviation_um", *both_ways((0.0, 10.0, 20.0, 30.0)))
 UNEVEN = table("target_mm,direction,repetition,deviation_um", *both_ways((0.0, 11.0, 20.0, 30.0)))
 OPEN = table("target_deg,direction,repetition,deviation_arcsec", *both_ways((0.0, 90.0, 180.0, 270.0, 360.0), 9.0))
+TURN = table("target_deg,direction,repetition,deviation_um", *both_ways((0.0, 60.0, 120.0, 180.0, 240.0, 300.0)))
 PASSES = table("target_mm,Run 1 [um],Run 2 [um]", "0,0.1,0.4", "10,1.2,1.5", "20,2.0,2.4", "30,1.1,1.4")
 RUNS = table("target_mm,run,deviation_um", *(f"{10 * at},{run},{at}.{run}" for run in (1, 2) for at in range(4)))
 STRANGE = table("A mm;B mm", "0;0.0001", "10;10.0002", "20;20.0004", "30;30.0001")
@@ -189,6 +211,15 @@ INSTRUMENTS = table(
     "target_mm,direction,repetition,Encoder [mm],Laser [mm]",
     *(f"{10 * at},{way},1,{10 * at}.000{at},{10 * at}.001{at}" for at in range(4) for way in "+-"),
 )
+EXCHANGED = table(
+    "Target [mm];Direction;Measured [mm]",
+    *(f"{10 * at + run / 997:.4f};+;{10 * at}" for run in range(5) for at in range(4)),
+)
+TWO = table(
+    *("target_mm,deviation_um", *(f"{at},0.{at}" for at in (10, 20, 30)), "", "backward"),
+    *("target_mm,deviation_um", *(f"{at},0.{at}" for at in (10, 20, 30))),
+)
+MOTIONS = table("target_mm,EXX [um],EYX [um]", *(f"{10 * at},0.{at},0.{2 * at}" for at in range(4)))
 TO_EEC = "convert f.csv --to eec --axis X1 --reference 0 --datum 0=0 -o out.spf"
 DATUM = {"E-CLI-DATUM": add("--reference", "0", "--datum", "0=0")}
 LIST: Answer = lambda _typed, _error: ["evaluate", "--standard", "list"]  # noqa: E731 - the printed command itself
@@ -275,6 +306,68 @@ REMEDIES: Mapping[str, Remedy] = {
     "E-CLI-NOT-DYNAMIC": Remedy(
         "dynamic f.csv", {"E-CLI-NOT-DYNAMIC": lambda _typed, _error: ["evaluate", "f.csv"]}, {"f.csv": LINE}
     ),
+    "E-FILE-EXCHANGED": Remedy(
+        "import --json f.csv",
+        {"E-FILE-EXCHANGED": add("--column", "target=3", "--column", "measured=1", "--column", "direction=2")},
+        {"f.csv": EXCHANGED},
+    ),
+    "E-FILE-CSV-SECOND": Remedy(
+        "import --json f.csv", {"E-FILE-CSV-SECOND": edited("f.csv", "target_mm", "forward\ntarget_mm")}, {"f.csv": TWO}
+    ),
+    "E-IMPORT-MOTION": Remedy(
+        "import --json f.csv --motion EZX",
+        {"E-IMPORT-MOTION": instead("EZX", "EYX")},
+        {"f.csv": MOTIONS},
+    ),
+    "E-IMPORT-MOTION-TWICE": Remedy(
+        "import --json f.csv",
+        {"E-IMPORT-MOTION-TWICE": add("--column", "EXX=2")},
+        {"f.csv": MOTIONS.replace("EYX", "EXX")},
+    ),
+    "E-IMPORT-MOTION-UNIT": Remedy(
+        "import --json f.csv",
+        {
+            "E-IMPORT-MOTION-UNIT": add(
+                *("--column", "EXX=2", "--column", "EYX=3", "--column", "reading_unit=um", "--column", "target_unit=mm")
+            )
+        },
+        {"f.csv": MOTIONS.replace(" [um]", "")},
+    ),
+    "E-IMPORT-SEVERAL": Remedy(
+        TO_EEC,
+        {"E-IMPORT-SEVERAL": lambda _typed, _error: ["import", "f.csv", "--motion", "EXX"]},
+        {"f.csv": MOTIONS},
+    ),
+    "E-IMPORT-SHEET": Remedy(
+        "import --json f.xlsx", {"E-IMPORT-SHEET": add("--column", "sheet=two")}, {"f.xlsx": LINE}, ("sheet=",)
+    ),
+    "E-KIND-FILES": Remedy(
+        "evaluate f.csv --kind squareness",
+        {"E-KIND-FILES": lambda _typed, _error: ["evaluate", "f.csv", "f.csv", "--kind", "squareness"]},
+        {"f.csv": LINE},
+    ),
+    "E-KIND-UNIT": Remedy(
+        "evaluate f.csv --kind angular --axis X --angle pitch",
+        {"E-KIND-UNIT": edited("f.csv", "deviation_um", "deviation_arcsec")},
+        {"f.csv": LINE},
+    ),
+    "E-KIND-MOTION": Remedy(
+        "evaluate f.csv --kind rotary-motion --axis C --motion bent",
+        {"E-KIND-MOTION": instead("bent", "axial")},
+        {"f.csv": TURN},
+        ("--motion",),
+    ),
+    "E-KIND-DISTANCE": Remedy(
+        "evaluate f.csv f.csv --kind rotary-motion --axis C --motion tilt",
+        {"E-KIND-DISTANCE": add("--distance", "100")},
+        {"f.csv": TURN},
+    ),
+    "E-EVAL-NOT-LINEAR": Remedy(
+        "evaluate --json rotary.csv --air edlen",
+        {"E-EVAL-NOT-LINEAR": lambda _typed, _error: ["evaluate", "rotary.csv"]},
+        {"rotary.csv": OPEN.replace("9.", "0.")},
+        ("--air",),
+    ),
 }
 """What provokes each code, and its remedy."""
 ELSEWHERE = {
@@ -288,21 +381,10 @@ ELSEWHERE = {
     "E-DAY-EMPTY": "the capture software has the files; test_day.py runs the day then",
     "E-DAY-UNDESCRIBED": "only the capture software can export the table: the text says so",
     "E-EVAL-STANDARD": "of the library; the command raises E-CLI-STANDARD",
-    "E-EVAL-NOT-LINEAR": "leaving options out: tests/unit/evaluate/test_corrections.py",
     "E-EXPORT-NOTHING": "a run with captures: test_import_export.py",
     "E-EXPORT-SEVERAL": "a run with two captures: test_import_export.py",
-    "E-FILE-CSV-SECOND": "tests/unit/drivers/test_exported_files.py",
     "E-FILE-RTX-UNIT": "a dynamic capture: test_import_export.py",
     "E-IMPORT-TURN": "tests/unit/drivers/test_standard_tables.py",
-    "E-IMPORT-MOTION": "test_motions.py chooses one of the motions that it names",
-    "E-IMPORT-MOTION-TWICE": "test_motions.py",
-    "E-IMPORT-MOTION-UNIT": "test_motions.py declares units as it prints",
-    "E-IMPORT-SHEET": "a workbook: test_strangers_files.py",
-    "E-IMPORT-SEVERAL": "test_motions.py imports all of them, or one",
-    "E-KIND-FILES": "test_kinds_command.py",
-    "E-KIND-UNIT": "the file itself must be another one: test_kinds_command.py",
-    "E-KIND-MOTION": "test_kinds_command.py",
-    "E-KIND-DISTANCE": "test_kinds_command.py",
 }
 """Remedies that are followed elsewhere, or that nobody can follow here, each with the reason."""
 
@@ -327,7 +409,9 @@ def test_following_what_is_printed_ends_the_trouble(code: str, tmp_path: Path, m
     remedy = REMEDIES[code]
     monkeypatch.chdir(tmp_path)
     for name, text in remedy.files.items():
-        if text:
+        if name.endswith(".xlsx"):
+            book(Path(name), text)
+        elif text:
             Path(name).write_text(text, encoding="utf-8")
         else:
             shutil.copy(SITE if name.endswith(".toml") else GOLDEN / name, name)

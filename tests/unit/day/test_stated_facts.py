@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from datetime import date
+from datetime import UTC, date, datetime
 from pathlib import Path
 from typing import Any
 
@@ -14,8 +14,9 @@ from typer.testing import CliRunner
 from drivers.errors import ConfigError, TrueflankError
 from gateway.cli import app
 from gateway.config import SiteFile
+from gateway.domain.stated import StatedFacts
 from gateway.store import Maps, Store
-from gateway.workflow.files.facts import FileFacts, days_of, differences, facts_of, quantity, settle
+from gateway.workflow.files.facts import FileFacts, days_of, differences, facts_of, quantity, settle, settle_setup
 from gateway.workflow.files.importing import watcher_of
 from simulators.cell.site import section
 from tests.unit.components.site import site_data, site_of
@@ -168,6 +169,49 @@ def test_every_command_with_a_site_refuses_another_machines_file_and_takes_it_on
         result = run(*words, "--no-ask")
         assert result.exit_code == 0, result.output
     assert watcher.look(2.0) == 1, "what a person accepted holds for the watched folder too"
+
+
+def test_files_of_one_command_are_compared_with_each_other_without_a_site(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    for name, head in (("a", "Machine;Mill 7\nDate;3.2.2026"), ("b", "Machine;Mill 7"), ("c", "Date;3.2.2019")):
+        (tmp_path / f"{name}.csv").write_text(f"{head}\n{TABLE}", encoding="utf-8")
+    (tmp_path / "d.csv").write_text(f"Machine;Mill 8\nDate;May 3, 2199\n{TABLE}", encoding="utf-8")
+    assert run("evaluate", "a.csv", "b.csv", "--no-ask").exit_code == 0
+    assert run("evaluate", "d.csv").exit_code == 0, "one file alone is compared with nothing"
+    for words in (("evaluate",), ("import",), ("report",), ("evaluate", "--kind", "reversal")):
+        for other, stated in (("c", "date=3.2.2019"), ("d", "machine=Mill 8")):
+            result = run(words[0], "a.csv", f"{other}.csv", *words[1:], "--no-ask")
+            assert result.exit_code != 0
+            assert f'--accept "{stated}"' in f"{result.output} {result.exception}"
+    words = ("evaluate", "a.csv", "d.csv", "--no-ask", "--accept", "machine=Mill 8", "--accept", "date=May 3, 2199")
+    accepted = run(*words)
+    assert accepted.exit_code == 0, accepted.output
+    assert "accepted" in accepted.output
+
+
+def test_a_date_that_is_still_to_come_is_asked_about() -> None:
+    today = date(2026, 11, 28)
+    for text, differs in (("29.11.2026", False), ("2026-11-30", True), ("3/12/2026", False), ("2027", True)):
+        found = differences([FileFacts("a", said={"date": text})], None, today)
+        assert bool(found) is differs, text
+
+
+def test_a_setup_takes_a_file_of_this_machine_or_one_that_it_accepts(tmp_path: Path) -> None:
+    utc, maps, known = datetime(2026, 11, 28, tzinfo=UTC), Maps(tmp_path), site()
+    one = FileFacts("x.rtl", "X", {"machine": "YK7350B", "date": "20.11.2026"})
+    first = settle_setup(one, known, StatedFacts(), maps=maps, accepted=(), utc=utc)
+    old = FileFacts("z.rtl", "Z", {"machine": "Mill 7", "date": "May 3, 2019"})
+    with pytest.raises(ConfigError, match="E-FACTS-SETUP") as refused:
+        settle_setup(old, known, first, maps=maps, accepted=(), utc=utc)
+    accept = json.loads(f"[{refused.value.fields['accept']}]")
+    assert accept == ["machine=Mill 7", "date=May 3, 2019"]
+    both = settle_setup(old, known, first, maps=Maps(tmp_path / "b"), accepted=accept, utc=utc)
+    assert both.values("machine") == ("YK7350B", "Mill 7")
+    assert {one.key for one in both.accepted} == {"machine", "date"}
+    again = settle_setup(old, known, both, maps=Maps(tmp_path / "c"), accepted=accept, utc=utc)
+    assert again.facts == both.facts
 
 
 def test_a_day_refuses_a_file_of_another_machine_and_year_and_prints_what_was_accepted(tmp_path: Path) -> None:
