@@ -214,7 +214,9 @@ def spoilt(case: Case, chance: random.Random) -> tuple[str, set[tuple[int, int, 
         # 999 nm is a reading like others: a mark that no reading can be is far beyond all of them.
         far = [one for one in SENTINELS if case.unit != "nm" or abs(one) > 50_000.0]
         own = chance.choice([*far, 0.0] if case.quantity == "position" else far)
-        places = {at for at in places if own or abs(case.targets[at[0]]) > 5.0}  # 0 read at 0 is a reading
+        # 0 read at 0, or 99999 um at 100 mm, is a reading like others.
+        beside = case.quantity == "position"
+        places = {at for at in places if not beside or abs(own * scale(case.unit) - case.targets[at[0]]) > 5.0}
         case.cells = dict.fromkeys(places, spelled(own, case))
     elif fact == "letter":
         case.cells = {next(iter(places)): "12x"}
