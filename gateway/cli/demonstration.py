@@ -5,9 +5,11 @@ from __future__ import annotations
 import contextlib
 import json
 import os
+import shlex
 import subprocess
 import sys
 import threading
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -15,15 +17,16 @@ from pathlib import Path
 from typing import Any, TextIO
 
 from drivers.clock import LoopClock
-from drivers.errors import ConfigError, words
+from drivers.errors import ConfigError, TrueflankError, words
 from drivers.local.extras import need
+from gateway.cli.demoending import Took, say_if_busy, say_stopped, show_ending
 from gateway.cli.machine.programs import self_tested
-from gateway.cli.machine.running import run_site_command
-from gateway.cli.machine.whole_loop import close_site_command
-from gateway.cli.onward import next_step
+from gateway.cli.machine.running import run_site_command, show_outcome
+from gateway.cli.machine.whole_loop import Closing
 from gateway.cli.show import echo
 
 GRACE_S = 10.0
+SHIPPED = "demo"
 STARTER = (sys.executable, "-m", "simulators.cell")
 
 
@@ -100,40 +103,102 @@ def _ready(child: subprocess.Popen[str], cell: str) -> dict[str, object]:
     return dict(answer)
 
 
-def run_demo(
-    folder: Path, cell: str, speed: float, seed: int | None, *, axes: bool, everything: bool, as_json: bool
-) -> None:
-    """The loop on a simulated machine with the set-ups that pay, or all with ``everything``; prints figures and paths.
+@dataclass(frozen=True, slots=True)
+class Demo:
+    """A demo as it was asked for: where it keeps its things, its cell, and what of the loop; ``run`` to go on with."""
 
-    With ``axes`` it is the loop of the axes alone.
+    folder: Path
+    cell: str
+    speed: float
+    seed: int | None = None
+    axes: bool = False
+    everything: bool = False
+    run: str = ""
+
+    @property
+    def command(self) -> str:
+        """The command line that asks for the same, but for the run."""
+        words_of_it = ["trueflank demo", "--folder", shlex.quote(str(self.folder))]
+        words_of_it += ["--cell", shlex.quote(self.cell)] if self.cell != SHIPPED else []
+        words_of_it += ["--seed", str(self.seed)] if self.seed is not None else []
+        words_of_it += ["--all"] if self.everything else []
+        return " ".join(words_of_it + (["--axes"] if self.axes else []))
+
+    @property
+    def site(self) -> Path:
+        """The site file that the cell writes."""
+        return self.folder / "site.toml"
+
+    @property
+    def asked(self) -> CellAsked:
+        """Its cell."""
+        return CellAsked(self.cell, self.site, self.speed, self.seed, plan=not self.axes)
+
+
+def run_demo(demo: Demo, *, as_json: bool) -> None:
+    """The loop on a simulated machine with the set-ups that pay, or all of them, or of the axes alone.
+
+    Prints figures and paths. Where it stops it says in which stage, where its folder is, and how to go on. Raises
+    ConfigError (E-DEMO-RESUME), and what the loop raises.
     """
-    site = folder / "site.toml"
-    clock = LoopClock()
-    with cell_process(CellAsked(cell, site, speed, seed, plan=not axes)):
-        wanted = () if axes or everything else _that_pay(site, quiet=as_json)
-        started = clock.utc()
-        self_tested(site, quiet=as_json, clock=clock, own_operator=True)
-        if axes:
-            run_site_command(site, True, "", as_json=as_json, typed_by_demo=True, clock=clock)
-        else:
-            close_site_command(site, True, "", as_json=as_json, typed_by_demo=True, clock=clock, wanted=wanted)
-        seconds = (clock.utc() - started).total_seconds()
+    clock, began, worked = LoopClock(), time.perf_counter(), os.times()
     if not as_json:
-        echo(f"(all of it took {seconds:.0f} s)")
-        next_step(f"report latest --store {folder / 'runs'}")
+        say_if_busy()
+    if demo.axes:
+        with cell_process(demo.asked):
+            self_tested(demo.site, quiet=as_json, clock=clock, own_operator=True)
+            run_site_command(demo.site, True, "", as_json=as_json, typed_by_demo=True, clock=clock)
+        return
+    _demand_resumable(demo)
+    with cell_process(demo.asked):
+        chosen = None if demo.everything else _that_pay(demo.site)
+        if chosen is not None and not as_json:
+            echo(words("P-DEMO-SETUPS", **chosen.told))
+        closing = Closing(
+            demo.site,
+            apply=True,
+            resume=demo.run,
+            own_operator=True,
+            wanted=chosen.keys if chosen is not None else (),
+            clock=clock,
+        )
+        stages = closing.stages()
+        try:
+            self_tested(demo.site, quiet=as_json, clock=clock, own_operator=True)
+            outcome = closing.run(quiet=as_json, stages=stages)
+        except TrueflankError:
+            if not as_json:
+                say_stopped(stages, demo.folder, demo.command)
+            raise
+    if as_json or outcome.exit_code:
+        show_outcome(outcome, as_json=as_json)
+        return
+    ended = os.times()  # the cell has ended too, so its work is counted
+    took = Took(time.perf_counter() - began, sum(ended[:4]) - sum(worked[:4]))
+    show_ending(outcome, words("S-DEMO-PARTLY", **chosen.told) if chosen is not None else "", took, clock)
 
 
-def _that_pay(site: Path, *, quiet: bool) -> tuple[str, ...]:
-    """The set-ups that pay by the ranking of the site as it is, and what the rest is worth, said. Raises ConfigError."""
+def _demand_resumable(demo: Demo) -> None:
+    """Refuse to go on where the tables that a run had loaded ended with its simulated control. Raises ConfigError."""
+    if not demo.run:
+        return
+    from gateway.cli.options import open_run
+    from gateway.store import Store
+    from gateway.workflow import stages
+
+    folder = open_run(Store(demo.folder / "runs"), demo.run)
+    if folder.has(stages.PROPOSAL):
+        raise ConfigError("E-DEMO-RESUME", folder.run_id, command=demo.command)
+
+
+def _that_pay(site: Path) -> Any:
+    """The set-ups that pay by the ranking of the site as it is. Raises ConfigError, ModelError."""
     from gateway.config import load_site
     from gateway.workflow.errors21.paying import setups_that_pay
     from gateway.workflow.tooth.proposal import work_of
 
     tree = load_site(site)
-    found = setups_that_pay(tree, work_of(tree, site).tooth)
-    if not quiet:
-        echo(words("P-DEMO-SETUPS", **found.told))
-    return found.keys
+    return setups_that_pay(tree, work_of(tree, site).tooth)
 
 
 def list_cells() -> None:

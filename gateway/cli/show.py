@@ -7,7 +7,7 @@ import re
 import shutil
 import sys
 import textwrap
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -118,3 +118,13 @@ def show_table(title: str, headings: Sequence[str], rows: Iterable[Sequence[str]
         table.add_row(*(plain(cell) for cell in row))
     console = Console(highlight=False, width=None if sys.stdout.isatty() else 110)
     console.print(table)
+
+
+def show_strips(paint: Callable[[int, bool], Iterable[Any]]) -> None:
+    """Lines of cells on standard output; ``paint`` makes them for so many columns, with colours or without."""
+    from rich.console import Console
+
+    console = Console(highlight=False, width=None if sys.stdout.isatty() else 110)
+    colours = console.color_system in ("256", "truecolor") and not console.no_color
+    for line in paint(console.width - 1, colours):
+        console.print(line, no_wrap=True, crop=True)

@@ -19,14 +19,17 @@ def demo(
     everything: Annotated[
         bool, typer.Option("--all", help="Measure every set-up of the plan; else those that pay for the tooth.")
     ] = False,
+    resume: Annotated[
+        str, typer.Option(help="Go on with this run of the demo, which stopped while it measured.", show_default=False)
+    ] = "",
     as_json: JsonOption = False,
 ) -> None:
     """Start a simulated grinder and close the whole loop on it, over its wires: errors, both layers, the part."""
-    from gateway.cli.demonstration import run_demo
+    from gateway.cli.demonstration import Demo, run_demo
 
-    if axes and everything:
-        raise typer.BadParameter("--axes measures no other error: leave --all away", param_hint="--all")
-    run_demo(folder, cell, speed, seed, axes=axes, everything=everything, as_json=as_json)
+    if axes and (everything or resume):
+        raise typer.BadParameter("--axes is a demo of its own: leave --all and --resume away", param_hint="--axes")
+    run_demo(Demo(folder, cell, speed, seed, axes=axes, everything=everything, run=resume), as_json=as_json)
 
 
 def simulate(

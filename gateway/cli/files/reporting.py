@@ -111,7 +111,7 @@ def _of_run(
     from gateway.workflow.results.documenting import with_told, write_document
     from gateway.workflow.results.ending import lines_of
     from gateway.workflow.results.fromfiles import imported, keep_conditions, material_of_import
-    from gateway.workflow.results.reporting import material_of, standing_report, summary_of, write_report
+    from gateway.workflow.results.reporting import material_of, standing_report, summary_of, write_index, write_report
 
     folder = open_run(Store(store), what[0], "report")
     if said:
@@ -125,6 +125,7 @@ def _of_run(
     made = write_document(with_told(material, told), out or folder.path, LoopClock().utc())
     if out is None:
         folder.adopt(*made.files)
+        write_index(folder, material)
     data = {**paths.as_data(), **made.as_data(), "html": str(paths.html), "document": str(made.html)}
     lines = (*lines_of(material), f"report: {paths.html}", *_logo(material, told))
     return made, lines, {**data, "summary": summary_of(paths), "run": str(folder.path)}

@@ -3,18 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
 from drivers.clock import Clock, LoopClock
+from drivers.errors import ConfigError
 from gateway.cli.machine.dayplan import show_day_of_closing
 from gateway.cli.machine.running import onward_of, show_outcome
 from gateway.cli.options import ApplyOption, JsonOption, MachineOption, PlanOption, RiskOption, SiteArgument, open_run
+from gateway.cli.screen.stages import Stages, Work
 from gateway.cli.screen.telling import progress
 from gateway.cli.stopping import run_to_end
 from gateway.say import Say
+
+WARM_UP = "warm-up"
+"""Nothing is said when it begins: it is over when a run starts."""
 
 
 def close_command(
@@ -43,32 +49,56 @@ def close_command(
 
 
 def close_site_command(
-    site: Path,
-    apply: bool,
-    machine: str,
-    resume: str = "",
-    *,
-    as_json: bool,
-    keep_worse: bool = False,
-    typed_by_demo: bool = False,
-    clock: Clock | None = None,
-    wanted: Sequence[str] = (),
+    site: Path, apply: bool, machine: str, resume: str = "", *, as_json: bool, keep_worse: bool = False
 ) -> None:
-    """Close the loop at a site; the demo, which owns its cell, types the machine's name itself."""
-    from gateway.config import load_site
-    from gateway.workflow.loop.tooth_loop import close_site
-    from gateway.workflow.runsite import store_of
+    """Close the loop at a site, and show what came of it."""
+    asked = Closing(site, apply=apply, machine=machine, resume=resume, keep_worse=keep_worse)
+    outcome = asked.run(quiet=as_json)
+    show_outcome(outcome, as_json=as_json, onward=onward_of(outcome, site))
 
-    tree, used = load_site(site), clock or LoopClock()
-    folder = open_run(store_of(tree, site), resume) if resume else None
-    name = tree.site.name if typed_by_demo else machine
 
-    async def main(say: Say) -> Any:
-        asked: dict[str, Any] = {"apply": apply, "machine_name": name, "resume": folder, "back": not keep_worse}
-        asked |= {"wanted": wanted}
-        return await close_site(tree, site, clock=used, say=say, **asked)
+@dataclass(frozen=True, slots=True)
+class Closing:
+    """A closing run as it was asked for; ``wanted`` are the set-ups by key (none: all of the plan).
 
-    with progress(quiet=as_json, at=(tree, site), own_operator=typed_by_demo) as say:
-        outcome = run_to_end(main(say))
-    onward = onward_of(outcome, site)
-    show_outcome(outcome, as_json=as_json, onward="" if typed_by_demo else onward)
+    The demo, which owns its cell and has an ``own_operator`` there, types the machine's name itself.
+    """
+
+    site: Path
+    apply: bool
+    machine: str = ""
+    resume: str = ""
+    keep_worse: bool = False
+    own_operator: bool = False
+    wanted: Sequence[str] = ()
+    clock: Clock = field(default_factory=LoopClock)
+
+    def stages(self) -> Stages | None:
+        """Its stages by the forecast of the site file; None where that cannot be made. Raises ConfigError."""
+        from gateway.config import load_site
+        from gateway.workflow.loop.forecast import day_of_closing
+
+        try:
+            day = day_of_closing(load_site(self.site), self.site, apply=self.apply, wanted=self.wanted)
+        except ConfigError:
+            return None  # what is wrong is said by the run itself, where it matters to it
+        pieces = (Work(one.stage, one.name, one.seconds(day.times)) for one in day.pieces)
+        return Stages([one for one in pieces if one.stage != WARM_UP])
+
+    def run(self, *, quiet: bool, stages: Stages | None = None) -> Any:
+        """Do it with its progress shown; returns its outcome. Raises what `close_site` raises."""
+        from gateway.config import load_site
+        from gateway.workflow.loop.tooth_loop import close_site
+        from gateway.workflow.runsite import store_of
+
+        tree = load_site(self.site)
+        folder = open_run(store_of(tree, self.site), self.resume) if self.resume else None
+        asked: dict[str, Any] = {"apply": self.apply, "resume": folder, "back": not self.keep_worse}
+        asked |= {"machine_name": tree.site.name if self.own_operator else self.machine, "wanted": self.wanted}
+
+        async def main(say: Say) -> Any:
+            return await close_site(tree, self.site, clock=self.clock, say=say, **asked)
+
+        known = stages if stages is not None else self.stages()
+        with progress(quiet=quiet, at=(tree, self.site), own_operator=self.own_operator, stages=known) as say:
+            return run_to_end(main(say))

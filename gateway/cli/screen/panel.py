@@ -15,8 +15,10 @@ from rich.progress_bar import ProgressBar
 from rich.table import Table
 from rich.text import Text
 
+from drivers.errors import words
 from drivers.local.names import visible
 from gateway.cli.screen.scene import Count, Scene, clock_text
+from gateway.cli.screen.stages import Stages
 from gateway.cli.show import with_site
 
 A_SECOND = 4
@@ -107,7 +109,8 @@ class LivePanel:
         return Panel(Group(*rows), title=Text(visible(title)), title_align="left", border_style="dim")
 
     def _rows(self, scene: Scene, now: float) -> list[Any]:
-        rows: list[Any] = [_bars(scene.counts.values(), now)] if scene.counts else []
+        rows: list[Any] = [_staged(scene.stages, now)] if scene.stages is not None and scene.stages.number else []
+        rows += [_bars(scene.counts.values(), now, alone=scene.stages is None)] if scene.counts else []
         rows += [Text(f"! {visible(with_site(text))}", style="bold red") for text in (scene.open_road,) if text]
         rows += [Text(visible(text)) for text in (scene.step,) if text]
         rows += [_hung("  ", Text(visible(move))) for move in scene.moves]
@@ -127,14 +130,21 @@ def _hung(mark: str, said: Text) -> Table:
     return row
 
 
-def _bars(counts: Iterable[Count], now: float) -> Table:
-    """One line for each count: how far, of what, time to go."""
+def _staged(stages: Stages, now: float) -> Text:
+    """Which stage of how many, and the time to go over all that are left."""
+    said = words("S-PANEL-STAGE", number=stages.number, total=stages.total, stage=stages.said)
+    left = stages.left_s(now)
+    return Text(visible(said if left is None else f"{said}, {words('S-PANEL-LEFT', time=clock_text(left))}"))
+
+
+def _bars(counts: Iterable[Count], now: float, *, alone: bool) -> Table:
+    """One line for each count: how far, of what; the time to go where no stages tell it for ``alone`` these counts."""
     rows = Table.grid(padding=(0, 1))
     rows.add_column(width=BAR)
-    rows.add_column(min_width=TO_GO, no_wrap=True)
+    rows.add_column(min_width=TO_GO if alone else 0, no_wrap=True)
     rows.add_column(overflow="ellipsis", no_wrap=True)
     for count in counts:
-        left = count.left_s(now)
+        left = count.left_s(now) if alone else None
         rows.add_row(
             ProgressBar(total=count.total, completed=count.done, width=BAR),
             Text("" if left is None else f"about {clock_text(left)} to go"),

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 
 from drivers.errors import words
 from gateway.audience import Audience, kind_of
+from gateway.cli.screen.stages import Stages
 
 OPEN_ROAD = "P-UNPROTECTED"
 TABLE_STEP = "P-PUSH-STEP"
@@ -53,7 +54,8 @@ class Count:
 class Scene:
     """The panel's state; `told` takes what is said, in s of any steady clock.
 
-    ``open_road`` stays as long as the command works: what passes to the control is not protected.
+    ``open_road`` stays as long as the command works: what passes to the control is not protected. With ``stages`` the
+    time to go is reckoned over all of them, and no count tells a time of its own.
     """
 
     began: float
@@ -65,9 +67,12 @@ class Scene:
     asked: float = 0.0
     moves: tuple[str, ...] = ()
     counts: dict[str, Count] = field(default_factory=dict)
+    stages: Stages | None = None
 
     def told(self, code: str, fields: Mapping[str, object], now: float) -> None:
         """Take one piece of progress."""
+        if self.stages is not None:
+            self.stages.told(code, fields, now)
         kind = kind_of(code)
         if code == OPEN_ROAD:
             self.open_road = words(code, **fields)

@@ -13,6 +13,7 @@ from drivers.errors import TrueflankError, words
 from gateway.audience import Audience, kind_of
 from gateway.cli import voice
 from gateway.cli.screen.scene import Scene
+from gateway.cli.screen.stages import Stages
 from gateway.cli.show import begun_with, echo
 from gateway.cli.voice import Voice
 from gateway.say import Say
@@ -30,12 +31,18 @@ IN_PANEL = {*OPERATORS, Audience.COUNT}
 
 @contextmanager
 def progress(
-    *, quiet: bool, at: tuple[Any, Path] | None = None, folder: Any = None, own_operator: bool = False
+    *,
+    quiet: bool,
+    at: tuple[Any, Path] | None = None,
+    folder: Any = None,
+    own_operator: bool = False,
+    stages: Stages | None = None,
 ) -> Iterator[Say]:
     """Show progress while the block lasts; with ``quiet`` (data was asked for) the log alone hears it.
 
     ``at`` is a site and its file, ``folder`` a run's: their store keeps the log. With ``own_operator`` nobody here is
-    asked to press anything. An error that leaves the block is kept in the log.
+    asked to press anything. ``stages`` are those of the whole command: the time to go is reckoned over them. An error
+    that leaves the block is kept in the log.
     """
     if folder is not None:
         from gateway.workflow.runsite import site_path_of
@@ -56,7 +63,7 @@ def progress(
             log.add(LEVELS.get(kind_of(code), "INFO"), code, fields, run=run)
 
     try:
-        with _shown(title, clock, kinds, quiet=quiet) as show:
+        with _shown(title, clock, kinds, quiet=quiet, stages=stages) as show:
 
             def say(code: str, /, **fields: object) -> None:
                 kept(code, fields)
@@ -97,18 +104,25 @@ def _brief(own_operator: bool) -> bool:
 
 @contextmanager
 def _shown(
-    title: str, clock: Clock, kinds: set[Audience], *, quiet: bool
+    title: str, clock: Clock, kinds: set[Audience], *, quiet: bool, stages: Stages | None
 ) -> Iterator[Callable[[str, dict[str, object]], None]]:
-    if quiet or not sys.stderr.isatty():
-        yield lambda code, fields: _line(code, fields, kinds)
-        return
-    from gateway.cli.screen.panel import LivePanel
 
     def now() -> float:
         """The panel is drawn outside the loop, so it goes by the wall's clock."""
         return clock.utc().timestamp()
 
-    with LivePanel(title, Scene(now()), now) as panel:
+    if quiet or not sys.stderr.isatty():
+
+        def line(code: str, fields: dict[str, object]) -> None:
+            if stages is not None:
+                stages.told(code, fields, now())
+            _line(code, fields, kinds)
+
+        yield line
+        return
+    from gateway.cli.screen.panel import LivePanel
+
+    with LivePanel(title, Scene(now(), stages=stages), now) as panel:
 
         def show(code: str, fields: dict[str, object]) -> None:
             kind = kind_of(code)

@@ -19,8 +19,8 @@ ENOUGH = 0.99
 class Paying:
     """Set-ups of a plan by key, in its order, and what they are worth before anything is measured.
 
-    ``of`` is how many the plan has, ``share`` (0 to 1) what part of the doubt about the proposal they answer, ``rest_um``
-    what the others could still change in it, RMS of the flank in um, at one standard uncertainty.
+    ``of`` is how many the plan has, ``share`` (0 to 1) what part of the doubt about the proposal they answer,
+    ``rest_um`` what the others could still change in it, RMS of the flank in um, at one standard uncertainty.
     """
 
     keys: tuple[str, ...]
@@ -31,7 +31,7 @@ class Paying:
     @property
     def told(self) -> dict[str, str]:
         """The figures for a text."""
-        share = f"{100.0 * self.share:.0f}"
+        share = f"{100.0 * self.share:.1f}"
         return {"count": str(len(self.keys)), "of": str(self.of), "share": share, "rest": f"{self.rest_um:.1f}"}
 
 

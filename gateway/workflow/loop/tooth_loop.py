@@ -67,9 +67,7 @@ async def close_site(
     work = work_of(site, site_path)
     used = {axis.measure.instrument for axis in site.axes if axis.measure.instrument}
     used |= {inspector_name(site)} if apply else set()
-    plan = await measure_site(
-        site, site_path, clock=clock, say=say, wanted=wanted, resume=resume, tooth=work.tooth
-    )
+    plan = await measure_site(site, site_path, clock=clock, say=say, wanted=wanted, resume=resume, tooth=work.tooth)
     folder = RunFolder(Path(plan.run_folder))
     try:
         async with bench(site, site_path, folder=folder, clock=clock, say=say, instruments=used) as at:

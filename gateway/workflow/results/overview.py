@@ -9,10 +9,11 @@ from html import escape
 from math import floor, isfinite, log10
 from typing import Any
 
+from drivers.terms import shown
 from gateway.report import parameter_rows
-from gateway.report.material import ReportMaterial, ToothMaterial
+from gateway.report.material import AxisMaterial, ReportMaterial, ToothMaterial
 from gateway.report.parameters import ParameterRow
-from gateway.report.tooth.flank import states
+from gateway.report.tooth.flank import before_after, states
 from gateway.report.tooth.rows import inspected_parts
 from gateway.store import layout
 from gateway.workflow.results.conformity import figure_U
@@ -21,6 +22,7 @@ FLANK = "flank"
 LATER = ("predicted",)
 FEWEST, USUAL, MOST = 2, 3, 6
 """Decimals of figures in um and arcsec."""
+FIGURES = 4
 COLUMNS = ("axis", "parameter", "unit", "before", "before_u", "after", "after_u", "change_pct")
 DOUBLE = "SIMULATED"
 MEANS = {
@@ -122,16 +124,43 @@ def gear_csv(report: ReportMaterial) -> str:
     return text.getvalue()
 
 
-def index_html(facts: Mapping[str, Any], *, simulated: bool = False) -> str:
-    """Links to every file of a run, by what it is; they hold wherever the folder is taken."""
+def index_html(facts: Mapping[str, Any], *, simulated: bool = False, lead: str = "", paper: str = "") -> str:
+    """What `lead_of` says first, the report (``paper`` is its PDF), then links to every file of a run, by what it is.
+
+    The links hold wherever the folder is taken.
+    """
     names = [*(entry["file"] for entry in facts["stages"].values()), *facts["files"]]
-    lines = [_HEAD.format(title=escape(f"Run {facts['run_id']}{f' {DOUBLE}' if simulated else ''}"))]
-    lines.append('<p><a href="report.html">Report</a>, <a href="results.csv">results as a table</a></p>\n')
+    lines = [_HEAD.format(title=escape(f"Run {facts['run_id']}{f' {DOUBLE}' if simulated else ''}")), lead]
+    papers = f'<a href="{escape(paper)}">Calibration report (PDF)</a>, ' if paper else ""
+    lines.append(f'<p>{papers}<a href="report.html">Report</a>, <a href="results.csv">results as a table</a></p>\n')
     for room, means in MEANS.items():
         found = sorted(place for place in (layout.place(name, facts) for name in names) if _room(place) == room)
         links = "".join(f'<li><a href="{escape(one)}">{escape(one)}</a></li>' for one in found)
         lines += [f"<h2>{escape(means)}</h2><ul>{links}</ul>\n"] if links else []
     return "".join(lines)
+
+
+def lead_of(report: ReportMaterial, picture: str) -> str:
+    """The run at a glance: its picture and at most four figures, M of the first axes and the flank's RMS, as HTML."""
+    rows = [
+        (f"{one.axis} {row.parameter}", row.before, row.after, row.unit) for one in report.axes for row in _m_of(one)
+    ]
+    flank = before_after(report.tooth) if report.tooth is not None else (None, None, None)
+    ground, fair, after = flank
+    ends = (fair if fair is not None else ground), after
+    tooth = [("flank RMS", *ends, "um")] if any(one is not None for one in ends) else []
+    figures = [*rows[: FIGURES - len(tooth)], *tooth]
+    cells = "".join(f"<tr><th>{escape(name)}<td>{_ends(old, new)}<td>{shown(unit)}" for name, old, new, unit in figures)
+    image = f'<p><img src="{escape(picture)}" alt="before and after" style="max-width:100%"></p>\n' if picture else ""
+    return f"{image}<table>{cells}</table>\n" if cells else image
+
+
+def _m_of(axis: AxisMaterial) -> Iterator[ParameterRow]:
+    return (row for row in parameter_rows(axis.axis, axis.before, axis.after) if row.parameter == "M")
+
+
+def _ends(old: float | None, new: float | None) -> str:
+    return " &rarr; ".join(f"{one:.2f}" for one in (old, new) if one is not None)
 
 
 def _room(place: str) -> str:

@@ -41,7 +41,7 @@ from gateway.workflow.axes.propose import size_of
 from gateway.workflow.errors21.setups import planned
 from gateway.workflow.files.facts import moment_of
 from gateway.workflow.results.conformity import judged
-from gateway.workflow.results.overview import index_html, results_csv
+from gateway.workflow.results.overview import index_html, lead_of, results_csv
 from gateway.workflow.results.particulars import particulars_of
 from gateway.workflow.results.testconditions import conditions_of
 from gateway.workflow.results.tooth import found, proof_of, tooth_of
@@ -52,6 +52,8 @@ WRITTEN = ("report.", "calibration-report.", "results.csv", "index.html")
 BEFORE_AFTER = "before-after"
 CONTROL = "controller"  # the name of the control among the devices of a run
 PICTURES = (BEFORE_AFTER, *TOOTH_PICTURES)
+FIRST_SEEN = ("tooth-before-after", BEFORE_AFTER, *TOOTH_PICTURES)
+PAPER = "calibration-report.pdf"
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,8 +90,17 @@ def write_report(folder: RunFolder, known: ReportMaterial | None = None) -> Repo
     html = folder.write_text("report.html", render(material))
     data = folder.write_text("report.json", json.dumps(as_json(material), indent=1))
     folder.write_text("results.csv", results_csv(material))
-    folder.write_text("index.html", index_html(folder.facts, simulated=material.simulated))
+    write_index(folder, material)
     return ReportPaths(html, data, picture, drawn)
+
+
+def write_index(folder: RunFolder, material: ReportMaterial) -> Path:
+    """index.html of what the folder holds now, its picture and figures first; returns its path. Raises StoreError."""
+    picture = next((f"{one}.png" for one in FIRST_SEEN if (folder.path / f"{one}.png").is_file()), "")
+    paper = PAPER if (folder.path / PAPER).is_file() else ""
+    lead = lead_of(material, picture)
+    text = index_html(folder.facts, simulated=material.simulated, lead=lead, paper=paper)
+    return folder.write_text("index.html", text)
 
 
 def standing_report(folder: RunFolder, material: ReportMaterial) -> ReportPaths | None:

@@ -6,7 +6,6 @@ from pathlib import Path
 
 import pytest
 
-from drivers.clock import LoopClock
 from drivers.errors import TrueflankError
 from gateway.cli.machine.whole_loop import close_site_command
 from simulators.cell.site import gear_text, site_text
@@ -30,7 +29,7 @@ def site_file(folder: Path, *, work: bool = True, inspector: bool = True) -> Pat
 
 def refused(site: Path, machine: str = "demo-grinder", *, apply: bool = True) -> str:
     with pytest.raises(TrueflankError) as caught:
-        close_site_command(site, apply, machine, as_json=True, clock=LoopClock())
+        close_site_command(site, apply, machine, as_json=True)
     assert not (site.parent / "runs").exists()
     return caught.value.code
 
