@@ -10,7 +10,7 @@ import typer
 from drivers.clock import LoopClock
 from drivers.errors import words
 from gateway.cli.control.conforming import allowance
-from gateway.cli.options import JsonOption, SiteArgument
+from gateway.cli.options import JsonOption, SiteArgument, with_control
 from gateway.cli.show import echo, show_json
 from gateway.cli.stopping import run_to_end
 
@@ -36,6 +36,7 @@ def accept_command(
     from gateway.workflow.bench import check_name
 
     tree, given, clock = load_site(site), allowance(allow), LoopClock()
+    with_control(tree)
     check_name(tree, given == "write", machine)
     check_sheet(sheet, language)
 

@@ -14,7 +14,7 @@ from itertools import pairwise
 
 from drivers.errors import ConfigError, words
 from drivers.local.names import shown
-from gateway.config import AxisSection, SiteFile
+from gateway.config import AxisSection, SiteFile, files_only
 from gateway.domain.stated import AcceptedDifference, StatedFact, StatedFacts
 from gateway.store import Maps
 
@@ -323,7 +323,7 @@ def _known(key: str, one: FileFacts, site: SiteFile | None) -> tuple[str, ...]:
     report = site.report
     found: Mapping[str, tuple[str, ...]] = {
         "machine": (site.site.name, f"{own.maker} {own.type}", f"{own.maker} {own.type} {own.number}", own.type),
-        "serial": (own.number, site.controller.serial),
+        "serial": (own.number, "" if files_only(site) else site.controller.serial),
         "operator": (report.operator,),
         "place": (report.place,),
         "customer": (report.customer,),
