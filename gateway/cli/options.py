@@ -93,7 +93,7 @@ def store_here(context: typer.Context, given: Path) -> Path:
     if given.exists():
         return given
     sites = [one for form in ("*.toml", "*/*.toml") for one in islice(Path().glob(form), MOST_SITES)]
-    found = {store for site in sites if (store := store_of_file(site)) is not None and store.is_dir()}
+    found = {store for site in sites if (store := store_of_file(site)) is not None}
     return found.pop() if len(found) == 1 else given
 
 

@@ -52,6 +52,11 @@ class Hall:
         return store_of(load_site(self.path), self.path)
 
     @property
+    def serial(self) -> str:
+        """The machine's serial number, as the site has it."""
+        return load_site(self.path).controller.serial
+
+    @property
     def token(self) -> str:
         """What the service wrote for its first start."""
         return first_token_path(self.store.root).read_text(encoding="ascii").strip()

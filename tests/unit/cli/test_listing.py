@@ -139,6 +139,7 @@ def test_the_store_of_the_one_site_file_here_is_meant(tmp_path: Path, monkeypatc
     monkeypatch.chdir(tmp_path)
     assert second in RUNNER.invoke(app, ["runs", "latest"]).stdout
     (tmp_path / "other.toml").write_text('[site]\nname = "hall-4"\nstore = "others"\n')
+    assert "no run in runs" in RUNNER.invoke(app, ["runs", "list"]).stdout  # though only the first has runs yet
     a_store(tmp_path / "others")
     assert "no run in runs" in RUNNER.invoke(app, ["runs", "list"]).stdout
     third = a_store(tmp_path / "runs")[1]
