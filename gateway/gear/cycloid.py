@@ -256,6 +256,6 @@ def _check_lobes(gear: CycloidGear) -> None:
 def _check_shape(gear: CycloidGear) -> None:
     largest = undercut_limit(gear.pin_circle, gear.a, gear.zp)
     if not gear.pin < largest:
-        raise ModelError("E-GEAR-UNDERCUT", "gear", rrp=gear.pin, limit=largest)
+        raise ModelError("E-GEAR-UNDERCUT", "gear", rrp=gear.pin, limit=round(largest, 3))
     if abs(gear.drot) >= 0.5 * gear.half_pitch:
         raise ModelError("E-GEAR-ROTATION", "gear", drot=gear.drot, limit=0.5 * gear.half_pitch)

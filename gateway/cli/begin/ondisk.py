@@ -235,12 +235,24 @@ def _gear(tree: Any, site: Any, folder: Path) -> Iterator[Fault]:
     file = folder / gear
     why = unreadable(file)
     if not why:
-        from gateway.study.files import load_gear
-        from gateway.study.machine import gear_of
-
-        try:
-            gear_of(load_gear(file))
-        except TrueflankError as error:
-            why = error.what
-    if why:
+        yield from _built(tree, file)
+    else:
         yield _fault(tree, ("work", "gear"), file, why)
+
+
+def _built(tree: Any, file: Path) -> Iterator[Fault]:
+    """The gear of a file, and the wheel beside it: what is wrong is in that file, and the path is right."""
+    from gateway.errors import ModelError
+    from gateway.study.files import load_gear
+    from gateway.study.machine import gear_of
+
+    try:
+        found = load_gear(file)
+        tip, distance = gear_of(found).limits().r_tip, found.grinding.centre_distance_mm
+        if not tip < distance:
+            raise ModelError("E-GEAR-DISTANCE", str(file), E=distance, limit=round(tip, 3))
+    except TrueflankError as error:
+        key = called(tree, ("work", "gear"))
+        yield Fault(
+            ("work", "gear"), "E-CFG-GEAR", {"key": key, "file": str(file), "why": error.what, "cure": error.hint}
+        )

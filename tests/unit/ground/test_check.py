@@ -456,7 +456,9 @@ def test_what_forbids_a_test_part_is_told(folder: Path, old: str, new: str, key:
     ("old", "new", "told"),
     [
         ("zp = 40\nzc = 39", "zp = 39\nzc = 40", "39 pins do not match 40 lobes"),
-        ("rrp = 3.0", "rrp = 30.0", "undercuts the profile"),
+        ("rrp = 3.0", "rrp = 30.0", "must be below 4.612 mm -> correct the gear file: use a smaller pin"),
+        ("centre_distance_mm = 160.0", "centre_distance_mm = 62.0", "62.0 mm must be above 62.3 mm"),
+        ("profile = 11", "profile = 2", "greater than or equal to 3"),
     ],
 )
 def test_a_gear_that_cannot_be_built_is_told_with_its_limit(folder: Path, old: str, new: str, told: str) -> None:

@@ -26,7 +26,7 @@ async def clock(bed: Bedside) -> list[CheckLine]:
         if abs(bed.session.ahead_s or 0.0) > CLOCK_LIMIT_S:
             return []  # told before the login already
         return [wrong("E-DOC-CLOCK", "clock", apart_s=round(apart_s), limit_s=CLOCK_LIMIT_S)]
-    return [fine("W-DOC-CLOCK", "clock", apart_s=round(apart_s, 1))]
+    return [fine("W-DOC-CLOCK", "clock", apart_s=round(apart_s, 1) + 0.0)]  # no "-0.0"
 
 
 async def name_space(bed: Bedside) -> list[CheckLine]:
