@@ -226,10 +226,26 @@ class WorkSection(Section):
     stroke: Name = Field(default="Z", description="stroke axis, along the face width")
     index: Name = Field(default="C", description="index axis, which turns the work")
     index_sense: Sense = Field(default=-1, description="-1: space k is at -360 k / number of spaces")
-    dresser: MaybeName = Field(default="Y1", description="machine axis of the form dresser; empty: there is none")
+    dresser: MaybeName = Field(
+        default="Y1", description="machine axis that carries the form dresser: grinding never moves it; empty: none"
+    )
     dresser_letter: str = Field(default="Y", pattern=r"^[A-Z]$", description="letter of the dresser axis in programs")
-    dresser_travel: tuple[Number, Number] | None = Field(
+    wheel_place: MaybeName = Field(
+        default="",
+        description='what places the wheel along its axis: a machine axis ("V1"), which the program positions before '
+        'the wheel starts, or the R parameter ("R200") from which the dressing program takes its offset in mm; empty: '
+        "nothing does, and a part is ground without a dressing offset",
+    )
+    wheel_letter: str = Field(default="V", pattern=r"^[A-Z]$", description="letter of the axis wheel_place in programs")
+    wheel_travel: tuple[Number, Number] | None = Field(
         default=None, description="[low, high] of that axis, mm; left out: not checked"
+    )
+    wheel_mm: Number = Field(default=0.0, description="its position at a dressing offset of 0, mm")
+    stock_mm: Number = Field(
+        default=0.15,
+        ge=0,
+        le=10.0,
+        description="largest stock of a blank on each flank, mm: the approach at positioning_feed ends outside it",
     )
     overrun_mm: Number = Field(default=8.0, ge=0, le=1000.0, description="overrun of Z beyond the face, mm")
     retract_mm: Number = Field(default=10.0, ge=0, le=1000.0, description="retract of X from the centre distance, mm")
@@ -242,6 +258,12 @@ class WorkSection(Section):
     index_feed: Number = Field(default=1800.0, gt=0, le=1e6, description="of indexing, deg/min")
     positioning_feed: Number = Field(
         default=3000.0, gt=0, le=1e6, description="feed with the wheel clear of the work, mm/min"
+    )
+    air_cut_feed: Number = Field(
+        default=200.0,
+        gt=0,
+        le=500.0,
+        description="feed of the infeed from outside the stock to the first stroke, mm/min",
     )
     dwell_s: Number = Field(default=0.3, ge=0, le=600.0, description="dwell after indexing, s")
     wheel_on: str = Field(default="", description="M, S and H words that start wheel and coolant; empty: by hand")

@@ -24,6 +24,7 @@ _PATTERNS = {
     "prefix": "W-CFG-TOPIC",
     "letter": "W-CFG-LETTER",
     "dresser_letter": "W-CFG-LETTER",
+    "wheel_letter": "W-CFG-LETTER",
     "component": "W-CFG-COMPONENT",
     "name": "W-CFG-SITE-NAME",
     "number_prefix": "W-CFG-PREFIX",

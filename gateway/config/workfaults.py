@@ -1,7 +1,8 @@
-"""What the work section says wrong of the axes that grind, of the dresser and of the gear inspection machine."""
+"""What the work section says wrong of the axes that grind, of wheel and dresser and of the gear inspection machine."""
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Mapping
 from typing import Any
 
@@ -12,6 +13,7 @@ from gateway.config.keyfaults import broken
 from gateway.config.places import held
 from gateway.config.rules import GEAR_MACHINE, all_named, is_pair, no_such
 
+_R_PARAMETER = re.compile(r"R\d{1,5}")
 _ROLES = {"infeed": "linear", "stroke": "linear", "index": "rotary"}
 
 
@@ -21,8 +23,8 @@ def work_faults(tree: Mapping[str, Any], site: Any) -> Iterator[Fault]:
     if not hasattr(work, "place"):
         return
     yield from _axes(tree, site, work)
-    if is_pair(work.dresser_travel) and work.dresser_travel[0] >= work.dresser_travel[1]:
-        yield broken(tree, (*work.place, "dresser_travel"), words("W-CFG-TRAVEL"))
+    if is_pair(work.wheel_travel) and work.wheel_travel[0] >= work.wheel_travel[1]:
+        yield broken(tree, (*work.place, "wheel_travel"), words("W-CFG-TRAVEL"))
     if isinstance(work.rough_mm, list):
         for number, value in enumerate(work.rough_mm):
             if value <= 0:
@@ -30,6 +32,7 @@ def work_faults(tree: Mapping[str, Any], site: Any) -> Iterator[Fault]:
             elif number and value >= work.rough_mm[number - 1]:
                 yield broken(tree, (*work.place, "rough_mm", number), words("W-CFG-ROUGH-FALLS"))
     yield from _dresser(tree, site, work)
+    yield from _wheel(tree, site, work)
     yield from _inspector(tree, site, work)
 
 
@@ -45,6 +48,27 @@ def _dresser(tree: Mapping[str, Any], site: Any, work: Any) -> Iterator[Fault]:
         if axis.letter is not None and axis.letter == work.dresser_letter and axis.name != work.dresser:
             place = "dresser_letter" if "dresser_letter" in held(tree, work.place) else "dresser"
             yield broken(tree, (*work.place, place), words("W-CFG-DRESSER-LETTER", letter=axis.letter, axis=axis.name))
+
+
+def _wheel(tree: Mapping[str, Any], site: Any, work: Any) -> Iterator[Fault]:
+    """What places the wheel along its axis: no axis that has a role already, and never the dresser's."""
+    if not isinstance(work.wheel_place, str) or not work.wheel_place or _R_PARAMETER.fullmatch(work.wheel_place):
+        return
+    taken = {name: role for role in _ROLES for name in _both(site, getattr(work, role))}
+    dressers = {work.dresser, *_both(site, work.dresser)} - {""}
+    known = _both(site, work.wheel_place)
+    if work.wheel_place in dressers:
+        yield broken(tree, (*work.place, "wheel_place"), words("W-CFG-WHEEL-DRESSER", axis=work.wheel_place))
+    elif work.wheel_place in taken:
+        yield broken(tree, (*work.place, "wheel_place"), words("W-CFG-ROLE-TAKEN", role=taken[work.wheel_place]))
+    elif not known:
+        letters = {axis.letter: axis.name for axis in site.axes if isinstance(axis.letter, str)}
+        if isinstance(work.dresser, str) and work.dresser:
+            letters.setdefault(work.dresser_letter, work.dresser)
+        if work.wheel_letter in letters:
+            place = "wheel_letter" if "wheel_letter" in held(tree, work.place) else "wheel_place"
+            said = {"letter": work.wheel_letter, "axis": letters[work.wheel_letter]}
+            yield broken(tree, (*work.place, place), words("W-CFG-WHEEL-LETTER", **said))
 
 
 def _both(site: Any, wanted: Any) -> tuple[str, ...]:

@@ -68,7 +68,10 @@ class Cell:
         self.nck = CellNck(spec_of(self.file, self.truth.seed), clock)
         self.panel = ControlPanel(self.nck)
         self.bench = OpticsBench(self.truth, self.nck)
-        self.shop = Shopfloor(self.file, self.bench, clock)
+        parameter = self.file.wheel.parameter
+        self.shop = Shopfloor(
+            self.file, self.bench, clock, lambda: 0.0 if parameter is None else self.nck.core.r[parameter]
+        )
         self._folder = folder
         self._wires = wires
         self._number = next(_numbers)

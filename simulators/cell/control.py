@@ -50,6 +50,7 @@ def spec_of(cell: CellFile, seed: int) -> NckSpec:
         "access_level": machine.access_level,
         "cec_sign": drawn if machine.cec_sign == "seed" else machine.cec_sign,
         "cec_points": machine.cec_points,
+        "dresser": next((axis.name for axis in cell.axes if axis.letter == cell.wheel.dresser), ""),
     }
     chosen = {name: _chosen(cell, seed, name, value) for name, value in machine.switches.items()}
     try:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+from collections.abc import Callable
 
 from drivers.clock import Clock
 from simulators.cellfile import CellFile
@@ -16,9 +17,12 @@ LOOK_S = 20.0
 class Shopfloor:
     """Looks at the machine from time to time while a part is clamped; nothing to do when none is."""
 
-    def __init__(self, file: CellFile, bench: OpticsBench, clock: Clock) -> None:
+    def __init__(
+        self, file: CellFile, bench: OpticsBench, clock: Clock, dressed_mm: Callable[[], float] = lambda: 0.0
+    ) -> None:
+        """``dressed_mm`` tells the offset that a dressing program takes now."""
         self._clock = clock
-        self._grinder = Grinder(bench, file.part, file.wheel) if file.part is not None else None
+        self._grinder = Grinder(bench, file.part, file.wheel, dressed_mm) if file.part is not None else None
         self._task: asyncio.Task[None] | None = None
 
     def start(self) -> None:

@@ -107,16 +107,22 @@ def _plan(cell: CellFile, axes: Mapping[str, str], gear: str) -> list[str]:
             parts += [section("[setups]", _planned(cell, setup, axes, turn)) for turn in turns]
     if cell.part is not None and gear:
         work = {"gear": gear, "height_mm": cell.part.grinding.height_mm}
-        parts.append(section("work", work | _dresser(cell) | _inspector(cell)))
+        parts.append(section("work", work | _wheel(cell) | _inspector(cell)))
     return parts
 
 
-def _dresser(cell: CellFile) -> dict[str, Any]:
-    """The axis that dresses; it is not measured, so it stands in no other part of a site file."""
-    found = next((axis for axis in cell.axes if axis.letter == cell.wheel.dresser), None)
-    if found is None:
-        return {"dresser": ""}
-    return {"dresser": found.name, "dresser_letter": found.letter, "dresser_travel": list(found.travel)}
+def _wheel(cell: CellFile) -> dict[str, Any]:
+    """The dresser's axis, which is not measured, so no other part of a site file has it; and what places the wheel."""
+    letters: dict[str, CellAxis] = {axis.letter: axis for axis in cell.axes}
+    dresser, carrier = letters.get(cell.wheel.dresser), letters.get(cell.wheel.place)
+    keys: dict[str, Any] = {"dresser": ""}
+    if dresser is not None:
+        keys = {"dresser": dresser.name, "dresser_letter": dresser.letter}
+    if carrier is not None:
+        keys |= {"wheel_place": carrier.name, "wheel_letter": carrier.letter, "wheel_travel": list(carrier.travel)}
+    elif cell.wheel.parameter is not None:
+        keys |= {"wheel_place": cell.wheel.place}
+    return keys | {"wheel_on": "S1500 M3", "wheel_off": "M5"}
 
 
 def _inspector(cell: CellFile) -> dict[str, Any]:

@@ -67,20 +67,34 @@ class Part(CellSection):
 
 
 class Wheel(CellSection):
-    """The wheel's seat on its slide and the dresser: ``dresser`` names the axis that carries the form dresser.
+    """The wheel's seat on its slide, and how its profile comes to its place along its axis.
 
-    The dressed profile sits along the wheel's axis where the dresser stands, plus ``offset_um`` of its own in
-    X, Y, Z; ``tilt_arcsec`` leans the wheel's axis about X and Z; ``radius_um`` is what it is too large.
-    From space to space it loses ``wear_um`` of its radius, and its profile moves along its axis by ``wear_side_um``
-    where it wears on one side more than on the other. It is dressed anew for each blank.
+    ``dresser`` is the letter of the axis that carries the form dresser: moving it while the wheel runs is an alarm.
+    ``place`` is the R parameter (R200) from which the dressing program takes the profile's offset in mm for each
+    blank, or the letter of an axis that carries the wheel along; or nothing is. ``offset_um`` is the seat's own in
+    X, Y, Z; ``tilt_arcsec`` leans the wheel's axis about X and Z; ``radius_um`` is what it is too large. From space
+    to space it loses ``wear_um`` of its radius, and its profile moves along its axis by ``wear_side_um`` where it
+    wears on one side more than on the other. It is dressed anew for each blank.
     """
 
     dresser: Literal["Y", ""] = "Y"
+    place: str = Field(default="R200", pattern=r"^(?:R\d{1,3}|Y)?$")
     offset_um: tuple[float, float, float] = (0.0, 0.0, 0.0)
     tilt_arcsec: tuple[float, float] = (0.0, 0.0)
     radius_um: float = 0.0
     wear_um: float = 0.0
     wear_side_um: float = 0.0
+
+    @property
+    def parameter(self) -> int | None:
+        """Number of the R parameter that the dressing program reads."""
+        return int(self.place[1:]) if self.place.startswith("R") else None
+
+    @model_validator(mode="after")
+    def _own_axis(self) -> Wheel:
+        if self.place and self.place == self.dresser:
+            raise ValueError("the axis that carries the dresser does not carry the wheel")
+        return self
 
 
 class InspectionMachine(CellSection):

@@ -7,6 +7,8 @@ error motions, and kept as passes of the wheel through single spaces.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -25,12 +27,16 @@ FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 LONGEST_LOOK_S = 6.0  # what drifts is taken to stand still so long
 BEYOND_MM = 0.1
+MOST_DRESSED_MM = 1.0
 
 
 class Grinder:
     """The work place of a cell: a wheel, and at most one work piece on the table."""
 
-    def __init__(self, bench: OpticsBench, part: Part, wheel: Wheel) -> None:
+    def __init__(
+        self, bench: OpticsBench, part: Part, wheel: Wheel, dressed_mm: Callable[[], float] = lambda: 0.0
+    ) -> None:
+        """``dressed_mm`` tells the offset that a dressing program takes now."""
         self._bench = bench
         self._part = part
         self._wheel = wheel
@@ -41,14 +47,19 @@ class Grinder:
         tilt = (wheel.tilt_arcsec[0] * ARCSEC, 0.0, wheel.tilt_arcsec[1] * ARCSEC)
         self._seat = still((wheel.offset_um[0] * UM, wheel.offset_um[1] * UM, wheel.offset_um[2] * UM), tilt)
         self._watcher = AxisWatcher(bench)
+        self._dressed_mm = dressed_mm
+        self._offset_mm = 0.0
         self._now = 0.0
         self._count = 0
         self.work: WorkPiece | None = None
         self.last: WorkPiece | None = None
 
     def load(self, now_s: float, seat: Pose | None = None) -> WorkPiece:
-        """Take off what is on the table and clamp a new blank; ``seat`` if it is to sit at a known place."""
+        """Take off what is on the table, dress the wheel and clamp a new blank; ``seat`` if that is known."""
         self.unload(now_s)
+        offset = self._dressed_mm()
+        if abs(offset) <= MOST_DRESSED_MM:  # a dressing program refuses more, and the profile stays where it was
+            self._offset_mm = offset
         self._count += 1
         seed, height = self._bench.truth.seed, self._part.grinding.height_mm
         off = clamped(self._part.clamping, seed, f"blank {self._count}")
@@ -157,11 +168,11 @@ class Grinder:
         return Poses(times, rotation, np.einsum("nij,nj->ni", back, away), self._dressed(times))
 
     def _dressed(self, times: FloatArray) -> FloatArray:
-        """Where the dresser has put the profile along the wheel's axis, (n,) mm."""
+        """Where the profile is along the wheel's axis, (n,) mm: as it was dressed, or where an axis carries it."""
         letters = [axis.letter for axis in self._bench.cell.axes]
-        if not self._wheel.dresser or self._wheel.dresser not in letters:
-            return np.zeros(len(times))
-        name = self._bench.cell.axis(self._wheel.dresser).name
+        if self._wheel.place not in letters:
+            return np.full(len(times), self._offset_mm)
+        name = self._bench.cell.axis(self._wheel.place).name
         return self._bench.machine.encoder(name, times)[0]
 
 

@@ -141,6 +141,7 @@ class Channel:
         self._run = None
         self._task = None
         self._faulted = False
+        self._core.wheel_runs = False
         self._line = 0
         self.message = ""
 
@@ -197,6 +198,7 @@ class Channel:
 
     def _finish(self) -> None:
         self._run = None
+        self._core.wheel_runs = False
         self._line = 0
         self.message = ""
 

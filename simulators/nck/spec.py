@@ -55,6 +55,7 @@ class NckSpec(Switches):
     ``access_level`` 0..7, smaller has more rights (0 Siemens, 2 service, 3 user, 4..7 key switch).
     ``option_cec``: the option for CEC is there, for ``option_cec_axes`` compensation axes at most.
     ``files_max_bytes``: MD11420, to the kB; the control's own default is small.
+    ``dresser`` is the axis that the machine's PLC keeps still while the wheel runs.
     ``gud``: global user data, REAL arrays by name and length. ``redefined``: the write level that the machine's builder
     gave a datum (REDEF name APW level), in place of the control's own.
     """
@@ -77,6 +78,7 @@ class NckSpec(Switches):
     block_time_s: float = 0.0005
     ipo_cycle_s: float = 0.004
     boot_s: float = 5.0
+    dresser: str = ""
 
     @property
     def numbers(self) -> tuple[int, ...]:

@@ -111,8 +111,9 @@ async def test_it_is_a_controller_and_says_what_it_can() -> None:
                 await call
             assert caught.value.code == "E-MBX-NO-PROGRAMS"
         axis = GrindAxis("X1", "X")
+        work = (39, 160.0, 150.0, 10.0, 59.7, 62.3, 0.25)
         with pytest.raises(UnsupportedDevice) as caught:
-            await device.prepare_grinding(GrindPlan("G", "PART", axis, axis, axis, None, 39, 160.0, 150.0, 10.0))
+            await device.prepare_grinding(GrindPlan("G", "PART", axis, axis, axis, None, *work))
         assert caught.value.code == "E-GRIND-NO-PROGRAMS"
         with pytest.raises(DeviceRefused) as refused:
             await device.table_limits("Q9")

@@ -33,6 +33,9 @@ PART = GrindPlan(
     centre_distance_mm=160.0,
     height_mm=150.0,
     face_mm=10.0,
+    root_mm=59.7,
+    tip_mm=62.3,
+    stock_mm=0.25,
     x_mm=0.012345,
     c_deg=-0.0125,
 )

@@ -1,8 +1,9 @@
 """GrindPlan -> NC program text: a disc ground space by space, each axis always from the same side.
 
 Set-up values are not in the text: the program takes them from R parameters, once, and refuses them beyond the limits
-of `drivers.workpiece`. While a blank can be clamped or C turns, X is retracted and Z beyond the face. No table and no
-machine datum is written. Words and phases: `drivers.sinumerik.ncprogram.words`.
+of `drivers.workpiece`. While a blank can be clamped or C turns, X is retracted and Z beyond the face. What places the
+wheel along its axis moves before the wheel is started, and the dresser's axis never. No table and no machine datum is
+written. Words and phases: `drivers.sinumerik.ncprogram.words`.
 """
 
 from __future__ import annotations
@@ -11,7 +12,7 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from drivers.errors import LocalProtocolError
+from drivers.errors import ConfigError, LocalProtocolError
 from drivers.programs import NOBODY, Origin
 from drivers.sinumerik.ncprogram import backup
 from drivers.sinumerik.ncprogram.backup import Memory, Saving
@@ -28,11 +29,11 @@ from drivers.sinumerik.ncprogram.measuring import (
 from drivers.sinumerik.ncprogram.motion import number
 from drivers.sinumerik.ncprogram.words import Phase, SetupWord, Word, Words, file_path, program_path
 from drivers.workpiece import (
-    DRESSER_OVERRUN_MM,
     INDEX_OVERRUN_DEG,
     MOST_C_DEG,
     MOST_DRESSING_MM,
     MOST_X_MM,
+    WHEEL_OVERRUN_MM,
     GrindPlan,
     check_plan,
 )
@@ -42,8 +43,8 @@ LOAD, UNLOAD = "TRUEFLANK LOAD BLANK", "TRUEFLANK UNLOAD PART"
 _LEFT, _FAILED, _REFUSED, _STALE = "TF_LEFT", "TF_FAILED", "TF_REFUSED", "TF_STALE"
 _STOPS = "retract X by hand, stop the wheel, press RESET; the part is scrap. No table was written."
 NEVER_GIVEN = 999_999
-_PLACES = {SetupWord.X: "UXSET", SetupWord.C: "UCSET", SetupWord.DRESSING: "UYSET"}
-_MOST = {"UXSET": MOST_X_MM, "UCSET": MOST_C_DEG, "UYSET": MOST_DRESSING_MM}
+_PLACES = {SetupWord.X: "UXSET", SetupWord.C: "UCSET", SetupWord.DRESSING: "UWSET"}
+_MOST = {"UXSET": MOST_X_MM, "UCSET": MOST_C_DEG, "UWSET": MOST_DRESSING_MM}
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,27 +71,27 @@ def grinding(plan: GrindPlan, token: int, setting: GrindSetting) -> str:
 
     It runs once, and only while the release word is the token: started again, or after its gateway has gone, it ends
     at once.
-    Raises ConfigError as `check_plan`, LocalProtocolError (E-PROGRAM-NAME, E-PROGRAM-MESSAGE).
+    Raises ConfigError as `check_plan` and `set_up`, LocalProtocolError (E-PROGRAM-NAME, E-PROGRAM-MESSAGE).
     """
     return _text(plan, token, setting, saves=plan.save_tables)
 
 
 def _text(plan: GrindPlan, token: int, setting: GrindSetting, *, saves: bool) -> str:
     check_plan(plan)
-    check_names(*(name for axis in plan.axes for name in (axis.name, axis.letter)))
+    check_names(*(name for axis in plan.named for name in (axis.name, axis.letter)))
     if not _MESSAGE.fullmatch(plan.part):
         raise LocalProtocolError("E-PROGRAM-MESSAGE", plan.name, text=plan.part)
     words = setting.words
     out = [
         f"DEF INT {backup.VARIABLES}, USPACE",
-        "DEF REAL UXSET, UCSET, UYSET, UCAT",
+        f"DEF REAL {', '.join(_places(plan).values())}, UCAT",
         section("modal states, R words"),
         *PREPARE,
     ]
     out += ["STOPRE", f"IF {words.name(Word.RELEASE)}<>{token} GOTOF {_STALE}"]
     out += [f"{words.name(word)}=0" for word in (Word.COUNTER, Word.ECHO, Word.MISMATCHES, Word.RELEASE)]
     out += [f"{words.name(Word.TRANSACTION)}={token}", phase_block(words, Phase.BACKING_UP), "STOPRE"]
-    out += [unless_aborted(words, _LEFT), *_taken(words)]
+    out += [unless_aborted(words, _LEFT), *_taken(plan, words)]
     if saves:
         for axis in plan.compensated:
             memory = setting.memory[axis.name]
@@ -129,13 +130,45 @@ def _head(plan: GrindPlan, setting: GrindSetting, *, saves: bool) -> Head:
 
 def placed(plan: GrindPlan) -> dict[str, float]:
     """What the program's own variables hold with this plan's set-up values; not where C turns."""
-    return {"UXSET": plan.x_mm, "UYSET": plan.dressing_mm}
+    return {"UXSET": plan.x_mm, "UWSET": plan.dressing_mm}
 
 
-def _taken(words: Words) -> list[str]:
-    """Set-up values into variables of our own, so that nothing changes them under way; refused beyond their limits."""
-    taken = [f"{name}=R{words.setup_number(word)}" for word, name in _PLACES.items()]
-    return [*taken, *(f"IF ABS({name})>{number(most)} GOTOF {_REFUSED}" for name, most in _MOST.items())]
+def set_up(plan: GrindPlan, words: Words) -> dict[int, float]:
+    """R parameters by number, with the values that a program of this plan and its dressing program take from them.
+
+    Raises ConfigError (E-GRIND-OFFSET) where the offset's parameter is one of our own words.
+    """
+    values = {SetupWord.X: plan.x_mm, SetupWord.C: plan.c_deg, SetupWord.DRESSING: plan.dressing_mm}
+    out = {words.setup_number(word): values[word] for word in _places(plan)}
+    offset = plan.wheel_offset
+    if offset is not None and words.setup_number(SetupWord.DRESSING) != offset:
+        if offset in out or words.first <= offset < words.first + len(Word):
+            raise ConfigError("E-GRIND-OFFSET", plan.name, number=offset, first=words.first, setup=words.setup)
+        out[offset] = plan.dressing_mm
+    return out
+
+
+def still(plan: GrindPlan) -> tuple[str, ...]:
+    """What no block of the program may move: the dresser's axis, by letter and name."""
+    return () if plan.dresser is None else (plan.dresser.letter, plan.dresser.name)
+
+
+def _places(plan: GrindPlan) -> dict[SetupWord, str]:
+    """The program's variables of the set-up values that it needs."""
+    wanted = (word for word in _PLACES if word is not SetupWord.DRESSING or plan.places_wheel)
+    return {word: _PLACES[word] for word in wanted}
+
+
+def _taken(plan: GrindPlan, words: Words) -> list[str]:
+    """Set-up values into variables of our own, so that nothing changes them under way; refused beyond their limits.
+
+    So is another offset in the parameter of the dressing program than the one that this part is ground with.
+    """
+    names = _places(plan)
+    taken = [f"{name}=R{words.setup_number(word)}" for word, name in names.items()]
+    taken += [f"IF ABS({name})>{number(_MOST[name])} GOTOF {_REFUSED}" for name in names.values()]
+    offsets = set_up(plan, words).keys() - {words.setup_number(word) for word in names}
+    return [*taken, *(f"IF R{offset}<>UWSET GOTOF {_REFUSED}" for offset in sorted(offsets))]
 
 
 def _person(message: str) -> list[str]:
@@ -155,12 +188,17 @@ def _retract(plan: GrindPlan) -> str:
 
 
 def _clear(plan: GrindPlan) -> list[str]:
-    """From anywhere to where a blank can be clamped: X first; the dresser comes up to its place."""
+    """From anywhere to where a blank can be clamped: X first; then the wheel comes up to its place along its axis.
+
+    The wheel stands then: it is started once the blank is clamped.
+    """
     feed = plan.positioning_feed
-    out = [_retract(plan), _move(plan.stroke.letter, number(plan.ends_mm[0]), feed)]
-    if plan.dresser is not None:
-        letter = plan.dresser.letter
-        out += [_move(letter, f"UYSET-{number(DRESSER_OVERRUN_MM)}", feed), _move(letter, "UYSET", feed)]
+    out = [] if plan.wheel is None else _stopped(plan)
+    out += [_retract(plan), _move(plan.stroke.letter, number(plan.ends_mm[0]), feed)]
+    if plan.wheel is not None:
+        for place in (plan.wheel_mm - WHEEL_OVERRUN_MM, plan.wheel_mm):
+            far = f"{'-' if place < 0 else '+'}{number(abs(place))}" if place else ""
+            out.append(_move(plan.wheel.letter, f"UWSET{far}", feed))
     return out
 
 
@@ -192,16 +230,22 @@ def _turn(setting: GrindSetting) -> list[str]:
 
 
 def _strokes(plan: GrindPlan) -> list[str]:
-    """One space: X comes up to each depth while Z is beyond the face; afterwards X back, and Z where it began."""
+    """One space: X comes up to each depth while Z is beyond the face; afterwards X back, and Z where it began.
+
+    Beyond the face the wheel still reaches over it, so the positioning feed ends outside the stock of the blank.
+    """
     low, high = (number(end) for end in plan.ends_mm)
-    out: list[str] = []
+    out = [_infeed(plan, plan.approach_mm, plan.positioning_feed)]
     before: float | None = None
     for count, short in enumerate(plan.strokes):
         if short != before:
-            feed = plan.positioning_feed if before is None else plan.infeed_feed
-            place = f"UXSET-{number(plan.centre_distance_mm + short)}"
-            out.append(_move(plan.infeed.letter, place, feed))
+            out.append(_infeed(plan, short, plan.air_cut_feed if before is None else plan.infeed_feed))
         out.append(_move(plan.stroke.letter, low if count % 2 else high, plan.stroke_feed))
         before = short
     home = [_move(plan.stroke.letter, low, plan.positioning_feed)] if len(plan.strokes) % 2 else []
     return [*out, _retract(plan), *home]
+
+
+def _infeed(plan: GrindPlan, short: float, feed: float) -> str:
+    """To so far short of full depth."""
+    return _move(plan.infeed.letter, f"UXSET-{number(plan.centre_distance_mm + short)}", feed)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import lru_cache
@@ -12,6 +13,7 @@ from drivers.programs import ProgramText
 from drivers.sinumerik.legality import Finding, Machine, check
 
 _KEPT = 16
+_QUOTED = re.compile(r'"[^"]*"|\[[^]]*\]')  # and what stands in brackets, which is no place of an axis
 
 
 @dataclass(frozen=True, slots=True)
@@ -21,11 +23,17 @@ class LegalProgram:
     program: ProgramText
 
 
-def legal(path: str, text: str, axes: Iterable[str]) -> LegalProgram:
-    """The program, judged; ``axes`` are all names that the machine's axes have.
+def legal(path: str, text: str, axes: Iterable[str], still: Iterable[str] = ()) -> LegalProgram:
+    """The program, judged; ``axes`` are all names that the machine's axes have, ``still`` names that no block may move.
 
-    Raises LocalProtocolError (E-PROGRAM-ILLEGAL) naming path, line and rule of the first finding, and their count.
+    Raises LocalProtocolError (E-PROGRAM-ILLEGAL) naming path, line and rule of the first finding, and their count;
+    E-PROGRAM-MOVES (line, axis) for a block that moves an axis of ``still``.
     """
+    for name in still:
+        moved = re.compile(rf"(?<![A-Z0-9_$(]){re.escape(name)}(?:\s*=(?!=)|\s*[-+.]?\d)")
+        for line, block in enumerate(text.splitlines(), start=1):
+            if moved.search(_QUOTED.sub("", block).partition(";")[0]):
+                raise LocalProtocolError("E-PROGRAM-MOVES", path, path=path, line=line, axis=name)
     found = _found(path.rpartition("/")[2], text, frozenset(name.upper() for name in axes))
     if found:
         first = found[0]

@@ -13,7 +13,7 @@ from drivers.sinumerik.ncprogram.backup import Memory, Saving
 from drivers.sinumerik.ncprogram.grinding import GrindSetting
 from drivers.sinumerik.ncprogram.guarding import Guard
 from drivers.sinumerik.ncprogram.legal import legal
-from drivers.sinumerik.ncprogram.words import Phase, SetupWord, Word, program_path
+from drivers.sinumerik.ncprogram.words import Phase, Word, program_path
 from drivers.sinumerik.opcua.dialogue import Dialogue, Glance, file_refused
 from drivers.sinumerik.opcua.machine import Configuration, MachineReader
 from drivers.sinumerik.opcua.pushing import live_tables
@@ -67,16 +67,16 @@ class PartGrinding:
         writing; E-GRIND-NOT-HELD, and what sending and selecting raise, before anything was selected.
         """
         check_plan(plan)
-        numbers = [configuration.number(axis.name, self._where) for axis in plan.axes]
+        numbers = [configuration.number(axis.name, self._where) for axis in plan.named]
         setting = await self._setting(plan, configuration)
         token = self._dialogue.fresh_number()
         path = program_path("GRIND", plan.index.name)
-        passed = legal(path, grinding_program.grinding(plan, token, setting), configuration.names)
+        text = grinding_program.grinding(plan, token, setting)
+        passed = legal(path, text, configuration.names, still=grinding_program.still(plan))
         await self._dialogue.begin(numbers[0], token, path)
         self.plan, self._token, self._saved, self._ended = plan, token, False, False
         self._memory = setting.memory
-        values = {SetupWord.X: plan.x_mm, SetupWord.C: plan.c_deg, SetupWord.DRESSING: plan.dressing_mm}
-        self._placed = {setting.words.setup_number(word): value for word, value in values.items()}
+        self._placed = grinding_program.set_up(plan, setting.words)
         await self._dialogue.place(self._placed)
         await self._dialogue.write({Word.RELEASE: float(token)})
         await self._transfer.send(passed)

@@ -34,7 +34,8 @@ def on_paper(
         texts = {program_path("DWEL", axis): dwell.dwelling(order, axis in machine.modulo, origin)}
     else:
         texts = _texts(order, UaSettings.read(settings, where), machine, origin)
-    return tuple(legal(path, text, machine.axes).program for path, text in texts.items())
+    stays = grinding.still(order) if isinstance(order, GrindPlan) else ()
+    return tuple(legal(path, text, machine.axes, still=stays).program for path, text in texts.items())
 
 
 def _texts(order: HandShaken, settings: UaSettings, machine: PaperMachine, origin: Origin) -> dict[str, str]:

@@ -17,6 +17,7 @@ from gateway.config import Fault, SiteReading
 from gateway.config.faults import called
 from gateway.config.keyfaults import broken
 from gateway.config.places import held
+from gateway.errors import ModelError
 
 LOGOS = (".svg", ".png", ".jpg", ".jpeg")
 FILE_ROLES = ("file", "gear-file")
@@ -193,6 +194,8 @@ def _part(reading: SiteReading, path: Path) -> Iterator[Fault]:
 
     try:
         grind_plan(site, gear_of_site(site, path), SetupValues())
+    except ModelError:
+        return  # of the gear, which is told beside its file
     except ConfigError as error:
         if not error.code.startswith("E-GRIND"):
             return
@@ -208,6 +211,10 @@ def _key_of(site: Any, error: ConfigError) -> str:
     """The key of [work] that a refusal of the grinding plan is about."""
     if error.code == "E-GRIND-WHEEL":
         return "wheel_on" if error.fields.get("words") == site.work.wheel_on else "wheel_off"
+    if error.code == "E-GRIND-STOCK" and "stock_mm" in site.work.model_fields_set:
+        return "stock_mm"
+    if error.code == "E-GRIND-TRAVEL" and error.fields.get("axis") == site.work.wheel_place:
+        return "wheel_travel"
     stroke = {one.name for one in site.axes if site.work.stroke in (one.name, one.letter)}
     return "height_mm" if error.fields.get("axis") in stroke else str(error.fields.get("key", ""))
 

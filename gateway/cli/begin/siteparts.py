@@ -140,7 +140,7 @@ def work_tree(
     """The section of the work; ``height_mm`` in mm; ``others``: the control's axes that are not measured.
 
     X feeds in, Z strokes and C indexes where the machine has them, else the first axes of their kinds; the first
-    linear axis that is not measured dresses.
+    linear axis that is not measured carries the dresser. What places the wheel along its axis nobody can guess.
     """
     linear, rotary = ([axis.letter for axis in axes if axis.rotary is kind] for kind in (False, True))
     infeed = _first_of("X", linear)
@@ -149,8 +149,7 @@ def work_tree(
     dresser = next((one for one in others if one.unit == "mm"), None)
     if dresser is None:
         return tree | {"dresser": ""}
-    tree |= {"dresser": dresser.name, "dresser_letter": letter_of(dresser.name)}
-    return tree | ({"dresser_travel": list(dresser.travel)} if dresser.travel is not None else {})
+    return tree | {"dresser": dresser.name, "dresser_letter": letter_of(dresser.name)}
 
 
 def _first_of(usual: str, letters: Sequence[str]) -> str:

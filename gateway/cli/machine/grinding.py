@@ -26,7 +26,10 @@ def grind_command(
         float | None, typer.Option(help="Index's zero, arcsec. Left out: what is set.", show_default=False)
     ] = None,
     dressing_um: Annotated[
-        float | None, typer.Option(help="Dresser's place, um. Left out: what is set.", show_default=False)
+        float | None,
+        typer.Option(
+            help="Offset of the dressed profile along the wheel's axis, um. Left out: what is set.", show_default=False
+        ),
     ] = None,
     machine: Annotated[
         str, typer.Option(help="The machine's name, typed to consent; without it nothing is sent.")

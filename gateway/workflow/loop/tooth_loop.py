@@ -8,7 +8,7 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
 from drivers.clock import Clock
-from drivers.errors import TrueflankError, words
+from drivers.errors import ConfigError, TrueflankError, words
 from gateway import audit
 from gateway.config import SiteFile
 from gateway.correct.part.setupvalues import setup_from_part
@@ -59,12 +59,14 @@ async def close_site(
 
     Without `apply` it ends with a stored proposal for the tooth; nothing is ground or written. Where the flank became
     worse than it was the run takes its tables ``back`` as its last step: part of the consent given here. Raises
-    WriteRefused (E-RUN-NAME), ConfigError (E-CLOSE-WORK, E-CLOSE-AXES, E-INSPECT-INSPECTOR), IllegalTransition
-    (E-SETUP-MACHINE), CaptureError (E-PART-APART), and what the stages raise; the folder keeps every stage done and the
-    error.
+    WriteRefused (E-RUN-NAME), ConfigError (E-CLOSE-WORK, E-CLOSE-AXES, E-CLOSE-PLACE, E-INSPECT-INSPECTOR),
+    IllegalTransition (E-SETUP-MACHINE), CaptureError (E-PART-APART), and what the stages raise; the folder
+    keeps every stage done and the error.
     """
     check_name(site, apply, machine_name)
     work = work_of(site, site_path)
+    if apply and not work_section(site).wheel_place:
+        raise ConfigError("E-CLOSE-PLACE", site.site.name)
     used = {axis.measure.instrument for axis in site.axes if axis.measure.instrument}
     used |= {inspector_name(site)} if apply else set()
     plan = await measure_site(site, site_path, clock=clock, say=say, wanted=wanted, resume=resume, tooth=work.tooth)

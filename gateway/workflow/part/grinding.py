@@ -7,6 +7,8 @@ import contextlib
 import re
 from pathlib import Path
 
+import numpy as np
+
 from drivers.clock import Clock
 from drivers.errors import ConfigError, DeviceRefused, TrueflankError, words
 from drivers.terms import spoken
@@ -15,11 +17,13 @@ from drivers.workpiece import GrindAxis, GrindPlan, check_plan
 from gateway.config import AxisSection, SiteFile, WorkSection
 from gateway.domain.equipment import Equipment
 from gateway.errors import IllegalTransition, WriteRefused
+from gateway.gear.cycloid import CycloidGear
 from gateway.moving import shown_there, tell_motion
 from gateway.say import Say
 from gateway.store import RunFolder
 from gateway.store.disk import checked_name
 from gateway.study.files import GearFile, load_gear
+from gateway.study.machine import gear_of
 from gateway.tooth import GroundPart, SetupValues
 from gateway.workflow import stages
 from gateway.workflow.axes.measure import store_equipment
@@ -29,15 +33,19 @@ from gateway.workflow.runsite import new_run
 DECIMALS = 6
 TELL_EVERY = 5
 LOOK_S = 0.5
+R_PARAMETER = re.compile(r"R(\d{1,5})")
 _UNSAID = re.compile(r"[^A-Za-z0-9 ()=.,:_/+-]")
 
 
 def grind_plan(site: SiteFile, gear_file: GearFile, setup: SetupValues, part: str = "part") -> GrindPlan:
     """How this site grinds a gear with these set-up values.
 
-    Raises ConfigError: E-GRIND-NO-WORK, E-GRIND-AXIS, and what `check_plan` refuses.
+    Raises ConfigError: E-GRIND-NO-WORK, E-GRIND-AXIS, and what `check_plan` refuses; ModelError E-GEAR-...
     """
     work = work_section(site)
+    gear = gear_of(gear_file)
+    radii = gear.limits()
+    wheel = _wheel(site, work)
     index = _axis(site, work.index, "index", "rotary")
     plan = GrindPlan(
         name=f"TFGRIND_{index.name}",
@@ -45,11 +53,14 @@ def grind_plan(site: SiteFile, gear_file: GearFile, setup: SetupValues, part: st
         infeed=_axis(site, work.infeed, "infeed", "linear"),
         stroke=_axis(site, work.stroke, "stroke", "linear"),
         index=index,
-        dresser=_dresser(work),
-        spaces=gear_file.gear.zc,
+        dresser=GrindAxis(work.dresser, work.dresser_letter) if work.dresser else None,
+        spaces=gear.zc,
         centre_distance_mm=gear_file.grinding.centre_distance_mm,
         height_mm=work.height_mm,
-        face_mm=gear_file.gear.b,
+        face_mm=gear.b,
+        root_mm=round(radii.r_root, DECIMALS),
+        tip_mm=round(radii.r_tip, DECIMALS),
+        stock_mm=round(work.stock_mm / _least_slope(gear), DECIMALS),
         x_mm=round(setup.x_mm, DECIMALS),
         c_deg=round(setup.c_deg, DECIMALS),
         dressing_mm=round(setup.dressing_mm, DECIMALS),
@@ -62,12 +73,24 @@ def grind_plan(site: SiteFile, gear_file: GearFile, setup: SetupValues, part: st
         stroke_feed=work.stroke_feed,
         index_feed=work.index_feed,
         positioning_feed=work.positioning_feed,
+        air_cut_feed=work.air_cut_feed,
         dwell_s=work.dwell_s,
         wheel_on=work.wheel_on,
         wheel_off=work.wheel_off,
+        wheel=wheel if isinstance(wheel, GrindAxis) else None,
+        wheel_mm=work.wheel_mm,
+        wheel_offset=wheel if isinstance(wheel, int) else None,
     )
     check_plan(plan)
     return plan
+
+
+def _dress(plan: GrindPlan, setup: SetupValues) -> str:
+    """What to do with the wheel before the program is started; "" where the program places it, or nothing does."""
+    if plan.wheel_offset is None:
+        return ""
+    place = f"R{plan.wheel_offset}"
+    return words("W-GRIND-DRESS", dressing_um=setup.dressing_um, place=place, program=plan.name)
 
 
 def work_section(site: SiteFile) -> WorkSection:
@@ -94,8 +117,21 @@ def _travel(axis: AxisSection) -> tuple[float, float] | None:
     return None if axis.modulo else axis.travel
 
 
-def _dresser(work: WorkSection) -> GrindAxis | None:
-    return GrindAxis(work.dresser, work.dresser_letter, work.dresser_travel) if work.dresser else None
+def _wheel(site: SiteFile, work: WorkSection) -> GrindAxis | int | None:
+    """The axis that moves the wheel along its own, or the number of the R parameter that the dressing program reads."""
+    parameter = R_PARAMETER.fullmatch(work.wheel_place)
+    if parameter is not None:
+        return int(parameter[1])
+    known = next((axis for axis in site.axes if work.wheel_place in (axis.letter, axis.name)), None)
+    if known is not None:
+        return GrindAxis(known.name, known.letter, _travel(known), known.encoder)
+    return GrindAxis(work.wheel_place, work.wheel_letter, work.wheel_travel) if work.wheel_place else None
+
+
+def _least_slope(gear: CycloidGear) -> float:
+    """The least part of a flank's normal along the infeed: the wheel leaves stock s of a flank after s / this of X."""
+    theta = np.linspace(0.0, gear.half_pitch, 201)[1:-1]
+    return float(np.min(np.abs(gear.section(theta).normal[..., 0])))
 
 
 async def grind_site(
@@ -167,7 +203,7 @@ async def grind_part(at: Bench, part: str, setup: SetupValues) -> GroundPart:
     values = {"x_um": setup.x_um, "c_arcsec": setup.c_arcsec, "dressing_um": setup.dressing_um}
     at.say("P-GRIND-SETUP", part=part, **values)
     await tell_motion(controller, at.say)
-    at.say("P-GRIND-PREPARED", part=part, program=plan.name)
+    at.say("P-GRIND-PREPARED", part=part, program=plan.name, dress=_dress(plan, setup))
     try:
         started = await _followed(at, plan, part)
     except TrueflankError:
@@ -195,7 +231,8 @@ async def _followed(at: Bench, plan: GrindPlan, part: str) -> str:
     wait, patience = at.supervisor.controller.wait_ground, at.patience
     done = await wait(-1, patience.start_s)
     started = _utc(at)
-    at.say("P-GRIND-BEGUN", part=part, shown=shown_there(at.supervisor.controller, "clamp"))
+    stock = work_section(at.site).stock_mm
+    at.say("P-GRIND-BEGUN", part=part, stock=stock, shown=shown_there(at.supervisor.controller, "clamp"))
     while done is not None:
         person = done in (0, plan.spaces)
         reached = await wait(done, patience.start_s if person else patience.stop_s)
@@ -237,7 +274,7 @@ def _against(state: MachineState, plan: GrindPlan) -> list[str]:
         reasons.append(words("W-GRIND-MODE", found=state.mode))
     if state.alarms:
         reasons.append(words("W-GRIND-ALARM", alarms=", ".join(map(str, state.alarms))))
-    for name in (axis.name for axis in plan.axes):
+    for name in (axis.name for axis in plan.named):
         axis = state.axes.get(name)
         if axis is None:
             reasons.append(words("W-GRIND-ABSENT", axis=name, known=", ".join(sorted(state.axes))))

@@ -49,6 +49,7 @@ class Core:
         self.axes = [MachineAxis(axis, place, 0.0) for place, axis in enumerate(spec.axes)]
         self.on_whim: Callable[[str], None] = lambda _kind: None
         self.whims: list[str] = []
+        self.wheel_runs = False
         self._started = False
         self._eec: dict[tuple[int, int], Curve | None] = {}
         self._shifted: dict[tuple[int, int, bool], Curve | None] = {}

@@ -24,6 +24,7 @@ _SILENT_WORDS = frozenset(
     | {"COMPOF", "KONT", "NORM", "SBLON", "SBLOF", "DISPLON", "DISPLOF", "CFC", "CFTCP"}
 )
 _SAME_PLACE = 1e-9
+WHEEL_RUNS = 700016
 
 
 def is_silent(word: str) -> bool:
@@ -175,6 +176,8 @@ class BlockWords:
     def _m(self, value: float) -> None:
         if value != int(value) or value < 0:
             raise NckRefusal(12160, f"M{value:g} lies beyond the value range")
+        if value in (3, 4, 5):
+            self._core.wheel_runs = value != 5
         name = {0: "M0", 1: "M1", 2: "M30", 30: "M30", 17: "M17"}.get(int(value), "")
         self._ending = name or self._ending
 
@@ -182,7 +185,7 @@ class BlockWords:
         """The block's deed.
 
         Raises NckRefusal: 10860, 14800 (feed), 10720 (travel), 10750 (G41 without tool), 14404 (an axis of a
-        transformation), 16800..16830.
+        transformation), 16800..16830, 700016 (the dresser's axis).
         """
         if self._framing:
             self._frame()
@@ -194,6 +197,7 @@ class BlockWords:
         if not self._targets:
             return Deed(ending=self._ending) if self._ending else None
         self._possible()
+        self._stands_still()
         targets = {index: self._end_point(index, *word) for index, word in self._targets.items()}
         for index, target in targets.items():
             self._core.check_travel(index, target)
@@ -210,6 +214,12 @@ class BlockWords:
             raise NckRefusal(10750, "tool radius compensation active without tool number")
         if self._modal.turning and not self._modal.rapid:
             raise NckRefusal(14800, "feed per revolution, and the spindle stands")
+
+    def _stands_still(self) -> None:
+        """The builder's own lock, with an alarm of the PLC: the dresser's axis does not move while the wheel runs."""
+        names = [self._core.spec.axes[index].name for index in self._targets]
+        if self._core.wheel_runs and self._core.spec.dresser in names:
+            raise NckRefusal(WHEEL_RUNS, f"{self._core.spec.dresser} carries the dresser and the wheel runs")
 
     def _frame(self) -> None:
         """TRANS X5: no motion, but where zero is from now on; without axes every programmed frame goes."""

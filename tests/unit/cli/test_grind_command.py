@@ -53,7 +53,9 @@ def test_what_is_kept_for_the_gear_is_shown_unless_told_otherwise(site: Path) ->
     data = json.loads(shown(site, "--json", "--dressing-um", "-1"))
     assert data["setup"] == {"x_um": 2.5, "c_arcsec": -7.2, "dressing_um": -1.0}
     places = {(one["axis"], one["place"]) for one in data["places"]}
-    assert {("X1", -170.0), ("X1", -159.9975), ("Z1", 137.0), ("Z1", 163.0), ("Y1", -0.001), ("C1", 4.998)} <= places
+    assert {("X1", -170.0), ("X1", -159.9975), ("Z1", 137.0), ("Z1", 163.0), ("C1", 4.998)} <= places
+    assert "Y1" not in {axis for axis, _ in places}  # it carries the dresser
+    assert "IF R200<>UWSET GOTOF TF_REFUSED" in data["program"]
     assert "FOR USPACE=0 TO 38" in data["program"]
     assert 180 < data["seconds"] < 480
     text = shown(site)

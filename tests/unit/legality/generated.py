@@ -27,6 +27,9 @@ _PART = GrindPlan(
     160.0,
     150.0,
     10.0,
+    59.7,
+    62.3,
+    0.25,
     save_tables=False,
 )
 GENERATED = (

@@ -199,3 +199,15 @@ async def test_enabling_what_is_disabled_raises_nothing() -> None:
     async with on_bench() as bench:
         await bench.run(enable("X1", 1) + enable("X1", 0) + "M30")
         assert bench.numbers() == []
+
+
+async def test_700016_when_the_dressers_axis_is_moved_while_the_wheel_runs() -> None:
+    async with on_bench(dresser="Y1") as bench:
+        await bench.run("SUPA G1 Y=5.0 F=3000.0\nS1500 M3\nSUPA G1 X=5.0\nM5\nSUPA G1 Y=0.0\nM30")
+        assert bench.numbers() == []
+        for start in ("M3", "M1=3", "M4"):
+            await bench.run(f"{start}\nSUPA G1 X=1.0 F=3000.0\nSUPA G1 Y=1.0\nM30")
+            assert bench.numbers() == [700016]
+            assert bench.nck.axis_state("Y1").set_position == 0.0
+            bench.nck.channel_reset()
+            assert bench.numbers() == []

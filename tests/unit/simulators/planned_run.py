@@ -24,7 +24,7 @@ RETRACT_MM = 10.0
 class PlannedRun:
     """Every space in turn: indexed with C going down, fed in with X going up, one stroke up and one down.
 
-    X works at -(centre distance) + ``x_mm``, C at -360 k / zc + ``c_deg``, the dresser at ``dressing_mm``.
+    X works at -(centre distance) + ``x_mm``, C at -360 k / zc + ``c_deg``, an axis Y at ``dressing_mm``.
     ``corrections`` by axis letter give what is added to the encoder, in mm or deg, from the planned places of
     all axes: the tables of a control, say.
     """
@@ -46,6 +46,7 @@ class PlannedRun:
         self._part = part
         self._fixed = {"X": x_mm - part.grinding.centre_distance_mm, "Y": dressing_mm}
         self._c_deg = c_deg
+        self.dressing_mm = dressing_mm
         self._corrections = dict(corrections or {})
         self._half = 0.5 * part.gear.b + overrun_mm
         self._stroke_s = 2.0 * self._half / feed_mm_per_s
@@ -97,7 +98,7 @@ class PlannedRun:
 def ground(truth: Truth, part: Part, seat: Pose | None = None, **planned: object) -> WorkPiece:
     """The part that this machine grinds in a `PlannedRun` with these options, clamped as drawn or at `seat`."""
     run = PlannedRun(truth.cell, part, **planned)  # type: ignore[arg-type]
-    grinder = Grinder(OpticsBench(truth, run), part, truth.cell.wheel)
+    grinder = Grinder(OpticsBench(truth, run), part, truth.cell.wheel, lambda: run.dressing_mm)
     work = grinder.load(run.start_s, seat)
     grinder.follow(run.end_s, whole=True)
     return work

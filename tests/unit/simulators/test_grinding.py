@@ -242,8 +242,10 @@ def test_set_up_values_move_the_flank() -> None:
         ({"dressing_mm": 0.005}, 5.0 * ny),
         ({"c_deg": 0.001}, -3.6 * ARCSEC * 1e3 * lever),
     ):
-        got = flank(cell, **planned)
-        np.testing.assert_allclose(got, np.broadcast_to(wanted, got.shape), atol=0.02)
+        for how in ("R200", "Y"):  # dressed by a parameter, or carried by an axis
+            wheel = cell.wheel.model_copy(update={"place": how, "dresser": ""})
+            got = flank(cell.model_copy(update={"wheel": wheel}), **planned)
+            np.testing.assert_allclose(got, np.broadcast_to(wanted, got.shape), atol=0.02)
 
 
 def test_a_wheel_off_its_seat_and_too_large() -> None:

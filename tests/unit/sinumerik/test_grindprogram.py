@@ -7,13 +7,15 @@ import re
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from drivers.errors import ConfigError, LocalProtocolError
 from drivers.sinumerik.ncprogram.backup import Memory
-from drivers.sinumerik.ncprogram.grinding import GrindSetting, grinding
+from drivers.sinumerik.ncprogram.grinding import GrindSetting, grinding, still
+from drivers.sinumerik.ncprogram.legal import legal
 from drivers.sinumerik.ncprogram.words import Words
 from drivers.sinumerik.opcua.grinding import preview
 from drivers.sinumerik.opcua.settings import UaSettings
@@ -33,9 +35,13 @@ PLAN = GrindPlan(
     centre_distance_mm=160.0,
     height_mm=150.0,
     face_mm=10.0,
+    root_mm=59.7,
+    tip_mm=62.3,
+    stock_mm=0.25,
     wheel_on="S1500 M3",
     wheel_off="M5",
 )
+SHIFTED = replace(PLAN, wheel=GrindAxis("V1", "V", (-60.0, 60.0)), wheel_mm=12.5)
 
 
 @dataclass
@@ -47,6 +53,9 @@ class Walk:
     at: dict[str, float]
     moves: list[tuple[str, float, float]] = field(default_factory=list)
     cuts: list[tuple[float, float, float]] = field(default_factory=list)
+    feeds: list[float] = field(default_factory=list)
+    runs: bool = False
+    running: list[bool] = field(default_factory=list)
     said: list[str] = field(default_factory=list)
     counted_at: list[dict[str, float]] = field(default_factory=list)
     abort_after: int = 10**6
@@ -72,6 +81,10 @@ class Walk:
             return head if self.r["USPACE"] <= self._value(lines[head].split(" TO ")[1]) else line
         elif block.startswith("SUPA G1 "):
             self._move(*block.split()[2].split("=", 1))
+            self.feeds.append(float(block.split()[3].removeprefix("F=")))
+            self.running.append(self.runs)
+        elif block in ("S1500 M3", "M5"):
+            self.runs = block != "M5"
         elif re.fullmatch(r"R80=R80\+1", block):
             self.r["R80"] += 1
             self.counted_at.append(dict(self.at))
@@ -82,7 +95,7 @@ class Walk:
         elif block.startswith("MSG("):
             self.said.append(block)
         else:
-            assert re.match(r"(;|DEF|G17|TRAFOOF$|STOPRE$|G4 F|M0$|M3|M5|S1500|TF_|ENDIF)", block), block
+            assert re.match(r"(;|DEF|G17|TRAFOOF$|STOPRE$|G4 F|M0$|TF_|ENDIF)", block), block
         return line
 
     def _value(self, text: str) -> float:
@@ -104,7 +117,7 @@ class Walk:
 def walked(plan: GrindPlan, abort_after: int = 10**6, start: tuple[float, float] = (-3.0, 200.0)) -> Walk:
     """The program of a plan, from somewhere with C turned somewhere."""
     values = {"R77": plan.x_mm, "R78": plan.c_deg, "R79": plan.dressing_mm, "R86": 0.0, "R89": 123456.0}
-    walk = Walk(plan, values, {"X": start[0], "Y": 7.0, "Z": 3.0, "C": start[1]}, abort_after=abort_after)
+    walk = Walk(plan, values, {"X": start[0], "V": 7.0, "Z": 3.0, "C": start[1]}, abort_after=abort_after)
     text = grinding(replace(plan, save_tables=False), 123456, GrindSetting(Words(), {}))
     parse(text)
     walk.run(text)
@@ -120,7 +133,7 @@ def test_the_text_is_the_golden_one() -> None:
     assert not re.search(r"^\$(AA_ENC|AN_CEC|MA_|MN_|SN_)", text, re.MULTILINE)  # reads tables, writes none
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=15, deadline=None)
 @given(
     x=st.floats(-0.2, 0.2),
     c=st.floats(-0.05, 0.05),
@@ -135,7 +148,9 @@ def test_every_axis_comes_from_one_side_and_c_turns_only_with_the_wheel_clear(
     x: float, c: float, y: float, spaces: int, rough: tuple[float, ...], spark: int, sense: int, turned: float
 ) -> None:
     values = {"x_mm": round(x, 6), "c_deg": round(c, 6), "dressing_mm": round(y, 6)}
-    plan = replace(PLAN, **values, spaces=spaces, rough_mm=rough, spark_out=spark, index_sense=sense)
+    plan = replace(
+        SHIFTED, **values, spaces=spaces, rough_mm=rough, spark_out=spark, index_sense=sense, overrun_mm=12.0
+    )
     walk = walked(plan, start=(-3.0, turned))
     assert len(walk.cuts) == spaces * len(plan.strokes)
     for number, (at_x, at_c, _) in enumerate(walk.cuts):
@@ -143,17 +158,18 @@ def test_every_axis_comes_from_one_side_and_c_turns_only_with_the_wheel_clear(
         assert at_x == pytest.approx(-160.0 + plan.x_mm - plan.strokes[stroke], abs=1e-9)
         off = (at_c - plan.c_deg - sense * 360.0 * space / spaces + 180.0) % 360.0 - 180.0
         assert off == pytest.approx(0.0, abs=1e-7)
-    last = {"X": 0.0, "Y": 0.0, "Z": 0.0, "C": 0.0}
-    at = {"X": -3.0, "Y": 7.0, "Z": 3.0, "C": turned}
+    last = {"X": 0.0, "V": 0.0, "Z": 0.0, "C": 0.0}
+    at = {"X": -3.0, "V": 7.0, "Z": 3.0, "C": turned}
     for letter, here, to in walk.moves:
-        if letter in "CY":
+        if letter in "CV":
             assert at["X"] == plan.retracted_mm
             assert at["Z"] <= 150.0 - 5.0 - 6.0 or at["Z"] >= 150.0 + 5.0 + 6.0
         if letter == "Z" and at["X"] > plan.retracted_mm:  # cutting: who stands must have come from his side
-            assert (last["X"], last["C"], last["Y"]) == (1.0, float(sense), 1.0)
+            assert (last["X"], last["C"], last["V"]) == (1.0, float(sense), 1.0)
         last[letter] = math.copysign(1.0, to - here) if to != here else last[letter]
         at[letter] = to
-    assert at["Y"] == plan.dressing_mm
+    assert at["V"] == pytest.approx(12.5 + plan.dressing_mm, abs=1e-9)
+    assert not any(on for (letter, *_), on in zip(walk.moves, walk.running, strict=True) if letter == "V")
     assert walk.r["R90"] == 7
 
 
@@ -173,6 +189,64 @@ def test_people_come_to_a_clear_wheel_and_spaces_are_counted_with_the_wheel_clea
     assert 180.0 < PLAN.seconds < 480.0
 
 
+def outside(x_mm: float, z_mm: float, stock_mm: float) -> bool:
+    """Whether a wheel at these axis places touches no point of a blank with this stock along its normals.
+
+    Curve of the disc and dressed section by hand: pin radius 3 inside the path of a pin, e^it 64 - 1.3 e^40it; the
+    wheel's radius at y is 160 less the space's x there; a blank's point is hit where it lies nearer to its axis.
+    """
+    t = np.linspace(1e-6, np.pi / 39.0, 4001)
+    first, second = 64.0 * np.exp(1j * t), 1.3 * np.exp(40j * t)
+    normal = (first - 40.0 * second) / np.abs(first - 40.0 * second)
+    flank = first - second - 3.0 * normal
+    blank = (flank + stock_mm * normal)[::20]
+    radius = 160.0 - np.interp(np.abs(blank.imag), flank.imag, flank.real)
+    heights = np.linspace(145.0, 155.0, 101)[:, None]
+    return bool(np.all(np.hypot(-x_mm - blank.real, heights - z_mm) > radius))
+
+
+def test_the_wheel_meets_no_stock_at_positioning_feed_nor_while_it_is_fed_in() -> None:
+    assert not outside(-160.05, 137.0, 0.3)  # in the space, 8 mm beyond the face: where the approach ended before
+    plan = replace(PLAN, spaces=3, stock_mm=0.25, x_mm=0.2, positioning_feed=2999.0, overrun_mm=9.5)
+    walk = walked(plan)
+    at, approaches, fed = {"X": -3.0, "V": 7.0, "Z": 3.0, "C": 200.0}, 0, 0
+    for (letter, here, to), feed in zip(walk.moves, walk.feeds, strict=True):
+        way = np.linspace(here, to, 30)
+        ends = [(x, at["Z"]) for x in way] if letter == "X" else [(at["X"], z) for z in way] if letter == "Z" else []
+        if feed == 2999.0 and at["X"] <= -160.0:
+            assert all(outside(x, z, 0.149) for x, z in ends)  # 0.25 mm along X, by the steepest flank's 0.596
+            approaches += letter == "X" and to > here
+        elif letter == "X" and feed == 200.0:
+            assert all(outside(x, z, 0.149) for x, z in ends)
+            fed += 1
+        at[letter] = to
+    assert (approaches, fed) == (3, 3)
+
+
+def test_a_site_that_does_not_name_what_places_the_wheel_gets_no_word_for_it() -> None:
+    text = grinding(PLAN, 123456, GrindSetting(Words(), MEMORY))
+    assert not re.search(r"\b[YV]\d*\s*=|R79", text)
+    assert {letter for letter, *_ in walked(PLAN).moves} == {"X", "Z", "C"}
+    running = grinding(SHIFTED, 123456, GrindSetting(Words(), MEMORY)).splitlines()
+    moves = [place for place, block in enumerate(running) if block.startswith("SUPA G1 V=")]
+    assert running.index("M5") < moves[0] < moves[-1] < running.index("S1500 M3")
+
+
+def test_a_block_that_moves_the_dresser_is_never_sent() -> None:
+    text = grinding(PLAN, 123456, GrindSetting(Words(), MEMORY))
+    names = {"X1", "Y1", "Z1", "C1", "X", "Y", "Z", "C"}
+    path = "/_N_MPF_DIR/_N_TFGRIND_C1_MPF"
+    assert legal(path, text, names, still=still(PLAN)).program.text == text
+    for block in ("SUPA G1 Y=UXSET F=3000.0", "G1 X=-170.0 Y-2.0", "Y1=3", "SUPA G1 Y1 = IC(1.0) F=100.0"):
+        changed = text.replace("S1500 M3", f"S1500 M3\n{block}")
+        with pytest.raises(LocalProtocolError) as caught:
+            legal(path, changed, names, still=still(PLAN))
+        assert (caught.value.code, caught.value.fields["line"]) == (
+            "E-PROGRAM-MOVES",
+            changed.splitlines().index(block) + 1,
+        )
+
+
 def test_the_abort_word_is_obeyed_between_spaces_with_the_wheel_clear() -> None:
     walk = walked(PLAN, abort_after=4)
     assert (walk.r["R80"], walk.r["R90"]) == (4, 8)
@@ -185,15 +259,19 @@ def test_a_program_whose_gateway_has_gone_or_whose_values_are_wrong_moves_nothin
     moved = len(twice.moves)
     twice.run(text)
     assert len(twice.moves) == moved  # a second NC START does nothing
-    right = {"R77": 0.0, "R78": 0.0, "R79": 0.0, "R86": 0.0, "R89": 123456.0}
+    offset = replace(PLAN, wheel_offset=200, save_tables=False)
+    text = grinding(offset, 123456, GrindSetting(Words(), {}))
+    right = {"R77": 0.0, "R78": 0.0, "R79": 0.0, "R86": 0.0, "R89": 123456.0, "R200": 0.0}
     for wrong, phase in (
         ({"R89": 0.0}, None),
         ({"R77": 0.21}, 14),
         ({"R78": -0.06}, 14),
         ({"R79": 1.0}, 14),
+        ({"R79": 0.01}, 14),  # not what the wheel was dressed with
+        ({"R200": 0.01}, 14),
         ({"R86": 1.0}, 8),
     ):
-        walk = Walk(PLAN, right | wrong, {"X": 0.0, "Y": 0.0, "Z": 0.0, "C": 0.0})
+        walk = Walk(PLAN, right | wrong, {"X": 0.0, "V": 0.0, "Z": 0.0, "C": 0.0})
         walk.run(text)
         assert walk.moves == []
         assert walk.r.get("R90") == phase
@@ -221,8 +299,21 @@ NAN = float("nan")
         ({"centre_distance_mm": 415.0}, "E-GRIND-TRAVEL", "X1"),
         ({"height_mm": 310.0}, "E-GRIND-TRAVEL", "Z1"),
         ({"index": GrindAxis("C1", "C", (-180.0, 180.0))}, "E-GRIND-TRAVEL", "C1"),
-        ({"dresser": GrindAxis("Y1", "Y", (-1.0, 1.0))}, "E-GRIND-TRAVEL", "Y1"),
-        ({"dresser": None, "dressing_mm": 0.01}, "E-GRIND-DRESSER", "0.01"),
+        ({"wheel": GrindAxis("V1", "V", (-1.0, 1.0))}, "E-GRIND-TRAVEL", "V1"),
+        ({"dressing_mm": 0.01}, "E-GRIND-PLACE", "0.01"),
+        ({"dresser": None, "dressing_mm": 0.01}, "E-GRIND-PLACE", "0.01"),
+        ({"wheel": GrindAxis("Y1", "Y")}, "E-GRIND-DRESSER", "Y1"),
+        ({"wheel": GrindAxis("V1", "Y")}, "E-GRIND-DRESSER", "V1"),
+        ({"dresser": GrindAxis("X1", "X")}, "E-GRIND-DRESSER", "X1"),
+        ({"wheel_offset": 80}, "E-GRIND-OFFSET", "R80"),
+        ({"wheel_offset": 77}, "E-GRIND-OFFSET", "R77"),
+        ({"stock_mm": 7.0}, "E-GRIND-STOCK", "10.1 mm"),
+        ({"stock_mm": 0.35}, "E-GRIND-STOCK", "overrun_mm"),
+        ({"stock_mm": NAN}, "E-GRIND-VALUE", "stock_mm"),
+        ({"retract_mm": 3.2}, "E-GRIND-STOCK", "retract_mm"),
+        ({"air_cut_feed": 501.0}, "E-GRIND-VALUE", "air_cut_feed"),
+        ({"root_mm": 160.0}, "E-GRIND-VALUE", "root_mm"),
+        ({"wheel_off": "M5 M=Y"}, "E-GRIND-WHEEL", "M=Y"),
         ({"wheel_on": "M3 M30"}, "E-GRIND-WHEEL", "M30"),
         ({"wheel_off": "M00"}, "E-GRIND-WHEEL", "M00"),
         ({"wheel_on": "G1 X=0"}, "E-GRIND-WHEEL", "G1"),
@@ -239,7 +330,8 @@ def test_what_could_harm_is_refused_before_anything_is_sent(change: dict[str, ob
 
 
 def test_what_is_allowed_at_the_limits_is_not_refused() -> None:
-    check_plan(replace(PLAN, x_mm=0.2, c_deg=-0.05, dressing_mm=-0.2))
+    check_plan(replace(SHIFTED, x_mm=0.2, c_deg=-0.05, dressing_mm=-0.2, overrun_mm=9.5))
+    check_plan(replace(PLAN, wheel_offset=79, dressing_mm=0.2))
     check_plan(replace(PLAN, dresser=None, wheel_on="S1=1500 M1=3 M8"))
 
 
