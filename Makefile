@@ -145,13 +145,13 @@ vulnerabilities: $(TOOLS)/installed
 	$(PYTHON) -m release.vulnerabilities $(TOOLS) requirements.lock
 
 PIP := python -m pip install --quiet --disable-pip-version-check
+# What is imported is compiled then; most of what is installed never is.
 $(VENV)/installed: pyproject.toml requirements.lock locks/build.lock
 	$(PYTHON) -m venv $(VENV)
-	$(BIN)/$(PIP) --require-hashes -r requirements.lock -r locks/build.lock
+	$(BIN)/$(PIP) --no-compile --require-hashes -r requirements.lock -r locks/build.lock
 	$(BIN)/$(PIP) --no-deps --no-build-isolation -e .
 	touch $@
 
-# What is imported is compiled then; most of what is installed never is.
 $(VENV)/developed: pyproject.toml locks/dev.lock
 	$(PYTHON) -m venv $(VENV)
 	$(BIN)/$(PIP) --no-compile --require-hashes -r locks/dev.lock

@@ -11,7 +11,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from gateway.domain.values import FloatArray
 from gateway.errors import ModelError
@@ -46,8 +46,16 @@ def trajectories(d: int, r: int, p: int = 4, seed: int = 1) -> FloatArray:
     low = rng.integers(0, p // 2, (r, d)) / (p - 1)
     rising = rng.integers(0, 2, (r, d)).astype(bool)
     turn = rng.permuted(np.broadcast_to(np.arange(d), (r, d)), axis=1)
-    has_moved = np.arange(d + 1)[None, :, None] > turn[:, None, :]
-    return np.asarray(low[:, None, :] + step * (has_moved == rising[:, None, :]))
+    high = low + step
+    first, then = np.where(rising, low, high), np.where(rising, high, low)
+    order = np.argsort(turn, axis=1)
+    points = np.empty((r, d + 1, d))
+    for i in range(r):  # row by row: each is the one before with one input moved
+        row = points[i, 0] = first[i].copy()
+        for at, (moved, value) in enumerate(zip(order[i].tolist(), then[i, order[i]].tolist(), strict=True), 1):
+            row[moved] = value
+            points[i, at] = row
+    return points
 
 
 def elementary_effects(points: ArrayLike, outputs: ArrayLike) -> FloatArray:
@@ -59,19 +67,27 @@ def elementary_effects(points: ArrayLike, outputs: ArrayLike) -> FloatArray:
     x, y = np.asarray(points, dtype=np.float64), np.asarray(outputs, dtype=np.float64)
     if x.ndim != 3 or x.shape[1] != x.shape[2] + 1 or y.shape[:2] != x.shape[:2]:
         raise ModelError("E-SENS-SHAPE", "Morris", points=x.shape, outputs=y.shape)
-    steps = np.diff(x, axis=1)
-    moved = np.abs(steps) > 1e-9
-    if not np.all(moved.sum(axis=2) == 1) or not np.all(moved.sum(axis=1) == 1):
-        bad = np.flatnonzero(~(np.all(moved.sum(axis=2) == 1, axis=1) & np.all(moved.sum(axis=1) == 1, axis=1)))
-        raise ModelError("E-SENS-TRAJECTORY", "Morris", trajectory=int(bad[0]))
-    which = np.argmax(moved, axis=2)
-    size = np.take_along_axis(steps, which[..., None], axis=2)[..., 0]
+    which, size = _steps(x)
     change = np.diff(y, axis=1)
     ratio = change / size.reshape(size.shape + (1,) * (change.ndim - 2))
     effects = np.empty_like(ratio)
     rows = np.arange(x.shape[0])[:, None]
     effects[rows, which] = ratio
     return effects
+
+
+def _steps(x: FloatArray) -> tuple[NDArray[np.intp], FloatArray]:
+    """Which input each step moves, and by how much, (r, d). Raises ModelError (E-SENS-TRAJECTORY)."""
+    r, _, d = x.shape
+    which, size = np.empty((r, d), dtype=np.intp), np.empty((r, d))
+    steps, sizes = np.empty((d, d)), np.empty((d, d))
+    for i in range(r):  # one trajectory at a time, in the same memory
+        np.subtract(x[i, 1:], x[i, :-1], out=steps)
+        at, moved = np.nonzero(np.abs(steps, out=sizes) > 1e-9)
+        if not np.array_equal(at, np.arange(d)) or not np.array_equal(np.bincount(moved, minlength=d), np.ones(d)):
+            raise ModelError("E-SENS-TRAJECTORY", "Morris", trajectory=i)
+        which[i], size[i] = moved, steps[at, moved]
+    return which, size
 
 
 def indices(effects: ArrayLike, *, population: bool = False) -> Indices:
