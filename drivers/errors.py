@@ -109,10 +109,20 @@ class TrueflankError(Exception):
         hint = self.hint
         return f"{self.code}{place}: {self.what}" + (f" -> {hint}" if hint else "")
 
+    def __reduce__(self) -> tuple[object, ...]:
+        """As it is to another process: its fields are named, which an exception's own way would lose."""
+        return _again, (type(self), self.args), self.__dict__
+
     def as_record(self) -> dict[str, object]:
         """The error as data, for logs, run folders and ``--json``."""
         fields = {key: str(value) for key, value in self.fields.items()}
         return {"code": self.code, "where": self.where, "fields": fields, "what": self.what, "do": self.hint}
+
+
+def _again(kind: type[TrueflankError], args: tuple[object, ...]) -> TrueflankError:
+    error = kind.__new__(kind)
+    error.args = args
+    return error
 
 
 _NUMBERED = re.compile(r"^\[(?:Errno|WinError) -?\d+\] (.+?)(?:: ['\"].*)?$", re.DOTALL)

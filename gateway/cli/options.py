@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from datetime import UTC, datetime
 from itertools import islice
 from pathlib import Path
 from typing import Annotated, Any
@@ -190,12 +191,14 @@ def load_site(path: Path) -> Any:
 
 def compared_of(site: Path | None, accepted: list[str] | None, *, ask: bool, tree: Any = None) -> Any:
     """With what files' statements are compared: a site, what was accepted, and whether a person is asked."""
-    from datetime import UTC, datetime
-
     from gateway.workflow.files.facts import Compared
 
     known = load_site(site) if tree is None and site is not None else tree
-    return Compared(known, tuple(accepted or ()), _ask_about if ask else None, lambda: datetime.now(UTC))
+    return Compared(known, tuple(accepted or ()), _ask_about if ask else None, _now)
+
+
+def _now() -> datetime:
+    return datetime.now(UTC)  # by name, so that another process can be given it
 
 
 def _ask_about(one: Any) -> bool:

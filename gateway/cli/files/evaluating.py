@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import typer
 
-from drivers.errors import ConfigError, TrueflankError
+from drivers.errors import ConfigError, TrueflankError, words
 from drivers.terms import shown
 from gateway.cli.exits import of_verdicts
 from gateway.cli.options import run_or_file
@@ -79,36 +80,134 @@ def _label(standard: Any) -> dict[str, Any]:
     }
 
 
-def evaluate_files(files: list[Path], asked: EvaluationOptions, *, as_json: bool) -> None:
-    """Print each file's parameters by a standard; a file that cannot be read does not stop the others."""
+@dataclass(frozen=True, slots=True)
+class Crew:
+    """Who evaluates many files, and the one table of all answers; by itself this process, and no table."""
+
+    jobs: int = 1
+    scheduler: str = ""
+    table: Path | None = None
+
+    def each_alone(self, files: Sequence[Path]) -> bool:
+        """Whether files are a collection: of many machines, so that their statements are compared with a site alone.
+
+        Nobody is asked then, and no answer depends on what else is evaluated, or where.
+        """
+        from gateway.cli.files.many import is_collection
+
+        return self.jobs > 1 or bool(self.scheduler) or self.table is not None or any(map(is_collection, files))
+
+
+def evaluate_files(files: list[Path], asked: EvaluationOptions, *, as_json: bool, crew: Crew = Crew()) -> None:
+    """Print each file's parameters by a standard; a file that cannot be read does not stop the others.
+
+    With a table the answers stand in its rows, and only what cannot be read is printed.
+    """
+    from gateway.cli.files.many import files_in, over, told
+
     _refuse_unknown(asked.standard)
     if not files:
         raise ConfigError("E-CLI-NO-FILES", "evaluate")
-    results, failures = [], []
+    every = files_in(files)
+    table = _table(crew.table, asked) if crew.table is not None else None
+    held = [path for path in every if table is not None and table.holds(path)]
+    there = set(held)
+    left = [path for path in every if path not in there]
+    results: list[dict[str, Any]] = []
+    failures: list[TrueflankError] = []
     drawn: list[MeasuredFile] = []
-    for path in files:
-        try:
-            results += _evaluated(path, asked, drawn)
-        except TrueflankError as error:
-            failures.append(error)
-            results.append({"file": str(path), "error": error.as_record()})
+    if table is not None:
+        table.begin(held)
+    work = partial(_answered, asked=asked, apart=crew.each_alone(files))
+    found = told(over(work, left, jobs=crew.jobs, scheduler=crew.scheduler), len(left))
+    try:
+        for path, (own, shapes, error) in zip(left, found, strict=True):
+            if table is not None:
+                table.add(path, [_cells(one) for one in own])
+            results += own if table is None else [_verdicts_of(one) for one in own]
+            drawn += shapes if asked.plot is not None else ()
+            failures += [error] if error is not None else ()
+    finally:
+        if table is not None:
+            table.end()
     if asked.plot is not None and drawn:
         _draw(tuple(drawn), asked.plot)
     if as_json:
-        show_json(results)
+        show_json(results if table is None else _summed(crew.table, every, held, failures))
     else:
-        for result in results:
-            if "error" not in result:
-                _show(result)
-        if asked.plot is not None and drawn:
-            echo(f"picture: {asked.plot}")
-        for failure in failures:
-            show_error(failure, as_json=False)
+        _show_all(results if table is None else [], failures, asked.plot if drawn else None)
+        if table is not None:
+            told_of = {"table": crew.table, "count": len(every), "held": len(held), "failed": len(failures)}
+            echo(words("W-EVALUATE-TABLE", **told_of))
     said = [one["verdict"] for result in results for one in result.get("verdicts", ())]
     said += ["not decidable" for result in results if result.get("blocked")]
+    said += table.verdicts(held) if table is not None else []
     code = failures[0].exit_code if failures else of_verdicts(said)
     if code:
         raise typer.Exit(code)
+
+
+def _show_all(results: Sequence[dict[str, Any]], failures: Sequence[TrueflankError], plot: Path | None) -> None:
+    for result in results:
+        if "error" not in result:
+            _show(result)
+    if plot is not None:
+        echo(f"picture: {plot}")
+    for failure in failures:
+        show_error(failure, as_json=False)
+
+
+Answer = tuple[list[dict[str, Any]], list[MeasuredFile], TrueflankError | None]
+"""What a file's sets are evaluated to, what a picture shows of them, and what kept the file from being read."""
+
+
+def _answered(path: Path, *, asked: EvaluationOptions, apart: bool) -> Answer:
+    drawn: list[MeasuredFile] = []
+    if apart and asked.compared is not None:
+        asked = replace(asked, compared=replace(asked.compared, earlier=[]))
+    try:
+        return _evaluated(path, asked, drawn), drawn, None
+    except TrueflankError as error:
+        return [{"file": str(path), "error": error.as_record()}], drawn, error
+
+
+def _table(path: Path, asked: EvaluationOptions) -> Any:
+    """The table of these questions; what a person says only for the screen is none of them."""
+    from gateway.cli.files.many import Table
+    from gateway.evaluate.standards.registry import standard
+
+    names = standard(asked.standard).parameters
+    columns = ("set", "standard", "unit", "targets", "repetitions", *names, *(f"U_{name}" for name in names))
+    own = replace(asked, plot=None, site=None, compared=None)
+    site = asked.site.model_dump_json() if asked.site is not None else ""
+    stated = tuple(asked.compared.accepted) if asked.compared is not None else ()
+    return Table(path, (*columns, "verdicts", "in_doubt", "error"), f"{own} {site} {stated}")
+
+
+def _cells(result: Mapping[str, Any]) -> dict[str, object]:
+    """A result as a row; what is not known is empty."""
+    from gateway.evaluate.standards.registry import standard
+
+    if "error" in result:
+        return {"error": f"{result['error']['code']}: {result['error']['what']}"}
+    own = {"set": result["file"], **{name: result[name] for name in ("standard", "unit", "targets", "repetitions")}}
+    U = {f"U_{name}": value for name, value in result["U"].items()}
+    values = {name: result[name] for name in standard(result["standard"]).parameters}
+    verdicts = "; ".join(f"{one['parameter']}: {one['verdict']}" for one in result["verdicts"])
+    doubts = "; ".join(one["code"] for one in result["doubts"] if one["blocking"])
+    return {**own, **values, **U, "verdicts": verdicts, "in_doubt": doubts}
+
+
+def _verdicts_of(result: Mapping[str, Any]) -> dict[str, Any]:
+    """What the exit code needs of a result: a hundred thousand are not all held."""
+    return {name: result[name] for name in ("verdicts", "blocked") if name in result}
+
+
+def _summed(
+    table: Path | None, every: Sequence[Path], held: Sequence[Path], failures: Sequence[TrueflankError]
+) -> dict[str, Any]:
+    errors = [one.as_record() for one in failures]
+    return {"table": str(table), "files": len(every), "held": len(held), "errors": errors}
 
 
 def _refuse_unknown(name: str) -> None:

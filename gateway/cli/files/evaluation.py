@@ -22,7 +22,9 @@ from gateway.cli.options import (
 
 
 def evaluate(
-    files: Annotated[list[Path] | None, typer.Argument(help="Result files, or runs.", show_default=False)] = None,
+    files: Annotated[
+        list[Path] | None, typer.Argument(help="Result files, folders of them, or runs.", show_default=False)
+    ] = None,
     standard: Annotated[str, typer.Option(help="Standard by name, or an edition of ISO 230-2; list: all.")] = "2014",
     unit: Annotated[str, typer.Option(help="Unit of an .rta's deviations: mrad, urad, arcsec or deg.")] = "",
     column: ColumnOption = None,
@@ -53,6 +55,12 @@ def evaluate(
         typer.Option(help="Of positioning: site file whose tolerances and equipment count.", show_default=False),
     ] = None,
     plot: Annotated[Path | None, typer.Option(help="Picture (.png or .svg).", show_default=False)] = None,
+    jobs: Annotated[int, typer.Option(min=1, help="Of positioning: processes that share the files.")] = 1,
+    scheduler: Annotated[str, typer.Option(help="Dask scheduler, tcp://host:port.", show_default=False)] = "",
+    table: Annotated[
+        Path | None,
+        typer.Option(help="One table (.csv) of all answers; begun again it goes on behind them.", show_default=False),
+    ] = None,
     accept_doubt: AcceptOption = None,
     store: StoreOption = Path("runs"),
     accept: StatementOption = None,
@@ -60,7 +68,7 @@ def evaluate(
     as_json: JsonOption = False,
 ) -> None:
     """Evaluate result files or runs: positioning to ISO 230-2 or another standard, or another --kind of geometry."""
-    from gateway.cli.files.evaluating import EvaluationOptions, evaluate_files, limits_of, list_standards
+    from gateway.cli.files.evaluating import Crew, EvaluationOptions, evaluate_files, limits_of, list_standards
 
     if standard == "list":
         list_standards(as_json=as_json)
@@ -95,6 +103,8 @@ def evaluate(
         )
         raise typer.Exit(evaluate_kinds(files or [], options, as_json=as_json))
     tree = load_site(site) if site is not None else None
+    crew = Crew(jobs, scheduler, table)
+    apart = crew.each_alone(files or [])
     asked = EvaluationOptions(
         standard=standard,
         unit=unit,
@@ -108,8 +118,10 @@ def evaluate(
         phase=phase,
         plot=plot,
         site=tree,
-        compared=compared_of(None, accept, ask=ask and not as_json, tree=tree) if tree or several else None,
+        compared=compared_of(None, accept, ask=ask and not (as_json or apart), tree=tree)
+        if tree or (several and not apart)
+        else None,
         accepted=accepted_doubts(accept_doubt),
         columns=tuple(column or ()),
     )
-    evaluate_files(files or [], asked, as_json=as_json)
+    evaluate_files(files or [], asked, as_json=as_json, crew=crew)
