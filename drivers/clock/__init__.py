@@ -2,7 +2,8 @@
 
 The asyncio loop is the clock's source. Under `VirtualTimeLoop` the loop's own time stands still while any
 task can run and jumps to the next timer when none can, so a test waits hours in milliseconds and every
-library that sleeps on the loop (asyncua, pymodbus) follows without knowing.
+library that sleeps on the loop (asyncua, pymodbus) follows without knowing. `HostedTimeLoop` and `JoinedTimeLoop` do
+the same for processes that talk over real sockets (`drivers.clock.shared`).
 """
 
 from __future__ import annotations
@@ -13,9 +14,19 @@ from datetime import UTC, datetime, timedelta
 from typing import Protocol
 
 from drivers.clock.deadline import Deadline
+from drivers.clock.shared import HostedTimeLoop, JoinedTimeLoop, SharedTimeLoop
 from drivers.clock.virtual import VirtualTimeLoop, run_virtual
 
-__all__ = ["Clock", "Deadline", "LoopClock", "VirtualTimeLoop", "run_virtual"]
+__all__ = [
+    "Clock",
+    "Deadline",
+    "HostedTimeLoop",
+    "JoinedTimeLoop",
+    "LoopClock",
+    "SharedTimeLoop",
+    "VirtualTimeLoop",
+    "run_virtual",
+]
 
 
 class Clock(Protocol):

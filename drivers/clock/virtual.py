@@ -10,10 +10,10 @@ import asyncio
 import selectors
 import time
 from collections.abc import Callable, Coroutine
-from concurrent.futures import Executor
 from typing import Any, TypeVar
 
 from drivers.clock.inside import Doors, connected
+from drivers.clock.jobs import LOOK_S, SteppedLoop
 
 T = TypeVar("T")
 
@@ -31,10 +31,12 @@ class _JumpingSelector(selectors.BaseSelector):
         self._doors: set[int] = set()
 
     def select(self, timeout: float | None = None) -> list[tuple[selectors.SelectorKey, int]]:
-        if timeout is None or self._loop.threads_at_work:
-            return self._inner.select(0.001 if self._loop.threads_at_work else timeout)
-        if timeout <= 0:
+        if timeout is not None and timeout <= 0:
             return self._inner.select(0)
+        if self._loop.threads_at_work:
+            return [] if self._loop.jobs.settle() else self._inner.select(LOOK_S)
+        if timeout is None:
+            return self._inner.select(None)
         ready = self._inner.select(0)
         if not ready and len(self._inner.get_map()) > self._expected:
             # Sockets of other threads or processes get a moment; epoll itself would wait a whole millisecond.
@@ -74,23 +76,17 @@ class _JumpingSelector(selectors.BaseSelector):
         self._inner.close()
 
 
-class VirtualTimeLoop(asyncio.SelectorEventLoop):
+class VirtualTimeLoop(SteppedLoop):
     """An event loop whose time moves only when every task waits."""
 
     def __init__(self) -> None:
-        self._virtual_s = 1000.0
-        self.threads_at_work = 0
         self._jumping = _JumpingSelector(self)
         self._doors = Doors()
-        super().__init__(self._jumping)
-
-    def time(self) -> float:
-        """Virtual seconds."""
-        return self._virtual_s
+        super().__init__(self._jumping, 1000.0)
 
     def jump(self, seconds: float) -> None:
         """Move virtual time forward; only the selector calls this."""
-        self._virtual_s += seconds
+        self.now_s += seconds
 
     async def create_server(
         self, protocol_factory: Callable[[], asyncio.BaseProtocol], *args: Any, **options: Any
@@ -111,26 +107,6 @@ class VirtualTimeLoop(asyncio.SelectorEventLoop):
         if called is None:
             return await super().create_connection(protocol_factory, host, port, **options)
         return connected(self, protocol_factory(), called(), int(port))
-
-    def run_in_executor(  # type: ignore[override]
-        self, executor: Executor | None, func: Callable[..., T], *args: Any
-    ) -> asyncio.Future[T]:
-        """Run in a thread and hold time still until it is done."""
-        self.threads_at_work += 1
-        future = super().run_in_executor(executor, func, *args)
-        future.add_done_callback(self._thread_done)
-        return future
-
-    async def shutdown_default_executor(self, *args: Any, **options: Any) -> None:
-        """End the threads and hold time still meanwhile: newer Pythons give them a time limit of the loop's."""
-        self.threads_at_work += 1
-        try:
-            await super().shutdown_default_executor(*args, **options)
-        finally:
-            self.threads_at_work -= 1
-
-    def _thread_done(self, _future: asyncio.Future[Any]) -> None:
-        self.threads_at_work -= 1
 
 
 def run_virtual(main: Callable[[], Coroutine[Any, Any, T]]) -> T:
