@@ -205,6 +205,7 @@ class _Host(_TurnSelector):
     def __init__(self, limit: Limit, now_s: float) -> None:
         super().__init__()
         self._limit = limit
+        self.held = False
         self._turns = Turns(now_s)
         self._turns.join()
         self._lines: dict[int, Line] = {}  # by file
@@ -228,7 +229,7 @@ class _Host(_TurnSelector):
         super().close()
 
     def _allowed(self) -> float:
-        if self._limit.speed is None and not self._turns.others:
+        if self.held and self._limit.speed is None and not self._turns.others:
             return self._turns.now  # as fast as the others keep up: nobody is there
         return self._limit.allowed(self._turns.now)
 
@@ -332,12 +333,14 @@ class _Guest(_TurnSelector):
         host, _, port = address.rpartition(":")
         plain = socket.create_connection((host, int(port)), timeout=JOIN_S)
         self._line: Line | None = Line(plain)
+        plain.settimeout(JOIN_S)
         self._line.say(Word.HELLO, name.encode())
         try:
             self.first = self._first(self._line)
         except EOFError:
             self.close()
             raise
+        plain.settimeout(None)
         self._control.register(self._line.fileno(), READ)
         self._outside.register(self._line.fileno(), READ)
         self._gone_at = 0.0
@@ -446,15 +449,24 @@ class SharedTimeLoop(SteppedLoop):
 class HostedTimeLoop(SharedTimeLoop):
     """The loop of the process that keeps the clock; ``address`` is where others join.
 
-    ``speed`` is how many seconds of its time may pass in one of the wall's. None: as many as it can do; but while
-    nobody has joined, time stands still.
+    ``speed`` is how many seconds of its time may pass in one of the wall's; None: as many as it can do.
     """
 
     def __init__(self, speed: float | None = None) -> None:
         host = _Host(Limit(speed), 0.0)
         self.address = host.address
+        self._host = host
         super().__init__(host, 0.0)
         host.first()
+
+    @contextlib.contextmanager
+    def keeping_up(self) -> Iterator[None]:
+        """In this block others may join; without a limit time stands still while nobody has."""
+        self._host.held = True
+        try:
+            yield
+        finally:
+            self._host.held = False
 
 
 class JoinedTimeLoop(SharedTimeLoop):

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import asyncio
 import ssl
 from urllib.parse import urlsplit
 
-from drivers.clock import Clock
+from drivers.clock import Clock, SharedTimeLoop
 from drivers.errors import ConfigError
 from drivers.serial_io import open_serial
 from drivers.transport.bent import BentTransport
@@ -45,7 +46,8 @@ async def open_transport(
     DeadlineExceeded.
     """
     scheme = urlsplit(url).scheme if "://" in url else ""
-    if scheme == "tcp":
+    # A socket is plain TCP; where loops share a clock its bytes must be counted, which those of a thread are not.
+    if scheme == "tcp" or (scheme == "socket" and isinstance(asyncio.get_running_loop(), SharedTimeLoop)):
         return await open_tcp(url, clock, timeout_s, tls)
     if tls is not None:
         raise ConfigError("E-LINK-URL", url, why="TLS needs tcp://host:port")

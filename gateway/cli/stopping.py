@@ -8,12 +8,14 @@ import sys
 import threading
 from collections.abc import Callable, Coroutine, Iterator
 from contextlib import contextmanager
+from pathlib import Path
 from types import FrameType
 from typing import Any, TypeVar
 
 from drivers.carried import ToCarry
 from drivers.clock import LoopClock
 from drivers.errors import words
+from gateway.cli.clockof import loop_at
 from gateway.cli.show import echo
 from gateway.errors import CarryFirst
 from gateway.stopping import INTERRUPTED, LONGEST_S, TERMINATED, StopAsked, obey
@@ -25,10 +27,13 @@ Ask = Callable[[str, int], None]
 SIGNALS = {"SIGINT": INTERRUPTED, "SIGTERM": TERMINATED, "SIGHUP": TERMINATED, "SIGBREAK": TERMINATED}
 
 
-def run_to_end(work: Coroutine[Any, Any, T], *, stop: StopAsked | None = None, ends_itself: bool = False) -> T:
+def run_to_end(
+    work: Coroutine[Any, Any, T], *, at: Path | None = None, stop: StopAsked | None = None, ends_itself: bool = False
+) -> T:
     """Run a command's work in a loop of its own; a stop asked for by the system ends it in order.
 
-    ``ends_itself``: the work heeds ``stop`` without being cancelled. Raises Stopped, else what the work raises.
+    ``at`` is the site file of the machine that it opens: a simulated one keeps the clock of both. ``ends_itself``: the
+    work heeds ``stop`` without being cancelled. Raises Stopped, else what the work raises.
     """
     asked = stop or StopAsked()
 
@@ -36,7 +41,7 @@ def run_to_end(work: Coroutine[Any, Any, T], *, stop: StopAsked | None = None, e
         with heard(asyncio.get_running_loop(), asked):
             return await obey(work, asked, LoopClock(), ends_itself=ends_itself)
 
-    with asyncio.Runner() as runner:
+    with asyncio.Runner(loop_factory=loop_at(at)) as runner:
         try:
             return runner.run(main())
         except ToCarry as out:

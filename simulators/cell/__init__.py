@@ -43,7 +43,7 @@ class Cell:
     its signs. `wires` "tcp" listens on free loopback ports, "memory" stays in this process and loop (OPC UA
     is on loopback in both). ``block_s`` is how much instrument time one block of a stream holds, at least.
     ``road`` "opcua", "modbus" or "both" stands before the cell file's `roads`, ``modbus`` over its settings of
-    the PLC; ``faults`` are named by instrument, or "plc".
+    the PLC; ``faults`` are named by instrument, or "plc". ``paced`` is for gateways on the same clock.
     """
 
     def __init__(
@@ -60,6 +60,7 @@ class Cell:
         site_path: Path | None = None,
         road: str = "",
         modbus: dict[str, Any] | None = None,
+        paced: bool = False,
     ) -> None:
         self.file = with_roads(source if isinstance(source, CellFile) else load_cell(source), road, modbus or {})
         self.clock = clock
@@ -81,7 +82,13 @@ class Cell:
         self._urls: dict[str, str] = {}
         memory = f"cell-{self._number}" if wires == "memory" else ""
         self.roads = Roads(
-            file=self.file, nck=self.nck, clock=clock, folder=folder, memory=memory, plan=(faults or {}).get("plc")
+            file=self.file,
+            nck=self.nck,
+            clock=clock,
+            folder=folder,
+            memory=memory,
+            plan=(faults or {}).get("plc"),
+            paced=paced or bool(memory),
         )
         self.server, self.plc, self.password = self.roads.server, self.roads.plc, self.roads.password
         self.mailbox = MailboxPanel(self.plc) if self.plc is not None else None

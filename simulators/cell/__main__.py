@@ -19,7 +19,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from drivers.clock import LoopClock
+from drivers.clock import HostedTimeLoop, LoopClock
 from drivers.errors import TransportError, TrueflankError
 from drivers.transport import ByteTransport, serve
 from simulators.cell import Cell
@@ -31,6 +31,7 @@ from simulators.cell.panelpage import panel_served, url_of
 from simulators.cellfile import listed, load_cell, with_site
 
 BLOCK_WALL_S = 0.002
+USUAL_SPEED = 150.0
 # The wires are loopback and the PC may be busy: a lost answer is a closed socket, never a late one.
 PATIENCE_S = 60.0
 LOOK_S = 0.2
@@ -44,7 +45,10 @@ def arguments(given: list[str] | None = None) -> argparse.Namespace:
     parser.add_argument("--list", action="store_true", help="print the cells that come with trueflank and end")
     parser.add_argument("--name", default="", help="what the machine is called in the site file")
     parser.add_argument("--site", type=Path, help="where to write the site file (default: a new folder)")
-    parser.add_argument("--speed", type=float, default=1.0, help="machine seconds in one second")
+    parser.add_argument(
+        "--speed", type=float, default=1.0, help="machine seconds in one second; 0: as fast as kept up, with --shared"
+    )
+    parser.add_argument("--shared", action="store_true", help="who opens its site file shares its clock")
     parser.add_argument("--seed", type=int, help="draw another machine of the same kind")
     parser.add_argument("--flip", action="store_true", help="reverse the sign of every error")
     parser.add_argument("--plan", action="store_true", help="name every set-up and the work in the site file")
@@ -58,7 +62,10 @@ def arguments(given: list[str] | None = None) -> argparse.Namespace:
     parser.add_argument("--panel", action="store_true", help="serve the machine's panel as a page of this computer")
     parser.add_argument("--stop-file", type=Path, help="end when this file appears")
     parser.add_argument("--ignore-stdin", action="store_true", help="do not end with the parent's pipe")
-    return parser.parse_args(given)
+    options = parser.parse_args(given)
+    if options.speed < 0 or not (options.speed or options.shared):
+        parser.error("--speed is more than 0; with --shared it may be 0")
+    return options
 
 
 def plc_settings(options: argparse.Namespace) -> dict[str, Any]:
@@ -74,7 +81,7 @@ def plc_settings(options: argparse.Namespace) -> dict[str, Any]:
 async def run(options: argparse.Namespace) -> None:
     """Run the cell; one JSON line on stdout when it is ready, then one for each question on stdin."""
     site = (options.site or Path(tempfile.mkdtemp(prefix="trueflank-cell-")) / "site.toml").resolve()
-    clock = LoopClock(options.speed)
+    clock = LoopClock(1.0 if options.shared else options.speed)
     asked = {"plan": True} if options.plan else {}
     asked |= {"name": options.name} if options.name else {}
     cell = Cell(
@@ -83,7 +90,8 @@ async def run(options: argparse.Namespace) -> None:
         clock,
         seed=options.seed,
         flip=options.flip,
-        block_s=max(0.1, BLOCK_WALL_S * options.speed),
+        block_s=max(0.1, BLOCK_WALL_S * (options.speed or USUAL_SPEED)),
+        paced=options.shared,
         site_path=site,
         road=options.road,
         modbus=plc_settings(options),
@@ -97,8 +105,9 @@ async def run(options: argparse.Namespace) -> None:
         panel = await panel_served(cell, functools.partial(answered, judge)) if options.panel else None
         try:
             more = {"panel": url_of(panel)} if panel else {}
-            _tell(_ready(site, door.url, options, site.with_suffix(".cell.json")) | more)
-            await _until_told(options, judge)
+            with _kept_up():
+                _tell(_ready(site, door.url, options, site.with_suffix(".cell.json")) | more)
+                await _until_told(options, judge)
         finally:
             _remember(cell, site.with_suffix(".judgement.json"))
             await door.close()
@@ -108,8 +117,16 @@ async def run(options: argparse.Namespace) -> None:
         await cell.stop()
 
 
+def _kept_up() -> contextlib.AbstractContextManager[None]:
+    """The machine is ready: those who share its clock say from now on how fast time goes."""
+    loop = asyncio.get_running_loop()
+    return loop.keeping_up() if isinstance(loop, HostedTimeLoop) else contextlib.nullcontext()
+
+
 def _ready(site: Path, judge_url: str, options: argparse.Namespace, copy: Path) -> dict[str, Any]:
     ready = {"site": str(site), "pid": os.getpid(), "judge": judge_url, "speed": options.speed}
+    loop = asyncio.get_running_loop()
+    ready |= {"clock": loop.address} if isinstance(loop, HostedTimeLoop) else {}
     copy.write_text(json.dumps(ready) + "\n", encoding="utf-8")
     return ready
 
@@ -133,14 +150,13 @@ async def _until_told(options: argparse.Namespace, judge: Judge) -> None:
     lines: asyncio.Queue[bytes | None] = asyncio.Queue()
     if not options.ignore_stdin:
         _listen_stdin(asyncio.get_running_loop(), lines.put_nowait)
-    wall = LoopClock()
-    asking = asyncio.create_task(_answer_all(lines, judge))
+    over = threading.Event()
+    if options.stop_file:
+        _watch(options.stop_file, asyncio.get_running_loop(), lines.put_nowait, over)
     try:
-        while not asking.done() and not (options.stop_file and options.stop_file.exists()):
-            await wall.sleep(LOOK_S)
+        await _answer_all(lines, judge)
     finally:
-        asking.cancel()
-        await asyncio.gather(asking, return_exceptions=True)
+        over.set()
 
 
 async def _answer_all(lines: asyncio.Queue[bytes | None], judge: Judge) -> None:
@@ -182,6 +198,21 @@ def _listen_stdin(loop: asyncio.AbstractEventLoop, put: Callable[[bytes | None],
     threading.Thread(target=listen, daemon=True, name="stdin").start()
 
 
+def _watch(
+    file: Path, loop: asyncio.AbstractEventLoop, put: Callable[[bytes | None], None], over: threading.Event
+) -> None:
+    """Look for the stop file in a thread of its own, by the wall's clock: the machine's may stand still."""
+
+    def look() -> None:
+        while not file.exists():
+            if over.wait(LOOK_S):
+                return
+        with contextlib.suppress(RuntimeError):
+            loop.call_soon_threadsafe(put, None)
+
+    threading.Thread(target=look, daemon=True, name="stop file").start()
+
+
 async def _visit(judge: Judge, wire: ByteTransport) -> None:
     """One judge on the loopback port: a JSON object a line, an answer a line."""
     pending = b""
@@ -200,7 +231,8 @@ def main() -> int:
         _tell(listed())
         return 0
     try:
-        with asyncio.Runner(loop_factory=PacedLoop) as runner:
+        shared = functools.partial(HostedTimeLoop, options.speed or None)
+        with asyncio.Runner(loop_factory=shared if options.shared else PacedLoop) as runner:
             runner.run(run(options))
     except KeyboardInterrupt:
         return 0

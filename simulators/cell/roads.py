@@ -15,16 +15,19 @@ from simulators.opcua import SinumerikServer
 from simulators.operator.porter import Porter
 
 USER = "trueflank"
-# In virtual time nobody is kept waiting by a slow poll, and every poll costs the test real time.
+# In a time that jumps nobody is kept waiting by a slow poll, and every poll costs real time.
 VIRTUAL_PACE = {"poll_s": 1.0, "fast_poll_s": 0.4}
 VIRTUAL_MAILBOX_PACE = {"poll_s": 1.0, "fast_poll_s": 0.05}
 
 
 class Roads:
-    """Starts and stops what `[machine] roads` names. ``memory`` is the name of in-process wires, "" for TCP."""
+    """Starts and stops what `[machine] roads` names. ``memory`` is the name of in-process wires, "" for TCP.
+
+    ``paced``: the gateway shares this machine's clock, and its site file tells it to ask in that time's pace.
+    """
 
     def __init__(
-        self, file: CellFile, nck: Nck, clock: Clock, folder: Path, memory: str, plan: FaultPlan | None
+        self, file: CellFile, nck: Nck, clock: Clock, folder: Path, memory: str, plan: FaultPlan | None, paced: bool
     ) -> None:
         self.names = file.machine.roads
         self.password = secrets.token_urlsafe(12)
@@ -38,6 +41,7 @@ class Roads:
         self._nck = nck
         self._folder = folder
         self._memory = memory
+        self._paced = paced
 
     async def start(self) -> None:
         """Begin to listen."""
@@ -83,7 +87,7 @@ class Roads:
         settings: dict[str, Any] = {"user": USER, "password_file": str(secret.resolve())}
         certificate = Path(self.server.certificate)
         settings |= {"security": "best", "server_certificate": str(certificate.resolve())}
-        if self._memory:
+        if self._paced:
             settings |= VIRTUAL_PACE
         return {
             "driver": "sinumerik-opcua",
@@ -106,7 +110,7 @@ class Roads:
         settings["needs_reference"] = self._nck.spec.acts_from != "newconf"
         if isinstance(plc.port, str):
             settings |= {"baudrate": plc.baudrate, "parity": plc.parity}
-        if self._memory:
+        if self._paced:
             settings |= VIRTUAL_MAILBOX_PACE
         return {
             "driver": "sinumerik-modbus",

@@ -57,7 +57,7 @@ def check_command(
         # A control that files are carried to answers another day: the command ends and says what to carry. It is the
         # program that a self-test carries first, so the one goes on with the other's files.
         with carrying(PieceOfWork("self-test ", "go-on", ends=True)):
-            rows, limits = run_to_end(asked(found.site, site))
+            rows, limits = run_to_end(asked(found.site, site), at=site)
         found = replace(found, faults=in_order(placed(limits, found.text)))
     tell(found, site, rows, as_json=as_json)
     if not as_json:

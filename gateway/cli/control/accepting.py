@@ -53,7 +53,7 @@ def accept_command(
                 echo(f"{result.outcome:<8} {result.name}: {result.said}")
         return results
 
-    results: list[Any] = run_to_end(main())
+    results: list[Any] = run_to_end(main(), at=site)
     write_sheet(sheet, results, Occasion(tree, site, given, clock.utc(), language=language))
     if as_json:
         show_json({"allow": given, "results": [one.as_record() for one in results], "sheet": str(sheet)})

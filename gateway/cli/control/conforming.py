@@ -84,7 +84,7 @@ def _recorded(site: Path, allow: Allowance, machine: str, told: Any) -> ProbedSe
                 audit.record(root, "conform", clock=clock, serial=tree.controller.serial, details={"allow": allow})
             return await recorded(tree, allow, clock, told)
 
-    return run_to_end(main())
+    return run_to_end(main(), at=site)
 
 
 def _double(control: ProbedSession, cell: str, told: Any) -> ProbedSession:
@@ -101,7 +101,7 @@ def _double(control: ProbedSession, cell: str, told: Any) -> ProbedSession:
                 child.stdin.write(json.dumps(order) + "\n")
                 child.stdin.flush()
                 child.stdout.readline()
-            return run_to_end(replayed(load_site(path), control, LoopClock(), told))
+            return run_to_end(replayed(load_site(path), control, LoopClock(), told), at=path)
 
 
 def _told(code: str, /, **fields: object) -> None:

@@ -29,7 +29,7 @@ ThumbprintOption = Annotated[
 def doctor_command(site: SiteArgument, take: TakeOption = "", as_json: JsonOption = False) -> None:
     """Look at the road to the control, line by line, and change nothing; exit code 0 only if all is well."""
     tree = load(site)
-    lines = run_to_end(_borrowing(tree, site, take))
+    lines = run_to_end(_borrowing(tree, site, take), at=site)
     well = all(line.outcome == "ok" for line in lines)
     if as_json:
         show_json({"site": tree.site.name, "ok": well, "lines": [line.as_record() for line in lines]})
@@ -66,7 +66,7 @@ def show_command(site: SiteArgument, as_json: JsonOption = False) -> None:
     """What the server shows now, what is pinned, and whether they are equal; exit code 5 when they are not."""
     from gateway.workflow.control.trusting import shown_by
 
-    view = run_to_end(shown_by(load(site), LoopClock()))
+    view = run_to_end(shown_by(load(site), LoopClock()), at=site)
     tell(view, as_json=as_json)
     if not view.equal:
         raise typer.Exit(NOT_ALL_WELL)
@@ -89,7 +89,7 @@ def accept_command(
     from gateway.workflow.control.trusting import accepted
 
     work = accepted(load(site), site, thumbprint, who=audit.person(), clock=LoopClock(), reason=reason)
-    tell(run_to_end(work), as_json=as_json)
+    tell(run_to_end(work, at=site), as_json=as_json)
 
 
 def load(site: Path) -> Any:

@@ -78,7 +78,7 @@ def rollback(
     site, path = _site(place, store)
     with progress(quiet=as_json, at=(site, path)) as say:
         asked: dict[str, Any] = {"table": axis, "apply": apply, "machine_name": machine, "say": say}
-        outcome = run_to_end(_main(lambda clock: roll_back_site(site, path, clock=clock, **asked)))
+        outcome = run_to_end(_main(lambda clock: roll_back_site(site, path, clock=clock, **asked)), at=path)
     onward = step_of("recovered", site=path) if apply else after_dry("rollback", place, axis, site.site.name)
     show_outcome(outcome, as_json=as_json, points=points, onward=onward)
 
@@ -101,7 +101,7 @@ def verify_table_command(
     with progress(quiet=as_json, at=(tree, site)) as say:
         asked: dict[str, Any] = {"table": axis, "run": folder, "say": say}
         with carrying(PieceOfWork(f"verify-table {axis} {run}", "go-on", ends=True)):
-            outcome = run_to_end(_main(lambda clock: verify_table(tree, site, clock=clock, **asked)))
+            outcome = run_to_end(_main(lambda clock: verify_table(tree, site, clock=clock, **asked)), at=site)
     rows = outcome.data.get("tables", [outcome.data])
     wrong = next((one["axis"] for one in rows if one.get("kind") != "as-approved"), axis)
     back = "unfinished" if outcome.data.get("unfinished") else "worse-axis"

@@ -40,6 +40,6 @@ def disable(
             with taking(take), carrying(PieceOfWork("disable", "instead")):
                 return await disable_site(tree, site, clock=LoopClock(), say=say, **asked)
 
-        outcome = run_to_end(main())
+        outcome = run_to_end(main(), at=site)
     dry = after_dry("disable", str(site), axis, tree.site.name)
     show_outcome(outcome, as_json=as_json, onward=f"recover {site}" if apply else dry)

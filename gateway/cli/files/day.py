@@ -228,7 +228,7 @@ def _make(found: Any, gathering: Any, said: Any, *, site: Path, connect: bool, l
             async def main() -> Any:
                 return await at_the_control(tree, path, found.setups, answers=said, clock=LoopClock(), say=say)
 
-            outcome = run_to_end(main())
+            outcome = run_to_end(main(), at=site)
         else:
             outcome = from_files(tree, path, found.setups, folder=gathering, answers=said, utc=now, say=say)
     data = _data(found, outcome)

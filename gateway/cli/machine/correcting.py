@@ -50,7 +50,7 @@ def _from_run(site: Path, run: str, *, as_json: bool) -> None:
         return await correct_site(tree, site, folder, clock=LoopClock(), say=say)
 
     with progress(quiet=as_json, at=(tree, site)) as say:
-        found = run_to_end(main(say))
+        found = run_to_end(main(say), at=site)
     if as_json:
         show_json(found.as_data())
     else:

@@ -73,7 +73,7 @@ def _captured(site: Path, wish: Any, *, as_json: bool) -> Any:
 
     tree = load_site(site)
     with progress(quiet=as_json, at=(tree, site)) as say:
-        return run_to_end(capture_dynamic(tree, site, wish, clock=LoopClock(), say=say))
+        return run_to_end(capture_dynamic(tree, site, wish, clock=LoopClock(), say=say), at=site)
 
 
 def _opened(path: Path, unit: str, plot: Path | None, band: float | None, store: Path) -> Any:

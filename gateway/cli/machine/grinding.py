@@ -63,7 +63,7 @@ def _grind(tree: Any, site: Path, part: str, setup: Any, machine: str, folder: A
         return await grind_site(tree, site, clock=LoopClock(), say=say, **asked)
 
     with progress(quiet=as_json, at=(tree, site)) as say:
-        made, used = run_to_end(main(say))
+        made, used = run_to_end(main(say), at=site)
     if as_json:
         show_json({**asdict(made), "run_folder": str(used.path)})
         return

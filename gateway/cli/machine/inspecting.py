@@ -121,7 +121,7 @@ def show_lines(outcome: Any, *, as_json: bool) -> None:
 
 def _run(work: Callable[[Any], Any], at: tuple[Any, Path], *, as_json: bool) -> Any:
     with progress(quiet=as_json, at=at) as say:
-        return run_to_end(work(say))
+        return run_to_end(work(say), at=at[1])
 
 
 def _data(found: Any, folder: str, picture: str) -> dict[str, Any]:

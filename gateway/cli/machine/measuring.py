@@ -44,7 +44,7 @@ def measure_command(
         return await measure_site(tree, site, clock=LoopClock(), say=say, **asked)
 
     with progress(quiet=as_json, at=(tree, site)) as say:
-        outcome = run_to_end(main(say))
+        outcome = run_to_end(main(say), at=site)
     paths = write_report(RunFolder(Path(outcome.run_folder)))
     if as_json:
         show_json({**outcome.as_data(), "report": paths.as_data()})
@@ -91,7 +91,7 @@ def _guard_axis(site: Path, run: str, axis: str, limit: float | None, *, as_json
         return await guard_site(tree, site, folder, axis, clock=LoopClock(), say=say, limit=limit)
 
     with progress(quiet=as_json, at=(tree, site)) as say:
-        outcome = run_to_end(main(say))
+        outcome = run_to_end(main(say), at=site)
     show_lines(outcome, as_json=as_json)
 
 

@@ -118,4 +118,4 @@ def self_tested(
             return await self_test_site(tree, site, axis=axis, clock=used, say=say)
 
         with carrying(PieceOfWork(f"self-test {axis}", "go-on", ends=True)):
-            return run_to_end(main())
+            return run_to_end(main(), at=site)

@@ -42,7 +42,7 @@ def run_site_command(
         return await run_site(tree, site, apply=apply, machine_name=name, clock=used, say=say, axes=axes)
 
     with progress(quiet=as_json, at=(tree, site), own_operator=typed_by_demo) as say:
-        outcome = run_to_end(main(say))
+        outcome = run_to_end(main(say), at=site)
     onward = onward_of(outcome, site)
     show_outcome(outcome, as_json=as_json, onward="" if typed_by_demo else onward)
 
@@ -99,7 +99,7 @@ def recover_command(
             return await recover_site(tree, site, clock=LoopClock(), say=say, **asked)
 
     with progress(quiet=as_json, at=(tree, site)) as say:
-        findings = run_to_end(main(say))
+        findings = run_to_end(main(say), at=site)
     if as_json:
         show_json([finding.as_data() for finding in findings])
     for finding in findings if apply and not as_json else ():  # what was found was said before it was carried out

@@ -101,4 +101,4 @@ class Closing:
 
         known = stages if stages is not None else self.stages()
         with progress(quiet=quiet, at=(tree, self.site), own_operator=self.own_operator, stages=known) as say:
-            return run_to_end(main(say))
+            return run_to_end(main(say), at=self.site)

@@ -29,7 +29,7 @@ def support_bundle_command(
 
     tree = load_site(site)
     store = store_of(tree, site)
-    told = run_to_end(_doctor(tree, site)) if doctor else {"left out": "--no-doctor"}
+    told = run_to_end(_doctor(tree, site), at=site) if doctor else {"left out": "--no-doctor"}
     data = bundle(tree, site, store, runs=runs, doctor=told)
     try:
         with opened(output, "xb", secret=True) as file:

@@ -78,8 +78,9 @@ class Cell:
         server = await serve("tcp://127.0.0.1:0", answer, clock)
         self.url, self.address = server.url, self._loop.address
         ticking = asyncio.create_task(tick())
-        self._up.set()
-        await self._stop.wait()
+        with self._loop.keeping_up():
+            self._up.set()
+            await self._stop.wait()
         ticking.cancel()
         await server.close()
 
