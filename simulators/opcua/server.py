@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import asyncio
+import atexit
 import contextlib
+import functools
 import logging
 import tempfile
 from collections.abc import Mapping, Sequence
@@ -18,7 +20,7 @@ from asyncua.server.server import Server
 from drivers.clock import Clock
 from drivers.errors import ConfigError
 from drivers.sinumerik.opcua.session import nodes
-from drivers.sinumerik.opcua.session.certificates import KeyPair, load, own_key_pair
+from drivers.sinumerik.opcua.session.certificates import KeyPair, load, own_key_pair, private_key
 from simulators.nck.control import Nck
 from simulators.opcua.filenodes import ServedFiles
 from simulators.opcua.manners import Manners, Requests
@@ -33,6 +35,14 @@ _POLICIES = {
     "Basic256Sha256": ua.SecurityPolicyType.Basic256Sha256_SignAndEncrypt,
     "Aes256_Sha256_RsaPss": ua.SecurityPolicyType.Aes256Sha256RsaPss_SignAndEncrypt,
 }
+
+
+@functools.cache
+def _scratch() -> Path:
+    """Where servers without a folder of their own have their certificate, one for all of this process."""
+    made = tempfile.TemporaryDirectory(prefix="sinumerik-")
+    atexit.register(made.cleanup)
+    return Path(made.name)
 
 
 @dataclass(frozen=True, slots=True)
@@ -111,7 +121,6 @@ class SinumerikServer:
         self.settings = settings if isinstance(settings, ServerSettings) else ServerSettings.of(settings or {})
         self.url = ""
         self.certificate = Path()
-        self._scratch: tempfile.TemporaryDirectory[str] | None = None
         self._server: Server | None = None
         self.manners = Manners()
         set_up = self.settings
@@ -156,7 +165,7 @@ class SinumerikServer:
         pair = await asyncio.to_thread(self._key_pair)
         self.certificate = pair.certificate
         await server.load_certificate(await asyncio.to_thread(pair.certificate.read_bytes), "der")
-        await server.load_private_key(await asyncio.to_thread(pair.key.read_bytes), format="pem")
+        self._core.private_key = private_key(await asyncio.to_thread(pair.key.read_bytes))
         if self.settings.trusted is not None:
             self._core.certificate_validator = self._validator()
         await self._fill(server)
@@ -170,9 +179,6 @@ class SinumerikServer:
         await self._core.alarms.stop()
         if server is not None:
             await server.stop()
-        if self._scratch is not None:
-            self._scratch.cleanup()
-            self._scratch = None
 
     async def drop_connections(self) -> None:
         """Cut every client's connection, as a pulled network cable does."""
@@ -180,9 +186,7 @@ class SinumerikServer:
             transport.abort()
 
     def _key_pair(self) -> KeyPair:
-        if not self.settings.folder:
-            self._scratch = tempfile.TemporaryDirectory(prefix="sinumerik-")
-        folder = Path(self.settings.folder or (self._scratch.name if self._scratch else "."))
+        folder = Path(self.settings.folder) if self.settings.folder else _scratch()
         return own_key_pair(folder, "server", APPLICATION_URI, "127.0.0.1", server=True)
 
     def _validator(self) -> Any:

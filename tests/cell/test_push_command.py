@@ -30,9 +30,9 @@ def contents(folder: Path) -> dict[str, bytes]:
 def test_a_proposal_is_shown_then_pushed(tmp_path: Path) -> None:
     async def job() -> dict[str, Any]:
         clock = LoopClock()
-        async with cell_running("demo", tmp_path / "cell", clock, wires="memory", block_s=0.5, seed=3) as cell:
+        async with cell_running("demo", tmp_path / "cell", clock, wires="memory", block_s=1.0, seed=3) as cell:
             path = cell.site_path
-            path.write_text(short(("C1",), 10, 4)(path.read_text(encoding="utf-8")), encoding="utf-8")
+            path.write_text(short(("C1",), 9, 3)(path.read_text(encoding="utf-8")), encoding="utf-8")
             site, judge = load_site(path), Judge(cell)
             with pytest.raises(WriteRefused, match="E-RUN-SELF-TEST"):
                 await run_site(site, path, apply=True, machine_name=site.site.name, clock=clock, say=silence)

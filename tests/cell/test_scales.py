@@ -91,7 +91,9 @@ def test_switches_that_only_the_service_may_write_are_refused_with_the_reason(
         before.append(tables(cell))
 
     def edit(text: str) -> str:
-        return EDIT(text).replace("access_level = 7", f"access_level = {site_level}")
+        return short(axes=("X1",), count=5, repetitions=3)(text).replace(
+            "access_level = 7", f"access_level = {site_level}"
+        )
 
     with pytest.raises(TrueflankError) as caught:
         main_job(tmp_path, scales(switches={"redefined": []}), edit=edit, during=during, heard=heard)

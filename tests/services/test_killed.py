@@ -1,7 +1,7 @@
 """The service killed -9 at random moments of runs and pushes beside a machine that goes on.
 
-What must hold after each: every record that was there can be read, nothing is written by the new start, and its page
-says soon that recovery is needed. `make services` kills it ten times, `make soak` and `make attacks` a hundred.
+What must hold after each: every record that was there can be read, nothing is written by the new start, and its first
+picture says that recovery is needed. `make services` kills it ten times, `make soak` and `make attacks` a hundred.
 """
 
 from __future__ import annotations
@@ -30,7 +30,9 @@ from gateway.workflow.runsite import store_of
 from tests.cell.stops import INTERRUPTED, Shop, shop, table_of
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="kill -9, and /proc")
-SPEED, SOON_S, WAIT_S = 120.0, 3.0, 90.0
+SPEED, WAIT_S = 120.0, 90.0
+# 1.5 to 2 s here; how fast a computer is decides nothing: only a start that hangs is a failure.
+HANGS_S = 60.0
 STARTS = Path(__file__).with_name("starts.py")
 
 
@@ -199,5 +201,5 @@ def test_killed_at_any_moment_nothing_is_lost_and_nothing_is_written(tmp_path: P
     asyncio.run(main())
     starts = sorted(seen.starts_s)
     print(seen.states, f"starts {starts}, {seen.held} found a push open, {seen.pushes} pushes")
-    assert starts[len(starts) // 2] < SOON_S, "recovery needed is said soon after the start, by the clock"
+    assert starts[-1] < HANGS_S, "recovery needed is said by the first picture, and a start does not hang"
     assert kills < 20 or seen.held > kills // 20, "some kills met a push"

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from drivers import registry
@@ -179,6 +179,7 @@ def test_errors_come_back_and_the_head_says_the_sign(name: str) -> None:
 NUMBER = st.floats(-500.0, 500.0, allow_nan=False).map(lambda value: round(value, 3))
 
 
+@settings(max_examples=40)
 @given(
     places=st.lists(st.integers(-90_000, 90_000), min_size=2, max_size=40, unique=True).map(sorted),
     values=st.lists(st.tuples(NUMBER, NUMBER), min_size=40, max_size=40),

@@ -267,7 +267,7 @@ def test_every_refusal_has_its_words() -> None:
 numbers = st.floats(allow_nan=True, allow_infinity=True)
 
 
-@settings(max_examples=300, deadline=None, derandomize=True)
+@settings(max_examples=120, deadline=None, derandomize=True)
 @given(
     st.lists(numbers, max_size=12).map(tuple), numbers, numbers, numbers, st.booleans(), st.sampled_from(["mm", "deg"])
 )

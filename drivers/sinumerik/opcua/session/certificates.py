@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -37,6 +38,15 @@ def own_key_pair(folder: Path, name: str, application_uri: str, host: str, *, se
     certificate = _self_signed(key, name, application_uri, host, server=server)
     pair.certificate.write_bytes(certificate.public_bytes(serialization.Encoding.DER))
     return pair
+
+
+@lru_cache(maxsize=8)
+def private_key(content: bytes) -> Any:
+    """The key in a PEM file of ours. Raises ValueError for anything else.
+
+    Proving that the primes of a key are primes takes longer than all the rest of opening a server: once for each key.
+    """
+    return serialization.load_pem_private_key(content, None)
 
 
 def load(content: bytes) -> x509.Certificate:
