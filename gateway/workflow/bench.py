@@ -78,11 +78,7 @@ class Bench:
 
     def axis(self, name: str) -> AxisSection:
         """An axis of the site by its machine name."""
-        for axis in self.site.axes:
-            if axis.name == name:
-                return axis
-        known = ", ".join(axis.name for axis in self.site.axes)
-        raise ConfigError("E-RUN-AXIS", str(self.site_path), axis=name, known=known)
+        return axis_named(self.site, self.site_path, name)
 
     def facts(self, axis: AxisSection) -> AxisRecord:
         """What a push must know of an axis, with its safe place where the site file names one."""
@@ -131,6 +127,18 @@ def with_axes(site: SiteFile, names: Collection[str]) -> SiteFile:
             raise ConfigError("E-RUN-AXIS", site.site.name, axis=shown(name), known=", ".join(known))
     chosen = tuple(axis for axis in site.axes if axis.name in names)
     return site.model_copy(update={"axes": chosen}) if chosen else site
+
+
+def axis_named(site: SiteFile, site_path: Path, name: str) -> AxisSection:
+    """An axis by its machine name; asked before a device is opened where a person typed it.
+
+    Raises ConfigError (E-RUN-AXIS).
+    """
+    for axis in site.axes:
+        if axis.name == name:
+            return axis
+    known = ", ".join(axis.name for axis in site.axes)
+    raise ConfigError("E-RUN-AXIS", str(site_path), axis=shown(name), known=known)
 
 
 def check_name(site: SiteFile, apply: bool, machine_name: str) -> None:

@@ -40,7 +40,7 @@ def approve(
 
     folder = open_run(Store(store), run_folder, "proposal")
     with progress(quiet=as_json, folder=folder) as say:
-        outcome = run_to_end(_main(lambda clock: show_plan(folder, clock=clock, say=say)))
+        outcome = run_to_end(_main(lambda clock: show_plan(folder, table=axis, clock=clock, say=say)))
     if not as_json:
         show_outcome(outcome, as_json=False)
     typed = typer.prompt("type the machine's name to approve", err=True, default="", show_default=False).strip()

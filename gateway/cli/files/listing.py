@@ -45,7 +45,8 @@ def show_command(run: RunArgument, store: StoreOption = Path("runs"), as_json: J
     echo(f"{'holds':12} {', '.join(summary.stages) or 'nothing yet'}")
     for error in folder.errors:
         echo(f"{'ended by':12} {error.get('code', '')}: {error.get('what', '')}")
-    next_step(step_of("failed", run=folder.path) if folder.errors else f"report {folder.path}")
+    failed = folder.errors or summary.state == "failed" or not summary.stages
+    next_step(step_of("failed", run=folder.path) if failed else f"report {folder.path}")
 
 
 def latest_command(store: StoreOption = Path("runs"), as_json: JsonOption = False) -> None:

@@ -48,10 +48,11 @@ def grind_command(
     now = SetupBook(store.root).current(tree.controller.serial, gear_of_site(tree, site).name)
     given = {"x_um": x_um, "c_arcsec": c_arcsec, "dressing_um": dressing_um}
     setup = SetupValues(**{**asdict(now), **{key: value for key, value in given.items() if value is not None}})
+    folder = open_run(store, run) if run else None
     if machine:
-        _grind(tree, site, part, setup, machine, open_run(store, run) if run else None, as_json=as_json)
+        _grind(tree, site, part, setup, machine, folder, as_json=as_json)
     else:
-        _show(tree, site, part, setup, as_json=as_json)
+        _show(tree, site, part, setup, f" --run {run}" if run else "", as_json=as_json)
 
 
 def _grind(tree: Any, site: Path, part: str, setup: Any, machine: str, folder: Any, *, as_json: bool) -> None:
@@ -72,8 +73,11 @@ def _grind(tree: Any, site: Path, part: str, setup: Any, machine: str, folder: A
     next_step(f"inspect {site} --part {part} --run {used.path}")
 
 
-def _show(tree: Any, site: Path, part: str, setup: Any, *, as_json: bool) -> None:
-    """Where each axis goes, and what is set; the program itself with --json. Nothing is opened."""
+def _show(tree: Any, site: Path, part: str, setup: Any, into: str, *, as_json: bool) -> None:
+    """Where each axis goes, and what is set; the program itself with --json. Nothing is opened.
+
+    ``into`` is the option of the run that the part goes into.
+    """
     from drivers import registry
     from gateway.workflow.part.entering import entered
     from gateway.workflow.part.grinding import gear_of_site, grind_plan
@@ -95,7 +99,7 @@ def _show(tree: Any, site: Path, part: str, setup: Any, *, as_json: bool) -> Non
         echo("the NC program: trueflank program --what grind, or --json here")
     echo(f"{plan.spaces} spaces, about {plan.seconds / 60.0:.0f} min; nothing was sent (--machine NAME grinds)")
     if able:
-        next_step(f"grind {site} --part {part} --machine {tree.site.name}")
+        next_step(f"grind {site} --part {part}{into} --machine {tree.site.name}")
     else:
         echo(f"driver {tree.controller.driver} runs no programs: this part cannot be ground over it")
-        next_step(f"inspect {site} --part {part}")
+        next_step(f"inspect {site} --part {part}{into}")

@@ -18,8 +18,12 @@ from gateway.workflow.outcome import Outcome
 from gateway.workflow.runsite import site_of, store_of
 
 
-async def show_plan(folder: RunFolder, *, clock: Clock, say: Say) -> Outcome:
-    """The plan against the live machine, with every warning and refusal; writes nothing. Raises as `push_run`."""
+async def show_plan(folder: RunFolder, *, table: str = "", clock: Clock, say: Say) -> Outcome:
+    """The plan against the live machine, with every warning and refusal; writes nothing. Raises as `push_run`.
+
+    ``table`` is the one to be approved ("": all). Raises as `approve_plan`, before a device is opened.
+    """
+    _wanted(folder.get(stages.PROPOSAL, Proposal), table, folder)
     return await push_run(folder, apply=False, machine_name="", clock=clock, say=say)
 
 

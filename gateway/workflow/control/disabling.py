@@ -21,7 +21,7 @@ from gateway.push.records.journal import JOURNALS, JournalRead
 from gateway.push.undo.disabling import Switch, ask_disable, disable, order_of
 from gateway.push.undo.recovery import unfinished
 from gateway.say import Say
-from gateway.workflow.bench import Bench, bench, check_name, run_or_look
+from gateway.workflow.bench import Bench, axis_named, bench, check_name, run_or_look
 from gateway.workflow.consents import looked, tell, why_of, word_of
 from gateway.workflow.control.contexts import push_context
 from gateway.workflow.outcome import Outcome
@@ -36,11 +36,11 @@ async def disable_site(
     (E-RUN-NAME, E-PUSH-REFUSED), ConfigError (E-RUN-AXIS, E-DISABLE-TABLE), StillOn (E-DISABLE-STILL-ON), BusyError.
     """
     check_name(site, apply, machine_name)
+    name, _, cross = axis.partition("-")
+    section = axis_named(site, site_path, name)
+    order = order_named(section, table or cross)
     with run_or_look(site, site_path, "disabling", look=not apply) as folder:
         async with bench(site, site_path, folder=folder, clock=clock, say=say, instruments=()) as at:
-            name, _, cross = axis.partition("-")
-            section = at.axis(name)
-            order = order_named(section, table or cross)
             context = replace(push_context(at, section, None), actor=audit.person())
             if not apply:
                 return _shown(at, await ask_disable(order, context))

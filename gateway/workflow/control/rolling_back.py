@@ -24,7 +24,7 @@ from gateway.push.records.preview import RollbackPreview, changes, previews
 from gateway.push.undoing import Undo, ask_undos, groups, undo_tables
 from gateway.say import Say
 from gateway.table.comparison import effective
-from gateway.workflow.bench import Bench, bench, check_name, run_or_look
+from gateway.workflow.bench import Bench, axis_named, bench, check_name, run_or_look
 from gateway.workflow.consents import audit_problem, looked, tell, why_of, word_of
 from gateway.workflow.control.contexts import table_context
 from gateway.workflow.outcome import WORSE_EXIT, Outcome, alarmed
@@ -42,6 +42,8 @@ async def roll_back_site(
     CorruptRecord (E-AUDIT-BROKEN).
     """
     check_name(site, apply, machine_name)
+    if table:
+        axis_named(site, site_path, spoken().axis_of(table))
     with run_or_look(site, site_path, "rolling-back", look=not apply) as folder:
         async with bench(site, site_path, folder=folder, clock=clock, say=say) as at:
             found = to_take_back(at, table)
@@ -65,11 +67,9 @@ async def take_back_run(at: Bench) -> Outcome | None:
 def to_take_back(at: Bench, asked: str) -> ConsentSet | None:
     """The set that a rollback of an axis, a table or everything ("") restores at this machine.
 
-    Cross tables are deviations by the machine's proof. Raises ConfigError (E-RUN-AXIS), WriteRefused (E-RUN-NO-PROOF)
-    where the sign of one of them is not proved any more, StoreError.
+    Cross tables are deviations by the machine's proof. Raises WriteRefused (E-RUN-NO-PROOF) where the sign of one of
+    them is not proved any more, StoreError.
     """
-    if asked:
-        at.axis(spoken().axis_of(asked))
     proofs = {axis.name: at.proofs.find(at.machine, "cross", axis.name) for axis in at.site.axes}
     controller = at.supervisor.controller
 

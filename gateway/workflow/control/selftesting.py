@@ -13,7 +13,7 @@ from gateway.config import AxisSection, SiteFile
 from gateway.moving import shown_there
 from gateway.say import Say
 from gateway.store.selftests import SelfTestBook
-from gateway.workflow.bench import Bench, bench
+from gateway.workflow.bench import Bench, axis_named, bench
 from gateway.workflow.consents import tell
 from gateway.workflow.outcome import Outcome
 from gateway.workflow.runsite import new_run
@@ -27,11 +27,11 @@ async def self_test_site(site: SiteFile, site_path: Path, *, axis: str, clock: C
     Each outcome is kept before the next begins. Raises ConfigError (E-RUN-AXIS), DeviceRefused (E-SELF-TEST) when
     words were not passed, DeadlineExceeded (E-NC-NO-START) when nobody started it, StoreError.
     """
+    axes = (axis_named(site, site_path, axis),) if axis else tuple(site.axes)
     folder = new_run(site, site_path, measures=False)
     folder.set_state("self-testing")
     try:
         async with bench(site, site_path, folder=folder, clock=clock, say=say, instruments=()) as at:
-            axes = (at.axis(axis),) if axis else tuple(site.axes)
             controller = at.supervisor.controller
             if not controller.capabilities.self_test or not isinstance(controller, SelfTests):
                 return _no_programs(at)

@@ -24,7 +24,7 @@ from gateway.store import RunFolder
 from gateway.table.threeway import compare
 from gateway.workflow import stages
 from gateway.workflow.aftercare import Look, against, compare_with, expected_of, keep_looks
-from gateway.workflow.bench import Bench, bench, kept_in, run_or_look
+from gateway.workflow.bench import Bench, axis_named, bench, kept_in, run_or_look
 from gateway.workflow.consents import looked
 from gateway.workflow.control.contexts import push_context
 from gateway.workflow.control.rolling_back import context_of, rollback_lines
@@ -43,6 +43,8 @@ async def verify_table(
     What is not as pushed is an alarm, and the outcome's exit code is 9. Raises ConfigError (E-RUN-AXIS),
     StoreError (E-VERIFY-NOTHING), and what the port raises.
     """
+    if table and run is None:
+        axis_named(site, site_path, spoken().axis_of(table))
     with run_or_look(site, site_path, "verifying-table", look=True) as folder:
         async with bench(site, site_path, folder=folder, clock=clock, say=say, instruments=()) as at:
             outcome = await (_against_pushes(at, table) if run is None else _against_run(at, table, run))
@@ -51,8 +53,6 @@ async def verify_table(
 
 
 async def _against_pushes(at: Bench, table: str) -> Outcome:
-    if table:
-        at.axis(spoken().axis_of(table))
     every = await expected_of(at)
     wanted = tuple(one for one in every if table in ("", one.push.table))
     if not wanted:

@@ -166,3 +166,30 @@ def test_a_run_is_removed_unless_a_push_rests_on_it(tmp_path: Path) -> None:
     assert told.exception.code == "E-STORE-RESTS"
     assert kept.path.exists()
     assert any(entry["action"] == "remove-run" for entry in audit.entries(tmp_path))
+
+
+@pytest.mark.parametrize("command", ["rollback", "verify-table", "self-test", "disable", "run"])
+def test_an_unknown_letter_is_a_wrong_option_before_any_device_is_asked(tmp_path: Path, command: str) -> None:
+    """The control of this site does not answer: that is not what is wrong."""
+    site = site_file(tmp_path, "demo", plan=False)
+    told = RUNNER.invoke(app, [command, str(site), "--axis", "Q9"])
+    assert told.exception.code == "E-RUN-AXIS"
+    assert told.exception.exit_code == 2
+
+
+def test_a_look_at_a_part_for_a_run_that_is_not_there_is_refused(tmp_path: Path) -> None:
+    site = site_file(tmp_path, "demo", plan=True)
+    told = RUNNER.invoke(app, ["grind", str(site), "--run", "nonsense"])
+    assert told.exception.code in ("E-STORE-RUN", "E-STORE-EMPTY")
+    run, _ = a_store(tmp_path / "runs")
+    told = RUNNER.invoke(app, ["grind", str(site), "--run", run])
+    assert f"--part part --run {run} --machine" in " ".join(told.stdout.split())
+
+
+def test_of_a_run_that_has_nothing_the_log_is_next(tmp_path: Path) -> None:
+    run = Store(tmp_path).create("hall-3")
+    run.set_state("failed")
+    assert (
+        f"next: trueflank logs --run {run.run_id}"
+        in RUNNER.invoke(app, ["runs", "show", "latest", "--store", str(tmp_path)]).stdout
+    )
