@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from datetime import datetime
 from typing import Literal
 
 from drivers.errors import TrueflankError
 from drivers.leftover import Sent
+from drivers.types.identity import MachineIdentity, likeness
 
 Outcome = Literal["ok", "wrong", "unknown"]
 
@@ -102,13 +103,49 @@ class WantedAxis:
 class Wanted:
     """What a site expects of its control; ``sent`` are the programs it ever sent there, if none is at work now.
 
-    ``access_level`` is the largest at which the switches of the tables may be written.
+    ``access_level`` is the largest at which the switches of the tables may be written. ``facts`` are what else the
+    machine is known by, of `drivers.types.identity.FACTS`.
     """
 
     serial: str
     axes: tuple[WantedAxis, ...] = ()
     sent: tuple[Sent, ...] = ()
     access_level: int = 3
+    facts: Mapping[str, str] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True)
+class SerialWords:
+    """How lines about a serial number are called: the check, the code of the same number, of another one."""
+
+    check: str
+    same: str
+    other: str
+
+
+SERIAL = SerialWords("serial number", "W-DOC-SERIAL", "E-DOC-SERIAL")
+FINGERPRINT = SerialWords("fingerprint", "W-LCNC-SERIAL", "E-LCNC-SERIAL")
+
+
+def identity_lines(machine: MachineIdentity, wanted: Wanted, of: SerialWords = SERIAL) -> list[CheckLine]:
+    """Every fact that the control tells of itself beside what the site knows of its machine."""
+    found = likeness({**wanted.facts, "serial": wanted.serial}, machine)
+    changed = {one.fact: one for one in found.changed}
+    lines = []
+    if "serial" not in changed:
+        told = {"serial": machine.serial, "found": machine.serial, "version": machine.version}
+        lines.append(fine(of.same, of.check, **told))
+    read = "; ".join(f"{name} {value}" for name, value in machine.facts.items() if name != "serial") or "-"
+    unread = ", ".join(fact for fact in found.unread if fact not in machine.facts) or "-"
+    if found.is_known:
+        return [*lines, fine("W-DOC-FACTS", "identity", facts=read, unread=unread)]
+    if found.is_asked:
+        (one,) = found.changed
+        same = ", ".join(found.same)
+        return [*lines, wrong("E-DOC-IDENTITY", "identity", fact=one.fact, was=one.was, now=one.now, same=same)]
+    if list(changed) == ["serial"]:
+        return [wrong(of.other, of.check, found=machine.serial, wanted=wanted.serial)]
+    return [*lines, wrong("E-DOC-MACHINE", "identity", told=found.told)]
 
 
 @dataclass(frozen=True, slots=True)
@@ -167,12 +204,16 @@ class ControlAxis:
 
 @dataclass(frozen=True, slots=True)
 class ControlFacts:
-    """What a control tells of itself: serial number, version, unit system, axes in its own order."""
+    """What a control tells of itself: serial number, version, unit system, axes in its own order.
+
+    ``identity`` are the facts that the machine is known by, of `drivers.types.identity.FACTS`.
+    """
 
     serial: str
     version: str
     unit_system: Literal["metric", "inch"]
     axes: tuple[ControlAxis, ...]
+    identity: Mapping[str, str] = field(default_factory=dict)
 
     def axis(self, name: str) -> ControlAxis | None:
         """An axis by its name; None where there is none."""

@@ -59,6 +59,7 @@ class Terms:
     start: str = "START"
     restart: str = "restart"
     version: str = "version"
+    serial: str = "serial number"
     controls: str = ""
     suffixes: str = ""
     program_suffix: str = ".txt"

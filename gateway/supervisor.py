@@ -17,7 +17,7 @@ from drivers.ports.controller import Controller
 from drivers.ports.devices import Device
 from drivers.ports.instruments import Instrument, TypedInstrument
 from drivers.terms import speak
-from drivers.types.identity import Identity, MachineIdentity
+from drivers.types.identity import Identity, Likeness, MachineIdentity, Renamed, likeness
 from drivers.types.machine import MachineState
 from gateway.config import InstrumentSection, SiteFile
 from gateway.live import of_device, onlooker
@@ -56,6 +56,22 @@ class DevicesFailed(TrueflankError):
         self.exit_code = causes[0][1].exit_code  # type: ignore[misc]
 
 
+Recognise = Callable[[MachineIdentity], None]
+"""Who knows what the site's machine is known by: refuses another one, as `refusal_of`."""
+
+
+def refusal_of(found: Likeness, site: str) -> UnsupportedDevice:
+    """What says that a machine is not the one known: E-SUP-IDENTITY where one fact is asked, else E-SUP-MACHINE.
+
+    ``site`` is its site file, for the command that accepts.
+    """
+    told: dict[str, Any] = {"site": site, "told": found.told}
+    if found.is_asked:
+        (one,) = found.changed
+        told = {"site": site, "fact": one.fact, "was": one.was, "now": one.now, "same": ", ".join(found.same)}
+    return UnsupportedDevice("E-SUP-IDENTITY" if found.is_asked else "E-SUP-MACHINE", Supervisor.CONTROLLER, **told)
+
+
 class Supervisor:
     """All devices of one site, by name. The controller is called "controller"."""
 
@@ -71,11 +87,14 @@ class Supervisor:
         *,
         only: Collection[str] | None = None,
         book: SentPrograms | None = None,
+        recognise: Recognise | None = None,
     ) -> None:
         """``only`` names the instruments that are wanted; all of the site's without it.
 
         ``book`` keeps which programs were sent to the controller, so that what is left of them is known later.
+        ``recognise`` knows what was accepted of the machine's identity; without it the site file alone counts.
         """
+        self._recognise = recognise or self._by_site_file
         self._site = site
         self._book = book
         self.left = NOTHING
@@ -199,16 +218,39 @@ class Supervisor:
         if wanted and identity.serial != wanted:
             raise UnsupportedDevice("E-SUP-SERIAL", name, found=identity.serial, wanted=wanted)
 
+    async def identified(self) -> MachineIdentity:
+        """Open the controller alone and read who it says it is, whoever that may be. Raises DevicesFailed."""
+        await self._open_these([self.CONTROLLER])
+        return await self.controller.identify()
+
+    def _by_site_file(self, machine: MachineIdentity) -> None:
+        section = self._site.controller
+        found = likeness({"serial": section.serial, **section.identity.facts}, machine)
+        if not found.is_known:
+            raise refusal_of(found, "SITE")
+
     async def _known_machine(self) -> MachineIdentity:
-        machine = await self.controller.identify()
-        wanted = self._site.controller.serial
-        if machine.serial != wanted:
-            raise UnsupportedDevice("E-SUP-MACHINE", self.CONTROLLER, found=machine.serial, wanted=wanted)
+        machine = await self._called()
         missing = [axis.name for axis in self._site.axes if axis.name not in machine.axis_names]
         if missing:
             names = ", ".join(machine.axis_names)
             raise ConfigError("E-SUP-AXIS", "axes", missing=", ".join(missing), known=names)
         return machine
+
+    async def _called(self) -> MachineIdentity:
+        """The machine by the site's serial number, whatever its control gives. Raises as `refusal_of`."""
+        controller, name = self.controller, self._site.controller.serial
+        if isinstance(controller, Renamed):
+            controller.known_as = {}
+        machine = await self.controller.identify()
+        self._recognise(machine)
+        if machine.serial == name:
+            return machine
+        if not isinstance(controller, Renamed):
+            told = f"serial: {name} -> {machine.serial}"
+            raise UnsupportedDevice("E-SUP-MACHINE", self.CONTROLLER, told=told)
+        controller.known_as = {machine.serial: name}
+        return await self.controller.identify()
 
     async def watch(self, stop: asyncio.Event) -> None:
         """Until `stop`: ask the controller for a sign of life and reopen what was lost, ever more slowly.

@@ -17,14 +17,14 @@ from drivers.limits import VALUE_RESOLUTION, largest_value
 from drivers.linuxcnc.loading import ScrewLoading
 from drivers.linuxcnc.measuring import StopProgram
 from drivers.linuxcnc.program import going_of
-from drivers.linuxcnc.screw import unit_of
+from drivers.linuxcnc.screw import machine_of, unit_of
 from drivers.linuxcnc.settings import LinuxCncSettings
 from drivers.linuxcnc.wire import AgentWire
 from drivers.ports.devices import Tell
 from drivers.standing import KeepsPlaces
 from drivers.terms import TableKind
 from drivers.types.abilities import Capabilities, Marker, TableAbility, TableLimits
-from drivers.types.identity import Identity, MachineIdentity
+from drivers.types.identity import Identity, KnownAs, MachineIdentity
 from drivers.types.machine import AxisState, ChannelStatus, MachineState
 from drivers.types.orders import DisableOrder, PushBatch, PushOrder, ReadBack, SignProof, SwitchReading, TableQuestion
 from drivers.types.stops import StopPlan, StopReached
@@ -45,7 +45,7 @@ EMERGENCY, FAULT = 1, 10
 """LinuxCNC numbers no alarms: 1 is the emergency stop, 10 + n a fault of joint n."""
 
 
-class LinuxCnc(KeepsPlaces):
+class LinuxCnc(KeepsPlaces, KnownAs):
     """Driver "linuxcnc-agent": settings in `drivers.linuxcnc.settings.LinuxCncSettings`; url tcp://host:port."""
 
     def __init__(self, name: str, url: str, settings: Mapping[str, Any], clock: Clock) -> None:
@@ -81,11 +81,10 @@ class LinuxCnc(KeepsPlaces):
         Raises UnsupportedDevice (E-LCNC-KINS), TransportError (E-LCNC-DOWN).
         """
         said = await self._wire.read("identify")
-        letters = tuple(joint["letter"] for joint in said["joints"])
         inches = any(not joint["rotary"] and joint["units"] != 1.0 for joint in said["joints"])
         if inches:
             raise UnsupportedDevice("E-LCNC-INCH", self.name)
-        return MachineIdentity(f"{said['machine']}-{said['name']}", said["version"], letters)
+        return self.called(machine_of(said))
 
     async def state(self) -> MachineState:
         """Interpreter, mode and every joint, read afresh. ``encoder_compensation`` is minus the trim that acts."""

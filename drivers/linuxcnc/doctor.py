@@ -6,11 +6,11 @@ from collections.abc import Mapping
 from typing import Any
 from urllib.parse import urlsplit
 
-from drivers.checks import CheckLine, Wanted, failed, fine, unknown, wrong
+from drivers.checks import FINGERPRINT, CheckLine, Wanted, failed, fine, identity_lines, unknown, wrong
 from drivers.clock import Clock
 from drivers.errors import TrueflankError
 from drivers.exchange.linuxcnc import MOST_ROWS
-from drivers.linuxcnc.screw import live_of, unit_of
+from drivers.linuxcnc.screw import live_of, machine_of, unit_of
 from drivers.linuxcnc.settings import LinuxCncSettings
 from drivers.linuxcnc.wire import AgentWire
 
@@ -44,14 +44,10 @@ class LinuxCncDoctor:
 
     async def _kernel(self, wanted: Wanted) -> list[CheckLine]:
         said = await self._wire.read("identify")
-        serial = f"{said['machine']}-{said['name']}"
         lines = [fine("W-LCNC-KERNEL", "kernel", version=said["version"], ini=said["ini"])]
         if not said["version"].startswith(SEEN):
             lines.append(unknown("W-LCNC-VERSION", "kernel", version=said["version"], seen=", ".join(SEEN)))
-        if wanted.serial and wanted.serial != serial:
-            lines.append(wrong("E-LCNC-SERIAL", "fingerprint", wanted=wanted.serial, found=serial))
-        else:
-            lines.append(fine("W-LCNC-SERIAL", "fingerprint", found=serial))
+        lines += identity_lines(machine_of(said), wanted, FINGERPRINT)
         joints = {joint["letter"]: joint for joint in said["joints"]}
         for axis in wanted.axes:
             lines += await self._axis(axis.name, axis.points, joints)

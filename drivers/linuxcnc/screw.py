@@ -16,12 +16,19 @@ import numpy as np
 from drivers.errors import TableError, TooManyPoints
 from drivers.exchange.linuxcnc import MOST_ROWS, LinuxCncScrew
 from drivers.types.exchange import ReadAs
+from drivers.types.identity import MachineIdentity
 from drivers.types.tables import CompensationTable, LiveSet, LiveTable, reversal_of
 from drivers.units import AxisUnit, deviation_scale
 
 EMPTY = "# no compensation\n"
 FORMS = {0: "positions", 1: "trims"}
 _EVEN = 1e-7
+
+
+def machine_of(said: Mapping[str, Any]) -> MachineIdentity:
+    """The fingerprint from an agent's answer: names of the INI file and of the host, version, letters of all joints."""
+    letters = tuple(joint["letter"] for joint in said["joints"])
+    return MachineIdentity(f"{said['machine']}-{said['name']}", said["version"], letters)
 
 
 def unit_of(joint: Mapping[str, Any]) -> AxisUnit:

@@ -8,7 +8,7 @@ from typing import Any
 from drivers.checks import ControlAxis, ControlFacts
 from drivers.clock import Clock
 from drivers.exchange.linuxcnc import MOST_ROWS
-from drivers.linuxcnc.screw import unit_of
+from drivers.linuxcnc.screw import machine_of, unit_of
 from drivers.linuxcnc.settings import LinuxCncSettings
 from drivers.linuxcnc.wire import AgentWire
 
@@ -27,7 +27,8 @@ class LinuxCncSurvey:
         finally:
             await self._wire.close()
         axes = tuple(_axis(joint) for joint in said["joints"] if joint["file"])
-        return ControlFacts(f"{said['machine']}-{said['name']}", said["version"], "metric", axes)
+        machine = machine_of(said)
+        return ControlFacts(machine.serial, machine.version, "metric", axes, identity=machine.facts)
 
 
 def _axis(joint: Mapping[str, Any]) -> ControlAxis:

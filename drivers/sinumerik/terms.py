@@ -32,6 +32,7 @@ SINUMERIK = Terms(
     start="NC START",
     restart="NCK reset",
     version="NCK version",
+    serial="MD18030",
     controls="840D, 828D, 808D or 802D",
     suffixes=".spf, .mpf, .ini or .arc",
     program_suffix=".mpf",

@@ -14,6 +14,7 @@ from typer.core import TyperCommand, TyperGroup
 from typer.main import get_command_from_info
 from typer.models import CommandInfo
 
+from drivers.errors import UnsupportedDevice
 from gateway.cli import voice
 from gateway.cli.show import begun_with
 
@@ -62,8 +63,18 @@ class OneCommand(TyperCommand):
     examples: tuple[str, ...] = ()
 
     def invoke(self, ctx: Any) -> Any:
-        """The command, and from now on its texts know its site file."""
+        """The command, and from now on its texts know its site file.
+
+        Where one fact of the machine is another than it was, a person is asked, and it begins again.
+        """
         begun_with(ctx.params)
+        try:
+            return super().invoke(ctx)
+        except UnsupportedDevice as error:
+            from gateway.cli.control.recognised import answered
+
+            if not answered(error, ctx.params):
+                raise
         return super().invoke(ctx)
 
     def format_epilog(self, _ctx: Any, formatter: Any) -> None:

@@ -50,7 +50,7 @@ def without_control(tree: dict[str, Any]) -> tuple[dict[str, Any], tuple[Fault, 
     given = tree.get("controller")
     if not isinstance(given, dict) or given.get("driver") != NO_CONTROL:
         return tree, ()
-    unmeant = [key for key in ("url", "serial", "settings") if key in given]
+    unmeant = [key for key in ("url", "serial", "settings", "identity") if key in given]
     faults = tuple(broken(tree, ("controller", key), words("W-CFG-NO-CONTROL")) for key in unmeant)
     return {**tree, "controller": {**given, "url": NO_ADDRESS, "serial": UNKNOWN, "settings": {}}}, faults
 

@@ -86,6 +86,24 @@ class _Reached(Section):
         return settings
 
 
+class IdentitySection(Section):
+    """What else the machine is known by, as `init` read it; a fact that is left out is noted when it is first read."""
+
+    version: paper.Line = Field(default="", description="version of the control's software")
+    axes: paper.Line = Field(
+        default="", description="names of all machine axes in the control's own order, blanks between"
+    )
+    type: paper.Line = Field(default="", description="what the node of the setting type_node says")
+    marker: paper.Line = Field(
+        default="", description="this machine's own number, as typed into the R parameter r_marker"
+    )
+
+    @property
+    def facts(self) -> dict[str, str]:
+        """The facts that are stated, of `drivers.types.identity.FACTS`."""
+        return {name: value for name, value in self.model_dump().items() if value}
+
+
 class ControllerSection(_Reached):
     """How to reach the control."""
 
@@ -93,7 +111,11 @@ class ControllerSection(_Reached):
         default="sinumerik-opcua",
         description="name of the driver that connects to the control; none: files only, without url and serial",
     )
-    serial: str = Field(min_length=1, description="serial number of the machine's control")
+    serial: str = Field(
+        min_length=1,
+        description="serial number of the machine's control; everything of the machine is kept under it",
+    )
+    identity: IdentitySection = Field(default=IdentitySection(), description="what else the machine is known by")
     timeout_s: Number = Field(default=5.0, gt=0, le=600.0, description="longest wait for one answer, s")
     access_level: Whole = Field(
         default=3, ge=0, le=7, description="highest access level number at which the table switches are writable"

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from drivers.types.identity import Identity, MachineIdentity
+from gateway.domain.identity import KnownFact
 
 
 @dataclass(frozen=True, slots=True)
@@ -19,11 +20,12 @@ class Item:
 
 @dataclass(frozen=True, slots=True)
 class Equipment:
-    """What the run was made with."""
+    """What the run was made with; ``accepted`` are changes of the machine's identity that a person answers for."""
 
     machine: MachineIdentity
     items: tuple[Item, ...]
     started_utc: str
+    accepted: tuple[KnownFact, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)

@@ -15,6 +15,7 @@ from gateway.correct.outlook.next_setup import OpenDoubt
 from gateway.domain.captures import Capture
 from gateway.domain.equipment import SenseProof
 from gateway.domain.figures import Component, Evaluation
+from gateway.domain.identity import KnownFact
 from gateway.domain.outcomes import ActingCheck, AxisVerdict, PushRecord
 from gateway.domain.proposals import TableChange
 from gateway.domain.stated import StatedFacts
@@ -194,7 +195,8 @@ class ReportMaterial:
 
     ``simulated``: a double was in the loop, by its own word or the site file's. ``unprotected`` says why others on the
     network could read or change what passed to the control; "" where they could not. ``excused``: who accepted the
-    control's certificate although it was not valid, and why.
+    control's certificate although it was not valid, and why. ``accepted``: changes of the machine's identity that a
+    person answers for.
     """
 
     site: str
@@ -215,5 +217,6 @@ class ReportMaterial:
     simulated: bool = False
     unprotected: str = ""
     excused: tuple[str, str] = ("", "")
+    accepted: tuple[KnownFact, ...] = ()
     judged: tuple[Judged, ...] = ()
     stated: StatedFacts = field(default_factory=StatedFacts)

@@ -101,11 +101,13 @@ def when(stamp: str) -> str:
 
 
 def open_road(report: ReportMaterial) -> tuple[str, ...]:
-    """One line where the connection to the control was not protected."""
+    """Lines where the connection to the control was not protected, or a person answers for who it is."""
     told = [f"The connection to the control was unprotected: {report.unprotected}."] if report.unprotected else []
     who, why = report.excused
     if why:
         told.append(f"The control's certificate was not valid; {who} accepted it: {why}.")
+    for one in report.accepted:
+        told.append(f"The machine's {one.fact} was {one.was}, now {one.value}; {one.who} accepted it: {one.reason}.")
     return tuple(told)
 
 

@@ -25,6 +25,7 @@ from gateway.axes import AxisRecord
 from gateway.broker import borrowed
 from gateway.capture.rig import Rig, StandingOptics
 from gateway.config import AxisSection, SiteFile
+from gateway.domain.identity import KnownFact
 from gateway.errors import StoreError, WriteRefused
 from gateway.push.records.journal import JOURNALS
 from gateway.push.records.sent import SentBook
@@ -35,12 +36,16 @@ from gateway.store.selftests import SelfTestBook
 from gateway.supervisor import Supervisor
 from gateway.walk import Patience
 from gateway.workflow.leaving import leave
+from gateway.workflow.recognising import Recognising
 from gateway.workflow.runsite import new_run, store_of
 
 
 @dataclass(frozen=True, slots=True)
 class Bench:
-    """Everything a stage may use. ``machine`` is the fingerprint met when the devices were opened."""
+    """Everything a stage may use. ``machine`` is the fingerprint met when the devices were opened.
+
+    ``accepted`` are changes of the machine's identity that a person answers for.
+    """
 
     site: SiteFile
     site_path: Path
@@ -52,6 +57,7 @@ class Bench:
     clock: Clock
     say: Say
     standing: StandingOptics = field(default_factory=StandingOptics)
+    accepted: tuple[KnownFact, ...] = ()
 
     @property
     def patience(self) -> Patience:
@@ -182,7 +188,9 @@ async def _opened(
 ) -> AsyncIterator[Bench]:
     used = {axis.measure.instrument for axis in site.axes} if instruments is None else set(instruments)
     store = store_of(site, site_path)
-    supervisor = Supervisor(site, clock, only=used, book=SentBook(store.root / JOURNALS, site.controller.serial))
+    book = SentBook(store.root / JOURNALS, site.controller.serial)
+    recognised = Recognising(site, site_path, store.root, clock)
+    supervisor = Supervisor(site, clock, only=used, book=book, recognise=recognised)
     supervisor.trace_into(folder.path / "traces")
     road = supervisor.controller
     if isinstance(road, Carried):
@@ -198,6 +206,7 @@ async def _opened(
             supervisor.controller.do_without(SelfTestBook(store.root).without(machine))
         count = len(supervisor.picture())
         say("P-OPEN", site=site.site.name, serial=machine.serial, count=count, run=folder.run_id)
+        _tell_identity(recognised, say)
         if wire := supervisor.controller.capabilities.unprotected:
             say("P-UNPROTECTED", road=wire)
         if not supervisor.left.clear:
@@ -212,6 +221,7 @@ async def _opened(
             proofs=Proofs(store.root),
             clock=clock,
             say=say,
+            accepted=recognised.accepted,
         )
         conclude(supervisor.controller)
     except (TrueflankError, asyncio.CancelledError) as error:
@@ -224,6 +234,14 @@ async def _opened(
         with stopping.current().leaving():
             await supervisor.close_all()
         folder.adopt(*(folder.path / "traces").glob("*"))
+
+
+def _tell_identity(recognised: Recognising, say: Say) -> None:
+    """What was read of the machine for the first time, and what a person accepted of it."""
+    if recognised.first:
+        say("P-IDENTITY-FIRST", facts="; ".join(f"{one.fact} {one.value}" for one in recognised.first))
+    for one in recognised.accepted:
+        say("P-IDENTITY-ACCEPTED", **one.fields)
 
 
 def conclude(controller: Controller) -> None:

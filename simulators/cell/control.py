@@ -185,5 +185,5 @@ def live_deviation(
 
 
 def with_serial(nck: CellNck, serial: str) -> None:
-    """Make the control answer with another serial number, as after an exchanged NCU."""
-    nck.spec = replace(nck.spec, serial=serial)
+    """Make the control answer with another serial number, as after an exchanged card."""
+    nck.spec = replace(nck.spec, card_exchanged=serial)

@@ -146,7 +146,7 @@ class Judge:
             "referenced": {a.name: bool(nck.axis_state(a.name).referenced) for a in cell.file.axes},
             "operator": list(cell.operator.log),
             "clock_s": cell.clock.now(),
-            "serial": str(nck.spec.serial),
+            "serial": str(nck.spec.told[0]),
         }
 
     def _senses(self, _question: Mapping[str, Any]) -> dict[str, Any]:

@@ -28,7 +28,8 @@ def site_text(
         section("site", {"name": site.name, "store": site.store, "approvals": 1, "simulated": True}),
         section(
             "controller",
-            {"driver": "sinumerik-opcua", "serial": serial, **_patience(cell), **site.controller, **controller},
+            {"driver": "sinumerik-opcua", "serial": serial, **_patience(cell), **site.controller, **controller}
+            | {"identity": _identity(cell)},
         ),
     ]
     if site.operator:
@@ -43,6 +44,11 @@ def site_text(
     if site.plan:
         parts += _plan(cell, {axis.letter: axis.name for axis in axes}, gear)
     return "\n".join(parts)
+
+
+def _identity(cell: CellFile) -> dict[str, str]:
+    """What else the machine is known by, as `init` would read it of the control that the cell file describes."""
+    return {"version": cell.machine.nck_version, "axes": " ".join(axis.name for axis in cell.axes)}
 
 
 def _times(cell: CellFile) -> dict[str, Any]:

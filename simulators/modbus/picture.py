@@ -51,8 +51,8 @@ class PlcPicture:
         access, nck = self._access, self._access.nck
         image.words[r.UNITS] = int(bool(nck.get("$MN_SCALING_SYSTEM_IS_METRIC")))
         image.words[r.LEVEL] = nck.access_level
-        image.put(r.SERIAL, r.text_words(nck.spec.serial, 16))
-        image.put(r.NCK_VERSION, r.text_words(nck.spec.nck_version, 8))
+        image.put(r.SERIAL, r.text_words(nck.spec.told[0], 16))
+        image.put(r.NCK_VERSION, r.text_words(nck.spec.told[1], 8))
         image.put(r.AXES, (max(access.axes), access.tables))
         image.put_dint(r.ALARM, access.first_alarm)
         image.words[r.MODE] = _MODES.get(nck.mode, 255)

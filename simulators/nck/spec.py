@@ -58,11 +58,14 @@ class NckSpec(Switches):
     ``dresser`` is the axis that the machine's PLC keeps still while the wheel runs.
     ``gud``: global user data, REAL arrays by name and length. ``redefined``: the write level that the machine's builder
     gave a datum (REDEF name APW level), in place of the control's own.
+    ``serial`` is MD18030, the card's number; ``hardware`` the number that the control gives
+    for its type.
     """
 
     axes: tuple[AxisSpec, ...]
     serial: str = "ST-DOUBLE-0001"
     nck_version: str = "4.8.6"
+    hardware: float = 10000.0
     access_level: int = 2
     unit_system: str = "metric"
     cec_points: tuple[int, ...] = ()
@@ -86,7 +89,18 @@ class NckSpec(Switches):
         found: list[int] = []
         for axis in self.axes:
             found.append(axis.number or (found[-1] if found else 0) + 1)
+        if self.axes_swapped:
+            found[-2:] = found[-2:][::-1]
         return tuple(found)
+
+    @property
+    def told(self) -> tuple[str, str, float]:
+        """What the control says of itself: card number, version, hardware."""
+        return (
+            self.card_exchanged or self.serial,
+            self.software_updated or self.nck_version,
+            self.hardware_exchanged or self.hardware,
+        )
 
     def level_of(self, name: str, own: int) -> int:
         """The level that may write a datum: the builder's where he gave one, else the control's ``own``."""
@@ -103,7 +117,8 @@ class NckSpec(Switches):
         letters = [axis.letter.upper() for axis in self.axes]
         if not names or len(set(names)) != len(names) or len(set(letters)) != len(letters):
             raise ValueError("axes need names and letters of their own")
-        if list(self.numbers) != sorted(set(self.numbers)) or self.numbers[-1] > MOST_AXES:
+        numbers = self.numbers[:-2] + tuple(sorted(self.numbers[-2:]))
+        if list(numbers) != sorted(set(numbers)) or numbers[-1] > MOST_AXES:
             raise ValueError(f"axis numbers must rise and end at {MOST_AXES}")
         if self.unit_system not in ("metric", "inch") or not 0 <= self.access_level <= 7:
             raise ValueError("unit_system is metric or inch and access_level 0..7")

@@ -89,6 +89,11 @@ class Switches:
         table and the next are exchanged. ``enables_again_s``: what was switched on is switched on once more that
         many s later, whatever was done to it since.
 
+    Who it is
+        ``card_exchanged``: the card's number (MD18030) is this one, as after service. ``software_updated``: so is the
+        version. ``hardware_exchanged``: and the number for its type. ``axes_swapped``: the last two machine axes have
+        each other's number. The site's own marker goes with ``forgets`` "words".
+
     At block k of a program (counted from 1 at NC START, with all subprograms; once for each control)
         ``power_cut_at_block``: the mains fail when block k is done. ``alarm_at_block``: the drive reports
         alarm ``block_alarm`` and the program stops. ``keyswitch_at_block``: somebody turns the key switch to
@@ -134,6 +139,10 @@ class Switches:
     reads_another_axis: bool = False
     swaps_points_at_reset: int | None = None
     enables_again_s: float = 0.0
+    card_exchanged: str = ""
+    software_updated: str = ""
+    hardware_exchanged: float = 0.0
+    axes_swapped: bool = False
     power_cut_at_block: int | None = None
     alarm_at_block: int | None = None
     block_alarm: int = 300504

@@ -125,7 +125,7 @@ def test_the_login_refused(tmp_path: Path) -> None:
 
 
 def test_another_machine_behind_the_same_address(tmp_path: Path) -> None:
-    _fails(tmp_path, DeviceError, "E-SUP-MACHINE", prepare=lambda cell: with_serial(cell.nck, "YK7350B-9999"))
+    _fails(tmp_path, DeviceError, "E-SUP-IDENTITY", prepare=lambda cell: with_serial(cell.nck, "YK7350B-9999"))
 
 
 @pytest.mark.long

@@ -54,6 +54,7 @@ async def test_a_five_axis_machine_from_an_empty_folder(tmp_path: Path) -> None:
         assert [one.path for one in found.doubts] == [("moves", "safe")]
         site = found.site
         assert site.controller.serial == "FIVE-1"
+        assert site.controller.identity.facts == {"version": FIVE.nck_version, "axes": "X1 Y1 Z1 B1 C1"}
         assert [(axis.name, axis.kind, axis.modulo, axis.encoder) for axis in site.axes] == [
             ("X1", "linear", False, 0),
             ("Y1", "linear", False, 1),

@@ -25,7 +25,7 @@ async def examined(on: Stage, *axes: str, **settings: object) -> dict[str, list[
 async def test_a_sound_host_is_told_line_by_line(tmp_path: Path) -> None:
     async with on_stage(tmp_path) as on:
         found = await examined(on, "X", "A")
-        assert list(found) == ["agent", "kernel", "fingerprint", "joint 0", "joint 2", "HAL pins", "rights"]
+        assert list(found) == ["agent", "kernel", "fingerprint", "identity", "joint 0", "joint 2", "HAL pins", "rights"]
         assert {line.outcome for lines in found.values() for line in lines} == {"ok"}
         assert "2.9.0" in found["kernel"][0].what
         assert str(tmp_path / "mill.ini") in found["kernel"][0].what

@@ -70,6 +70,7 @@ def test_a_mailbox_in_order(url: str) -> None:
         "word order",
         "heartbeat",
         "serial number",
+        "identity",
         "axes",
         "units",
         "temperature",

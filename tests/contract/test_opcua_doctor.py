@@ -35,6 +35,7 @@ CHECKS = (
         "rights",
         "axes",
         "serial number",
+        "identity",
         "variables",
         "units",
         "measuring system",

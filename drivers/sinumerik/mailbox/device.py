@@ -29,7 +29,7 @@ from drivers.sinumerik.tablefile.held import HELD, REVERSAL
 from drivers.standing import KeepsPlaces
 from drivers.terms import TableKind
 from drivers.types.abilities import Capabilities, Marker, TableLimits
-from drivers.types.identity import Identity, MachineIdentity
+from drivers.types.identity import Identity, KnownAs, MachineIdentity
 from drivers.types.machine import MachineState
 from drivers.types.orders import DisableOrder, PushBatch, PushOrder, ReadBack, SignProof, SwitchReading, TableQuestion
 from drivers.types.stops import StopPlan, StopReached
@@ -49,7 +49,7 @@ CAPABILITIES = Capabilities(
 )
 
 
-class SinumerikModbus(KeepsPlaces):
+class SinumerikModbus(KeepsPlaces, KnownAs):
     """Driver "sinumerik-modbus": settings in `drivers.sinumerik.mailbox.settings.ModbusSettings`."""
 
     def __init__(self, name: str, url: str, settings: Mapping[str, Any], clock: Clock) -> None:
@@ -100,7 +100,7 @@ class SinumerikModbus(KeepsPlaces):
     async def identify(self) -> MachineIdentity:
         """Serial number, NCK version, axis names and unit system, read afresh."""
         async with self._talk.turn:
-            return await self._reader.identity()
+            return self.called(await self._reader.identity())
 
     async def state(self) -> MachineState:
         """Status word and every axis, read afresh; there are no part-program messages on this road."""

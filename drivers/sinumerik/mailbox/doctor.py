@@ -6,12 +6,13 @@ from collections.abc import Mapping
 from typing import Any
 from urllib.parse import urlsplit
 
-from drivers.checks import CheckLine, Wanted, failed, fine, unknown, wrong
+from drivers.checks import CheckLine, Wanted, failed, fine, identity_lines, unknown, wrong
 from drivers.clock import Clock
 from drivers.errors import TrueflankError
 from drivers.sinumerik.mailbox.codec.readings import Picture, Status
 from drivers.sinumerik.mailbox.codec.registers import MAP_VERSION, StatusBit
 from drivers.sinumerik.mailbox.conversation import Talk
+from drivers.sinumerik.mailbox.reader import machine_of
 from drivers.sinumerik.mailbox.settings import ModbusSettings
 from drivers.sinumerik.mailbox.wire import ModbusWire
 from drivers.sinumerik.reach import host_and_port, reach
@@ -82,13 +83,11 @@ class ModbusDoctor:
 
 
 def _fingerprint(picture: Picture, wanted: Wanted) -> list[CheckLine]:
-    serial = {"found": picture.serial, "wanted": wanted.serial}
-    version = {"serial": picture.serial, "version": picture.nck_version}
-    same = picture.serial == wanted.serial
     counts = {"axes": picture.axes, "tables": picture.tables, "needed": len(wanted.axes)}
     enough = picture.axes >= len(wanted.axes)
     return [
-        fine("W-DOC-SERIAL", "serial number", **version) if same else wrong("E-DOC-SERIAL", "serial number", **serial),
+        # Names of axes come one by one, by a register that selects: they are compared when the site is opened.
+        *identity_lines(machine_of(picture, ()), wanted),
         fine("W-DOC-COUNTS", "axes", **counts) if enough else wrong("E-DOC-COUNTS", "axes", **counts),
     ]
 

@@ -114,6 +114,10 @@ class Words:
         """R parameter number of a set-up value."""
         return self.setup + int(word)
 
+    def holds(self, number: int) -> bool:
+        """Whether an R parameter is one of these."""
+        return 0 <= number - self.first < COUNT or 0 <= number - self.setup < len(SetupWord)
+
 
 def program_path(purpose: str, axis: str) -> str:
     """Name of a main program of ours in the control: purposes MEAS, PUSH, LOAD, ENAB, OFF, GRIND."""

@@ -27,7 +27,7 @@ class SinumerikOffline(SinumerikOpcUa):
     def __init__(self, name: str, url: str, settings: Mapping[str, Any], clock: Clock) -> None:
         own = OfflineSettings.read(settings, name)
         road = UaSettings.read(own.road, name)
-        asked = ReportAsked(own.names, own.cross_tables, road.words)
+        asked = ReportAsked(own.names, own.cross_tables, road.words, own.r_marker)
         self._stick = Path(own.folder)
         self._carried = CarriedSession(StepFolder(self._stick, name), asked, road, clock=clock, where=name)
         super().__init__(name, url, own.road, clock, session=self._carried)

@@ -13,6 +13,7 @@ from drivers.sinumerik.offline.report import ReportAsked, ToldReport, ToldStop
 from drivers.sinumerik.opcua.session import nodes
 from drivers.sinumerik.opcua.session.requests import Reading
 from drivers.sinumerik.opcua.settings import UaSettings
+from drivers.types.identity import MachineIdentity
 from drivers.types.machine import ChannelStatus
 
 ABSENT = "BadNodeIdUnknown"
@@ -46,6 +47,19 @@ class SeenControl:
     def serial(self) -> str:
         """MD18030 as it stands there."""
         return self.report.values["$MN_HW_SERIAL_NUMBER[0]"]
+
+    @property
+    def machine(self) -> MachineIdentity:
+        """Who the machine is, as the report tells it."""
+        values = self.report.values
+        names = tuple(values[f"$MN_AXCONF_MACHAX_NAME_TAB[{place}]"].strip() for place in range(len(self.asked.axes)))
+        marker = values.get(f"R{self.asked.marker}", "")
+        return MachineIdentity(
+            self.serial.strip(),
+            values["$MN_VERSION_INFO[0]"].strip(),
+            tuple(name.upper() for name in names if name),
+            marker=f"{float(marker):g}" if marker else "",
+        )
 
     @property
     def chain(self) -> float:

@@ -38,11 +38,15 @@ _TEXT = 60
 
 @dataclass(frozen=True, slots=True)
 class ReportAsked:
-    """What a report tells: axes in the control's order, how many CEC tables, the R parameters of the site."""
+    """What a report tells: axes in the control's order, how many CEC tables, the R parameters of the site.
+
+    ``marker`` is the R parameter of the machine's own number, -1: none; a report of before it was named lacks it.
+    """
 
     axes: tuple[str, ...]
     tables: int
     words: Words
+    marker: int = -1
 
     @property
     def chain(self) -> str:
@@ -51,7 +55,7 @@ class ReportAsked:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """The control's names of all that is told, in order."""
+        """The control's names of all that a report must tell, in order."""
         out = ["$MN_HW_SERIAL_NUMBER[0]", "$MN_VERSION_INFO[0]", "$MN_SCALING_SYSTEM_IS_METRIC"]
         out += ["$MN_LEN_PROTOCOL_FILE", "$MC_DIAMETER_AX_DEF"]
         out += [f"$MN_AXCONF_MACHAX_NAME_TAB[{place}]" for place in range(len(self.axes))]
@@ -63,6 +67,11 @@ class ReportAsked:
         for table in range(self.tables):
             out += [f"$MN_MM_CEC_MAX_POINTS[{table}]", f"$SN_CEC_TABLE_ENABLE[{table}]"]
         return (*out, self.chain, *(f"R{self.words.first + place}" for place in range(COUNT)))
+
+    @property
+    def told(self) -> tuple[str, ...]:
+        """The same, and the marker."""
+        return (*self.names, f"R{self.marker}") if self.marker >= 0 else self.names
 
 
 @dataclass(frozen=True, slots=True)
@@ -103,7 +112,7 @@ def at_stop(asked: ReportAsked) -> list[str]:
 
 def ended(kind: str, number: int, asked: ReportAsked) -> list[str]:
     """Blocks that tell everything and end the file."""
-    out = [block for name in asked.names for block in _line(kind, f'";{name}="<<{name}')]
+    out = [block for name in asked.told for block in _line(kind, f'";{name}="<<{name}')]
     out += _line(kind, f'";TRUEFLANK END {kind} {number} LINES "<<{LINES}')
     return [*out, *_line(kind, f'"{END_WORD}"')]
 

@@ -9,7 +9,7 @@ from pydantic import Field
 
 from drivers.errors import words
 from drivers.settings import DriverSettings, FolderPathText, Rule
-from drivers.sinumerik.ncprogram.words import COUNT
+from drivers.sinumerik.ncprogram.words import COUNT, SetupWord, Words
 from drivers.sinumerik.opcua.session import nodes
 
 _AXIS = re.compile(r"[A-Z_][A-Z0-9_]{0,31}")
@@ -32,11 +32,19 @@ class OfflineSettings(DriverSettings):
         default=80, ge=3, le=nodes.R_LAST - COUNT, description=f"first of {COUNT} R parameters that are ours alone"
     )
 
+    r_marker: int = Field(
+        default=-1,
+        ge=-1,
+        le=nodes.R_LAST,
+        description="R parameter in which a person typed this machine's own number; only read, -1: none",
+    )
+
     def rules(self) -> tuple[Rule, ...]:
-        """Axis names go into programs."""
+        """Axis names go into programs; the marker's R parameter is none that programs write."""
         names = self.names
         good = 0 < len(set(names)) == len(names) <= MOST_AXES and all(_AXIS.fullmatch(name) for name in names)
-        return (("axes", good, words("W-KEY-AXES")),)
+        free = not Words(self.r_first, self.r_first - len(SetupWord)).holds(self.r_marker)
+        return (("axes", good, words("W-KEY-AXES")), ("r_marker", free, words("W-KEY-R-MARKER")))
 
     @property
     def machine_axes(self) -> tuple[str, ...]:
@@ -55,4 +63,5 @@ class OfflineSettings(DriverSettings):
         No file comes out of a control while a program waits there, so each half is a program of its own.
         """
         pace = {"poll_s": 0.2, "fast_poll_s": 0.02, "stale_s": 0.0}
-        return {"security": "None", "two_programs": True, "r_first": self.r_first, **pace}
+        words = {"r_first": self.r_first, "r_marker": self.r_marker}
+        return {"security": "None", "two_programs": True, **words, **pace}

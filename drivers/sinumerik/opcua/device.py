@@ -38,7 +38,7 @@ from drivers.sinumerik.tablefile import tables
 from drivers.sinumerik.tablefile.held import HELD, REVERSAL
 from drivers.terms import TableKind
 from drivers.types.abilities import Capabilities, Marker, TableLimits
-from drivers.types.identity import Identity, MachineIdentity
+from drivers.types.identity import Identity, KnownAs, MachineIdentity
 from drivers.types.machine import MachineState
 from drivers.types.orders import DisableOrder, PushBatch, PushOrder, ReadBack, SignProof, SwitchReading, TableQuestion
 from drivers.types.tables import CompensationTable, LiveSet
@@ -59,7 +59,7 @@ CAPABILITIES = Capabilities(
 )
 
 
-class SinumerikOpcUa(Leaver, RunsPlans):
+class SinumerikOpcUa(Leaver, RunsPlans, KnownAs):
     """Driver "sinumerik-opcua": settings in `drivers.sinumerik.opcua.settings.UaSettings`."""
 
     def __init__(
@@ -127,10 +127,10 @@ class SinumerikOpcUa(Leaver, RunsPlans):
             raise DeviceRefused("E-UA-OTHER", self.name, serial=serial, found=found.serial)
 
     async def identify(self) -> MachineIdentity:
-        """Serial number, NCK version, axis names and unit system, read afresh."""
+        """Serial number, NCK version, axis names, unit system and what the settings name besides, read afresh."""
         self._configuration = await self._reader.configuration()
         self._dialogue.names = self._configuration.places
-        self._machine = await self._reader.identity(self._configuration.names)
+        self._machine = self.called(await self._reader.identity(self._configuration.names))
         return self._machine
 
     async def state(self) -> MachineState:

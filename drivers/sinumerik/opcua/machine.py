@@ -110,14 +110,30 @@ class MachineReader:
                 raise typed_values.wrong(nodes.axis_name(place), name, "an axis name of its own", self._where)
 
     async def identity(self, names: tuple[str, ...]) -> MachineIdentity:
-        """Serial number, NCK version and unit system, read afresh."""
+        """Serial number, NCK version, unit system, and what the site names besides: type and marker; read afresh."""
         settings, where = self._settings, self._where
         paths = [settings.serial_node, settings.version_node, nodes.BASIC_LENGTH_UNIT]
         serial, version, unit = self._good(self._up(await self._session.survey(paths, self.timeout_s)))
         inch = typed_values.checked(nodes.BASIC_LENGTH_UNIT, unit, where)
         system: Literal["metric", "inch"] = "inch" if inch else "metric"
         told = (typed_values.label(serial, paths[0], where), typed_values.label(version, paths[1], where))
-        return MachineIdentity(*told, names, system)
+        further = await self._further()
+        return MachineIdentity(*told, names, system, **further)
+
+    async def _further(self) -> dict[str, str]:
+        """Facts that the settings name; one that cannot be read says nothing of the machine.
+
+        Raises RemoteProtocolError (E-UA-VALUE) for a value that is neither text nor number.
+        """
+        settings, paths = self._settings, {"type": self._settings.type_node}
+        if settings.r_marker >= 0:
+            paths["marker"] = nodes.r_parameter(settings.r_marker, settings.channel)
+        asked = {fact: path for fact, path in paths.items() if path}
+        if not asked:
+            return {}
+        found = self._up(await self._session.survey(list(asked.values()), self.timeout_s))
+        read = [(fact, one) for fact, one in zip(asked, found, strict=True) if not one.status]
+        return {fact: typed_values.label(one.value, one.path, self._where) for fact, one in read}
 
     async def memory(self, configuration: Configuration, axis: str, encoder: int) -> Memory:
         """Reserved points (MD38000 of the encoder, MD18342 of every CEC table that can be read), and MD11420."""

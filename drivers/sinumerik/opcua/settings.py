@@ -79,6 +79,15 @@ class UaSettings(DriverSettings):
     )
     serial_node: str = Field(default=nodes.SERIAL_NUMBER, description="node of the serial number")
     version_node: str = Field(default=nodes.NCK_VERSION, description="node of the NCK version")
+    type_node: str = Field(
+        default="", description="node of a further fact of the hardware: type or number of the NCU; left out: not read"
+    )
+    r_marker: int = Field(
+        default=-1,
+        ge=-1,
+        le=nodes.R_LAST,
+        description="R parameter in which a person typed this machine's own number; only read, -1: none",
+    )
 
     def rules(self) -> tuple[Rule, ...]:
         """What holds between keys: a pinned certificate, one password, free R parameters, nodes of this control."""
@@ -93,6 +102,8 @@ class UaSettings(DriverSettings):
             ("fast_poll_s", self.fast_poll_s <= self.poll_s, words("W-KEY-FAST")),
             ("serial_node", nodes.parse(self.serial_node) is not None, words("W-KEY-NODE")),
             ("version_node", nodes.parse(self.version_node) is not None, words("W-KEY-NODE")),
+            ("type_node", not self.type_node or nodes.parse(self.type_node) is not None, words("W-KEY-NODE")),
+            ("r_marker", not self.words.holds(self.r_marker), words("W-KEY-R-MARKER")),
         )
 
     @classmethod

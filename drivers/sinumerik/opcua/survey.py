@@ -42,7 +42,7 @@ class UaSurvey:
         configuration = await reader.configuration()
         machine = await reader.identity(configuration.names)
         axes = [await self._axis(reader, configuration, name) for name in configuration.names]
-        return ControlFacts(machine.serial, machine.version, machine.unit_system, tuple(axes))
+        return ControlFacts(machine.serial, machine.version, machine.unit_system, tuple(axes), identity=machine.facts)
 
     async def _axis(self, reader: MachineReader, configuration: Configuration, name: str) -> ControlAxis:
         rotary = configuration.is_rotary(name)

@@ -36,7 +36,7 @@ async def _through_port(controller: Controller) -> ControlFacts:
         for name in machine.axis_names
         if name in state.axes
     ]
-    return ControlFacts(machine.serial, machine.version, machine.unit_system, tuple(axes))
+    return ControlFacts(machine.serial, machine.version, machine.unit_system, tuple(axes), identity=machine.facts)
 
 
 async def _points(controller: Controller, axis: str) -> int | None:

@@ -63,6 +63,8 @@ def wizard_text(file: Path, asker: Questioner) -> str:
     facts = _facts(road, control, folder, asker)
     if road != "files":
         control["serial"] = facts.serial if facts else asker.ask("serial", "P-INIT-SERIAL", "unknown", _something)
+        known = {fact: value for fact, value in facts.identity.items() if fact != "serial"} if facts else {}
+        control |= {"identity": known} if known else {}
     axes, notes = _axes(asker, facts, USUAL_AXES.get(road, USUAL_GRINDER))
     instruments = _instruments(asker, road, {axis.unit for axis, _ in axes})
     pair = (instruments[0]["name"], instruments[-1]["name"]) if instruments else ("", "")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -57,9 +57,14 @@ async def _borrowing(tree: Any, site: Path, take: str) -> tuple[CheckLine, ...]:
 
 async def examined(tree: Any, site: Path, clock: Clock) -> tuple[CheckLine, ...]:
     """Every line: the road to the control, the self-tests kept, pushes that did not end. Writes nothing."""
-    sought = wanted(tree, sent_before(tree, site))
+    from gateway.workflow.recognising import known_of
+    from gateway.workflow.runsite import store_of
+
+    known = known_of(tree, store_of(tree, site).root)
+    sought = wanted(tree, sent_before(tree, site), known.facts)
     lines = await port(tree, "doctor", clock).examine(sought, tree.controller.timeout_s)
-    return (*lines, *kept_tests(tree, site, lines), *unended(tree, site), *report_font(tree.report.language))
+    excused = [fine("W-DOC-ACCEPTED", "identity", **one.fields) for one in known.accepted]
+    return (*lines, *excused, *kept_tests(tree, site, lines), *unended(tree, site), *report_font(tree.report.language))
 
 
 def show_command(site: SiteArgument, as_json: JsonOption = False) -> None:
@@ -169,14 +174,19 @@ def told(axis: str, test: Any, now: str) -> CheckLine:
     return wrong("E-DOC-TESTED", "self-test kept", missed=test.missed, **fields)
 
 
-def wanted(tree: Any, sent: tuple[Sent, ...] = ()) -> Wanted:
-    """What the site expects of its control; ``sent`` are the programs that were sent there."""
+def wanted(tree: Any, sent: tuple[Sent, ...] = (), facts: Mapping[str, str] | None = None) -> Wanted:
+    """What the site expects of its control; ``sent`` are the programs that were sent there.
+
+    ``facts`` are what its machine is known by; without them the serial number of the site file alone.
+    """
+    known = facts or {}
     axes = tuple(
         WantedAxis(axis.name, axis.unit, axis.encoder, points(axis.table), encoder_said=axis.encoder_said)
         for axis in tree.axes
         if getattr(axis, "table", None) is not None
     )
-    return Wanted(tree.controller.serial, axes, sent, access_level=tree.controller.access_level)
+    serial = known.get("serial", tree.controller.serial)
+    return Wanted(serial, axes, sent, access_level=tree.controller.access_level, facts=known)
 
 
 def points(table: Any) -> int:

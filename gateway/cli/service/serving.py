@@ -94,12 +94,14 @@ def _serving(tree: Any, path: Path, clock: LoopClock) -> Any:
     from gateway.supervisor import Supervisor, unopened
     from gateway.workflow.aftercare import StandingAlarms
     from gateway.workflow.files.importing import watcher_of
+    from gateway.workflow.recognising import Recognising
     from gateway.workflow.runsite import store_of
 
     store, serial, folder = store_of(tree, path), tree.controller.serial, tree.service.watch
 
     def made() -> Supervisor:
-        return Supervisor(tree, clock, book=SentBook(store.root / JOURNALS, serial))
+        book, known = SentBook(store.root / JOURNALS, serial), Recognising(tree, path, store.root, clock)
+        return Supervisor(tree, clock, book=book, recognise=known)
 
     devices = LateDevices(made, unopened(tree, clock))
 

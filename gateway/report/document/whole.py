@@ -7,6 +7,7 @@ import json
 import re
 from dataclasses import replace
 
+from gateway.domain.identity import KnownFact
 from gateway.report.document.annex import axis_annex
 from gateway.report.document.charts import axes
 from gateway.report.document.content import (
@@ -60,12 +61,19 @@ def _main(material: ReportMaterial, t: Tongue) -> tuple[Block, ...]:
     said: tuple[str, ...] = (t("unprotected"),) if material.unprotected else ()
     who, why = material.excused
     said += (t("excused", who=who, why=why),) if why else ()
+    said += tuple(_accepted(one, t) for one in material.accepted)
     warned = tuple(Paragraph(line, "strong") for line in (*still_on(material), *said))
     first = (*warned, *parties(material, t), *answer(material, t), *conformity(material, t))
     # Conditions stand with the axes they belong to: they fill what the charts leave of a page.
     of_axes = (*equipment(material, t), *axes(material, t), *conditions(material, t))
     of_tooth = (*tooth(material, t), *incurable(material, t))
     return (*first, *of_axes, *of_tooth, _release(material, t))
+
+
+def _accepted(one: KnownFact, t: Tongue) -> str:
+    """A change of the machine's identity that a person answers for."""
+    told = {"fact": t(f"identity_{one.fact}"), "was": one.was, "now": one.value, "who": one.who}
+    return t("identity", day=one.utc[:10], why=one.reason, **told)
 
 
 def _release(material: ReportMaterial, t: Tongue) -> Whole:

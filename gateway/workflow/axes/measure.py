@@ -64,7 +64,8 @@ def store_equipment(at: Bench) -> None:
         for seen in at.supervisor.picture()
         if seen.identity is not None
     )
-    at.folder.put(stages.EQUIPMENT, Equipment(at.machine, items, at.clock.utc().isoformat(timespec="seconds")))
+    began = at.clock.utc().isoformat(timespec="seconds")
+    at.folder.put(stages.EQUIPMENT, Equipment(at.machine, items, began, at.accepted))
 
 
 def _notices(at: Bench, name: str) -> tuple[str, ...]:

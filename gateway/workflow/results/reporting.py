@@ -168,6 +168,7 @@ def material_of(folder: RunFolder) -> ReportMaterial:
         simulated=was_simulated(site, instruments),
         unprotected=open_road(site) if opened else "",
         excused=excused_certificate(site) if opened else ("", ""),
+        accepted=equipment.accepted if equipment is not None else (),
         stated=stated,
     )
     return replace(material, judged=judged(site, material))

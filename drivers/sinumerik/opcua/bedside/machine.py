@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from drivers.checks import CheckLine, failed, fine, unknown, wrong
+from drivers.checks import CheckLine, failed, fine, identity_lines, unknown, wrong
 from drivers.errors import UnsupportedDevice
 from drivers.sinumerik.ncprogram.words import COUNT
 from drivers.sinumerik.opcua import encoders as acting_encoders
@@ -26,11 +26,9 @@ async def axes(bed: Bedside) -> list[CheckLine]:
 
 
 async def identity(bed: Bedside) -> list[CheckLine]:
-    """Whether it is the machine that the site file names."""
+    """Whether it is the machine that this site knows, fact by fact."""
     machine = await bed.reader.identity(bed.configuration.names if bed.configuration else ())
-    if machine.serial != bed.wanted.serial:
-        return [wrong("E-DOC-SERIAL", "serial number", found=machine.serial, wanted=bed.wanted.serial)]
-    return [fine("W-DOC-SERIAL", "serial number", serial=machine.serial, version=machine.version)]
+    return identity_lines(machine, bed.wanted)
 
 
 async def variables(bed: Bedside) -> list[CheckLine]:
