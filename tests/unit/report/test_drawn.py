@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from dataclasses import replace
+from functools import cache
 from typing import get_args, get_type_hints
 
 import pytest
@@ -35,11 +36,17 @@ def _phrases(language: str) -> set[str]:
     return {text for key, text in catalogue_of(language).items() if key.startswith(MARK)}
 
 
-@pytest.mark.parametrize("language", ["de", "zh"])
-def test_no_english_word_is_left_in_a_drawing_of_a_whole_report(language: str) -> None:
+@cache
+def _whole(language: str) -> str:
+    """The page of a whole report; drawn once for the tests of this file."""
     material = closing.material()
     said = replace(material.particulars, language=language)
-    texts = DRAWN.findall(page(document(replace(material, particulars=said))))
+    return page(document(replace(material, particulars=said)))
+
+
+@pytest.mark.parametrize("language", ["de", "zh"])
+def test_no_english_word_is_left_in_a_drawing_of_a_whole_report(language: str) -> None:
+    texts = DRAWN.findall(_whole(language))
     assert len(texts) > 100
     drawn = " ".join(texts)
     left = {
@@ -65,9 +72,7 @@ def test_every_cycle_and_figure_has_its_name_in_every_language() -> None:
     assert len(cycles) == 3
     for language in ("en", "de", "zh"):
         assert {f"cycle_{one}" for one in cycles} | {"figure_M_travel"} <= set(catalogue_of(language))
-    material = closing.material()
-    said = replace(material.particulars, language="de")
-    german = page(document(replace(material, particulars=said)))
+    german = _whole("de")
     assert "M, Weg" in german
     assert "M, travel" not in german
 
