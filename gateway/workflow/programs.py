@@ -81,7 +81,10 @@ def programs(
     for what in wanted:
         for name, order in _orders(made_for, what) if what != "dwell" else _dwelling(site, dwell):
             made = write(order, settings, machine=machine, origin=origin, where=str(site_path))
-            found += [Written(what, f"{what}-{name}-{one.file_name}", one) for one in made]
+            names = [one.file_name for one in made]
+            for place, one in enumerate(made):
+                again = names[:place].count(one.file_name)
+                found.append(Written(what, f"{what}-{name}{f'-{again + 1}' if again else ''}-{one.file_name}", one))
     return tuple(found)
 
 

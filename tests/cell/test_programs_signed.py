@@ -9,6 +9,7 @@ from collections.abc import Awaitable, Callable
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 from drivers.clock import LoopClock, run_virtual
 from drivers.types.orders import SignProof
@@ -17,15 +18,19 @@ from gateway.config import load_site
 from gateway.domain.proposals import Proposal, TableChange
 from gateway.push.compare import table_in
 from gateway.say import silence
+from gateway.tooth import SetupValues
 from gateway.workflow import consents, stages
 from gateway.workflow.axes.measure import fetch_tables
 from gateway.workflow.bench import Bench, bench
+from gateway.workflow.control.disabling import disable_site
 from gateway.workflow.control.pushing import apply_proposal
 from gateway.workflow.control.selftesting import self_test_site
 from gateway.workflow.loop.run import run_site
+from gateway.workflow.part.grinding import grind_site
 from gateway.workflow.programs import What, Written, programs
 from gateway.workflow.runsite import new_run, store_of
 from simulators.cell import Cell, cell_running
+from simulators.cellfile import load_cell, with_plan
 
 NOTHING = np.zeros(0)
 GRIDS = {"Z1": (0.0, 300.0, 30.0, "mm"), "C1": (0.0, 360.0, 45.0, "deg")}
@@ -84,10 +89,12 @@ async def proposed(at: Bench) -> Proposal:
     return Proposal(at.machine, changes, (), at.clock.utc().isoformat())
 
 
-def at_a_cell(folder: Path, job: Callable[[Cell, LoopClock], Awaitable[None]]) -> None:
+def at_a_cell(folder: Path, job: Callable[[Cell, LoopClock], Awaitable[None]], *, plan: bool = False) -> None:
     async def main() -> None:
         clock = LoopClock()
-        async with cell_running("demo", folder, clock, wires="memory", block_s=1.0) as cell:
+        async with cell_running(
+            with_plan(load_cell("demo")) if plan else "demo", folder, clock, wires="memory", block_s=1.0
+        ) as cell:
             path = cell.site_path
             await self_test_site(load_site(path), path, axis="", clock=clock, say=silence)
             await job(cell, clock)
@@ -125,3 +132,62 @@ def test_a_push_sends_what_program_prints(tmp_path: Path) -> None:
         assert "UTABLE2[0]=SET(" in text
 
     at_a_cell(tmp_path, job)
+
+
+def test_a_part_and_an_order_to_switch_off_are_sent_as_printed(
+    tmp_path: Path,
+) -> None:
+    async def job(cell: Cell, clock: LoopClock) -> None:
+        path = cell.site_path
+        site = load_site(path)
+        name, asked = site.site.name, {"clock": clock, "say": silence}
+        part = grind_site(site, path, part="part", setup=SetupValues(), machine_name=name, **asked)
+        text = await until_sent(path, "TFGRIND", part)
+        (one,) = printed(path, "grind", text)
+        assert one.program.text == text
+        assert "UDEPTH[0]=SET(" in text
+
+        cell.nck.set("$MA_ENC_COMP_ENABLE[0,C1]", 1, 0)
+        await disable_site(site, path, axis="C1", table="", apply=True, machine_name=name, **asked)
+        (text,) = sent(path, "TFOFF")
+        assert text in [one.program.text for one in printed(path, "off", text)]
+
+    at_a_cell(tmp_path, job, plan=True)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("what", ["proof", "load"])
+def test_a_sign_proof_and_the_layer_of_axis_tables_are_sent_as_printed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, what: What
+) -> None:
+    monkeypatch.setattr("gateway.workflow.control.pushing.plans_again", lambda *_, **__: [])  # nothing was measured
+
+    async def job(cell: Cell, clock: LoopClock) -> None:
+        text, proposal = await pushed(cell.site_path, "Z1", clock, proved=what == "load")
+        assert text in [one.program.text for one in printed(cell.site_path, what, text, proposal)]
+        assert "$AA_ENC_COMP" in text
+
+    at_a_cell(tmp_path, job)
+
+
+async def pushed(path: Path, axis: str, clock: LoopClock, *, proved: bool) -> tuple[str, Proposal]:
+    """The first program of a push of one table of an axis, whose sense is proved first or known."""
+    site = load_site(path)
+    async with bench(site, path, new_run(site, path), clock, silence) as at:
+        change = await own_table(at, axis)
+        if proved:
+            at.proofs.save(SignProof(at.machine, "axis", axis, -1.0, 0.01, 1, at.clock.utc().isoformat()))
+        proposal = Proposal(at.machine, (change,), (), at.clock.utc().isoformat())
+        at.folder.put(stages.PROPOSAL, proposal)
+        assert consents.proposed(at, proposal) == ""
+        return await until_sent(path, "TFPUSH", apply_proposal(at, proposal, {})), proposal
+
+
+async def own_table(at: Bench, name: str) -> TableChange:
+    """A table of its own for an axis."""
+    axis = at.axis(name)
+    live, grid = await fetch_tables(at, axis), axis.table
+    count = round((grid.maximum - grid.minimum) / grid.step) + 1
+    values = (0.0, *(round(2.0 * np.sin(place), 3) for place in range(1, count - 1)), 0.0)
+    new = CompensationTable("axis", name, name, grid.minimum, grid.maximum, grid.step, tuple(map(float, values)))
+    return TableChange(name, table_in(live, new).table, new, False, live.digest, NOTHING, NOTHING, NOTHING, base=live)

@@ -18,6 +18,7 @@ from drivers.sinumerik.ncprogram import backup
 from drivers.sinumerik.ncprogram.backup import Memory, Saving
 from drivers.sinumerik.ncprogram.guarding import Guard, away, guarded
 from drivers.sinumerik.ncprogram.heads import Head, headed, section
+from drivers.sinumerik.ncprogram.looping import Array, declared
 from drivers.sinumerik.ncprogram.measuring import (
     PREPARE,
     check_names,
@@ -43,19 +44,24 @@ LOAD, UNLOAD = "TRUEFLANK LOAD BLANK", "TRUEFLANK UNLOAD PART"
 _LEFT, _FAILED, _REFUSED, _STALE = "TF_LEFT", "TF_FAILED", "TF_REFUSED", "TF_STALE"
 _STOPS = "retract X by hand, stop the wheel, press RESET; the part is scrap. No table was written."
 NEVER_GIVEN = 999_999
+_STROKE, _DEPTH, _FEED, _ENDS = "USTROKE", "UDEPTH", "UFEED", "UENDS"
 _PLACES = {SetupWord.X: "UXSET", SetupWord.C: "UCSET", SetupWord.DRESSING: "UWSET"}
 _MOST = {"UXSET": MOST_X_MM, "UCSET": MOST_C_DEG, "UWSET": MOST_DRESSING_MM}
 
 
 @dataclass(frozen=True, slots=True)
 class GrindSetting:
-    """What the generator must know of a machine: R words, memory of each compensated axis, whether C is endless."""
+    """What the generator must know of a machine: R words, memory of each compensated axis, whether C is endless.
+
+    ``loops``: the control fills arrays of a program's own by SET; False where its self-test found that it does not.
+    """
 
     words: Words
     memory: Mapping[str, Memory]
     modulo: bool = True
     origin: Origin = NOBODY
     guards: tuple[Guard, ...] = ()
+    loops: bool = True
 
 
 def preview(plan: GrindPlan, words: Words) -> str:
@@ -83,8 +89,9 @@ def _text(plan: GrindPlan, token: int, setting: GrindSetting, *, saves: bool) ->
         raise LocalProtocolError("E-PROGRAM-MESSAGE", plan.name, text=plan.part)
     words = setting.words
     out = [
-        f"DEF INT {backup.VARIABLES}, USPACE",
+        f"DEF INT {backup.VARIABLES}, USPACE{f', {_STROKE}' if setting.loops else ''}",
         f"DEF REAL {', '.join(_places(plan).values())}, UCAT",
+        *(declared(_table(plan)) if setting.loops else ()),
         section("modal states, R words"),
         *PREPARE,
     ]
@@ -103,9 +110,10 @@ def _text(plan: GrindPlan, token: int, setting: GrindSetting, *, saves: bool) ->
     out += [*guarded(words, setting.guards), *_clear(plan)]
     out += [*_person(f"{LOAD} {plan.part}"), unless_aborted(words, _LEFT)]
     out += [
+        *([section("strokes"), *(block for one in _table(plan) for block in one.filled)] if setting.loops else []),
         section("space by space"),
         *([plan.wheel_on] if plan.wheel_on else []),
-        *_spaces(plan, setting),
+        *_spaces(plan, setting, loops=setting.loops),
         *_stopped(plan),
     ]
     out += [
@@ -118,7 +126,12 @@ def _text(plan: GrindPlan, token: int, setting: GrindSetting, *, saves: bool) ->
     out += [*away(words, setting.guards), *file_failed(words, _FAILED)]
     out += [f"{_REFUSED}:", "STOPRE", phase_block(words, Phase.SETUP_REFUSED), "M30"]
     out += [f"{_STALE}:", "M30"]
-    return text_of(headed(_head(plan, setting, saves=saves), out))
+    return text_of(headed(_head(plan, setting, saves=saves), out, moves=moves(plan, setting)))
+
+
+def moves(plan: GrindPlan, setting: GrindSetting) -> list[str]:
+    """All moves, with every stroke written out: what a program says of its moves is read from these blocks."""
+    return [*_clear(plan), *_spaces(plan, setting, loops=False)]
 
 
 def _head(plan: GrindPlan, setting: GrindSetting, *, saves: bool) -> Head:
@@ -202,7 +215,7 @@ def _clear(plan: GrindPlan) -> list[str]:
     return out
 
 
-def _spaces(plan: GrindPlan, setting: GrindSetting) -> list[str]:
+def _spaces(plan: GrindPlan, setting: GrindSetting, *, loops: bool) -> list[str]:
     words, letter, feed = setting.words, plan.index.letter, plan.index_feed
     back, on = ("+", "-") if plan.index_sense < 0 else ("-", "+")
     begin = [f"UCAT=UCSET{back}{number(INDEX_OVERRUN_DEG)}", *_turn(setting)]
@@ -216,7 +229,7 @@ def _spaces(plan: GrindPlan, setting: GrindSetting) -> list[str]:
         *turn,
         _move(letter, f"{way}(UCAT)" if setting.modulo else "UCAT", feed),
         f"G4 F{number(plan.dwell_s)}",
-        *_strokes(plan),
+        *_strokes(plan, loops=loops),
         "STOPRE",
         f"{counter}={counter}+1",
         unless_aborted(words, _LEFT),
@@ -229,20 +242,35 @@ def _turn(setting: GrindSetting) -> list[str]:
     return ["IF UCAT<0", "UCAT=UCAT+360.0", "ENDIF"] if setting.modulo else []
 
 
-def _strokes(plan: GrindPlan) -> list[str]:
+def _table(plan: GrindPlan) -> tuple[Array, Array, Array]:
+    """Where X is for each stroke, how fast it comes there, and where Z goes then."""
+    low, high = (number(end) for end in plan.ends_mm)
+    depths = tuple(number(plan.centre_distance_mm + short) for short in plan.strokes)
+    feeds = tuple(number(plan.infeed_feed if place else plan.air_cut_feed) for place in range(len(depths)))
+    ends = tuple(low if place % 2 else high for place in range(len(depths)))
+    return Array(_DEPTH, "REAL", depths), Array(_FEED, "REAL", feeds), Array(_ENDS, "REAL", ends)
+
+
+def _strokes(plan: GrindPlan, *, loops: bool) -> list[str]:
     """One space: X comes up to each depth while Z is beyond the face; afterwards X back, and Z where it began.
 
-    Beyond the face the wheel still reaches over it, so the positioning feed ends outside the stock of the blank.
+    Beyond the face the wheel still reaches over it, so the positioning feed ends outside the stock of the blank. In the
+    loop a stroke at the depth of the one before has a block of X that moves nothing.
     """
     low, high = (number(end) for end in plan.ends_mm)
     out = [_infeed(plan, plan.approach_mm, plan.positioning_feed)]
+    home = [_move(plan.stroke.letter, low, plan.positioning_feed)] if len(plan.strokes) % 2 else []
+    if loops:
+        out += [f"FOR {_STROKE}=0 TO {len(plan.strokes) - 1}"]
+        out += [f"SUPA G1 {plan.infeed.letter}=UXSET-{_DEPTH}[{_STROKE}] F={_FEED}[{_STROKE}]"]
+        out += [_move(plan.stroke.letter, f"{_ENDS}[{_STROKE}]", plan.stroke_feed), "ENDFOR"]
+        return [*out, _retract(plan), *home]
     before: float | None = None
     for count, short in enumerate(plan.strokes):
         if short != before:
             out.append(_infeed(plan, short, plan.air_cut_feed if before is None else plan.infeed_feed))
         out.append(_move(plan.stroke.letter, low if count % 2 else high, plan.stroke_feed))
         before = short
-    home = [_move(plan.stroke.letter, low, plan.positioning_feed)] if len(plan.strokes) % 2 else []
     return [*out, _retract(plan), *home]
 
 

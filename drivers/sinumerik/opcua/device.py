@@ -19,6 +19,7 @@ from drivers.limits import VALUE_RESOLUTION, largest_value
 from drivers.ports.devices import Tell
 from drivers.programs import Origin, ProgramText, SelfTest, SelfTested
 from drivers.sinumerik.ncprogram.measuring import Setting
+from drivers.sinumerik.ncprogram.selftest import LOOPS
 from drivers.sinumerik.ncprogram.words import Word
 from drivers.sinumerik.opcua.dialogue import Dialogue
 from drivers.sinumerik.opcua.disabling import Disabling
@@ -221,6 +222,7 @@ class SinumerikOpcUa(Leaver, RunsPlans, KnownAs):
         """Place the set-up values, send, read back and select the program. Raises as its `prepare`."""
         await self._other_program()
         self._grinding.guards = await self._guards(*(axis.name for axis in plan.axes))
+        self._grinding.loops = LOOPS not in self._without
         text = await self._grinding.prepare(plan, self._configuration)
         self._grinds(plan, self._configuration.units)
         return text

@@ -59,6 +59,7 @@ class PartGrinding:
         self.plan: GrindPlan | None = None
         self.origin = NOBODY
         self.guards: tuple[Guard, ...] = ()
+        self.loops = True
 
     async def prepare(self, plan: GrindPlan, configuration: Configuration) -> str:
         """Place the set-up values, send the program, read both back and select it; returns its text.
@@ -88,7 +89,9 @@ class PartGrinding:
             axis.name: await self._reader.memory(configuration, axis.name, axis.encoder) for axis in plan.compensated
         }
         modulo = configuration.is_modulo(plan.index.name, rotary=True)
-        return GrindSetting(self._settings.words, memory, modulo, origin=self.origin, guards=self.guards)
+        return GrindSetting(
+            self._settings.words, memory, modulo, origin=self.origin, guards=self.guards, loops=self.loops
+        )
 
     async def ground(self, after: int, timeout_s: float) -> int | None:
         """Spaces done, once they are more than ``after`` (-1: once the program has begun); None when it has ended.

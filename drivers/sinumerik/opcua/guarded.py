@@ -6,7 +6,7 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 
 from drivers.programs import NOBODY, Moment
-from drivers.sinumerik.ncprogram.grinding import placed
+from drivers.sinumerik.ncprogram.grinding import GrindSetting, moves, placed
 from drivers.sinumerik.ncprogram.guarding import Guard, going, guards_of, left_safe
 from drivers.sinumerik.ncprogram.measuring import Parts, Setting, stops_of
 from drivers.sinumerik.ncprogram.messages import message
@@ -29,6 +29,7 @@ class GuardsPrograms(KeepsPlaces):
 
     _dialogue: Dialogue
     _transfer: Transfer
+    _settings: UaSettings
 
     async def _guards(self, *moved: str) -> tuple[Guard, ...]:
         """Of every axis that is not ``moved`` and stands in its safe place now. Raises as `state`."""
@@ -58,7 +59,8 @@ class GuardsPrograms(KeepsPlaces):
 
     def _grinds(self, plan: GrindPlan, units: Mapping[str, AxisUnit]) -> None:
         """As `_goes`, of the program of a plan with its set-up values."""
-        self._goes({one.letter: (one.name, units.get(one.name, "mm")) for one in plan.axes}, placed(plan))
+        axes = {one.letter: (one.name, units.get(one.name, "mm")) for one in plan.axes}
+        self.going = going("\n".join(moves(plan, GrindSetting(self._settings.words, {}))), axes, placed(plan))
 
     def _visits(self, parts: Parts) -> None:
         """As `_goes`, of these parts of the program alone."""
@@ -78,7 +80,6 @@ class RunsPlans(GuardsPrograms):
     name: str
     goes_on = False
     _reader: MachineReader
-    _settings: UaSettings
     _measuring: Measuring
     _grinding: PartGrinding
     _configuration = Configuration((), (), ())

@@ -25,20 +25,23 @@ HandShaken = Visits | StopPlan | TableQuestion | PushBatch | DisableOrder | Grin
 def on_paper(
     order: Order, settings: Mapping[str, Any], machine: PaperMachine, origin: Origin, where: str
 ) -> tuple[ProgramText, ...]:
-    """One program of an order, two of a push where the site loads and enables by two; their number is no real one.
+    """The programs of an order in the order in which they are sent; their number is no real one.
 
+    One each; two of a push where the site loads and enables by two; of several plans as many as the site's
+    ``plans_per_program`` makes of them.
     Raises ConfigError as `UaSettings.read`, and what writing and judging such a program raise.
     """
     if isinstance(order, DwellPlan):  # it shakes no hands, so it asks for no setting of the road
         axis = order.stops.axis
-        texts = {program_path("DWEL", axis): dwell.dwelling(order, axis in machine.modulo, origin)}
+        loops = selftest.LOOPS not in machine.without
+        texts = [(program_path("DWEL", axis), dwell.dwelling(order, axis in machine.modulo, origin, loops=loops))]
     else:
         texts = _texts(order, UaSettings.read(settings, where), machine, origin)
     stays = grinding.still(order) if isinstance(order, GrindPlan) else ()
-    return tuple(legal(path, text, machine.axes, still=stays).program for path, text in texts.items())
+    return tuple(legal(path, text, machine.axes, still=stays).program for path, text in texts)
 
 
-def _texts(order: HandShaken, settings: UaSettings, machine: PaperMachine, origin: Origin) -> dict[str, str]:
+def _texts(order: HandShaken, settings: UaSettings, machine: PaperMachine, origin: Origin) -> list[tuple[str, str]]:
     if isinstance(order, TableQuestion):
         order = reading_plan(order)
     if isinstance(order, StopPlan):
@@ -49,31 +52,43 @@ def _texts(order: HandShaken, settings: UaSettings, machine: PaperMachine, origi
         return _push(order, settings, machine, origin)
     if isinstance(order, DisableOrder):
         setting = _setting(order.axis, order.axis, settings, machine, origin)
-        return {program_path("OFF", order.axis): disabling.disabling(order, setting)}
+        return [(program_path("OFF", order.axis), disabling.disabling(order, setting))]
     if isinstance(order, SelfTest):
         setting = _setting(order.axis, order.axis, settings, machine, origin)
         text = selftest.self_test(order.axis, order.encoder, machine.number, setting)
-        return {program_path("SELF", order.axis): text}
+        return [(program_path("SELF", order.axis), text)]
     memory = {axis.name: _memory(axis.name, machine) for axis in order.compensated}
     guards = _guards(machine, *(axis.name for axis in order.axes))
-    given = GrindSetting(settings.words, memory, order.index.name in machine.modulo, origin=origin, guards=guards)
-    return {program_path("GRIND", order.index.name): grinding.grinding(order, machine.number, given)}
+    given = GrindSetting(
+        settings.words,
+        memory,
+        order.index.name in machine.modulo,
+        origin=origin,
+        guards=guards,
+        loops=selftest.LOOPS not in machine.without,
+    )
+    return [(program_path("GRIND", order.index.name), grinding.grinding(order, machine.number, given))]
 
 
-def _visits(plans: Sequence[StopPlan], settings: UaSettings, machine: PaperMachine, origin: Origin) -> dict[str, str]:
-    """The first program of these plans: with more of them than one holds, the others follow in programs like it."""
-    together = plans[: settings.plans_together]
+def _visits(
+    plans: Sequence[StopPlan], settings: UaSettings, machine: PaperMachine, origin: Origin
+) -> list[tuple[str, str]]:
+    """As many plans in each program as the site wants together; an axis stands where the plan before left it."""
     parts = []
     safe = set(machine.axes)
-    for plan in together:
+    for plan in plans:
         setting = _setting(plan.axis, plan.compensated_axis, settings, machine, origin)
         parts.append((plan, replace(setting, guards=guards_of(machine.places, machine.axes, safe - {plan.axis}))))
         safe = left_safe(safe, plan, machine.places)
-    path = program_path("MEAS", together[0].compensated_axis)
-    return {path: measuring.chained(parts, machine.number)}
+    count = settings.plans_together
+    together = [parts[first : first + count] for first in range(0, len(parts), count)]
+    return [
+        (program_path("MEAS", some[0][0].compensated_axis), measuring.chained(some, machine.number))
+        for some in together
+    ]
 
 
-def _push(batch: PushBatch, settings: UaSettings, machine: PaperMachine, origin: Origin) -> dict[str, str]:
+def _push(batch: PushBatch, settings: UaSettings, machine: PaperMachine, origin: Origin) -> list[tuple[str, str]]:
     loads: list[tuple[PushOrder, Setting]] = []
     for order in batch:
         setting = _setting(order.table.input_axis, order.table.output_axis, settings, machine, origin)
@@ -83,7 +98,7 @@ def _push(batch: PushBatch, settings: UaSettings, machine: PaperMachine, origin:
         {"LOAD": pushing.loading, "ENAB": pushing.enabling} if settings.two_programs else {"PUSH": pushing.pushing}
     )
     axis = batch[0].table.output_axis
-    return {program_path(purpose, axis): write(loads) for purpose, write in writers.items()}
+    return [(program_path(purpose, axis), write(loads)) for purpose, write in writers.items()]
 
 
 def _setting(moved: str, compensated: str, settings: UaSettings, machine: PaperMachine, origin: Origin) -> Setting:

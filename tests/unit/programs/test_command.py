@@ -38,6 +38,28 @@ def test_every_program_says_what_it_is_and_moves_and_what_to_do_when_it_stops(tm
     assert "; ---- new table" in text
 
 
+def test_every_program_is_written_where_one_does_not_hold_all_plans(tmp_path: Path) -> None:
+    site = site_file(tmp_path, "zero", plan=False)
+    text = site.read_text()
+    secured = 'settings = { security = "None"'
+    assert secured in text
+    site.write_text(text.replace(secured, f"{secured}, plans_per_program = 2", 1))
+    names = json.loads(run(site, "-o", tmp_path / "two", "--what", "measure", "--json"))["programs"]
+    site.write_text(text)
+    whole = json.loads(run(site, "-o", tmp_path / "one", "--what", "measure", "--json"))["programs"]
+
+    def plans(folder: str, wanted: list[str]) -> list[str]:
+        """What the operator is asked for and every target, in the order of the programs."""
+        texts = [(tmp_path / folder / name).read_text() for name in wanted]
+        return [line for one in texts for line in one.splitlines() if line.startswith(("MSG", "UTARGET[", "UFROM["))]
+
+    assert len(set(names)) == len(names) > len(whole)
+    assert plans("two", names) == plans("one", whole)
+    heads = [(tmp_path / "two" / name).read_text().partition("DEF")[0] for name in names]
+    assert any("in 2 parts" in " ".join(head.split()) for head in heads)
+    assert not any(f"in {count} parts" in " ".join(head.split()) for head in heads for count in range(3, 40))
+
+
 def test_a_file_that_is_there_stays_unless_forced(tmp_path: Path) -> None:
     folder, site = tmp_path / "out", site_file(tmp_path, "zero", plan=False)
     run(site, "-o", folder, "--what", "off")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -10,9 +11,15 @@ import pytest
 from typer.testing import CliRunner
 
 from drivers.errors import ConfigError
+from drivers.programs import NOBODY
+from drivers.sinumerik.ncprogram.dwell import dwelling
 from gateway.cli import app
+from gateway.config import load_site
+from gateway.workflow.dwelling import DwellWish
+from gateway.workflow.programs import _dwelling
 from tests.unit.nck.bench import SPEC, on_bench
 from tests.unit.programs.sites import site_file
+from tests.unit.sinumerik.test_grindprogram import PLAN, Walk
 
 RUNNER = CliRunner()
 TRAVELS = tuple(replace(axis, travel=(-420.0, 320.0)) if axis.letter == "X" else axis for axis in SPEC.axes)
@@ -27,22 +34,29 @@ def written(site: Path, folder: Path, *words: object) -> str:
 
 def test_each_target_is_stood_at_in_both_directions_and_nothing_is_written(tmp_path: Path) -> None:
     folder = tmp_path / "out"
-    told = written(site_file(tmp_path, "demo"), folder, "--dwell", 4.5, "--settling", 3)
+    site = site_file(tmp_path, "demo")
+    told = written(site, folder, "--dwell", 4.5, "--settling", 3)
     text = (folder / "dwell-X-TFDWEL_X1.MPF").read_text()
-    blocks = [line for line in text.splitlines() if not line.startswith(";")]
+    assert len(text.splitlines()) < 60
     rows = list(csv.DictReader((folder / "dwell-X-stops.csv").read_text().splitlines()))
-    assert blocks.count("G4 F4.5") == len(rows)
-    assert blocks.index("M0") < blocks.index("G4 F4.5")
     assert {row["direction"] for row in rows} == {"+", "-"}
-    assert not any("=" in block and block.startswith(("R", "$")) for block in blocks)
-    # each dwell follows a move to the target that the list names, from the side that it names
-    at, stood = None, []
-    for block in blocks:
-        if block.startswith("SUPA G1 X="):
-            before, at = at, float(block.split("=")[1].split(" ")[0])
-        elif block.startswith("G4"):
-            stood.append((at, "+" if before < at else "-"))
-    assert [(target, way) for target, way in stood] == [(float(row["target_mm"]), row["direction"]) for row in rows]
+    assert not re.search(r"^[R$].*=", text, re.MULTILINE)
+    wanted = [(float(row["target_mm"]), row["direction"]) for row in rows]
+    (_, order), *_ = _dwelling(load_site(site), DwellWish(4.5, 3.0))
+    unrolled = dwelling(order, modulo=False, origin=NOBODY, loops=False)
+    assert unrolled.count("SUPA G1 X=") > len(rows)
+    for program in (text, unrolled):  # each dwell follows a move to the target that the list names, from its side
+        walk = Walk(PLAN, {}, {"X": -3.0})
+        walk.run(program)
+        sides, last = [], 0
+        for at, seconds in walk.stood:
+            last = next(place for place in range(last, len(walk.moves) + 1) if walk.moves[place][2] == at["X"])
+            _, here, to = walk.moves[last]
+            sides.append((to, "+" if here < to else "-"))
+            last += 1
+            assert seconds == 4.5
+        assert sides == wanted
+        assert walk.said == ['MSG("AT THE FIRST TARGET: ZERO THE LASER, START THE CAPTURE, PRESS NC START")', 'MSG("")']
     listed = [float(line) for line in (folder / "dwell-X-targets.txt").read_text().split()]
     assert listed == sorted({float(row["target_mm"]) for row in rows})
     assert f"X1: {len(rows)} stops of 4.5 s" in told

@@ -6,6 +6,7 @@ import math
 import re
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -49,11 +50,13 @@ class Walk:
     """Does the blocks of a program as an ideal machine would; every move is (letter, from, to)."""
 
     plan: GrindPlan
-    r: dict[str, float]
+    r: dict[str, Any]
     at: dict[str, float]
     moves: list[tuple[str, float, float]] = field(default_factory=list)
     cuts: list[tuple[float, float, float]] = field(default_factory=list)
     feeds: list[float] = field(default_factory=list)
+    loops: list[tuple[int, str, str]] = field(default_factory=list)
+    stood: list[tuple[dict[str, float], float]] = field(default_factory=list)
     runs: bool = False
     running: list[bool] = field(default_factory=list)
     said: list[str] = field(default_factory=list)
@@ -72,19 +75,48 @@ class Walk:
         if jump:
             return labels[jump[2]] if self._value(jump[1]) else line
         if block.startswith("IF "):
-            return line if self._value(block[3:]) else lines.index("ENDIF", line)
-        if block.startswith("FOR USPACE="):
-            self.r["USPACE"] = 0
-        elif block == "ENDFOR":
-            self.r["USPACE"] += 1
-            head = max(place for place in range(line) if lines[place].startswith("FOR "))
-            return head if self.r["USPACE"] <= self._value(lines[head].split(" TO ")[1]) else line
-        elif block.startswith("SUPA G1 "):
+            return line if self._value(block[3:]) else _next(lines, line, "ELSE", "ENDIF")
+        if block == "ELSE":
+            return _next(lines, line, "ENDIF")
+        if block.startswith(("FOR ", "ENDFOR")):
+            return self._loop(block, line)
+        if block.startswith("SUPA G1 "):
             self._move(*block.split()[2].split("=", 1))
-            self.feeds.append(float(block.split()[3].removeprefix("F=")))
+            self.feeds.append(self._value(block.split()[3].removeprefix("F=")))
             self.running.append(self.runs)
-        elif block in ("S1500 M3", "M5"):
+        elif not self._noted(block):
+            self._assign(block)
+        return line
+
+    def _loop(self, block: str, line: int) -> int:
+        loop = re.fullmatch(r"FOR (\w+)=(.+) TO (.+)", block)
+        if loop:
+            self.r[loop[1]] = int(self._value(loop[2]))
+            self.loops.append((line, loop[1], loop[3]))
+            return line
+        begin, name, last = self.loops[-1]
+        self.r[name] += 1
+        if self.r[name] <= self._value(last):
+            return begin
+        self.loops.pop()
+        return line
+
+    def _noted(self, block: str) -> bool:
+        if block in ("S1500 M3", "M5"):
             self.runs = block != "M5"
+        elif block.startswith("G4 F"):
+            self.stood.append((dict(self.at), float(block[4:])))
+        elif block.startswith("MSG("):
+            self.said.append(block)
+        else:
+            return False
+        return True
+
+    def _assign(self, block: str) -> None:
+        filled = re.fullmatch(r"(\w+)\[(\d+)\]=SET\((.+)\)", block)
+        if filled:
+            row = self.r.setdefault(filled[1], {})
+            row |= {int(filled[2]) + place: float(one) for place, one in enumerate(filled[3].split(","))}
         elif re.fullmatch(r"R80=R80\+1", block):
             self.r["R80"] += 1
             self.counted_at.append(dict(self.at))
@@ -92,14 +124,12 @@ class Walk:
         elif re.fullmatch(r"[A-Z]\w*=[^\"]+", block):
             name, value = block.split("=", 1)
             self.r[name] = self._value(value)
-        elif block.startswith("MSG("):
-            self.said.append(block)
         else:
-            assert re.match(r"(;|DEF|G17|TRAFOOF$|STOPRE$|G4 F|M0$|TF_|ENDIF)", block), block
-        return line
+            assert re.match(r"(;|DEF|G17|TRAFOOF$|STOPRE$|M0$|TF_|ENDIF)", block), block
 
     def _value(self, text: str) -> float:
-        return float(eval(text.replace("<>", "!="), {"ABS": abs, **self.r}))  # noqa: S307 - our own text
+        said = text.replace("<>", "!=").replace(" AND ", " and ").replace(" OR ", " or ")
+        return float(eval(said, {"ABS": abs, **self.r}))  # noqa: S307 - our own text
 
     def _move(self, letter: str, word: str) -> None:
         found = re.fullmatch(r"(?:(DC|ACP|ACN)\()?([^()]+)\)?", word)
@@ -114,11 +144,24 @@ class Walk:
             self.cuts.append((self.at["X"], self.at["C"], to - here))
 
 
-def walked(plan: GrindPlan, abort_after: int = 10**6, start: tuple[float, float] = (-3.0, 200.0)) -> Walk:
+def _next(lines: list[str], line: int, *ends: str) -> int:
+    """The end of the branch that begins at a line, past all that is within it."""
+    depth = 0
+    for place in range(line + 1, len(lines)):
+        block = lines[place]
+        if not depth and block in ends:
+            return place
+        depth += (block.startswith("IF ") and "GOTOF" not in block) - (block == "ENDIF")
+    raise AssertionError("no end")
+
+
+def walked(
+    plan: GrindPlan, abort_after: int = 10**6, start: tuple[float, float] = (-3.0, 200.0), *, loops: bool = True
+) -> Walk:
     """The program of a plan, from somewhere with C turned somewhere."""
     values = {"R77": plan.x_mm, "R78": plan.c_deg, "R79": plan.dressing_mm, "R86": 0.0, "R89": 123456.0}
     walk = Walk(plan, values, {"X": start[0], "V": 7.0, "Z": 3.0, "C": start[1]}, abort_after=abort_after)
-    text = grinding(replace(plan, save_tables=False), 123456, GrindSetting(Words(), {}))
+    text = grinding(replace(plan, save_tables=False), 123456, GrindSetting(Words(), {}, loops=loops))
     parse(text)
     walk.run(text)
     return walk
@@ -127,6 +170,7 @@ def walked(plan: GrindPlan, abort_after: int = 10**6, start: tuple[float, float]
 def test_the_text_is_the_golden_one() -> None:
     plain = grinding(replace(PLAN, save_tables=False), 123456, GrindSetting(Words(), {}))
     assert plain == GOLDEN.read_text(encoding="ascii")
+    assert len(plain.splitlines()) < 110
     text = grinding(PLAN, 123456, GrindSetting(Words(), MEMORY))
     parse(text)
     assert "MA_MM_" not in text
@@ -171,6 +215,23 @@ def test_every_axis_comes_from_one_side_and_c_turns_only_with_the_wheel_clear(
     assert at["V"] == pytest.approx(12.5 + plan.dressing_mm, abs=1e-9)
     assert not any(on for (letter, *_), on in zip(walk.moves, walk.running, strict=True) if letter == "V")
     assert walk.r["R90"] == 7
+
+
+def test_a_control_that_takes_no_tables_gets_the_same_strokes_one_by_one() -> None:
+    for rough, spark in (((0.05, 0.02), 1), ((), 0), ((0.1, 0.05, 0.01), 3)):
+        plan = replace(SHIFTED, rough_mm=rough, spark_out=spark, x_mm=0.01, overrun_mm=12.0, spaces=5)
+        looped, unrolled = walked(plan), walked(plan, loops=False)
+        moved = [
+            [one for one in zip(walk.moves, walk.feeds, walk.running, strict=True) if one[0][1] != one[0][2]]
+            for walk in (looped, unrolled)
+        ]
+        assert moved[0] == moved[1]
+        assert looped.cuts == unrolled.cuts
+    assert "SET(" not in grinding(plan, 123456, GrindSetting(Words(), MEMORY, loops=False))
+    shown = [
+        grinding(plan, 1, GrindSetting(Words(), MEMORY, loops=loops)).partition("DEF")[0] for loops in (True, False)
+    ]
+    assert shown[0] == shown[1]  # and people read the same of both
 
 
 def test_people_come_to_a_clear_wheel_and_spaces_are_counted_with_the_wheel_clear() -> None:
