@@ -5,13 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from math import isnan
 
 import numpy as np
 
 from drivers.errors import FileFormatError
-from drivers.files.numbers import MOST_TOLD, beyond, no_readings
-from drivers.files.readings import Reading, Readings
+from drivers.files.numbers import FARTHEST, MOST_TOLD, no_readings
+from drivers.files.readings import Readings, Rows, Whole
 from drivers.types.doubts import Doubt
 from drivers.types.results import MeasuredSet
 from drivers.types.values import FloatArray
@@ -44,23 +43,26 @@ def assembled(
     E-FILE-EXCHANGED for targets in the column of positions. Readings out of line by orders
     of magnitude are a blocking doubt, unless a person ``confirmed`` them.
     """
-    rows = tuple(row for row in found.rows if not isnan(row.value))
-    if not rows:
+    lost = np.isnan(found.rows.value)
+    rows = found.rows.where(~lost) if lost.any() else found.rows
+    if not len(rows):
         raise FileFormatError("E-FILE-ROWS", where)
     if found.quantity == "length":
-        raise FileFormatError("E-FILE-LENGTH", where, line=rows[0].line, targets=len({row.target for row in rows}))
+        count = np.unique(rows.target).size
+        raise FileFormatError("E-FILE-LENGTH", where, line=int(rows.line[0]), targets=count)
     if found.quantity == "position" and not confirmed:
         _refuse_exchanged(rows, where)
     targets, crossed = _unwrapped(found, rows)
     own = TARGET_UNITS[found.target_unit][1]  # a reading counts as its target does, not as the target of the record
-    from_ = targets if found.quantity == "increment" else [row.target * own for row in rows]
+    from_ = targets if found.quantity == "increment" else rows.target * own
     values, turned = _deviations(found, rows, from_, where)
-    for row, target, value in zip(rows, targets, values, strict=True):
-        if beyond(target, value):
-            why = f"target {row.target:g} with {found.quantity} {row.value:g} is no measurement"
-            raise _wrong(where, row.line, why)
+    beyond = ~((np.abs(targets) <= FARTHEST) & (np.abs(values) <= FARTHEST))
+    if beyond.any():
+        row = rows.row(int(np.argmax(beyond)))
+        why = f"target {row.target:g} with {found.quantity} {row.value:g} is no measurement"
+        raise _wrong(where, row.line, why)
     grid = _arranged(rows, targets, values, where)
-    doubts = (*found.doubts, *crossed, *turned, *_missing(found.rows))
+    doubts = (*found.doubts, *crossed, *turned, *_missing(found.rows.where(lost)))
     measured = MeasuredSet(grid.targets, grid.deviations, found.axis_unit, header=header, doubts=doubts)
     kept = _judged(measured, where, grid, apart=found.apart, confirmed=confirmed, refuses=True)
     return replace(kept, warnings=(*_notes(kept.deviations), *warnings))
@@ -80,25 +82,31 @@ def _wrong(where: str, line: int, why: str) -> FileFormatError:
 # ------------------------------------------------------------------------------------------------- units and turns
 
 
-def _unwrapped(found: Readings, rows: tuple[Reading, ...]) -> tuple[list[float], tuple[Doubt, ...]]:
+def _unwrapped(found: Readings, rows: Rows) -> tuple[FloatArray, tuple[Doubt, ...]]:
     """Targets in mm or deg; where an axis was measured through the end of its turn, 340 deg counts as -20 deg."""
     kind, scale = TARGET_UNITS[found.target_unit]
-    targets = [row.target * scale for row in rows]
-    if kind != "deg" or not all(0.0 <= target <= TURN for target in targets):
+    targets = rows.target * scale
+    if kind != "deg" or not bool(np.all((targets >= 0.0) & (targets <= TURN))):
         return targets, ()
-    passes: dict[tuple[int, int], list[float]] = {}
-    for row, target in zip(rows, targets, strict=True):
-        passes.setdefault((row.approach, row.run), []).append(target)
-    cuts = [_cut(own, -1.0 if way else 1.0) for (way, _run), own in passes.items()]
+    passes = [(way, targets[which].tolist()) for way, which in _passes(rows)]
+    cuts = [_cut(own, -1.0 if way else 1.0) for way, own in passes]
     known = [one for one in cuts if one is not None]
-    if not known or len(known) < len([own for own in passes.values() if len(own) > 1]):
+    if not known or len(known) < len([own for _way, own in passes if len(own) > 1]):
         return targets, ()
     low, high = max(one[0] for one in known), min(one[1] for one in known)
     if low >= high:
         return targets, ()
-    moved = [target - TURN if target >= high else target for target in targets]
+    moved = np.where(targets >= high, targets - TURN, targets)
     doubt = Doubt("S-READ-CROSSED", "", numbers={"first": high, "as_target": high - TURN})
     return moved, (doubt,)
+
+
+def _passes(rows: Rows) -> list[tuple[int, Whole]]:
+    """Way and places of each pass, in the order of its readings."""
+    key = rows.run * 2 + rows.approach
+    order = np.argsort(key, kind="stable")
+    starts = np.flatnonzero(np.diff(key[order])) + 1
+    return [(int(rows.approach[own[0]]), own) for own in np.split(order, starts)]
 
 
 def _cut(targets: list[float], sense: float) -> tuple[float, float] | None:
@@ -112,44 +120,41 @@ def _cut(targets: list[float], sense: float) -> tuple[float, float] | None:
     return max(low), min(high)
 
 
-def _deviations(
-    found: Readings, rows: tuple[Reading, ...], targets: list[float], where: str
-) -> tuple[list[float], tuple[Doubt, ...]]:
+def _deviations(found: Readings, rows: Rows, targets: FloatArray, where: str) -> tuple[FloatArray, tuple[Doubt, ...]]:
     """Deviations in um or arcsec; angles are subtracted as angles, a whole turn more or less is none."""
     scale = deviation_scale(found.axis_unit)
     if found.quantity == "deviation":
-        factor = READING_UNITS[found.unit][1]
-        values = [found.sense * row.value * factor for row in rows]
+        values = found.sense * rows.value * READING_UNITS[found.unit][1]
     else:
         factor, own = TARGET_UNITS[found.unit][1], TARGET_UNITS[found.target_unit][1]
-        read = [found.sense * row.value * factor for row in rows]
+        read = found.sense * rows.value * factor
         if found.quantity == "increment":
-            read = _summed(rows, read, targets, where)
-            values = [(one - target) * scale for one, target in zip(read, targets, strict=True)]
+            values = (_summed(rows, read, targets, where) - targets) * scale
         else:
-            datum = found.datum * own
-            values = [(one - (target - datum)) * scale for one, target in zip(read, targets, strict=True)]
+            values = (read - (targets - found.datum * own)) * scale
     if not found.circular:
         return values, ()
-    whole = [float(np.round(value / (TURN * scale))) for value in values]
-    over = [row for row, turns in zip(rows, whole, strict=True) if turns]
-    if not over:
+    whole = np.round(values / (TURN * scale))
+    over = whole != 0.0
+    if not over.any():
         return values, ()
-    values = [value - turns * TURN * scale for value, turns in zip(values, whole, strict=True)]
-    return values, (Doubt("S-READ-TURNS", where, numbers={"count": len(over)}, names={"stops": _told(over)}),)
+    doubt = Doubt("S-READ-TURNS", where, numbers={"count": int(over.sum())}, names={"stops": _told(rows.where(over))})
+    return values - whole * TURN * scale, (doubt,)
 
 
-def _summed(rows: tuple[Reading, ...], read: list[float], targets: list[float], where: str) -> list[float]:
+def _summed(rows: Rows, read: FloatArray, targets: FloatArray, where: str) -> FloatArray:
     """Positions out of steps: the first stop of a run is its datum, and its own step must be zero."""
     last: dict[tuple[int, int], float] = {}
     found = []
-    for row, step, target in zip(rows, read, targets, strict=True):
-        key = (row.approach, row.run)
+    columns = (rows.approach.tolist(), rows.run.tolist(), read.tolist(), targets.tolist())
+    for at, (way, run, step, target) in enumerate(zip(*columns, strict=True)):
+        key = (way, run)
         if key not in last and step != 0.0:
+            row = rows.row(at)
             raise _wrong(where, row.line, f"the first step of run {row.run} is {row.value:g}: it counts from no stop")
         last[key] = last[key] + step if key in last else target
         found.append(last[key])
-    return found
+    return np.array(found)
 
 
 # --------------------------------------------------------------------------------------------------------- the grid
@@ -165,38 +170,45 @@ class _Grid:
     lines: np.ndarray
 
 
-def _arranged(rows: tuple[Reading, ...], targets: list[float], values: list[float], where: str) -> _Grid:
-    places = sorted(set(targets))
-    row_of = {target: at for at, target in enumerate(places)}
+def _arranged(rows: Rows, targets: FloatArray, values: FloatArray, where: str) -> _Grid:
+    places = np.unique(targets + 0.0)
+    places[places == 0.0] = targets[targets == 0.0][:1]  # as it was written, -0 or 0
+    at = np.searchsorted(places, targets)
     column = _repetitions(rows)
-    deviations = no_readings(len(places), 1 + max(column.values()), where)
+    deviations = no_readings(len(places), 1 + int(column.max()), where)
     written = deviations.copy()
     lines = np.zeros(deviations.shape, np.int64)
-    for row, target, value in zip(rows, targets, values, strict=True):
-        at = (row_of[target], column[row.approach, row.run], row.approach)
-        if not np.isnan(deviations[at]):
-            raise _wrong(where, row.line, f"target {row.target:g}, repetition {row.run} in this direction occurs twice")
-        deviations[at], written[at], lines[at] = value, row.value, row.line
-    return _Grid(np.array(places, np.float64), deviations, written, lines)
+    cell = (at, column, rows.approach)
+    flat = np.ravel_multi_index(cell, deviations.shape)
+    if int(np.bincount(flat, minlength=deviations.size).max()) > 1:
+        again = np.ones(flat.size, np.bool_)
+        again[np.unique(flat, return_index=True)[1]] = False
+        row = rows.row(int(np.argmax(again)))
+        raise _wrong(where, row.line, f"target {row.target:g}, repetition {row.run} in this direction occurs twice")
+    deviations[cell], written[cell], lines[cell] = values, rows.value, rows.line
+    return _Grid(places, deviations, written, lines)
 
 
-def _repetitions(rows: tuple[Reading, ...]) -> dict[tuple[int, int], int]:
-    """(way, number) -> repetition from 0. Numbers that no way shares count one-way passes, as vendors do."""
-    numbers = [sorted({row.run for row in rows if row.approach == way}) for way in (0, 1)]
-    if not set(numbers[0]) & set(numbers[1]):
-        return {(way, number): at for way in (0, 1) for at, number in enumerate(numbers[way])}
-    every = sorted({*numbers[0], *numbers[1]})
-    return {(way, number): at for way in (0, 1) for at, number in enumerate(every)}
+def _repetitions(rows: Rows) -> Whole:
+    """The repetition of each reading, from 0. Numbers that no way shares count one-way passes, as vendors do."""
+    ways = [rows.approach == way for way in (0, 1)]
+    numbers = [np.unique(rows.run[own]) for own in ways]
+    if np.intersect1d(numbers[0], numbers[1]).size:
+        numbers = [np.union1d(numbers[0], numbers[1])] * 2
+    found = np.zeros(len(rows), np.int32)
+    for own, known in zip(ways, numbers, strict=True):
+        found[own] = np.searchsorted(known, rows.run[own])
+    return found
 
 
-def _missing(rows: Iterable[Reading]) -> tuple[Doubt, ...]:
-    lost = [row for row in rows if isnan(row.value)]
-    return (Doubt("S-READ-MISSING", "", numbers={"count": len(lost)}, names={"stops": _told(lost)}),) if lost else ()
+def _missing(lost: Rows) -> tuple[Doubt, ...]:
+    count = len(lost)
+    return (Doubt("S-READ-MISSING", "", numbers={"count": count}, names={"stops": _told(lost)}),) if count else ()
 
 
-def _told(rows: Iterable[Reading]) -> str:
+def _told(rows: Rows) -> str:
     """Lines with their targets, a few of them and how many more."""
-    every = sorted({(row.line, row.target) for row in rows})
+    every = sorted(set(zip(rows.line.tolist(), rows.target.tolist(), strict=True)))
     return _several(f"line {line} ({target:g})" for line, target in every)
 
 
@@ -241,11 +253,11 @@ def _judged(
     return replace(measured, doubts=doubts)
 
 
-def _refuse_exchanged(rows: tuple[Reading, ...], where: str) -> None:
+def _refuse_exchanged(rows: Rows, where: str) -> None:
     """Targets are visited again and again, readings are not: where it is the other way round, so are the columns."""
-    targets, values = {row.target for row in rows}, {row.value for row in rows}
-    if len(targets) > LEAST_FOR_SPREAD * len(values) > LEAST_FOR_SPREAD:
-        raise FileFormatError("E-FILE-EXCHANGED", where, line=rows[0].line, targets=len(targets), values=len(values))
+    targets, values = np.unique(rows.target).size, np.unique(rows.value).size
+    if targets > LEAST_FOR_SPREAD * values > LEAST_FOR_SPREAD:
+        raise FileFormatError("E-FILE-EXCHANGED", where, line=int(rows.line[0]), targets=targets, values=values)
 
 
 def _refuse_length(grid: _Grid, span: float, kind: AxisUnit, where: str) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import re
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from math import isnan, nan
 from pathlib import Path
@@ -17,13 +17,14 @@ from drivers.files.assembly import assembled
 from drivers.files.columns import ColumnMap
 from drivers.files.csvtext import table_text
 from drivers.files.numbers import decimal, like_number, missing, whole
-from drivers.files.readings import Reading, Readings
+from drivers.files.readings import Reading, Readings, Rows
 from drivers.files.signature import signature_of
 from drivers.files.tables.heading import table_heading
 from drivers.files.tables.headwords import DIRECTIONS
 from drivers.files.tables.indexed import indexed, is_indexed
 from drivers.files.tables.layout import NONE, Layout, layout, no_heading, understood_as
 from drivers.files.tables.order import by_order, by_steps, counted
+from drivers.files.tables.plain import MOST_REPETITIONS, plain_table
 from drivers.files.tables.sheet import Row, Sheet, declared_sheet, heading_of, sheets_of
 from drivers.files.text import end_doubts, other_texts, plain_minus, read_bytes
 from drivers.files.workbook import is_workbook, workbook_text
@@ -39,7 +40,6 @@ from drivers.units import (
     typed_unit,
 )
 
-MOST_REPETITIONS = 10_000
 ONE_WAY = ("runs", "up", "down")
 AGREE_UM, NEARLY = 1.0, 0.01
 """Positions and deviations of one row may differ by so much, um or arcsec, and by a hundredth: rounding."""
@@ -94,8 +94,7 @@ class CsvFormat:
 
     def _readings(self, path: Path, said: ColumnMap) -> tuple[tuple[Readings, Mapping[str, str], tuple[str, ...]], str]:
         where = str(path)
-        data = read_bytes(path)
-        texts = self._texts(path, data)
+        texts = self._texts(path)
         first = next(texts)
         try:
             return readings_of(first, said, where, mixed=self._mixed), first
@@ -108,12 +107,15 @@ class CsvFormat:
                     return readings_of(other, said, where, mixed=self._mixed), other
             raise
 
-    def _texts(self, path: Path, data: bytes) -> Any:
+    def _texts(self, path: Path) -> Iterator[str]:
+        data = read_bytes(path)
         if is_workbook(path, data):
             yield workbook_text(data, self._said, str(path))
             return
-        yield plain_minus(decode(data, self._codepage, str(path)))
-        yield from map(plain_minus, other_texts(data))
+        text = plain_minus(decode(data, self._codepage, str(path)))
+        del data  # a large file is not held twice
+        yield text
+        yield from map(plain_minus, other_texts(read_bytes(path)))
 
     def signature(self, path: Path) -> str:
         """What tables of the same layout have in common, "" for one without a heading. Raises FileFormatError."""
@@ -165,7 +167,11 @@ def readings_of(text: str, said: ColumnMap, where: str, *, mixed: bool = False) 
         if not unit:
             raise FileFormatError("E-FILE-CSV-UNIT", where, found="TGT_DATA", columns="target_unit=mm reading_unit=mm")
         rows = tuple(Reading(at, key[0], key[1], run=key[2], value=value) for at, key, value in indexed_rows)
-        return Readings("position", unit, unit, rows), {}, ()
+        return Readings("position", unit, unit, Rows.of(rows)), {}, ()
+    plain = plain_table(text, said, where, mixed=mixed)
+    if plain is not None:
+        chosen, sheet, columns = plain
+        return _found(chosen, sheet, said, where, columns, mixed=mixed)
     if said.whole:
         sheets: tuple[Sheet, ...] = (declared_sheet(text, said.skip, said.separator, said.needed),)
     else:
@@ -185,18 +191,23 @@ def readings_of(text: str, said: ColumnMap, where: str, *, mixed: bool = False) 
 def _of_sheet(sheet: Sheet, said: ColumnMap, where: str, text: str, *, mixed: bool) -> Found:
     found, plain = layout(sheet, said, where, mixed=mixed)
     rows, notes = _rows(plain, found, where, cut=_cut_line(text))
+    readings, words, more = _found(found, plain, said, where, Rows.of(rows), mixed=mixed)
+    return readings, words, (*notes, *more)
+
+
+def _found(found: Layout, plain: Sheet, said: ColumnMap, where: str, rows: Rows, *, mixed: bool) -> Found:
     readings = Readings(
         found.quantity,
         found.unit,
         found.target_unit,
-        tuple(rows),
+        rows,
         axis=plain.said.get("Axis", ""),
         datum=said.datum,
         sense=said.sense,
         mixed=mixed,
         doubts=(Doubt("S-READ-COLUMNS", where, names={"columns": ", ".join(found.aside)}),) if found.aside else (),
     )
-    return readings, plain.said, (*notes, *plain.notes)
+    return readings, plain.said, plain.notes
 
 
 def _cut_line(text: str) -> int:
@@ -213,8 +224,8 @@ def _joined(one: Found, other: Found, where: str) -> Found:
     """Two tables of opposite ways as one set. Raises FileFormatError (E-FILE-BESIDE) where they do not fit."""
     (first, words, notes), (second, more, others) = one, other
     units = [(part.quantity, part.unit, part.target_unit) for part in (first, second)]
-    ways = [{row.approach for row in part.rows} for part in (first, second)]
-    places = [{row.target for row in part.rows} for part in (first, second)]
+    ways = [set(np.unique(part.rows.approach).tolist()) for part in (first, second)]
+    places = [set(part.rows.target.tolist()) for part in (first, second)]
     if units[0] != units[1]:
         raise FileFormatError("E-FILE-BESIDE", where, why=f"one holds {_named(units[0])}, the other {_named(units[1])}")
     if ways[0] & ways[1] or len(ways[0] | ways[1]) != len(WAY):
@@ -228,7 +239,7 @@ def _joined(one: Found, other: Found, where: str) -> Found:
             why = f"one states {key} {words[key]!r}, the other {more[key]!r}"
             raise FileFormatError("E-FILE-BESIDE", where, why=why)
     doubts = tuple(dict.fromkeys(first.doubts)) if first.doubts == second.doubts else (*first.doubts, *second.doubts)
-    both = replace(first, rows=(*first.rows, *second.rows), doubts=doubts)
+    both = replace(first, rows=first.rows.and_then(second.rows), doubts=doubts)
     return both, {**more, **words}, tuple(dict.fromkeys((*notes, *others)))
 
 

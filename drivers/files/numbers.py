@@ -62,11 +62,6 @@ def whole(token: str) -> int | None:
     return int(token.partition(".")[0]) if _WHOLE.match(token) else None
 
 
-def beyond(target: float, deviation: float) -> bool:
-    """Whether no measurement can hold this target (mm, deg) or deviation (um, arcsec)."""
-    return not (abs(target) <= FARTHEST and abs(deviation) <= FARTHEST)
-
-
 def uses_comma(tokens: str) -> bool:
     """True where these numbers are written with a decimal comma: commas occur and points do not."""
     return "," in tokens and "." not in tokens
@@ -147,6 +142,12 @@ def decimal_mark(columns: Iterable[Iterable[tuple[int, str]]], where: str, *, qu
             raise _marks(where, (one, plain_beside or one))
         return mark
     return "."
+
+
+def mark_of(cell: str) -> str:
+    """The decimal mark that a cell proves by itself, as `_mark_of`; its thousands may stand apart."""
+    plain = ungrouped(cell)
+    return _mark_of(plain, grouped=plain != cell)
 
 
 def _mark_of(cell: str, *, grouped: bool) -> str:

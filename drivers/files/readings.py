@@ -2,13 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Literal, get_args
+from typing import Any, Literal, get_args
+
+import numpy as np
+from numpy.typing import NDArray
 
 from drivers.errors import ConfigError
 from drivers.types.doubts import Doubt
+from drivers.types.values import FloatArray
 from drivers.units import READING_UNITS, TARGET_UNITS, AxisUnit
 
+Whole = NDArray[np.integer[Any]]
 Quantity = Literal["deviation", "position", "increment", "length"]
 
 
@@ -21,6 +27,49 @@ class Reading:
     approach: int
     run: int
     value: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Rows:
+    """Readings by column, each (k,), in the order in which they were written: a million take no million objects."""
+
+    line: Whole
+    target: FloatArray
+    approach: Whole
+    run: Whole
+    value: FloatArray
+
+    @classmethod
+    def of(cls, rows: Sequence[Reading]) -> Rows:
+        """The same readings by column."""
+        whole = (np.array([getattr(row, name) for row in rows], np.int64) for name in ("line", "approach", "run"))
+        line, approach, run = whole
+        target, value = (np.array([getattr(row, name) for row in rows], np.float64) for name in ("target", "value"))
+        return cls(line, target, approach, run, value=value)
+
+    def __len__(self) -> int:
+        return int(self.line.size)
+
+    def row(self, at: int) -> Reading:
+        """One of them."""
+        line, approach, run = (int(column[at]) for column in (self.line, self.approach, self.run))
+        return Reading(line, float(self.target[at]), approach, run, value=float(self.value[at]))
+
+    def where(self, which: NDArray[np.bool_]) -> Rows:
+        """Those that are chosen (k,)."""
+        return Rows(
+            self.line[which], self.target[which], self.approach[which], self.run[which], value=self.value[which]
+        )
+
+    def and_then(self, other: Rows) -> Rows:
+        """These, and the others behind them."""
+        return Rows(
+            np.concatenate((self.line, other.line)),
+            np.concatenate((self.target, other.target)),
+            np.concatenate((self.approach, other.approach)),
+            np.concatenate((self.run, other.run)),
+            value=np.concatenate((self.value, other.value)),
+        )
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,7 +85,7 @@ class Readings:
     quantity: Quantity
     unit: str
     target_unit: str
-    rows: tuple[Reading, ...]
+    rows: Rows
     axis: str = ""
     datum: float = 0.0
     sense: int = 1

@@ -17,7 +17,7 @@ FEWEST_NUMBERS = 2
 def heading(text: str) -> tuple[str, ...]:
     """The lines before the first row of numbers, blank ones left out; empty where there is no such row."""
     found: list[str] = []
-    for line in _BREAK.split(text)[:MOST_LINES]:
+    for line in _BREAK.split(text, MOST_LINES)[:MOST_LINES]:
         if _numbers(line) >= FEWEST_NUMBERS:
             return tuple(found)
         if line.strip():

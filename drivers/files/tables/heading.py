@@ -12,12 +12,13 @@ from drivers.types.results import TableColumn, TableHeading
 
 _BREAK = re.compile(r"\r\n|\n|\r")
 ROWS_LOOKED_AT = 20
+LINES_LOOKED_AT = 10 * MOST_LINES
 ROLES = {"target": "target", "direction": "direction", "repetition": "repetition", "deviation": "reading"}
 
 
 def table_heading(text: str) -> TableHeading | None:
     """The first heading with a column of targets and rows of numbers under it; None where there is none."""
-    lines = _BREAK.split(text)
+    lines = _BREAK.split(text, LINES_LOOKED_AT)[:LINES_LOOKED_AT]
     for at, line in enumerate(lines[:MOST_LINES]):
         separator = next((mark for mark in MARKS if mark in line), "")
         heads = tuple(cells(line, separator))

@@ -23,7 +23,7 @@ _BEGINS = re.compile(r"^\s*TGT_DATA\[\d", re.MULTILINE)
 
 def is_indexed(text: str) -> bool:
     """Whether a text is of this kind."""
-    return _BEGINS.search(text) is not None
+    return "TGT_DATA[" in text and _BEGINS.search(text) is not None
 
 
 def indexed(text: str, where: str) -> tuple[str, list[tuple[int, tuple[float, int, int], float]]]:

@@ -117,6 +117,16 @@ def layout(sheet: Sheet, said: ColumnMap, where: str, *, mixed: bool = False) ->
     return found, plain
 
 
+def told_by_heading(sheet: Sheet, found: Layout, said: ColumnMap) -> bool:
+    """Whether columns for target, way, run and reading, and their units, are told by the heading alone, not by rows."""
+    heads = [head_cell(cell) for cell in sheet.heads]
+    if found.passes or found.beside != NONE or found.ways or NONE in found.columns:
+        return False
+    units = all(unit_named(heads[column].unit) for column in (found.columns[0], found.columns[3]))
+    named = heads[found.columns[3]].meaning in ("deviation", "position")
+    return units and named and not _unnamed(heads, _places(heads, said))
+
+
 # ------------------------------------------------------------------------------------------------ which column is what
 
 

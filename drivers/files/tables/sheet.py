@@ -325,7 +325,7 @@ def _unit_above(lines: Sequence[tuple[int, str]]) -> str:
 
 def words_above(text: str, count: int) -> Mapping[str, str]:
     """What a file states about itself in its first ``count`` lines: "Machine: Mill 7"."""
-    return _said([(at, line.lstrip("# \t")) for at, line in enumerate(_BREAK.split(text)[:count], start=1)])
+    return _said([(at, line.lstrip("# \t")) for at, line in enumerate(_BREAK.split(text, count + 1)[:count], start=1)])
 
 
 def _said(lines: Sequence[tuple[int, str]]) -> Mapping[str, str]:
