@@ -38,6 +38,8 @@ PART = GrindPlan(
     stock_mm=0.25,
     x_mm=0.012345,
     c_deg=-0.0125,
+    dressing_mm=0.004,
+    wheel_offset=200,
 )
 STOPS = tuple(
     Stop(target, approach, repetition, label)
@@ -171,7 +173,7 @@ async def test_an_alarm_ends_the_wait_with_its_number(keys: Path) -> None:
 
 async def test_a_part_is_counted_space_by_space_and_carries_the_tables_that_acted(keys: Path) -> None:
     async with on_stage(folder=keys) as on:
-        for number in (77, 78, 79, 80):
+        for number in (77, 78, 79, 80, 200):
             on.nck.set(f"R[{number}]", 7.5, 7)
         missing = replace(PART, dresser=GrindAxis("Y1", "Y"))
         await refused(on.device.prepare_grinding(missing), "E-NC-AXIS")
@@ -180,7 +182,7 @@ async def test_a_part_is_counted_space_by_space_and_carries_the_tables_that_acte
         text = await on.device.prepare_grinding(PART)
         assert on.nck.files.read("/_N_MPF_DIR/_N_TFGRIND_C1_MPF").decode().split() == text.split()
         assert "0.012345" not in text  # it travels as R parameter
-        assert [on.nck.get(f"R[{number}]") for number in (77, 78, 79)] == [0.012345, -0.0125, 0.0]
+        assert [on.nck.get(f"R[{number}]") for number in (77, 78, 79, 200)] == [0.012345, -0.0125, 0.004, 0.004]
         await refused(on.device.saved_tables("X1"), "E-NC-NOT-SAVED")
         start = on.nck.axis_state("X1").set_position
         await refused(on.device.wait_ground(-1, 5.0), "E-GRIND-NO-START")
@@ -196,7 +198,7 @@ async def test_a_part_is_counted_space_by_space_and_carries_the_tables_that_acte
             assert (await on.device.saved_tables(axis)).axis == axis
         await refused(on.device.saved_tables("Y1"), "E-NC-NOT-SAVED")
         await on.device.close()
-        assert [on.nck.get(f"R[{number}]") for number in (77, 78, 79, 80)] == [7.5] * 4
+        assert [on.nck.get(f"R[{number}]") for number in (77, 78, 79, 80, 200)] == [7.5] * 5
 
 
 async def test_set_up_values_that_somebody_changed_grind_nothing(keys: Path) -> None:
