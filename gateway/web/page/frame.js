@@ -7,7 +7,7 @@ import { languages } from "./signin.js";
 import { screens } from "./screens.js";
 import { hush, quiet } from "./sounds.js";
 import { base, changed, may, on, state } from "./state.js";
-import { sentence } from "./sentence.js";
+import { sentence, surelyOn } from "./sentence.js";
 import { plain, t, told } from "./words.js";
 
 export function build({ again, load }) {
@@ -104,7 +104,7 @@ function tables() {
 function held() {
   const loud = state.status.held.some((one) => one.loud);
   if (!state.status.held.length) return null;
-  return h("strong", { class: `chip ${loud ? "bad" : "attention"}`, role: "alert" }, `✖ ${t(loud ? "frame.held_on" : "frame.held")}`);
+  return h("strong", { class: `chip ${loud ? "bad" : "attention"}`, role: "alert" }, `✖ ${t(!loud ? "frame.held" : state.status.held.some((one) => one.loud && surelyOn(one)) ? "frame.held_on" : "frame.held_maybe")}`);
 }
 
 function consent() {

@@ -139,10 +139,10 @@ function back(box) {
       halfway && ["finish", "undo"].map((choice) => h("button", { id: `recover-${choice}`, class: "danger", disabled: busy || !may("operator", "service"), onclick: () => applied("recover", { choice }, t(`push.recover_${choice}`), ends(held, choice)) }, t(`push.recover_${choice}`))),
       h("button", { id: "verify", disabled: busy || !may("operator") || !tables.length, onclick: compare }, t("push.verify")),
       // One consent may have changed tables of several axes: all of them go back with one press.
-      whole.back.length > 1 && h("button", { id: "roll-back-all", disabled: busy || !may("operator"), onclick: () => applied("roll-back", { table: "" }, t("push.roll_back_all"), backAgain(whole)) }, t("push.roll_back_all"))),
+      whole.back.length > 1 && h("button", { id: "roll-back-all", disabled: busy || open_ || !may("operator"), onclick: () => applied("roll-back", { table: "" }, t("push.roll_back_all"), backAgain(whole)) }, t("push.roll_back_all"))),
     tables.length ? h("table", {}, h("thead", {}, h("tr", {}, [t("push.table"), t("push.state"), ""].map((one) => h("th", {}, one)))),
       h("tbody", {}, tables.map((one) => h("tr", {}, h("td", {}, h("b", {}, one.table), h("small", { class: "below" }, one.id ? `${t("push.id")} ${one.id.slice(0, 6)}` : "")), h("td", { class: one.acts === "on" || one.acts === "off" ? null : "fault" }, actsWords(one), h("small", { class: "below" }, when(one.utc))),
-        h("td", {}, h("div", { class: "keys" }, h("button", { class: "off", "data-table": one.table, disabled: busy || !may("operator", "service"), onclick: () => disable(one) }, t("push.disable")), h("button", { class: "back", "data-table": one.table, disabled: busy || !may("operator") || !one.back.length, onclick: () => applied("roll-back", { table: one.axis }, `${t("push.roll_back")}: ${one.axis}`, backAgain(one)) }, t("push.roll_back")))))))) : h("p", { class: "empty" }, t("frame.no_tables")));
+        h("td", {}, h("div", { class: "keys" }, h("button", { class: "off", "data-table": one.table, disabled: busy || !may("operator", "service"), onclick: () => disable(one) }, t("push.disable")), h("button", { class: "back", "data-table": one.table, disabled: busy || open_ || !may("operator") || !one.back.length, onclick: () => applied("roll-back", { table: one.axis }, `${t("push.roll_back")}: ${one.axis}`, backAgain(one)) }, t("push.roll_back")))))))) : h("p", { class: "empty" }, t("frame.no_tables")));
 }
 
 const disable = (one) => applied("disable", { axis: one.axis, table: one.kind === "axis" ? "" : one.table.split("-").slice(1).join("-") }, `${t("push.disable")}: ${one.table}`);
@@ -153,7 +153,7 @@ export const actsWords = (one) => `${ACTS[one.acts]} ${t(`push.acts_${one.acts}`
 // Everything that goes back with one press, what acts in its place, how far that moves its axis, and what of the same
 // push stays on: the figures are those of the terminal.
 const backAgain = (one) => [...one.back.map((each) => [h("b", {}, each.table), ` ${plain(each.newer)} → ${plain(each.older)}`, h("small", { class: "below" }, capital(say(each.move.code, each.move.fields, 0, each.move.words)))]), ...(one.stays.length ? [t("push.stays", { tables: one.stays.join(", ") })] : [])];
-const ends = (held, choice) => held.filter((one) => one.back).map((one) => `${one.fields.axis}: ${choice === "finish" ? one.fields.new : one.fields.old}`);
+const ends = (held, choice) => held.filter((one) => one.back).map((one) => t("push.acts_then", { table: one.fields.axis, acts: plain(choice === "finish" ? one.fields.new : one.fields.old) }));
 
 const compare = async () => { if (await confirmed(t("push.verify"), t("push.verify_what"))) give("verify-table", {}); };
 

@@ -9,12 +9,12 @@ export function sentence() {
 
 function chosen() {
   const { status, ask } = state;
-  const held = status.held.find((one) => one.loud);
+  const held = status.held.find((one) => one.loud && surelyOn(one)) ?? status.held.find((one) => one.loud);
   if (state.offline) return { loud: "attention", head: t("frame.offline"), more: toldApart({ code: "OFFLINE" })[1] };
   if (status.run && state.beam === "lost" && !mounts(ask)) return { loud: "bad", head: t("now.beam"), more: ask ? capital(say(ask.code, ask.fields, 0, ask.words)) : newest() };
   if (status.run && ask) return { loud: "ask", head: capital(say(ask.code, ask.fields, 0, ask.words)), more: moving() || (held ? heldWords(held) : "") };
   // Whoever recovers a held push is asked to press: that stands above what is wrong until then.
-  if (held) return { loud: "bad", head: t("now.held_on"), more: heldWords(held) };
+  if (held) return { loud: "bad", head: t(surelyOn(held) ? "now.held_on" : "now.held_maybe"), more: heldWords(held) };
   if (status.run && stuckFor()) return { loud: "attention", head: t("now.stuck"), more: t("capture.waits", { what: plain(state.waiting.missing) }) };
   if (status.run) return { loud: "", head: t("now.wait"), more: newest() };
   if (status.left.length) { const [head, more] = toldApart(status.left[0]); return { loud: "attention", head, more }; }
@@ -72,5 +72,8 @@ function parts(error) {
   const [head, more] = toldApart(error);
   return { head, more };
 }
+
+// Whether the journal knows that it is on; of a write that was interrupted nobody knows before the control is asked.
+export const surelyOn = (one) => !one.code.endsWith("UNKNOWN");
 
 export const heldWords = (one) => say(one.code, one.fields, 0, plain(one.words));
