@@ -72,6 +72,7 @@ def test_a_person_signs_in_tests_the_control_and_looks_at_every_screen(tmp_path:
         _mountings(anna)
         assert anna.done(anna.give("#self-test"))["error"] is None
         _told(anna)
+        _kept_though_worse(anna)
     assert wrong == []
 
 
@@ -127,6 +128,24 @@ def _mountings(anna: Person) -> None:
         anna.keep(f"journey-mounting-{key}")
     looked_at(anna, "journey-mounting")
     anna.page.locator("#yes").click()
+
+
+def _kept_though_worse(anna: Person) -> None:
+    """The whole loop asks for the machine's name and whether tables that make the flank worse stay; both go along."""
+    page = anna.page
+    page.evaluate("async () => { (await import('/static/page/state.js')).state.plan.setups = [{}]; }")
+    anna.go("push")
+    anna.go("capture")
+    for ticked in (False, True):
+        page.locator("#close-loop").click()
+        page.locator("#keep-worse").set_checked(ticked)
+        page.locator("#typed-machine").fill("another")
+        looked_at(anna, "journey-close-loop")
+        with page.expect_request(lambda one: one.url.endswith("/commands/close")) as sent:
+            page.locator("#yes").click()
+        asked = sent.value.post_data_json
+        assert (asked["apply"], asked["machine"], asked["keep_worse"]) == (True, "another", ticked)
+        expect(page.locator("#stop")).to_be_disabled()
 
 
 def _told(anna: Person) -> None:
