@@ -24,7 +24,7 @@ from gateway import stopping
 from gateway.axes import AxisRecord
 from gateway.broker import borrowed
 from gateway.capture.rig import Rig, StandingOptics
-from gateway.config import AxisSection, SiteFile
+from gateway.config import AxisSection, SiteFile, files_only
 from gateway.domain.identity import KnownFact
 from gateway.errors import StoreError, WriteRefused
 from gateway.push.records.journal import JOURNALS
@@ -105,8 +105,11 @@ class Bench:
 def run_or_look(site: SiteFile, site_path: Path, state: str, *, look: bool) -> Iterator[RunFolder]:
     """The folder of a run that measures nothing and begins with ``state``; of a ``look`` one that goes with it.
 
-    What stays of a look is its line in the audit log (`gateway.workflow.consents.looked`).
+    What stays of a look is its line in the audit log (`gateway.workflow.consents.looked`). Raises ConfigError
+    (E-FILES-ONLY) before there is a folder.
     """
+    if files_only(site):
+        raise ConfigError("E-FILES-ONLY", site.site.name)
     with TemporaryDirectory(prefix="trueflank-look-") as short_lived:
         folder = new_run(site, site_path, Store(Path(short_lived)) if look else None, measures=False)
         folder.set_state(state)

@@ -121,7 +121,8 @@ class GearToleranceSection(Section):
         default=None,
         ge=2,
         le=11,
-        description="class of ISO 1328-1:2013, as a named own tolerance: the standard is for involute gears",
+        description="class by the formulae of ISO 1328-1:2013, as a named own tolerance: the standard is for involute "
+        "gears; that its classes go from 2 to 11 is remembered, not looked up",
     )
     module_mm: Number | None = Field(default=None, gt=0, le=100.0, description="module for that class, mm")
     diameter_mm: Number | None = Field(default=None, gt=0, le=10000.0, description="reference diameter for it, mm")

@@ -5,11 +5,11 @@ from __future__ import annotations
 from pathlib import Path
 
 from drivers.clock import Clock
-from drivers.errors import DeadlineExceeded, DeviceRefused, TrueflankError, words
+from drivers.errors import ConfigError, DeadlineExceeded, DeviceRefused, TrueflankError, words
 from drivers.programs import SelfTest, SelfTested, SelfTests, WritesWithout
 from drivers.types.machine import ChannelStatus
 from gateway import audit
-from gateway.config import AxisSection, SiteFile
+from gateway.config import AxisSection, SiteFile, files_only
 from gateway.moving import shown_there
 from gateway.say import Say
 from gateway.store.selftests import SelfTestBook
@@ -24,9 +24,12 @@ RESET_LOOK_S = 0.5
 async def self_test_site(site: SiteFile, site_path: Path, *, axis: str, clock: Clock, say: Say) -> Outcome:
     """Test every axis of a site, or the one that is named; no instrument is opened and nothing moves.
 
-    Each outcome is kept before the next begins. Raises ConfigError (E-RUN-AXIS), DeviceRefused (E-SELF-TEST) when
-    words were not passed, DeadlineExceeded (E-NC-NO-START) when nobody started it, StoreError.
+    Each outcome is kept before the next begins. Raises ConfigError (E-RUN-AXIS; E-FILES-ONLY, with no run folder left),
+    DeviceRefused (E-SELF-TEST) when words were not passed, DeadlineExceeded (E-NC-NO-START) when nobody started it,
+    StoreError.
     """
+    if files_only(site):
+        raise ConfigError("E-FILES-ONLY", site.site.name)
     axes = (axis_named(site, site_path, axis),) if axis else tuple(site.axes)
     folder = new_run(site, site_path, measures=False)
     folder.set_state("self-testing")

@@ -724,3 +724,14 @@ def test_a_carried_control_is_not_waited_for_and_the_next_step_is_one_that_it_kn
     assert isinstance(told.exception, TrueflankError)
     assert (told.exception.code, told.exception.exit_code) == ("E-OFF-CARRY", 15)
     assert "TFSEE" in (tmp_path / "carried" / "carry" / "SHEET.txt").read_text()
+
+
+@pytest.mark.parametrize("command", [["self-test"], ["verify-table"], ["rollback"]])
+def test_a_site_of_files_only_is_left_without_an_empty_run(tmp_path: Path, command: list[str]) -> None:
+    site = tmp_path / "site.toml"
+    site.write_bytes((GEAR.parents[1] / "sites" / "files-only.toml").read_bytes())
+    done = CliRunner().invoke(app, [*command, str(site)])
+    assert isinstance(done.exception, ConfigError)
+    assert done.exception.code == "E-FILES-ONLY"
+    assert [one.name for one in tmp_path.glob("runs/*") if (one / "run.json").exists()] == []
+    assert not (tmp_path / "runs").exists() or list((tmp_path / "runs").iterdir()) == []

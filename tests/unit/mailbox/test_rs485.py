@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import pytest
 from pymodbus.framer import FramerRTU
 
-from drivers.errors import catalogue
+from drivers.clock import run_virtual
+from drivers.errors import TrueflankError, catalogue
 from drivers.sinumerik.mailbox.settings import ModbusSettings
 from drivers.sinumerik.mailbox.wire import READ, WRITE, WRITE_ONE, Adapter, ModbusCodec, ModbusReply, Question
+from tests.contract.modbus_stage import on_stage
 
 PLAIN = Adapter()
 BOTH = Adapter(local_echo=True, leading_zeros=True)
@@ -97,3 +101,33 @@ def test_one_zero_byte_before_an_answer_is_the_adapters_however_it_comes(questio
 def test_the_settings_are_of_serial_lines() -> None:
     assert ModbusSettings.faults({"local_echo": True, "leading_zeros": True}) == ()
     assert [fault.key for fault in ModbusSettings.faults({"local_echo": True, "framer": "tcp"})] == ["local_echo"]
+
+
+ADAPTER = {"local_echo": True, "leading_zeros": True}
+LINES: list[tuple[dict[str, Any], dict[str, Any], str]] = [
+    ({"local_echo": True}, {}, "E-MODBUS-LOCAL-ECHO"),
+    ({"local_echo": True, "leading_zeros": 2}, {}, "E-MODBUS-LOCAL-ECHO"),
+    ({"leading_zeros": 2}, {}, "E-MODBUS-ZEROS"),
+    ({"leading_zeros": 2}, {"local_echo": True}, "E-MODBUS-ZEROS"),
+    ({"local_echo": True}, {"local_echo": True}, ""),
+    ({"local_echo": True, "leading_zeros": 2}, ADAPTER, ""),
+    ({"leading_zeros": 1}, {"leading_zeros": True}, ""),
+    ({}, {"leading_zeros": True}, ""),
+]
+
+
+@pytest.mark.parametrize(("line", "settings", "code"), LINES)
+def test_an_adapter_is_met_over_a_wire(line: dict[str, Any], settings: dict[str, Any], code: str) -> None:
+    """The double's adapter against the driver, from the first question to a table: recognised, or passed over."""
+
+    async def met() -> str:
+        async with on_stage(opened=False, driver={"framer": "rtu", **settings}, framer="rtu", **line) as on:
+            try:
+                await on.device.open(5.0)
+                assert (await on.device.identify()).axis_names == ("X1", "C1")
+                assert (await on.device.saved_tables("X1")).own.table.output_axis == "X1"
+            except TrueflankError as error:
+                return error.code
+            return ""
+
+    assert run_virtual(met) == code
