@@ -255,7 +255,7 @@ def _built(tree: Any, file: Path) -> Iterator[Fault]:
 
     try:
         found = load_gear(file)
-        tip, distance = gear_of(found).limits().r_tip, found.grinding.centre_distance_mm
+        tip, distance = gear_of(found).tip_radius, found.grinding.centre_distance_mm
         if not tip < distance:
             raise ModelError("E-GEAR-DISTANCE", str(file), E=distance, limit=round(tip, 3))
     except TrueflankError as error:

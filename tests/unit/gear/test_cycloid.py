@@ -139,3 +139,8 @@ def test_grid_is_even_in_arc_over_95_percent() -> None:
     assert 22 * steps[0] == pytest.approx(0.95 * 2.0 * RV40E.limits().half_lobe_arc)
     np.testing.assert_allclose(grid.thetas, -grid.thetas[::-1], atol=1e-15)
     assert np.mean(grid.zs**2) == pytest.approx(100.0 / 12.0 * (1.0 - 1.0 / 25.0))
+
+
+def test_the_tip_alone_is_that_of_the_limits() -> None:
+    gear = CycloidGear(64.0, 3.0, 1.3, 40, 39, 10.0)
+    assert gear.tip_radius == gear.limits().r_tip == pytest.approx(62.3)  # 64 + 1.3 - 3
