@@ -44,7 +44,7 @@ class Story:
         self.cell, self.clock, self.path = cell, clock, cell.site_path
         source = self.path.with_name("c1.rta")
         cell.write_result_file("C1", source)
-        edit = short(("C1",), 24, 2, file=str(source), file_datum=0.0, file_unit="mrad")
+        edit = short(("C1",), 24, 2, file=str(source), file_datum=0.0, file_unit="mrad", accept=["machine=YK7350B"])
         self.path.write_text(edit(self.path.read_text(encoding="utf-8")), encoding="utf-8")
         self.site = load_site(self.path)
         self.root = store_of(self.site, self.path).root
