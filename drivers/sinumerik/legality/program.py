@@ -34,8 +34,23 @@ class Block:
     ends: bool
 
 
+@dataclass(frozen=True)
+class Read:
+    """What one block says wherever it stands, and what is wrong with it; ``works``: it is none of the head."""
+
+    wrong: tuple[Illegal, ...]
+    head: BlockHead
+    word: str
+    jumps: tuple[Jump, ...]
+    ends: bool
+    works: bool
+
+
 class Program:
-    """Reads the blocks of one program and keeps what is wrong with them."""
+    """Reads the blocks of one program and keeps what is wrong with them.
+
+    A program repeats itself. A block of the same text means the same until something more is declared: it is read once.
+    """
 
     def __init__(self, name: str, scope: Scope) -> None:
         self._name = name
@@ -44,6 +59,7 @@ class Program:
         self._found: list[Finding] = []
         self._headed = False
         self._working = False
+        self._known: dict[str, Read] = {}
 
     def read(self, line: int, text: str) -> None:
         """One line of the program, counted from 1."""
@@ -70,25 +86,38 @@ class Program:
         self._cut(line, text)
 
     def _cut(self, line: int, text: str) -> None:
-        try:
-            found = tokens(text)
-        except Illegal:
-            self._blocks.append(_unread(line, text))
-            raise
-        if len(found) > 1:
-            self._block(line, Cursor(found, self._scope), found)
+        known = self._known.get(text)
+        if known is None:
+            try:
+                found = tokens(text)
+            except Illegal:
+                self._blocks.append(_unread(line, text))
+                raise
+            if len(found) < len(("a word", "end")):
+                return
+            known = self._block(Cursor(found, self._scope), found)
+            if _declares(found):
+                self._known.clear()
+            else:
+                self._known[text] = known
+        self._working = self._working or known.works
+        self._found += [finding(line, wrong) for wrong in known.wrong]
+        self._blocks.append(Block(line=line, head=known.head, word=known.word, jumps=known.jumps, ends=known.ends))
 
-    def _block(self, line: int, cursor: Cursor, found: list[Token]) -> None:
-        place, steered = BlockHead(skipped=False, number="", label=""), ""
+    def _block(self, cursor: Cursor, found: list[Token]) -> Read:
+        place, steered, works = BlockHead(skipped=False, number="", label=""), "", False
         leaving: list[Jump] = []
         try:
             place = head(cursor)
             steered = _structure(cursor.token.text, found)
             _judge_place(place, steered)
+            works = not cursor.at_end and cursor.token.text not in _DECLARING
             self._declare_or_work(cursor, leaving)
-        finally:
-            self._found += [finding(line, wrong) for wrong in cursor.noted]
-            self._blocks.append(Block(line=line, head=place, word=steered, jumps=tuple(leaving), ends=_ends(found)))
+        except Illegal as wrong:
+            cursor.noted.append(wrong)
+        return Read(
+            wrong=tuple(cursor.noted), head=place, word=steered, jumps=tuple(leaving), ends=_ends(found), works=works
+        )
 
     def _declare_or_work(self, cursor: Cursor, leaving: list[Jump]) -> None:
         if cursor.at_end:
@@ -96,7 +125,6 @@ class Program:
         if cursor.token.text in _DECLARING:
             self._declare(cursor)
         else:
-            self._working = True
             _work(cursor, leaving)
 
     def _declare(self, cursor: Cursor) -> None:
@@ -148,6 +176,11 @@ class Program:
                     places[name].append((block.line, path))
             departures += [jumps.Departure(block.line, path, leap) for leap in block.jumps]
         yield from jumps.judge(departures, places)
+
+
+def _declares(found: list[Token]) -> bool:
+    """Whether a word of the block may change what names mean after it; a label before it hides none."""
+    return any(token.text in _DECLARING for token in found)
 
 
 def _work(cursor: Cursor, leaving: list[Jump]) -> None:

@@ -88,3 +88,14 @@ def test_no_length_of_anything_raises(piece: str) -> None:
         assert all(item.line < 3 for item in check(f"R1={piece * count}1\nM30\n"))
     for text in (f"R1={piece * 20000}1\nM30\n", f"{piece * 20000}\nM30\n"):
         assert (1, "E-LEGAL-LENGTH") in _verdict(check(text))
+
+
+def test_a_block_that_stands_twice_is_judged_by_what_is_declared_where_it_stands() -> None:
+    """Undefined at first; after its declaration (late, for a block has worked) the same text is legal."""
+    found = check("UAB=1\nUAB=1\nDEF INT UAB\nUAB=1\nDEF INT UCD\nUCD=1.5\nUCD=1.5\nM30\n")
+    assert [(one.line, one.code) for one in found] == [
+        (1, "E-LEGAL-UNDEFINED"),
+        (2, "E-LEGAL-UNDEFINED"),
+        (3, "E-LEGAL-LATE"),
+        (5, "E-LEGAL-LATE"),
+    ]
