@@ -121,7 +121,7 @@ class Truth:
         rows = [self.motion(name, motion.position) + self.way(name, motion) for name in names]
         rows[DIRECTIONS.index(letter)] = self.along(letter, motion, t)
         size = np.broadcast_shapes(*(row.shape for row in rows))
-        six = np.stack([np.broadcast_to(row, size) for row in rows])
+        six = np.stack([row if row.shape == size else np.broadcast_to(row, size) for row in rows])
         return six[:3] * UM, six[3:] * ARCSEC
 
     def _expanded(self, letter: str, position: FloatArray, t: float) -> FloatArray:

@@ -33,6 +33,8 @@ class Pose:
 
 
 def _broadcast(rotation: FloatArray, vector: FloatArray) -> tuple[FloatArray, FloatArray]:
+    if len(rotation) == len(vector):
+        return rotation, vector
     count = max(len(rotation), len(vector))
     return np.broadcast_to(rotation, (count, 3, 3)), np.broadcast_to(vector, (count, 3))
 
