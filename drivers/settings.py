@@ -63,6 +63,11 @@ class DriverSettings(BaseModel):
     """Whether a person types the readings: of whatever the person reads."""
 
     @property
+    def followed_feed_deg_min(self) -> float | None:
+        """The greatest feed, deg/min, of a turning axis that the device's counter follows; None where not stated."""
+        return None
+
+    @property
     def followed_feed_mm_min(self) -> float | None:
         """The greatest feed, mm/min, that the instrument counts without loss; None: none that it declares."""
         return None

@@ -221,7 +221,7 @@ class WorkSection(Section):
     """
 
     gear: Path = Field(description="gear file, relative to the site file")
-    height_mm: Number = Field(default=0.0, description="middle of the face above the table zero, mm")
+    height_mm: Number = Field(description="middle of the face above the table zero, mm")
     infeed: Name = Field(default="X", description="infeed axis by letter or name; positive direction into the cut")
     stroke: Name = Field(default="Z", description="stroke axis, along the face width")
     index: Name = Field(default="C", description="index axis, which turns the work")

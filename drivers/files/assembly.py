@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
@@ -18,7 +18,7 @@ from drivers.units import READING_UNITS, TARGET_UNITS, AxisUnit, deviation_scale
 
 MOST_SHARE = 0.02  # of the targets' range: an axis that goes so wrong is none, columns changed about are
 LARGEST = {"mm": 5000.0, "deg": 1000.0}
-APART, MARK_APART, MARK_LEAST = 30.0, 20.0, 20.0
+APART, MARK_APART, MARK_LEAST = 30.0, 10.0, 20.0
 """A reading is out of line by so many robust spreads, a mark for no reading by fewer; um or arcsec at least."""
 SAME_LENGTH = 0.05  # of the targets' range: readings that differ less while the targets run through it are one length
 HALF_TURN, TURN = 180.0, 360.0
@@ -70,6 +70,7 @@ def assembled(
 
 def doubted(measured: MeasuredSet, where: str, *, confirmed: bool = False) -> MeasuredSet:
     """A set that a vendor's file holds as deviations: the same marks left out, a blocking doubt about wild readings."""
+    measured = _through_zero(measured, where)
     lines = np.zeros(measured.deviations.shape, np.int64)
     grid = _Grid(measured.targets, measured.deviations, measured.deviations, lines)
     return _judged(measured, where, grid, apart=False, confirmed=confirmed, refuses=False)
@@ -88,6 +89,9 @@ def _unwrapped(found: Readings, rows: Rows) -> tuple[FloatArray, tuple[Doubt, ..
     targets = rows.target * scale
     if kind != "deg" or not bool(np.all((targets >= 0.0) & (targets <= TURN))):
         return targets, ()
+    if (arc := across_zero(targets.tolist())) is not None:
+        crossed = Doubt("S-READ-CROSSED", "", numbers={"first": arc[1], "as_target": arc[1] - TURN})
+        return np.where(targets >= arc[1], targets - TURN, targets), (crossed,)
     passes = [(way, targets[which].tolist()) for way, which in _passes(rows)]
     cuts = [_cut(own, -1.0 if way else 1.0) for way, own in passes]
     known = [one for one in cuts if one is not None]
@@ -107,6 +111,34 @@ def _passes(rows: Rows) -> list[tuple[int, Whole]]:
     order = np.argsort(key, kind="stable")
     starts = np.flatnonzero(np.diff(key[order])) + 1
     return [(int(rows.approach[own[0]]), own) for own in np.split(order, starts)]
+
+
+def across_zero(targets: Sequence[float]) -> tuple[float, float] | None:
+    """The neighbours (deg, 0 .. 360) between which over half a turn was not measured; None where there are none.
+
+    The arc that was measured then runs through zero, in whatever order its targets were written.
+    """
+    at = sorted(set(targets))
+    if len(at) < LEAST_FOR_SPREAD or at[0] < 0.0 or at[-1] > TURN:
+        return None
+    gap, low, high = max((after - before, before, after) for before, after in pairwise(at))
+    return (low, high) if gap > max(HALF_TURN, TURN - (at[-1] - at[0])) and at[-1] - at[0] < TURN else None
+
+
+def _through_zero(measured: MeasuredSet, where: str) -> MeasuredSet:
+    """The same with the targets before zero counted below it, where the measured arc runs through zero."""
+    arc = across_zero(measured.targets.tolist()) if measured.axis_unit == "deg" else None
+    if arc is None:
+        return measured
+    targets = np.where(measured.targets >= arc[1], measured.targets - TURN, measured.targets)
+    order = np.argsort(targets)
+    doubt = Doubt("S-READ-CROSSED", where, numbers={"first": arc[1], "as_target": arc[1] - TURN})
+    return replace(
+        measured,
+        targets=targets[order],
+        deviations=measured.deviations[order],
+        doubts=(*measured.doubts, doubt),
+    )
 
 
 def _cut(targets: list[float], sense: float) -> tuple[float, float] | None:

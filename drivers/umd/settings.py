@@ -10,7 +10,7 @@ from pydantic import Field
 
 from drivers.errors import words
 from drivers.settings import WIRES, DriverSettings, Rule, usual_rate
-from drivers.units import arcsec_of_path, followed_feed_mm_min
+from drivers.units import arcsec_of_path, followed_feed_mm_min, rad_to_deg
 
 # Vacuum wavelength of the XL/ML lasers, nm; reproduces the Env factor of a real result file to its last digit.
 VACUUM_WAVELENGTH_NM = 632.990577
@@ -80,7 +80,20 @@ class UmdSettings(DriverSettings):
 
     @property
     def followed_feed_mm_min(self) -> float | None:
-        """The least of what the stated fringe rate and the stated speed allow; None where neither is stated."""
+        """The least of what the stated fringe rate and the stated speed allow; None where neither is stated.
+
+        None with angular optics too: their path changes with the angle, not with the way of a linear axis.
+        """
+        return None if self.angular else self._followed
+
+    @property
+    def followed_feed_deg_min(self) -> float | None:
+        """Turning, angular optics change their path by their spacing times the angle, and most about zero."""
+        return float(rad_to_deg(self._followed / self.optics_spacing_mm)) if self.angular and self._followed else None
+
+    @property
+    def _followed(self) -> float | None:
+        """Of the path, mm/min."""
         limits = [self.max_speed_mm_s * 60.0] if "max_speed_mm_s" in self.model_fields_set else []
         if self.max_fringe_hz:
             limits.append(followed_feed_mm_min(self.max_fringe_hz, self.wavelength_nm))

@@ -70,22 +70,27 @@ def instrument_faults(tree: Mapping[str, Any], site: Any, path: Path, name: Any)
         yield broken(tree, path, words("W-CFG-GEAR-MACHINE"))
 
 
-def feed_faults(tree: Mapping[str, Any], site: Any, axis: Any) -> Iterator[Fault]:
-    """A feed of a linear axis at which its instrument loses counts."""
+def feed_faults(
+    tree: Mapping[str, Any], site: Any, axis: Any, *, instrument: object = None, place: Path = ()
+) -> Iterator[Fault]:
+    """A feed at which the axis' instrument loses counts, or that of a set-up: its name and ``place``."""
     measure = axis.measure
-    if axis.kind != "linear" or not isinstance(measure.feed, int | float):
+    if not isinstance(measure.feed, int | float):
         return
+    linear, name = axis.kind == "linear", measure.instrument if instrument is None else instrument
     for one in site.instruments:
-        if one.name != measure.instrument or not isinstance(one.settings, Mapping):
+        if one.name != name or not isinstance(one.settings, Mapping):
             continue
         spec = registry.known().get(str(one.driver))
         model = spec.load_settings() if spec is not None else None
         if model is None or model.faults(one.settings):
             continue
-        limit = model.read(one.settings, str(one.name)).followed_feed_mm_min
+        known = model.read(one.settings, str(one.name))
+        limit = known.followed_feed_mm_min if linear else known.followed_feed_deg_min
         if limit is not None and measure.feed > limit:
-            told = words("W-CFG-FRINGES", limit=f"{limit:.0f}", instrument=str(one.name))
-            yield broken(tree, (*measure.place, "feed"), told)
+            unit, feed = "mm/min" if linear else "deg/min", f"{measure.feed:g}"
+            told = words("W-CFG-FRINGES", limit=f"{limit:.0f}", unit=unit, feed=feed, instrument=str(one.name))
+            yield broken(tree, place or (*measure.place, "feed"), told)
 
 
 def target_faults(tree: Mapping[str, Any], axis: Any, targets: Any, overrun: Any) -> Iterator[Fault]:

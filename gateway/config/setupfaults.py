@@ -10,7 +10,7 @@ from drivers.local.names import guess
 from gateway.config.faults import Fault
 from gateway.config.keyfaults import broken
 from gateway.config.places import held
-from gateway.config.rules import all_named, bounds, instrument_faults, no_such, target_faults, within
+from gateway.config.rules import all_named, bounds, feed_faults, instrument_faults, no_such, target_faults, within
 from gateway.siteplan import LOCATIONS
 
 SQUARE = "B0Z"
@@ -30,7 +30,7 @@ def setup_faults(tree: Mapping[str, Any], site: Any) -> Iterator[Fault]:
             if whole:
                 yield no_such(tree, (*setup.place, "axis"), "axis", axes)
         elif isinstance(setup.axis, str):
-            yield from _on_axis(tree, setup, axes[setup.axis])
+            yield from _on_axis(tree, site, setup, axes[setup.axis])
         if whole and isinstance(setup.park, Mapping):
             yield from _parked(tree, setup, axes)
             key = (setup.component, setup.axis, tuple(sorted(setup.park.items())))
@@ -54,8 +54,10 @@ def _arms(tree: Mapping[str, Any], setups: Any, axes: Mapping[str, Any]) -> Iter
         yield broken(tree, place, words("W-CFG-SECOND-ARM", axis=missing.pop()), doubt=True)
 
 
-def _on_axis(tree: Mapping[str, Any], setup: Any, axis: Any) -> Iterator[Fault]:
+def _on_axis(tree: Mapping[str, Any], site: Any, setup: Any, axis: Any) -> Iterator[Fault]:
     yield from _component(tree, setup, axis.letter)
+    if setup.source == "live" and setup.instrument not in (None, "", getattr(axis.measure, "instrument", None)):
+        yield from feed_faults(tree, site, axis, instrument=setup.instrument, place=(*setup.place, "instrument"))
     yield from _idle(tree, setup)
     if axis.kind == "rotary" and isinstance(setup.offset_mm, list) and any(setup.offset_mm[:2]):
         yield broken(tree, (*setup.place, "offset_mm"), words("W-CFG-OFFSET"))

@@ -62,9 +62,9 @@ class Fourier:
 
 @dataclass(frozen=True, slots=True)
 class PiecewiseLinear:
-    """Straight between points (n,), one value each; repeats if ``period`` is given, else its last lines go on.
+    """Straight between points (n,), one value each; repeats if ``period`` is given, else it ends with them.
 
-    `motion_of` makes one that is known between its points alone.
+    Beyond its points it raises ModelError (E-MODEL-RANGE). Where that has a name and a unit, `motion_of` gives it.
     """
 
     q: tuple[float, ...]
@@ -78,6 +78,8 @@ class PiecewiseLinear:
             at = nodes[0] + np.mod(at - nodes[0], self.period)
             if nodes[-1] < nodes[0] + self.period * (1.0 - SAME):
                 nodes, values = np.append(nodes, nodes[0] + self.period), np.append(values, values[0])
+        else:
+            at = KnownRange("motion", float(nodes[0]), float(nodes[-1]), "mm").inside(at)
         if nodes.size == 1:
             return np.full(at.shape, values[0])
         left = np.clip(np.searchsorted(nodes, at, side="right") - 1, 0, nodes.size - 2)

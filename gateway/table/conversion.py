@@ -227,11 +227,9 @@ def _coverage(found: Curves, grid: Grid, request: TableRequest) -> list[str]:
         gap = _widest_gap(found.positions)
         return [told("W-COMP-BRIDGE", request.axis, gap=f"{gap:g}", unit="deg")] if gap > WIDEST_BRIDGE_DEG else []
     low, high, unit = float(found.positions[0]), float(found.positions[-1]), found.unit
-    check_reach((low, high), (grid.minimum, grid.maximum), unit, request.axis)
+    # Whoever asks for a table chooses its range too, so nothing of it needs to lie beyond the targets.
+    check_reach((low, high), (grid.minimum, grid.maximum), unit, request.axis, beyond=0.0)
     findings = []
-    if low > grid.minimum + EVEN or high < grid.maximum - EVEN:
-        ends = {"minimum": f"{grid.minimum:g}", "maximum": f"{grid.maximum:g}"}
-        findings.append(told("W-COMP-FLAT", request.axis, low=f"{low:g}", high=f"{high:g}", unit=unit, **ends))
     if not grid.minimum <= request.reference <= grid.maximum:
         at = f"{request.reference:g}"
         findings.append(told("W-COMP-OUTSIDE", request.axis, reference=at, low=low, high=high, unit=unit))

@@ -14,7 +14,7 @@ from drivers.units import AxisUnit
 from gateway.domain.values import FloatArray
 from gateway.table.comparison import acting
 
-COVERED = 0.5  # of a table's range: what must have been measured
+BEYOND = 0.05  # of a table's range, at either end: targets are set off from an even grid by so much
 
 
 def check_points(needed: int, reserved: int, axis: str, kind: Literal["axis", "cross"] = "axis") -> None:
@@ -56,14 +56,16 @@ def check(new: CompensationTable, live: CompensationTable, limits: Limits, axis:
     )
 
 
-def check_reach(measured: tuple[float, float], table: tuple[float, float], unit: AxisUnit, axis: str) -> None:
-    """Raise Gap (E-COMP-REACH) where a table is mostly beyond what was measured: less than half of it is covered.
+def check_reach(
+    measured: tuple[float, float], table: tuple[float, float], unit: AxisUnit, axis: str, *, beyond: float = BEYOND
+) -> None:
+    """Raise Gap (E-COMP-REACH) where a table reaches beyond what was measured: no value is made up there.
 
-    Ranges are (low, high) in mm or deg. What is left beyond holds the last value and is always said (W-COMP-FLAT).
+    Ranges are (low, high) in mm or deg. Up to a share ``beyond`` of the table the end value is kept at either end, as
+    a control does beyond its tables, and that is always said (W-COMP-FLAT).
     """
     (low, high), (minimum, maximum) = measured, table
-    covered = min(high, maximum) - max(low, minimum)
-    if covered < COVERED * (maximum - minimum) - 1e-6:
+    if max(low - minimum, maximum - high) > beyond * (maximum - minimum) + 1e-6:
         ends = {"low": f"{low:g}", "high": f"{high:g}", "minimum": f"{minimum:g}", "maximum": f"{maximum:g}"}
         raise Gap("E-COMP-REACH", axis, retryable=False, unit=unit, **ends)
 

@@ -23,6 +23,7 @@ from gateway.sensitivity.next import measure_next
 # Flank RMS in um below which nobody needs to measure: half the noise of a gear inspection's probe.
 THRESHOLD_UM = 0.1
 PROFILE, WIDTH = 5, 3
+WHOLE_TURN = (0.0, 360.0)
 Doubt = tuple[ErrorParameter | str, float]
 ALSO_SHOWN: Mapping[str, tuple[str, ...]] = {"B0C": ("B0Z",)}
 """Errors that need no measuring once another is known: these reach the flank by their difference alone."""
@@ -34,7 +35,7 @@ class Tooth:
 
     gear: CycloidGear
     centre_distance_mm: float
-    height_mm: float = 0.0
+    height_mm: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,7 +59,9 @@ def doubts(model: ErrorModel, chain: Chain, plan: Plan) -> list[Doubt]:
     shapes over the whole travel, so that a short face sees little of a linear axis' own. B0Z is left out once a bar
     has shown B0C: they reach the flank by their difference only, which it shows.
     """
-    travels = {one.axis: (one.minimum, one.maximum) for one in plan.grids}
+    # Of an axis without a table, the travel is where its errors were measured.
+    travels = {one.name[2]: one.domain for one in model.motions if one.name.startswith("E")}
+    travels |= {one.axis: (one.minimum, one.maximum) for one in plan.grids}
     found = component_doubts([one for one in model.motions if one.name in chain.error_names()])
     for one in model.motions:
         found += _shaped(one.name, model.systematic.get(one.name, 0.0), chain, travels)
@@ -79,7 +82,9 @@ def _shaped(name: str, u: float, chain: Chain, travels: dict[str, tuple[float, f
     if not name.startswith("E"):
         return [(ErrorParameter(name), size)]
     axis, _ = chain.error_place(name)
-    shapes = shapes_over(chain, axis, travels.get(axis, (-1.0, 1.0)))
+    if axis not in travels and chain.axis(axis).kind == "prismatic":
+        return [(ErrorParameter(name), size)]  # where it travels nobody knows: only a constant is the same anywhere
+    shapes = shapes_over(chain, axis, travels.get(axis, WHOLE_TURN))
     return [(ErrorParameter(name, shape), size / len(shapes) ** 0.5) for shape in shapes]
 
 

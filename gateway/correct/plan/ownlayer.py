@@ -99,7 +99,7 @@ def _own_table(chain: Chain, axis: str, plan: Plan, live: Sequence[CompensationT
 
 
 def _covered(chain: Chain, axis: str, plan: Plan) -> tuple[float, float]:
-    """What of an axis' table is known (mm or rad). Raises Gap (E-COMP-REACH) where that is less than half of it."""
+    """What of an axis' table is known (mm or rad). Raises Gap (E-COMP-REACH) as `check_reach`."""
     nodes = table_spec(chain, plan, axis, axis).grid.nodes
     low, high = known_travel(chain, axis, float(nodes[0]), float(nodes[-1]))
     grid = plan.grid(axis)

@@ -264,6 +264,9 @@ REMEDIES: Mapping[str, Remedy] = {
     "E-COMP-DATUM": Remedy(
         f"{TO_EEC} --datum 10=25", {"E-COMP-DATUM": instead("10=25", "10=10")}, {"f.csv": LINE}, ("--datum",)
     ),
+    "E-COMP-REACH": Remedy(
+        f"{TO_EEC} --min -10 --step 10", {"E-COMP-REACH": instead("-10", "0")}, {"f.csv": LINE}, ("--min", "--max")
+    ),
     "E-COMP-FREE": Remedy(
         "convert f.csv --to linuxcnc --axis X --reference 99 --datum 0=0 -o out.comp",
         {"E-COMP-FREE": instead("99", "10")},

@@ -146,12 +146,19 @@ def test_an_axis_measured_across_zero_is_not_joined_the_long_way_round(tmp_path:
     path = tmp_path / "arc.csv"
     rows = [f"{place:g},{way},1,{0.1 * place % 7:.2f}" for place in at for way in "+-"]
     path.write_text("\n".join(["target_deg,direction,repetition,deviation_arcsec", *rows]) + "\n", encoding="utf-8")
-    assert typed("evaluate", path).exit_code == 21
-    for modulo in (["--modulo"], ["--step", "10"]):
-        refused = typed("convert", path, *TO_TABLE[:-1], *modulo, "-o", tmp_path / "arc.spf")
-        assert isinstance(refused.exception, InDoubt)
+    # Read from a file, the arc is arranged as it was measured, and nothing of it is known on the way round.
+    told = typed("evaluate", path)
+    assert told.exit_code == 0
+    assert "340" in told.output
+    refused = typed("convert", path, *TO_TABLE[:-1], "--modulo", "-o", tmp_path / "arc.spf")
+    assert isinstance(refused.exception, TrueflankError)
+    assert refused.exception.code == "E-COMP-TURN"
+    found = tf.read(path)
+    assert found.targets.tolist() == [-20.0, -10.0, 0.0, 10.0, 20.0]
+    np.testing.assert_allclose(found.deviations[:, 0, 0], [34.0 % 7, 35.0 % 7, 0.0, 1.0, 2.0])
+    assert tf.fit(found, "ECC", modulo=True).range == (-20.0, 20.0)
     with pytest.raises(TrueflankError, match="E-DOUBT-OPEN"):
-        tf.fit(tf.read(path), "ECC", modulo=True)
+        tf.fit(tf.Measured(at, np.zeros((5, 2, 2)), "deg"), "ECC", modulo=True)
 
 
 def test_a_closing_error_is_found_among_any_targets_whole_turns_apart() -> None:

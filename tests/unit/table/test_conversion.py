@@ -104,12 +104,12 @@ def test_a_modulo_axis_closes_wherever_it_was_measured() -> None:
 
 
 def test_a_grid_of_ones_own() -> None:
-    conversion = convert(measured(), asked(minimum=-100.0, maximum=400.0, step=50.0, reference=0.0))
-    (table,) = conversion.tables
-    assert len(table.deviations) == 11
-    assert table.deviations[2] == 0.0
-    assert table.deviations[0] == pytest.approx(0.0)  # beyond the targets the last value holds
-    assert "W-COMP-FLAT" in found(conversion)
+    (table,) = convert(measured(), asked(minimum=50.0, maximum=250.0, step=50.0, reference=100.0)).tables
+    assert len(table.deviations) == 5
+    assert table.deviations[1] == 0.0
+    for beyond in ({"minimum": -1.0}, {"maximum": 301.0}):
+        with pytest.raises(Gap, match="E-COMP-REACH"):
+            convert(measured(), asked(step=1.0, **beyond))
     with pytest.raises(Gap, match="E-COMP-GRID"):
         convert(measured(), asked(step=70.0))
     with pytest.raises(Gap, match="E-COMP-GRID"):

@@ -81,11 +81,14 @@ def test_zero_at_the_reference(reference: float) -> None:
     assert new.deviations[-1] - new.deviations[0] == pytest.approx(8.0)
 
 
-def test_beyond_the_measured_range_the_end_value_holds_and_is_said() -> None:
+def test_a_table_beyond_the_measured_range_is_refused_and_a_last_bit_of_it_is_said() -> None:
     at = np.linspace(100.0, 300.0, 11)
-    change = offer(0.02 * (at - 100.0), at=at, reference=100.0)
-    np.testing.assert_allclose(change.new.deviations[:4], 0.0, atol=0.02)
-    np.testing.assert_allclose(change.new.deviations[-4:], 4.0, atol=0.02)
+    with pytest.raises(Gap, match="E-COMP-REACH"):
+        offer(0.02 * (at - 100.0), at=at, reference=100.0)
+    at = np.linspace(19.0, 385.0, 11)
+    change = offer(0.02 * (at - 19.0), at=at, reference=19.0)
+    assert change.new.deviations[0] == pytest.approx(0.0, abs=0.02)
+    assert change.new.deviations[-1] == pytest.approx(7.32, abs=0.03)
     assert any(finding.startswith("W-COMP-FLAT") for finding in change.findings)
     assert offer(0.02 * AT).findings == ()
 
