@@ -32,7 +32,10 @@ STARTER = (sys.executable, "-m", "simulators.cell")
 
 @dataclass(frozen=True, slots=True)
 class CellAsked:
-    """A simulated cell as it was asked for: a shipped name or a file, its speed, and what its site file says."""
+    """A simulated cell as it was asked for: a shipped name or a file, its speed, and what its site file says.
+
+    ``speed`` is how many seconds of it pass in one of ours; where it is ``shared`` with commands, at most, 0: no limit.
+    """
 
     cell: str
     site: Path
@@ -43,10 +46,12 @@ class CellAsked:
     road: str = ""
     name: str = ""
     panel: bool = False
+    shared: bool = False
 
     def command(self) -> list[str]:
         """What starts it."""
         given = ["--site", str(self.site), "--speed", str(self.speed)]
+        given += ["--shared"] if self.shared else []
         given += ["--plan"] if self.plan else []
         given += ["--filed"] if self.filed else []
         given += ["--panel"] if self.panel else []
@@ -132,7 +137,7 @@ class Demo:
     @property
     def asked(self) -> CellAsked:
         """Its cell."""
-        return CellAsked(self.cell, self.site, self.speed, self.seed, plan=not self.axes)
+        return CellAsked(self.cell, self.site, self.speed, self.seed, plan=not self.axes, shared=True)
 
 
 def run_demo(demo: Demo, *, as_json: bool) -> None:

@@ -12,7 +12,15 @@ from gateway.cli.options import JsonOption, SpeedOption, named, road_of
 
 def demo(
     folder: Annotated[Path, typer.Option(help="Where the demo keeps its site file and runs.")] = Path("demo"),
-    speed: SpeedOption = 150.0,
+    speed: Annotated[
+        float | None,
+        typer.Option(
+            min=1,
+            max=500,
+            help="Machine seconds in one second of yours at most; else as many as this computer can do.",
+            show_default=False,
+        ),
+    ] = None,
     seed: Annotated[int | None, typer.Option(help="Draw another machine.", show_default=False)] = None,
     cell: Annotated[str, typer.Option(help="Cell file, or the name of a shipped cell.")] = "demo",
     axes: Annotated[bool, typer.Option("--axes", help="The axes alone: no other error, no part.")] = False,
@@ -29,7 +37,7 @@ def demo(
 
     if axes and (everything or resume):
         raise typer.BadParameter("--axes is a demo of its own: leave --all and --resume away", param_hint="--axes")
-    run_demo(Demo(folder, cell, speed, seed, axes=axes, everything=everything, run=resume), as_json=as_json)
+    run_demo(Demo(folder, cell, speed or 0.0, seed, axes=axes, everything=everything, run=resume), as_json=as_json)
 
 
 def simulate(
