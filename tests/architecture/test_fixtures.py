@@ -178,6 +178,10 @@ WHOLLY_LONG = {
         "test_site_by_files.py",
         "test_what_waits_for_its_files_is_not_begun_twice",
     ): "test_the_live_tables_come_back_by_files",
+    (
+        "test_programs_signed.py",
+        "test_a_sign_proof_and_the_layer_of_axis_tables_are_sent_as_printed",
+    ): "the other comparisons of tests/cell/test_programs_signed.py",
 }
 """Tests that leave `make test` whole, and the smaller one of the same code that stays.
 

@@ -134,7 +134,8 @@ def _staged(stages: Stages, now: float) -> Text:
     """Which stage of how many, and the time to go over all that are left."""
     said = words("S-PANEL-STAGE", number=stages.number, total=stages.total, stage=stages.said)
     left = stages.left_s(now)
-    return Text(visible(said if left is None else f"{said}, {words('S-PANEL-LEFT', time=clock_text(left))}"))
+    told = said if left is None else ", ".join((said, words("S-PANEL-LEFT", time=clock_text(left))))
+    return Text(visible(told))
 
 
 def _bars(counts: Iterable[Count], now: float, *, alone: bool) -> Table:
