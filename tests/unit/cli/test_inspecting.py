@@ -27,7 +27,7 @@ def site(folder: Path, **work: Any) -> Path:
     path = written(folder)
     gear = "\n".join(('name = "disc"\n', section("gear", GEAR), section("grinding", {"centre_distance_mm": 160.0})))
     (folder / "gear.toml").write_text(gear, encoding="utf-8")
-    text = path.read_text(encoding="utf-8") + section("work", {"gear": "gear.toml", **work})
+    text = path.read_text(encoding="utf-8") + section("work", {"gear": "gear.toml", "height_mm": 0.0, **work})
     path.write_text(text, encoding="utf-8")
     return path
 

@@ -92,7 +92,7 @@ def test_every_way_to_write_the_machine_grinds_the_same_flank() -> None:
 def test_waves_shorter_than_the_wheel_follows_and_kinks_are_found() -> None:
     short = yk7350b({"EXZ": Fourier(0.0, (0.004,), (), 3.0)})
     agree(grinding_of(short), [(0.0, 0.1, 0.2), (0.0, 0.5, 1.4), (2.0, -0.4, -0.7)], within=2e-9)
-    kinked = yk7350b({"EXZ": PiecewiseLinear((-12.0, -5.0, 0.0, 5.0, 12.0), (-0.0024, 0.006, 0.0, 0.008, -0.0088))})
+    kinked = yk7350b({"EXZ": PiecewiseLinear((-25.0, -5.0, 0.0, 5.0, 25.0), (-0.018, 0.006, 0.0, 0.008, -0.04))})
     agree(grinding_of(kinked), [(0.0, 0.1, 0.0), (0.0, 0.5, 5.0), (0.0, 0.3, 0.02), (0.0, 0.3, 4.99)], within=1e-7)
 
 

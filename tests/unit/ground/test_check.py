@@ -588,7 +588,10 @@ def test_files_that_are_named_and_missing_are_told(folder: Path) -> None:
     (folder / "password.txt").unlink()
     (folder / "control.der").write_text("not a certificate")
     (folder / "runs").write_text("a file")
-    text = changed("stable = 0.5", 'stable = 0.5\nfile = "x1.rtl"\nfile_datum = 0.0') + '[work]\ngear = "gear.toml"\n'
+    text = (
+        changed("stable = 0.5", 'stable = 0.5\nfile = "x1.rtl"\nfile_datum = 0.0')
+        + '[work]\ngear = "gear.toml"\nheight_mm = 0.0\n'
+    )
     (folder / "gear.toml").write_text("[gear]\n")
     told = {fault.path[-1]: str(fault.error("f")) for fault in checked(written(folder, text)).faults}
     assert set(told) == {"password_file", "server_certificate", "file", "gear", "store"}

@@ -96,7 +96,7 @@ def test_set_ups_work_and_parks_name_by_the_same_rule(tmp_path: Path) -> None:
     for extra in (
         setup + 'park = { "../C1" = 0.0 }',
         setup.replace("X1", "../X1"),
-        '\n[work]\ngear = "g"\ndresser = "a/b"',
+        '\n[work]\ngear = "g"\nheight_mm = 0.0\ndresser = "a/b"',
     ):
         assert "device name" in refused(tmp_path, GOOD + extra).what
 

@@ -48,6 +48,7 @@ url = "opc.tcp://127.0.0.1:1"
 serial = "SN-1"
 [work]
 gear = "gear.toml"
+height_mm = 0.0
 """
 GEAR = Path(__file__).parents[3] / "examples" / "gears" / "eleven-lobes.toml"
 
