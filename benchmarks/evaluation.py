@@ -15,7 +15,7 @@ import pandas as pd
 
 import trueflank as tf
 from benchmarks.report import Report, child, main, spent
-from gateway.workflow.files.importing import How, read_file
+from gateway.workflow.files.reading import How, read_file
 
 RTL = """HEADER::
 File type  : rtl

@@ -116,13 +116,14 @@ def _passes(rows: Rows) -> list[tuple[int, Whole]]:
 def across_zero(targets: Sequence[float]) -> tuple[float, float] | None:
     """The neighbours (deg, 0 .. 360) between which over half a turn was not measured; None where there are none.
 
-    The arc that was measured then runs through zero, in whatever order its targets were written.
+    The arc that was measured then runs through zero, in whatever order its targets were written. Where the step across
+    zero would be more than half as wide as that gap, nobody can tell which of the two was measured.
     """
     at = sorted(set(targets))
     if len(at) < LEAST_FOR_SPREAD or at[0] < 0.0 or at[-1] > TURN:
         return None
     gap, low, high = max((after - before, before, after) for before, after in pairwise(at))
-    return (low, high) if gap > max(HALF_TURN, TURN - (at[-1] - at[0])) and at[-1] - at[0] < TURN else None
+    return (low, high) if gap > max(HALF_TURN, 2.0 * (TURN - (at[-1] - at[0]))) and at[-1] - at[0] < TURN else None
 
 
 def _through_zero(measured: MeasuredSet, where: str) -> MeasuredSet:

@@ -103,7 +103,6 @@ class CapturePc:
         length_s = 2 * repetitions * len(self.targets) * STOP_S
         climate = self.bench.truth.climate
         first, last = climate.sensed(self.start_s), climate.sensed(self.start_s + length_s)
-        machine = self.bench.cell.machine
         return FileContent(
             targets=self.targets - self.targets[0],
             deviations=self.deviations(repetitions),
@@ -114,8 +113,8 @@ class CapturePc:
             ended=self.start_utc + timedelta(seconds=length_s),
             expansion_ppm_per_k=self._alpha,
             env_factors=(env_factor(first, self._alpha), env_factor(last, self._alpha)),
-            machine=machine.model,
-            serial=machine.serial,
+            machine=self.bench.cell.site.name,
+            serial=self.bench.cell.machine.serial,
             axis=self.axis.letter,
         )
 

@@ -50,6 +50,7 @@ UNSEEN = {
     **dict.fromkeys(("block_access_level", "mode_change_at_block", "hmi_writes_at_block", "hmi_writes"), CHANCE),
     **dict.fromkeys(("enables_at_block", "forgets_at_block", "forgets"), CHANCE),
     **dict.fromkeys(("diameter_axis", "zero_offset_mm", "tool_length_mm"), OWN),
+    **dict.fromkeys(("card_exchanged", "hardware_exchanged", "software_updated", "axes_swapped"), OWN),
     "accepts_nan": WRITER,
     "fills_arrays": TRIED,
     "judges_programs": "the gate, which the leniencies of the language take away rule by rule",

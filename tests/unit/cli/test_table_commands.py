@@ -191,10 +191,10 @@ class TestConvert:
         path = written(tmp_path, "r.csv", "target_mm,direction,repetition,deviation_um\n" + "\n".join(rows) + "\n")
         out = tmp_path / "x.mpf"
         words = ["convert", path, "--to", "eec", "--axis", "x1", "-o", out, "--reference", 0, "--datum", "0=0"]
-        assert typed(*words, "--step", 5, "--min", -10, "--index", 1).exit_code == 0
+        assert typed(*words, "--step", 5, "--min", 0, "--index", 1).exit_code == 0
         text = out.read_text()
         assert "$AA_ENC_COMP_STEP[1,X1]=5.0" in text
-        assert "$AA_ENC_COMP[1,10,X1]" in text
+        assert "$AA_ENC_COMP[1,8,X1]" in text
         assert refusal(*words, "--to", "both").code == "E-CLI-LAYER"
         assert refusal(*words, "--form", "pdf").code == "E-TABLE-FORM"
         assert refusal(*words, "--datum", "5").code == "E-CLI-POSITION"
