@@ -102,7 +102,7 @@ def _chosen(anna: Person, at: Hall) -> None:
         expect(page.locator(key)).to_be_disabled()
     expect(page.locator("button.off[data-table=C1]")).to_be_enabled()
     anna.sees("#now", "A table may be on")
-    anna.sees(".chip.bad", "perhaps on")
+    anna.sees(".chip.bad", "Perhaps on")
     page.locator("#recover-undo").click()
     anna.sees("dialog ul.moves li", "acts then")
     looked_at(anna, "back-4-choice")
