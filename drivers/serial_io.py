@@ -19,7 +19,7 @@ from typing import Any
 import serial
 from serial.tools import list_ports
 
-from drivers.clock import Clock
+from drivers.clock import Clock, SharedTimeLoop
 from drivers.errors import TransportError
 
 BLOCK_BYTES = 1 << 18
@@ -152,6 +152,9 @@ class SerialTransport:
         self._port = port
         self._workers = workers
         self._loop = asyncio.get_running_loop()
+        self._held_time = contextlib.ExitStack()
+        if isinstance(self._loop, SharedTimeLoop):  # nobody counts the bytes of a port: time waits a moment for them
+            self._held_time.enter_context(self._loop.uncounted_wire())
         self._news = asyncio.Event()
         self._room = threading.Condition()
         self._pieces: deque[bytes] = deque()
@@ -263,6 +266,7 @@ class SerialTransport:
             await self._in_thread(self._thread.join)
         finally:
             self._workers.shutdown()
+            self._held_time.close()
 
 
 def _refusal(url: str, error: Exception) -> TransportError:

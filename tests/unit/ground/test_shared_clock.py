@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import os
 import socket
 import subprocess
 import sys
@@ -224,3 +225,21 @@ def test_a_clock_that_nobody_keeps_cannot_be_joined() -> None:
         port = plain.getsockname()[1]
     with pytest.raises(OSError, match="refused"):
         JoinedTimeLoop(f"127.0.0.1:{port}")
+
+
+def test_a_serial_port_is_an_uncounted_wire_as_long_as_it_is_open() -> None:
+    master, slave = os.openpty()
+    loop = HostedTimeLoop()
+
+    async def main() -> list[int]:
+        wire = await open_transport(os.ttyname(slave), LoopClock(), 5.0)
+        open_ports = loop._turns.uncounted
+        await wire.close()
+        return [open_ports, loop._turns.uncounted]
+
+    try:
+        with asyncio.Runner(loop_factory=lambda: loop) as runner:
+            assert runner.run(main()) == [1, 0]
+    finally:
+        os.close(master)
+        os.close(slave)
