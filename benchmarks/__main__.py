@@ -21,6 +21,8 @@ from benchmarks.report import Figure
 NAMES = ("flank", "ranking", "evaluation", "commands", "store", "dynamic", "streams", "mailbox", "push")
 HEAD = """# Benchmarks
 
+<!-- source: ISO 230-2: edition 2014 -->
+
 `make bench` runs them and writes this page. Speed is a ratio of processor times in one process against a floor measured
 in the same run, so that neither the computer nor its load decides; a figure beyond its limit fails the run. `make test`
 runs the small form of each (`--smoke`), which judges no limit.
