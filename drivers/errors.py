@@ -203,6 +203,10 @@ class TableActs(DeviceRefused):
     """The control will not write a table because it is on, whatever its switch reads."""
 
 
+class OtherCertificate(DeviceRefused):
+    """A person typed another fingerprint than the peer showed."""
+
+
 class BeamObstructed(DeviceError):
     """The laser lost its beam; nothing counted after that is valid."""
 

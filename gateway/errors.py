@@ -107,3 +107,35 @@ class SignInRefused(TrueflankError):
     """Who asks is not known, has not the role, or tried too often; they must sign in, or somebody else must ask."""
 
     exit_code = 14
+
+
+class NotSignedIn(SignInRefused):
+    """Who asks is not known: no secret, or a wrong one."""
+
+
+class TooManyTries(SignInRefused):
+    """Wrong secrets came too fast from there; the fields say how long to wait."""
+
+
+class NotFound(TrueflankError):
+    """What was asked for by name is not there."""
+
+
+class InvalidRequest(TrueflankError):
+    """What was handed over is not what can be taken; the fields say what can."""
+
+
+class RecordNotFound(StoreError, NotFound):
+    """The store has no record or file of this name."""
+
+
+class InvalidAccount(StoreError, InvalidRequest):
+    """An account that the rules for names, roles and secrets do not allow."""
+
+
+class LastAdministrator(StoreError):
+    """Without this account nobody could keep the others."""
+
+
+class InvalidOption(ConfigError, InvalidRequest):
+    """An option or an answer that is none of those that can be taken."""

@@ -181,12 +181,18 @@ def study(
 def schema(
     as_page: Annotated[bool, typer.Option("--page", help="The page of reference instead, in Markdown.")] = False,
     api: Annotated[bool, typer.Option("--api", help="The service's routes instead (OpenAPI).")] = False,
+    states: Annotated[bool, typer.Option("--states", help="The states of a push instead, in Markdown.")] = False,
 ) -> None:
     """Print the site file's JSON schema, the settings of every driver among it."""
     if api:
         from gateway.web.document import described
 
         show_json(described())
+        return
+    if states:
+        from gateway.push.records.phases import in_markdown
+
+        echo(in_markdown().rstrip())
         return
     from gateway.config.reference import page
     from gateway.config.reference import schema as site_schema

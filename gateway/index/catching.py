@@ -10,6 +10,7 @@ from sqlalchemy.exc import SQLAlchemyError
 
 from drivers.errors import ConfigError
 from gateway.config import SiteFile
+from gateway.errors import InvalidOption
 from gateway.index.keeping import RunIndex
 from gateway.index.rows import FLANK, FLANK_PARAMETERS, PARAMETERS, journals_seal, read_run, seal_of, tables_of
 from gateway.push.records.history import machines
@@ -98,7 +99,7 @@ def known(parameter: str, subject: str = "") -> None:
     """
     figures = {FLANK: FLANK_PARAMETERS, "": (*PARAMETERS, *FLANK_PARAMETERS)}.get(subject, PARAMETERS)
     if parameter not in figures:
-        raise ConfigError("E-INDEX-FIGURE", subject or "index", parameter=parameter, known=", ".join(figures))
+        raise InvalidOption("E-INDEX-FIGURE", subject or "index", parameter=parameter, known=", ".join(figures))
 
 
 def compared(index: RunIndex, parameter: str, *, subject: str, phase: str = "after") -> list[dict[str, Any]]:

@@ -17,6 +17,7 @@ from gateway.push.compare import table_facts
 from gateway.push.context import PushContext
 from gateway.push.plan import plan_hash
 from gateway.push.records import journal, numbering
+from gateway.push.records.phases import PushEvent
 from gateway.push.records.replaying import ReplayedJournal, foretold
 from gateway.push.unexpected import quiet_in_replay
 from gateway.push.work import Purpose, Transaction, Work, seed_of
@@ -75,7 +76,7 @@ def _work(whole: Transaction, task: Task, tasks: Sequence[Task]) -> Work:
 def _first(work: Work) -> None:
     context, change = work.context, work.change
     work.note(
-        "LEASED",
+        PushEvent.LEASED,
         transaction=work.whole.number,
         purpose=work.whole.purpose,
         axis=change.axis,
@@ -107,8 +108,8 @@ def _announce(works: Sequence[Work]) -> None:
     try:
         for work in works:
             if work.context.log is not None:
-                said = foretold(work.whole.journal, "AUDITED", "audit")
-                work.note("AUDITED", audit=said or work.context.log.begin(work.whole.number, work.change))
+                said = foretold(work.whole.journal, PushEvent.AUDITED, "audit")
+                work.note(PushEvent.AUDITED, audit=said or work.context.log.begin(work.whole.number, work.change))
     except TrueflankError as error:
         abort(works, str(error))
         raise
@@ -117,7 +118,7 @@ def _announce(works: Sequence[Work]) -> None:
 def abort(works: Sequence[Work], why: str) -> None:
     """Nothing was written for these tables, and nothing will be."""
     for work in works:
-        work.note("ABORTED", why=why)
+        work.note(PushEvent.ABORTED, why=why)
 
 
 @contextmanager
@@ -131,7 +132,7 @@ def closed_at_the_end(works: Sequence[Work]) -> Iterator[None]:
         yield
     except asyncio.CancelledError:
         for work in works:
-            if work.last not in journal.FINAL:
+            if not work.state.phase.final:
                 work.stopped()
         raise
     finally:

@@ -23,6 +23,7 @@ from gateway.push import conversation
 from gateway.push.asking import with_all
 from gateway.push.compare import aside, effect_positions, same_rest, same_table, table_in
 from gateway.push.loading import Faults
+from gateway.push.records.phases import PushEvent
 from gateway.push.snapshot import live_of
 from gateway.push.work import Work
 from gateway.table.comparison import differences
@@ -79,7 +80,7 @@ async def _proved(
             raise
         faults[work] = fault
         return None
-    work.note("EFFECT", shown=[list(place) for place in work.effect])
+    work.note(PushEvent.EFFECT, shown=[list(place) for place in work.effect])
     return live
 
 

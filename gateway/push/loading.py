@@ -18,6 +18,7 @@ from gateway.push.asking import with_all
 from gateway.push.byhand import room_of, stand_at
 from gateway.push.compare import table_in
 from gateway.push.readback import check_base, fault_of, keep_backup
+from gateway.push.records.phases import PushEvent
 from gateway.push.records.replaying import replaying
 from gateway.push.work import Work
 
@@ -52,7 +53,7 @@ async def load(loads: Loads) -> Faults:
     stood = _stood(first)
     for one in loads:
         told = {"coupled": one.work.coupled} if one.work.of else {}
-        one.work.note("DISABLE", order=one.order.transaction, purpose=one.order.purpose, **told, **stood)
+        one.work.note(PushEvent.DISABLE, order=one.order.transaction, purpose=one.order.purpose, **told, **stood)
         one.work.marked, one.work.cut_short = one.order, True
     whole.sent.add(batch[0].transaction)
     whole.batch = batch
@@ -94,7 +95,7 @@ def _compared(loads: Loads, found: tuple[ReadBack, ...], *, kept: bool) -> Fault
         if fault is not None:
             faults[one.work] = fault
         else:
-            one.work.note("LOADED", order=one.order.transaction, digest=read.found.digest)
+            one.work.note(PushEvent.LOADED, order=one.order.transaction, digest=read.found.digest)
     if len(faults) == len(loads):
         raise next(iter(faults.values()))
     return faults
@@ -228,13 +229,13 @@ async def release(loads: Loads, batch: PushBatch | None = None) -> None:
     for one in loads:
         await _ask_again(one)
     for one in loads:
-        one.work.note("ENABLE", order=one.order.transaction, enable=one.order.enable)
+        one.work.note(PushEvent.ENABLE, order=one.order.transaction, enable=one.order.enable)
     await context.controller.activate(together, passed)
     await _ask_release(loads)
     for one, enabled in zip(loads, await context.controller.confirm(passed, context.start_timeout_s), strict=True):
         if enabled != one.order.enable:
             raise VerifyError("E-PUSH-SWITCH", one.work.axis, wanted=one.order.enable, found=enabled)
-        one.work.note("ENABLED" if enabled else "LEFT_DISABLED", order=one.order.transaction)
+        one.work.note(PushEvent.ENABLED if enabled else PushEvent.LEFT_DISABLED, order=one.order.transaction)
     await _activated(loads, together)
 
 
@@ -250,7 +251,7 @@ async def _activated(loads: Loads, together: PushBatch) -> None:
         context.say("P-PUSH-ACTIVATE", axis=_names(restarted or acting), shown=there)
     await context.controller.restarted(_batch(acting), context.start_timeout_s)
     for one in acting:
-        one.work.note("ACTIVATED", order=one.order.transaction)
+        one.work.note(PushEvent.ACTIVATED, order=one.order.transaction)
 
 
 async def _ask_release(loads: Loads) -> None:

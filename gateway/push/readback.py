@@ -11,6 +11,7 @@ from drivers.types.tables import LiveSet
 from gateway.errors import VerifyError
 from gateway.interlocks.facts import rest_of
 from gateway.push.compare import aside, same_rest, same_set, same_table, table_facts, table_in
+from gateway.push.records.phases import PushEvent
 from gateway.push.work import Work
 from gateway.table.comparison import differences
 
@@ -23,12 +24,12 @@ def keep_backup(work: Work, order: PushOrder, backup: LiveSet) -> None:
     name = f"backup-{work.name}-{order.transaction:06d}{spoken().program_suffix}"
     path = work.kept(name, backup.native)
     if order.transaction != work.whole.number:
-        work.note("FAILED_TABLE", path=path, digest=backup.digest)
+        work.note(PushEvent.FAILED_TABLE, path=path, digest=backup.digest)
         return
     work.backup_path = path
     work.confirmed = agrees(work, backup)
     old = {"old": table_facts(work.restore_to.table), "old_enabled": work.restore_to.enabled}
-    work.note("BACKUP", path=path, digest=backup.digest, confirmed=work.confirmed, **old)
+    work.note(PushEvent.BACKUP, path=path, digest=backup.digest, confirmed=work.confirmed, **old)
 
 
 def agrees(work: Work, backup: LiveSet) -> bool:

@@ -28,6 +28,7 @@ from gateway.push.proofs import restart
 from gateway.push.proofs.switching import PEAK, Steps, plan_of, quiet, switched
 from gateway.push.records import journal
 from gateway.push.records.lock import machine_lock
+from gateway.push.records.phases import PushEvent
 from gateway.push.snapshot import keep
 from gateway.push.trials import AlreadyOn, Eyes, SignQuestion, TrialTable, judged, trial_of
 from gateway.push.undo.restoring import all_back
@@ -195,7 +196,7 @@ async def _loaded(works: Sequence[Work], lives: Sequence[LiveSet]) -> None:
     context.say("P-PUSH-TRIALS", axis=", ".join(work.name for work in works))
     await context.controller.restarted(tuple(one.order for one in loads), context.start_timeout_s)
     for work in works:
-        work.note("RESTARTED")
+        work.note(PushEvent.RESTARTED)
 
 
 async def _before(of: Mapping[Work, TrialTable], eyes: Eyes) -> dict[Work, restart.Readings]:
@@ -230,7 +231,7 @@ async def _measured(
         else:
             follows = _after(plans, works, place + 1)
             steps = await switched(work, trial.peak, reading, again=trial.question.again, follows=follows)
-        work.note("MEASURED", mean=steps.mean, u=steps.u, each=list(steps.each))
+        work.note(PushEvent.MEASURED, mean=steps.mean, u=steps.u, each=list(steps.each))
         found[work] = steps
     await conversation.foresee(context, ())
     return found

@@ -10,6 +10,7 @@ from drivers.types.tables import LiveSet, LiveTable
 from gateway.push import conversation
 from gateway.push.compare import same_table, table_facts, table_in
 from gateway.push.readback import is_coupled
+from gateway.push.records.phases import PushEvent
 from gateway.push.work import Work
 
 
@@ -40,7 +41,7 @@ def keep(work: Work, live: LiveSet) -> None:
     work.base, work.coupled = live, is_coupled(live, work)
     work.restore_to = table_in(live, work.change.new)
     old = {"old": table_facts(work.restore_to.table), "old_enabled": work.restore_to.enabled}
-    work.note("SNAPSHOT", path=work.backup_path, digest=live.digest, coupled=work.coupled, **old)
+    work.note(PushEvent.SNAPSHOT, path=work.backup_path, digest=live.digest, coupled=work.coupled, **old)
 
 
 def already(work: Work, live: LiveSet) -> bool:

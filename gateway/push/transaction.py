@@ -29,6 +29,7 @@ from gateway.push.plan import plan_hash
 from gateway.push.readback import leave_out
 from gateway.push.records import journal
 from gateway.push.records.lock import machine_lock
+from gateway.push.records.phases import PushEvent, PushPhase
 from gateway.push.records.replaying import replaying
 from gateway.push.records.steps import step_words
 from gateway.push.snapshot import already, snapshot
@@ -37,7 +38,11 @@ from gateway.push.undo.restoring import all_back, still_held
 from gateway.push.unexpected import foreseen, unheard
 from gateway.push.work import Outcome, Work, note_all
 
-_ENDED: dict[str, Outcome] = {"COMMITTED": "committed", "ROLLED_BACK": "rolled-back", "CLOSED": "rolled-back"}
+_ENDED: dict[PushPhase, Outcome] = {
+    PushPhase.COMMITTED: "committed",
+    PushPhase.ROLLED_BACK: "rolled-back",
+    PushPhase.CLOSED: "rolled-back",
+}
 Wish = tuple[TableChange, PushContext]
 Stays = Callable[[Sequence[TableChange]], bool]
 """Whether these tables alone are predicted to leave the machine no worse than none of the transaction would."""
@@ -135,7 +140,7 @@ def _same_again(change: TableChange, context: PushContext) -> PushRecord | None:
     """The answer already given under this key to this very plan, if that push ended."""
     plan = plan_hash(change, context.machine)
     found = next((part for part in under_key(context) if part.latest("plan") == plan), None)
-    outcome = _ENDED.get(found.kinds[-1]) if found is not None else None
+    outcome = _ENDED.get(found.state.phase) if found is not None else None
     if found is None or outcome is None:
         return None
     steps = tuple(f"{entry.facts.get('utc', '')} {step_words(entry.kind)}" for entry in found.entries)
@@ -181,7 +186,7 @@ def _refuse(works: Sequence[Work], reasons: dict[Work, tuple[Refusal, ...]]) -> 
         told = reasons[work] or every
         for reason in told:
             work.context.say("P-PUSH-REFUSED", axis=work.name, reason=reason.words)
-        work.note("ABORTED", why=f"reasons: {len(told)}")
+        work.note(PushEvent.ABORTED, why=f"reasons: {len(told)}")
         work.steps += [reason.words for reason in told]
         work.because(*(reason.words for reason in told))
     return dict.fromkeys(works, "refused")
@@ -229,7 +234,7 @@ async def _committed(works: Sequence[Work], ended: dict[Work, Outcome]) -> dict[
     try:
         with foreseen(_names(works)):
             await works[0].finish("committed")
-            note_all(works, "COMMITTED")
+            note_all(works, PushEvent.COMMITTED)
     except StoreError:
         raise
     except TrueflankError as failure:

@@ -29,6 +29,7 @@ from gateway.push.readback import leave_out
 from gateway.push.records import journal
 from gateway.push.records.history import Committed
 from gateway.push.records.lock import machine_lock
+from gateway.push.records.phases import PushEvent
 from gateway.push.snapshot import live_of, snapshot
 from gateway.push.undo.restoring import all_back
 from gateway.push.unexpected import foreseen, unheard
@@ -142,7 +143,7 @@ async def _undone(undos: Sequence[Undo]) -> tuple[PushRecord, ...]:
         with begun(tasks, "restore") as works:
             pairs = dict(zip(works, (done for done, _ in undos), strict=True))
             for work, done in pairs.items():
-                work.note("UNDOES", undoes=done.transaction, enable=done.old.enabled)
+                work.note(PushEvent.UNDOES, undoes=done.transaction, enable=done.old.enabled)
             ended = await _undo(pairs)
             return tuple(work.record(ended[work]) for work in works)
 
@@ -176,7 +177,7 @@ async def _undo(undos: dict[Work, Committed]) -> dict[Work, Outcome]:
             foreign = no("E-PUSH-UNDO-FOREIGN", transaction=done.transaction, difference=seen.words)
             reasons[work] = (*foreign, *reasons[work])
     if there:
-        note_all(tuple(there), "COMMITTED")  # somebody has put them back: nothing is left to take back of them
+        note_all(tuple(there), PushEvent.COMMITTED)  # somebody has put them back: nothing is left to take back of them
     if any(reasons[work] for work in left):
         return there | _refuse(tuple(left), reasons)
     for work in left:
@@ -189,7 +190,7 @@ def _refuse(works: Sequence[Work], reasons: dict[Work, tuple[Refusal, ...]]) -> 
     for work in works:
         told = reasons[work] or every
         record = refused(work.context, work.axis, told)
-        work.note("ABORTED", why=f"reasons: {len(told)}")
+        work.note(PushEvent.ABORTED, why=f"reasons: {len(told)}")
         work.steps += record.steps
         work.because(*record.reasons)
     return dict.fromkeys(works, "refused")
@@ -201,7 +202,7 @@ async def _exchange(undos: dict[Work, Committed], bases: dict[Work, LiveSet]) ->
         with foreseen(_names(works)):
             await _put_back(undos, bases)
             await works[0].finish("committed")
-            note_all(works, "COMMITTED")
+            note_all(works, PushEvent.COMMITTED)
     except StoreError:
         raise
     except TrueflankError as failure:

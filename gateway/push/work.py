@@ -19,6 +19,7 @@ from gateway.errors import BusyError, StoreError, VerifyError
 from gateway.push.compare import tolerance
 from gateway.push.context import PushContext
 from gateway.push.records import journal, numbering
+from gateway.push.records.phases import NOTHING_NOTED, PushEvent, PushState
 from gateway.push.records.replaying import foretold, replaying
 from gateway.push.records.steps import step_code, step_words
 from gateway.push.unexpected import foreseen
@@ -65,6 +66,7 @@ class Work:
     carries. ``cut_short`` says that a load may have stopped in its middle, ``torn`` that a control which has restarted
     since may act by half a table once it is on.
     ``loaded`` is what a recovery has just read there: nobody is asked to have it saved again.
+    ``state`` is where it stands by the table of transitions, ``last`` the event that led there.
     ``seen`` is the table as it was read last, None once something was announced since; ``protected`` that the control
     refused to write it as one that is on, whatever its switch reads.
     ``codes`` are those of the ``steps``; ``reasons`` are why it does not end as asked, ``marker_lost`` why the marker
@@ -94,7 +96,8 @@ class Work:
     confirmed: bool = False
     begun: bool = False
     base_digest: str = ""
-    last: str = "nothing"
+    state: PushState = NOTHING_NOTED
+    last: PushEvent | None = None
     seen: LiveTable | None = None
     protected: bool = False
     reasons: list[str] = field(default_factory=list)
@@ -121,22 +124,26 @@ class Work:
         """Largest difference of two values that are the same to the controller, um or arcsec."""
         return tolerance(self.limits, self.change.new)
 
-    def note(self, kind: str, **facts: object) -> None:
-        """Write the journal first, then tell. Raises StoreError when the journal refuses."""
-        self.whole.journal.append(kind, utc=self._utc(), **({"of": self.of} if self.of else {}), **facts)
-        self.noted(kind, facts)
+    def note(self, event: PushEvent, **facts: object) -> None:
+        """Write the journal first, then tell.
+
+        Raises StoreError when the journal refuses, IllegalTransition where the event may not follow.
+        """
+        self.state.after(event, facts)
+        self.whole.journal.append(event, utc=self._utc(), **({"of": self.of} if self.of else {}), **facts)
+        self.noted(event, facts)
 
     def because(self, *reasons: str) -> None:
         """Keep why it does not end as asked, each reason once; the record holds them."""
         self.reasons += [reason for reason in dict.fromkeys(reasons) if reason and reason not in self.reasons]
 
-    def noted(self, kind: str, facts: Mapping[str, object]) -> None:
+    def noted(self, event: PushEvent, facts: Mapping[str, object]) -> None:
         """Tell what the journal holds by now."""
-        self.last = kind
+        self.last, self.state = event, self.state.after(event, facts)
         told = ", ".join(f"{key} {value}" for key, value in facts.items() if isinstance(value, (str, int)))
-        self.codes.append(step_code(kind))
-        self.steps.append(f"{self._utc()} {step_words(kind)}" + (f": {told}" if told else ""))
-        self.context.say("P-PUSH-STEP", axis=self.name, step=kind, said=step_words(kind))
+        self.codes.append(step_code(event))
+        self.steps.append(f"{self._utc()} {step_words(event)}" + (f": {told}" if told else ""))
+        self.context.say("P-PUSH-STEP", axis=self.name, step=event, said=step_words(event))
 
     def stopped(self) -> None:
         """Somebody ended us from outside: where it stands, on the disk before anything else is done."""
@@ -144,14 +151,14 @@ class Work:
         why = f"stopped by {stop.by or 'a cancel'}"
         try:
             if self.marked is None:
-                self.note("ABORTED", why=f"{why} before anything was sent")
+                self.note(PushEvent.ABORTED, why=f"{why} before anything was sent")
                 return
             if self.whole.number not in stop.transactions:
                 stop.transactions.append(self.whole.number)
-            self.note("STOPPED", why=why, after=last)
+            self.note(PushEvent.STOPPED, why=why, after=last or "nothing")
         except StoreError as error:
             stop.tell(str(error))
-        told = {"axis": self.axis, "transaction": self.whole.number, "last": step_words(last)}
+        told = {"axis": self.axis, "transaction": self.whole.number, "last": step_words(last or "nothing")}
         self.context.say("P-STOPPED-PUSH", **told)
         stop.tell(words("P-STOPPED-PUSH", **told))
 
@@ -179,7 +186,7 @@ class Work:
 
     def fresh_number(self) -> int:
         """Another transaction number of this machine; in work that goes on the one that was given here before."""
-        known = foretold(self.whole.journal, "DISABLE", "order")
+        known = foretold(self.whole.journal, PushEvent.DISABLE, "order")
         return int(known) if known else numbering.allocate(self.whole.folder, seed_of(self.context))
 
     async def same_machine(self) -> None:
@@ -255,16 +262,18 @@ class Work:
         return self.context.clock.utc().isoformat(timespec="milliseconds")
 
 
-def note_all(works: Sequence[Work], kind: str) -> None:
+def note_all(works: Sequence[Work], event: PushEvent) -> None:
     """As `Work.note`, of several tables in one line: it is on the disk for all of them or for none."""
     first = works[0]
     if not first.of:
-        first.note(kind)
+        first.note(event)
         return
     utc = first.context.clock.utc().isoformat(timespec="milliseconds")
-    first.whole.journal.append(kind, utc=utc, all=[work.of for work in works])
     for work in works:
-        work.noted(kind, {})
+        work.state.after(event, {})
+    first.whole.journal.append(event, utc=utc, all=[work.of for work in works])
+    for work in works:
+        work.noted(event, {})
 
 
 def seed_of(context: PushContext) -> int:

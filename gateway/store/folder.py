@@ -17,7 +17,7 @@ from drivers.local.names import is_file_name, shown
 from drivers.local.ownfiles import is_link
 from drivers.terms import in_todays_words
 from drivers.types.identity import MachineIdentity
-from gateway.errors import CorruptRecord, StoreError
+from gateway.errors import CorruptRecord, RecordNotFound, StoreError
 from gateway.store import layout, records, seal
 from gateway.store.disk import checked_name, make_folder, read_whole, write_whole
 
@@ -204,7 +204,7 @@ class RunFolder:
         """A stored file, its hash checked. Raises StoreError (E-STORE-FILE), CorruptRecord (E-STORE-HASH)."""
         known = self._known()["files"]
         if name not in known:
-            raise StoreError("E-STORE-FILE", str(self.path), name=name, known=", ".join(sorted(known)))
+            raise RecordNotFound("E-STORE-FILE", str(self.path), name=name, known=", ".join(sorted(known)))
         path = self._place(name)
         data = read_whole(path)
         if records.sha256(data) != known[name]:
@@ -252,7 +252,7 @@ class RunFolder:
         stages = self._known()["stages"]
         if stage not in stages:
             known = ", ".join(stages) or words("W-CFG-NONE")
-            raise StoreError("E-STORE-STAGE", str(self.path), stage=stage, known=known)
+            raise RecordNotFound("E-STORE-STAGE", str(self.path), stage=stage, known=known)
         return dict(stages[stage])
 
     def _place(self, name: object) -> Path:

@@ -11,7 +11,13 @@ from typing import Any
 
 from drivers.local.names import allowed, is_name, shown
 from drivers.local.ownfiles import made_folder, opened, read_own
-from gateway.errors import CorruptRecord, SignInRefused, StoreError
+from gateway.errors import (
+    CorruptRecord,
+    InvalidAccount,
+    LastAdministrator,
+    NotSignedIn,
+    RecordNotFound,
+)
 from gateway.store.disk import disk_errors, sync_folder
 from gateway.store.disk import replace as moved
 from gateway.users.passwords import Hasher, token_digest
@@ -85,7 +91,7 @@ class UserAccounts:
         if len(left) == len(every):
             return False
         if not any("service" in one.roles for one in left):
-            raise StoreError("E-USER-LAST", str(self._path), name=shown(name))
+            raise LastAdministrator("E-USER-LAST", str(self._path), name=shown(name))
         self._write(left)
         return True
 
@@ -93,7 +99,7 @@ class UserAccounts:
         """A new token for a program that acts as this account, shown once and kept as a hash. Raises StoreError."""
         known = self.find(name)
         if known is None:
-            raise StoreError("E-USER-NONE", str(self._path), name=shown(name))
+            raise RecordNotFound("E-USER-NONE", str(self._path), name=shown(name))
         token = secrets.token_urlsafe(32)
         self._write([replace(one, token=token_digest(token)) if one.name == name else one for one in self.all()])
         return token
@@ -103,7 +109,7 @@ class UserAccounts:
         known = self.find(name) or UserAccount(name, (), "")
         kept, given = (known.pin, pin) if pin and not password else (known.password, password)
         if not self._hasher.is_right(kept, given):
-            raise SignInRefused("E-USER-SECRET", "sign-in")
+            raise NotSignedIn("E-USER-SECRET", "sign-in")
         return known.person()
 
     def by_token(self, token: str) -> Person | None:
@@ -157,10 +163,10 @@ def _written(path: Path, data: bytes) -> None:
 
 def _check(name: str, roles: tuple[UserRole, ...], password: str, pin: str, *, new: bool) -> None:
     if not is_name(name):
-        raise StoreError("E-USER-NAME", "users", name=shown(name), allowed=allowed())
+        raise InvalidAccount("E-USER-NAME", "users", name=shown(name), allowed=allowed())
     if not roles or any(role not in ROLES for role in roles):
-        raise StoreError("E-USER-ROLE", "users", roles=shown(", ".join(roles)), known=", ".join(ROLES))
+        raise InvalidAccount("E-USER-ROLE", "users", roles=shown(", ".join(roles)), known=", ".join(ROLES))
     if (new or password) and len(password) < FEWEST_LETTERS:
-        raise StoreError("E-USER-PASSWORD", "users", fewest=FEWEST_LETTERS)
+        raise InvalidAccount("E-USER-PASSWORD", "users", fewest=FEWEST_LETTERS)
     if pin and not (pin.isascii() and pin.isdigit() and FEWEST_DIGITS <= len(pin) <= 12):
-        raise StoreError("E-USER-PIN", "users", fewest=FEWEST_DIGITS)
+        raise InvalidAccount("E-USER-PIN", "users", fewest=FEWEST_DIGITS)

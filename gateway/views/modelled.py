@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from drivers.errors import ConfigError, TrueflankError
+from drivers.errors import ConfigError
 from drivers.types.values import FloatArray
 from gateway.config import SiteFile
 from gateway.correct.outlook.next_setup import THRESHOLD_UM, what_next
@@ -18,7 +18,7 @@ from gateway.correct.outlook.ranking import ConstantShape, Sized, cure_errors, e
 from gateway.correct.plan.plan import Plan
 from gateway.domain.figures import Component
 from gateway.domain.values import COVERAGE
-from gateway.errors import ModelError
+from gateway.errors import InvalidRequest, ModelError
 from gateway.gear.flank import FlankGrid, flank_grid
 from gateway.gear.grinding import Grinding
 from gateway.model.components import is_periodic, motion_uncertainty, value
@@ -97,7 +97,7 @@ class _Seen:
         known = self.errors
         for name, size in sizes.items():
             if name not in known or not abs(size) <= MOST:
-                raise TrueflankError("E-WEB-BODY", "web", why=f"sizes: {name}:{size:g}; known, within +/- {MOST:g}")
+                raise InvalidRequest("E-WEB-BODY", "web", why=f"sizes: {name}:{size:g}; known, within +/- {MOST:g}")
         changed = {name: _times(known[name], size) for name, size in sizes.items()}
         return replace(self.grinding, chain=self.grinding.chain.with_errors(changed))
 

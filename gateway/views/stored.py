@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from drivers.local.names import is_file_name
 from gateway.domain.outcomes import ActingCheck, Verdict
-from gateway.errors import CorruptRecord, StoreError
+from gateway.errors import CorruptRecord, RecordNotFound, StoreError
 from gateway.push.records.holding import held_pushes
 from gateway.push.records.journal import JOURNALS
 from gateway.store import RunFolder, Store
@@ -80,7 +80,7 @@ def sealed_file(folder: RunFolder, name: str) -> bytes:
     known = sealed(folder.facts)
     at = place(name, folder.facts)
     if at not in known or not is_file_name(name):
-        raise StoreError("E-STORE-FILE", str(folder.path), name=name[:80], known=", ".join(sorted(known)))
+        raise RecordNotFound("E-STORE-FILE", str(folder.path), name=name[:80], known=", ".join(sorted(known)))
     data = read_whole(folder.path / at)
     if sha256(data) != known[at]:
         raise CorruptRecord("E-STORE-HASH", str(folder.path / at), stage=name)

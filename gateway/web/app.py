@@ -12,8 +12,18 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from starlette.exceptions import HTTPException
 from starlette.responses import HTMLResponse, JSONResponse, Response
 
-from drivers.errors import ConfigError, DeadlineExceeded, TrueflankError
-from gateway.errors import BusyError, SignInRefused, WriteRefused
+from drivers.errors import ConfigError, DeadlineExceeded, OtherCertificate, TrueflankError
+from gateway.errors import (
+    BusyError,
+    InvalidRequest,
+    LastAdministrator,
+    ModelError,
+    NotFound,
+    NotSignedIn,
+    SignInRefused,
+    TooManyTries,
+    WriteRefused,
+)
 from gateway.report.sentences import visible, when
 from gateway.users import Person
 from gateway.views import StatusView
@@ -28,37 +38,20 @@ STATIC = {
     "status.js": "text/javascript",
     "icon.svg": "image/svg+xml",
 }
-STATUS = {
-    "E-WEB-PATH": 404,
-    "E-WEB-SITE": 404,
-    "E-WEB-RUN": 404,
-    "E-WEB-JOB": 404,
-    "E-WEB-REPORT": 404,
-    "E-STORE-STAGE": 404,
-    "E-STORE-FILE": 404,
-    "E-USER-NONE": 404,
-    "E-WEB-METHOD": 405,
-    "E-RUN-NO-SITE": 409,
-    "E-MODEL-RANGE": 409,
-    "E-WEB-BODY": 422,
-    "E-INDEX-FIGURE": 422,
-    "E-USER-NAME": 422,
-    "E-USER-ROLE": 422,
-    "E-USER-PASSWORD": 422,
-    "E-USER-PIN": 422,
-    "E-WEB-SITE-THERE": 409,
-    "E-INIT-EXISTS": 409,
-    "E-INIT-ENDED": 422,
-    "E-TRUST-OTHER": 422,
-    "E-TRUST-NO-SECURITY": 409,
-    "E-CFG-DRIVER": 409,
-    "E-USER-LAST": 409,
-    "E-WEB-TOKEN": 401,
-    "E-WEB-LOGIN": 401,
-    "E-USER-SECRET": 401,
-    "E-USER-FIRST": 401,
-    "E-USER-WAIT": 429,
-}
+STATUS: tuple[tuple[type[TrueflankError], int], ...] = (
+    (TooManyTries, 429),
+    (NotSignedIn, 401),
+    (SignInRefused, 403),
+    (NotFound, 404),
+    (InvalidRequest, 422),
+    (OtherCertificate, 422),
+    (BusyError, 409),
+    (WriteRefused, 409),
+    (ConfigError, 409),
+    (ModelError, 409),
+    (LastAdministrator, 409),
+)
+"""The HTTP status of an error: of the first class in this order that it belongs to; 503 for all others."""
 Viewer = Annotated[Person, Depends(needs("viewer"))]
 
 
@@ -107,7 +100,7 @@ def _add_open(app: FastAPI) -> None:
     @app.get("/static/{name}", include_in_schema=False)
     async def static(name: str) -> Response:
         if name not in STATIC:
-            raise TrueflankError("E-WEB-PATH", "web", path=f"/static/{name}")
+            raise NotFound("E-WEB-PATH", "web", path=f"/static/{name}")
         return Response(_static(name), media_type=STATIC[name])
 
     @app.get("/status", include_in_schema=False)
@@ -149,11 +142,7 @@ def _static(name: str) -> bytes:
 
 
 def _status(error: TrueflankError) -> int:
-    if error.code in STATUS:
-        return STATUS[error.code]
-    if isinstance(error, SignInRefused):
-        return 403
-    return 409 if isinstance(error, (BusyError, WriteRefused, ConfigError)) else 503
+    return next((status for kind, status in STATUS if isinstance(error, kind)), 503)
 
 
 async def _ours(_request: Request, error: Exception) -> Response:
@@ -175,7 +164,7 @@ async def _unfit(_request: Request, error: Exception) -> Response:
     """A body or query that is not what the route takes: where and why, never the value, which may be a secret."""
     found = error.errors() if isinstance(error, RequestValidationError) else []
     why = "; ".join(f"{'.'.join(map(str, one['loc']))}: {one['msg']}" for one in found[:5])
-    return JSONResponse(TrueflankError("E-WEB-BODY", "web", why=why[:500]).as_record(), 422)
+    return JSONResponse(InvalidRequest("E-WEB-BODY", "web", why=why[:500]).as_record(), 422)
 
 
 async def _theirs(request: Request, error: Exception) -> Response:
@@ -186,6 +175,6 @@ async def _theirs(request: Request, error: Exception) -> Response:
         allowed = dict(error.headers or {}) if isinstance(error, HTTPException) else {}
         return JSONResponse(ours.as_record(), 405, allowed)
     if status == 400:
-        return JSONResponse(TrueflankError("E-WEB-BODY", "web", why="no JSON").as_record(), 422)
-    ours = TrueflankError("E-WEB-PATH", "web", path=request.url.path)
+        return JSONResponse(InvalidRequest("E-WEB-BODY", "web", why="no JSON").as_record(), 422)
+    ours = NotFound("E-WEB-PATH", "web", path=request.url.path)
     return JSONResponse(ours.as_record(), status)

@@ -9,9 +9,8 @@ from fastapi import Request
 from starlette.concurrency import run_in_threadpool
 from starlette.requests import HTTPConnection
 
-from drivers.errors import TrueflankError
 from gateway.audit import os_user
-from gateway.errors import SignInRefused
+from gateway.errors import NotFound, NotSignedIn, SignInRefused, TooManyTries
 from gateway.users import ROLES, Person, Session, UserRole
 from gateway.web.gate import is_same_origin, is_token
 from gateway.web.ports import ServedSite, Service
@@ -37,7 +36,7 @@ def site_of(request: Request, site: str) -> ServedSite:
     """A served site by its name. Raises TrueflankError (E-WEB-SITE)."""
     known = service_of(request).sites
     if site not in known:
-        raise TrueflankError("E-WEB-SITE", "web", site=site[:80], known=", ".join(known))
+        raise NotFound("E-WEB-SITE", "web", site=site[:80], known=", ".join(known))
     return known[site]
 
 
@@ -63,14 +62,14 @@ def _bearer(request: Request, header: str) -> Person:
     scheme, _, token = header.partition(" ")
     person = doors.accounts.by_token(token.strip()) if scheme.lower() == "bearer" and token.strip() else None
     if person is None:
-        raise SignInRefused("E-WEB-TOKEN", "web")
+        raise NotSignedIn("E-WEB-TOKEN", "web")
     return person
 
 
 def _signed_in(request: Request, *, harmless: bool) -> Person:
     session = session_of(request)
     if session is None:
-        raise SignInRefused("E-WEB-LOGIN", "web")
+        raise NotSignedIn("E-WEB-LOGIN", "web")
     given = request.headers.get(CSRF, "").encode("utf-8", "replace")
     if not harmless and not secrets.compare_digest(given, session.csrf.encode("ascii")):
         raise SignInRefused("E-WEB-CSRF", "web")
@@ -99,7 +98,7 @@ async def proved(request: Request, name: str, *, password: str = "", pin: str = 
     address = request.client.host if request.client is not None else ""
     for key in (f"name {name}", f"address {address}"):
         if (wait := doors.tries.wait_s(key)) > 0.0:
-            raise SignInRefused("E-USER-WAIT", "sign-in", seconds=f"{wait:.0f}")
+            raise TooManyTries("E-USER-WAIT", "sign-in", seconds=f"{wait:.0f}")
         doors.tries.count(key)
     async with doors.secrets_at_once:
         person = await run_in_threadpool(doors.accounts.by_secret, name, password=password, pin=pin)

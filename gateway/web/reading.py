@@ -11,10 +11,9 @@ from typing import Annotated, Any
 from fastapi import APIRouter, Depends, Query, Request
 from starlette.responses import HTMLResponse, Response, StreamingResponse
 
-from drivers.errors import TrueflankError
 from drivers.local.names import is_file_name, shown
 from gateway import audit
-from gateway.errors import StoreError
+from gateway.errors import NotFound, StoreError
 from gateway.store import RunFolder
 from gateway.store.folder import RUN_FILE
 from gateway.store.selftests import SelfTestBook
@@ -112,7 +111,7 @@ def report(request: Request, site: str, run: str) -> Response:
     known = is_file_name(run)
     document = stored_report(site_of(request, site).store, run) if known else None
     if document is None:
-        raise TrueflankError("E-WEB-REPORT", "web", run=shown(run))
+        raise NotFound("E-WEB-REPORT", "web", run=shown(run))
     return HTMLResponse(document, headers={"content-security-policy": REPORT_POLICY})
 
 
@@ -152,7 +151,7 @@ async def job(request: Request, site: str, job: int) -> dict[str, Any]:
     """One command: how it stands, or what it came to."""
     found = next((one for one in site_of(request, site).jobs() if one.job == job), None)
     if found is None:
-        raise TrueflankError("E-WEB-JOB", "web", job=job)
+        raise NotFound("E-WEB-JOB", "web", job=job)
     return asdict(found)
 
 
@@ -176,4 +175,4 @@ def run_of(at: ServedSite, run: str) -> RunFolder:
     with contextlib.suppress(StoreError):
         if is_file_name(run) and (at.store.root / run / RUN_FILE).is_file():
             return RunFolder(at.store.root / run)
-    raise TrueflankError("E-WEB-RUN", "web", run=shown(run))
+    raise NotFound("E-WEB-RUN", "web", run=shown(run))

@@ -10,12 +10,13 @@ from typing import Annotated, Any
 from fastapi import APIRouter, Depends, Query, Request
 from starlette.responses import HTMLResponse, Response
 
-from drivers.errors import TrueflankError, catalogue
+from drivers.errors import catalogue
 from drivers.languages import LANGUAGES, page_texts
 from drivers.local.names import is_file_name
 from drivers.terms import spoken_texts
 from gateway.approve import Approvals
 from gateway.audience import kind_of
+from gateway.errors import InvalidRequest, NotFound
 from gateway.views.figured import figures_by, known_standards
 from gateway.views.modelled import flank_at, model_of
 from gateway.web.doors import needs, site_of
@@ -40,7 +41,7 @@ async def file(name: str) -> Response:
     """A style or script of the page."""
     kind = KINDS.get(name[name.rfind(".") :]) if is_file_name(name) else None
     if kind is None or not resources.files("gateway.web").joinpath("page", name).is_file():
-        raise TrueflankError("E-WEB-PATH", "web", path=f"/static/page/{name[:80]}")
+        raise NotFound("E-WEB-PATH", "web", path=f"/static/page/{name[:80]}")
     return Response(_file(name), media_type=kind)
 
 
@@ -48,7 +49,7 @@ async def file(name: str) -> Response:
 def texts(language: str) -> Response:
     """Every sentence of the page and every text of the catalogue in one language, English where one is missing."""
     if language not in LANGUAGES:
-        raise TrueflankError("E-WEB-PATH", "web", path=f"/static/words/{language[:20]}.json")
+        raise NotFound("E-WEB-PATH", "web", path=f"/static/words/{language[:20]}.json")
     return Response(json.dumps(_words(language), ensure_ascii=False), media_type="application/json")
 
 
@@ -116,4 +117,4 @@ def _pairs(key: str, text: str) -> dict[str, float]:
     try:
         return {name: float(value) for name, _, value in pairs}
     except ValueError as error:
-        raise TrueflankError("E-WEB-BODY", "web", why=f"{key}: NAME:NUMBER,NAME:NUMBER") from error
+        raise InvalidRequest("E-WEB-BODY", "web", why=f"{key}: NAME:NUMBER,NAME:NUMBER") from error

@@ -9,7 +9,7 @@ from fastapi import APIRouter, Depends, Request
 from starlette.concurrency import run_in_threadpool
 from starlette.responses import JSONResponse, Response
 
-from gateway.errors import SignInRefused, StoreError
+from gateway.errors import NotSignedIn, RecordNotFound, SignInRefused, TooManyTries
 from gateway.users import ROLES, Person, Session, UserAccount
 from gateway.web.bodies import FirstStart, Plain, SignIn, UserBody
 from gateway.web.doors import COOKIE, needs, proved, service_of, session_of
@@ -47,11 +47,11 @@ async def first_start(request: Request, body: FirstStart) -> Response:
     service = service_of(request)
     doors = service.doors
     if (wait := doors.tries.wait_s("first start")) > 0.0:
-        raise SignInRefused("E-USER-WAIT", "first start", seconds=f"{wait:.0f}")
+        raise TooManyTries("E-USER-WAIT", "first start", seconds=f"{wait:.0f}")
     doors.tries.count("first start")
     wanted = doors.accounts.first_token().encode("ascii")
     if not wanted or not secrets.compare_digest(body.token.strip().encode("utf-8", "replace"), wanted):
-        raise SignInRefused("E-USER-FIRST", "first start")
+        raise NotSignedIn("E-USER-FIRST", "first start")
     account = await run_in_threadpool(doors.accounts.put, body.name, ROLES, password=body.password)
     service.note("first-account", actor=account.name)
     return _begun(request, account.person())
@@ -122,7 +122,7 @@ async def remove_user(request: Request, person: ServiceRole, name: str) -> dict[
     """Take an account away."""
     doors = service_of(request).doors
     if not doors.accounts.remove(name):
-        raise StoreError("E-USER-NONE", "users", name=name[:80])
+        raise RecordNotFound("E-USER-NONE", "users", name=name[:80])
     doors.sessions.end_of(name)
     service_of(request).note("user-removed", actor=person.name, details={"name": name})
     return {"name": name}

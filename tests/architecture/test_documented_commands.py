@@ -16,6 +16,7 @@ from drivers.errors import catalogue
 from gateway.cli import app
 from gateway.cli.begin.checking import checked
 from gateway.cli.files.commandpage import page
+from gateway.push.records.phases import in_markdown
 from simulators.pytest_plugin import CellStarter
 
 ROOT = Path(__file__).parents[2]
@@ -177,6 +178,11 @@ def test_every_command_that_looks_at_a_control_runs_at_a_simulated_one(
 def test_the_page_of_commands_is_current() -> None:
     wanted = page().rstrip() + "\n"
     assert (DOCS / "commands.md").read_text(encoding="utf-8") == wanted, "run: trueflank commands > docs/commands.md"
+
+
+def test_the_page_of_the_states_of_a_push_is_current() -> None:
+    wanted = "run: trueflank schema --states > docs/push-states.md"
+    assert (DOCS / "push-states.md").read_text(encoding="utf-8") == in_markdown().rstrip() + "\n", wanted
 
 
 def test_the_readme_names_every_command() -> None:

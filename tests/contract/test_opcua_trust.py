@@ -33,6 +33,7 @@ from gateway.store.selftests import SelfTestBook
 from gateway.workflow.runsite import store_of
 from simulators.nck.control import Nck
 from simulators.opcua import SinumerikServer
+from simulators.opcua.server import APPLICATION_URI
 from tests.contract.opcua_stage import SPEC, Stage, on_stage
 from tests.contract.test_opcua_doctor import WANTED
 from tests.selftested import passed
@@ -286,7 +287,8 @@ def reissued(folder: Path, since_days: int, until_days: int) -> x509.Certificate
 
 
 def copied(keys: Path, folder: Path) -> None:
-    """The server's key pair, for a test that spoils it."""
+    """The server's key pair, for a test that spoils it; made here where no test before this one needed it."""
+    own_key_pair(keys, "server", APPLICATION_URI, "127.0.0.1", server=True)
     for path in keys.glob("server.*"):
         (folder / path.name).write_bytes(path.read_bytes())
 

@@ -14,7 +14,7 @@ from cryptography.hazmat.primitives.serialization import Encoding
 
 from drivers.checks import CertificateView, TrustView
 from drivers.clock import Clock
-from drivers.errors import ConfigError, DeviceRefused
+from drivers.errors import ConfigError, OtherCertificate
 from drivers.local.ownfiles import made_parents, opened
 from drivers.sinumerik.opcua.session import certificates
 from drivers.sinumerik.opcua.session.certificates import last_record, load, record_of
@@ -53,7 +53,7 @@ class UaTrust:
         certificate = await self._shown(timeout_s, session)
         shown = view(certificate)
         if not shown.is_called(thumbprint):
-            raise DeviceRefused("E-TRUST-OTHER", self.name, typed=thumbprint or "nothing", shown=shown.sha256)
+            raise OtherCertificate("E-TRUST-OTHER", self.name, typed=thumbprint or "nothing", shown=shown.sha256)
         valid = holds(certificate, self._clock.utc())
         if not (valid or reason.strip()):
             raise out_of_time(certificate, session.ahead_s, self.name)

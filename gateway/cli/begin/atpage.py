@@ -12,13 +12,14 @@ from pathlib import Path
 from threading import Lock
 from typing import Any, TypeVar
 
-from drivers.errors import ConfigError, TrueflankError
+from drivers.errors import TrueflankError
 from gateway.cli.begin.checking import checked
 from gateway.cli.begin.initialising import keep
 from gateway.cli.begin.keys import PASSWORD
 from gateway.cli.begin.questions import Judge, Why, anything
 from gateway.cli.begin.wizard import STORE, wizard_text
 from gateway.cli.stopping import run_to_end
+from gateway.errors import InvalidOption
 
 T = TypeVar("T")
 Known = dict[tuple[object, ...], Any]
@@ -106,7 +107,7 @@ class SiteMaker:
         with self._lock:
             _asking, question, text = self._gone_through(answers, who, anew=False)
             if question is not None:
-                raise ConfigError("E-INIT-ENDED", "init", key=question["key"])
+                raise InvalidOption("E-INIT-ENDED", "init", key=question["key"])
             keep(self.file, text)
             found = checked(self.file)
             if found.site is None:

@@ -16,6 +16,7 @@ from drivers.local.names import shown
 from gateway.audit import os_user
 from gateway.cli.show import echo
 from gateway.cli.stopping import run_to_end
+from gateway.errors import InvalidOption
 
 T = TypeVar("T")
 
@@ -117,7 +118,7 @@ def _typed(key: str, default: str, *, secret: bool) -> str:
     try:
         return str(typer.prompt(f"  {key}", default=default, hide_input=hidden, show_default=bool(default))).strip()
     except typer.Abort as error:
-        raise ConfigError("E-INIT-ENDED", "init", key=key) from error
+        raise InvalidOption("E-INIT-ENDED", "init", key=key) from error
 
 
 def answers(given: list[str]) -> dict[str, str]:

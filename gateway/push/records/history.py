@@ -18,6 +18,7 @@ from gateway.errors import StoreError
 from gateway.push.compare import COARSEST, table_facts, table_from
 from gateway.push.records import journal, numbering
 from gateway.push.records.journal import JournalRead
+from gateway.push.records.phases import PushEvent
 from gateway.table.comparison import differences
 
 Meant = Callable[[CompensationTable, Sense], CompensationTable]
@@ -281,7 +282,7 @@ def _parts(folder: Path) -> list[JournalRead]:
 def _committed(found: JournalRead, meant: Meant) -> Committed | None:
     if found.broken:
         raise StoreError("E-PUSH-JOURNAL", str(found.path), why=found.broken)
-    ends = [entry for entry in found.entries if entry.kind == "COMMITTED"]
+    ends = [entry for entry in found.entries if entry.kind == PushEvent.COMMITTED]
     if not ends or found.entries[0].facts.get("purpose") not in ("table", "restore"):
         return None
     old, new = tables_of(found, meant)

@@ -18,10 +18,19 @@ from gateway.push.records import journal
 from gateway.push.records.history import Committed, TableName, age_of, named, pushes_in, tables_of, two_tables
 from gateway.push.records.journal import JournalRead
 from gateway.push.records.lock import is_held
+from gateway.push.records.phases import PushEvent, Switch
 
 Standing = Literal["off", "still-on", "interrupted", "untouched"]
 _CODES = {"off": "R-HELD-OFF", "still-on": "R-HELD-ON", "interrupted": "R-HELD-UNKNOWN", "untouched": "R-HELD-BEFORE"}
 _BACK = {"off": "R-UNDO-OFF", "still-on": "R-UNDO-ON", "interrupted": "R-UNDO-UNKNOWN", "untouched": "R-UNDO-BEFORE"}
+_STANDING: dict[Switch, Standing] = {
+    Switch.UNTOUCHED: "untouched",
+    Switch.OFF: "off",
+    Switch.ON: "still-on",
+    Switch.UNKNOWN: "interrupted",
+    Switch.NEW: "interrupted",
+    Switch.OLD: "untouched",
+}
 Acts = Literal["on", "off", "differs", "unknown"]
 
 
@@ -74,14 +83,7 @@ def standing(found: JournalRead) -> Standing:
     """What the journal proves: each word about the switch holds until the next write was announced."""
     if found.broken:
         return "interrupted"
-    for entry in reversed(found.entries):
-        if entry.kind in ("OFF", "LEFT_DISABLED") or (entry.kind == "HELD" and entry.facts.get("on") is False):
-            return "off"
-        if entry.kind in ("STILL_ON", "HELD"):
-            return "still-on"
-        if entry.kind in ("DISABLE", "ENABLE", "SWITCH_OFF"):
-            return "interrupted"
-    return "untouched"
+    return _STANDING[found.state.switch]
 
 
 def held_pushes(journals: Path) -> tuple[HeldPush, ...]:
@@ -232,7 +234,7 @@ def _told_by(part: JournalRead, one: _Evidence, pushes: tuple[Committed, ...], p
     elif part.purpose == "disable":
         if standing(part) != "untouched":
             one.take(_utc(part), "off" if standing(part) == "off" else "unknown", TableName())
-    elif part.said_last == "ROLLED_BACK":
+    elif part.said_last == PushEvent.ROLLED_BACK:
         old = tables_of(part)[0]
         one.take(_utc(part), _switch(enabled=old.enabled), named(pushes, _table_of(part), old, _utc(part)))
 

@@ -25,10 +25,9 @@ from drivers.local.names import stem
 from drivers.local.ownfiles import made_folder, opened, read_own
 from drivers.terms import in_todays_words
 from gateway.errors import StoreError
+from gateway.push.records.phases import FAILED, PushState, state_of
 
 JOURNALS = "journal"
-ENDS_BADLY = ("ROLLING_BACK", "HELD", "STOPPED", "ABORTED")
-FINAL = ("COMMITTED", "ROLLED_BACK", "ABORTED", "CLOSED")
 FREE_BYTES = 50_000_000
 _START = "0" * 64
 _NAME = re.compile(r"tx-(\d{6}|\d{9})\.jnl")
@@ -79,14 +78,18 @@ class JournalRead:
     @property
     def reasons(self) -> tuple[str, ...]:
         """Why it did not go on as asked, first cause first, each once."""
-        told = (str(one.facts["why"]) for one in self.entries if one.kind in ENDS_BADLY and one.facts.get("why"))
+        told = (str(one.facts["why"]) for one in self.entries if one.kind in FAILED and one.facts.get("why"))
         return tuple(dict.fromkeys(told))
 
     @property
     def finished(self) -> bool:
         """Whether nothing is left to do: every table ended, or torn before anything was announced."""
-        last = {name: entry.kind for entry in self.entries for name in entry.of}
-        return not self.broken and all(kind in FINAL for kind in last.values())
+        return not self.broken and all(part.state.phase.final for part in self.parts if part.entries)
+
+    @property
+    def state(self) -> PushState:
+        """The state of the one table that it tells of, by the table of transitions."""
+        return state_of((entry.kind, entry.facts) for entry in self.entries)
 
     @property
     def said_last(self) -> str:

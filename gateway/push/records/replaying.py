@@ -11,8 +11,9 @@ from typing import Any
 
 from gateway.errors import StoreError
 from gateway.push.records.journal import Entry, Journal, JournalRead
+from gateway.push.records.phases import PushEvent
 
-BESIDE = ("STOPPED",)
+BESIDE = (PushEvent.STOPPED,)
 """Entries that say nothing of what was done: a stop from outside."""
 
 

@@ -22,6 +22,7 @@ from gateway.push.context import PushContext
 from gateway.push.records import journal, numbering
 from gateway.push.records.journal import JournalRead
 from gateway.push.records.lock import machine_lock
+from gateway.push.records.phases import PushEvent
 from gateway.push.unexpected import foreseen, unheard
 from gateway.push.work import Work, seed_of
 
@@ -73,12 +74,12 @@ async def switch_off(work: Work, before: SwitchReading | None) -> bool:
     """
     order = order_of(work.change.new, work.fresh_number())
     _say_how_far(work.context, order, before)
-    work.note("SWITCH_OFF", order=order.transaction)
+    work.note(PushEvent.SWITCH_OFF, order=order.transaction)
     found, why = await _carried_out(work.context, order)
     if found is not None and found.off:
-        work.note("OFF", order=order.transaction, acting=found.acting)
+        work.note(PushEvent.OFF, order=order.transaction, acting=found.acting)
         return True
-    work.note("STILL_ON", order=order.transaction, why=why)
+    work.note(PushEvent.STILL_ON, order=order.transaction, why=why)
     return False
 
 
@@ -159,16 +160,16 @@ async def _in_journal(
     try:
         if found is None:
             facts = {"purpose": "disable", "axis": order.axis, "kind_of_table": order.kind, "index": order.index}
-            kept.append("LEASED", serial=context.machine.serial, actor=context.actor, **facts, **told)
+            kept.append(PushEvent.LEASED, serial=context.machine.serial, actor=context.actor, **facts, **told)
         _say_how_far(context, numbered, asked.reading)
-        kept.append("SWITCH_OFF", **told)
+        kept.append(PushEvent.SWITCH_OFF, **told)
         reading, why = await _carried_out(context, numbered)
         off = reading is not None and reading.off
-        kept.append("OFF" if off else "STILL_ON", why=why, **told)
+        kept.append(PushEvent.OFF if off else PushEvent.STILL_ON, why=why, **told)
         if found is None:
-            kept.append("CLOSED" if off else "ABORTED", why=why, **told)
+            kept.append(PushEvent.CLOSED if off else PushEvent.ABORTED, why=why, **told)
         else:
-            kept.append("HELD", on=not off, why=why, **told)
+            kept.append(PushEvent.HELD, on=not off, why=why, **told)
     finally:
         kept.close()
     if found is None:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from enum import StrEnum
 from pathlib import Path
 from typing import Any, ClassVar, Literal
 
@@ -18,17 +19,61 @@ from gateway.push.records import journal
 from gateway.push.records.history import Committed, Meant, as_kept, same_consent, tables_of
 from gateway.push.records.holding import held_push, standing
 from gateway.push.records.journal import JournalRead
+from gateway.push.records.phases import PushEvent
 from gateway.push.records.steps import step_words
 from gateway.table.comparison import differences
 
 Action = Literal["close", "restore", "disable", "none"]
 MOST_TRIES = 3
-ENDED = ("R-PUSH-DONE", "R-PUSH-SUPERSEDED")
+
+
+class FindingKind(StrEnum):
+    """What an unfinished push left, and the one thing that may be done about it; the value is its catalogue entry."""
+
+    DONE = "R-PUSH-DONE"
+    SUPERSEDED = "R-PUSH-SUPERSEDED"
+    UNTOUCHED = "R-PUSH-UNTOUCHED"
+    DISABLE_ORDER = "R-DISABLE-LEFT"
+    DISABLED = "R-PUSH-DISABLED"
+    HALF = "R-PUSH-HALF"
+    WRITTEN = "R-PUSH-WRITTEN"
+    ENABLED = "R-PUSH-ENABLED"
+    WAITS = "R-PUSH-WAITS"
+    STILL_ON = "R-PUSH-STILL-ON"
+    UNREADABLE = "R-PUSH-UNREADABLE"
+    UNKNOWN = "R-PUSH-UNKNOWN"
+    TRIED = "R-PUSH-TRIES"
+    FOREIGN = "R-PUSH-FOREIGN"
+    OTHER_MARKER = "R-PUSH-OTHER-MARKER"
+    DAMAGED = "R-PUSH-DAMAGED"
+
+    @property
+    def action(self) -> Action:
+        """What is offered: nothing where a person must look first."""
+        return _PERMITS.get(self, "none")
+
+
+_PERMITS: dict[FindingKind, Action] = {
+    FindingKind.DONE: "close",
+    FindingKind.SUPERSEDED: "close",
+    FindingKind.UNTOUCHED: "close",
+    FindingKind.DISABLE_ORDER: "close",
+    FindingKind.DISABLED: "restore",
+    FindingKind.HALF: "restore",
+    FindingKind.WRITTEN: "restore",
+    FindingKind.ENABLED: "restore",
+    FindingKind.WAITS: "restore",
+    FindingKind.STILL_ON: "disable",
+    FindingKind.UNREADABLE: "disable",
+}
+_ENDED = (FindingKind.DONE, FindingKind.SUPERSEDED)
+_UNREAD = (FindingKind.UNKNOWN, FindingKind.TRIED)
+"""Kinds that reading the control may change."""
 
 
 @dataclass(frozen=True, slots=True)
 class PushFinding:
-    """What one unfinished push left. ``code`` is its catalogue entry, ``action`` what is offered.
+    """What one unfinished push left; its ``kind`` says what may be done about it.
 
     ``difference`` says, where somebody else wrote, what is neither old nor new. ``still_on``: something is enabled,
     or may be, that no push stands for; it is told before all else. ``table``: which one of a push of several.
@@ -40,8 +85,7 @@ class PushFinding:
 
     transaction: int
     axis: str
-    code: str
-    action: Action
+    kind: FindingKind
     journal: Path
     last: str
     backup: str
@@ -54,6 +98,21 @@ class PushFinding:
     back: bool = False
     rest: tuple[str, ...] = ()
     stands: ClassVar[bool] = False
+
+    @property
+    def code(self) -> str:
+        """Its entry in the catalogue."""
+        return self.kind.value
+
+    @property
+    def action(self) -> Action:
+        """What is offered."""
+        return self.kind.action
+
+    @property
+    def settled_by_the_journal(self) -> bool:
+        """Whether reading the control would change nothing of it."""
+        return self.kind not in _UNREAD
 
     @property
     def choices(self) -> tuple[str, ...]:
@@ -147,20 +206,19 @@ def verdict(
     named by.
     """
     seen = Seen(live, coupled(found)) if isinstance(live, LiveTable) else live
-    code, action = _verdict(found, seen, allowed, meant)
+    kind = _verdict(found, seen, allowed, meant)
     last = found.kinds[-1] if found.kinds else "nothing"
     backup = str(found.latest("path") or "none")
     difference: tuple[str, ...] = ()
-    if code in ("R-PUSH-FOREIGN", "R-PUSH-STILL-ON") and seen is not None:
+    if kind in (FindingKind.FOREIGN, FindingKind.STILL_ON) and seen is not None:
         old, new = tables_of(found, meant)
         difference = tuple(three_way(old.table, new, seen.live.table))
-    axis, loud = str(found.latest("axis") or ""), _still_on(found, seen, code, action)
+    axis, loud = str(found.latest("axis") or ""), _still_on(found, seen, kind)
     held = held_push(found, pushes)
     return PushFinding(
         found.number,
         axis,
-        code=code,
-        action=action,
+        kind=kind,
         journal=found.path,
         last=last,
         backup=backup,
@@ -169,43 +227,43 @@ def verdict(
         table=found.of or held.table,
         old=held.old,
         new=held.new,
-        back=held.back and code not in ENDED and (action == "restore" or announced(found, "DISABLE")),
+        back=held.back and kind not in _ENDED and (kind.action == "restore" or announced(found, PushEvent.DISABLE)),
     )
 
 
-def _still_on(found: JournalRead, seen: Seen | None, code: str, action: Action) -> bool:
+def _still_on(found: JournalRead, seen: Seen | None, kind: FindingKind) -> bool:
     """What is to be switched off, or was held without proof and does not read off now."""
-    held = standing(found) == "still-on" and code not in ("R-PUSH-UNTOUCHED", "R-PUSH-SUPERSEDED", "R-PUSH-DONE")
-    return action == "disable" or (held and (seen is None or seen.live.enabled))
+    held = standing(found) == "still-on" and kind not in (FindingKind.UNTOUCHED, *_ENDED)
+    return kind.action == "disable" or (held and (seen is None or seen.live.enabled))
 
 
-def _verdict(found: JournalRead, seen: Seen | None, allowed: float, meant: Meant) -> tuple[str, Action]:
+def _verdict(found: JournalRead, seen: Seen | None, allowed: float, meant: Meant) -> FindingKind:
     if found.broken or not found.entries:
-        return "R-PUSH-DAMAGED", "none"
+        return FindingKind.DAMAGED
     if found.finished:
-        return "R-PUSH-DONE", "close"
+        return FindingKind.DONE
     if found.latest("purpose") == "disable":
-        return "R-DISABLE-LEFT", "close"
+        return FindingKind.DISABLE_ORDER
     tried = _tries(found) >= MOST_TRIES
     if seen is None:
-        return "R-PUSH-TRIES" if tried else "R-PUSH-UNKNOWN", "none"
+        return FindingKind.TRIED if tried else FindingKind.UNKNOWN
     if _foreign_marker(seen):
-        return "R-PUSH-OTHER-MARKER", "none"
+        return FindingKind.OTHER_MARKER
     if _superseded(seen, found):
-        return "R-PUSH-SUPERSEDED", "close"
-    code, action = _by_content(found, seen, allowed, meant)
-    return (code, action) if action == "disable" or not tried else ("R-PUSH-TRIES", "none")
+        return FindingKind.SUPERSEDED
+    kind = _by_content(found, seen, allowed, meant)
+    return kind if kind.action == "disable" or not tried else FindingKind.TRIED
 
 
 def _tries(found: JournalRead) -> int:
     """Restores begun; switching off is never given up."""
-    return sum(entry.kind == "RECOVERING" and entry.facts.get("action") != "disable" for entry in found.entries)
+    return sum(entry.kind == PushEvent.RECOVERING and entry.facts.get("action") != "disable" for entry in found.entries)
 
 
-def _by_content(found: JournalRead, seen: Seen, allowed: float, meant: Meant) -> tuple[str, Action]:
+def _by_content(found: JournalRead, seen: Seen, allowed: float, meant: Meant) -> FindingKind:
     old, new = tables_of(found, meant)
     if seen.waits:
-        return ("R-PUSH-WAITS", "restore") if announced(found, "ENABLE") else ("R-PUSH-FOREIGN", "none")
+        return FindingKind.WAITS if announced(found, PushEvent.ENABLE) else FindingKind.FOREIGN
     if not differences(old.table, seen.live.table, allowed):
         return _is_old(old, seen, found)
     if not differences(new, seen.live.table, allowed):
@@ -237,31 +295,31 @@ def _superseded(seen: Seen, found: JournalRead) -> bool:
     return earlier is not None and marker != earlier
 
 
-def _is_old(old: LiveTable, seen: Seen, found: JournalRead) -> tuple[str, Action]:
+def _is_old(old: LiveTable, seen: Seen, found: JournalRead) -> FindingKind:
     together = found.latest("coupled") is None or seen.neighbours_on == coupled(found)
     if seen.live.enabled == old.enabled and together:
-        return "R-PUSH-UNTOUCHED", "close"
+        return FindingKind.UNTOUCHED
     if seen.live.enabled and not old.enabled:
         return _not_ours(found)
-    ours = announced(found, "DISABLE") or announced(found, "SWITCH_OFF")
-    return ("R-PUSH-DISABLED", "restore") if ours else ("R-PUSH-FOREIGN", "none")
+    ours = announced(found, PushEvent.DISABLE) or announced(found, PushEvent.SWITCH_OFF)
+    return FindingKind.DISABLED if ours else FindingKind.FOREIGN
 
 
-def _is_new(live: LiveTable, found: JournalRead) -> tuple[str, Action]:
+def _is_new(live: LiveTable, found: JournalRead) -> FindingKind:
     if not live.enabled:
-        return "R-PUSH-WRITTEN", "restore"
-    return ("R-PUSH-ENABLED", "restore") if announced(found, "ENABLE") else _not_ours(found)
+        return FindingKind.WRITTEN
+    return FindingKind.ENABLED if announced(found, PushEvent.ENABLE) else _not_ours(found)
 
 
-def _is_neither(live: LiveTable, found: JournalRead) -> tuple[str, Action]:
+def _is_neither(live: LiveTable, found: JournalRead) -> FindingKind:
     if live.enabled:
         return _not_ours(found)
-    return ("R-PUSH-HALF", "restore") if announced(found, "DISABLE") else ("R-PUSH-FOREIGN", "none")
+    return FindingKind.HALF if announced(found, PushEvent.DISABLE) else FindingKind.FOREIGN
 
 
-def _not_ours(found: JournalRead) -> tuple[str, Action]:
+def _not_ours(found: JournalRead) -> FindingKind:
     """Something is on that this push did not switch on: off, once it had announced a write; else it is another's."""
-    return ("R-PUSH-STILL-ON", "disable") if announced(found, "DISABLE") else ("R-PUSH-FOREIGN", "none")
+    return FindingKind.STILL_ON if announced(found, PushEvent.DISABLE) else FindingKind.FOREIGN
 
 
 def announced(found: JournalRead, kind: str) -> bool:

@@ -31,9 +31,10 @@ from gateway.push.records import journal
 from gateway.push.records.history import Committed, TwoTables, every_push, tables_of, two_tables
 from gateway.push.records.journal import JournalRead
 from gateway.push.records.lock import machine_lock
+from gateway.push.records.phases import PushEvent
 from gateway.push.undo import disabling
 from gateway.push.undo.confirming import second_readings
-from gateway.push.undo.finding import MOST_TRIES, PushFinding, Seen, announced, before, coupled, verdict
+from gateway.push.undo.finding import MOST_TRIES, FindingKind, PushFinding, Seen, announced, before, coupled, verdict
 from gateway.push.undo.restoring import held, hold, restore, roll_back
 from gateway.push.unexpected import foreseen, unheard
 from gateway.push.work import Outcome, Purpose, Transaction, Work
@@ -58,7 +59,7 @@ async def look(found: JournalRead, context: PushContext, read: Read | None = Non
     """
     found, pushes = _as_told_now(found), known_pushes(context)
     without_controller = verdict(found, None, 0.0, pushes=pushes)
-    if without_controller.code not in ("R-PUSH-UNKNOWN", "R-PUSH-TRIES"):
+    if without_controller.settled_by_the_journal:
         return without_controller
     try:
         with foreseen(context.axis.name):
@@ -88,12 +89,12 @@ def _as_told_now(found: JournalRead) -> JournalRead:
 
 async def _unreadable(found: JournalRead, context: PushContext, otherwise: PushFinding) -> PushFinding:
     """Tables that cannot be read may be anything: unless the switch reads off, they are switched off."""
-    if not announced(found, "DISABLE"):
+    if not announced(found, PushEvent.DISABLE):
         return otherwise
     reading = await disabling.read(context, disabling.order_of(tables_of(found, context.meant)[1]))
     if reading is not None and reading.off:
         return otherwise
-    return replace(otherwise, code="R-PUSH-UNREADABLE", action="disable", still_on=True)
+    return replace(otherwise, kind=FindingKind.UNREADABLE, still_on=True)
 
 
 async def _see(found: JournalRead, context: PushContext, read: Read) -> tuple[Seen | None, float]:
@@ -122,7 +123,7 @@ def _beside(found: JournalRead, context: PushContext) -> tuple[CompensationTable
 def _others(found: JournalRead) -> tuple[JournalRead, ...]:
     """The parts of those tables; without what was never sent, which is a neighbour like any other."""
     parts = found.whole.parts if found.whole is not None else ()
-    return tuple(part for part in parts if part.of != found.of and part.said_last != "ABORTED")
+    return tuple(part for part in parts if part.of != found.of and part.said_last != PushEvent.ABORTED)
 
 
 def _left_on(found: JournalRead, context: PushContext) -> bool:
@@ -133,8 +134,8 @@ def _left_on(found: JournalRead, context: PushContext) -> bool:
 
 def _ended_on(part: JournalRead) -> bool:
     """Whether an ended table's switch is on: that of the new one where it was committed, else that of the old."""
-    switch = part.latest("enable" if part.said_last == "COMMITTED" else "old_enabled")
-    return part.said_last == "COMMITTED" if switch is None else bool(switch)
+    switch = part.latest("enable" if part.said_last == PushEvent.COMMITTED else "old_enabled")
+    return part.said_last == PushEvent.COMMITTED if switch is None else bool(switch)
 
 
 def _known(context: PushContext, marker: Marker) -> bool:
@@ -186,16 +187,16 @@ async def _recovered(
         finding = await look(found, context, read)
         if tell is not None:
             tell(finding)
-        if finding.code == "R-PUSH-TRIES":
+        if finding.kind is FindingKind.TRIED:
             raise WriteRefused("E-PUSH-TRIES", found.path.name, count=MOST_TRIES, backup=finding.backup)
-        may_finish = finding.back or (finding.code == "R-PUSH-ENABLED" and found.latest("purpose") == "table")
+        may_finish = finding.back or (finding.kind is FindingKind.ENABLED and found.latest("purpose") == "table")
         never = found.purpose == "restore" and finding.action == "close"  # of it nothing was announced
         if finding.action == "none" or (action == "finish" and not may_finish and not never):
             raise WriteRefused("E-PUSH-NO-OFFER", found.path.name, finding=finding.words)
         if finding.choices and action == "offered":
             axis, old, new = finding.table or finding.axis, finding.old, finding.new
             raise WriteRefused("E-RECOVER-CHOOSE", found.path.name, axis=axis, old=old, new=new)
-        if finding.code == "R-DISABLE-LEFT":
+        if finding.kind is FindingKind.DISABLE_ORDER:
             return _closed(found, finding)
         limits = await _limits(found, context)
         forward = bool(finding.choices) and action == "finish"
@@ -224,12 +225,12 @@ def _turned_round(work: Work, both: TwoTables) -> None:
 
 async def _finish_rollback(work: Work, finding: PushFinding) -> Outcome:
     """The earlier table again, as the rollback was to leave it: "committed" once that is proved, else as `hold`."""
-    work.note("RECOVERING", finding=finding.code, action="finish")
+    work.note(PushEvent.RECOVERING, finding=finding.code, action="finish")
     try:
         with foreseen(work.axis):
             await restore(work)
             await work.finish("committed")
-            work.note("COMMITTED", enable=work.restore_to.enabled)
+            work.note(PushEvent.COMMITTED, enable=work.restore_to.enabled)
     except StoreError:
         raise
     except TrueflankError as error:
@@ -241,7 +242,7 @@ def _closed(found: JournalRead, finding: PushFinding) -> PushRecord:
     """A disable order leaves nothing half done: its journal ends as it stands."""
     kept = journal.Journal.reopen(found)
     try:
-        kept.append("CLOSED", finding=finding.code)
+        kept.append(PushEvent.CLOSED, finding=finding.code)
     finally:
         kept.close()
     journal.set_aside(found.path)
@@ -296,22 +297,23 @@ def _work(found: JournalRead, context: PushContext, whole: Transaction, limits: 
         coupled=coupled(found),
         again=_left_on(found, context),
     )
+    work.state = found.state
     work.backup_path = str(found.latest("path") or "")
     work.marked = work.order(new, False, "restore", found.number)
     work.cut_short, work.torn = True, bool(found.latest("torn"))
-    work.base_digest = next((str(one.facts["digest"]) for one in found.entries if one.kind == "SNAPSHOT"), "")
+    work.base_digest = next((str(one.facts["digest"]) for one in found.entries if one.kind == PushEvent.SNAPSHOT), "")
     work.confirmed, work.begun = bool(found.latest("confirmed")), True
     return work
 
 
 async def _carry_out(work: Work, finding: PushFinding, action: str) -> PushRecord:
-    if finding.code == "R-PUSH-DONE":
-        return work.record("rolled-back" if finding.last != "COMMITTED" else "committed")
+    if finding.kind is FindingKind.DONE:
+        return work.record("rolled-back" if finding.last != PushEvent.COMMITTED else "committed")
     if finding.action == "close":
         await work.finish("none")
-        work.note("CLOSED", finding=finding.code)
+        work.note(PushEvent.CLOSED, finding=finding.code)
         return work.record("rolled-back")
-    work.note("RECOVERING", finding=finding.code, action="disable" if finding.action == "disable" else action)
+    work.note(PushEvent.RECOVERING, finding=finding.code, action="disable" if finding.action == "disable" else action)
     if finding.action == "disable":
         reading = await disabling.read(work.context, disabling.order_of(work.change.new))
         return work.record(await held(work, finding.code, off=await disabling.switch_off(work, reading)))
@@ -326,5 +328,5 @@ async def _carry_out(work: Work, finding: PushFinding, action: str) -> PushRecor
         work.seen = table_in(base, work.change.new)
         return work.record(await hold(work, str(error)))
     await work.finish("committed")
-    work.note("COMMITTED")
+    work.note(PushEvent.COMMITTED)
     return work.record("committed")

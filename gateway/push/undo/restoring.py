@@ -15,6 +15,7 @@ from gateway.push.compare import same_table, table_in
 from gateway.push.loading import TableLoad, load, release
 from gateway.push.readback import is_beside, is_coupled
 from gateway.push.records import journal
+from gateway.push.records.phases import PushEvent, PushPhase
 from gateway.push.undo import disabling
 from gateway.push.undo.confirming import SETTLE_S, confirm, second_readings
 from gateway.push.unexpected import foreseen
@@ -31,18 +32,18 @@ async def roll_back(work: Work, why: str) -> Outcome:
     work.because(why)
     try:
         with foreseen(work.axis):
-            proved = work.last == "MEASURED"
-            work.note("ROLLING_BACK", why=why)
+            proved = work.state.phase is PushPhase.MEASURED
+            work.note(PushEvent.ROLLING_BACK, why=why)
             if proved:
                 work.context.say("P-PUSH-PROOF-OFF", axis=work.name)
             else:
                 work.context.say("P-PUSH-RESTORE", axis=work.name, why=why)
             await restore(work)
             await work.finish("none")
-            work.note("ROLLED_BACK")
+            work.note(PushEvent.ROLLED_BACK)
     except BusyError as error:
         if not work.whole.acknowledged:  # nothing of ours ever stood in the control
-            work.note("ABORTED", why=str(error))
+            work.note(PushEvent.ABORTED, why=str(error))
             raise
         return await hold(work, str(error))
     except TrueflankError as error:
@@ -96,7 +97,7 @@ async def held(work: Work, why: str, *, off: bool, said: bool = False) -> Outcom
     """The last word of a hold: ``off`` is what was read back; ``said`` already, so only the journal's end."""
     work.because(why)
     if said:
-        work.note("HELD", why=why, backup=work.backup_path, on=not off)
+        work.note(PushEvent.HELD, why=why, backup=work.backup_path, on=not off)
     else:
         _tell(work, why, off=off)
     await work.finish("held")
@@ -105,7 +106,7 @@ async def held(work: Work, why: str, *, off: bool, said: bool = False) -> Outcom
 
 def _tell(work: Work, why: str, *, off: bool) -> None:
     """Journal first, then people: a PC that dies now leaves the louder word behind."""
-    work.note("HELD", why=why, backup=work.backup_path, on=not off)
+    work.note(PushEvent.HELD, why=why, backup=work.backup_path, on=not off)
     code = "P-PUSH-HELD" if off else "P-PUSH-HELD-ON"
     work.context.say(code, axis=work.axis, why=why, backup=work.backup_path or "none yet")
 
@@ -130,7 +131,7 @@ async def _is_whole(work: Work) -> bool:
         return False
     if old.enabled and not differences(old.table, found.table, work.allowed):
         return True
-    released = "ENABLE" in journal.read(work.whole.journal.path).part(work.of).kinds
+    released = PushEvent.ENABLE in journal.read(work.whole.journal.path).part(work.of).kinds
     return released and not differences(work.change.new, found.table, work.allowed)
 
 
@@ -175,7 +176,7 @@ def _note_half(work: Work, live: LiveSet) -> None:
     found = table_in(live, work.change.new).table
     known = (work.restore_to.table, work.change.new)
     if work.cut_short and all(differences(table, found, work.allowed) for table in known):
-        work.note("TORN", torn=True)
+        work.note(PushEvent.TORN, torn=True)
         work.torn = True
 
 
@@ -198,7 +199,7 @@ async def all_back(works: Sequence[Work], why: str) -> dict[Work, Outcome]:
         except BusyError as error:
             for other in works:
                 if other is not work and other not in ended:
-                    other.note("ABORTED", why=str(error))
+                    other.note(PushEvent.ABORTED, why=str(error))
             raise
     await still_held(ended)
     return ended
@@ -261,5 +262,5 @@ async def _restart_with_old(work: Work) -> None:
     await release((TableLoad(work, order, None),))
     work.context.say("P-PUSH-RESTART", axis=work.axis)
     await work.context.controller.restarted((order,), work.context.start_timeout_s)
-    work.note("RESTARTED", torn=False)
+    work.note(PushEvent.RESTARTED, torn=False)
     work.torn = False

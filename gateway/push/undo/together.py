@@ -9,6 +9,7 @@ from gateway.errors import StoreError, VerifyError
 from gateway.push import conversation
 from gateway.push.compare import table_in
 from gateway.push.loading import TableLoad, load, release
+from gateway.push.records.phases import PushEvent, PushPhase
 from gateway.push.snapshot import live_of
 from gateway.push.undo.confirming import SETTLE_S
 from gateway.push.undo.restoring import all_back, as_before, asked_to_restore, hold, still_held
@@ -29,15 +30,15 @@ async def taken_away(works: Sequence[Work], why: str) -> dict[Work, Outcome]:
         return await all_back(works, why)
     try:
         with foreseen(names):
-            measured = all(work.last == "MEASURED" for work in works)
+            measured = all(work.state.phase is PushPhase.MEASURED for work in works)
             for work in works:
                 work.because(why)
-                work.note("ROLLING_BACK", why=why)
+                work.note(PushEvent.ROLLING_BACK, why=why)
             told = {} if measured else {"why": why}
             works[0].context.say("P-PUSH-PROOF-OFF" if measured else "P-PUSH-RESTORE", axis=names, **told)
             await _restored(works)
             await works[0].finish("none")
-            note_all(works, "ROLLED_BACK")
+            note_all(works, PushEvent.ROLLED_BACK)
     except StoreError:
         raise
     except TrueflankError as failure:
