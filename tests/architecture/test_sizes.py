@@ -57,6 +57,7 @@ LIBRARIES = {
         "gateway.gear",
         "gateway.guard",
         "gateway.model",
+        "gateway.reducer",
         "gateway.table",
         "simulators.grinding",
     },
