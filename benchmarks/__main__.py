@@ -18,7 +18,7 @@ from pathlib import Path
 
 from benchmarks.report import Figure
 
-NAMES = ("flank", "ranking", "evaluation", "commands", "store", "dynamic", "streams", "mailbox", "push")
+NAMES = ("flank", "transmission", "ranking", "evaluation", "commands", "store", "dynamic", "streams", "mailbox", "push")
 HEAD = """# Benchmarks
 
 <!-- source: ISO 230-2: edition 2014 -->

@@ -1,4 +1,4 @@
-"""What a scientist needs of trueflank, in one place: files, figures, machine errors, tooth flanks, tables.
+"""What a scientist needs of trueflank, in one place: files, figures, machine errors, tooth flanks, tables, drives.
 
 Units at this surface, everywhere: mm for lengths and positions, um for deviations, deg for angles of axes, arcsec for
 deviations of angles. Deviation = measured - target; an error motion is actual - nominal under its ISO 230-1 name.
@@ -16,26 +16,32 @@ from __future__ import annotations
 
 MEASURING = ("ErrorMotion", "Evaluated", "Measured", "evaluate", "fit", "read", "report")
 TOOTH = ("Flank", "Gear", "Machine", "flank")
+DRIVES = ("Drive", "Matched", "Reducer", "match", "transmission")
 STUDIES = ("Corrected", "Ranking", "Studied", "correct", "rank", "study")
 __all__ = [
     "Corrected",
+    "Drive",
     "ErrorMotion",
     "Evaluated",
     "Flank",
     "Gear",
     "Machine",
+    "Matched",
     "Measured",
     "Ranking",
+    "Reducer",
     "Studied",
     "TrueflankError",
     "correct",
     "evaluate",
     "fit",
     "flank",
+    "match",
     "rank",
     "read",
     "report",
     "study",
+    "transmission",
 ]
 
 
@@ -50,6 +56,10 @@ def __getattr__(name: str) -> object:
         from trueflank import tooth
 
         found = getattr(tooth, name)
+    elif name in DRIVES:
+        from trueflank import drives
+
+        found = getattr(drives, name)
     elif name in STUDIES:
         from trueflank import studies
 

@@ -1,4 +1,9 @@
 from drivers.errors import TrueflankError as TrueflankError
+from trueflank.drives import Drive as Drive
+from trueflank.drives import Matched as Matched
+from trueflank.drives import Reducer as Reducer
+from trueflank.drives import match as match
+from trueflank.drives import transmission as transmission
 from trueflank.measuring import ErrorMotion as ErrorMotion
 from trueflank.measuring import Evaluated as Evaluated
 from trueflank.measuring import Measured as Measured
@@ -19,4 +24,5 @@ from trueflank.tooth import flank as flank
 
 MEASURING: tuple[str, ...]
 TOOTH: tuple[str, ...]
+DRIVES: tuple[str, ...]
 STUDIES: tuple[str, ...]

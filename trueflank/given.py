@@ -17,6 +17,8 @@ MOST_SHOWN = 40
 HOW = {
     "Measured": 'tf.read(path), or tf.Measured(targets, deviations, "mm")',
     "Machine": "tf.Machine({...}), or tf.Machine.load(path)",
+    "Flank": "tf.flank(machine, gear)",
+    "Reducer": 'tf.Reducer.shipped("RV-40E-like", datum="crank-holes"), or tf.Reducer.of(gear, datum=...)',
     "Gear": "tf.Gear.load(path), or tf.Gear.of(...)",
 }
 ASKS = {

@@ -77,6 +77,10 @@ class Pose:
     pressure: FloatArray
     approach: FloatArray
 
+    def at(self, rows: slice) -> Pose:
+        """The poses at some of the crank angles."""
+        return Pose(**{one.name: getattr(self, one.name)[rows] for one in fields(self)})
+
 
 @dataclass(frozen=True)
 class _State:
@@ -114,13 +118,31 @@ class Touching:
     energy: FloatArray
 
 
+@dataclass(frozen=True, slots=True)
+class Linearised:
+    """First order at N poses: ``psi`` (N,), and ``slope`` (c, S) = d psi / d e, rad/mm, of the contacts that bear.
+
+    ``step`` and ``disc`` of each, ``node`` the middle one of three in the stacked tables, ``share`` (3, c) of them.
+    """
+
+    psi: FloatArray
+    step: Index
+    disc: Index
+    node: Index
+    share: FloatArray
+    slope: FloatArray
+
+
 class Assembly:
     """A reducer with given discs, ready to be solved at any crank angles.
 
-    ``flanks`` are one map per disc (None: nominal). Raises ModelError E-REDUCER-... for what cannot be built.
+    ``flanks`` are one map per disc (None: nominal). Flanks alike over the width are one slice unless ``every_slice``.
+    Raises ModelError E-REDUCER-... for what cannot be built.
     """
 
-    def __init__(self, drive: Reducer, flanks: Sequence[FlankMap | None], *, slices: int = SLICES) -> None:
+    def __init__(
+        self, drive: Reducer, flanks: Sequence[FlankMap | None], *, slices: int = SLICES, every_slice: bool = False
+    ) -> None:
         if len(flanks) != len(drive.discs):
             raise ModelError("E-REDUCER-COUNT", drive.name, key="discs", given=len(flanks), wanted=len(drive.discs))
         if any(flank is not None for flank in flanks):
@@ -130,7 +152,7 @@ class Assembly:
         self.lever = drive.lever_mm
         self._plain = replace(gear, drot=0.0)
         even = all(f is None or np.ptp(f.deviation_um, axis=2).max(initial=0.0) == 0.0 for f in flanks)
-        self.slices = 1 if even else slices
+        self.slices = 1 if even and not every_slice else slices
         self.widths = np.full(self.slices, gear.b / self.slices)
         self._tables(flanks)
         self._ring()
@@ -143,15 +165,13 @@ class Assembly:
     def _tables(self, flanks: Sequence[FlankMap | None]) -> None:
         gear = self._plain
         turned = rotation_table(self.drive.gear)
-        self.surfacings: list[Surfacing | None] = []
         tables = np.empty((len(flanks), gear.zc, NODES, self.slices))
         for d, flank in enumerate(flanks):
             tables[d] = turned[:, None]
-            self.surfacings.append(None)
             if flank is not None:
                 check_map(gear, flank)
                 found = surfacing(gear, self.drive.pins.radius_mm, flank, slices=self.slices)
-                self.surfacings[d] = found
+                self.surfacing: Surfacing = found  # of the last disc that is not nominal
                 tables[d] += found.table(flank.deviation_um)
         self._highest = float(tables.max())
         self._e = np.ascontiguousarray(tables.reshape(-1, self.slices))
@@ -273,13 +293,52 @@ class Assembly:
             rows = slice(first, first + CHUNK)
             seat = self._seat(alpha[rows])
             u = self._overwound(seat, torque_nm) if start is None else self._from(start, rows)
-            parts.append(self._equilibrium(seat, torque_nm * 1000.0, u))
+            parts.append(self._outcome(seat, self._equilibrium(seat, torque_nm * 1000.0, u), torque_nm * 1000.0))
         psi, place, force, depth, pressure = (np.concatenate(values) for values in zip(*parts, strict=True))
         worst = float(pressure.max(initial=0.0))
         if worst > self.drive.contact.limit_mpa:
             limit = f"{self.drive.contact.limit_mpa:g}"
             raise ModelError("E-REDUCER-TORQUE", self.drive.name, torque=torque_nm, pressure=round(worst), limit=limit)
         return Pose(psi=psi, place=place, force=force, pressure=pressure, approach=depth)
+
+    def linearised(self, alpha: FloatArray, torque_nm: float) -> Linearised:
+        """How psi answers a surplus de (mm) on each slice of each contact that bears: -H^-1 sum f'(p) b J de."""
+        parts = []
+        for first in range(0, alpha.size, CHUNK):
+            seat = self._seat(alpha[first : first + CHUNK])
+            u = self._equilibrium(seat, torque_nm * 1000.0, self._overwound(seat, torque_nm))
+            state, touch = self._evaluate(seat, u, seat.tau, torque_nm * 1000.0)
+            parts.append(self._answer(u, state, touch, first))
+        return Linearised(
+            psi=np.concatenate([part.psi for part in parts]),
+            step=np.concatenate([part.step for part in parts]),
+            disc=np.concatenate([part.disc for part in parts]),
+            node=np.concatenate([part.node for part in parts]),
+            share=np.concatenate([part.share for part in parts], axis=1),
+            slope=np.concatenate([part.slope for part in parts]),
+        )
+
+    def _answer(self, u: FloatArray, state: _State, touch: Touching, first: int) -> Linearised:
+        D, L = len(self.drive.discs), self.lever
+        unit = np.zeros((u.shape[0], self.freedoms, 1))
+        unit[:, 0] = 1.0
+        row = np.linalg.solve(state.hessian, unit)[..., 0]
+        bears = np.flatnonzero(touch.force.sum(axis=1) > 0.0)
+        where = touch.row[bears] // self._plain.zp
+        step, disc = np.divmod(where, D)
+        J = np.stack([touch.normal.real, touch.normal.imag, touch.h / L], axis=1)[bears]
+        if self.freedoms == 1:
+            along = row[step, 0] * J[:, 2]
+        else:
+            along = np.einsum("ci,ci->c", row[:, 1:].reshape(-1, D, 3)[step, disc], J)
+        return Linearised(
+            psi=u[:, 0] / L,
+            step=step + first,
+            disc=disc,
+            node=touch.cell[bears],
+            share=touch.share[:, bears],
+            slope=-(along / L)[:, None] * touch.stiffness[bears],
+        )
 
     def _seat(self, alpha: FloatArray) -> _Seat:
         centre, turn, back, tau, k = self.perfect(alpha)
@@ -388,9 +447,7 @@ class Assembly:
         squeezed = np.maximum(far - self._play, 0.0)
         return np.asarray(0.5 * np.einsum("i,ndi->n", self._k, squeezed**2))
 
-    def _equilibrium(
-        self, seat: _Seat, torque: float, u: FloatArray
-    ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]:
+    def _equilibrium(self, seat: _Seat, torque: float, u: FloatArray) -> FloatArray:
         least = max(RESIDUAL * abs(torque) / self.lever, LEAST_N)
         whole = self.drive.contact.stiffness_n_mm2 * self._plain.b
         damping = np.zeros(u.shape[0])
@@ -419,7 +476,7 @@ class Assembly:
             state = _choose(good, trial, state)
         else:
             raise ModelError("E-REDUCER-EQUILIBRIUM", self.drive.name, count=left.size, steps=MOST_STEPS)
-        return self._outcome(seat, u, torque)
+        return u
 
     def _outcome(
         self, seat: _Seat, u: FloatArray, torque: float

@@ -19,7 +19,7 @@ turn; a ring pattern at m zc; what all spaces share at zp zc; lost contact mixes
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from math import inf
 
 import numpy as np
@@ -241,7 +241,7 @@ def without_limit(drive: Reducer) -> Reducer:
 def _stiffness(assembly: Assembly, alpha: FloatArray, full: Pose, torque: float) -> float:
     """Mean slope between half and whole torque, Nm per arcmin, at every `STIFF_EVERY`-th crank angle."""
     rows = slice(None, None, STIFF_EVERY)
-    start = Pose(**{one.name: getattr(full, one.name)[rows] for one in fields(full)})
+    start = full.at(rows)
     half = assembly.solve(alpha[rows], 0.5 * torque, start)
     turned = float(np.mean(rad_to_arcsec(start.psi - half.psi))) / ARCSEC_PER_ARCMIN
     return 0.5 * torque / turned if turned else inf
