@@ -14,24 +14,37 @@ Normal deviations of a flank are positive for surplus material. Names are loaded
 
 from __future__ import annotations
 
-MEASURING = ("ErrorMotion", "Evaluated", "Measured", "evaluate", "fit", "read", "report")
-TOOTH = ("Flank", "Gear", "Machine", "flank")
-DRIVES = ("Drive", "Matched", "Reducer", "match", "transmission")
-STUDIES = ("Corrected", "Ranking", "Studied", "correct", "rank", "study")
+HOMES = {
+    "drives": ("Drive", "Matched", "Reducer", "match", "transmission"),
+    "kinematics": ("FrameOf", "RelativeError", "RelativeErrors"),
+    "measuring": ("ErrorMotion", "Evaluated", "Measured", "evaluate", "fit", "read", "report"),
+    "studies": ("Corrected", "Ranking", "Studied", "correct", "rank", "study"),
+    "surfaces": ("Contact", "Profile", "Surface", "Wheel"),
+    "tooth": ("Flank", "Gear", "Machine", "contact", "flank"),
+}
+"""The module of each name."""
 __all__ = [
+    "Contact",
     "Corrected",
     "Drive",
     "ErrorMotion",
     "Evaluated",
     "Flank",
+    "FrameOf",
     "Gear",
     "Machine",
     "Matched",
     "Measured",
+    "Profile",
     "Ranking",
     "Reducer",
+    "RelativeError",
+    "RelativeErrors",
     "Studied",
+    "Surface",
     "TrueflankError",
+    "Wheel",
+    "contact",
     "correct",
     "evaluate",
     "fit",
@@ -48,28 +61,24 @@ __all__ = [
 def __getattr__(name: str) -> object:
     """Load a name's module now; `trueflank/__init__.pyi` tells the names to type checkers."""
     found: object
-    if name in MEASURING:
-        from trueflank import measuring
-
-        found = getattr(measuring, name)
-    elif name in TOOTH:
-        from trueflank import tooth
-
-        found = getattr(tooth, name)
-    elif name in DRIVES:
-        from trueflank import drives
-
-        found = getattr(drives, name)
-    elif name in STUDIES:
-        from trueflank import studies
-
-        found = getattr(studies, name)
+    home = next((module for module, names in HOMES.items() if name in names), "")
+    if home == "drives":
+        from trueflank import drives as module
+    elif home == "kinematics":
+        from trueflank import kinematics as module
+    elif home == "measuring":
+        from trueflank import measuring as module
+    elif home == "studies":
+        from trueflank import studies as module
+    elif home == "surfaces":
+        from trueflank import surfaces as module
+    elif home == "tooth":
+        from trueflank import tooth as module
     elif name == "TrueflankError":
-        from drivers.errors import TrueflankError
-
-        found = TrueflankError
+        from drivers import errors as module
     else:
         raise AttributeError(f"trueflank has no {name!r}; it has {', '.join(__all__)}")
+    found = getattr(module, name)
     globals()[name] = found
     return found
 

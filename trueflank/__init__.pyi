@@ -4,6 +4,9 @@ from trueflank.drives import Matched as Matched
 from trueflank.drives import Reducer as Reducer
 from trueflank.drives import match as match
 from trueflank.drives import transmission as transmission
+from trueflank.kinematics import FrameOf as FrameOf
+from trueflank.kinematics import RelativeError as RelativeError
+from trueflank.kinematics import RelativeErrors as RelativeErrors
 from trueflank.measuring import ErrorMotion as ErrorMotion
 from trueflank.measuring import Evaluated as Evaluated
 from trueflank.measuring import Measured as Measured
@@ -17,12 +20,14 @@ from trueflank.studies import Studied as Studied
 from trueflank.studies import correct as correct
 from trueflank.studies import rank as rank
 from trueflank.studies import study as study
+from trueflank.surfaces import Contact as Contact
+from trueflank.surfaces import Profile as Profile
+from trueflank.surfaces import Surface as Surface
+from trueflank.surfaces import Wheel as Wheel
 from trueflank.tooth import Flank as Flank
 from trueflank.tooth import Gear as Gear
 from trueflank.tooth import Machine as Machine
+from trueflank.tooth import contact as contact
 from trueflank.tooth import flank as flank
 
-MEASURING: tuple[str, ...]
-TOOTH: tuple[str, ...]
-DRIVES: tuple[str, ...]
-STUDIES: tuple[str, ...]
+HOMES: dict[str, tuple[str, ...]]

@@ -3,25 +3,52 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from drivers.errors import ConfigError
-from drivers.units import mm_to_um, rad_to_arcsec, rad_to_deg
+from drivers.units import deg_to_rad, mm_to_um, rad_to_arcsec, rad_to_deg, um_to_mm
 from gateway.domain.values import FloatArray
 from gateway.errors import ModelError
 from gateway.evaluate.standards.readings import numbers
+from gateway.gear.cycloid import CycloidGear, GearLimits
 from gateway.gear.envelope import exact
 from gateway.gear.first_order import judged
 from gateway.gear.flank import FlankGrid, flank_figure
+from gateway.gear.passage import contact_condition, contact_line
+from gateway.model.chain import Frame
+from gateway.model.frames import RelativeOrder, State
+from gateway.model.frames import matrix as link_matrix
+from gateway.study.export import (
+    FEWEST,
+    MOST_TOLERANCE_UM,
+    PROFILE_COLUMNS,
+    TOLERANCE_UM,
+    profile_rows,
+    space_angles,
+    write_dxf,
+    write_rows,
+)
 from gateway.study.files import ErrorFile, GearFile, load_errors, load_gear, validated
 from gateway.study.machine import gear_of, grid_of, grinding_of, machine_of
 from trueflank.frames import frame
-from trueflank.given import motion_name, of_kind, path_given, units_fit
+from trueflank.given import motion_name, numbers_given, of_kind, path_given, units_fit, wholes_given
+from trueflank.kinematics import (
+    FrameOf,
+    RelativeError,
+    RelativeErrors,
+    commands,
+    frames_of,
+    grinding_positions,
+    one_of_six,
+    relative,
+)
 from trueflank.measuring import ErrorMotion
+from trueflank.surfaces import Contact, Profile, Surface, Wheel
 
 ORDERS = ("first", "second", "exact")
 
@@ -41,17 +68,77 @@ class Gear:
     @classmethod
     def of(
         cls, *, rp: float, rrp: float, a: float, zp: int, zc: int, centre_distance: float, b: float = 10.0,
-        name: str = "gear",
+        drp: float = 0.0, drrp: float = 0.0, drot_arcsec: float = 0.0, name: str = "gear",
     ) -> Gear:  # fmt: skip
         """Pin circle radius ``rp``, pin radius ``rrp``, eccentricity ``a``, pins, lobes, face width ``b``, in mm.
 
-        ``centre_distance``: gear axis to wheel axis. Raises ConfigError (E-STUDY-VALUE), ModelError (E-GEAR-...).
+        ``centre_distance``: gear axis to wheel axis. Modifications: shift ``drp`` and equidistant ``drrp`` in mm,
+        rotation of each flank ``drot_arcsec``, which widens the spaces. Raises ConfigError (E-STUDY-VALUE), ModelError
+        (E-GEAR-...).
         """
-        data = {"rp": rp, "rrp": rrp, "a": a, "zp": zp, "zc": zc, "b": b}
+        data = {
+            "rp": rp, "rrp": rrp, "a": a, "zp": zp, "zc": zc, "b": b, "drp": drp, "drrp": drrp,
+            "drot_arcsec": drot_arcsec,
+        }  # fmt: skip
         whole = {"name": name, "gear": data, "grinding": {"centre_distance_mm": centre_distance}}
         gear = cls(validated(whole, GearFile, name))
         gear_of(gear.data)
         return gear
+
+    @property
+    def limits(self) -> GearLimits:
+        """Short amplitude coefficient K1, root and tip radius, largest pin radius without undercut, in mm."""
+        return gear_of(self.data).limits()
+
+    def modified(self, *, drp: float = 0.0, drrp: float = 0.0, drot_arcsec: float = 0.0) -> Gear:
+        """The same disc with these modifications and no others: shift and equidistant in mm, rotation in arcsec.
+
+        Raises ModelError (E-GEAR-...) naming the limit that it breaks.
+        """
+        changed = self.data.gear.model_copy(update={"drp": drp, "drrp": drrp, "drot_arcsec": drot_arcsec})
+        gear = Gear(self.data.model_copy(update={"gear": changed}))
+        gear_of(gear.data)
+        return gear
+
+    def profile(self, points: int = 201, *, space: int = 0) -> Profile:
+        """Points, normals, curvature of one space from tip to tip, equal in arc length (mm, deg).
+
+        ``space`` k is the k-th tooth space, from 0. Raises ConfigError (E-LIBRARY-KIND).
+        """
+        gear = _counted(self.data, "profile", points, space)
+        return Profile.of(gear, space_angles(gear, points), space)
+
+    def wheel(self, points: int = 201) -> Wheel:
+        """The wheel that grinds this disc without errors: its dressed axial section in mm, and its surface.
+
+        Raises ConfigError (E-LIBRARY-KIND), ModelError (E-GEAR-DISTANCE).
+        """
+        gear = _counted(self.data, "wheel", points, 0)
+        return Wheel.of(gear, self.data.grinding.centre_distance_mm, space_angles(gear, points))
+
+    def to_csv(self, path: str | Path, points: int = 201) -> Path:
+        """Points of every space with normals, curvature and arc length as a CSV file, mm and deg. Raises StoreError."""
+        path_given(path, "Gear.to_csv")
+        gear = _counted(self.data, "to_csv", points, 0)
+        return write_rows(Path(path), PROFILE_COLUMNS, profile_rows(gear, range(gear.zc), points))
+
+    def to_dxf(self, path: str | Path, *, tolerance_um: float = TOLERANCE_UM) -> Path:
+        """The disc as a DXF drawing in mm: the outline's chords leave the curve by at most ``tolerance_um``.
+
+        Raises ConfigError (E-EXTRA-MISSING: `pip install 'trueflank[cad]'`), StoreError E-STUDY-WRITE.
+        """
+        path_given(path, "Gear.to_dxf")
+        if not isinstance(tolerance_um, int | float) or not 0.0 < tolerance_um <= MOST_TOLERANCE_UM:
+            how = f"a number of um above 0, at most {MOST_TOLERANCE_UM:g}"
+            raise ConfigError(
+                "E-LIBRARY-KIND", "to_dxf", call="tf.Gear.to_dxf", wanted="tolerance_um", given=repr(tolerance_um),
+                how=how,
+            )  # fmt: skip
+        return write_dxf(Path(path), gear_of(self.data), tolerance_um)
+
+    def plot(self) -> Any:
+        """The disc, its first space with normals on equal scales, and its curvature, in mm; a matplotlib figure."""
+        return self.profile(FEWEST).plot()
 
     def to_dict(self) -> dict[str, Any]:
         """Plain data, as in a gear file."""
@@ -60,6 +147,18 @@ class Gear:
     def __repr__(self) -> str:
         gear = self.data.gear
         return f"Gear({self.data.name}: {gear.zc} lobes, rp {gear.rp:g} mm, a {gear.a:g} mm, b {gear.b:g} mm)"
+
+
+def _counted(data: GearFile, call: str, points: Any, space: Any) -> CycloidGear:
+    """The disc, where points and space are whole numbers that it has. Raises ConfigError (E-LIBRARY-KIND)."""
+    wholes_given(f"Gear.{call}", points=points, space=space)
+    gear = gear_of(data)
+    if points < FEWEST or space >= gear.zc:
+        how, given = f"at least {FEWEST} points, a space of 0 .. {gear.zc - 1}", f"{points} points, space {space}"
+        raise ConfigError(
+            "E-LIBRARY-KIND", call, call=f"tf.Gear.{call}", wanted="points and space", given=given, how=how
+        )
+    return gear
 
 
 Given = float | ErrorMotion | Mapping[str, Any] | tuple[Any, Any]
@@ -104,6 +203,60 @@ class Machine:
         object.__setattr__(found, "data", load_errors(Path(path)))
         return found
 
+    @property
+    def frames(self) -> tuple[FrameOf, ...]:
+        """Every frame on its parent, the work side first, each side from the bed outward; axes in mm or deg."""
+        return frames_of(machine_of(self.data))
+
+    def matrix(
+        self, frame: str = "wheel", into: str = "work", *, state: State = "actual", **positions: ArrayLike
+    ) -> FloatArray:
+        """Homogeneous matrix (..., 4, 4) that carries coordinates (mm) of ``frame`` into those of ``into``.
+
+        Frames by their names (`frames`, and "bed"); the exchange of both is the inverse. ``state``: "ideal" without
+        errors, "actual" exact, "small-angle" the product of the linear matrices I + hat. Positions of the axes between
+        both frames, by axis, in mm and deg, of shapes that broadcast together:
+        ``machine.matrix("C", "X", C=[0.0, 90.0])``. Raises ModelError (E-CHAIN-WORD, E-CHAIN-POSITION, E-CHAIN-AXIS,
+        E-MODEL-RANGE), ConfigError (E-LIBRARY-KIND).
+        """
+        chain = machine_of(self.data)
+        _, q = commands(chain, positions, "tf.Machine.matrix")
+        return link_matrix(chain, frame, into, q, state=state)
+
+    def relative(
+        self, *, frame: Frame = "work", order: RelativeOrder = "exact", **positions: ArrayLike
+    ) -> RelativeErrors:
+        """The six relative errors of wheel to work in um and arcsec at positions (mm, deg) of every axis.
+
+        ``frame`` "work": T_act = E T_id, or "wheel": T_act = T_id E. ``order`` "exact" is the logarithm of the exact E,
+        "first" the sum of all errors by their levers, "small-angle" is read off the product of the linear matrices.
+        Shapes broadcast together. Raises as `matrix`.
+        """
+        return relative(machine_of(self.data), positions, frame, order)
+
+    def relative_error(self, name: str, *, frame: Frame = "work", order: RelativeOrder = "exact") -> RelativeError:
+        """One of dx, dy, dz (um), ea, eb, ec (arcsec) as a function of the positions (mm, deg) of every axis.
+
+        Raises ConfigError (E-LIBRARY-KIND).
+        """
+        return RelativeError(machine_of(self.data), one_of_six(name, "relative_error"), frame, order)
+
+    def positions(self, gear: Gear, space: ArrayLike = 0, height: ArrayLike = 0.0) -> dict[str, FloatArray]:
+        """Where the axes stand (mm, deg) with the wheel in spaces of a gear at heights (mm) from mid face.
+
+        Raises ConfigError (E-LIBRARY-KIND), ModelError (E-GEAR-GRINDER).
+        """
+        of_kind(gear, Gear, "Machine.positions")
+        return grinding_positions(grinding_of(gear.data, self.data), space, height)
+
+    def plot(self) -> Any:
+        """The machine's bodies as a tree and its frames in space at a position (mm, deg); a matplotlib figure."""
+        from gateway.study.plots.kinematics import machine_frames
+        from gateway.study.plots.sheet import painted
+
+        chain = machine_of(self.data)
+        return painted((10.0, 5.0), lambda figure: machine_frames(figure, chain))
+
     def to_dict(self) -> dict[str, Any]:
         """Plain data, as in an error file."""
         return self.data.model_dump()
@@ -133,6 +286,7 @@ class Flank:
     """Normal deviations (spaces, profile, width) in um, surplus positive; one rotation about the axis is taken out.
 
     ``height`` (width,) in mm; ``angle`` (profile,) is the profile angle in deg; ``rms`` and ``largest`` in um.
+    ``gear`` is the disc.
     """
 
     deviation: FloatArray
@@ -141,6 +295,36 @@ class Flank:
     rms: float
     largest: float
     rotation_arcsec: float
+    gear: GearFile
+
+    def surface(self, scale: float = 1.0) -> Surface:
+        """The actual flank in space: points and nominal normals (spaces, profile, width, 3), mm in the gear's frame.
+
+        Deviations are enlarged ``scale`` times; with 0 it is the theoretical flank.
+        """
+        spaces = gear_of(self.gear).space(
+            deg_to_rad(self.angle)[:, None], np.arange(self.deviation.shape[0])[:, None, None]
+        )
+        parts = [np.broadcast_to(one, self.deviation.shape) for one in (spaces.x, spaces.y, self.height)]
+        flat = np.zeros(self.deviation.shape)
+        normals = np.stack([np.broadcast_to(spaces.nx, flat.shape), np.broadcast_to(spaces.ny, flat.shape), flat], -1)
+        moved = scale * um_to_mm(self.deviation)[..., None] * normals
+        return Surface(np.stack(parts, axis=-1) + moved, normals)
+
+    def plot(self, space: int | None = None) -> Any:
+        """All flanks unrolled in um; or one space as the theoretical against the actual surface in mm, enlarged."""
+        from gateway.study.plots.flanks import one_map
+        from gateway.study.plots.sheet import painted
+        from gateway.study.plots.surfaces import error_surfaces
+
+        gear = gear_of(self.gear)
+        if space is None:
+            return painted((10.0, 2.4), lambda figure: one_map(figure, gear, self.deviation, self.height))
+        wholes_given("Flank.plot", space=space)
+        nominal = self.surface(0.0)
+        case = (f"space {space}", nominal.points[space], nominal.normals[space], um_to_mm(self.deviation[space]))
+        title = f"{self.gear.name}: tooth space {space}"
+        return painted((6.0, 5.0), lambda figure: error_surfaces(figure, [case], columns=1, title=title))
 
     def to_dict(self) -> dict[str, Any]:
         """Plain data."""
@@ -180,10 +364,39 @@ def flank(machine: Machine, gear: Gear, *, order: str = "second") -> Flank:
     else:
         found = judged(grinding, grid.k, grid.theta, grid.z)
         e = found.deviation if order == "first" else found.second
-    return _flank(grid, np.broadcast_to(e, grid.shape))
+    return _flank(gear.data, grid, np.broadcast_to(e, grid.shape))
 
 
-def _flank(grid: FlankGrid, e: FloatArray) -> Flank:
+def contact(
+    machine: Machine, gear: Gear, *, spaces: ArrayLike = 0, heights: ArrayLike = 0.0, points: int = 101
+) -> Contact:
+    """Where wheel and tooth touch, as lines in the work: points and normals in mm, wheel angle in deg.
+
+    ``spaces`` and ``heights`` (mm, of the wheel's centre from mid face) are numbers or lists; all lines of a stroke
+    together are the actual flank. Raises ConfigError (E-LIBRARY-KIND), ModelError (E-GEAR-CONTACT).
+    """
+    of_kind(machine, Machine, "contact")
+    of_kind(gear, Gear, "contact")
+    grinding = grinding_of(gear.data, machine.data)
+    k, s = (np.atleast_1d(numbers_given(one, "mm", "tf.contact")) for one in (spaces, heights))
+    if k.ndim != 1 or s.ndim != 1 or not np.isin(k, np.arange(grinding.gear.zc)).all():
+        how = f"whole numbers of 0 .. {grinding.gear.zc - 1}, and heights in mm, each a number or a list"
+        given = f"shapes {k.shape}, {s.shape}"
+        raise ConfigError("E-LIBRARY-KIND", "contact", call="tf.contact", wanted="spaces", given=given, how=how)
+    theta = space_angles(_counted(gear.data, "contact", points, 0), points)
+    clean = replace(grinding, chain=grinding.chain.without_errors())
+    at = (k[:, None, None], s[:, None], theta)
+    line, ideal = contact_line(grinding, *at), contact_line(clean, *at)
+    shape = (k.size, s.size, theta.size)
+    turn = np.asarray(rad_to_deg(np.broadcast_to(line.beta, shape)))
+    whole = [np.broadcast_to(one, (*shape, 3)) for one in (line.points, line.normals, ideal.points)]
+    return Contact(
+        spaces=k, heights=s, angle=np.asarray(rad_to_deg(theta)), points=whole[0], normals=whole[1], turn=turn,
+        ideal=whole[2], terms=contact_condition(grinding, *at).spread(shape),
+    )  # fmt: skip
+
+
+def _flank(file: GearFile, grid: FlankGrid, e: FloatArray) -> Flank:
     h = grid.section.h
     figure = flank_figure(e, h)
     return Flank(
@@ -193,4 +406,5 @@ def _flank(grid: FlankGrid, e: FloatArray) -> Flank:
         rms=mm_to_um(figure.rms),
         largest=mm_to_um(figure.largest),
         rotation_arcsec=rad_to_arcsec(figure.rotation),
+        gear=file,
     )

@@ -161,6 +161,18 @@ def study(
         typer.Option(help="Flank of the ranking: first, second or exact. With exact, before and after are exact too."),
     ] = "first",
     trajectories: Annotated[int, typer.Option(min=1, max=10_000, help="Morris trajectories.")] = 20,
+    relative: Annotated[
+        bool,
+        typer.Option(
+            "--relative", help="The six relative errors of wheel to work alone; drawn into --plots, else here."
+        ),
+    ] = False,
+    paper: Annotated[
+        Path | None,
+        typer.Option(
+            help="Folder for the paper's figures and tables, and the disc as CSV and DXF.", show_default=False
+        ),
+    ] = None,
     as_json: JsonOption = False,
 ) -> None:
     """Work out a gear on a machine: each error alone, ranking, cures, before and after."""
@@ -175,6 +187,8 @@ def study(
         order=order,
         trajectories=trajectories,
         as_json=as_json,
+        relative=relative,
+        paper=paper,
     )
 
 

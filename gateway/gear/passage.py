@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from drivers.types.values import FloatArray
 from gateway.errors import ModelError
-from gateway.gear.grinding import Grinding, WheelSection, wheel_section, wheel_surface
+from gateway.gear.grinding import Grinding, wheel_section, wheel_surface
 from gateway.model import se3
 from gateway.model.chain import Positions, position
 from gateway.model.parts import Rotation, Vector, rotation, sub, transpose, turn, vector
@@ -136,20 +136,46 @@ def contact_line(grinding: Grinding, k: ArrayLike, s: ArrayLike, theta: ArrayLik
     """
     section = wheel_section(grinding.gear, grinding.E, theta, grinding.dressing)
     q = grinding.commands(k, s)
-    beta = contact_angle(section, passage(grinding, k).pose(position(q, grinding.stroke)).twist)
+    beta = contact_condition(grinding, k, s, theta).angle()
     point, normal = wheel_surface(section, beta)
     T = grinding.actual(q)
     return ContactLine(beta, se3.move(T, point), se3.apply(T[..., :3, :3], normal))
 
 
-def contact_angle(section: WheelSection, twist: Twist) -> FloatArray:
-    """beta of the contact condition n . (v + w x r) = 0, i.e. a cos beta + b sin beta + c = 0, nearest to 0."""
+@dataclass(frozen=True, slots=True)
+class ContactCondition:
+    """n . (v + w x r) of the wheel's surface as a function of its angle: a cos beta + b sin beta + c, mm per mm."""
+
+    a: FloatArray
+    b: FloatArray
+    c: FloatArray
+
+    def spread(self, shape: tuple[int, ...]) -> ContactCondition:
+        """The same for every place of that shape."""
+        a, b, c = (np.broadcast_to(one, shape) for one in (self.a, self.b, self.c))
+        return ContactCondition(a, b, c)
+
+    def at(self, beta: ArrayLike) -> FloatArray:
+        """Its value at wheel angles (rad) that broadcast with it; zero where wheel and tooth touch."""
+        return np.asarray(self.a * np.cos(beta) + self.b * np.sin(beta) + self.c)
+
+    def angle(self) -> FloatArray:
+        """The angle (rad) nearest to 0 where it is zero. Raises ModelError E-GEAR-CONTACT where it never is."""
+        size = np.hypot(self.a, self.b)
+        if np.any(size <= np.abs(self.c)):
+            raise ModelError("E-GEAR-CONTACT", "grinding", count=int(np.count_nonzero(size <= np.abs(self.c))))
+        sense = np.where(self.b < 0.0, 1.0, -1.0)
+        return np.asarray(np.arctan2(sense * self.a, -sense * self.b) + np.arcsin(sense * self.c / size))
+
+
+def contact_condition(grinding: Grinding, k: ArrayLike, s: ArrayLike, theta: ArrayLike) -> ContactCondition:
+    """The contact condition of the actual machine at stroke s (mm) for profile angles; k, s and theta broadcast."""
+    section = wheel_section(grinding.gear, grinding.E, theta, grinding.dressing)
+    q = grinding.commands(k, s)
+    twist = passage(grinding, k).pose(position(q, grinding.stroke)).twist
     v, w = twist.v, twist.w
-    a = section.nx * (v[0] - w[2] * section.y) - section.ny * w[2] * section.R
-    b = -section.nx * (v[2] + w[0] * section.y) - section.ny * w[0] * section.R
-    c = section.ny * v[1]
-    size = np.hypot(a, b)
-    if np.any(size <= np.abs(c)):
-        raise ModelError("E-GEAR-CONTACT", "grinding", count=int(np.count_nonzero(size <= np.abs(c))))
-    sense = np.where(b < 0.0, 1.0, -1.0)
-    return np.asarray(np.arctan2(sense * a, -sense * b) + np.arcsin(sense * c / size))
+    return ContactCondition(
+        a=section.nx * (v[0] - w[2] * section.y) - section.ny * w[2] * section.R,
+        b=-section.nx * (v[2] + w[0] * section.y) - section.ny * w[0] * section.R,
+        c=section.ny * v[1],
+    )

@@ -90,6 +90,19 @@ class Axis:
             motion = motion @ error if self.err_frame == "moving" else error @ motion
         return motion if self.kind == "prismatic" else error_matrix(self.location()) @ motion
 
+    def small_angle(self, q: FloatArray) -> FloatArray:
+        """Motion with all errors, each error matrix I + hat(e), at positions (...), shape (..., 4, 4): no rotation."""
+        if self.kind == "prismatic":
+            location = self.location()
+            direction = self.vector + se3.hat(location[3:]) @ self.vector
+            motion = se3.trans(q[..., None] * direction + location[:3])
+        else:
+            motion = self.ideal(q)
+        if self.err:
+            error = small_error_matrix(self.errors(q))
+            motion = motion @ error if self.err_frame == "moving" else error @ motion
+        return motion if self.kind == "prismatic" else small_error_matrix(self.location()) @ motion
+
     def errors(self, q: FloatArray) -> FloatArray:
         """The six error motions at positions (...): (..., 6) = dx, dy, dz (mm), ea, eb, ec (rad)."""
         out = np.zeros((*q.shape, 6))
@@ -136,6 +149,11 @@ class Axis:
 def error_matrix(e: FloatArray) -> FloatArray:
     """E = trans(dx, dy, dz) Rz(ec) Ry(eb) Rx(ea) of (..., 6), shape (..., 4, 4)."""
     return se3.rigid(se3.rpy(e[..., 3], e[..., 4], e[..., 5]), e[..., :3])
+
+
+def small_error_matrix(e: FloatArray) -> FloatArray:
+    """I + [[0, -ec, eb, dx], [ec, 0, -ea, dy], [-eb, ea, 0, dz], [0, 0, 0, 0]] of (..., 6), shape (..., 4, 4)."""
+    return se3.rigid(np.eye(3) + se3.hat(e[..., 3:]), e[..., :3])
 
 
 def _errors_sound(err: Mapping[str, Motion], loc: Mapping[str, float], where: str) -> None:

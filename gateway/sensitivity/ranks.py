@@ -60,12 +60,29 @@ def ranking(
     )
 
 
+def sigma_intervals(
+    effects: ArrayLike, *, confidence: float = 0.95, resamples: int = 1000, seed: int = 1
+) -> tuple[FloatArray, FloatArray]:
+    """Bootstrap bounds (d,) of sigma over the trajectories of effects (r, d), as `ranking` bounds mu*."""
+    ee = np.asarray(effects, dtype=np.float64)
+    weights = _weights(ee.shape[0], resamples, seed)
+    spread = np.sqrt(np.maximum(weights @ ee**2 - (weights @ ee) ** 2, 0.0) * ee.shape[0] / max(ee.shape[0] - 1, 1))
+    tail = (1.0 - confidence) / 2.0
+    low, high = np.quantile(spread, [tail, 1.0 - tail], axis=0)
+    return np.asarray(low), np.asarray(high)
+
+
 def _bootstrap(sizes: FloatArray, resamples: int, seed: int) -> FloatArray:
+    return _weights(sizes.shape[0], resamples, seed) @ sizes
+
+
+def _weights(count: int, resamples: int, seed: int) -> FloatArray:
+    """Share of each trajectory in each resample, (resamples, count)."""
     rng = np.random.default_rng(seed)
-    picks = rng.integers(0, sizes.shape[0], (resamples, sizes.shape[0]))
-    weights = np.zeros((resamples, sizes.shape[0]))
-    np.add.at(weights, (np.arange(resamples)[:, None], picks), 1.0 / sizes.shape[0])
-    return weights @ sizes
+    picks = rng.integers(0, count, (resamples, count))
+    weights = np.zeros((resamples, count))
+    np.add.at(weights, (np.arange(resamples)[:, None], picks), 1.0 / count)
+    return weights
 
 
 def _ties(draws: FloatArray, tail: float) -> BoolArray:

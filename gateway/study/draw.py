@@ -64,12 +64,12 @@ def flank_maps(figure: Figure, study: Study, states: Sequence[tuple[str, FloatAr
     figure.subplots_adjust(left=0.065, right=0.9, top=0.93, bottom=0.1, hspace=0.32)
     for panel, (title, e) in zip(panels, states, strict=True):
         values = mm_to_um(_turned(study.grid, e))
-        _unrolled(panel, study.grid, values, top, limit)
+        unrolled(panel, study.grid.zs, values, top, limit=limit)
         rms, largest = float(np.sqrt(np.mean(values**2))), float(np.max(np.abs(values)))
         panel.set_title(f"{title}   RMS {rms:.2f} µm, largest {largest:.2f} µm", loc="left", color=INK, fontsize=9)
         panel.set_ylabel("z  mm")
     panels[-1].set_xlabel("space; in each the right flank, the bottom, the left flank, in equal arc length")
-    _scale(figure, list(panels), top, limit)
+    scale_bar(figure, list(panels), top, limit)
 
 
 def one_at_a_time(figure: Figure, study: Study) -> None:
@@ -94,7 +94,7 @@ def one_at_a_time(figure: Figure, study: Study) -> None:
         panel.set_xlabel("arc  mm", fontsize=7)
     for panel in panels[:, 0]:
         panel.set_ylabel("z  mm", fontsize=7)
-    _scale(figure, list(panels.flat), top, None)
+    scale_bar(figure, list(panels.flat), top, None)
 
 
 def ranking(figure: Figure, study: Study, output: str = "rms") -> None:
@@ -144,16 +144,17 @@ def axes_before_after(figure: Figure, curves: Sequence[AxisCurve]) -> None:
         (_polar if curve.unit == "arcsec" else _straight)(part, curve)
 
 
-def _unrolled(panel: Axes, grid: FlankGrid, values: FloatArray, top: float, limit: float) -> None:
-    K, T, Z = grid.shape
+def unrolled(panel: Axes, heights: FloatArray, values: FloatArray, top: float, *, limit: float = np.inf) -> None:
+    """A gear (K, T, Z) in um unrolled: spaces along, heights (Z,) in mm up; lines where a limit is passed."""
+    K, T, Z = values.shape
     flat = np.moveaxis(values, -1, 0).reshape(Z, K * T)
     along = (np.arange(K * T + 1) / T) - 0.5
-    up = _edges(grid.zs)
+    up = _edges(heights)
     _image(panel, flat, along, up, top)
     middle = 0.5 * (along[1:] + along[:-1])
     for level, style in ((limit, "-"), (-limit, "--")):
         if np.min(flat) < level < np.max(flat):
-            panel.contour(middle, grid.zs, flat, levels=[level], colors=INK, linewidths=0.6, linestyles=style)
+            panel.contour(middle, heights, flat, levels=[level], colors=INK, linewidths=0.6, linestyles=style)
     panel.set_xlim(-0.5, K - 0.5)
     panel.tick_params(labelsize=7, length=2.5)
     for k in range(1, K):
@@ -166,7 +167,8 @@ def _image(panel: Axes, values: FloatArray, along: FloatArray, up: FloatArray, t
         spine.set_color(RULE)
 
 
-def _scale(figure: Figure, panels: list[Axes], top: float, limit: float | None) -> None:
+def scale_bar(figure: Figure, panels: list[Axes], top: float, limit: float | None) -> None:
+    """The scale of colour in um beside the panels, its limits as lines."""
     box = panels[-1].get_position().y0, panels[0].get_position().y1
     bar = figure.colorbar(ScalarMappable(_norm(top), MAP), cax=figure.add_axes((0.925, box[0], 0.013, box[1] - box[0])))
     bar.ax.tick_params(labelsize=7)

@@ -12,6 +12,10 @@ TESTS = Path(__file__).parents[1]
 JUDGED = "test_what_tables_and_set_up_values_can_cure_leaves_nothing"
 WHOLLY_LONG = {
     (
+        "test_paper.py",
+        "test_one_command_makes_the_whole_paper",
+    ): "test_every_sheet_of_the_paper_has_its_caption",
+    (
         "test_asked.py",
         "test_the_whole_demo_asks_for_what_is_listed_and_the_day_foretells_it",
     ): "test_further_stops_of_a_plan_need_no_press",

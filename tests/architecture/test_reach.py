@@ -33,10 +33,8 @@ ALONE = {
     "sensitivities": "a worked case of the refractive index",
     "from_rows": "tables of readings by hand",
     "observability": "a worked case of what the flank shows",
-    "contact_line": "a worked case of the grinding geometry",
     "exhaustive": "worked cases of the Morris indices, which sampling meets at best nearly",
     "records_of_product": "product tables wait for their proof on a machine",
-    "exact_twist": "the exact motion that the first order is held against",
     "good_enough": "the bound on the first order",
     "gram": "the closed form that the sweep is held against",
 }

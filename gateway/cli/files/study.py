@@ -18,13 +18,18 @@ def study_command(
     order: str,
     trajectories: int,
     as_json: bool,
+    relative: bool = False,
+    paper: Path | None = None,
 ) -> None:
-    """Work out a study and show it; pictures into ``plots`` if given."""
+    """Work out a study and show it; pictures into ``plots``, the paper's figures and tables into ``paper``."""
     from gateway.study import tell
     from gateway.study.files import load_errors, load_gear
     from gateway.study.work import study, the_order
     from gateway.study.workers import workers as open_workers
 
+    if relative:
+        show_relative(gear, errors, plots or Path(), as_json=as_json)
+        return
     gear_file, error_file, chosen = load_gear(gear), load_errors(errors), the_order(order)
     # A first-order sweep is over before a process has started.
     count = 1 if chosen == "first" and workers is None else workers
@@ -35,6 +40,10 @@ def study_command(
         from gateway.study.pictures import write_pictures
 
         written = tuple(str(path) for path in write_pictures(found, plots))
+    if paper is not None:
+        from gateway.study.paper import write_paper
+
+        written += tuple(str(path) for path in write_paper(found, paper))
     if as_json:
         show_json({**tell.as_data(found), "pictures": list(written)})
         return
@@ -54,5 +63,27 @@ def study_command(
     ]
     for line in (*lines, tell.next_line(found), tell.order_line(found)):
         echo(line)
+    for path in written:
+        echo(f"written: {path}" if Path(path).suffix != ".png" else f"picture: {path}")
+
+
+def show_relative(gear: Path, errors: Path, folder: Path, *, as_json: bool) -> None:
+    """Show the six relative errors of wheel to work where the gear is ground, and draw them into a folder."""
+    from gateway.study.files import load_errors, load_gear
+    from gateway.study.machine import grinding_of
+    from gateway.study.pictures import write_relative
+    from gateway.study.relative import relative_data, relative_rows, relative_sweep
+
+    gear_file, error_file = load_gear(gear), load_errors(errors)
+    grinding = grinding_of(gear_file, error_file)
+    sweep = relative_sweep(grinding)
+    written = [str(path) for path in write_relative(grinding, sweep, folder)]
+    if as_json:
+        show_json({**relative_data(sweep), "pictures": written})
+        return
+    echo(f"{gear_file.name} on {error_file.name}")
+    headings = ("error", "space 0", "least", "greatest", "RMS", "first order misses", "unit")
+    title = "relative errors of wheel to work, told in the work: every space, over the face"
+    show_table(title, headings, relative_rows(sweep))
     for path in written:
         echo(f"picture: {path}")

@@ -27,14 +27,6 @@ GEARS = sorted((EXAMPLES / "gears").glob("*.toml"))
 ERRORS = sorted((EXAMPLES / "errors").glob("*.toml"))
 
 
-@pytest.fixture(scope="module")
-def found() -> Study:
-    """A small study of the seeded machine."""
-    gear = load_gear(EXAMPLES / "gears" / "rv-40e-like.toml")
-    small = gear.model_copy(update={"flank": gear.flank.model_copy(update={"profile": 5, "width": 3})})
-    return study(small, load_errors(EXAMPLES / "errors" / "seeded-machine.toml"), r=4)
-
-
 def test_five_gears_are_shipped_and_all_can_be_ground() -> None:
     errors = load_errors(EXAMPLES / "errors" / "equal-steps.toml")
     seen = {}

@@ -1,0 +1,118 @@
+"""Curves of an axis: error motions with what is known of their uncertainty, readings before and after."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from drivers.types.values import FloatArray
+from gateway.study.draw import FAINT, INK, MIDDLE, NEW, OLD, QUIET, RULE
+
+SIGN = {"um": "µm", "arcsec": "arcsec"}
+COLOURS = (NEW, "#4b7f52", "#a8453a")
+
+
+@dataclass(frozen=True)
+class MotionCurve:
+    """One error motion over its axis: positions (n,) in mm or deg, values and half widths U (k = 2) in its unit."""
+
+    name: str
+    axis: str
+    unit: str
+    axis_unit: str
+    at: FloatArray
+    values: FloatArray
+    U: FloatArray
+
+
+def motion_panels(figure: Figure, curves: Sequence[MotionCurve], title: str, note: str) -> None:
+    """Every axis in a row: its shifts on the left in um, its turns on the right in arcsec."""
+    axes = list(dict.fromkeys(one.axis for one in curves))
+    panels = figure.subplots(len(axes), 2, squeeze=False)
+    figure.subplots_adjust(left=0.075, right=0.985, top=0.89, bottom=0.075, hspace=0.42, wspace=0.16)
+    figure.text(0.075, 0.96, title, fontsize=10, color=INK)
+    figure.text(0.075, 0.93, note, fontsize=8, color=QUIET)
+    for side, unit in enumerate(("um", "arcsec")):
+        for row, axis in enumerate(axes):
+            panel = panels[row][side]
+            _calm(panel)
+            found = [one for one in curves if (one.axis, one.unit) == (axis, unit)]
+            for one, colour in zip(found, COLOURS, strict=False):
+                panel.fill_between(one.at, one.values - one.U, one.values + one.U, color=colour, alpha=0.15, lw=0)
+                panel.plot(one.at, one.values, color=colour, lw=1.2, label=one.name)
+            panel.set_ylabel(SIGN[unit], labelpad=1)
+            panel.set_xlabel(f"{axis}  {found[0].axis_unit if found else ''}", labelpad=1)
+            panel.legend(loc="upper right", ncols=3, frameon=False, fontsize=7.5, bbox_to_anchor=(1.0, 1.16))
+
+
+def readings_panel(panel: Axes, targets: FloatArray, deviations: FloatArray, label: str, *, new: bool = False) -> None:
+    """Readings (m, n, 2) as points and the mean of each direction as a line: forward solid, reverse dashed."""
+    colours = (NEW, MIDDLE) if new else (QUIET, OLD)
+    for way, (line, mark, name) in enumerate((("-", ">", "forward"), ("--", "<", "reverse"))):
+        one = deviations[:, :, way]
+        there = np.isfinite(one).any(axis=1)
+        if not there.any():
+            continue
+        at = np.broadcast_to(targets[:, None], one.shape)
+        panel.plot(at.ravel(), one.ravel(), mark, color=colours[way], ms=2.2, alpha=0.6, mew=0)
+        mean = np.nanmean(one[there], axis=1)
+        panel.plot(targets[there], mean, line, color=colours[way], lw=1.2, label=f"{label}{name}")
+
+
+def readings_sheet(
+    figure: Figure,
+    label: tuple[str, str],
+    before: tuple[FloatArray, FloatArray],
+    after: tuple[FloatArray, FloatArray] | None = None,
+    *,
+    title: str = "",
+) -> None:
+    """Readings of an axis, and those after its correction on the same scale; ``label`` of positions and deviations."""
+    panel = figure.subplots(1, 1)
+    figure.subplots_adjust(left=0.085, right=0.985, top=0.84, bottom=0.13)
+    _calm(panel)
+    readings_panel(panel, *before, label="" if after is None else "before, ", new=after is None)
+    if after is not None:
+        readings_panel(panel, *after, label="after, ", new=True)
+    panel.set_xlabel(label[0])
+    panel.set_ylabel(label[1])
+    panel.legend(loc="lower right", ncols=4, frameon=False, fontsize=7.5, bbox_to_anchor=(1.0, 1.0))
+    figure.text(0.085, 0.95, title, fontsize=10, color=INK, va="top")
+
+
+def curve_sheet(figure: Figure, curve: MotionCurve) -> None:
+    """One error motion with its band."""
+    panel = figure.subplots(1, 1)
+    figure.subplots_adjust(left=0.095, right=0.985, top=0.87, bottom=0.14)
+    _calm(panel)
+    low, high = curve.values - curve.U, curve.values + curve.U
+    panel.fill_between(curve.at, low, high, color=NEW, alpha=0.17, lw=0, label="± U (k = 2)")
+    panel.plot(curve.at, curve.values, color=NEW, lw=1.3, label=curve.name)
+    panel.set_xlabel(f"{curve.axis}  {curve.axis_unit}")
+    panel.set_ylabel(f"{curve.name}  {SIGN[curve.unit]}")
+    panel.legend(loc="lower right", ncols=2, frameon=False, fontsize=8, bbox_to_anchor=(1.0, 1.0))
+
+
+def bars_sheet(
+    figure: Figure, names: Sequence[str], values: Sequence[float], spread: Sequence[float], label: str
+) -> None:
+    """Named values as bars with half widths."""
+    panel = figure.subplots(1, 1)
+    figure.subplots_adjust(left=0.1, right=0.98, top=0.93, bottom=0.16)
+    _calm(panel)
+    panel.bar(np.arange(len(names)), values, 0.6, color=MIDDLE)
+    panel.errorbar(np.arange(len(names)), values, yerr=spread, fmt="none", ecolor=INK, elinewidth=1.0, capsize=3.0)
+    panel.set_xticks(np.arange(len(names)), names)
+    panel.set_ylabel(label)
+
+
+def _calm(panel: Axes) -> None:
+    panel.grid(True, color=FAINT, lw=0.5)
+    panel.set_axisbelow(True)
+    panel.axhline(0.0, color=RULE, lw=0.8, zorder=1)
+    panel.spines[["top", "right"]].set_visible(False)
+    panel.tick_params(length=2.5, width=0.6, labelsize=7)

@@ -1,0 +1,220 @@
+"""Disc, wheel, contact lines and flanks drawn in mm on equal scales; what errors change is enlarged, and said so."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.cm import ScalarMappable
+from matplotlib.colors import Normalize
+from matplotlib.figure import Figure, FigureBase
+from matplotlib.ticker import MaxNLocator
+from mpl_toolkits.mplot3d.art3d import Line3DCollection, Poly3DCollection
+
+from drivers.types.values import FloatArray
+from drivers.units import mm_to_um
+from gateway.gear.cycloid import CycloidGear
+from gateway.gear.grinding import wheel_section, wheel_surface
+from gateway.study.draw import FAINT, INK, MAP, MIDDLE, NEW, OLD, QUIET, RULE
+from gateway.study.export import outline, space_angles
+from gateway.study.plots.sheet import calm_space, in_space
+
+POINTS = 181
+NORMALS = 19
+SEGMENT = 7.0  # deg of the wheel that is drawn in space
+CROWD = 5.0  # um: how far an outline for a picture may leave the curve
+SHARE = 0.12  # of the drawn size: what the largest deviation is enlarged to
+STEPS = (1.0, 2.0, 5.0)
+
+
+def profile_sheet(figure: FigureBase, gear: CycloidGear, space: int = 0) -> None:
+    """The disc, one space with its outward normals, both on equal scales, and the curvature over the arc."""
+    disc, near, bend = figure.subplots(1, 3, gridspec_kw={"width_ratios": (1.0, 1.0, 1.1)})
+    figure.subplots_adjust(left=0.055, right=0.985, top=0.88, bottom=0.12, wspace=0.28)
+    limits = gear.limits()
+    points = outline(gear, CROWD)
+    disc.fill(*points.T, facecolor="#eef1f3", edgecolor=NEW, lw=0.7)
+    turn = np.linspace(0.0, 2.0 * np.pi, 361)
+    for radius, style, name in (
+        (gear.pin_circle, "-.", f"pins on {gear.pin_circle:g} mm"),
+        (limits.r_tip, ":", f"tip {limits.r_tip:.3f} mm"),
+        (limits.r_root, "--", f"root {limits.r_root:.3f} mm"),
+    ):
+        disc.plot(radius * np.cos(turn), radius * np.sin(turn), ls=style, color=QUIET, lw=0.7, label=name)
+    disc.legend(loc="center", frameon=False, fontsize=7)
+    _equal(disc, f"{gear.zc} lobes, {gear.zp} pins of {gear.pin:g} mm, a {gear.a:g} mm")
+    theta = space_angles(gear, POINTS)
+    s = gear.space(theta, space)
+    near.plot(s.x, s.y, color=NEW, lw=1.3)
+    some = gear.space(space_angles(gear, NORMALS), space)
+    length = 0.12 * float(np.ptp(s.xy, axis=0).max())
+    for x, y, nx, ny in zip(some.x, some.y, some.nx, some.ny, strict=True):
+        near.plot([x, x + length * nx], [y, y + length * ny], color=OLD, lw=0.8)
+    _equal(near, f"space {space}, outward normals")
+    bend.plot(gear.arc(theta), s.curvature, color=NEW, lw=1.2, label="curvature")
+    bend.axhline(0.0, color=RULE, lw=0.8)
+    bend.axhline(-1.0 / gear.pin, color=OLD, lw=0.8, ls="--", label=f"pin, 1/{gear.pin:g} mm, concave")
+    bend.set_xlabel("arc from the bottom of the space  mm")
+    bend.set_ylabel("curvature, + convex  1/mm", labelpad=1)
+    bend.legend(loc="upper center", frameon=False, fontsize=7)
+    bend.set_title(f"undercut-free below pin radius {limits.rrp_max:.3f} mm", loc="left", fontsize=9, color=INK)
+    _calm(bend)
+
+
+def wheel_sheet(figure: FigureBase, gear: CycloidGear, centre_distance: float) -> None:
+    """The dressed axial section with its normals, and half of the surface in space, both on equal scales."""
+    section_panel = figure.add_axes((0.07, 0.13, 0.34, 0.74))
+    panel: Any = figure.add_axes((0.45, 0.0, 0.55, 0.92), projection="3d")
+    section = wheel_section(gear, centre_distance, space_angles(gear, POINTS))
+    section_panel.plot(section.y, section.R, color=NEW, lw=1.3)
+    some = wheel_section(gear, centre_distance, space_angles(gear, NORMALS))
+    length = 0.1 * float(np.ptp(section.y))
+    for y, R, nx, ny in zip(some.y, some.R, some.nx, some.ny, strict=True):
+        section_panel.plot([y, y + length * ny], [R, R - length * nx], color=OLD, lw=0.8)
+    section_panel.set_xlabel("axial coordinate y  mm")
+    section_panel.set_ylabel("radius R  mm")
+    _equal(section_panel, "axial section; normals into the wheel", labels=False)
+    turn = np.radians(np.linspace(-SEGMENT, SEGMENT, 33))[:, None]
+    points, _ = wheel_surface(wheel_section(gear, centre_distance, space_angles(gear, 61)), turn)
+    net = {"rstride": 2, "cstride": 3, "color": "#e7ecf0", "edgecolor": MIDDLE, "lw": 0.3, "shade": False}
+    panel.plot_surface(points[..., 0], points[..., 1], points[..., 2], **net)
+    in_space(panel, points, zoom=0.85)
+    calm_space(panel)
+    panel.view_init(24.0, 215.0)
+    panel.xaxis.set_major_locator(MaxNLocator(3))
+    panel.yaxis.set_major_locator(MaxNLocator(5))
+    for name in "xyz":
+        getattr(panel, f"set_{name}label")(f"{name}  mm", labelpad=-2)
+    title = f"surface of the wheel within ± {SEGMENT:g} deg of the gear, centre distance {centre_distance:g} mm"
+    figure.text(0.52, 0.925, title, fontsize=9, color=INK)
+
+
+def contact_sheet(figure: FigureBase, ideal: FloatArray, actual: FloatArray, *, enlarged: float = 0.0) -> None:
+    """Contact lines (S, T, 3) of one space in the work: ideal, and actual with what errors change enlarged."""
+    panel: Any = figure.add_axes((0.0, 0.02, 1.0, 0.9), projection="3d")
+    scale = enlarged or _enlarged(
+        float(np.max(np.abs(actual - ideal))), float(np.max(np.ptp(ideal.reshape(-1, 3), axis=0)))
+    )
+    shown = ideal + scale * (actual - ideal)
+    for lines, colour, width in ((ideal, OLD, 0.8), (shown, NEW, 1.2)):
+        panel.add_collection3d(Line3DCollection(list(lines), colors=colour, linewidths=width))
+    in_space(panel, np.concatenate([ideal, shown]), zoom=0.93)
+    calm_space(panel)
+    panel.view_init(24.0, 40.0)
+    panel.xaxis.set_major_locator(MaxNLocator(3))
+    for name in "xyz":
+        getattr(panel, f"set_{name}label")(f"{name}  mm", labelpad=-1)
+    figure.text(0.03, 0.94, "contact lines of one space: grey ideal, blue actual", fontsize=9.5, color=INK)
+    figure.text(0.03, 0.905, f"what the errors change is enlarged {scale:g} times", fontsize=8, color=QUIET)
+
+
+def error_surfaces(
+    figure: Figure,
+    cases: Sequence[tuple[str, FloatArray, FloatArray, FloatArray]],
+    *,
+    columns: int,
+    title: str,
+) -> None:
+    """Theoretical against actual tooth surface of one space for each case, all on one scale of colour and enlargement.
+
+    A case is its name, nominal points (T, Z, 3) in mm, outward unit normals alike, and deviations (T, Z) in mm.
+    """
+    rows = -(-len(cases) // columns)
+    top = max(mm_to_um(float(np.max(np.abs(e)))) for *_, e in cases)
+    tall = float(np.max(np.ptp(cases[0][1].reshape(-1, 3), axis=0)))
+    scale = _enlarged(top / mm_to_um(1.0), tall)
+    width, height = figure.get_size_inches()
+    low, high = 0.05 / height, 1.0 - 0.85 / height
+    right = 1.0 - 0.75 / width
+    cell = (right / columns, (high - low) / rows)
+    for number, (name, nominal, normals, e) in enumerate(cases):
+        row, column = divmod(number, columns)
+        box = (0.005 + column * cell[0], high - (row + 1) * cell[1], cell[0], cell[1] * 0.97)
+        panel: Any = figure.add_axes(box, projection="3d")
+        actual = nominal + scale * e[..., None] * normals
+        _net(panel, nominal)
+        _skin(panel, actual, mm_to_um(e), top)
+        far = _reach(nominal, normals, scale, top)
+        in_space(panel, np.concatenate([nominal.reshape(-1, 3), far]), zoom=0.95)
+        _bare(panel, labelled=number == 0)
+        largest = mm_to_um(float(np.max(np.abs(e))))
+        words = f"{name}   largest {_figure(largest)} µm"
+        figure.text(box[0] + 0.5 * cell[0], box[1] + 0.985 * box[3], words, fontsize=8, color=INK, ha="center")
+    figure.text(0.012, 1.0 - 0.3 / height, title, fontsize=10, color=INK)
+    note = f"grid: theoretical surface; coloured: actual, deviations enlarged {scale:g} times, one scale for all"
+    figure.text(0.012, 1.0 - 0.52 / height, note, fontsize=8, color=QUIET)
+    bar = figure.colorbar(
+        ScalarMappable(Normalize(-top, top), MAP),
+        cax=figure.add_axes((right + 0.1 / width, low + 0.05, 0.16 / width, high - low - 0.1)),
+    )
+    bar.ax.tick_params(labelsize=7)
+    bar.ax.set_title("µm", fontsize=8, color=QUIET)
+    bar.outline.set_edgecolor(RULE)
+
+
+def _reach(nominal: FloatArray, normals: FloatArray, scale: float, top_um: float) -> FloatArray:
+    """Points as far out as any case may be drawn, so that all panels have the same limits."""
+    room = scale * top_um / mm_to_um(1.0)
+    return np.concatenate([(nominal + side * room * normals).reshape(-1, 3) for side in (-1.0, 1.0)])
+
+
+def _net(panel: Any, points: FloatArray) -> None:
+    lines = [*points[::4], *np.swapaxes(points, 0, 1)]
+    panel.add_collection3d(Line3DCollection(lines, colors=OLD, linewidths=0.35))
+
+
+def _skin(panel: Any, points: FloatArray, values: FloatArray, top: float) -> None:
+    """Facets coloured by the mean of their corners."""
+    corners = np.stack([points[:-1, :-1], points[1:, :-1], points[1:, 1:], points[:-1, 1:]], axis=2).reshape(-1, 4, 3)
+    mean = 0.25 * (values[:-1, :-1] + values[1:, :-1] + values[1:, 1:] + values[:-1, 1:])
+    colours = ScalarMappable(Normalize(-top, top), MAP).to_rgba(mean.ravel(), alpha=0.92)
+    panel.add_collection3d(Poly3DCollection(corners, facecolors=colours, edgecolors=(0, 0, 0, 0.12), linewidths=0.15))
+
+
+def _bare(panel: Any, *, labelled: bool) -> None:
+    calm_space(panel)
+    panel.view_init(28.0, 32.0)
+    for axis in (panel.xaxis, panel.yaxis, panel.zaxis):
+        axis.set_major_locator(_few())
+    if not labelled:
+        for axis in (panel.xaxis, panel.yaxis, panel.zaxis):
+            axis.set_ticklabels([])
+        return
+    panel.tick_params(labelsize=5, pad=-3)
+    for name in "xyz":
+        getattr(panel, f"set_{name}label")(f"{name}  mm", labelpad=-6, fontsize=6)
+
+
+def _few() -> MaxNLocator:
+    return MaxNLocator(3)
+
+
+def _enlarged(largest: float, size: float) -> float:
+    """A round factor that shows the largest deviation (mm) as about `SHARE` of the size (mm)."""
+    if not largest > 0.0:
+        return 1.0
+    wanted = SHARE * size / largest
+    power = 10.0 ** np.floor(np.log10(wanted))
+    return float(max(step * power for step in STEPS if step * power <= wanted))
+
+
+def _figure(value: float) -> str:
+    return "0" if value < 1e-6 else f"{value:.2g}"
+
+
+def _equal(panel: Axes, title: str, *, labels: bool = True) -> None:
+    panel.set_aspect("equal", adjustable="datalim")
+    panel.set_title(title, loc="left", fontsize=9, color=INK)
+    if labels:
+        panel.set_xlabel("x  mm")
+        panel.set_ylabel("y  mm", labelpad=1)
+    _calm(panel)
+
+
+def _calm(panel: Axes) -> None:
+    panel.grid(True, color=FAINT, lw=0.5)
+    panel.set_axisbelow(True)
+    panel.spines[["top", "right"]].set_visible(False)
+    panel.tick_params(length=2.5, width=0.6, labelsize=7)
