@@ -95,7 +95,8 @@ class IdentitySection(Section):
     )
     type: paper.Line = Field(default="", description="what the node of the setting type_node says")
     marker: paper.Line = Field(
-        default="", description="this machine's own number, as typed into the R parameter r_marker"
+        default="",
+        description="this machine's own number, as typed into r_marker or marker_node",
     )
 
     @property

@@ -1,4 +1,4 @@
-"""The routes of a machine's beginning: its site file by questions, and whose certificate its control shows."""
+"""The routes of a machine's beginning: its site file by questions, its control's certificate, what it is known by."""
 
 from __future__ import annotations
 
@@ -15,6 +15,7 @@ from gateway.web.bodies import SiteAnswers, Thumbprint
 from gateway.web.doors import needs, service_of, site_of
 from gateway.web.ports import Making
 from gateway.workflow.control.trusting import accepted, shown_by
+from gateway.workflow.recognising import known_of
 
 routes = APIRouter(prefix="/api/v1", tags=["beginning"])
 ServiceRole = Annotated[Person, Depends(needs("service"))]
@@ -57,6 +58,14 @@ async def accept(request: Request, site: str, person: ServiceRole, body: Thumbpr
     """Pin what the control shows now, if the thumbprint that was read at the control itself is its own."""
     at, clock = site_of(request, site), service_of(request).clock
     return _told(await accepted(at.site, at.path, body.thumbprint, who=person.name, clock=clock))
+
+
+@routes.get("/sites/{site}/identity")
+def identity(request: Request, site: str, _person: ServiceRole) -> dict[str, Any]:
+    """What the machine is known by, and each change of it that a person accepted: who, when and why; oldest first."""
+    at = site_of(request, site)
+    known = known_of(at.site, at.store.root)
+    return {"facts": dict(known.facts), "accepted": [{**one.fields, "utc": one.utc} for one in known.accepted]}
 
 
 def _told(view: TrustView) -> dict[str, Any]:

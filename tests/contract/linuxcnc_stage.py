@@ -71,14 +71,12 @@ def agent_of(machine: Machine) -> Agent:
 
 
 @contextlib.asynccontextmanager
-async def on_stage(folder: Path) -> AsyncIterator[Stage]:
-    """Everything running; the control started once, homed, without rows in any file."""
+async def on_stage(folder: Path, url: str = "") -> AsyncIterator[Stage]:
+    """Everything running; the control started once, homed, without rows in any file; at ``url``, else in memory."""
     clock, machine, token = LoopClock(), Machine(folder), folder / "token"
     token.write_text(TOKEN + "\n")
     machine.restart()
-    url = f"memory://linuxcnc-{next(_NAMES)}"
-    device = LinuxCnc("mill", url, {"token_file": str(token)}, clock)
-    stage = Stage(machine, agent_of(machine), device, clock, url, token)
+    url = url or f"memory://linuxcnc-{next(_NAMES)}"
 
     async def converse(wire: ByteTransport) -> None:
         """As the agent's child: it looks twice a second whether its life of the kernel is over, and leaves then."""
@@ -100,6 +98,8 @@ async def on_stage(folder: Path) -> AsyncIterator[Stage]:
                     await wire.write(answer.data)
 
     listener = await serve(url, converse, clock)
+    device = LinuxCnc("mill", listener.url, {"token_file": str(token)}, clock)
+    stage = Stage(machine, agent_of(machine), device, clock, listener.url, token)
     try:
         await stage.device.open(5.0)
         yield stage

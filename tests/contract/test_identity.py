@@ -88,6 +88,11 @@ class Scene:
     async def typed(self, *words: str, answers: str = "") -> Result:
         return await asyncio.to_thread(CliRunner().invoke, app, [*words], input=answers)
 
+    async def refused(self, *words: str) -> TrueflankError:
+        error = (await self.typed(*words)).exception
+        assert isinstance(error, TrueflankError)
+        return error
+
     async def json(self, *words: str) -> dict[str, Any]:
         done = await self.typed(*words, "--json")
         return dict(json.loads(done.stdout))
@@ -191,6 +196,18 @@ async def test_a_marker_is_noted_first_and_asked_when_it_is_another(tmp_path: Pa
         assert done.exit_code == 0, done.output
         assert known_of(tree, tmp_path / "runs").facts == {**now, "marker": "4712"}
         assert at.server.requests.services["write"] == 0
+
+
+@pytest.mark.wall_time
+async def test_the_marker_may_be_any_node_that_the_server_shows(tmp_path: Path) -> None:
+    """As a GUD is: here another variable stands for it, whose value is the machine's own number."""
+    async with control(tmp_path, 'marker_node = "/Nck/Configuration/nckType"') as at:
+        looked = await at.json("trust", "machine", str(at.site))
+        assert looked["now"]["marker"] == "10000"
+        text = at.site.read_text()
+        at.site.write_text(text.replace("marker_node", "r_marker = 900\nmarker_node"))
+        assert "W-KEY" not in str((await at.refused("check", str(at.site))).what)
+        assert "r_marker and marker_node" in str(await at.refused("check", str(at.site)))
 
 
 async def test_carried_reports_tell_the_marker_and_the_card(tmp_path: Path) -> None:

@@ -125,7 +125,7 @@ class MachineReader:
 
         Raises RemoteProtocolError (E-UA-VALUE) for a value that is neither text nor number.
         """
-        settings, paths = self._settings, {"type": self._settings.type_node}
+        settings, paths = self._settings, {"type": self._settings.type_node, "marker": self._settings.marker_node}
         if settings.r_marker >= 0:
             paths["marker"] = nodes.r_parameter(settings.r_marker, settings.channel)
         asked = {fact: path for fact, path in paths.items() if path}

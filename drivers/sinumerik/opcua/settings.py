@@ -88,6 +88,9 @@ class UaSettings(DriverSettings):
         le=nodes.R_LAST,
         description="R parameter in which a person typed this machine's own number; only read, -1: none",
     )
+    marker_node: str = Field(
+        default="", description="node of that number where it is a GUD, in place of r_marker; only read"
+    )
 
     def rules(self) -> tuple[Rule, ...]:
         """What holds between keys: a pinned certificate, one password, free R parameters, nodes of this control."""
@@ -104,6 +107,8 @@ class UaSettings(DriverSettings):
             ("version_node", nodes.parse(self.version_node) is not None, words("W-KEY-NODE")),
             ("type_node", not self.type_node or nodes.parse(self.type_node) is not None, words("W-KEY-NODE")),
             ("r_marker", not self.words.holds(self.r_marker), words("W-KEY-R-MARKER")),
+            ("marker_node", not self.marker_node or nodes.parse(self.marker_node) is not None, words("W-KEY-NODE")),
+            ("marker_node", not self.marker_node or self.r_marker < 0, words("W-KEY-ONE-MARKER")),
         )
 
     @classmethod

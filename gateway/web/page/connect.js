@@ -5,19 +5,20 @@ import { h, same, show } from "./dom.js";
 import { when } from "./figures.js";
 import { accounts } from "./people.js";
 import { base, may, on, state } from "./state.js";
-import { trust } from "./trust.js";
+import { identity, trust } from "./trust.js";
 import { say, t, told } from "./words.js";
 
 export const connect = { open };
 const MARK = { open: "✔", "in use": "▶", lost: "▲", failed: "✖", closed: "○", ok: "✔", failed_check: "✖" };
 
 function open(root) {
-  const parts = { devices: h("div", { class: "panel" }), doctor: h("div", { class: "panel" }), people: h("div", { class: "panel" }), trust: h("div", { class: "panel" }) };
-  show(root, h("div", { class: "two" }, h("div", { class: "stack" }, parts.devices, may("service") ? [parts.trust, parts.people] : null), parts.doctor));
+  const parts = { devices: h("div", { class: "panel" }), doctor: h("div", { class: "panel" }), people: h("div", { class: "panel" }), trust: h("div", { class: "panel" }), identity: h("div", { class: "panel" }) };
+  show(root, h("div", { class: "two" }, h("div", { class: "stack" }, parts.devices, may("service") ? [parts.trust, parts.identity, parts.people] : null), parts.doctor));
   const draw = () => { devices(parts.devices); doctor(parts.doctor); };
   draw();
   if (may("service")) {
     trust(parts.trust);
+    identity(parts.identity);
     accounts(parts.people);
   }
   const ends = [on("frame", draw), on("jobs", draw)];

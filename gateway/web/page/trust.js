@@ -1,4 +1,5 @@
 // The control's certificate: shown, compared with the control's own display by a person, pinned by its thumbprint.
+// And what the machine is known by, with each change that a person accepted.
 import { get, post } from "./api.js";
 import { h, show } from "./dom.js";
 import { when } from "./figures.js";
@@ -28,3 +29,12 @@ export function trust(box) {
 }
 
 const certificate = (title, one) => h("dl", { class: "facts" }, [[title, one.subject], ["SHA-256", one.sha256], ["SHA-1", one.sha1], [t("trust.valid"), `${when(one.valid_from)} – ${when(one.valid_until)}`]].map(([name, value]) => h("div", {}, h("dt", {}, name), h("dd", { class: "print" }, value))));
+
+export function identity(box) {
+  const draw = ({ facts, accepted }) => show(box, h("h2", {}, t("identity.title")),
+    h("dl", { class: "facts" }, Object.entries(facts).map(([fact, value]) => h("div", {}, h("dt", {}, t(`identity.${fact}`)), h("dd", { class: "print" }, value)))),
+    accepted.length ? h("table", { id: "accepted-identity" }, h("thead", {}, h("tr", {}, ["changed", "was", "now", "who", "reason"].map((one) => h("th", {}, t(`identity.${one}`))))), h("tbody", {}, accepted.map(change))) : h("p", { class: "empty" }, t("identity.none")));
+  get(`${base()}/identity`).then(draw, (error) => show(box, h("h2", {}, t("identity.title")), h("p", { class: "fault", role: "alert" }, told(error))));
+}
+
+const change = (one) => h("tr", {}, [h("b", {}, t(`identity.${one.fact}`)), one.was, one.now, `${one.who}, ${when(one.utc)}`, one.reason].map((told) => h("td", {}, told)));

@@ -177,7 +177,7 @@ def test_records_are_served_as_they_are_stored(client: Callable[..., Client], tm
     assert ([one["run_id"] for one in listed["runs"]], listed["more"]) == ([run.run_id], False)
 
 
-@pytest.mark.parametrize("what", ["site-file", "plan", "audit", "tables", "self-tests", "jobs", "status"])
+@pytest.mark.parametrize("what", ["site-file", "plan", "audit", "tables", "self-tests", "jobs", "status", "identity"])
 def test_everything_that_is_read_answers_for_a_new_site(client: Callable[..., Client], what: str) -> None:
     answer = client().get(f"/api/v1/sites/hall-3/{what}")
     assert answer.status_code == 200
