@@ -122,13 +122,29 @@ def reading_plan(question: TableQuestion) -> StopPlan:
 
 
 @dataclass(frozen=True, slots=True)
+class DayNumbers:
+    """What a program gets only when it is sent; on paper these stand for it.
+
+    ``order`` numbers the work, ``step`` what is carried there by hand; ``head`` are 64 bits of the audit log that go
+    into the control's marker, ``head_after`` those of its end; ``commands`` are those of a PLC mailbox, in their order
+    (0 for one that is not named).
+    """
+
+    order: int = 999_999
+    step: int = 999_999
+    head: int = 0
+    head_after: int = 0
+    commands: tuple[int, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
 class PaperMachine:
     """What a program must know of a control, where there is none to ask.
 
     ``axes``: machine axis names; ``modulo``: those that turn endlessly; ``own_points``: points that axis tables have
     reserved, by axis; ``cross_points``: those of cross tables, by number; ``places``: where axes may stand;
     ``without``: words that the control does not take, ``file_kb`` how large a file may become (`SelfTested`);
-    ``number``: what stands for the number that a program gets when it is sent.
+    ``numbers``: what stands for those that a program gets when it is sent.
     """
 
     axes: tuple[str, ...]
@@ -138,7 +154,12 @@ class PaperMachine:
     places: SafePlaces = field(default_factory=SafePlaces)
     without: tuple[str, ...] = ()
     file_kb: int = 0
-    number: int = 999_999
+    numbers: DayNumbers = field(default_factory=DayNumbers)
+
+    @property
+    def number(self) -> int:
+        """That of the work."""
+        return self.numbers.order
 
 
 @runtime_checkable

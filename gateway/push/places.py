@@ -15,22 +15,27 @@ from gateway.push.compare import place_for
 from gateway.push.context import PushContext
 
 Wish = tuple[TableChange, PushContext]
+Moved = tuple[TableChange, AxisRecord]
+"""A table with its input axis: what moves while it is switched."""
 _SLACK = 1e-9
 
 
 def common_places(wishes: Sequence[Wish]) -> dict[str, float | None]:
+    """As `places_of`, of what is to be pushed."""
+    return places_of(*_asked(wishes))
+
+
+def _asked(wishes: Sequence[Wish]) -> tuple[list[Moved], Capabilities]:
+    return [(change, context.moved) for change, context in wishes], wishes[0][1].controller.capabilities
+
+
+def places_of(moved: Sequence[Moved], can: Capabilities) -> dict[str, float | None]:
     """Where each input axis must stand; None where no one place suits all its tables."""
-    found: dict[str, float | None] = {}
-    for name in _inputs(wishes):
-        mine = [wish for wish in wishes if wish[1].moved.name == name]
-        context = mine[0][1]
-        changes = [change for change, _ in mine]
-        found[name] = place_of_all(changes, context.moved, context.controller.capabilities)
-    return found
-
-
-def _inputs(wishes: Sequence[Wish]) -> tuple[str, ...]:
-    return tuple(dict.fromkeys(context.moved.name for _, context in wishes))
+    axes = {axis.name: axis for _, axis in reversed(moved)}
+    names = dict.fromkeys(axis.name for _, axis in moved)
+    return {
+        name: place_of_all([change for change, axis in moved if axis.name == name], axes[name], can) for name in names
+    }
 
 
 def place_of_all(changes: Sequence[TableChange], axis: AxisRecord, can: Capabilities) -> float | None:
@@ -56,19 +61,27 @@ def _suits(changes: Sequence[TableChange], place: float) -> bool:
 
 
 def together(wishes: Sequence[Wish]) -> tuple[tuple[Wish, ...], ...]:
-    """The wishes in their order, as few transactions as the control and its axes' places allow.
+    """The wishes in their order, as `transactions` of them."""
+    if not wishes:
+        return ()
+    moved, can = _asked(wishes)
+    return tuple(tuple(wishes[place] for place in group) for group in transactions(moved, can))
+
+
+def transactions(moved: Sequence[Moved], can: Capabilities) -> tuple[tuple[int, ...], ...]:
+    """Which tables go together, by their places in ``moved``: as few transactions as control and axes' places allow.
 
     One table each where the control takes no batch (`Capabilities.together`); a table without any place of its own is
     left alone, so that it is refused alone.
     """
-    groups: list[list[Wish]] = []
-    for wish in wishes:
-        if groups and wish[1].controller.capabilities.together and _fits([*groups[-1], wish]):
-            groups[-1].append(wish)
+    groups: list[list[int]] = []
+    for place in range(len(moved)):
+        if groups and can.together and _fits([moved[one] for one in (*groups[-1], place)], can):
+            groups[-1].append(place)
         else:
-            groups.append([wish])
+            groups.append([place])
     return tuple(tuple(group) for group in groups)
 
 
-def _fits(wishes: Sequence[Wish]) -> bool:
-    return all(place is not None for place in common_places(wishes).values())
+def _fits(moved: Sequence[Moved], can: Capabilities) -> bool:
+    return all(place is not None for place in places_of(moved, can).values())

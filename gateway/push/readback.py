@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 
 from drivers.errors import words
 from drivers.terms import spoken
 from drivers.types.orders import PushOrder, ReadBack
-from drivers.types.tables import LiveSet
+from drivers.types.tables import CompensationTable, LiveSet
 from gateway.errors import VerifyError
 from gateway.interlocks.facts import rest_of
 from gateway.push.compare import aside, same_rest, same_set, same_table, table_facts, table_in
@@ -70,9 +70,12 @@ def fault_of(work: Work, order: PushOrder, read: ReadBack, backup: LiveSet) -> V
 
 def is_coupled(live: LiveSet, work: Work) -> bool:
     """Whether other cross tables of the output axis are on, none of this transaction; never for an axis table."""
-    return work.change.new.kind == "cross" and any(
-        one.enabled for one in rest_of(aside(live, work.beside), work.change.new)
-    )
+    return others_on(live, work.change.new, work.beside)
+
+
+def others_on(live: LiveSet, table: CompensationTable, beside: Sequence[CompensationTable]) -> bool:
+    """Whether cross tables of the output of a cross ``table`` are on that are none of those ``beside`` it."""
+    return table.kind == "cross" and any(one.enabled for one in rest_of(aside(live, beside), table))
 
 
 def is_beside(live: LiveSet, work: Work) -> bool:

@@ -7,14 +7,14 @@ points as the tables ask for, and no tables of others. The number is none that w
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Literal
 
 from drivers import registry
-from drivers.errors import ConfigError
-from drivers.programs import Order, PaperMachine, ProgramText, SelfTest, SelfTested, Visits
+from drivers.errors import ConfigError, words
+from drivers.programs import DayNumbers, Order, PaperMachine, ProgramText, SelfTest, SelfTested, Visits
 from drivers.types.abilities import Capabilities
 from drivers.types.identity import MachineIdentity
 from drivers.types.orders import DisableOrder, PushOrder, SignProof
@@ -22,9 +22,10 @@ from drivers.types.stops import Stop, StopPlan
 from drivers.types.tables import CompensationTable
 from gateway.capture.targets import plan_of
 from gateway.config import AxisSection, SiteFile
-from gateway.domain.proposals import Proposal
-from gateway.push.places import place_of_all
+from gateway.domain.proposals import Proposal, TableChange
+from gateway.push.places import Moved, places_of, transactions
 from gateway.push.proofs.switching import TIMES
+from gateway.push.readback import others_on
 from gateway.push.trials import triangle_of
 from gateway.store.proofs import Proofs
 from gateway.store.selftests import SelfTestBook
@@ -36,13 +37,14 @@ from gateway.workflow.dwelling import DwellWish, dwell_plans
 from gateway.workflow.errors21.setupcapture import coming
 from gateway.workflow.errors21.setups import planned
 from gateway.workflow.part.grinding import gear_of_site, grind_plan
+from gateway.workflow.recognising import known_of
 from gateway.workflow.runsite import store_of
 
 What = Literal["self-test", "measure", "load", "proof", "backup", "grind", "off", "dwell"]
 EVERY: tuple[What, ...] = ("self-test", "measure", "load", "proof", "backup", "grind", "off")
 KNOWN: tuple[What, ...] = (*EVERY, "dwell")
 """All kinds; "dwell" is for capture programs of others, and no run of ours sends it."""
-NUMBER = 999_999
+PAPER = DayNumbers()
 ON_PAPER = Capabilities(stops=True, tables=(), switched="at-stop", marker=True, consent="start", together=True)
 """What a control can do whose programs are written here: they switch tables at a stop, all of a layer together."""
 
@@ -63,29 +65,54 @@ def programs(
     proposal: Proposal | None = None,
     *,
     dwell: DwellWish | None = None,
-    number: int = NUMBER,
+    numbers: DayNumbers = PAPER,
 ) -> tuple[Written, ...]:
     """Programs of these kinds in the order in which a run sends them; ``load`` from ``proposal`` or an example table.
 
-    With what the control's self-test kept of it they are what is sent, byte for byte, ``number`` apart: each program
-    gets one of its own when it is sent. Axes are taken to stand in their safe places then, as commands ask for.
+    With what the control's self-test kept of it they are what is sent, byte for byte, ``numbers`` apart: each program
+    gets its own when it is sent. Axes are taken to stand in their safe places then, as commands ask for. Of a PLC
+    mailbox, which runs no programs, they are what is laid down in it.
 
-    Raises ConfigError (E-PROGRAM-NO-ROAD) for a road that runs no programs, and what writing and judging raise.
+    Raises ConfigError (E-PROGRAM-NO-ROAD for a road that sends nothing of these kinds, E-PROGRAM-NOTHING for a site
+    that asks for none), and what writing and judging raise.
     """
     write, settings = _writer(site, wanted)
     tables = _loaded(site, proposal)
     known = known_control(site, site_path)
-    machine, origin = _machine(site, tables, known, number), origin_of(site)
-    made_for = _For(site, site_path, tables, proposal, known, number)
+    names = _names(site, site_path)
+    machine, origin = _machine(site, tables, known, names, numbers), origin_of(site)
+    made_for = _For(site, site_path, tables, proposal, known, names, numbers.order)
     found = []
     for what in wanted:
         for name, order in _orders(made_for, what) if what != "dwell" else _dwelling(site, dwell):
             made = write(order, settings, machine=machine, origin=origin, where=str(site_path))
-            names = [one.file_name for one in made]
+            files = [one.file_name for one in made]
             for place, one in enumerate(made):
-                again = names[:place].count(one.file_name)
+                again = files[:place].count(one.file_name)
                 found.append(Written(what, f"{what}-{name}{f'-{again + 1}' if again else ''}-{one.file_name}", one))
+    if not found:
+        asked = [what for what in wanted if what == "dwell" or next(_orders(made_for, what), None) is not None]
+        if asked:
+            raise ConfigError("E-PROGRAM-NO-ROAD", site.site.name, driver=site.controller.driver)
+        raise ConfigError("E-PROGRAM-NOTHING", site.site.name, what=", ".join(wanted))
     return tuple(found)
+
+
+def numbers_in(site: SiteFile, sent: Path) -> DayNumbers:
+    """The numbers of a program as it was sent or carried, so that the same can be printed and compared.
+
+    Raises ConfigError (E-PROGRAM-LIKE) for a file that shows none.
+    """
+    driver = f"{site.controller.driver}-numbers"
+    try:
+        text = sent.read_text(encoding="ascii")
+    except (OSError, ValueError) as error:
+        raise ConfigError("E-PROGRAM-LIKE", "--like", file=str(sent), why=str(error)) from error
+    read = registry.load(driver, "numbers") if driver in registry.known("numbers") else None
+    found = None if read is None else read(text, site.controller.settings, str(sent))
+    if not isinstance(found, DayNumbers):
+        raise ConfigError("E-PROGRAM-LIKE", "--like", file=str(sent), why=words("W-PROGRAM-NO-NUMBER"))
+    return found
 
 
 def kept(files: Mapping[str, str], folder: Path, *, force: bool = False) -> None:
@@ -133,18 +160,31 @@ class _For:
     tables: tuple[CompensationTable, ...]
     proposal: Proposal | None
     known: Mapping[str, SelfTested]
+    names: tuple[str, ...]
     number: int
 
     @property
     def machine(self) -> MachineIdentity:
-        """The control's own fingerprint where a self-test kept it."""
+        """The control's own fingerprint where a self-test or an earlier command kept it."""
         if self.known:
             return next(iter(self.known.values())).machine
-        return MachineIdentity(self.site.controller.serial, "", tuple(axis.name for axis in self.site.axes))
+        facts = known_of(self.site, store_of(self.site, self.path).root).facts
+        return MachineIdentity(facts.get("serial", self.site.controller.serial), facts.get("version", ""), self.names)
+
+
+def _names(site: SiteFile, site_path: Path) -> tuple[str, ...]:
+    """The control's axes in their order, as it was seen or the site file states it; else those of the site alone."""
+    told = known_of(site, store_of(site, site_path).root).facts.get("axes", "").split()
+    own = tuple(axis.name for axis in site.axes)
+    return tuple(told) if set(own) <= set(told) else own
 
 
 def _machine(
-    site: SiteFile, tables: tuple[CompensationTable, ...], known: Mapping[str, SelfTested], number: int
+    site: SiteFile,
+    tables: tuple[CompensationTable, ...],
+    known: Mapping[str, SelfTested],
+    names: tuple[str, ...],
+    numbers: DayNumbers,
 ) -> PaperMachine:
     modulo = frozenset(axis.name for axis in site.axes if axis.modulo)
     if known:
@@ -157,15 +197,14 @@ def _machine(
             places=site.moves.places,
             without=tuple(dict.fromkeys(word for test in known.values() for word in test.without)),
             file_kb=one.file_kb,
-            number=number,
+            numbers=numbers,
         )
     own = {axis.name: len(_triangle(axis)[0].deviations) for axis in site.axes}
     cross = {table.index: len(table.deviations) for table in tables if table.kind == "cross"}
     asked = {table.output_axis: len(table.deviations) for table in tables if table.kind == "axis"}
     points = tuple(cross.get(table, 0) for table in range(max(cross, default=-1) + 1))
-    names = tuple(axis.name for axis in site.axes)
-    held = {name: max(own[name], asked.get(name, 0)) for name in names}
-    return PaperMachine(names, modulo, held, points, places=site.moves.places, number=number)
+    held = {name: max(own[name], asked.get(name, 0)) for name in own}
+    return PaperMachine(names, modulo, held, points, places=site.moves.places, numbers=numbers)
 
 
 def _orders(made: _For, what: What) -> Iterator[tuple[str, Order]]:
@@ -206,26 +245,33 @@ def _loads(made: _For) -> Iterator[tuple[str, Order]]:
     layers: tuple[Literal["axis", "cross"], ...] = ("axis", "cross")
     for layer in layers:
         changes = [one for one in made.proposal.changes if not one.skipped and one.layer == layer]
-        places = {
-            name: place_of_all(
-                [one for one in changes if one.new.input_axis == name], _moved(made, name).facts, ON_PAPER
-            )
-            for name in dict.fromkeys(one.new.input_axis for one in changes)
-        }
-        orders = [(_order(made, change.new, "table"), places[change.new.input_axis]) for change in changes]
-        batch = tuple(order if place is None else replace(order, agreeing_position=place) for order, place in orders)
-        if batch:
-            yield layer, batch
+        moved = [(change, _moved(made, change.new.input_axis).facts) for change in changes]
+        groups = transactions(moved, ON_PAPER)
+        for number, group in enumerate(groups, start=1):
+            together = [moved[place] for place in group]
+            places = places_of(together, ON_PAPER)
+            orders = [(_coupled(made, change, together), places[axis.name]) for change, axis in together]
+            batch = tuple(order if at is None else replace(order, agreeing_position=at) for order, at in orders)
+            yield layer if len(groups) == 1 else f"{layer}-{number}", batch
+
+
+def _coupled(made: _For, change: TableChange, together: Sequence[Moved]) -> PushOrder:
+    """The order of a change; tables of other transactions that act on its output are on again at its end."""
+    beside = [one.new for one, _ in together if one is not change and one.axis == change.axis]
+    order = _order(made, change.new, "table")
+    return order if change.base is None else replace(order, coupled=others_on(change.base, change.new, beside))
 
 
 def _writer(site: SiteFile, wanted: tuple[What, ...]) -> tuple[Any, Mapping[str, Any]]:
-    """What writes programs for this road, with the driver's settings.
+    """What writes programs for this road, or what goes over one that runs none, with the driver's settings.
 
     A program for a capture program of somebody else is carried by a person, so another road of the same maker will do.
     """
     driver, known = site.controller.driver, registry.known("paper")
     if f"{driver}-paper" in known:
         return registry.load(f"{driver}-paper", "paper"), site.controller.settings
+    if set(wanted) != {"dwell"} and f"{driver}-writes" in registry.known("writes"):
+        return registry.load(f"{driver}-writes", "writes"), site.controller.settings
     maker = driver.partition("-")[0]
     others = [name for name in known if name.startswith(f"{maker}-")]
     if set(wanted) != {"dwell"} or not others:

@@ -10,11 +10,19 @@ import pytest
 
 from drivers.types.identity import MachineIdentity
 from drivers.types.orders import SignProof
+from gateway.config import load_site
+from gateway.domain.proposals import Proposal
+from gateway.store import Store
 from gateway.store.proofs import Proofs
+from gateway.workflow import stages
+from gateway.workflow.programs import programs
 from simulators.cell import Cell
 from tests.cell.bench import main_job, short
 from tests.cell.test_reversals import lagging
+from tests.contract.laid_down import WireLog, read, wire_log
 from tests.sizes import few
+
+__all__ = ["wire_log"]
 
 
 def test_a_mailbox_site_pushes_what_a_result_file_tells(tmp_path: Path) -> None:
@@ -42,8 +50,16 @@ def test_a_mailbox_site_pushes_what_a_result_file_tells(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(("B", "tilt"), few([(-3.0, 0.0), (-3.0, 1.5), (6.0, 0.0)], 2))
-def test_a_mailbox_takes_a_reversal_whose_sign_is_proved_already(tmp_path: Path, B: float, tilt: float) -> None:
-    """As where OPC UA has proved it: table, constant and pair go in one order, and all are right by the truth."""
+def test_a_mailbox_takes_a_reversal_whose_sign_is_proved_already(
+    tmp_path: Path,
+    wire_log: WireLog,
+    B: float,
+    tilt: float,
+) -> None:
+    """As where OPC UA has proved it: table, constant and pair go in one order, and all are right by the truth.
+
+    What `program` prints of the layer is what was written into the mailbox.
+    """
     path = tmp_path / "measured.rtl"
     jogs: list[asyncio.Task[None]] = []
 
@@ -70,6 +86,11 @@ def test_a_mailbox_takes_a_reversal_whose_sign_is_proved_already(tmp_path: Path,
     pushed = json.loads(Path(judged.outcome.data["report"]["json"]).read_text(encoding="utf-8"))["axes"][0]["beside"]
     assert [one["push"]["outcome"] for one in pushed] == ["committed"] * (3 if tilt else 1)
     assert [code for code, _fields in judged.said].count("P-SIGN-PROVED") == 0
+    site_path = tmp_path / "cell" / "site.toml"
+    proposal = Store(site_path.parent / "runs").open(judged.outcome.run_folder).get(stages.PROPOSAL, Proposal)
+    (number,) = {int(one["push"]["transaction"]) for one in pushed}
+    written = programs(load_site(site_path), site_path, ("load",), proposal, numbers=wire_log.numbers(number))
+    assert [write for one in written for write in read(one.program.text)] == wire_log.changing
     assert all(jog.done() for jog in jogs)
 
 

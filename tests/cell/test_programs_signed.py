@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 from drivers.clock import LoopClock, run_virtual
+from drivers.programs import DayNumbers
 from drivers.types.orders import SignProof
 from drivers.types.tables import CompensationTable
 from gateway.config import load_site
@@ -66,7 +67,11 @@ async def until_sent(site_path: Path, purpose: str, work: Awaitable[object]) -> 
 
 def printed(site_path: Path, what: What, text: str, proposal: Proposal | None = None) -> list[Written]:
     """What `program` prints with the number of the program that was sent."""
-    return list(programs(load_site(site_path), site_path, (what,), proposal, number=number_of(site_path, text)))
+    return list(
+        programs(
+            load_site(site_path), site_path, (what,), proposal, numbers=DayNumbers(order=number_of(site_path, text))
+        )
+    )
 
 
 def table(source: str, index: int) -> CompensationTable:

@@ -6,7 +6,7 @@ before anybody may enable it.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -15,6 +15,7 @@ from drivers.errors import DeviceRefused, TableError, TooManyPoints, TrueflankEr
 from drivers.sinumerik.mailbox import checks
 from drivers.sinumerik.mailbox.codec import grids
 from drivers.sinumerik.mailbox.codec.commands import Order, chunks, marker_data, switching
+from drivers.sinumerik.mailbox.codec.grids import MailboxAxis
 from drivers.sinumerik.mailbox.codec.packing import dints
 from drivers.sinumerik.mailbox.codec.readings import Picture, Status
 from drivers.sinumerik.mailbox.codec.registers import MOST_ENTRIES, AxisBit, Command, Kind, StatusBit
@@ -110,13 +111,9 @@ class MailboxPushing:
         return known[1]
 
     def _planned(self, order: PushOrder) -> MailboxPlan:
-        order = replace(order, table=grids.sayable(order.table))
-        table = order.table
-        source, output = self._reader.axis(table.input_axis), self._reader.axis(table.output_axis)
-        if (table.input_unit, table.output_unit) != (source.unit, output.unit):
-            raise TableError("E-MBX-UNIT", self._where, table=table.name, input=source.unit, output=output.unit)
-        values = grids.numbers_of(table, tables.values_of(order), output)
-        return MailboxPlan(grids.begin_order(table, len(values), self._reader.axes), values)
+        for name in (order.table.input_axis, order.table.output_axis):
+            self._reader.axis(name)
+        return as_numbers(order, self._reader.axes, self._where)
 
     async def _check(self, order: PushOrder, plan: MailboxPlan) -> None:
         picture = await self._talk.select(plan.begin)
@@ -249,6 +246,17 @@ class MailboxPushing:
             if different or seen.axis_name != order.table.output_axis:
                 raise DeviceRefused("E-MBX-OTHER", self._where, differ=", ".join(different) or "axis name")
         return reading
+
+
+def as_numbers(order: PushOrder, axes: Mapping[str, MailboxAxis], where: str) -> MailboxPlan:
+    """The order as numbers, for axes as the PLC names them. Raises as `MailboxPushing.plan`."""
+    order = replace(order, table=grids.sayable(order.table))
+    table = order.table
+    source, output = axes[table.input_axis], axes[table.output_axis]
+    if (table.input_unit, table.output_unit) != (source.unit, output.unit):
+        raise TableError("E-MBX-UNIT", where, table=table.name, input=source.unit, output=output.unit)
+    values = grids.numbers_of(table, tables.values_of(order), output)
+    return MailboxPlan(grids.begin_order(table, len(values), axes), values)
 
 
 def batched(orders: Sequence[Order]) -> list[Sequence[Order]]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -11,6 +11,7 @@ from drivers.errors import DeadlineExceeded, DeviceRefused
 from drivers.sinumerik.mailbox import checks
 from drivers.sinumerik.mailbox.codec import grids
 from drivers.sinumerik.mailbox.codec.commands import Order, switching
+from drivers.sinumerik.mailbox.codec.grids import MailboxAxis
 from drivers.sinumerik.mailbox.codec.readings import Picture
 from drivers.sinumerik.mailbox.codec.registers import MOST_ENTRIES, AxisBit, Command, Kind, StatusBit, TableFlag
 from drivers.sinumerik.mailbox.conversation import Talk
@@ -22,6 +23,21 @@ from drivers.types.values import GONE
 
 GRACE_S = 3.0
 CONFIRM_S = 60.0 + 10.0
+
+
+def entries_of(passed: PushBatch, axes: Mapping[str, MailboxAxis]) -> list[Order]:
+    """What command 5 names of the tables that passed.
+
+    Of a CEC table that stays off beside others that act the axis switch alone; of any other that stays off nothing.
+    """
+    found: list[Order] = []
+    for order in passed:
+        named = grids.naming(order.table, axes).as_command(Command.ACTIVATE)
+        if order.enable:
+            found.append(named)
+        elif named.kind is Kind.CEC and order.coupled:
+            found.append(replace(named, flags=int(TableFlag.AXIS_ONLY)))
+    return found
 
 
 class Switching:
@@ -68,7 +84,7 @@ class Switching:
             await self._talk.ended(told, self._settings.command_s, or_waiting=True)
 
     def _entries(self, passed: PushBatch) -> list[Order]:
-        return [one for one in map(self._activation, passed) if one is not None]
+        return entries_of(passed, self._reader.axes)
 
     def _check_marker(self, order: PushOrder, picture: Picture) -> None:
         found = marker_of(picture, self._where)
@@ -78,14 +94,6 @@ class Switching:
 
     def _naming(self, order: PushOrder) -> Order:
         return grids.naming(order.table, self._reader.axes)
-
-    def _activation(self, order: PushOrder) -> Order | None:
-        """Command 5; for a CEC table that stays off beside others that act, the axis switch alone; else nothing."""
-        named = self._naming(order).as_command(Command.ACTIVATE)
-        if order.enable:
-            return named
-        others = named.kind is Kind.CEC and order.coupled
-        return replace(named, flags=int(TableFlag.AXIS_ONLY)) if others else None
 
     async def enabled(self, passed: PushBatch, timeout_s: float) -> tuple[bool, ...]:
         """Wait for the panel; table by table, true where the switches then read on, false where they do not.

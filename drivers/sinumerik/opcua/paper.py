@@ -2,18 +2,29 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
-from drivers.programs import DwellPlan, Order, Origin, PaperMachine, ProgramText, SelfTest, Visits, reading_plan
+from drivers.programs import (
+    DayNumbers,
+    DwellPlan,
+    Order,
+    Origin,
+    PaperMachine,
+    ProgramText,
+    SelfTest,
+    Visits,
+    reading_plan,
+)
 from drivers.sinumerik.ncprogram import disabling, dwell, grinding, measuring, pushing, selftest
 from drivers.sinumerik.ncprogram.backup import Memory
 from drivers.sinumerik.ncprogram.grinding import GrindSetting
 from drivers.sinumerik.ncprogram.guarding import Guard, guards_of, left_safe
 from drivers.sinumerik.ncprogram.legal import legal
 from drivers.sinumerik.ncprogram.measuring import Setting
-from drivers.sinumerik.ncprogram.words import program_path
+from drivers.sinumerik.ncprogram.words import Word, program_path
 from drivers.sinumerik.opcua.settings import UaSettings
 from drivers.types.orders import DisableOrder, PushBatch, PushOrder, TableQuestion
 from drivers.types.stops import StopPlan
@@ -39,6 +50,17 @@ def on_paper(
         texts = _texts(order, UaSettings.read(settings, where), machine, origin)
     stays = grinding.still(order) if isinstance(order, GrindPlan) else ()
     return tuple(legal(path, text, machine.axes, still=stays).program for path, text in texts)
+
+
+def numbers_of(text: str, settings: Mapping[str, Any], where: str) -> DayNumbers | None:
+    """The numbers of a program as it was sent; None where it shows none.
+
+    It names its own in a block that sets the word of the transaction; one that checks it does so where none sets it.
+    """
+    name = UaSettings.read(settings, where).words.name(Word.TRANSACTION)
+    sets, checks = rf"^{name}=(\d{{2,}})$", rf"^IF {name}<>(\d+) "
+    found = re.search(sets, text, re.MULTILINE) or re.search(checks, text, re.MULTILINE)
+    return DayNumbers(order=int(found[1])) if found is not None else None
 
 
 def _texts(order: HandShaken, settings: UaSettings, machine: PaperMachine, origin: Origin) -> list[tuple[str, str]]:

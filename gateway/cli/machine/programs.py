@@ -37,19 +37,28 @@ def program_command(
         int,
         typer.Option(min=1, max=999_999_999, help="Number in their places: that of a sent program, to compare with."),
     ] = 999_999,
+    like: Annotated[
+        Path | None,
+        typer.Option(
+            help="A program as it was sent or carried: its numbers are put in, to compare.", show_default=False
+        ),
+    ] = None,
     as_json: JsonOption = False,
 ) -> None:
     """Write every program that this site would send, without a control; each is judged by the language's rules."""
+    from drivers import registry
     from drivers.errors import ConfigError, words
+    from drivers.programs import DayNumbers
     from gateway.config import load_site
     from gateway.workflow.dwelling import DwellWish, dwell_plans, said, target_lists
-    from gateway.workflow.programs import EVERY, KNOWN, kept, known_control, programs
+    from gateway.workflow.programs import EVERY, KNOWN, kept, known_control, numbers_in, programs
 
     chosen = tuple(one for one in KNOWN if what == one or (what == "all" and one in EVERY))
     if not chosen:
         raise ConfigError("E-PROGRAM-WHAT", "--what", given=what, known=", ".join((*KNOWN, "all")))
     tree, wish = load_site(site), DwellWish(dwell, settling, calibrator_feed)
-    written = programs(tree, site, chosen, _proposal(run, store) if run else None, dwell=wish, number=number)
+    numbers = numbers_in(tree, like) if like is not None else DayNumbers(order=number)
+    written = programs(tree, site, chosen, _proposal(run, store) if run else None, dwell=wish, numbers=numbers)
     lists: dict[str, str] = {}
     told: list[str] = []
     for axis, plan in dwell_plans(tree, wish) if what == "dwell" else ():
@@ -64,7 +73,8 @@ def program_command(
     for line in told:
         echo(line)
     echo(f"{len(written)} programs in {output}; nothing was sent")
-    if what != "dwell" and not known_control(tree, site):
+    runs_programs = f"{tree.controller.driver}-paper" in registry.known("paper")
+    if what != "dwell" and runs_programs and not known_control(tree, site):
         echo(words("W-PROGRAM-UNKNOWN"))
 
 

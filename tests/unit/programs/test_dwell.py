@@ -108,6 +108,7 @@ def test_a_road_without_programs_gets_them_too(tmp_path: Path) -> None:
     mailbox = Path(__file__).parents[3] / "examples" / "sites" / "mailbox-grinder.toml"
     written(mailbox, tmp_path / "out")
     assert (tmp_path / "out" / "dwell-X-TFDWEL_X1.MPF").exists()
-    with pytest.raises(ConfigError) as refused:
-        RUNNER.invoke(app, ["program", str(mailbox), "-o", str(tmp_path), "--what", "off"], catch_exceptions=False)
-    assert refused.value.code == "E-PROGRAM-NO-ROAD"
+    for what, code in (("measure", "E-PROGRAM-NO-ROAD"), ("grind", "E-PROGRAM-NOTHING")):
+        with pytest.raises(ConfigError) as refused:
+            RUNNER.invoke(app, ["program", str(mailbox), "-o", str(tmp_path), "--what", what], catch_exceptions=False)
+        assert refused.value.code == code

@@ -1,0 +1,105 @@
+"""What a push and an order to switch off lay down in a PLC mailbox, register by register, written without a PLC.
+
+No program goes that way: what a person can read and sign are the commands that write or switch. Between them the
+gateway opens a session, selects tables and reads, which changes nothing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
+
+from drivers.programs import DayNumbers, Order, Origin, PaperMachine, ProgramText
+from drivers.sinumerik.mailbox.codec import commands, grids
+from drivers.sinumerik.mailbox.codec.commands import CommandFrame, chunks, encode, marker_data, switching
+from drivers.sinumerik.mailbox.codec.grids import MailboxAxis
+from drivers.sinumerik.mailbox.codec.packing import dints
+from drivers.sinumerik.mailbox.codec.registers import ADDRESS, DATA_SPAN, KINDS, MAP_VERSION, Command, TableFlag
+from drivers.sinumerik.mailbox.pushing import as_numbers, batched
+from drivers.sinumerik.mailbox.reader import MARKER_STATES, table_order
+from drivers.sinumerik.mailbox.settings import ModbusSettings
+from drivers.sinumerik.mailbox.switching import entries_of
+from drivers.types.orders import DisableOrder, PushBatch
+from drivers.units import AxisUnit
+
+Laid = tuple[commands.Order, Sequence[int], Sequence[int]]
+"""One command, its data registers, and the value registers of the whole table that its CRC is taken over."""
+_IN_A_ROW = 10
+
+
+def on_paper(
+    order: Order, settings: Mapping[str, Any], machine: PaperMachine, origin: Origin, where: str
+) -> tuple[ProgramText, ...]:
+    """The writes of a push or of an order to switch off, as one text; nothing for what this road does not do.
+
+    Axes are numbered as ``machine`` names them, and MD32452 is taken as 1: the text states both. Raises ConfigError as
+    `ModbusSettings.read`, and what a table raises that the map cannot say.
+    """
+    own = ModbusSettings.read(settings, where)
+    if isinstance(order, tuple):
+        axes = _axes(machine, _units(order))
+        laid, name = list(_pushed(order, axes, own, machine.numbers, where)), f"TFLOAD_{order[0].table.output_axis}"
+    elif isinstance(order, DisableOrder):
+        axes = _axes(machine, {})
+        named = table_order(axes[order.axis], KINDS[order.kind], order.index)
+        told, data = switching(Command.DISABLE, [named], int(TableFlag.ANYHOW))
+        laid, name = [(told, data, ())], f"TFOFF_{order.axis}"
+    else:
+        return ()
+    head = [f"; {name}: what is written into the PLC mailbox, map version {MAP_VERSION}, in this order"]
+    head += [f"; Site {origin.site}, machine {origin.machine}, trueflank {origin.version}"]
+    head += [f"; Axes by number: {', '.join(f'{axis.number} {axis.name}' for axis in axes.values())}; MD32452: 1"]
+    head += [f"; Registers as they pass on the wire, hexadecimal, word order {own.word_order}: first register: values"]
+    head += ["; Register 17 is the command's number, 34-35 the CRC over it: both are those of the day"]
+    numbers = (*machine.numbers.commands, *(0 for _ in laid))
+    body: list[str] = []
+    for (command, registers, whole), number in zip(laid, numbers, strict=False):
+        body += [f"; command {int(command.command)} {command.command.name}"]
+        body += _rows(encode(command, number, own.order, data=registers, whole=whole))
+    return (ProgramText(f"/_N_{name}_TXT", "\n".join([*head, *body, ""])),)
+
+
+def _units(batch: PushBatch) -> dict[str, AxisUnit]:
+    units = {order.table.input_axis: order.table.input_unit for order in batch}
+    return units | {order.table.output_axis: order.table.output_unit for order in batch}
+
+
+def _axes(machine: PaperMachine, units: Mapping[str, AxisUnit]) -> dict[str, MailboxAxis]:
+    return {
+        name: MailboxAxis(number, name, units.get(name, "mm"), name in machine.modulo)
+        for number, name in enumerate(machine.axes, start=1)
+    }
+
+
+def _pushed(
+    batch: PushBatch, axes: Mapping[str, MailboxAxis], own: ModbusSettings, numbers: DayNumbers, where: str
+) -> Iterator[Laid]:
+    """Marker, all off, each table loaded and verified, those that shall act switched on, marker."""
+    plans = [as_numbers(order, axes, where) for order in batch]
+    yield commands.Order(Command.MARKER), _marked(batch, "in-progress", numbers.head), ()
+    for some in batched([plan.begin for plan in plans]):
+        yield *switching(Command.DISABLE, some), ()
+    for plan in plans:
+        yield plan.begin, (), ()
+        for first, count, data in chunks(plan.values, own.order):
+            yield plan.begin.as_command(Command.CHUNK, first, count), data, ()
+        yield plan.begin.as_command(Command.VERIFY), (), dints(plan.values, own.order)
+    if entries := entries_of(batch, axes):
+        yield *switching(Command.ACTIVATE, entries), ()
+    elif batch[0].purpose == "sign-proof":  # on and off by turns, as often as the proof needs
+        tried = [grids.naming(order.table, axes) for order in batch]
+        yield *switching(Command.ACTIVATE, tried), ()
+        yield *switching(Command.DISABLE, tried), ()
+    yield commands.Order(Command.MARKER), _marked(batch, "committed", numbers.head_after), ()
+
+
+def _marked(batch: PushBatch, state: str, head: int) -> tuple[int, ...]:
+    return marker_data(str(batch[0].transaction), [str(one) for one in MARKER_STATES].index(state), head)
+
+
+def _rows(frame: CommandFrame) -> Iterator[str]:
+    """Data registers first, then the header, as they are written."""
+    for first, registers in ((DATA_SPAN[0], frame.data), (ADDRESS["COMMAND"], frame.header)):
+        for place in range(0, len(registers), _IN_A_ROW):
+            row = " ".join(f"{register:04X}" for register in registers[place : place + _IN_A_ROW])
+            yield f"{first + place}: {row}"

@@ -1,0 +1,67 @@
+"""What is signed is what is laid down: the writes that `program` prints for a PLC mailbox are those on the wire."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import pytest
+
+from drivers.programs import DayNumbers, Origin, PaperMachine
+from drivers.sinumerik.mailbox.paper import on_paper
+from drivers.types.orders import DisableOrder, PushBatch
+from drivers.types.stops import Stop, StopPlan
+from tests.contract.laid_down import WireLog, read, wire_log
+from tests.contract.modbus_stage import Stage, cross, on_stage, order_for, table
+from tests.push.world import NEW
+
+__all__ = ["wire_log"]
+HIGH: dict[str, Any] = {"unit": 1}
+MACHINE = PaperMachine(("X1", "C1"), frozenset({"C1"}))
+ORIGIN = Origin("grinder", "GH-0012", "1.0")
+
+
+async def pushed(stage: Stage, batch: PushBatch) -> None:
+    device = stage.device
+    await device.stage(batch)
+    await device.read_back(batch, 200.0)
+    await device.activate(batch, batch)
+    assert await stage.pressed(device.confirm(batch, 100.0)) == (True,) * len(batch)
+    await device.restarted(batch, 100.0)
+    await device.finish_push(batch, "committed")
+
+
+def printed(order: Any, numbers: DayNumbers, settings: dict[str, Any]) -> str:
+    (one,) = on_paper(order, settings, replace(MACHINE, numbers=numbers), ORIGIN, "grinder")
+    return one.text
+
+
+@pytest.mark.parametrize("word_order", ["high-first", "low-first"])
+async def test_a_batch_is_laid_down_as_it_is_printed(wire_log: WireLog, word_order: str) -> None:
+    """Own table and two cross tables of one axis at once: marker, off, points, on, marker."""
+    async with on_stage(word_order=word_order) as stage:
+        wanted = (table(), cross(0), cross(1))
+        batch = tuple([await order_for(stage.device, one, head=0x0123456789ABCDEF) for one in wanted])
+        wire_log.writes.clear()
+        await pushed(stage, batch)
+        text = printed(batch, wire_log.numbers(17), {"word_order": word_order})
+        assert read(text) == wire_log.changing
+        assert "Axes by number: 1 X1, 2 C1" in text
+        assert printed(batch, DayNumbers(), {"word_order": word_order}) != text, "numbers and CRC are of the day"
+
+
+async def test_an_order_to_switch_off_is_laid_down_as_it_is_printed(wire_log: WireLog) -> None:
+    async with on_stage() as stage:
+        await stage.push(await order_for(stage.device, table()))
+        order = DisableOrder(18, "axis", "X1")
+        wire_log.writes.clear()
+        await stage.device.prepare_disable(order)
+        await stage.pressed(stage.device.wait_disabled(order, 100.0))
+        (header,) = [values for first, values in wire_log.changing if first == 16]
+        assert read(printed(order, DayNumbers(commands=(header[1],)), HIGH)) == wire_log.changing
+
+
+def test_what_moves_an_axis_is_not_on_this_road() -> None:
+    plan = StopPlan("TF", "X1", "X", "mm", False, (Stop(0.0, 1),), 1.0, 0.0, 1.0)
+    assert on_paper(plan, HIGH, MACHINE, ORIGIN, "grinder") == ()
+    assert NEW.kind == "axis"

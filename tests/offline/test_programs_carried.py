@@ -1,0 +1,77 @@
+"""What is signed is what is carried: `program` prints, byte for byte, the file that lies there to be taken along."""
+
+from __future__ import annotations
+
+from collections.abc import Awaitable, Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from drivers.carried import PieceOfWork, ToCarry, carrying
+from drivers.clock import LoopClock, run_virtual
+from drivers.errors import ConfigError
+from gateway.domain.proposals import Proposal
+from gateway.workflow import stages
+from gateway.workflow.control.selftesting import self_test_site
+from gateway.workflow.programs import What, numbers_in, programs
+from simulators.cell import cell_running
+from tests.offline.test_site_by_files import MOST, Site
+
+OPTIONS: dict[str, Any] = {"wires": "memory", "block_s": 1.0, "seed": 3, "road": "carried"}
+
+
+def at_a_site(tmp_path: Path, story: Callable[[Site], Awaitable[None]]) -> None:
+    async def job() -> None:
+        clock = LoopClock()
+        async with cell_running("demo", tmp_path / "cell", clock, **OPTIONS) as cell:
+            await story(Site(cell, clock))
+
+    run_virtual(job)
+
+
+def is_printed(site: Site, waits: ToCarry, what: What, proposal: Proposal | None = None) -> bool:
+    """Whether `program --like` prints the very bytes that are to be carried now."""
+    lies = waits.folder / waits.program
+    found = programs(site.tree, site.path, (what,), proposal, numbers=numbers_in(site.tree, lies))
+    return lies.read_bytes() in [one.program.text.encode("ascii") for one in found]
+
+
+def test_a_self_test_is_carried_as_it_is_printed(tmp_path: Path) -> None:
+    async def story(site: Site) -> None:
+        with pytest.raises(ConfigError, match="E-PROGRAM-LIKE"):
+            numbers_in(site.tree, site.path)
+        await site.tested()  # from here on it is known what the control has reserved
+        again = PieceOfWork("self-test again", "go-on", ends=True)
+        with pytest.raises(ToCarry) as waits, carrying(again):
+            await self_test_site(site.tree, site.path, axis="", **site.asked)
+        assert waits.value.program == "TFSELF_C1.MPF"
+        assert is_printed(site, waits.value, "self-test")
+
+    at_a_site(tmp_path, story)
+
+
+@pytest.mark.long
+def test_a_push_is_carried_as_it_is_printed(tmp_path: Path) -> None:
+    async def story(site: Site) -> None:
+        folder = await site.proposed()
+        await site.tested()
+        site.proved()
+        proposal = folder.get(stages.PROPOSAL, Proposal)
+        by_name: dict[str, What] = {"TFLOAD_C1.MPF": "load", "TFENAB_C1.MPF": "load", "TFMEAS_C1.MPF": "measure"}
+        seen = []
+        for count in range(MOST):
+            try:
+                await site.push(folder, resume=count > 0)
+                break
+            except ToCarry as waits:
+                printed = is_printed(site, waits, by_name[waits.program], proposal)
+                seen.append((waits.program, printed))
+                await site.clock.sleep(900.0)
+        # The last one visits the places of the proof of effect, which are chosen by what was live before.
+        assert seen[:3] == [(name, True) for name in ("TFMEAS_C1.MPF", "TFLOAD_C1.MPF", "TFENAB_C1.MPF")]
+        with pytest.raises(ToCarry) as compared, carrying(PieceOfWork("verify-table C1", "go-on", ends=True)):
+            await site.compared_once()
+        assert is_printed(site, compared.value, "backup")  # what the push's end left to be told goes along
+
+    at_a_site(tmp_path, story)
