@@ -31,7 +31,8 @@ from gateway.workflow.part.grinding import grind_site
 from gateway.workflow.programs import What, Written, programs
 from gateway.workflow.runsite import new_run, store_of
 from simulators.cell import Cell, cell_running
-from simulators.cellfile import load_cell, with_plan
+from simulators.cellfile import CellFile, load_cell, with_plan
+from tests.sizes import few
 
 NOTHING = np.zeros(0)
 GRIDS = {"Z1": (0.0, 300.0, 30.0, "mm"), "C1": (0.0, 360.0, 45.0, "deg")}
@@ -83,9 +84,10 @@ def table(source: str, index: int) -> CompensationTable:
 
 
 async def proposed(at: Bench) -> Proposal:
-    """Two cross tables of X whose sense is proved."""
+    """Two cross tables of X whose sense is proved, in the first places that are free."""
     live = await fetch_tables(at, at.axis("X1"))
-    tables = (table("Z1", 0), table("C1", 1))
+    first = len([one for one in live.cross if one.enabled])
+    tables = (table("Z1", first), table("C1", first + 1))
     changes = tuple(
         TableChange("X1", table_in(live, one).table, one, False, live.digest, NOTHING, NOTHING, NOTHING, base=live)
         for one in tables
@@ -94,12 +96,18 @@ async def proposed(at: Bench) -> Proposal:
     return Proposal(at.machine, changes, (), at.clock.utc().isoformat())
 
 
-def at_a_cell(folder: Path, job: Callable[[Cell, LoopClock], Awaitable[None]], *, plan: bool = False) -> None:
+def builders() -> CellFile:
+    """The demo machine with a table of its builder on: it too moves X as Z goes."""
+    file = load_cell("demo")
+    curve = {"kind": "polynomial", "coefficients": [0.0, 1.0], "center": 150.0, "scale": 150.0}
+    one = {"input": "Z1", "output": "X1", "minimum": 0.0, "maximum": 300.0, "step": 50.0, "values": [curve]}
+    return CellFile.model_validate(file.model_dump() | {"machine": file.machine.model_dump() | {"cross": [one]}})
+
+
+def at_a_cell(folder: Path, job: Callable[[Cell, LoopClock], Awaitable[None]], *, file: CellFile | None = None) -> None:
     async def main() -> None:
         clock = LoopClock()
-        async with cell_running(
-            with_plan(load_cell("demo")) if plan else "demo", folder, clock, wires="memory", block_s=1.0
-        ) as cell:
+        async with cell_running(file or load_cell("demo"), folder, clock, wires="memory", block_s=1.0) as cell:
             path = cell.site_path
             await self_test_site(load_site(path), path, axis="", clock=clock, say=silence)
             await job(cell, clock)
@@ -122,7 +130,10 @@ def test_a_run_sends_what_program_prints_and_the_self_test_is_printed_too(tmp_pa
     at_a_cell(tmp_path, job)
 
 
-def test_a_push_sends_what_program_prints(tmp_path: Path) -> None:
+@pytest.mark.parametrize("beside", few([True, False]))
+def test_a_push_sends_what_program_prints(tmp_path: Path, beside: bool) -> None:
+    """Two tables at once, alone on their output and beside one that must be on again at the end."""
+
     async def job(cell: Cell, clock: LoopClock) -> None:
         path = cell.site_path
         site = load_site(path)
@@ -135,8 +146,9 @@ def test_a_push_sends_what_program_prints(tmp_path: Path) -> None:
         (one,) = printed(path, "load", text, proposal)
         assert one.program.text == text
         assert "UTABLE2[0]=SET(" in text
+        assert ("GOTOF TF_WAKES" in text) != beside
 
-    at_a_cell(tmp_path, job)
+    at_a_cell(tmp_path, job, file=builders() if beside else None)
 
 
 def test_a_part_and_an_order_to_switch_off_are_sent_as_printed(
@@ -157,7 +169,7 @@ def test_a_part_and_an_order_to_switch_off_are_sent_as_printed(
         (text,) = sent(path, "TFOFF")
         assert text in [one.program.text for one in printed(path, "off", text)]
 
-    at_a_cell(tmp_path, job, plan=True)
+    at_a_cell(tmp_path, job, file=with_plan(load_cell("demo")))
 
 
 @pytest.mark.long
