@@ -1,4 +1,4 @@
-"""The ways back at the page: a whole consent taken back, stopped half way, undone, and taken back at last."""
+"""The ways back at the page: a consent taken back, stopped half way and undone; stopped once more and finished."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ SECOND = """first => {
 }"""
 
 
-def test_a_whole_consent_goes_back_is_stopped_undone_and_goes_back_again(tmp_path: Path) -> None:
+def test_a_whole_consent_goes_back_is_stopped_and_undone_then_stopped_and_finished(tmp_path: Path) -> None:
     wrong: list[str] = []
     with hall(tmp_path, short(AXES, 7, 3), speed=150.0, tested=True) as at, chromium() as browser:
         anna = Person(opened(browser, at), at, "anna")
@@ -40,12 +40,14 @@ def test_a_whole_consent_goes_back_is_stopped_undone_and_goes_back_again(tmp_pat
         assert anna.done(anna.give("#write", anna.site))["error"] is None
         _shown_before(anna, at)
         _stopped(anna, at)
-        _chosen(anna, at)
-        at.do("auto on")
-        assert anna.done(anna.give("#roll-back-all", anna.site))["error"] is None
+        _undone(anna, at)
+        anna.sees("#now", "Tables were switched after the last measurement")
+        _stopped(anna, at, "-again")
+        _finished(anna, at)
         expect(anna.page.locator("#roll-back-all")).to_have_count(0)
         assert _acting(anna) == _before()
-        looked_at(anna, "back-6-rolled-back")
+        anna.sees("#now", "Tables were switched after the last measurement")
+        looked_at(anna, "back-6-finished")
     assert wrong == []
 
 
@@ -77,7 +79,7 @@ def _shown_before(anna: Person, at: Hall) -> None:
     page.locator("dialog .keys button").first.click()
 
 
-def _stopped(anna: Person, at: Hall) -> None:
+def _stopped(anna: Person, at: Hall, turn: str = "") -> None:
     """Stop is pressed while the rollback waits for NC START with a table off: one story on the whole screen."""
     page = anna.page
     at.do("auto off")
@@ -86,16 +88,18 @@ def _stopped(anna: Person, at: Hall) -> None:
     first = str(page.locator("#now.ask").text_content())
     at.do("nc start")
     page.wait_for_function(SECOND, arg=first)
-    anna.keep("back-2-waits")
+    anna.keep(f"back-2-waits{turn}")
+    expect(page.locator("#stop")).to_contain_text("Stop this command")
     page.locator("#stop").click()
+    anna.sees("dialog", "Stop this command")
     page.locator("dialog #yes").click()
     ended = anna.done(job)
     assert ended["state"] == "stopped"
     assert not [line for line in ended["lines"] if "acts: " in line]
-    looked_at(anna, "back-3-stopped")
+    looked_at(anna, f"back-3-stopped{turn}")
 
 
-def _chosen(anna: Person, at: Hall) -> None:
+def _undone(anna: Person, at: Hall) -> None:
     """The person undoes the rollback: the pushed tables act, by name."""
     page = anna.page
     for key in ("#write", "#roll-back-all", "button.back[data-table=C1]"):
@@ -113,3 +117,17 @@ def _chosen(anna: Person, at: Hall) -> None:
     assert anna.done(job)["error"] is None
     expect(page.locator("#recover-undo")).to_have_count(0)
     looked_at(anna, "back-5-undone")
+
+
+def _finished(anna: Person, at: Hall) -> None:
+    """The person finishes the rollback: the table from before the push acts, by name, and nothing of the push."""
+    page = anna.page
+    anna.sees("#now", "A table may be on")
+    page.locator("#recover-finish").click()
+    anna.sees("dialog ul.moves li", "acts then")
+    page.locator("dialog .keys button").first.click()
+    at.do("reset")
+    job = anna.give("#recover-finish", anna.site)
+    anna.driven(job)
+    assert anna.done(job)["error"] is None
+    expect(page.locator("#recover-finish")).to_have_count(0)

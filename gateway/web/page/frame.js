@@ -146,15 +146,20 @@ function drawNow(now) {
 
 function drawLow({ work, stop: place }) {
   const run = state.status.run;
-  if (!same(place, !run, may("operator", "service"))) show(place, h("small", { id: "no-emergency" }, t("frame.no_emergency")),
-    h("button", { class: "stop", id: "stop", disabled: !run || !may("operator", "service"), "aria-describedby": "no-emergency", onclick: stop }, `■ ${t("frame.stop")}`));
+  if (!same(place, run?.kind, may("operator", "service"))) show(place, h("small", { id: "no-emergency" }, t("frame.no_emergency")),
+    h("button", { class: "stop", id: "stop", disabled: !run || !may("operator", "service"), "aria-describedby": "no-emergency", onclick: stop }, `■ ${stops(run)}`));
   if (same(work, run?.kind, run?.done, run?.total, run?.who, run?.axis, run?.stage)) return;
   const progress = run?.total ? h("progress", { max: run.total, value: run.done, "aria-label": t("frame.progress") }) : null;
   show(work, run ? [t(`kind.${run.kind.replace("-", "_")}`), run.who, `${run.axis} ${run.stage}`.trim()].filter(Boolean).join(" · ") : t("frame.idle"), progress, run?.total ? ` ${run.done} / ${run.total}` : "");
 }
 
+// What the key ends: a rollback or a push is no measuring.
+const MEASURES = ["run", "measure"];
+const stops = (run) => t(run && !MEASURES.includes(run.kind) ? "frame.stop_command" : "frame.stop");
+
 async function stop() {
-  if (!(await confirmed(t("frame.stop"), t("frame.stop_what")))) return;
-  post(`${base()}/stop`).catch((error) => shown(t("frame.stop"), [h("p", { class: "fault" }, told(error))]));
+  const name = stops(state.status.run);
+  if (!(await confirmed(name, t("frame.stop_what")))) return;
+  post(`${base()}/stop`).catch((error) => shown(name, [h("p", { class: "fault" }, told(error))]));
 }
 

@@ -32,11 +32,16 @@ function chosen() {
 const last = () => state.status.last_runs.filter((one) => !one.problem && !["failed", "stopped", "refused", "running", "opened", "self-testing", "recovered", "verified", "guarded"].includes(one.state));
 export const untested = () => !last().length;
 
+// Whatever a run had judged, tables act now that were switched after it: taken back, put on again, off.
+const switched = (one) => one.state === "recovered" || /^(rollback|disable)-/.test(one.state);
+
 function next() {
   if (untested()) return t(state.screen === "capture" ? "now.self_test_here" : "now.self_test");
   const newest = last().find((one) => one.state !== "self-tested");
   if (!newest) return t(state.screen === "capture" ? "now.measure_here" : "now.measure");
   if (newest.state === "proposed") return t("now.correct");
+  const since = state.status.last_runs.slice(0, state.status.last_runs.indexOf(newest) + 1);
+  if (since.some(switched)) return t("now.changed");
   if (["better", "unchanged", "worse"].includes(newest.state)) return t("now.verify");
   return t("now.ready");
 }
