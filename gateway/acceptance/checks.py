@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from drivers import registry
-from drivers.checks import Wanted
+from drivers.checks import Wanted, WantedAxis
 from drivers.errors import ConfigError, DeviceRefused
 from drivers.probes import Allowance
 from drivers.types.tables import LiveSet
@@ -26,11 +26,15 @@ from gateway.workflow.axes.measure import fetch_tables
 from gateway.workflow.bench import Bench
 from gateway.workflow.control.contexts import table_context
 from gateway.workflow.control.proving import BenchEyes, provable, prove
+from gateway.workflow.recognising import known_of
+from gateway.workflow.runsite import store_of
 from gateway.workflow.selftests import untested
 from gateway.workflow.witness import Witness
 
 START_S = 60.0
 WRONG = "E-ACCEPT-WRONG"
+TABLES = "table memory"
+"""The doctor's lines that say for each axis what the check of its limits says."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,12 +52,19 @@ class AcceptanceCheck:
 
 
 async def _road(desk: SiteDesk, _axis: str) -> SeenLine:
-    """The doctor, from name and port to rights and machine data, without what it asks of the axes' tables."""
+    """The doctor, from name and port to rights and machine data; the axes' tables are judged one by one elsewhere."""
     control, name = desk.site.controller, desk.site.site.name
     if f"{control.driver}-doctor" not in registry.known("doctor"):
         raise NotHere("no-doctor", driver=control.driver)
     doctor = registry.load(f"{control.driver}-doctor", "doctor")(name, control.url, control.settings, desk.clock)
-    lines = await doctor.examine(Wanted(control.serial, access_level=control.access_level), control.timeout_s)
+    facts = known_of(desk.site, store_of(desk.site, desk.site_path).root).facts
+    axes = tuple(
+        WantedAxis(one.name, one.unit, one.encoder, points=_points(one), encoder_said=one.encoder_said)
+        for one in desk.site.axes
+    )
+    serial = facts.get("serial", control.serial)
+    wanted = Wanted(serial, axes, access_level=control.access_level, facts=facts)
+    lines = [one for one in await doctor.examine(wanted, control.timeout_s) if one.check != TABLES]
     bad = [f"{line.check}: {line.what}; {line.fix}" for line in lines if line.outcome == "wrong"]
     _demand(not bad, "connection", "; ".join(bad), "run `trueflank doctor` and follow its lines")
     clock = [line.what for line in lines if line.check == "clock"]
@@ -90,13 +101,17 @@ async def _limits(desk: SiteDesk, name: str) -> SeenLine:
     async with desk.bench() as at:
         axis = at.axis(name)
         limits = await at.supervisor.controller.table_limits(name, "axis", axis.encoder)
-    grid = axis.table
-    needed = round((grid.maximum - grid.minimum) / grid.step) + 1
+    needed = _points(axis)
     line = seen("limits", reserved=limits.reserved_points, needed=needed, resolution=f"{limits.resolution:g}")
     found = line.told(ENGLISH)
     _demand(limits.reserved_points >= needed, name, found, "choose a larger step in the site file")
     _demand(limits.resolution > 0.0 and limits.max_value > 0.0, name, found, "tell us: the control gives no resolution")
     return line
+
+
+def _points(axis: AxisSection) -> int:
+    grid = axis.table
+    return round((grid.maximum - grid.minimum) / grid.step) + 1
 
 
 async def _rights(desk: SiteDesk, _axis: str) -> SeenLine:
@@ -116,7 +131,12 @@ async def _tested(desk: SiteDesk, name: str) -> SeenLine:
     async with desk.bench() as at:
         missing = untested(at, (name,))
         needed = at.supervisor.controller.capabilities.self_test
-    _demand(not missing, name, "this version of the control has not passed the self-test", "run `trueflank self-test`")
+    _demand(
+        not missing,
+        name,
+        "this version of the control has not passed the self-test",
+        f"run `trueflank self-test {desk.site_path}`",
+    )
     return seen("tested" if needed else "test-not-needed")
 
 

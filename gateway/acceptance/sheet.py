@@ -14,6 +14,7 @@ from drivers.errors import ConfigError
 from drivers.probes import Allowance
 from gateway.acceptance.results import OUTCOMES, CheckResult
 from gateway.config import SiteFile
+from gateway.domain.identity import KnownFact
 from gateway.report.document.content import (
     Band,
     Block,
@@ -28,6 +29,7 @@ from gateway.report.document.content import (
     Whole,
 )
 from gateway.report.document.web import page
+from gateway.report.document.whole import accepted_words
 from gateway.report.document.words import LANGUAGES, Tongue
 from gateway.report.particulars import Particulars
 from gateway.workflow.results.particulars import particulars_of
@@ -38,13 +40,17 @@ DIGITS = 6
 
 @dataclass(frozen=True, slots=True)
 class Occasion:
-    """What a sheet is about: the site, the allowance, the moment in UTC, and the language ("": the site file's)."""
+    """What a sheet is about: the site, the allowance, the moment in UTC, and the language ("": the site file's).
+
+    ``accepted`` are the changes of the machine that a person accepted before.
+    """
 
     site: SiteFile
     site_path: Path
     allow: Allowance
     moment: datetime
     language: str = ""
+    accepted: tuple[KnownFact, ...] = ()
 
 
 def check_sheet(path: Path, language: str) -> None:
@@ -84,7 +90,7 @@ def sheet(results: Collection[CheckResult], of: Occasion) -> Document:
         number="",
         language=t.language,
         letterhead=Letterhead(said.maker.laboratory, said.maker.address, said.maker.logo, said.maker.logo_ending),
-        blocks=(_facts(of, said, t), _answer(results, t), *_table(results, t), _signatures(t)),
+        blocks=(_facts(of, said, t), *_changed(of, t), _answer(results, t), *_table(results, t), _signatures(t)),
         page_of=t("page_of", n="{n}", m="{m}"),
         number_word=t("number_word"),
         foot=t("foot", site=of.site.site.name, software=f"trueflank {metadata.version('trueflank')}"),
@@ -108,6 +114,10 @@ def _facts(of: Occasion, said: Particulars, t: Tongue) -> Block:
         (t("accept_place"), said.parties.place),
     )
     return FactsBlock(rows, columns=1)
+
+
+def _changed(of: Occasion, t: Tongue) -> tuple[Block, ...]:
+    return tuple(Paragraph(accepted_words(one, t), "small") for one in of.accepted)
 
 
 def _answer(results: Collection[CheckResult], t: Tongue) -> Band:

@@ -143,6 +143,15 @@ async def test_a_card_that_was_moved_is_asked_kept_and_told(tmp_path: Path) -> N
         assert not [one for one in doctor["lines"] if one["check"] in ("identity", "serial number") and one["fix"]]
         (kept,) = [one for one in entries(tmp_path / "runs") if one["action"] == "identity-accept"]
         assert (kept["serial"], kept["details"]["now"]) == ("CARD-1", "CARD-2")
+        sheet = tmp_path / "sheet.html"
+        accepted = await at.typed("accept", site, "--sheet", str(sheet))
+        lines = accepted.output.splitlines()
+        (connection,) = [line for line in lines if " connection:" in line]
+        assert "security None" in connection, "this scene has no secure channel"
+        assert "CARD-" not in connection
+        assert len([line for line in lines if "devices open" in line]) <= 1
+        for told in ("CARD-1", "CARD-2", "card exchanged at service"):
+            assert told in sheet.read_text(encoding="utf-8")
         assert at.server.requests.services["write"] == 0
 
 

@@ -34,15 +34,22 @@ def accept_command(
     from gateway.acceptance.working import SiteDesk
     from gateway.config import load_site
     from gateway.workflow.bench import check_name
+    from gateway.workflow.recognising import known_of
+    from gateway.workflow.runsite import store_of
 
     tree, given, clock = load_site(site), allowance(allow), LoopClock()
     with_control(tree)
     check_name(tree, given == "write", machine)
     check_sheet(sheet, language)
 
+    told: set[str] = set()
+
     def say(code: str, /, **fields: object) -> None:
-        if not as_json:
-            echo(f"  {words(code, **fields)}")
+        """Each check opens the control anew; what it says of it is told once."""
+        line = words(code, **fields)
+        if not as_json and (code != "P-OPEN" or line not in told):
+            echo(f"  {line}")
+        told.add(line)
 
     async def main() -> list[CheckResult]:
         results: list[CheckResult] = []
@@ -54,7 +61,8 @@ def accept_command(
         return results
 
     results: list[Any] = run_to_end(main(), at=site)
-    write_sheet(sheet, results, Occasion(tree, site, given, clock.utc(), language=language))
+    known = known_of(tree, store_of(tree, site).root).accepted
+    write_sheet(sheet, results, Occasion(tree, site, given, clock.utc(), language=language, accepted=known))
     if as_json:
         show_json({"allow": given, "results": [one.as_record() for one in results], "sheet": str(sheet)})
     else:

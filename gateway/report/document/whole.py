@@ -61,7 +61,7 @@ def _main(material: ReportMaterial, t: Tongue) -> tuple[Block, ...]:
     said: tuple[str, ...] = (t("unprotected"),) if material.unprotected else ()
     who, why = material.excused
     said += (t("excused", who=who, why=why),) if why else ()
-    said += tuple(_accepted(one, t) for one in material.accepted)
+    said += tuple(accepted_words(one, t) for one in material.accepted)
     warned = tuple(Paragraph(line, "strong") for line in (*still_on(material), *said))
     first = (*warned, *parties(material, t), *answer(material, t), *conformity(material, t))
     # Conditions stand with the axes they belong to: they fill what the charts leave of a page.
@@ -70,8 +70,8 @@ def _main(material: ReportMaterial, t: Tongue) -> tuple[Block, ...]:
     return (*first, *of_axes, *of_tooth, _release(material, t))
 
 
-def _accepted(one: KnownFact, t: Tongue) -> str:
-    """A change of the machine's identity that a person answers for."""
+def accepted_words(one: KnownFact, t: Tongue) -> str:
+    """One change of the machine that a person accepted: from what to what, who, when and why."""
     told = {"fact": t(f"identity_{one.fact}"), "was": one.was, "now": one.value, "who": one.who}
     return t("identity", day=one.utc[:10], why=one.reason, **told)
 
