@@ -30,7 +30,7 @@ async def prove_sense(rig: Rig, *, stands: bool = False) -> SenseProof:
 
     ``stands``: its optics are mounted already, and nobody is asked to; what it counts begins anew.
 
-    Linear: +`jog` mm. Rotary (house rule): +0.1 deg with the calibrator held, then the calibrator alone
+    Linear: +`jog` mm. Rotary: +0.1 deg with the calibrator held, then the calibrator alone
     by -0.1 deg; the laser must follow both. That is tried once more, for 1 % of it is no more than one reading out of
     line. Raises UnsupportedDevice (E-CAP-SENSE): wrong optics, wrong axis or wrong unit.
     """

@@ -35,8 +35,8 @@ def first(
     _version_wanted: Annotated[
         bool, typer.Option("--version", help="Print the version.", callback=_version, is_eager=True, expose_value=False)
     ] = False,
-    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Say only what must be heard.")] = False,
-    verbose: Annotated[bool, typer.Option("--verbose", "-v", help="Say every step, as the log has it.")] = False,
+    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print essential messages only.")] = False,
+    verbose: Annotated[bool, typer.Option("--verbose", "-v", help="Print every step, as in the log.")] = False,
 ) -> None:
     """Begin every command with the plain voice, or with that asked for before its name."""
     use(Voice.VERBOSE if verbose else Voice.QUIET if quiet else Voice.PLAIN)

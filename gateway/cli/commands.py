@@ -56,10 +56,10 @@ def push(
     machine: MachineOption = "",
     risk: RiskOption = "",
     offline: Annotated[
-        bool, typer.Option("--offline", help="Write programs for a person to carry to the control, then end.")
+        bool, typer.Option("--offline", help="Write programs for a person to carry to the control, then exit.")
     ] = False,
     resume: Annotated[
-        bool, typer.Option("--resume", help="With --offline: go on with the files that were brought back.")
+        bool, typer.Option("--resume", help="With --offline: continue with the files that were brought back.")
     ] = False,
     store: StoreOption = Path("runs"),
     as_json: JsonOption = False,
@@ -79,9 +79,11 @@ def recover(
     apply: ApplyOption = False,
     machine: MachineOption = "",
     finish: Annotated[
-        bool, typer.Option("--finish", help="Finish an interrupted rollback: the earlier tables act.")
+        bool, typer.Option("--finish", help="Finish an interrupted rollback: the earlier tables become active.")
     ] = False,
-    undo: Annotated[bool, typer.Option("--undo", help="Undo an interrupted rollback: the pushed tables act.")] = False,
+    undo: Annotated[
+        bool, typer.Option("--undo", help="Undo an interrupted rollback: the pushed tables stay active.")
+    ] = False,
     take: TakeOption = "",
     as_json: JsonOption = False,
 ) -> None:
@@ -137,7 +139,7 @@ def lint(
 
 def diff(
     first: Annotated[Path, typer.Argument(help="Table file or back-up.", show_default=False)],
-    second: Annotated[Path, typer.Argument(help="The other one.", show_default=False)],
+    second: Annotated[Path, typer.Argument(help="The second file.", show_default=False)],
     rotary: Annotated[list[str] | None, typer.Option(help="An axis that is rotary.", show_default=False)] = None,
     linear: Annotated[list[str] | None, typer.Option(help="An axis that is linear.", show_default=False)] = None,
     as_json: JsonOption = False,
@@ -193,9 +195,9 @@ def study(
 
 
 def schema(
-    as_page: Annotated[bool, typer.Option("--page", help="The page of reference instead, in Markdown.")] = False,
-    api: Annotated[bool, typer.Option("--api", help="The service's routes instead (OpenAPI).")] = False,
-    states: Annotated[bool, typer.Option("--states", help="The states of a push instead, in Markdown.")] = False,
+    as_page: Annotated[bool, typer.Option("--page", help="Print the reference page instead, in Markdown.")] = False,
+    api: Annotated[bool, typer.Option("--api", help="Print the service's routes instead (OpenAPI).")] = False,
+    states: Annotated[bool, typer.Option("--states", help="Print the states of a push instead, in Markdown.")] = False,
 ) -> None:
     """Print the site file's JSON schema, the settings of every driver among it."""
     if api:

@@ -152,13 +152,13 @@ def _voices() -> list[Any]:
         _quiet: Annotated[
             bool,
             typer.Option(
-                "--quiet", "-q", help="Say only what must be heard.", callback=voice.quiet, expose_value=False
+                "--quiet", "-q", help="Print essential messages only.", callback=voice.quiet, expose_value=False
             ),
         ] = False,
         _verbose: Annotated[
             bool,
             typer.Option(
-                "--verbose", "-v", help="Say every step, as the log has it.", callback=voice.verbose, expose_value=False
+                "--verbose", "-v", help="Print every step, as in the log.", callback=voice.verbose, expose_value=False
             ),
         ] = False,
     ) -> None: ...

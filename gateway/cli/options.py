@@ -18,7 +18,7 @@ SiteArgument = Annotated[Path, typer.Argument(help="Site file (TOML).", show_def
 RunArgument = Annotated[
     str,
     typer.Argument(
-        help="Run folder; its id, a unique beginning of it, or latest: the newest that has what is needed.",
+        help="Run folder or id (a unique prefix is enough), or latest: the newest run with the required data.",
         show_default=False,
     ),
 ]
@@ -33,7 +33,7 @@ AxesOption = Annotated[
 ]
 PlanOption = Annotated[
     bool,
-    typer.Option("--plan", help="Show the day beforehand: mountings, presses, restarts, hours; touch no device."),
+    typer.Option("--plan", help="Forecast the day: mountings, key presses, restarts, hours; opens no device."),
 ]
 TablesOption = Annotated[
     list[str] | None,
@@ -41,36 +41,36 @@ TablesOption = Annotated[
 ]
 PointsOption = Annotated[bool, typer.Option("--points", help="Show every interpolation point.")]
 SpeedOption = Annotated[
-    float, typer.Option(min=1, max=500, help="Machine seconds in one second of yours; deadlines keep to yours.")
+    float, typer.Option(min=1, max=500, help="Machine seconds per real second; deadlines use real seconds.")
 ]
 SiteOption = Annotated[
-    Path | None, typer.Option(help="Site file with which the files' statements are compared.", show_default=False)
+    Path | None, typer.Option(help="Site file to compare the files' statements with.", show_default=False)
 ]
 StatementOption = Annotated[
     list[str] | None,
     typer.Option(
-        help="KEY=VALUE: a statement of a file that differs and counts all the same. May be repeated.",
+        help="KEY=VALUE: accept a differing statement of a file. May be repeated.",
         show_default=False,
     ),
 ]
-AskOption = Annotated[bool, typer.Option("--ask/--no-ask", help="Ask where a file's statements differ, or refuse.")]
+AskOption = Annotated[bool, typer.Option("--ask/--no-ask", help="Ask about differing statements of files, or refuse.")]
 ColumnOption = Annotated[
     list[str] | None,
     typer.Option(
         "--column",
-        help="What a table leaves open, NAME=VALUE: target=1, measured=2, reading_unit=mm, sheet=X; may be repeated.",
+        help="Missing facts of a table, NAME=VALUE: target=1, measured=2, reading_unit=mm, sheet=X; may be repeated.",
         show_default=False,
     ),
 ]
 ROADS = ("", "opcua", "modbus", "both")
 TakeOption = Annotated[
-    str, typer.Option(help="Why the devices are taken from a service that hangs.", show_default=False)
+    str, typer.Option(help="Reason for taking the devices from a service that does not respond.", show_default=False)
 ]
 AcceptOption = Annotated[
     list[str] | None,
     typer.Option(
         "--accept-doubt",
-        help="CODE=REASON: you answer for a doubt about the readings; may be repeated.",
+        help="CODE=REASON: accept a doubt about the readings; may be repeated.",
         show_default=False,
     ),
 ]
@@ -157,7 +157,7 @@ def named(text: str) -> str:
     return text
 
 
-PartOption = Annotated[str, typer.Option(help="What the part is called in its run.", callback=named)]
+PartOption = Annotated[str, typer.Option(help="Name of the part in its run.", callback=named)]
 
 
 def road_of(text: str) -> str:

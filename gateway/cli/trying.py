@@ -11,24 +11,24 @@ from gateway.cli.options import JsonOption, SpeedOption, named, road_of
 
 
 def demo(
-    folder: Annotated[Path, typer.Option(help="Where the demo keeps its site file and runs.")] = Path("demo"),
+    folder: Annotated[Path, typer.Option(help="Folder for the demo's site file and runs.")] = Path("demo"),
     speed: Annotated[
         float | None,
         typer.Option(
             min=1,
             max=500,
-            help="Machine seconds in one second of yours at most; else as many as this computer can do.",
+            help="Machine seconds per real second at most; default: as fast as this computer allows.",
             show_default=False,
         ),
     ] = None,
-    seed: Annotated[int | None, typer.Option(help="Draw another machine.", show_default=False)] = None,
+    seed: Annotated[int | None, typer.Option(help="Seed of the simulated machine.", show_default=False)] = None,
     cell: Annotated[str, typer.Option(help="Cell file, or the name of a shipped cell.")] = "demo",
-    axes: Annotated[bool, typer.Option("--axes", help="The axes alone: no other error, no part.")] = False,
+    axes: Annotated[bool, typer.Option("--axes", help="Axes only: no other error, no part.")] = False,
     everything: Annotated[
-        bool, typer.Option("--all", help="Measure every set-up of the plan; else those that pay for the tooth.")
+        bool, typer.Option("--all", help="Measure every set-up of the plan; default: those that matter for the tooth.")
     ] = False,
     resume: Annotated[
-        str, typer.Option(help="Go on with this run of the demo, which stopped while it measured.", show_default=False)
+        str, typer.Option(help="Continue this run of the demo, which stopped while measuring.", show_default=False)
     ] = "",
     as_json: JsonOption = False,
 ) -> None:
@@ -42,16 +42,19 @@ def demo(
 
 def simulate(
     cell: Annotated[str, typer.Argument(help="Cell file, or the name of a shipped cell.", show_default=True)] = "demo",
-    site: Annotated[Path, typer.Option(help="Where to write the site file.")] = Path("cell/site.toml"),
+    site: Annotated[Path, typer.Option(help="Path of the new site file.")] = Path("cell/site.toml"),
     speed: SpeedOption = 10.0,
-    seed: Annotated[int | None, typer.Option(help="Draw another machine.", show_default=False)] = None,
+    seed: Annotated[int | None, typer.Option(help="Seed of the simulated machine.", show_default=False)] = None,
     plan: Annotated[bool, typer.Option("--plan", help="Name every set-up and the work in the site file.")] = False,
     filed: Annotated[bool, typer.Option("--filed", help="All set-ups come from tables; with --plan.")] = False,
     road: Annotated[
-        str, typer.Option(help="Ways into the control: opcua, modbus or both; else the cell file's.", callback=road_of)
+        str,
+        typer.Option(
+            help="Connections to the control: opcua, modbus or both; default: those of the cell file.", callback=road_of
+        ),
     ] = "",
-    name: Annotated[str, typer.Option(help="What the machine is called in the site file.", callback=named)] = "",
-    listed: Annotated[bool, typer.Option("--list", help="List the shipped cells and end.")] = False,
+    name: Annotated[str, typer.Option(help="Name of the machine in the site file.", callback=named)] = "",
+    listed: Annotated[bool, typer.Option("--list", help="List the shipped cells and exit.")] = False,
 ) -> None:
     """Start a simulated cell on free loopback ports and print its site file; Ctrl-C ends it."""
     from gateway.cli.demonstration import CellAsked, list_cells, run_cell
@@ -64,11 +67,13 @@ def simulate(
 
 def teach(
     cell: Annotated[str, typer.Argument(help="Cell file, or the name of a shipped cell.", show_default=True)] = "demo",
-    folder: Annotated[Path, typer.Option(help="Where the site file and the runs are kept.")] = Path("teach"),
+    folder: Annotated[Path, typer.Option(help="Folder for the site file and the runs.")] = Path("teach"),
     speed: SpeedOption = 20.0,
-    port: Annotated[int, typer.Option(min=0, max=65535, help="Of the operator's page; 0 takes a free one.")] = 8617,
+    port: Annotated[
+        int, typer.Option(min=0, max=65535, help="Port of the operator's page; 0 selects a free one.")
+    ] = 8617,
     alone: Annotated[
-        bool, typer.Option("--alone", help="You are the operator: nobody presses a key or mounts but you.")
+        bool, typer.Option("--alone", help="You are the operator: no simulated person presses keys or mounts optics.")
     ] = False,
 ) -> None:
     """Train a calibration day: the service on a simulated cell, and the machine's panel as a page; Ctrl-C ends both."""
@@ -80,7 +85,7 @@ def teach(
 def cell(
     site: Annotated[Path, typer.Argument(help="Site file of a running cell.", show_default=False)],
     keys: Annotated[
-        list[str] | None, typer.Argument(help="What to do, in order; without any you type it.", show_default=False)
+        list[str] | None, typer.Argument(help="Actions in order; without any, you type them.", show_default=False)
     ] = None,
     as_json: JsonOption = False,
 ) -> None:

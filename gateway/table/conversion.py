@@ -1,7 +1,7 @@
 """A measured result file -> compensation tables: datum, directions, grid, zero at the reference.
 
 A result file knows its own zero only; where that is on the machine must be said. An axis table takes the mean of both
-directions; a cross pair takes each direction by itself. Values are deviations d = measured - target (house sign rule).
+directions; a cross pair takes each direction by itself. Values are deviations d = measured - target (sign convention).
 """
 
 from __future__ import annotations

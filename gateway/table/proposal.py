@@ -80,7 +80,7 @@ def propose(
     instrument: InstrumentU | None = None,
     limits: Limits | None = None,
 ) -> TableChange:
-    """The axis table that cancels the fitted deviation of an axis (value = +deviation, house sign rule).
+    """The axis table that cancels the fitted deviation of an axis (value = +deviation, sign convention).
 
     ``component`` was fitted to ``measured``, captured while ``live`` acted: new = live (if enabled) +
     fitted, by least squares on the grid, zero at the reference, first = last for a modulo axis, rounded to

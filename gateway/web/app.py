@@ -156,7 +156,7 @@ async def _ours(_request: Request, error: Exception) -> Response:
 
 
 async def _fault(_request: Request, error: Exception) -> Response:
-    """What nobody foresaw: its kind and nothing else leaves the house; the log has the rest."""
+    """What nobody foresaw: its kind and nothing else leaves the program; the log has the rest."""
     return JSONResponse(TrueflankError("E-WEB-FAULT", "web", why=type(error).__name__).as_record(), 500)
 
 

@@ -1,4 +1,4 @@
-"""Sources as syntax trees, each parsed and walked once for all tests of the house."""
+"""Sources as syntax trees, each parsed and walked once for all tests of the architecture."""
 
 from __future__ import annotations
 

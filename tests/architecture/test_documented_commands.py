@@ -96,8 +96,8 @@ def test_what_the_command_line_does_not_know_is_found() -> None:
 
 @pytest.fixture
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """A place with the files that the README speaks of."""
-    site = next(text for text in _blocks(README.read_text(encoding="utf-8"), "toml"))
+    """A place with the files that the handbook's commands name; its site file is that of `docs/connecting.md`."""
+    site = next(text for text in _blocks((DOCS / "connecting.md").read_text(encoding="utf-8"), "toml"))
     (tmp_path / "site.toml").write_text(site, encoding="utf-8")
     (tmp_path / "control.der").write_bytes(b"\x30\x82")
     golden = ROOT / "tests" / "golden" / "files"
@@ -120,7 +120,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path
 
 
-def test_the_site_file_of_the_readme_is_valid_and_short(folder: Path) -> None:
+def test_the_site_file_of_the_handbook_is_valid_and_short(folder: Path) -> None:
     found = checked(folder / "site.toml")
     assert [fault.error("site").what for fault in found.faults] == []
     assert len((folder / "site.toml").read_text(encoding="utf-8").splitlines()) <= 15
@@ -185,11 +185,20 @@ def test_the_page_of_the_states_of_a_push_is_current() -> None:
     assert (DOCS / "push-states.md").read_text(encoding="utf-8") == in_markdown().rstrip() + "\n", wanted
 
 
-def test_the_readme_names_every_command() -> None:
+def test_the_output_in_the_readme_is_real() -> None:
+    block = next(text for text in _blocks(README.read_text(encoding="utf-8"), "") if text.startswith("$ trueflank"))
+    command, *shown = block.splitlines()
+    ended = CliRunner().invoke(app, shlex.split(command)[2:])
+    assert ended.exit_code == 0, ended.output
+    assert len(shown) >= 10
+    assert [line for line in shown if line.strip() != "..." and line not in ended.output.splitlines()] == []
+
+
+def test_the_first_page_names_every_command() -> None:
     names = {
         name for name, command in typer.main.get_command(app).commands.items() if not getattr(command, "hidden", False)
     }
-    text = README.read_text(encoding="utf-8")
+    text = (DOCS / "index.md").read_text(encoding="utf-8")
     assert sorted(name for name in names if f"`{name}`" not in text) == []
 
 

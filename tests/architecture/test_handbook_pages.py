@@ -33,7 +33,7 @@ def _checked(tmp_path: Path, text: str) -> list[str]:
 
 
 def _site() -> str:
-    return next(iter(BLOCK.findall(_page("README.md"))))
+    return next(iter(BLOCK.findall(_page("docs/connecting.md"))))
 
 
 @pytest.mark.parametrize("block", _instruments())

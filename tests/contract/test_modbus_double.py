@@ -13,7 +13,7 @@ from drivers.clock import LoopClock
 from drivers.transport import open_transport
 from tests.contract.mailbox_master import FAILED, Desk, Master, at_desk, crc16, crc32, many, words
 
-DOCUMENT = Path(__file__).parents[2] / "docs" / "plc-mailbox.md"
+DOCUMENT = Path(__file__).parents[2] / "docs" / "plc-mailbox-reference.md"
 X1 = {18: 1, 19: 1}
 SPEC_801 = {"eec": 801}
 

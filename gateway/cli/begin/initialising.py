@@ -14,16 +14,17 @@ from gateway.cli.show import echo
 
 FileArgument = Annotated[Path, typer.Argument(help="Site file to write; none is overwritten.")]
 AnswerOption = Annotated[
-    list[str] | None, typer.Option("--answer", help="KEY=VALUE: an answer given beforehand.", show_default=False)
+    list[str] | None, typer.Option("--answer", help="KEY=VALUE: answer a question in advance.", show_default=False)
 ]
 
 
 def init_command(
     file: FileArgument = Path("site.toml"),
     from_cell: Annotated[
-        str, typer.Option("--from-cell", help="Describe a shipped simulated cell: demo.", show_default=False)
+        str,
+        typer.Option("--from-cell", help="Describe a shipped simulated cell, for example demo.", show_default=False),
     ] = "",
-    yes: Annotated[bool, typer.Option("--yes", help="Ask nothing: every default, and the answers given.")] = False,
+    yes: Annotated[bool, typer.Option("--yes", help="Ask nothing: use the defaults and the given answers.")] = False,
     answer: AnswerOption = None,
 ) -> None:
     """Write a commented site file: a few questions, the rest is read from the control; nothing moves."""

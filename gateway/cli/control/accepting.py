@@ -20,11 +20,14 @@ NOT_ACCEPTED = 13
 def accept_command(
     site: SiteArgument,
     allow: Annotated[
-        str, typer.Option("--allow", help="read looks, move also jogs, write also tries a table and puts it back.")
+        str,
+        typer.Option(
+            "--allow", help="read: observe only; move: also jog; write: also try a table and restore the old one."
+        ),
     ] = "read",
     machine: Annotated[str, typer.Option(help="The machine's name, typed to confirm --allow write.")] = "",
-    sheet: Annotated[Path, typer.Option(help="Where the sheet to sign goes: .html or .pdf.")] = Path("acceptance.html"),
-    language: Annotated[str, typer.Option(help="Of the sheet: en, de or zh; left out: as the site file says.")] = "",
+    sheet: Annotated[Path, typer.Option(help="File of the sheet to sign: .html or .pdf.")] = Path("acceptance.html"),
+    language: Annotated[str, typer.Option(help="Language of the sheet: en, de or zh; default: the site file's.")] = "",
     as_json: JsonOption = False,
 ) -> None:
     """Accept a site: every check within the allowance, and a sheet to sign; exit code 13 where one fails."""

@@ -75,7 +75,7 @@ def show_command(
 def correct_command(
     store: PlaceArgument,
     number: Annotated[int, typer.Argument(min=1, help="The record that is wrong.", show_default=False)],
-    why: Annotated[str, typer.Argument(help="What is right.", show_default=False)],
+    why: Annotated[str, typer.Argument(help="The correct statement.", show_default=False)],
 ) -> None:
     """Add a record that corrects an earlier one; nothing is ever changed."""
     from drivers.clock import LoopClock

@@ -19,7 +19,9 @@ from gateway.cli.stopping import run_to_end
 DIFFERENT = 13
 SPEED = 20.0
 
-AllowOption = Annotated[str, typer.Option("--allow", help="read asks, move starts programs, write also offers values.")]
+AllowOption = Annotated[
+    str, typer.Option("--allow", help="read: ask only; move: also start programs; write: also offer values.")
+]
 
 
 def conform_command(
@@ -27,13 +29,13 @@ def conform_command(
     allow: AllowOption = "read",
     machine: Annotated[str, typer.Option(help="The machine's name, typed to confirm --allow write.")] = "",
     session: Annotated[
-        Path | None, typer.Option("--session", help="Replay this recorded session; the control is not asked.")
+        Path | None, typer.Option("--session", help="Replay this recorded session without the control.")
     ] = None,
     output: Annotated[Path, typer.Option("-o", "--output", help="Folder for session, test and rows.")] = Path(
         "conform"
     ),
-    cell: Annotated[str, typer.Option(help="The double: cell file, or the name of a shipped cell.")] = "demo",
-    record_only: Annotated[bool, typer.Option("--record-only", help="Ask the control alone; no double.")] = False,
+    cell: Annotated[str, typer.Option(help="The simulator: cell file, or the name of a shipped cell.")] = "demo",
+    record_only: Annotated[bool, typer.Option("--record-only", help="Ask the control only, no simulator.")] = False,
     as_json: JsonOption = False,
 ) -> None:
     """Ask the control and its double the same questions; exit code 13 and a failing test where they differ."""

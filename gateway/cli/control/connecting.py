@@ -22,7 +22,8 @@ NOT_ALL_WELL = 5
 MARKS = {"ok": "ok", "wrong": "WRONG", "unknown": "could not tell"}
 
 ThumbprintOption = Annotated[
-    str, typer.Option(help="Typed from the control's own dialog: SHA-256 or SHA-1, whole.", show_default=False)
+    str,
+    typer.Option(help="Full SHA-256 or SHA-1 thumbprint, typed from the control's own display.", show_default=False),
 ]
 
 
@@ -80,7 +81,7 @@ def show_command(site: SiteArgument, as_json: JsonOption = False) -> None:
 ReasonOption = Annotated[
     str,
     typer.Option(
-        help="Why a certificate that is not valid now is accepted; kept, and told by doctor and in every report.",
+        help="Reason for accepting a certificate that is not valid now; stored, and shown by doctor and reports.",
         show_default=False,
     ),
 ]

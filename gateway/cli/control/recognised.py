@@ -21,11 +21,11 @@ AcceptIdentityOption = Annotated[
     list[str] | None,
     typer.Option(
         "--accept-identity",
-        help="FACT=REASON: it is the same machine although this fact is another; kept, told by doctor and reports.",
+        help="FACT=REASON: it is the same machine although this fact changed; stored, and shown by doctor and reports.",
         show_default=False,
     ),
 ]
-AskIdentityOption = Annotated[bool, typer.Option("--ask/--no-ask", help="Ask about one fact that is another, or not.")]
+AskIdentityOption = Annotated[bool, typer.Option("--ask/--no-ask", help="Ask about one changed fact, or refuse.")]
 HEADS = ("fact", "known", "now")
 
 

@@ -39,13 +39,13 @@ def convert(
     ] = None,
     datum: Annotated[
         list[str] | None,
-        typer.Option(help="FILE=MACHINE position; twice if they count against each other.", show_default=False),
+        typer.Option(help="FILE=MACHINE position; twice if their directions are opposite.", show_default=False),
     ] = None,
     minimum: Annotated[float | None, typer.Option("--min", help="First point.", show_default=False)] = None,
     maximum: Annotated[float | None, typer.Option("--max", help="Last point.", show_default=False)] = None,
     step: Annotated[float | None, typer.Option(help="Distance of the points.", show_default=False)] = None,
     modulo: Annotated[bool, typer.Option("--modulo", help="Endless rotary axis, 0 to 360 deg.")] = False,
-    unit: Annotated[str, typer.Option(help="Unit of the deviations, where the file does not say it.")] = "",
+    unit: Annotated[str, typer.Option(help="Unit of the deviations, if the file does not state it.")] = "",
     column: ColumnOption = None,
     index: Annotated[
         int, typer.Option(min=0, help=f"Encoder ({WORDS.own_key}: 0 or 1) or first table number ({WORDS.cross_key}).")

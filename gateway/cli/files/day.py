@@ -25,11 +25,11 @@ def day_command(
     folder: Annotated[Path, typer.Argument(help="Folder with the files of one calibration day.", show_default=False)],
     site: Annotated[Path, typer.Option(help="Site file of the machine (TOML).", show_default=False)],
     answers: Annotated[
-        Path | None, typer.Option(help="What was said of the files; left out: beside the folder.", show_default=False)
+        Path | None, typer.Option(help="File of answers; default: next to the folder.", show_default=False)
     ] = None,
-    ask: Annotated[bool, typer.Option("--ask/--no-ask", help="Ask for what the files cannot say, or refuse.")] = True,
+    ask: Annotated[bool, typer.Option("--ask/--no-ask", help="Ask for facts missing in the files, or refuse.")] = True,
     connect: Annotated[bool, typer.Option("--connect", help="Read the control's tables: a proposal to push.")] = False,
-    language: Annotated[str, typer.Option(help="en, de or zh; left out: as the site file says.")] = "",
+    language: Annotated[str, typer.Option(help="en, de or zh; default: the site file's language.")] = "",
     as_json: JsonOption = False,
 ) -> None:
     """Turn the files of a calibration day into set-ups, error model, plan for the tooth and calibration report."""

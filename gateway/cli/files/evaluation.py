@@ -33,8 +33,8 @@ def evaluate(
     expansion: Annotated[float | None, typer.Option(min=-5, max=100, help="Re-compensate: ppm/K.")] = None,
     material_degc: Annotated[float | None, typer.Option(help="Material, degC: for U, and to re-compensate.")] = None,
     seed: Annotated[int, typer.Option(min=0, help="Seed of the Monte Carlo.")] = 1,
-    axis: Annotated[str, typer.Option(help="Of a run: this axis only; of a kind: the machine axis, X.")] = "",
-    phase: Annotated[str, typer.Option(help="Of a run: before or after only.")] = "",
+    axis: Annotated[str, typer.Option(help="For a run: this axis only; with --kind: the machine axis, X.")] = "",
+    phase: Annotated[str, typer.Option(help="For a run: before or after only.")] = "",
     kind: Annotated[
         str,
         typer.Option(
@@ -43,23 +43,23 @@ def evaluate(
         ),
     ] = "positioning",
     angle: Annotated[
-        str, typer.Option(help="Of angular: pitch, yaw, roll; of Z: tilt about X, tilt about Y, roll.")
+        str, typer.Option(help="Angular: pitch, yaw, roll; for Z: tilt about X, tilt about Y, roll.")
     ] = "",
-    plane: Annotated[str, typer.Option(help="Of squareness: XY, XZ or YZ.")] = "XY",
-    artefact: Annotated[float, typer.Option(help="Of squareness: the square's angle less 90 deg, arcsec.")] = 0.0,
-    motion: Annotated[str, typer.Option(help="Of rotary-motion: radial, axial, rotating or tilt.")] = "radial",
-    distance: Annotated[float, typer.Option(min=0, help="Of a tilt: between the two sensors, mm.")] = 0.0,
-    order: Annotated[list[int] | None, typer.Option(help="Of harmonics: this order. May be repeated.")] = None,
+    plane: Annotated[str, typer.Option(help="Squareness: XY, XZ or YZ.")] = "XY",
+    artefact: Annotated[float, typer.Option(help="Squareness: the square's own angle minus 90 deg, arcsec.")] = 0.0,
+    motion: Annotated[str, typer.Option(help="Rotary motion: radial, axial, rotating or tilt.")] = "radial",
+    distance: Annotated[float, typer.Option(min=0, help="Tilt: distance of the two sensors, mm.")] = 0.0,
+    order: Annotated[list[int] | None, typer.Option(help="Harmonics: this order. May be repeated.")] = None,
     site: Annotated[
         Path | None,
-        typer.Option(help="Of positioning: site file whose tolerances and equipment count.", show_default=False),
+        typer.Option(help="Positioning: site file with the tolerances and equipment to use.", show_default=False),
     ] = None,
     plot: Annotated[Path | None, typer.Option(help="Picture (.png or .svg).", show_default=False)] = None,
-    jobs: Annotated[int, typer.Option(min=1, help="Of positioning: processes that share the files.")] = 1,
+    jobs: Annotated[int, typer.Option(min=1, help="Positioning: number of processes that share the files.")] = 1,
     scheduler: Annotated[str, typer.Option(help="Dask scheduler, tcp://host:port.", show_default=False)] = "",
     table: Annotated[
         Path | None,
-        typer.Option(help="One table (.csv) of all answers; begun again it goes on behind them.", show_default=False),
+        typer.Option(help="Write all results to one table (.csv); a repeated call continues it.", show_default=False),
     ] = None,
     accept_doubt: AcceptOption = None,
     store: StoreOption = Path("runs"),

@@ -15,10 +15,10 @@ POLL_S = 0.5
 
 
 def logs_command(
-    run: Annotated[str, typer.Option(help="Of this run only: its id, a beginning of it, or latest.")] = "",
+    run: Annotated[str, typer.Option(help="Only this run: id, unique prefix, or latest.")] = "",
     store: StoreOption = Path("runs"),
     last: Annotated[int, typer.Option(min=1, max=1_000_000, help="How many lines at most, the newest.")] = 200,
-    follow: Annotated[bool, typer.Option("--follow", "-f", help="Go on with what comes, until Ctrl-C.")] = False,
+    follow: Annotated[bool, typer.Option("--follow", "-f", help="Follow new lines until Ctrl-C.")] = False,
     as_json: JsonOption = False,
 ) -> None:
     """Print the full record of what happened: of one run, or as it happens; --json gives the lines as they are kept."""

@@ -16,11 +16,11 @@ from gateway.cli.show import echo, show_json
 SHOWN_EVENTS = 20
 
 TraceArgument = Annotated[Path, typer.Argument(help="NAME.trace from a run's traces folder.", show_default=False)]
-DriverOption = Annotated[str, typer.Option(help="Driver to play to (else: the recorded one).", show_default=False)]
+DriverOption = Annotated[str, typer.Option(help="Driver to replay to; default: the recorded one.", show_default=False)]
 SettingOption = Annotated[
     list[str] | None, typer.Option("--set", help="KEY=VALUE of the driver, over the recorded ones.", show_default=False)
 ]
-SessionOption = Annotated[int, typer.Option(min=1, help="Which opening of the device.")]
+SessionOption = Annotated[int, typer.Option(min=1, help="Number of the session in the trace.")]
 CsvOption = Annotated[Path | None, typer.Option("--csv", help="Also write every sample here.", show_default=False)]
 
 

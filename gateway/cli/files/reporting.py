@@ -29,16 +29,17 @@ from gateway.cli.show import echo, show_json
 def report(
     what: Annotated[
         list[str] | None,
-        typer.Argument(help="A run (folder, id, its beginning, latest), or result files.", show_default=False),
+        typer.Argument(help="A run (folder, id, unique prefix, latest), or result files.", show_default=False),
     ] = None,
     store: StoreOption = Path("runs"),
-    language: Annotated[str, typer.Option(help="en, de or zh; left out: as the site file says.")] = "",
+    language: Annotated[str, typer.Option(help="en, de or zh; default: the site file's language.")] = "",
     site: Annotated[
         Path | None,
-        typer.Option(help="Site file whose letterhead, tolerances and equipment count.", show_default=False),
+        typer.Option(help="Site file with the letterhead, tolerances and equipment to use.", show_default=False),
     ] = None,
     out: Annotated[
-        Path | None, typer.Option(help="Folder to write to; left out: the run's own, or here.", show_default=False)
+        Path | None,
+        typer.Option(help="Folder to write to; default: the run folder, or the current folder.", show_default=False),
     ] = None,
     unit: Annotated[str, typer.Option(help="Unit of an .rta's deviations: mrad, urad, arcsec or deg.")] = "",
     accept_doubt: AcceptOption = None,

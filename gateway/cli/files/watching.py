@@ -18,8 +18,10 @@ POLL_S = 2.0
 def watch_command(
     site: SiteArgument,
     folder: Annotated[Path, typer.Option(help="Folder to watch.", show_default=False)],
-    settle: Annotated[float, typer.Option(min=0.0, help="Seconds without growth after which a file is whole.")] = 5.0,
-    once: Annotated[bool, typer.Option("--once", help="End when nothing is awaited any more.")] = False,
+    settle: Annotated[
+        float, typer.Option(min=0.0, help="Seconds without growth after which a file is complete.")
+    ] = 5.0,
+    once: Annotated[bool, typer.Option("--once", help="Exit when no file is pending.")] = False,
 ) -> None:
     """Import each new result file of a folder once, until Ctrl-C; the files themselves are left as they are."""
     from drivers.clock import LoopClock

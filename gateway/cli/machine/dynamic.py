@@ -22,15 +22,15 @@ def dynamic_command(
         Path, typer.Argument(metavar="SITE|FILE", help="Site file, .rtx, or a run's .f64.", show_default=False)
     ],
     instrument: Annotated[str, typer.Option(help="Instrument of the site.")] = "",
-    seconds: Annotated[float, typer.Option(min=0.001, help="How long, from the trigger on.")] = 20.0,
+    seconds: Annotated[float, typer.Option(min=0.001, help="Duration after the trigger.")] = 20.0,
     trigger: Annotated[str, typer.Option(help="none, value=UM moved, level=UM crossed, external.")] = "none",
     pre: Annotated[float, typer.Option(min=0.0, help="Seconds kept from before the trigger.")] = 0.1,
     wait: Annotated[float, typer.Option(min=0.0, help="Seconds to wait for the trigger.")] = 60.0,
-    axis: Annotated[str, typer.Option(help="Which axis is looked at, for the record.")] = "",
+    axis: Annotated[str, typer.Option(help="Axis under observation, for the record.")] = "",
     channel: Annotated[str, typer.Option(help="Channel of the instrument (default: its first).")] = "",
     unit: Annotated[str, typer.Option(help="Unit of an .rtx's samples: mm, um, mrad, urad, arcsec or deg.")] = "",
     band: Annotated[
-        float | None, typer.Option(min=1e-6, help="Settled within this, um or arcsec.", show_default=False)
+        float | None, typer.Option(min=1e-6, help="Settling band, um or arcsec.", show_default=False)
     ] = None,
     plot: Annotated[Path | None, typer.Option(help="PNG to write for a file.", show_default=False)] = None,
     store: StoreOption = Path("runs"),

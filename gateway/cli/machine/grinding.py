@@ -18,17 +18,20 @@ from gateway.cli.stopping import run_to_end
 def grind_command(
     site: SiteArgument,
     part: PartOption = "part",
-    run: Annotated[str, typer.Option(help="Put it into this run: folder or id.", show_default=False)] = "",
+    run: Annotated[str, typer.Option(help="Store it in this run: folder or id.", show_default=False)] = "",
     x_um: Annotated[
-        float | None, typer.Option(help="Infeed's zero, um; + cuts deeper. Left out: what is set.", show_default=False)
+        float | None,
+        typer.Option(help="Zero of the infeed, um; + cuts deeper. Default: the present value.", show_default=False),
     ] = None,
     c_arcsec: Annotated[
-        float | None, typer.Option(help="Index's zero, arcsec. Left out: what is set.", show_default=False)
+        float | None,
+        typer.Option(help="Zero of the index axis, arcsec. Default: the present value.", show_default=False),
     ] = None,
     dressing_um: Annotated[
         float | None,
         typer.Option(
-            help="Offset of the dressed profile along the wheel's axis, um. Left out: what is set.", show_default=False
+            help="Offset of the dressed profile along the wheel's axis, um. Default: the present value.",
+            show_default=False,
         ),
     ] = None,
     machine: Annotated[

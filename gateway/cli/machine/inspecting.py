@@ -20,8 +20,8 @@ SHOWN = ("F_alpha", "f_Halpha", "f_falpha", "F_beta", "f_Hbeta", "f_fbeta", "F_p
 FileOption = Annotated[
     Path | None, typer.Option(help="File of flank points in place of the machine.", show_default=False)
 ]
-HeightsOption = Annotated[str, typer.Option(help="What a file's heights count from: lower-face or middle.")]
-RunOption = Annotated[str, typer.Option(help="Put it into this run: folder or id.", show_default=False)]
+HeightsOption = Annotated[str, typer.Option(help="Zero of the heights in the file: lower-face or middle.")]
+RunOption = Annotated[str, typer.Option(help="Store it in this run: folder or id.", show_default=False)]
 
 
 def inspect_command(
@@ -31,7 +31,7 @@ def inspect_command(
     file: FileOption = None,
     heights: HeightsOption = "lower-face",
     column: Annotated[
-        list[str] | None, typer.Option(help="NAME=VALUE of the file's column map; said once for a heading.")
+        list[str] | None, typer.Option(help="NAME=VALUE of the file's column map; asked once for each heading.")
     ] = None,
     as_json: JsonOption = False,
 ) -> None:

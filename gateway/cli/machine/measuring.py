@@ -20,8 +20,8 @@ def measure_command(
     setups: Annotated[
         list[str] | None, typer.Option(help="Only this set-up or component; may be repeated.", show_default=False)
     ] = None,
-    resume: Annotated[str, typer.Option(help="Go on with this run: folder or id.", show_default=False)] = "",
-    plan: Annotated[bool, typer.Option("--plan", help="Show the set-ups in their order and measure nothing.")] = False,
+    resume: Annotated[str, typer.Option(help="Continue this run: folder or id.", show_default=False)] = "",
+    plan: Annotated[bool, typer.Option("--plan", help="List the set-ups in order and measure nothing.")] = False,
     as_json: JsonOption = False,
 ) -> None:
     """Measure every error of the plan, set-up by set-up, and say which set-up would be worth most next."""
@@ -59,9 +59,7 @@ def guard_command(
     run: Annotated[str, typer.Option(help="Run whose curve or part was approved: folder or id.")],
     axis: Annotated[str, typer.Option(help="Machine axis to check, e.g. C1.", show_default=False)] = "",
     gear: Annotated[bool, typer.Option("--gear", help="Check from an inspected gear, not from an axis.")] = False,
-    part: Annotated[
-        str, typer.Option(help="The approved part; left out: after, or the only one.", callback=named)
-    ] = "",
+    part: Annotated[str, typer.Option(help="The approved part; default: after, or the only one.", callback=named)] = "",
     file: FileOption = None,
     heights: HeightsOption = "lower-face",
     limit: Annotated[

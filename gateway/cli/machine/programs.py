@@ -23,19 +23,17 @@ def program_command(
             help="self-test, measure, load, proof, backup, grind, off or all; dwell for other capture programs."
         ),
     ] = "all",
-    run: Annotated[str, typer.Option(help="Tables to load are this run's proposal.", show_default=False)] = "",
+    run: Annotated[str, typer.Option(help="Load the tables of this run's proposal.", show_default=False)] = "",
     store: StoreOption = Path("runs"),
-    force: Annotated[bool, typer.Option("--force", help="Write over files that are there.")] = False,
-    dwell: Annotated[float, typer.Option(min=0.1, max=600, help="Of dwell: standstill at each target, s.")] = 6.0,
+    force: Annotated[bool, typer.Option("--force", help="Overwrite existing files.")] = False,
+    dwell: Annotated[float, typer.Option(min=0.1, max=600, help="Dwell: standstill at each target, s.")] = 6.0,
     settling: Annotated[
-        float, typer.Option(min=0, max=600, help="Of dwell: what the capture program settles, s.")
+        float, typer.Option(min=0, max=600, help="Dwell: settling time of the capture program, s.")
     ] = 2.0,
-    calibrator_feed: Annotated[
-        float, typer.Option(min=1, help="Of dwell: fastest feed of a rotary calibrator.")
-    ] = 720.0,
+    calibrator_feed: Annotated[float, typer.Option(min=1, help="Dwell: fastest feed of a rotary calibrator.")] = 720.0,
     number: Annotated[
         int,
-        typer.Option(min=1, max=999_999_999, help="Number in their places: that of a sent program, to compare with."),
+        typer.Option(min=1, max=999_999_999, help="Program number to insert: that of a sent program, for comparison."),
     ] = 999_999,
     like: Annotated[
         Path | None,

@@ -28,10 +28,10 @@ def close_command(
     apply: ApplyOption = False,
     machine: MachineOption = "",
     risk: RiskOption = "",
-    resume: Annotated[str, typer.Option(help="Go on with this run: folder or id.", show_default=False)] = "",
+    resume: Annotated[str, typer.Option(help="Continue this run: folder or id.", show_default=False)] = "",
     keep_worse: Annotated[
         bool,
-        typer.Option("--keep-worse", help="Leave the new tables on where the flank became worse; else they go back."),
+        typer.Option("--keep-worse", help="Keep the new tables if the flank became worse; default: roll back."),
     ] = False,
     plan: PlanOption = False,
     as_json: JsonOption = False,

@@ -1,7 +1,7 @@
 """A tooth before and after as strips of coloured cells for a terminal, or of plain characters; pure.
 
 One column is a space of the gear (several where the terminal is narrow): the mean of its left flank above, of its right
-flank below. Red is surplus, blue is missing material, white is right, as in the pictures of the report.
+flank below. Red is surplus, blue is missing material, white is on size, as in the pictures of the report.
 """
 
 from __future__ import annotations

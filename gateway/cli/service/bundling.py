@@ -20,7 +20,7 @@ def support_bundle_command(
     site: SiteArgument,
     output: Annotated[Path, typer.Option("--output", "-o", help="The zip to write.")] = Path("trueflank-support.zip"),
     runs: Annotated[int, typer.Option(min=0, max=100, help="How many of the newest runs.")] = 3,
-    doctor: Annotated[bool, typer.Option(help="Look at the road to the control as well.")] = True,
+    doctor: Annotated[bool, typer.Option(help="Also check the connection to the control.")] = True,
 ) -> None:
     """Write site file, versions, logs, newest runs, wire traces and doctor into one zip, without secrets."""
     from drivers.local.ownfiles import opened

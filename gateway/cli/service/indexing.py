@@ -29,7 +29,7 @@ def compare_command(
     site: SiteArgument,
     parameter: Annotated[str, typer.Argument(help="E, R, B, A or M of an axis, rms of the flank.")],
     subject: Annotated[str, typer.Option("--axis", help="The axis; flank for the tooth.")],
-    before: Annotated[bool, typer.Option("--before", help="As found, not as left.")] = False,
+    before: Annotated[bool, typer.Option("--before", help="As found instead of as left.")] = False,
     as_json: JsonOption = False,
 ) -> None:
     """Compare one error across the machines that the site's index knows: the newest figure of each, largest first."""

@@ -21,7 +21,9 @@ from gateway.cli.show import echo
 NAME = "trueflank"
 SYSTEM_UNITS = Path("/etc/systemd/system")
 UserOption = Annotated[bool, typer.Option("--user", help="A service of this user, not of the system.")]
-FolderOption = Annotated[Path | None, typer.Option(help="Folder of the units, else systemd's own.", show_default=False)]
+FolderOption = Annotated[
+    Path | None, typer.Option(help="Folder of the units; default: that of systemd.", show_default=False)
+]
 
 
 def unit_text(sites: list[Path], *, host: str, port: int, user: str) -> str:
@@ -61,7 +63,9 @@ def install_command(
     sites: Annotated[list[Path], typer.Argument(metavar="SITE...", help="Site files (TOML).", show_default=False)],
     host: Annotated[str, typer.Option(help="Address to listen on.")] = "127.0.0.1",
     port: Annotated[int, typer.Option(min=1, max=65535)] = 8617,
-    run_as: Annotated[str, typer.Option(help="System user that it runs as; else you.", show_default=False)] = "",
+    run_as: Annotated[
+        str, typer.Option(help="System user that runs the service; default: you.", show_default=False)
+    ] = "",
     user: UserOption = False,
     folder: FolderOption = None,
 ) -> None:

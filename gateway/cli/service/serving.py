@@ -27,7 +27,7 @@ def serve_command(
         typer.Argument(metavar="SITE...", help="Site files (TOML), or a folder: its site.toml.", show_default=False),
     ] = None,
     host: Annotated[str, typer.Option(help="Address to listen on; beyond this computer only with TLS.")] = "127.0.0.1",
-    port: Annotated[int, typer.Option(min=0, max=65535, help="0 takes a free one.")] = 8617,
+    port: Annotated[int, typer.Option(min=0, max=65535, help="Port; 0 selects a free one.")] = 8617,
 ) -> None:
     """Open and watch the devices of these sites, serve their pages, and lend the devices to commands.
 

@@ -159,7 +159,7 @@ def correct_from_gear(
 
     The gear was ground while the live tables acted, so the values found are to be added to them; the machine's own
     error model is not used. What corrects less than the measurement's uncertainty is not proposed. ``live`` are the
-    cross tables that acted (house signs, the chain's axis letters): what they do must not look like a mounting.
+    cross tables that acted (sign convention, the chain's axis letters): what they do must not look like a mounting.
     """
     places = places_of_points(grinding.gear, *points)
     e = np.ravel(np.asarray(deviation, dtype=np.float64))

@@ -39,7 +39,7 @@ FEWEST_SPACES = 5  # fewer cannot tell a harmonic of the turn
 class LayeredCorrection:
     """What to load and set, and what it does.
 
-    ``own`` and ``cross`` are compensation tables (house signs), ``setup`` what to add to the set-up values, ``moved``
+    ``own`` and ``cross`` are compensation tables (our signs), ``setup`` what to add to the set-up values, ``moved``
     how to move the work on its table. Flank figures (mm): as it is, with axis tables, at best, with everything;
     ``checked`` is that by second order on ``machine``, the machine with everything acting and the work moved;
     ``unmoved`` is the same with the work as it sits. ``said`` are findings in words.
@@ -71,7 +71,7 @@ def correct(
 ) -> LayeredCorrection:
     """Both layers and the set-up values for a machine whose errors were measured while ``live`` acted.
 
-    ``own`` are the axis tables that will be live (house signs, the chain's axis letters), those proposed and no others:
+    ``own`` are the axis tables that will be live (our signs, the chain's axis letters), those proposed and no others:
     an axis without one keeps what acts. None: the first layer is worked out here.
     Raises ModelError E-CORRECT-INFEASIBLE if limits and bounds leave no solution, E-CORRECT-OWN.
     """

@@ -76,7 +76,7 @@ class Plan:
 
 
 def table_spec(chain: Chain, plan: Plan, out: str, over: str, live: Sequence[CompensationTable] = ()) -> TableSpec:
-    """One table with the limits of the house; ``live`` are the tables that acted while the errors were measured.
+    """One table within the limits of a table; ``live`` are the tables that acted while the errors were measured.
 
     Raises TooManyPoints if the controller reserved fewer points.
     """

@@ -1,4 +1,4 @@
-"""Corrections q (mm, rad) as the controller's tables and back: deviations d = -q in um and arcsec (house signs)."""
+"""Corrections q (mm, rad) as the controller's tables and back: deviations d = -q in um and arcsec (sign convention)."""
 
 from __future__ import annotations
 

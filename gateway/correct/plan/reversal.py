@@ -29,7 +29,7 @@ SHARE = 0.1  # of the largest |B|: less than this may stay of what depends on po
 
 @dataclass(frozen=True, slots=True)
 class ReversalAdvice:
-    """What of B is to be taken, beyond what acts, um or arcsec (house sign: the deviation that it cancels).
+    """What of B is to be taken, beyond what acts, um or arcsec (sign convention: the deviation that it cancels).
 
     ``mean`` of B with ``mean_U``, its ``largest`` amount on the fitted curve, and ``U`` of B at one place by its
     scatter (k = 2): nothing smaller is taken. ``constant`` is what the control's constant reversal takes (0: nothing),

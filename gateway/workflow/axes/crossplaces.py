@@ -85,7 +85,7 @@ def placed_change(
 ) -> TableChange:
     """A table as the change of what its place holds; skipped with the reason where it has none.
 
-    With ``adds`` it comes on top of what acted there. Raises ValueOutOfRange (E-COMP-...) beyond the house's limits.
+    With ``adds`` it comes on top of what acted there. Raises ValueOutOfRange (E-COMP-...) beyond the limits of a table.
     """
     base, name = live[table.output_axis], table.output_axis
     proof = at.proofs.find(at.machine, "cross", name)

@@ -27,7 +27,7 @@ async def cross_changes(
     ``live`` are the live sets as captured, by machine axis. With ``adds`` the corrections come on top of what acted,
     else they are all that shall act. Numbers that are ``spoken_for`` are left alone. A change without a place is
     skipped and says why. Raises CaptureError (E-RUN-LIVE) without the live set of an output axis, ValueOutOfRange
-    (E-COMP-...) beyond the limits of the house.
+    (E-COMP-...) beyond the limits of a table.
     """
     names = {axis.letter: axis.name for axis in at.site.axes}
     plain = [record(chain, table, "cross", names=names) for table in tables]

@@ -1,4 +1,4 @@
-"""The signs of the house: what a deviation of an error becomes in a table."""
+"""The sign convention: what a deviation of an error becomes in a table."""
 
 from __future__ import annotations
 

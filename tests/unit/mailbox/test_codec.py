@@ -22,7 +22,7 @@ from drivers.sinumerik.mailbox.wire import ModbusCodec, Question
 from drivers.types.tables import CompensationTable
 
 ROOT = Path(__file__).parents[3]
-DOCUMENT = (ROOT / "docs" / "plc-mailbox.md").read_text(encoding="utf-8")
+DOCUMENT = (ROOT / "docs" / "plc-mailbox-reference.md").read_text(encoding="utf-8")
 ORDERS = ("high-first", "low-first")
 DINT = st.integers(-(2**31), 2**31 - 1)
 WORD = st.integers(0, 0xFFFF)

@@ -14,7 +14,7 @@ from drivers.sinumerik.ncprogram.selftest import read_report
 
 CEC_SWITCH = 41300
 MOST_SAVED_DATA = 10
-SUMS = {"mm": 0.2, "deg": 0.05}  # the largest value of a table that we write (3b of the house)
+SUMS = {"mm": 0.2, "deg": 0.05}  # the largest value of a table that we write (docs/architecture.md, section 6)
 
 
 class Patient(Protocol):
