@@ -48,6 +48,7 @@ _MODBUS = "drivers.sinumerik.mailbox.settings:ModbusSettings"
 _LINUXCNC = "drivers.linuxcnc.settings:LinuxCncSettings"
 _OFFLINE = "drivers.sinumerik.offline.settings:OfflineSettings"
 _BRIDGE = "drivers.bridge.settings:BridgeSettings"
+_BRIDGE_GEAR = "drivers.bridge.settings:BridgeGearSettings"
 
 
 _OWN = (
@@ -73,7 +74,7 @@ _OWN = (
     DriverSpec("none-doctor", "doctor", "drivers.files.only:FilesOnlyDoctor"),
     DriverSpec("umd", "instrument", "drivers.umd.device:UmdCounter", "drivers.umd.settings:UmdSettings"),
     DriverSpec("bridge", "instrument", "drivers.bridge.device:BridgeInstrument", _BRIDGE),
-    DriverSpec("bridge-gear", "gear-inspector", "drivers.bridge.gear:BridgeGear", _BRIDGE),
+    DriverSpec("bridge-gear", "gear-inspector", "drivers.bridge.gear:BridgeGear", _BRIDGE_GEAR),
     DriverSpec("manual", "instrument", "drivers.manual.device:ManualEntry", "drivers.manual.settings:ManualSettings"),
     DriverSpec("wire-trace", "trace", "drivers.replay.recorder:TraceRecorder"),
     DriverSpec("replay", "replay", "drivers.replay.player:Player"),

@@ -24,6 +24,9 @@ BAUD_RATES = (9600, 19_200, 38_400, 57_600, 115_200, 230_400, 460_800, 921_600, 
 WIRES = ("tcp", "socket", "usb", "memory", "")
 """What `drivers.transport` opens."""
 
+SPEED_KEYS = ("max_fringe_hz", "max_speed_mm_s", "max_speed_deg_s")
+"""Keys by which a site states how fast a counting device follows a motion."""
+
 
 @dataclass(frozen=True, slots=True)
 class SettingFault:
@@ -61,6 +64,19 @@ class DriverSettings(BaseModel):
     """Kinds of url that the driver opens, by scheme; "" is a serial port's own name; none named: any."""
     typed: ClassVar[bool] = False
     """Whether a person types the readings: of whatever the person reads."""
+
+    def speed_doubt(self) -> Rule:
+        """A doubt about a counting device of which nobody said how fast it follows: no feed is compared with that."""
+        keys = [key for key in SPEED_KEYS if key in type(self).model_fields]
+        return keys[0], self.states_speed, words("W-KEY-SPEED-OPEN", keys=", ".join(keys))
+
+    counts_motion: ClassVar[bool] = False
+    """Whether the device follows a motion by counting, so that beyond a speed it loses some of it."""
+
+    @property
+    def states_speed(self) -> bool:
+        """Whether the site says what the device follows, or that it is not known (0)."""
+        return not self.model_fields_set.isdisjoint(SPEED_KEYS)
 
     @property
     def followed_feed_deg_min(self) -> float | None:

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Literal
 
@@ -13,7 +13,6 @@ from numpy.typing import ArrayLike
 from drivers.errors import ConfigError
 from drivers.types.doubts import Doubt
 from drivers.types.results import MeasuredSet
-from drivers.types.sensing import Ambient
 from drivers.units import AxisUnit, DeviationUnit, deviation_unit
 from gateway.domain.figures import Component
 from gateway.domain.values import FloatArray, component_unit
@@ -30,6 +29,7 @@ from trueflank.frames import frame
 from trueflank.given import ASKS, axis_unit_of, motion_name, numbers_given, of_kind, path_given, units_fit, wholes_given
 
 FEWEST_POINTS, POINTS_PER_WAVE = 501, 100  # of a broken line that stands for a curve: it misses 0.05 % of a wave
+AIR = ("air_degc", "pressure_hpa", "humidity_pct")
 SHOWN = {"um": "µm", "arcsec": "arcsec"}
 
 
@@ -41,6 +41,9 @@ class Measured:
     leaves in doubt. ``name`` is the error's ISO 230-1 name where it is known: EBX is in arcsec over mm. Lists are taken
     too. ``material_degc`` and ``expansion_ppm_per_k`` of the scale as the file has them. ``doubts`` are records of what
     file and readings leave in doubt: a blocking one refuses `fit` until ``accepted`` has its code and a reason.
+    ``stated`` is what the file says of itself, by machine, serial, operator, place, date, feed, dwell, overrun,
+    instrument, instrument_serial, tables, warm_up, customer, order; ``conditions`` are its sensors at the start, and
+    with ``_end`` at the end: air_degc, pressure_hpa, humidity_pct, material_degc. ``record`` is all that was read.
     Raises ModelError (E-EVAL-...) for readings that do not fit, ConfigError (E-LIBRARY-KIND, E-LIBRARY-NAME).
     """
 
@@ -54,6 +57,8 @@ class Measured:
     accepted: Mapping[str, str] = field(default_factory=dict)
     material_degc: float | None = None
     expansion_ppm_per_k: float | None = None
+    record: MeasuredSet | None = None
+    stated: Mapping[str, str] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         if self.axis_unit not in ("mm", "deg"):
@@ -69,15 +74,30 @@ class Measured:
 
     def as_set(self) -> MeasuredSet:
         """The readings as the record that a run evaluates."""
-        return MeasuredSet(
-            self.targets,
-            self.deviations,
-            self.axis_unit,
-            ambient_start=Ambient(material_degc=() if self.material_degc is None else (self.material_degc,)),
+        known = self.record or MeasuredSet(self.targets, self.deviations, self.axis_unit)
+        ambient = known.ambient_start
+        if self.material_degc != _mean(ambient.material_degc):
+            ambient = replace(ambient, material_degc=() if self.material_degc is None else (self.material_degc,))
+        return replace(
+            known,
+            targets=self.targets,
+            deviations=self.deviations,
+            axis_unit=self.axis_unit,
+            ambient_start=ambient,
             expansion_ppm_per_k=self.expansion_ppm_per_k,
             warnings=self.warnings,
             doubts=self.doubts,
         )
+
+    @property
+    def conditions(self) -> dict[str, float]:
+        """What the file's sensors read, by name; only what they read."""
+        if self.record is None:
+            return {}
+        ends = (("", self.record.ambient_start), ("_end", self.record.ambient_end))
+        found = {f"{name}{end}": getattr(one, name) for end, one in ends for name in AIR}
+        found |= {f"material_degc{end}": _mean(one.material_degc) for end, one in ends}
+        return {name: value for name, value in found.items() if value is not None}
 
     @property
     def unit(self) -> DeviationUnit:
@@ -97,6 +117,8 @@ class Measured:
             "source": self.source,
             "warnings": list(self.warnings),
             "doubts": as_data(self.doubts),
+            "stated": dict(self.stated),
+            "conditions": self.conditions,
         }
 
     def to_pandas(self) -> Any:
@@ -119,6 +141,10 @@ class Measured:
         return f"Measured({told}{m} targets x {n} repetitions, {low:g} .. {high:g} {self.axis_unit}{where})"
 
 
+def _mean(sensors: Sequence[float]) -> float | None:
+    return sum(sensors) / len(sensors) if sensors else None
+
+
 def read(
     path: str | Path,
     *,
@@ -135,6 +161,7 @@ def read(
     ``accepted`` are doubts that you answer for, reasons by code. Raises ConfigError (E-LIBRARY-COLUMNS, -WAYS, -RUNS,
     -READINGS, -SEVERAL and -SHEET: ``columns`` answers them), FileFormatError with line and reason.
     """
+    from gateway.workflow.files.facts import facts_of
     from gateway.workflow.files.reading import How, read_file
 
     path_given(path, "read")
@@ -154,7 +181,6 @@ def read(
     counted = axis if axis is not None and (mixed or got.driver == "rta") else found.axis_unit
     if name:
         units_fit(name, counted, deviation_unit(found.axis_unit), "read")
-    sensors = found.ambient_start.material_degc
     return Measured(
         found.targets,
         found.deviations,
@@ -164,8 +190,10 @@ def read(
         name=name,
         doubts=found.doubts,
         accepted=accepted or {},
-        material_degc=sum(sensors) / len(sensors) if sensors else None,
+        material_degc=_mean(found.ambient_start.material_degc),
         expansion_ppm_per_k=found.expansion_ppm_per_k,
+        record=found,
+        stated=facts_of(Path(path).name, found.header).said,
     )
 
 
@@ -175,7 +203,7 @@ class Evaluated:
 
     ``unit`` says which. ``contributions`` are what U contains (k = 2, by name); ``supposed`` says what had to be
     supposed for it. ``verdicts`` has a word for each limit. While a doubt of the readings blocks, each is "not
-    decidable".
+    decidable". ``stated`` is what the readings' file says of itself (machine, serial, date, ...).
     """
 
     standard: str
@@ -187,6 +215,7 @@ class Evaluated:
     supposed: tuple[str, ...] = ()
     doubts: tuple[Doubt, ...] = ()
     verdicts: dict[str, str] = field(default_factory=dict)
+    stated: Mapping[str, str] = field(default_factory=dict)
 
     def __getitem__(self, name: str) -> float | None:
         """One figure. Raises ConfigError (E-LIBRARY-KIND) that names those there are."""
@@ -208,6 +237,7 @@ class Evaluated:
             "supposed": list(self.supposed),
             "doubts": as_data(self.doubts),
             "verdicts": dict(self.verdicts),
+            "stated": dict(self.stated),
             "notes": list(self.notes),
         }
 
@@ -263,6 +293,7 @@ def evaluate(
         supposed=supposed,
         doubts=figured.doubts,
         verdicts={one.parameter: one.verdict for one in figured.verdicts},
+        stated=dict(measured.stated),
     )
 
 
@@ -276,10 +307,12 @@ class ErrorMotion:
     """A fitted error motion, um or arcsec over mm or deg; call it with positions of any shape.
 
     One measured around a whole turn repeats; any other is known over ``range`` alone, and elsewhere raises ModelError
-    (E-MODEL-RANGE). Angles a whole turn apart are one place.
+    (E-MODEL-RANGE). Angles a whole turn apart are one place. ``doubts`` are those of the readings it was fitted to.
     """
 
     component: Component
+    doubts: tuple[Doubt, ...] = ()
+    stated: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def name(self) -> str:
@@ -339,6 +372,8 @@ class ErrorMotion:
             "coefficients": self.component.coefficients.tolist(),
             "range": list(self.range),
             "periodic": self.periodic,
+            "doubts": as_data(self.doubts),
+            "stated": dict(self.stated),
             "positions": at.tolist(),
             "values": values.tolist(),
         }
@@ -379,11 +414,11 @@ def fit(
             how='"linear", or "rotary" where targets are in deg',
         )  # fmt: skip
     chosen: Literal["linear", "rotary"] = kind or ("rotary" if turns else "linear")
-    return ErrorMotion(
-        fit_means(
-            at, found.mean, u, name=name, axis=name[-1:], axis_unit=measured.axis_unit, kind=chosen, modulo=modulo
-        )
+    fitted = fit_means(
+        at, found.mean, u, name=name, axis=name[-1:], axis_unit=measured.axis_unit, kind=chosen, modulo=modulo
     )
+    doubts = settled(all_doubts(measured.as_set(), measured.unit, modulo=modulo), measured.accepted)
+    return ErrorMotion(fitted, doubts, dict(measured.stated))
 
 
 def report(run: str | Path, store: str | Path = "runs") -> Path:

@@ -22,10 +22,24 @@ class AttocubeSettings(DriverSettings):
     )
     timeout_s: float = Field(default=2.0, gt=0, description="longest wait for one answer, s")
 
+    max_speed_mm_s: float = Field(
+        default=0.0, ge=0, description="greatest speed of the reflector that it follows, mm/s; 0: not known"
+    )
+    counts_motion: ClassVar[bool] = True
+
+    @property
+    def followed_feed_mm_min(self) -> float | None:
+        """By the speed that the site states; None where it states none."""
+        return self.max_speed_mm_s * 60.0 or None
+
     @property
     def quantities(self) -> tuple[str, ...]:
         """Lengths."""
         return ("mm",)
+
+    def doubts(self) -> tuple[Rule, ...]:
+        """A speed that nobody stated."""
+        return (self.speed_doubt(),)
 
     def rules(self) -> tuple[Rule, ...]:
         """An index of air is 1 or a little more."""

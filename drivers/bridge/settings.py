@@ -29,10 +29,35 @@ class BridgeSettings(DriverSettings):
         default="", description="json or binary; left out: binary frames if the bridge offers them"
     )
     echo: bool = Field(default=False, description="the line echoes what is sent")
+    max_speed_mm_s: float = Field(
+        default=0.0, ge=0, description="greatest speed of the reflector that it follows, mm/s; 0: not known"
+    )
+    max_speed_deg_s: float = Field(
+        default=0.0, ge=0, description="greatest angular speed that it follows, deg/s; 0: not known"
+    )
     gear_quiet_s: float = Field(
         default=120.0, gt=0, description="longest gap between two chunks of points of a gear inspection machine, s"
     )
 
+    counts_motion: ClassVar[bool] = True
+
+    @property
+    def followed_feed_mm_min(self) -> float | None:
+        """By the speed that the site states; None where it states none."""
+        return self.max_speed_mm_s * 60.0 or None
+
+    @property
+    def followed_feed_deg_min(self) -> float | None:
+        """By the angular speed that the site states; None where it states none."""
+        return self.max_speed_deg_s * 60.0 or None
+
     def doubts(self) -> tuple[Rule, ...]:
-        """A rate that no line has."""
-        return (usual_rate(self.baudrate),)
+        """A rate that no line has, and a speed that nobody stated."""
+        speed = (self.speed_doubt(),) if self.counts_motion else ()
+        return (usual_rate(self.baudrate), *speed)
+
+
+class BridgeGearSettings(BridgeSettings):
+    """A gear inspection machine: it moves its own axes, and no feed of ours."""
+
+    counts_motion: ClassVar[bool] = False

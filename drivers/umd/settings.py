@@ -76,7 +76,9 @@ class UmdSettings(DriverSettings):
         """Another laser than those whose quadrature outputs the counter reads; a rate that no line has."""
         usual = abs(self.wavelength_nm - VACUUM_WAVELENGTH_NM) < HELIUM_NEON_NM
         why = words("W-UMD-WAVELENGTH", usual=f"{VACUUM_WAVELENGTH_NM:.2f}")
-        return (usual_rate(self.baudrate), ("wavelength_nm", usual, why))
+        return (usual_rate(self.baudrate), self.speed_doubt(), ("wavelength_nm", usual, why))
+
+    counts_motion: ClassVar[bool] = True
 
     @property
     def followed_feed_mm_min(self) -> float | None:

@@ -77,7 +77,7 @@ def from_live(axis: AxisSection, raw: RawCapture, proof: SenseProof, already: Co
 
 def doubted(capture: Capture, axis: AxisSection) -> Capture:
     """The capture with every doubt of its readings, those settled that the site file accepts for this axis."""
-    return replace(capture, doubts=settled(all_doubts(capture), axis.measure.accept_doubts))
+    return replace(capture, doubts=settled(all_doubts(capture, modulo=axis.modulo), axis.measure.accept_doubts))
 
 
 def _parted(raw: RawCapture, deviations: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, Between | None]:

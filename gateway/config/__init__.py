@@ -9,6 +9,7 @@ from gateway.config.faults import Fault, SiteFaults
 from gateway.config.loading import SiteReading, load_site, read_site
 from gateway.config.reaching import excused_certificate, files_only, one_start, open_road, plans_together
 from gateway.config.reference import schema
+from gateway.config.rules import unchecked_feed
 from gateway.config.sections import (
     AxisSection,
     ControllerSection,
@@ -58,4 +59,5 @@ __all__ = [
     "plans_together",
     "read_site",
     "schema",
+    "unchecked_feed",
 ]

@@ -9,6 +9,7 @@ from typing import Any
 from drivers import registry
 from drivers.errors import words
 from drivers.local.names import guess
+from drivers.settings import SPEED_KEYS, DriverSettings
 from gateway.config.faults import Fault
 from gateway.config.keyfaults import broken
 from gateway.config.places import Path, held
@@ -78,19 +79,48 @@ def feed_faults(
     if not isinstance(measure.feed, int | float):
         return
     linear, name = axis.kind == "linear", measure.instrument if instrument is None else instrument
+    unit, feed = "mm/min" if linear else "deg/min", f"{measure.feed:g}"
+    place = place or (*measure.place, "feed")
     for one in site.instruments:
-        if one.name != name or not isinstance(one.settings, Mapping):
+        known = _counter(one) if one.name == name else None
+        if known is None:
             continue
-        spec = registry.known().get(str(one.driver))
-        model = spec.load_settings() if spec is not None else None
-        if model is None or model.faults(one.settings):
-            continue
-        known = model.read(one.settings, str(one.name))
         limit = known.followed_feed_mm_min if linear else known.followed_feed_deg_min
         if limit is not None and measure.feed > limit:
-            unit, feed = "mm/min" if linear else "deg/min", f"{measure.feed:g}"
-            told = words("W-CFG-FRINGES", limit=f"{limit:.0f}", unit=unit, feed=feed, instrument=str(one.name))
-            yield broken(tree, place or (*measure.place, "feed"), told)
+            told = words("W-CFG-FRINGES", limit=f"{limit:.0f}", unit=unit, feed=feed, **_who(one, known))
+            yield broken(tree, place, told)
+
+
+def unchecked_feed(site: Any, axis: Any, instrument: str = "") -> tuple[str, ...]:
+    """In words, that nobody knows whether the axis' instrument follows its feed; () where that was checked.
+
+    ``instrument`` is that of a set-up with one of its own.
+    """
+    name, linear = instrument or axis.measure.instrument, axis.kind == "linear"
+    unit, feed = "mm/min" if linear else "deg/min", f"{axis.measure.feed:g}"
+    found = []
+    for one in site.instruments:
+        known = _counter(one) if one.name == name else None
+        if known is not None and known.counts_motion:
+            limit = known.followed_feed_mm_min if linear else known.followed_feed_deg_min
+            told = words("W-CFG-FRINGES-OPEN", unit=unit, feed=feed, **_who(one, known))
+            found += [f"{axis.name}: {told}"] if limit is None else []
+    return tuple(found)
+
+
+def _counter(section: Any) -> DriverSettings | None:
+    """An instrument's settings as its driver reads them; None where they are in fault."""
+    spec = registry.known().get(str(section.driver))
+    model = spec.load_settings() if spec is not None else None
+    if model is None or not isinstance(section.settings, Mapping) or model.faults(section.settings):
+        return None
+    return model.read(section.settings, str(section.name))
+
+
+def _who(section: Any, known: DriverSettings) -> dict[str, str]:
+    """Name of an instrument, and its keys that say how fast it follows."""
+    keys = [key for key in SPEED_KEYS if key in type(known).model_fields]
+    return {"instrument": str(section.name), "keys": ", ".join(keys)}
 
 
 def target_faults(tree: Mapping[str, Any], axis: Any, targets: Any, overrun: Any) -> Iterator[Fault]:

@@ -149,6 +149,20 @@ def near_value(component: Component, positions: ArrayLike) -> tuple[FloatArray, 
     return value(component, inside), np.hypot(standard_uncertainty(component, inside), steepest * beyond)
 
 
+def estimated_beyond(component: Component, positions: ArrayLike) -> tuple[KnownRange, float] | None:
+    """Known range, and which of the positions lies furthest beyond it, where `near_value` has an estimate alone.
+
+    None where all positions are known. Raises as `near_value`.
+    """
+    known = KnownRange.of(component)
+    at = known.reduced(np.atleast_1d(np.asarray(positions, dtype=np.float64)))
+    beyond = np.maximum(known.low - at, at - known.high)
+    if known.period is not None or not at.size or float(beyond.max()) <= known.slack:
+        return None
+    near_value(component, positions)
+    return known, float(at[int(np.argmax(beyond))])
+
+
 def motion_uncertainty(component: Component, positions: ArrayLike) -> FloatArray:
     """Standard uncertainty of the error motion itself at positions: of the fit, and of what it does not follow.
 

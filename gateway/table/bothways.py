@@ -15,8 +15,9 @@ from drivers.types.tables import CompensationTable
 from gateway.axes import AxisRecord
 from gateway.domain.figures import Component
 from gateway.domain.values import FloatArray
+from gateway.model.components import is_periodic
 from gateway.table.comparison import acting, apart
-from gateway.table.limits import check
+from gateway.table.limits import check, check_reach
 from gateway.table.merging import held
 from gateway.table.projection import Grid, project, quantised
 
@@ -33,8 +34,11 @@ def with_directions(
     """The table whose mean of both directions is ``mean``'s (None: what acts), and that takes out a reversal as well.
 
     ``reversal`` is B = (up - down) as it was measured while ``acts`` acted (None: what acts takes out of it stays as it
-    is), in the deviation unit, as ``resolution``. On the grid of the axis; raises as `gateway.table.limits.check`.
+    is), in the deviation unit, as ``resolution``. On the grid of the axis. Raises Gap (E-COMP-REACH) where the reversal
+    is not known over the table, and as `gateway.table.limits.check`.
     """
+    if reversal is not None and not is_periodic(reversal):
+        check_reach(reversal.domain, (grid.minimum, grid.maximum), axis.unit, axis.name)
 
     def half(at: FloatArray) -> FloatArray:
         found = held(reversal, at) if reversal is not None else np.zeros_like(at)

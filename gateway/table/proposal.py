@@ -272,7 +272,11 @@ def _coverage(axis: AxisRecord, component: Component, grid: Grid) -> Sequence[st
         return []
     low, high = component.domain
     tolerance = grid.step * 1e-6
+    found = []
+    if not grid.minimum - tolerance <= axis.reference <= grid.maximum + tolerance:
+        ends = {"low": f"{grid.minimum:g}", "high": f"{grid.maximum:g}", "unit": axis.unit}
+        found.append(told("W-COMP-OUTSIDE", axis.name, reference=f"{axis.reference:g}", **ends))
     if low <= grid.minimum + tolerance and high >= grid.maximum - tolerance:
-        return []
+        return found
     fields = {"low": f"{low:g}", "high": f"{high:g}", "minimum": f"{grid.minimum:g}"}
-    return [told("W-COMP-FLAT", axis.name, **fields, maximum=f"{grid.maximum:g}", unit=axis.unit)]
+    return [*found, told("W-COMP-FLAT", axis.name, **fields, maximum=f"{grid.maximum:g}", unit=axis.unit)]

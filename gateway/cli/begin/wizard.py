@@ -13,6 +13,7 @@ from drivers.clock import LoopClock
 from drivers.errors import TrueflankError, words
 from drivers.local.names import is_name, shown
 from drivers.local.ownfiles import opened
+from drivers.settings import SPEED_KEYS
 from drivers.types.moves import FEED_DEG, FEED_MM
 from gateway.cli.begin.goodanswers import NONE, SAMPLE, gear_file, instrument, optics, reached, with_height
 from gateway.cli.begin.keys import password, token
@@ -210,7 +211,17 @@ def _instruments(asker: Questioner, road: str, units: set[str]) -> list[dict[str
         default = "bridge tcp://127.0.0.1:7001"
         found.append(("calibrator", asker.ask("calibrator", "P-INIT-CALIBRATOR", default, instrument)))
     split = [(name, *text.split(maxsplit=1)) for name, text in found]
-    return [{"name": name, "driver": driver, "url": url} for name, driver, url in split]
+    return [{"name": name, "driver": driver, "url": url, **_speed(driver)} for name, driver, url in split]
+
+
+def _speed(driver: str) -> dict[str, Any]:
+    """The key that says how fast a counting instrument follows, not known (0) until a person reads its data sheet."""
+    spec = registry.known().get(driver)
+    model = spec.load_settings() if spec is not None else None
+    if model is None or not model.counts_motion:
+        return {}
+    open_ = [key for key in SPEED_KEYS if key in model.model_fields and model.model_fields[key].default == 0.0]
+    return {"settings": dict.fromkeys(open_, 0.0)}
 
 
 def _gear(

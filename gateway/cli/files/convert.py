@@ -10,7 +10,7 @@ from typing import Any
 import typer
 
 from drivers import registry
-from drivers.errors import ConfigError
+from drivers.errors import ConfigError, words
 from drivers.tablefile import TableMachine
 from drivers.terms import TableKind, spoken
 from drivers.units import AxisUnit
@@ -65,7 +65,7 @@ def convert_file(wish: ConversionOptions, *, as_json: bool) -> None:
     wrong = any(one.severity == "wrong" for one in findings)
     if not wrong:
         write_text(wish.output, text, force=wish.force, encoding="ascii")
-    told = [*measured.warnings, *notes, *doubts.told(doubts.notable(measured.doubts)), *made.findings]
+    told = [*measured.warnings, *notes, *_said(measured), *made.findings]
     if as_json:
         records = [{"severity": one.severity, **one.error.as_record()} for one in findings]
         data = {"file": str(wish.output), "written": not wrong, "notes": told, "findings": records}
@@ -80,9 +80,11 @@ def convert_file(wish: ConversionOptions, *, as_json: bool) -> None:
 def _read(wish: ConversionOptions) -> tuple[Any, tuple[str, ...]]:
     """The readings, their doubts settled, by what is said now or was said before in the same store; and notes.
 
-    Raises InDoubt (E-DOUBT-OPEN): no table comes of readings in doubt.
+    Readings out of line are left out, as in the fit of a run; the doubts name them. Raises InDoubt (E-DOUBT-OPEN): no
+    table comes of readings in doubt.
     """
     from gateway.evaluate.behaviour.doubts import demand_settled, with_doubts
+    from gateway.evaluate.behaviour.repetitions import in_line
     from gateway.store import Maps
     from gateway.workflow.files.columnwords import columns_of
     from gateway.workflow.files.reading import How, read_measured
@@ -90,9 +92,18 @@ def _read(wish: ConversionOptions) -> tuple[Any, tuple[str, ...]]:
     content, notes = read_measured(
         wish.result, How(wish.unit, columns=columns_of(wish.columns) or None), Maps(wish.store)
     )
-    measured = with_doubts(content, wish.accepted)
+    measured = with_doubts(content, wish.accepted, modulo=wish.modulo)
     demand_settled(measured.doubts, str(wish.result))
-    return measured, notes
+    return replace(measured, deviations=in_line(measured.targets, measured.deviations)), notes
+
+
+def _said(measured: Any) -> tuple[str, ...]:
+    """The doubts that concern whoever uses a table, and which readings it leaves out."""
+    from gateway.evaluate.behaviour import doubts
+
+    found = doubts.notable(measured.doubts, scatter=True)
+    left_out = (words("S-EVAL-OUT-LEFT"),) if any(one.code in doubts.SCATTER for one in found) else ()
+    return (*doubts.told(found), *left_out)
 
 
 def _exchange(wish: ConversionOptions, *, as_json: bool) -> None:
@@ -113,22 +124,23 @@ def _exchange(wish: ConversionOptions, *, as_json: bool) -> None:
     if not from_file:
         exchange(asked, None, as_json=as_json)
         return
-    table, simulated = _measured(wish)
-    exchange(replace(asked, simulated=simulated), table, as_json=as_json)
+    table, simulated, notes = _measured(wish)
+    exchange(replace(asked, simulated=simulated, notes=notes), table, as_json=as_json)
 
 
-def _measured(wish: ConversionOptions) -> tuple[Any, bool]:
-    """The table of a measured file, at its own targets and with a curve for each direction; whether of a double."""
+def _measured(wish: ConversionOptions) -> tuple[Any, bool, tuple[str, ...]]:
+    """The table of a measured file, at its own targets and with a curve for each direction; of a double?; and notes."""
     from gateway.table.conversion import datum_of
     from gateway.table.free import as_measured
     from gateway.workflow.doubles import simulated_set
 
     if not wish.axis:
         raise ConfigError("E-CLI-AXIS", str(wish.result))
-    measured, _notes = _read(wish)
+    measured, notes = _read(wish)
     reference = _complete(wish, measured)
     datum = datum_of([_pair(word) for word in wish.datum])
-    return as_measured(measured, wish.axis.strip().upper(), reference, datum), simulated_set(measured)
+    table = as_measured(measured, wish.axis.strip().upper(), reference, datum)
+    return table, simulated_set(measured), (*measured.warnings, *notes, *_said(measured))
 
 
 def _request(wish: ConversionOptions, reference: float) -> Any:

@@ -164,7 +164,7 @@ Answer = tuple[list[dict[str, Any]], list[MeasuredFile], TrueflankError | None]
 def _answered(path: Path, *, asked: EvaluationOptions, apart: bool) -> Answer:
     drawn: list[MeasuredFile] = []
     if apart and asked.compared is not None:
-        asked = replace(asked, compared=replace(asked.compared, earlier=[]))
+        asked = replace(asked, compared=replace(asked.compared, earlier=[], recent=False))
     try:
         return _evaluated(path, asked, drawn), drawn, None
     except TrueflankError as error:

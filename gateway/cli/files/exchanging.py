@@ -31,7 +31,7 @@ WORDS = {TABLES: "compensation tables", ERRORS: "errors of a machine"}
 class ExchangeOptions:
     """What was typed: source and its format ("" a measured file or a run), target format, axis, form, output.
 
-    ``simulated``: a double made the measured file.
+    ``simulated``: a double made the measured file; ``notes`` are what its readings leave in doubt.
     """
 
     source: Path
@@ -44,6 +44,7 @@ class ExchangeOptions:
     force: bool
     store: Path
     simulated: bool = False
+    notes: tuple[str, ...] = ()
 
 
 def is_exchange(name: str) -> bool:
@@ -77,7 +78,7 @@ def exchange(wish: ExchangeOptions, measured: CompensationTable | None, *, as_js
         notes: tuple[str, ...] = ()
         text, rows, largest = _errors(wish, content)
     else:
-        notes = doubts(content)
+        notes = (*wish.notes, *doubts(content))
         text, rows, largest = _tables(wish, content, _form_of(wish))
     write_text(wish.output, text, force=wish.force)
     if as_json:

@@ -32,7 +32,7 @@ def watch_command(
 
     async def main(say: Any) -> None:
         clock, stop = LoopClock(), asyncio.Event()
-        watcher = watcher_of(tree, site, folder, settle_s=settle, say=say)
+        watcher = watcher_of(tree, site, folder, utc=clock.utc, settle_s=settle, say=say)
         if not once:
             await watcher.watch(clock, stop, POLL_S)
         while once:

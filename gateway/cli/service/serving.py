@@ -108,7 +108,9 @@ def _serving(tree: Any, path: Path, clock: LoopClock) -> Any:
     async def doctor(say: Say) -> object:
         return await _examined(tree, path, clock, say)
 
-    watched = None if folder is None else lambda say: watcher_of(tree, path, path.parent / folder, say=say)
+    def watcher(say: Say) -> Any:
+        return watcher_of(tree, path, path.parent / str(folder), utc=clock.utc, say=say)
+
     return Serving(
         site=tree,
         path=path,
@@ -117,7 +119,7 @@ def _serving(tree: Any, path: Path, clock: LoopClock) -> Any:
         doctor=doctor,
         daily=_daily(tree, path, store, devices, clock),
         alarms=StandingAlarms(store, serial),
-        watcher=watched,
+        watcher=None if folder is None else watcher,
     )
 
 

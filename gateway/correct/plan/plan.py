@@ -5,11 +5,13 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
+import numpy as np
+
 from drivers.limits import SOLVED_STEP, Limits
 from drivers.types.tables import CompensationTable
 from gateway.correct.flank.flankmodel import SetupUnknown
 from gateway.correct.flank.noise import FitNoise
-from gateway.correct.flank.tables import Table
+from gateway.correct.flank.tables import Table, TableGrid
 from gateway.correct.plan.records import axis_unit, even_grid, in_deviation_unit, resolution, table_of
 from gateway.correct.solve.limits import TableSpec
 from gateway.correct.solve.optimise import Norm
@@ -102,9 +104,28 @@ def table_spec(chain: Chain, plan: Plan, out: str, over: str, live: Sequence[Com
 
 
 def live_table(chain: Chain, out: str, over: str, live: Sequence[CompensationTable]) -> Table | None:
-    """The table of that name among those that acted, as corrections."""
-    found = [table_of(chain, one) for one in live if (one.output_axis, one.input_axis) == (out, over)]
-    return next((one for one in found if one is not None), None)
+    """What acted of one name, as corrections of the mean of both directions; None where nothing was loaded.
+
+    ``live`` are tables of one layer. A pair for one direction each (DIRECTION 1 and -1) counts half each, as they take
+    half of the mean; tables that are switched off hold zeros and count nothing. Raises ModelError E-CORRECT-SEVERAL
+    where several tables of that name act in one direction or one is a factor of a product: none alone is what acted.
+    """
+    named = [one for one in live if (one.output_axis, one.input_axis) == (out, over)]
+    loaded = [(one, table) for one in named if (table := table_of(chain, one)) is not None]
+    found = [pair for pair in loaded if np.any(pair[1].values)] or loaded[:1]
+    ways = [one.direction for one, _ in found]
+    if len(set(ways)) < len(ways) or (len(ways) > 1 and 0 in ways) or any(one.multiply_by for one, _ in found):
+        numbers = ", ".join(str(one.index) for one, _ in found)
+        raise ModelError("E-CORRECT-SEVERAL", "layers", name=f"{out}({over})", count=len(found), numbers=numbers)
+    shares = [(0.5 if one.direction else 1.0, table) for one, table in found]
+    if len(shares) < 2:
+        return next((Table(table.grid, share * table.values) for share, table in shares), None)
+    first = shares[0][1].grid
+    if len({table.grid.period for _, table in shares}) > 1:
+        raise ModelError("E-CORRECT-SEVERAL", "layers", name=f"{out}({over})", count=2, numbers="+, -")
+    nodes = np.unique(np.concatenate([table.grid.nodes for _, table in shares]))
+    grid = TableGrid(out, over, nodes, first.period)
+    return Table(grid, np.sum([share * table(nodes) for share, table in shares], axis=0))
 
 
 def cross_specs(chain: Chain, plan: Plan, live: Sequence[CompensationTable] = ()) -> list[TableSpec]:

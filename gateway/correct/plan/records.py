@@ -87,13 +87,17 @@ def records_of_product(
 
 
 def table_of(chain: Chain, stored: CompensationTable, names: Mapping[str, str] | None = None) -> Table | None:
-    """A stored table as corrections; ``names`` as in `record`. None for one that was never loaded."""
+    """A stored table as corrections of the mean of both directions of travel; ``names`` as in `record`.
+
+    None for one that was never loaded.
+    """
     if len(stored.deviations) < 2 or stored.maximum <= stored.minimum:
         return None
     back = {machine: letter for letter, machine in (names or {}).items()}
     at = np.asarray(stored.positions, dtype=np.float64)
     nodes: FloatArray = deg_to_rad(at) if stored.input_unit == "deg" else at
-    d = np.asarray(stored.deviations, dtype=np.float64)
+    ways = (stored.deviations, stored.reverse or stored.deviations)
+    d = np.mean(np.asarray(ways, dtype=np.float64), axis=0)
     q = -arcsec_to_rad(d) if stored.output_unit == "deg" else -d / UM_PER_MM
     period = float(nodes[-1] - nodes[0]) if stored.modulo else None
     out, over = (back.get(name, name) for name in (stored.output_axis, stored.input_axis))

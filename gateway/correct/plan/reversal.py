@@ -18,8 +18,9 @@ from drivers.units import AxisUnit
 from gateway.domain.figures import Component
 from gateway.domain.values import COVERAGE
 from gateway.errors import ModelError
-from gateway.model.components import value
+from gateway.model.components import is_periodic, value
 from gateway.table import Grid, project
+from gateway.table.limits import check_reach
 from gateway.table.merging import held, travelled
 from gateway.table.projection import zeroed
 from gateway.table.proposal import band
@@ -95,8 +96,11 @@ def reversal_pair(
     """The pair for what the curve is more than at the reference: +half coming from -, -half coming from +.
 
     Both are zero at the reference, not rounded, and have no number until they have a place; beyond what was measured
-    they hold their last values. Raises as `gateway.table.project`.
+    they hold their last values, a twentieth of the table at most. Raises Gap (E-COMP-REACH) for more, and as
+    `gateway.table.project`.
     """
+    if not is_periodic(curve):
+        check_reach(curve.domain, (grid.minimum, grid.maximum), unit, curve.axis)
     at_reference = float(held(curve, np.asarray([reference]))[0])
     projected = project(lambda q: 0.5 * (held(curve, q) - at_reference), grid, modulo=modulo)
     half = zeroed(projected, grid, reference, modulo=modulo)

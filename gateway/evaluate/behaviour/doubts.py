@@ -17,60 +17,86 @@ from drivers.types.doubts import Doubt
 from drivers.types.results import MeasuredSet
 from drivers.units import AxisUnit, DeviationUnit, deviation_scale, deviation_unit
 from gateway.domain.captures import Capture
-from gateway.domain.values import FloatArray
+from gateway.domain.values import COVERAGE, FloatArray
 from gateway.errors import InDoubt
 from gateway.evaluate.behaviour.repetitions import MOST_TOLD, out_of_line
-from gateway.evaluate.optics.rotary import closure_arcsec
+from gateway.evaluate.optics.rotary import closure
 from gateway.evaluate.standards import iso230_2, readings
+from gateway.evaluate.uncertainty.budget import ROTARY_DEVICE_ARCSEC
 
-CLOSES_WITHIN_ARCSEC = 1.0
-"""By more than this a turn that comes back to its beginning has drifted, slipped or lost counts."""
+FAR_JUMPS, JUMP_SHARE = 40.0, 0.2
+"""A reading jumps where it leaves its neighbours' line by so many times the usual (the median, of a normal scatter 0.8
+standard deviations)."""
+WIDE, FEWEST_STEPS = 3.0, 4
+"""A step between targets is wide beyond so many usual ones (medians); of fewer steps none is usual."""
 SHARE_OF_TRAVEL = 0.01
 """An axis that deviates by more of its travel than this is hardly an axis that was measured right."""
 LEAST: Mapping[DeviationUnit, float] = {"um": 100.0, "arcsec": 360.0}
 MOST: Mapping[DeviationUnit, float] = {"um": 2000.0, "arcsec": 3600.0}
 """Whatever the travel, deviations that spread over less are believed, over more are doubted; um and arcsec."""
 OF_A_TEST = ("S-EVAL-TARGETS", "S-EVAL-STEPS", "S-EVAL-LONG", "S-EVAL-OUT", "S-EVAL-OUT-MORE", "S-EVAL-OUT-KEPT")
+SCATTER = ("S-EVAL-OUT", "S-EVAL-OUT-MORE")
 TURN_DEG, HALF_TURN_DEG = 360.0, 180.0
 
 
 def doubts_of(
-    targets: ArrayLike, deviations: ArrayLike, axis_unit: AxisUnit, unit: DeviationUnit | None = None
+    targets: ArrayLike,
+    deviations: ArrayLike,
+    axis_unit: AxisUnit,
+    unit: DeviationUnit | None = None,
+    *,
+    modulo: bool = False,
+    device_arcsec: float = ROTARY_DEVICE_ARCSEC,
 ) -> tuple[Doubt, ...]:
     """Every doubt that readings alone leave, the blocking ones first.
 
-    ``targets`` (m,) in mm or deg; ``deviations`` (m, n, 2) in ``unit``, left out: um over mm, arcsec over deg. Raises
-    ModelError as `readings.checked`.
+    ``targets`` (m,) in mm or deg; ``deviations`` (m, n, 2) in ``unit``, left out: um over mm, arcsec over deg.
+    ``modulo``: of an axis that turns endlessly, whose turn is closed across its last gap. ``device_arcsec`` is the
+    rotary instrument's U (k = 2). Raises ModelError as `readings.checked`.
     """
     at, x = readings.checked(targets, deviations)
     kind = unit or deviation_unit(axis_unit)
     found = [*_size(at, x, axis_unit, kind), *_arc(at, axis_unit), *_plan(at, x.shape[1], axis_unit)]
+    found += _bridged(at, axis_unit, modulo=modulo and axis_unit == "deg")
     if kind == "arcsec" and axis_unit == "deg":
-        found += _closure(at, x)
-    found += _scattered(at, x, kind)
+        found += _closure(at, x, device_arcsec)
+    wide = any(one.code == "S-EVAL-SPREAD" for one in found)
+    found += [one for one in _scattered(at, x, kind) if not (wide and one.code == "S-EVAL-OUT-FAR")]  # the same, once
     return tuple(sorted(found, key=lambda one: not one.blocking))
 
 
-def with_doubts(measured: MeasuredSet, accepted: Mapping[str, str] | None = None) -> MeasuredSet:
+def with_doubts(
+    measured: MeasuredSet, accepted: Mapping[str, str] | None = None, *, modulo: bool = False
+) -> MeasuredSet:
     """A measured set with the doubts of its readings beside those of its reader, each once, settled as accepted."""
-    return replace(measured, doubts=settled(all_doubts(measured), accepted or {}))
+    return replace(measured, doubts=settled(all_doubts(measured, modulo=modulo), accepted or {}))
 
 
-def all_doubts(measured: MeasuredSet | Capture, unit: DeviationUnit | None = None) -> tuple[Doubt, ...]:
-    """The doubts of the record and those of its readings, each code of the readings once.
+def all_doubts(
+    measured: MeasuredSet | Capture,
+    unit: DeviationUnit | None = None,
+    *,
+    modulo: bool = False,
+    device_arcsec: float | None = None,
+) -> tuple[Doubt, ...]:
+    """The doubts of the record and those of its readings, each code of the readings once; arguments as `doubts_of`.
 
-    Where a target has no reading at all, and for a location error (B0Z, X0C: no deviations along a path), only the
-    record's own.
+    The rotary instrument's U is that of the record's conditions where none is given. Where a target has no reading at
+    all, and for a location error (B0Z, X0C: no deviations along a path), only the record's own.
     """
+    device = device_arcsec
     if isinstance(measured, Capture):
         unit = measured.unit
+        if device is None and measured.conditions is not None:
+            device = measured.conditions.stated.get("arcsec")
         if measured.component[1:2] == "0":
             return measured.doubts
     x = np.asarray(measured.deviations, dtype=np.float64)
     if not np.asarray(measured.targets).size or not np.isfinite(x).any(axis=(1, 2)).all():
         return measured.doubts
     known = {one.code for one in measured.doubts}
-    found = doubts_of(measured.targets, x, measured.axis_unit, unit)
+    own = ROTARY_DEVICE_ARCSEC if device is None else device
+    found = doubts_of(measured.targets, x, measured.axis_unit, unit, modulo=modulo, device_arcsec=own)
     return (*measured.doubts, *(one for one in found if one.code not in known))
 
 
@@ -87,9 +113,13 @@ def blocking(doubts: Iterable[Doubt]) -> tuple[Doubt, ...]:
     return tuple(one for one in doubts if one.blocking)
 
 
-def notable(doubts: Iterable[Doubt]) -> tuple[Doubt, ...]:
-    """Those that concern whoever uses the readings: not what a test to a standard asks for besides."""
-    return tuple(one for one in doubts if one.blocking or one.settled or one.code not in OF_A_TEST)
+def notable(doubts: Iterable[Doubt], *, scatter: bool = False) -> tuple[Doubt, ...]:
+    """Those that concern whoever uses the readings: not what a test to a standard asks for besides.
+
+    With ``scatter`` single readings out of line too, which a fit leaves out.
+    """
+    kept = SCATTER if scatter else ()
+    return tuple(one for one in doubts if one.blocking or one.settled or one.code in kept or one.code not in OF_A_TEST)
 
 
 def demand_settled(doubts: Iterable[Doubt], where: str) -> None:
@@ -181,15 +211,44 @@ def gap_across(targets: FloatArray) -> tuple[float, float] | None:
     return float(at[widest]), float(at[widest + 1])
 
 
-def _closure(at: FloatArray, x: FloatArray) -> list[Doubt]:
-    """The closing error of whole turns: reported, never spread over the readings."""
-    gap = closure_arcsec(at, x)
-    if gap is None:
+def _closure(at: FloatArray, x: FloatArray, device_arcsec: float) -> list[Doubt]:
+    """The closing error of whole turns: reported, never spread over the readings.
+
+    It blocks beyond what the set itself can tell apart: the instrument's U (k = 2; as its certificate states it, else
+    the one that budgets suppose) joined with the scatter of the runs. A turn that comes back to its beginning with
+    more has drifted, slipped or lost counts.
+    """
+    found = closure(at, x)
+    if found is None:
         return []
-    names = {"gap": f"{gap:+.3f}", "turn": f"{np.ptp(at):g}", "limit": f"{CLOSES_WITHIN_ARCSEC:g}"}
-    if abs(gap) > CLOSES_WITHIN_ARCSEC:
-        return [Doubt("S-EVAL-CLOSURE-FAR", blocking=True, names=names, numbers={"gap": gap})]
-    return [Doubt("S-EVAL-CLOSURE", names=names, numbers={"gap": gap})]
+    # A single run does not show how it would scatter: then no instrument is better than the supposed one.
+    device_arcsec = device_arcsec if found.u > 0.0 else max(device_arcsec, ROTARY_DEVICE_ARCSEC)
+    limit = float(np.hypot(device_arcsec, COVERAGE * found.u))
+    names = {"gap": f"{found.gap:+.3f}", "turn": f"{np.ptp(at):g}", "limit": f"{limit:.3g}"}
+    names |= {"device": f"{device_arcsec:g}"}
+    if abs(found.gap) > limit:
+        numbers = {"gap": found.gap, "limit": limit}
+        return [Doubt("S-EVAL-CLOSURE-FAR", blocking=True, names=names, numbers=numbers)]
+    return [Doubt("S-EVAL-CLOSURE", names=names, numbers={"gap": found.gap, "limit": limit})]
+
+
+def _bridged(at: FloatArray, axis_unit: AxisUnit, *, modulo: bool) -> list[Doubt]:
+    """A step between neighbours that is far wider than the usual one: whatever curve is laid through them, is guessed.
+
+    On a modulo axis the step from the last target round to the first one counts too, as far as it is bridged.
+    """
+    places = np.unique(np.mod(np.round(at, 6), TURN_DEG)) if modulo else np.unique(at)
+    if places.size <= FEWEST_STEPS:
+        return []
+    around = np.append(places, places[0] + TURN_DEG) if modulo else places
+    steps = np.diff(around)
+    usual, widest = float(np.median(steps)), int(np.argmax(steps))
+    wide = float(steps[widest])
+    if wide <= WIDE * usual or (axis_unit == "deg" and wide > HALF_TURN_DEG):  # a gap so wide is no bridge: `_arc`
+        return []
+    low, high = float(around[widest]), float(around[widest + 1])
+    names = {"low": f"{low:g}", "high": f"{high:g}", "gap": f"{wide:g}", "usual": f"{usual:g}", "unit": axis_unit}
+    return [Doubt("S-EVAL-GAP", names=names, numbers={"low": low, "high": high})]
 
 
 def _plan(at: FloatArray, repetitions: int, axis_unit: AxisUnit) -> list[Doubt]:
@@ -210,16 +269,59 @@ def _plan(at: FloatArray, repetitions: int, axis_unit: AxisUnit) -> list[Doubt]:
 
 
 def _scattered(at: FloatArray, x: FloatArray, unit: DeviationUnit) -> list[Doubt]:
-    """Readings out of line, the farthest first: a standard's figures keep what was read."""
+    """Readings out of line, the farthest first: a standard's figures keep what was read.
+
+    One that is so far off that no axis does it stops verdict and table: a mark for no reading, another unit, a bump.
+    """
     out = out_of_line(at, x)
     found = [
-        Doubt(
-            "S-EVAL-OUT",
-            names={"at": f"{at[i]:g}", "way": "+-"[a], "off": f"{off:+.3g}", "unit": unit, "reading": str(j + 1)},
-            numbers={"off": off},
-        )
-        for (i, j, a), off in out[:MOST_TOLD]
+        Doubt("S-EVAL-OUT", names=_place(at, one, unit) | {"off": f"{off:+.3g}"}, numbers={"off": off})
+        for one, off in out[:MOST_TOLD]
     ]
     if len(out) > MOST_TOLD:
         found.append(Doubt("S-EVAL-OUT-MORE", numbers={"more": len(out) - MOST_TOLD}))
+    jumps = _jumping(at, x, unit)
+    known = {one for one, _off in out}
+    found += [
+        Doubt("S-EVAL-JUMP", names=_place(at, one, unit) | {"off": f"{off:+.3g}"}, numbers={"off": off})
+        for one, off in jumps[:1]
+        if one not in known
+    ]
+    far = max([*out, *jumps], key=lambda one: abs(one[1]), default=None)
+    if far is not None and abs(far[1]) > LEAST[unit]:
+        names = _place(at, far[0], unit) | {"off": f"{far[1]:+.4g}", "limit": f"{LEAST[unit]:g}"}
+        found.append(Doubt("S-EVAL-OUT-FAR", blocking=True, names=names, numbers={"off": far[1]}))
     return [*found, Doubt("S-EVAL-OUT-KEPT")] if found else []
+
+
+def _place(at: FloatArray, one: tuple[int, int, int], unit: DeviationUnit) -> dict[str, str]:
+    return {"at": f"{at[one[0]]:g}", "way": "+-"[one[2]], "unit": unit, "reading": str(one[1] + 1)}
+
+
+def _jumping(at: FloatArray, x: FloatArray, unit: DeviationUnit) -> list[tuple[tuple[int, int, int], float]]:
+    """Readings that leave the line between their neighbours of the same pass, and how far: without repetitions too.
+
+    Far is `FAR_JUMPS` times what is usual in the set, and a part of what no axis does. The farthest is the first.
+    """
+    order = np.argsort(at, kind="stable")
+    q, found, usual = at[order], [], []
+    for run, way in np.ndindex(x.shape[1:]):
+        there = order[np.isfinite(x[order, run, way])]
+        if there.size <= FEWEST_STEPS:
+            continue
+        place, value = at[there], x[there, run, way]
+        steps = np.maximum(np.diff(place), np.ptp(q) * 1e-9)
+        share = steps[:-1] / (steps[:-1] + steps[1:])
+        off = value[1:-1] - ((1.0 - share) * value[:-2] + share * value[2:])
+        # At an end there is one neighbour alone: what the set usually changes by up to it is no jump.
+        slope = float(np.median(np.diff(value) / steps))
+        ends = (value[0] - value[1] + slope * steps[0], value[-1] - value[-2] - slope * steps[-1])
+        usual.append(np.abs(off))
+        best = int(np.argmax(np.abs(off)))
+        inner = (there[best + 1], off[best])
+        end = (there[0], ends[0]) if abs(ends[0]) > abs(ends[1]) else (there[-1], ends[1])
+        # A wrong reading beside an end is as far from it as from its line; a wrong end leaves half of it there.
+        place_of, jump = end if abs(end[1]) > 1.5 * abs(inner[1]) else inner
+        found.append(((int(place_of), run, way), float(jump)))
+    limit = max(JUMP_SHARE * LEAST[unit], FAR_JUMPS * float(np.median(np.concatenate(usual)))) if usual else 0.0
+    return sorted((one for one in found if abs(one[1]) > limit), key=lambda one: -abs(one[1]))

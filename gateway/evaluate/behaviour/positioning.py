@@ -94,7 +94,7 @@ def evaluate_positioning(
         seed=seed,
         monte_carlo=monte_carlo,
     )
-    found = all_doubts(measured, kind)
+    found = all_doubts(measured, kind, device_arcsec=dict((known or Surroundings()).equipment or {}).get("arcsec"))
     return PositioningFigures(
         result=result,
         budget=budget,

@@ -63,6 +63,21 @@ def robust_means(targets: ArrayLike, deviations: ArrayLike) -> RobustMeans:
     return RobustMeans(mean_up=up, mean_down=down, mean=mean, u=u, s=s, pass_offsets=offsets, suspects=found)
 
 
+def in_line(targets: ArrayLike, deviations: ArrayLike) -> FloatArray:
+    """The readings (m, n, 2) that `robust_means` takes its means of: those out of line are NaN, passes levelled.
+
+    What is complete and in line is returned as it is: its plain means are the same. Raises ModelError as
+    `readings.checked`.
+    """
+    _, x = readings.checked(targets, deviations)
+    offsets = pass_offsets(x)
+    level = x - offsets[None, :, :]
+    kept = np.where(_suspects(level), np.nan, level)
+    kept = np.where(lost(kept)[:, None, :], np.nan, kept)
+    ways = np.isfinite(x).any(axis=(0, 1))
+    return kept if np.isnan(kept[:, :, ways]).any() else x
+
+
 def mean_of_both(up: ArrayLike, down: ArrayLike) -> FloatArray:
     """Mean (m,) of means of approach + and - (m,), NaN where one is missing.
 

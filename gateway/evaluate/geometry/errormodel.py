@@ -13,7 +13,7 @@ from drivers.units import rad_to_arcsec, um_to_mm
 from gateway.domain.figures import Component
 from gateway.domain.values import component_unit
 from gateway.errors import ModelError
-from gateway.evaluate.geometry.lever import Lever
+from gateway.evaluate.geometry.lever import Lever, said_beyond
 from gateway.evaluate.geometry.locations import locations
 from gateway.evaluate.geometry.measurement import Means, Measurement, means_of
 from gateway.evaluate.geometry.straightness import straightness
@@ -108,6 +108,7 @@ class _Work:
         self.systematic[name] = hypot(self.systematic.get(name, 0.0), lever.open_u)
         for key, share in lever.open_um.items():
             self.said.append(words("S-MODEL-LEVER", name=name, angle=key, u=f"{share:.2f}"))
+        self.said += lever.estimated(at)
         return replace(one.less(lever.um(at)), u=np.hypot(one.u, lever.u(at)))
 
     def tilt(self, name: str, place: float | None) -> tuple[float, float]:
@@ -128,6 +129,7 @@ class _Work:
             ends = {"low": f"{known.low:g}", "high": f"{known.high:g}", "unit": motion.axis_unit}
             self.said.append(words("S-MODEL-OUTSIDE", name=name, position=f"{place:g}", **ends))
             return 0.0, self._spans.get(name, self._usual["arcsec"]) / 3.0**0.5
+        self.said += said_beyond(motion, at)
         return float(found[0]), float(u[0])
 
 

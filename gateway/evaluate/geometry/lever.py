@@ -8,10 +8,11 @@ from math import hypot
 
 import numpy as np
 
+from drivers.errors import words
 from drivers.units import arcsec_to_rad, mm_to_um
 from gateway.domain.figures import Component
 from gateway.domain.values import FloatArray
-from gateway.model.components import near_value
+from gateway.model.components import estimated_beyond, near_value
 
 # (eps x r) along X, Y, Z: which rotation acts on which arm with which sign (right-handed, ISO 230-1).
 _ARMS: Mapping[str, tuple[tuple[str, int, float], tuple[str, int, float]]] = {
@@ -34,6 +35,16 @@ def lever_um(levers: Mapping[str, float], angles_arcsec: Mapping[str, FloatArray
         if name in angles_arcsec:
             total = total + lever * angles_arcsec[name]
     return total
+
+
+def said_beyond(motion: Component, at: FloatArray) -> tuple[str, ...]:
+    """S-MODEL-NEAR where a motion is only estimated at some of the places (m,): it ends a little before them."""
+    found = estimated_beyond(motion, at)
+    if found is None:
+        return ()
+    known, place = found
+    ends = {"low": f"{known.low:g}", "high": f"{known.high:g}", "unit": motion.axis_unit}
+    return (words("S-MODEL-NEAR", name=motion.name, position=f"{place:g}", **ends),)
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,6 +81,10 @@ class Lever:
         """Its standard uncertainty (m,) by the fits of the angles, and where these begin a little later."""
         squares = [(self.levers[key] * near_value(one, at)[1]) ** 2 for key, one in self.angles.items()]
         return np.asarray(np.sqrt(np.sum(squares, axis=0))) if squares else np.zeros(at.size)
+
+    def estimated(self, at: FloatArray) -> tuple[str, ...]:
+        """In words, each angle that is an estimate at some of the places: its name, range and the furthest place."""
+        return tuple(said for one in self.angles.values() for said in said_beyond(one, at))
 
     @property
     def open_u(self) -> float:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
@@ -60,11 +61,31 @@ def combine(command_deg: ArrayLike, device_deg: ArrayLike, laser_arcsec: ArrayLi
     return rotary_deviations(device_deg, laser, command_deg, reference_deg=reference_deg)
 
 
+@dataclass(frozen=True, slots=True)
+class Closure:
+    """The closing error of whole turns in arcsec, the later place less the earlier; ``u`` is what runs scatter by.
+
+    ``u`` is the standard uncertainty of that mean from the runs, each of which is compared with itself; 0 where a
+    single run was made, so that no scatter is known.
+    """
+
+    gap: float
+    u: float
+
+
 def closure_arcsec(targets_deg: ArrayLike, deviations_arcsec: ArrayLike) -> float | None:
+    """The gap of `closure`; None without targets whole turns apart."""
+    found = closure(targets_deg, deviations_arcsec)
+    return None if found is None else found.gap
+
+
+def closure(targets_deg: ArrayLike, deviations_arcsec: ArrayLike) -> Closure | None:
     """The largest difference between targets (m,) whole turns apart, the later less the earlier; None without such.
 
-    Deviations (m,) or (m, n, 2), NaN where missing, each approach compared with itself where both places have it. On an
-    axis with a direct encoder this is drift, slip or lost counts; it is reported, never spread.
+    Deviations (m,) or (m, n, 2), NaN where missing. Each approach is compared with itself where both places have it: a
+    drift that goes on through both closes with opposite signs, and their mean would not show it. Each run is compared
+    with itself, so a slip of every turn is no scatter. On an axis with a direct encoder the gap is drift, slip or lost
+    counts; it is reported, never spread. Raises ModelError (E-EVAL-SHAPE).
     """
     targets = np.asarray(targets_deg, dtype=np.float64)
     values = np.asarray(deviations_arcsec, dtype=np.float64)
@@ -72,20 +93,25 @@ def closure_arcsec(targets_deg: ArrayLike, deviations_arcsec: ArrayLike) -> floa
         raise ModelError("E-EVAL-SHAPE", "closure", targets=str(targets.shape), deviations=str(values.shape))
     apart = targets[None, :] - targets[:, None]
     pairs = np.argwhere((apart >= 180.0) & (np.abs(wrap_deg(apart)) <= 1e-6))
-    gaps = [_gap(values[first], values[last]) for first, last in pairs]
-    known = [gap for gap in gaps if np.isfinite(gap)]
-    return max(known, key=abs) if known else None
+    known = [one for first, last in pairs for one in _gaps(values[first], values[last])]
+    return max(known, key=lambda one: abs(one.gap)) if known else None
 
 
-def _gap(first: FloatArray, last: FloatArray) -> float:
-    """Last less first, by the approaches that both have; by all readings where they share none."""
+def _gaps(first: FloatArray, last: FloatArray) -> list[Closure]:
+    """Last less first for each approach that both have; of all readings where they share none."""
     ways = (first.T, last.T) if first.ndim == 2 else (first[None], last[None])
     shared = [
-        float(np.nanmean(there) - np.nanmean(here))
+        _closed(np.atleast_1d(here), np.atleast_1d(there))
         for here, there in zip(*ways, strict=True)
         if np.isfinite(here).any() and np.isfinite(there).any()
     ]
-    if shared:
-        return float(np.mean(shared))
-    known = np.isfinite(first).any() and np.isfinite(last).any()
-    return float(np.nanmean(last) - np.nanmean(first)) if known else float("nan")
+    if shared or not (np.isfinite(first).any() and np.isfinite(last).any()):
+        return shared
+    return [Closure(float(np.nanmean(last) - np.nanmean(first)), 0.0)]
+
+
+def _closed(here: FloatArray, there: FloatArray) -> Closure:
+    """Of one approach (n,): the difference of the means, and the scatter of what the single runs differ by."""
+    gap = float(np.nanmean(there) - np.nanmean(here))
+    runs = (there - here)[np.isfinite(there - here)]
+    return Closure(gap, float(np.std(runs, ddof=1) / np.sqrt(runs.size)) if runs.size > 1 else 0.0)

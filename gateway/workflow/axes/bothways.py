@@ -4,15 +4,17 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+from drivers.errors import Gap
 from drivers.types.abilities import TableLimits
 from drivers.types.tables import LiveSet
 from drivers.units import deviation_scale
 from gateway.config import AxisSection
 from gateway.domain.proposals import TableChange
-from gateway.model.components import value
+from gateway.model.components import is_periodic, value
 from gateway.table import Grid
 from gateway.table.bothways import with_directions
 from gateway.table.comparison import effective
+from gateway.table.limits import check_reach
 from gateway.workflow.axes.reversing import SeenReversal
 
 
@@ -26,8 +28,14 @@ def in_directions(
 ) -> TableChange:
     """The same change with a column for each direction; a reversal alone makes one too. Raises as `with_directions`."""
     curve = None if seen.advice.within else seen.curve
+    said: tuple[str, ...] = ()
+    if curve is not None and not is_periodic(curve):
+        try:
+            check_reach(curve.domain, (axis.table.minimum, axis.table.maximum), axis.unit, axis.name)
+        except Gap as error:  # fewer targets were read in both directions than in one: the mean may have its table
+            curve, said = None, (str(error),)
     if change.skipped and (curve is None or live.cross):
-        return change
+        return replace(change, findings=(*change.findings, *said))
     new = with_directions(
         axis.facts,
         None if change.skipped else change.new,
@@ -36,4 +44,4 @@ def in_directions(
         grid=Grid(axis.table.minimum, axis.table.maximum, axis.table.step),
         resolution=limits.resolution * deviation_scale(axis.unit),
     )
-    return replace(change, new=new, skipped="")
+    return replace(change, new=new, skipped="", findings=(*change.findings, *said))

@@ -21,7 +21,7 @@ from gateway.capture.retaking import demand_complete
 from gateway.capture.rig import setup_of
 from gateway.capture.sense import prove_sense, sense_plan
 from gateway.capture.targets import between_places, measuring_plan, targets_of, with_checks
-from gateway.config import AxisSection, Targets
+from gateway.config import AxisSection, Targets, unchecked_feed
 from gateway.domain.captures import Capture
 from gateway.domain.equipment import Equipment, Item, SenseProof
 from gateway.domain.figures import Evaluation
@@ -123,6 +123,7 @@ async def _live(at: Bench, axis: AxisSection, phase: stages.Phase) -> tuple[Capt
     digest = at.folder.put(stages.raw(axis.name, phase), raw)
     at.folder.write_text(f"tables-{axis.name}-{phase}{spoken().tables_suffix}", raw.live.native)
     capture = from_live(axis, raw, proof, rig.instrument.compensated_for)
+    capture = replace(capture, notes=(*capture.notes, *unchecked_feed(at.site, axis)))
     if phase == "before":  # afterwards the table is in the control, and what was measured of it is judged as it is
         demand_complete(capture)
     return capture, (digest,)

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from drivers.errors import Gap
 from drivers.limits import ACCESS_LEVEL, Limits
 from drivers.types.tables import CompensationTable, LiveSet, LiveTable
 from drivers.types.values import FloatArray
@@ -148,7 +149,7 @@ async def reversal_changes(
     given = (axis, shown, live)
     turned = reversal_change(*given, seen=seen, able=able, resolution=resolution, against=against, pair=pair)
     if why:
-        at.say("P-REVERSAL-VARIES", axis=axis.name, words=told(why, axis.name))
+        at.say("P-REVERSAL-VARIES", axis=axis.name, words=why)
     return (turned, *pair)
 
 
@@ -163,7 +164,7 @@ async def _against(at: Bench, axis: AxisSection, *, proved: bool) -> str:
 async def _pair(
     at: Bench, axis: AxisSection, seen: SeenReversal, live: LiveSet, taken: Collection[int]
 ) -> tuple[tuple[TableChange, ...], str]:
-    """Both tables, or () and the code of why there are none.
+    """Both tables, or () and why there are none, in words.
 
     The tooth's own cross tables come first: a pair takes what they leave.
     """
@@ -171,15 +172,18 @@ async def _pair(
     cross = can.table("cross")
     provable = can.stops or at.proofs.find(at.machine, "cross", axis.name) is not None
     if cross is None or cross.directions != "tables" or can.table("reversal") is None or not provable:
-        return (), "S-REVERSAL-PAIR-ROAD"
+        return (), told("S-REVERSAL-PAIR-ROAD", axis.name)
     grid = Grid(axis.table.minimum, axis.table.maximum, axis.table.step)
-    tables = reversal_pair(seen.curve, axis.unit, grid, reference=axis.reference, modulo=axis.modulo)
+    try:
+        tables = reversal_pair(seen.curve, axis.unit, grid, reference=axis.reference, modulo=axis.modulo)
+    except Gap as error:  # fewer targets were read in both directions than in one: the mean may have its table
+        return (), str(error)
     sets = {axis.name: live}
     if len(await free_places(at, axis.name, sets, taken)) < _wanted(at, tables, live):
-        return (), "S-REVERSAL-PAIR-ROOM"
+        return (), told("S-REVERSAL-PAIR-ROOM", axis.name)
     places = await places_of(at, tables, sets, spoken_for=taken)
     if any(place.reason for place in places):
-        return (), "S-REVERSAL-PAIR-ROOM"
+        return (), told("S-REVERSAL-PAIR-ROOM", axis.name)
     return tuple(
         placed_change(at, table, place, sets, adds=True) for table, place in zip(tables, places, strict=True)
     ), ""

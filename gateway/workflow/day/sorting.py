@@ -312,7 +312,8 @@ class _Sorter:
             return accepted
         found = one.measured.doubts
         if error[1] != "0":
-            found = all_doubts(replace(one.measured, axis_unit=moved.unit), component_unit(error, moved.unit))
+            unit = component_unit(error, moved.unit)
+            found = all_doubts(replace(one.measured, axis_unit=moved.unit), unit, modulo=moved.modulo)
         for doubt in blocking(found):
             if doubt.code not in accepted:
                 fields = {"name": one.name, "doubt": doubt.text, "named": doubt.code, "accepted": accepted}

@@ -243,7 +243,7 @@ def conclude(site: SiteFile, folder: RunFolder, tooth: Tooth | None) -> PlanOutc
 
 def _settled(one: Planned, capture: Capture) -> tuple[Doubt, ...]:
     """The doubts of a set-up's capture, with what the site file accepts of them now."""
-    return settled(all_doubts(capture), one.axis.measure.accept_doubts)
+    return settled(all_doubts(capture, modulo=one.axis.modulo), one.axis.measure.accept_doubts)
 
 
 def _unproved(done: Sequence[Planned], captures: Sequence[Capture]) -> tuple[str, ...]:

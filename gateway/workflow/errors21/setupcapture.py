@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Collection, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 from drivers.terms import spoken
@@ -18,7 +19,7 @@ from gateway.capture.retaking import demand_complete
 from gateway.capture.rig import setup_of, step_of
 from gateway.capture.sense import prove_sense
 from gateway.capture.targets import jog_plan, jog_start, measuring_plan, plan_of, step_plan, targets_of
-from gateway.config import AxisSection, SiteFile
+from gateway.config import AxisSection, SiteFile, unchecked_feed
 from gateway.domain.captures import Capture
 from gateway.errors import CaptureError
 from gateway.model.axis import LOCATIONS
@@ -136,7 +137,8 @@ async def _positioning(at: Bench, one: Planned) -> tuple[Capture, tuple[str, ...
     raw = await capture_axis(rig, proof, check_stops(one.axis, "before"), more)
     digest = at.folder.put(stages.setup_raw(one.key), raw)
     at.folder.write_text(f"tables-{one.key}{spoken().tables_suffix}", raw.live.native)
-    return from_live(one.axis, raw, proof, rig.instrument.compensated_for), (digest,)
+    capture = from_live(one.axis, raw, proof, rig.instrument.compensated_for)
+    return replace(capture, notes=(*capture.notes, *unchecked_feed(at.site, one.axis))), (digest,)
 
 
 async def _error(at: Bench, one: Planned) -> tuple[Capture, tuple[str, ...]]:

@@ -21,9 +21,11 @@ from gateway.store import Maps
 SITE = "site"
 MOST_DAYS = 31
 """Files of one calibration are measured within a month; a larger difference is another calibration."""
+OLDEST_DAYS = 366
+"""What was measured longer ago says little of the machine of today: a certificate of it is one of the past."""
 SAME = 0.01
 """Settings agree within one hundredth of their value: rounding."""
-MEMORY = "fact"
+MEMORY, TODAY = "fact", "W-FACTS-TODAY"
 _HEADINGS: Mapping[str, str] = {
     "machine": "machine, machine name, machine tool, machine type, maschine, maschinentyp, 机床, 机床型号, "
     "macchina, máquina",
@@ -249,7 +251,8 @@ def differences(
 ) -> tuple[Difference, ...]:
     """Every statement that differs from the site's, or where the site has none, from that of most files.
 
-    With ``today`` a date that is still to come differs from it.
+    With ``today`` a date that is still to come differs from it; beside a site, whose machine is judged, so does one of
+    more than a year ago.
     """
     found: list[Difference] = []
     for key in KEYS:
@@ -264,7 +267,7 @@ def differences(
                 left.append(one)
         found += _across(key, left)
         found += _too_early(left, site) if key == "date" and site is not None else ()
-        found += _to_come(left, today) if key == "date" and today is not None else ()
+        found += _far(left, today, old=site is not None) if key == "date" and today is not None else ()
     return tuple(dict.fromkeys(found))
 
 
@@ -302,12 +305,17 @@ def _too_early(files: Sequence[FileFacts], site: SiteFile) -> Iterator[Differenc
             yield Difference(one.name, "date", one.said["date"], ", ".join(built + later), source=SITE)
 
 
-def _to_come(files: Sequence[FileFacts], today: date) -> Iterator[Difference]:
-    """Dates after tomorrow: a clock that is wrong, or day and month exchanged; a day is left for time zones."""
+def _far(files: Sequence[FileFacts], today: date, *, old: bool) -> Iterator[Difference]:
+    """Dates after tomorrow (a clock that is wrong, or day and month exchanged), and ``old`` ones; a day for time zones.
+
+    A date with several readings is far where each of them is.
+    """
     for one in files:
-        first = days_of(one.said["date"]).first
-        if first is not None and first > today + timedelta(days=1):
-            yield Difference(one.name, "date", one.said["date"], today.isoformat(), source=words("W-FACTS-TODAY"))
+        days = days_of(one.said["date"])
+        to_come = days.first is not None and days.first > today + timedelta(days=1)
+        past = old and days.last is not None and days.last < today - timedelta(days=OLDEST_DAYS)
+        if to_come or past:
+            yield Difference(one.name, "date", one.said["date"], today.isoformat(), source=words(TODAY))
 
 
 def _after(day: date | None, last: date) -> bool:
@@ -402,18 +410,20 @@ def settle(
     accepted: Sequence[str] = (),
     ask: Ask | None = None,
     utc: datetime | None = None,
+    recent: bool = True,
 ) -> StatedFacts:
     """Compare, ask about what differs, remember what a person accepted for this site, and return it all as a record.
 
-    ``accepted`` are KEY=VALUE as `Difference.text` has them. Raises ConfigError: E-FACTS-ACCEPT for a word that is no
-    statement, E-FACTS-DIFFER where nobody can be asked, E-FACTS-OTHER where a person says that a file is another's.
+    ``accepted`` are KEY=VALUE as `Difference.text` has them; without ``recent`` dates may be of any age. Raises
+    ConfigError: E-FACTS-ACCEPT for a word that is no statement, E-FACTS-DIFFER where nobody can be asked, E-FACTS-OTHER
+    where a person says that a file is another's.
     """
     for word in accepted:
         if word.partition("=")[0].strip() not in KEYS or not word.partition("=")[2].strip():
             raise ConfigError("E-FACTS-ACCEPT", "--accept", text=shown(word), known=", ".join(KEYS))
     stamp = utc.isoformat(timespec="seconds") if utc is not None else ""
     given = {_normal(word) for word in accepted}
-    found = differences(files, site, utc.date() if utc is not None else None)
+    found = differences(files, site, utc.date() if utc is not None and recent else None)
     settled: dict[Difference, str] = {}
     for one in found:
         when = _remembered(one, site, maps)
@@ -437,13 +447,15 @@ def settle(
 class Compared:
     """With what the statements of files are compared, and who is asked about a difference.
 
-    One command has one: ``earlier`` are the files that it took so far, with which each further one is compared.
+    One command has one: ``earlier`` are the files that it took so far, with which each further one is compared. Dates
+    must be ``recent`` by the clock ``utc``; those of a collection of old files need not.
     """
 
     site: SiteFile | None = None
     accepted: Sequence[str] = ()
     ask: Ask | None = None
     utc: Callable[[], datetime] | None = None
+    recent: bool = True
     earlier: list[FileFacts] = field(default_factory=list)
 
     @property
@@ -458,7 +470,7 @@ class Compared:
         clock = utc or self.utc
         now = clock() if clock is not None else None
         both = [*(one for one in self.earlier if one not in files), *files]
-        found = settle(both, self.site, maps=maps, accepted=self.accepted, ask=self.ask, utc=now)
+        found = settle(both, self.site, maps=maps, accepted=self.accepted, ask=self.ask, utc=now, recent=self.recent)
         self.earlier[:] = both
         names = {one.name for one in files}
         return StatedFacts(
@@ -503,9 +515,13 @@ def _normal(word: str) -> str:
 
 
 def _place(one: Difference, site: SiteFile | None) -> str:
-    """Where an acceptance holds: at this site; without one, and for a day, between these values only."""
+    """Where an acceptance holds: at this site; without one, and for a day, between these values only.
+
+    What is old today is so tomorrow: an old day is accepted once.
+    """
     name = site.site.name if site is not None else ""
-    return f"{name} {one.text}" if name and one.key != "date" else f"{name} {one.text} / {one.other}"
+    alone = name and (one.key != "date" or one.source == words(TODAY))
+    return f"{name} {one.text}" if alone else f"{name} {one.text} / {one.other}"
 
 
 def _remembered(one: Difference, site: SiteFile | None, maps: Maps | None) -> str | None:
@@ -534,7 +550,7 @@ def settle_setup(
         if error.code != "E-FACTS-DIFFER":
             raise
         lines, own = error.fields["lines"], differences([*earlier, file], site, utc.date())
-        texts = ", ".join(f'"{one.text}"' for one in own if one.file == file.name)
+        texts = ", ".join(dict.fromkeys(f'"{one.text}"' for one in own if one.file == file.name))
         raise ConfigError("E-FACTS-SETUP", error.where, lines=lines, accept=texts) from error
     known = dict.fromkeys((*before.accepted, *found.accepted))
     return StatedFacts(found.facts, tuple(known), before.conditions)

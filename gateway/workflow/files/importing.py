@@ -205,13 +205,24 @@ def _stream(folder: RunFolder, content: Recording) -> None:
     folder.adopt(*folder.path.glob(f"{DYNAMIC}.*"))
 
 
-def watcher_of(site: SiteFile, site_path: Path, folder: Path, *, settle_s: float = 5.0, say: Say = silence) -> Watcher:
-    """What watches a folder for a site: new files become runs of the site's store."""
+def watcher_of(
+    site: SiteFile,
+    site_path: Path,
+    folder: Path,
+    *,
+    utc: Callable[[], datetime],
+    settle_s: float = 5.0,
+    say: Say = silence,
+) -> Watcher:
+    """What watches a folder for a site: new files become runs of the site's store.
+
+    By ``utc`` a date in a file is compared with today.
+    """
     store = store_of(site, site_path)
 
     def take(path: Path, sha256: str) -> str:
         how = How(machine=site.site.name)
-        found = import_file(path, store, how, None, at=Compared(site), expected=sha256)
+        found = import_file(path, store, how, None, at=Compared(site, utc=utc), expected=sha256)
         return ", ".join(one.run_id for one in found)
 
     wanted = {f".{name}" for name in (*endings(), *OTHER_ENDINGS)} - {".gear-csv", ".md"}

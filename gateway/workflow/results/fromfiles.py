@@ -194,9 +194,11 @@ def _names(found: Sequence[MeasuredItem]) -> Iterator[str]:
 
 
 def _axis(name: str, item: MeasuredItem, site: SiteFile | None, accepted: Mapping[str, str]) -> AxisMaterial:
-    measured = with_doubts(_measured(item), accepted)
+    measured = _measured(item)
     unit = deviation_unit(measured.axis_unit)
     letter = shown(measured.header.get("Axis", "").strip())
+    axis = site.meant(letter) if site is not None else None
+    measured = with_doubts(measured, accepted, modulo=axis is not None and axis.modulo)
     known = Surroundings(equipment=stated_of(site, letter) if site is not None else None)
     budget, supposed = budget_with(item.capture or measured, known)
     result = evaluate(measured.targets, measured.deviations, unit, budget=budget)

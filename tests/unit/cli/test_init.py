@@ -178,8 +178,8 @@ def test_five_axes_fit_into_travel_and_room(tmp_path: Path) -> None:
         "site": {"name": "five"},
         "controller": {"driver": "sinumerik-modbus", "url": "tcp://h:502", "serial": "S"},
         "instruments": [
-            {"name": "laser", "driver": "umd", "url": "COM5"},
-            {"name": "ring", "driver": "bridge", "url": "tcp://h:1"},
+            {"name": "laser", "driver": "umd", "url": "COM5", "settings": {"max_fringe_hz": 0.0}},
+            {"name": "ring", "driver": "bridge", "url": "tcp://h:1", "settings": {"max_speed_deg_s": 0.0}},
         ],
         "axes": [axis_tree(plan) for plan in plans],
     }

@@ -15,6 +15,7 @@ from gateway.correct.flank.tables import Table, TableGrid
 from gateway.correct.flank.wheel_places import places_of_grid, places_of_points
 from gateway.correct.part.fromgear import correct_from_gear, fit_places, visible
 from gateway.correct.plan.layers import correct
+from gateway.correct.plan.plan import live_table
 from gateway.correct.plan.records import record
 from gateway.correct.solve.floor import floor
 from gateway.errors import ModelError
@@ -179,6 +180,30 @@ def test_what_a_live_table_does_is_no_mounting() -> None:
     )
     assert np.hypot(known.mounting.x_mm, known.mounting.y_mm) < 1e-4
     assert np.hypot(unknown.mounting.x_mm, unknown.mounting.y_mm) > 1e-3
+
+
+def test_of_several_tables_of_one_name_none_is_taken_alone() -> None:
+    chain = yk7350b()
+    nodes = np.linspace(-400.0, 0.0, 5)
+    plus = record(chain, Table(TableGrid("X", "X", nodes), 1e-3 * np.arange(5.0)), "cross", direction=1)
+    minus = record(chain, Table(TableGrid("X", "X", nodes), -1e-3 * np.arange(5.0)), "cross", direction=-1, index=1)
+    finer = TableGrid("X", "X", np.linspace(-400.0, 0.0, 9))
+    both = record(chain, Table(finer, 1e-3 * np.ones(9)), "cross", index=2)
+    off = replace(both, deviations=(0.0,) * 9)
+    at = np.array([-400.0, -350.0, -123.0, 0.0])
+    pair = live_table(chain, "X", "X", [plus, minus, off])
+    assert pair is not None
+    np.testing.assert_allclose(pair(at), 0.0, atol=1e-12)  # half of the reversal to either side: the mean stays
+    one = live_table(chain, "X", "X", [plus])
+    assert one is not None
+    np.testing.assert_allclose(one(at), 0.5e-3 * (at + 400.0) / 100.0, atol=1e-9)
+    two_curves = live_table(chain, "X", "X", [replace(both, reverse=(1.0,) * 9)])
+    assert two_curves is not None
+    np.testing.assert_allclose(two_curves(at), 0.0, atol=1e-12)  # -(-1 + 1) / 2 um
+    assert live_table(chain, "X", "Z", [plus, both]) is None
+    for several in ([plus, both], [both, replace(both, index=3)], [plus, plus], [replace(both, multiply_by=2)]):
+        with pytest.raises(ModelError, match="E-CORRECT-SEVERAL"):
+            live_table(chain, "X", "X", several)
 
 
 def nearest_table(grinding: Grinding, grid: FlankGrid, over: TableGrid) -> Table:

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from drivers.errors import Gap
 from gateway.correct.plan.reversal import reversal_advice, reversal_pair
 from gateway.domain.figures import Component
 from gateway.errors import ModelError
@@ -85,3 +86,5 @@ def test_what_depends_on_the_position_goes_to_a_pair_and_the_rest_to_the_constan
     # Coming from - the first acts, coming from + the second: their difference and the constant are all of B.
     taken = np.array(up.deviations) - np.array(down.deviations) - 3.0
     np.testing.assert_allclose(taken, -3.0 + 2.0 * np.sin(up.positions / 30.0), atol=0.3)
+    with pytest.raises(Gap, match="E-COMP-REACH"):
+        reversal_pair(fitted, "mm", Grid(-50.0, 200.0, 10.0), reference=0.0, modulo=False)

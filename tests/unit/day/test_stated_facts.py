@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from datetime import UTC, date, datetime
+from datetime import UTC, date, datetime, timedelta
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +23,9 @@ from tests.unit.components.site import site_data, site_of
 
 TABLE = "target_mm;direction;run;deviation_um\n0;+;1;1\n9;+;1;2\n9;-;1;3\n0;-;1;2\n0;+;2;1\n9;+;2;3\n9;-;2;3\n0;-;2;1\n"
 MACHINE: dict[str, Any] = {"maker": "Qinchuan", "type": "YK7350B", "number": "4711", "year": 2012}
+
+
+NOW = datetime(2026, 11, 28, tzinfo=UTC)
 
 
 def site(**more: Any) -> SiteFile:
@@ -158,7 +161,7 @@ def test_every_command_with_a_site_refuses_another_machines_file_and_takes_it_on
         assert result.exit_code != 0
         assert "Mill 7" in said
         assert '--accept "machine=Mill 7"' in said
-    watcher = watcher_of(site_of([], machine=MACHINE), known, tmp_path, settle_s=0.0)
+    watcher = watcher_of(site_of([], machine=MACHINE), known, tmp_path, utc=lambda: NOW, settle_s=0.0)
     assert watcher.look(0.0) == 0
     assert watcher.look(1.0) == 0
     assert not Store(tmp_path / "runs").runs()
@@ -196,6 +199,42 @@ def test_a_date_that_is_still_to_come_is_asked_about() -> None:
     for text, differs in (("29.11.2026", False), ("2026-11-30", True), ("3/12/2026", False), ("2027", True)):
         found = differences([FileFacts("a", said={"date": text})], None, today)
         assert bool(found) is differs, text
+
+
+def test_beside_a_site_a_date_of_more_than_a_year_ago_is_asked_about(tmp_path: Path) -> None:
+    texts = [("28.11.2025", False), ("2025-11-26", True), ("May 3, 2019", True), ("11/27/25", False), ("2025", False)]
+    for text, differs in (*texts, ("2024", True), ("some day", False)):
+        one = FileFacts("a", said={"date": text})
+        assert bool(differences([one], site(), NOW.date())) is differs, text
+        assert differences([one], None, NOW.date()) == (), "without a site nobody judges a machine of today by it"
+    old, maps = [FileFacts("a", said={"date": "May 3, 2019"})], Maps(tmp_path)
+    with pytest.raises(ConfigError, match=r"May 3, 2019'.*2026-11-28(.|\n)*--accept \"date=May 3, 2019\""):
+        settle(old, site(), maps=maps, utc=NOW)
+    settle(old, site(), maps=maps, ask=lambda _one: True, utc=NOW)
+    assert len(settle(old, site(), maps=maps, utc=NOW + timedelta(days=90)).accepted) == 1, "accepted once for all days"
+    assert settle(old, site(), maps=Maps(tmp_path / "b"), utc=NOW, recent=False).accepted == ()
+
+
+def test_no_command_takes_a_file_of_years_ago_for_a_site_without_a_word(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    known = site_file(tmp_path)
+    (tmp_path / "x.csv").write_text(f"Axis;X\nDate;May 3, 2019\n{TABLE}", encoding="utf-8")
+    for command in ("evaluate", "import", "report"):
+        result = run(command, "x.csv", "--site", "site.toml", "--no-ask")
+        assert result.exit_code != 0, command
+        assert '--accept "date=May 3, 2019"' in f"{result.output} {result.exception}"
+    watcher = watcher_of(site_of([], machine=MACHINE), known, tmp_path, utc=lambda: NOW, settle_s=0.0)
+    watcher.look(0.0)
+    assert watcher.look(1.0) == 0
+    assert not Store(tmp_path / "runs").runs()
+    day = tmp_path / "day"
+    day.mkdir()
+    (tmp_path / "x.csv").rename(day / "x.csv")
+    error = run("day", "day", "--site", "site.toml", "--no-ask").exception
+    assert isinstance(error, TrueflankError)
+    assert 'accept = ["date=May 3, 2019"]' in error.what
 
 
 def test_a_setup_takes_a_file_of_this_machine_or_one_that_it_accepts(tmp_path: Path) -> None:

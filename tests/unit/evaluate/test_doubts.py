@@ -13,6 +13,7 @@ import trueflank as tf
 from drivers.errors import TrueflankError
 from drivers.types.doubts import Doubt
 from drivers.types.results import MeasuredSet
+from drivers.units import AxisUnit
 from gateway.cli import app
 from gateway.errors import InDoubt
 from gateway.evaluate.behaviour.doubts import blocking, doubts_of, gap_across
@@ -171,6 +172,47 @@ def test_a_closing_error_is_found_among_any_targets_whole_turns_apart() -> None:
     assert closure_arcsec([0.0, 90.0, 180.0], [0.0, 1.0, 2.0]) is None
 
 
+def closing(gaps: list[float], *, device: float = 1.0, sign: float = 1.0) -> list[str]:
+    """Codes of a turn read once for each gap; coming back it closes with ``sign`` times the gap."""
+    at, x = np.arange(0.0, 361.0, 24.0), np.zeros((16, len(gaps), 2))
+    x[-1, :, 0], x[-1, :, 1] = gaps, sign * np.asarray(gaps)
+    return [one.code for one in doubts_of(at, x, "deg", device_arcsec=device) if "CLOSURE" in one.code]
+
+
+def test_a_turn_closes_within_what_its_instrument_and_its_runs_can_tell() -> None:
+    """Limit = hypot(U of the instrument, 2 s / sqrt(n) of the runs' own gaps), by hand for each case."""
+    far, near = ["S-EVAL-CLOSURE-FAR"], ["S-EVAL-CLOSURE"]
+    assert closing([1.01]) == far
+    assert closing([0.99]) == near
+    assert closing([1.8], device=2.0) == near  # a calibrator of 2 arcsec cannot tell
+    assert closing([0.5], device=0.2) == near  # of a single run nobody knows the scatter
+    assert closing([0.5, 0.5, 0.52], device=0.2) == far
+    assert closing([-3.0, 0.0, 6.0]) == near  # mean 1.0, s 4.58, u 2.65: limit 5.4
+    assert closing([6.0, 6.1, 5.9, 6.0, 6.0]) == far  # a slip of every turn is no scatter
+    assert closing([6.0, 6.1, 5.9], sign=-1.0) == far  # a drift closes with opposite signs: no mean hides it
+    x = np.zeros((5, 1, 2))
+    x[0, :, 1], x[-1, :, 0], x[-1, :, 1] = np.nan, 0.4, 9.0
+    assert closure_arcsec(np.array([0.0, 90.0, 180.0, 270.0, 360.0]), x) == pytest.approx(0.4)
+
+
+def test_a_step_far_wider_than_the_others_is_a_doubt() -> None:
+    def gaps(at: list[float], unit: AxisUnit = "deg", *, modulo: bool = False) -> list[tuple[float, float]]:
+        found = doubts_of(np.array(at), np.zeros((len(at), 1, 2)), unit, modulo=modulo)
+        return [(one.numbers["low"], one.numbers["high"]) for one in found if one.code == "S-EVAL-GAP"]
+
+    part = [float(one) for one in range(0, 241, 15)]
+    assert gaps(part) == []  # an arc: nothing is joined beyond it
+    assert gaps(part, modulo=True) == [(240.0, 360.0)]  # an endless axis: the curve goes round through 120 deg
+    assert gaps([one for one in range(0, 361, 15) if not 90 < one < 180]) == [(90.0, 180.0)]
+    assert gaps([float(one) for one in range(0, 360, 15)], modulo=True) == []
+    assert gaps([0.0, 10.0, 20.0, 30.0, 40.0, 400.0], "mm") == [(40.0, 400.0)]
+    assert gaps([0.0, 7.0, 23.0, 31.0, 55.0, 61.0], "mm") == []  # targets off an even grid, as the standard asks
+    at = np.array(part)
+    kept = tf.Measured(at, np.zeros((17, 1, 2)), "deg", name="ECC")
+    assert "S-EVAL-GAP" in [one.code for one in tf.fit(kept, modulo=True).doubts]
+    assert "S-EVAL-GAP" not in [one.code for one in tf.fit(kept).doubts]
+
+
 def test_readings_over_several_turns_have_their_datum_at_the_reference() -> None:
     at = np.array([0.0, 180.0, 360.0, 540.0, 720.0])
     slip = np.array([0.0, 1.0, 2.0, 3.0, 4.0])  # arcsec, growing from turn to turn
@@ -230,3 +272,57 @@ def test_the_other_kinds_decide_nothing_of_readings_in_doubt(tmp_path: Path) -> 
     result = typed("evaluate", path, "--kind", "straightness", "--limit", "s.csv lsq=1e9", "--json")
     assert result.exit_code == 21, result.output
     assert "S-EVAL-SPREAD" in {one["code"] for one in json.loads(result.stdout)["doubts"]}
+
+
+def smooth(repetitions: int) -> tuple[np.ndarray, np.ndarray]:
+    """Targets (m,) and readings (m, n, 2) of a quiet axis, um."""
+    at = np.arange(0.0, 481.0, 40.0)
+    scatter = np.random.default_rng(7).normal(0.0, 0.3, (at.size, repetitions, 2))
+    return at, 4.0 * np.sin(at / 90.0)[:, None, None] + scatter + np.array([0.5, -0.5])
+
+
+@pytest.mark.parametrize("repetitions", [1, 2, 3, 5])
+@pytest.mark.parametrize("place", [0, 1, 6, 12])
+@pytest.mark.parametrize("off", [1000.0, -500.0, 150.0])
+def test_a_reading_that_no_axis_has_stops_the_verdict_with_and_without_repetitions(
+    repetitions: int, place: int, off: float
+) -> None:
+    """1000 for "no reading" stays below the share of the travel that a whole set is doubted by."""
+    at, x = smooth(repetitions)
+    assert "S-EVAL-OUT-FAR" not in codes(doubts_of(at, x, "mm"))
+    x[place, 0, 1] += off
+    (found,) = [one for one in doubts_of(at, x, "mm") if one.code == "S-EVAL-OUT-FAR"]
+    assert found.blocking
+    assert found.names["at"] == f"{at[place]:g}"
+    assert found.numbers["off"] == pytest.approx(off, abs=5.0)
+
+
+def test_a_smaller_jump_is_said_and_a_steady_curve_is_not_doubted() -> None:
+    at, x = smooth(2)
+    x[6, 0, 0] += 60.0
+    assert [one.names["at"] for one in doubts_of(at, x, "mm") if one.code == "S-EVAL-JUMP"] == ["240"]
+    steep = np.broadcast_to((0.3 * at + 0.5 * (at % 80))[:, None, None], x.shape)  # a wrong scale and a pitch error
+    for honest in (smooth(2)[1], steep, np.zeros_like(x)):
+        assert not [one.code for one in doubts_of(at, honest, "mm") if one.code in ("S-EVAL-JUMP", "S-EVAL-OUT-FAR")]
+
+
+def test_a_table_leaves_out_what_a_run_leaves_out_and_says_so(tmp_path: Path) -> None:
+    at, x = smooth(3)
+
+    def converted(name: str, values: np.ndarray, *more: str) -> tuple[list[float], str]:
+        rows = [f"{at[i]:g},{'+-'[w]},{j + 1},{values[i, j, w]:.4f}" for i, j, w in np.ndindex(values.shape)]
+        path = tmp_path / f"{name}.csv"
+        path.write_text("\n".join(["target_mm,direction,repetition,deviation_um", *rows]) + "\n", encoding="utf-8")
+        out = tmp_path / f"{name}.ini"
+        told = typed("convert", path, "--to", "eec", "--axis", "X1", "--reference", 0, "--datum", "0=0", "-o", out)
+        assert told.exit_code == 0, told.output
+        values = [float(line.split("=")[1]) for line in out.read_text().splitlines() if "ENC_COMP[" in line]
+        return values, " ".join(told.output.split())
+
+    plain, said = converted("plain", x)
+    assert "out of line" not in said
+    x[6, 0, 0] += 45.0
+    cured, said = converted("bump", x)
+    assert "out of line: at 240, approach +, reading 1 by +4" in said
+    assert "the table leaves readings out of line out" in said
+    assert max(abs(a - b) for a, b in zip(plain, cured, strict=True)) < 0.4e-3  # 15 um / 2 with the reading in it

@@ -179,7 +179,7 @@ def test_a_closing_error_is_a_doubt_of_a_rotary_test() -> None:
     found = doubts_of(at, X, "deg")[0]
     assert found.code == "S-EVAL-CLOSURE-FAR"
     assert found.blocking
-    assert "closing error +3.500 arcsec over 360 deg, not removed: above 1 arcsec, repeat the test" in found.text
+    assert "closing error +4.000 arcsec over 360 deg, not removed: above 1 arcsec (the instrument's" in found.text
     assert not any("CLOSURE" in one.code for one in doubts_of(AT, X, "mm"))
 
 

@@ -35,12 +35,12 @@ server_certificate = "control.der"
 name = "laser"
 driver = "umd"
 url = "COM5"
-
+settings = { max_fringe_hz = 0.0 }
 [[instruments]]
 name = "ring"
 driver = "bridge"
 url = "tcp://127.0.0.1:7001"
-
+settings = { max_speed_deg_s = 2000.0 }
 [[axes]]
 name = "X1"
 letter = "X"
@@ -163,8 +163,16 @@ MISTAKES = [
     ("travel = [-420.0, 20.0]", "min = -420.0", 28, 1, "did you mean travel?"),
     ("maximum = 360.0", "maximum = 345.0", 59, 11, "covers one turn"),
     ('instrument = "ring"', 'instrument = "laser"', 50, 14, "needs a rotary calibrator"),
-    ('url = "COM5"', 'url = "COM5"\nsettings = { optics_spacing_mm = 30.0 }', 32, 14, "reads arcsec, but EXX"),
-    ('url = "COM5"', 'url = "COM5"\nsettings = { max_fringe_hz = 1e5 }', 35, 8, "at most 1899 mm/min"),
+    ("settings = { max_fringe_hz = 0.0 }", "settings = { optics_spacing_mm = 30.0 }", 31, 14, "reads arcsec, but EXX"),
+    ("settings = { max_fringe_hz = 0.0 }", "settings = { max_fringe_hz = 1e5 }", 34, 8, "at most 1899 mm/min"),
+    (
+        "settings = { max_fringe_hz = 0.0 }",
+        "settings = { max_speed_mm_s = 50.0 }",
+        34,
+        8,
+        "6000 mm/min, at most 3000 mm/min",
+    ),
+    ("max_speed_deg_s = 2000.0", "max_speed_deg_s = 12.0", 53, 8, "900 deg/min, at most 720 deg/min"),
     ('"EYX"', '"EBX"', 65, 14, "reads mm, but EBX"),
     ('url = "COM5"', 'url = "COM0"', 17, 7, "is not an address"),
     ('url = "COM5"', 'port = "COM5"', 17, 1, "did you mean url?"),
@@ -259,6 +267,8 @@ BROKEN = [
 
 # (old, new, line, words of the doubt)
 DOUBTS = [
+    ("settings = { max_fringe_hz = 0.0 }", "", 14, "how fast it follows a motion"),
+    ("settings = { max_speed_deg_s = 2000.0 }", "", 19, "enter max_speed_mm_s, max_speed_deg_s from the data sheet"),
     ("first = -400.0, last = 0.0", "first = 0.0, last = -400.0", 33, "rising order"),
     ("first = 0.0, last = 345.0, count = 24", "positions = [0.0, 90.0, 45.0]", 52, "rising order"),
     ("first = 0.0, last = 345.0, count = 24", "first = 10.0, count = 24", 52, "last is left out"),
@@ -278,12 +288,27 @@ DOUBTS = [
     ("first = -400.0, last = 0.0, count = 21", "first = -200.0, last = 0.0, count = 21", 38, "a push refuses"),
     ("count = 21, ", "count = 3, ", 33, "5 targets or more"),
     ('"tcp://127.0.0.1:7001"', '"COM5"', 22, "the address of laser too"),
-    ('"bridge"\nurl = "tcp://127.0.0.1:7001"', '"manual"\nurl = "terminal://"', 50, "from result files only"),
+    (
+        '"bridge"\nurl = "tcp://127.0.0.1:7001"\nsettings = { max_speed_deg_s = 2000.0 }',
+        '"manual"\nurl = "terminal://"\n',
+        50,
+        "from result files only",
+    ),
     ('"EYX"', '"B0Z"', 64, "second set-up, along Z"),
     ('url = "COM5"', 'url = "/dev/ttyUSB77"', 17, "no such port"),
-    ('url = "COM5"', 'url = "COM5"\n[instruments.settings]\nwavelength_nm = 532.0', 19, "632.99 nm"),
-    ('url = "COM5"', 'url = "COM5"\n[instruments.settings]\nbaudrate = 9601', 19, "did you mean 9600?"),
-    ('7001"', '7001"\n[instruments.settings]\nbaudrate = 115000', 24, "did you mean 115200?"),
+    (
+        "settings = { max_fringe_hz = 0.0 }",
+        "settings = { max_fringe_hz = 0.0, wavelength_nm = 532.0 }",
+        18,
+        "632.99 nm",
+    ),
+    (
+        "settings = { max_fringe_hz = 0.0 }",
+        "settings = { max_fringe_hz = 0.0, baudrate = 9601 }",
+        18,
+        "did you mean 9600?",
+    ),
+    ("max_speed_deg_s = 2000.0", "max_speed_deg_s = 2000.0, baudrate = 115000", 23, "did you mean 115200?"),
     ("feed = 6000.0", "feed = 6000.0\naverage_s = 0.001", 35, "too short"),
     ("feed = 6000.0", "feed = 600000.0", 34, "faster than a machine tool measures; the unit is mm/min"),
     ("feed = 900.0", "feed = 90000.0", 53, "the unit is deg/min"),
@@ -393,7 +418,7 @@ def test_a_file_that_says_nothing_is_told_how_to_begin(folder: Path) -> None:
 
 def test_instruments_that_are_named_and_nowhere_described_are_missed(folder: Path) -> None:
     """In a file without the section nobody asked for a name that no section has: the file was called valid."""
-    text = re.sub(r"\[\[instruments\]\]\n(.+\n)+", "", WHOLE)
+    text = re.sub(r"\[\[instruments\]\]\n((?!\[\[axes).+\n)+", "", WHOLE)
     (fault,) = checked(written(folder, text)).faults
     assert (fault.line, fault.column, fault.path) == (1, 1, ("instruments",))
     assert "no [[instruments]] section, and axis X1: measure.instrument names laser" in str(fault.error("f"))

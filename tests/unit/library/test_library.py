@@ -7,6 +7,7 @@ import re
 import subprocess
 import sys
 import time
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -237,3 +238,25 @@ def test_nothing_is_loaded_before_it_is_used() -> None:
     with pytest.raises(AttributeError, match="it has"):
         _ = tf.odd
     assert set(tf.__all__) <= set(dir(tf))
+
+
+def test_what_a_file_says_of_itself_is_kept_and_handed_out(tmp_path: Path) -> None:
+    head = "Machine;Mill 7\nSerial No;4711\nDate;3 May 2019\nInstrument;XL-80\nFeed;500 mm/min\nAxis;X\n"
+    rows = "".join(f"{at};{way};{run};{at / 90}\n" for run in (1, 2) for way in "+-" for at in range(0, 91, 15))
+    path = tmp_path / "x.csv"
+    path.write_text(f"{head}target_mm;direction;run;deviation_um\n{rows}", encoding="utf-8")
+    found = tf.read(path)
+    said = {"machine": "Mill 7", "serial": "4711", "date": "3 May 2019", "feed": "500 mm/min", "instrument": "XL-80"}
+    assert dict(found.stated) == said
+    assert found.as_set().header["Axis"] == "X"
+    for one in (found, tf.evaluate(found), tf.fit(found, "EXX")):
+        assert dict(one.stated) == said
+        assert one.to_dict()["stated"] == said
+    rtl = tf.read(FILE.with_name("environment.rtl"))
+    kept = rtl.as_set()
+    assert rtl.conditions["air_degc"] == kept.ambient_start.air_degc
+    assert rtl.conditions["pressure_hpa_end"] == kept.ambient_end.pressure_hpa
+    assert rtl.conditions["material_degc"] == pytest.approx(np.mean(kept.ambient_start.material_degc))
+    other = replace(rtl, material_degc=25.0).as_set()
+    assert other.ambient_start == replace(kept.ambient_start, material_degc=(25.0,))
+    assert tf.Measured([0.0, 1.0], np.zeros((2, 1, 2)), "mm").conditions == {}

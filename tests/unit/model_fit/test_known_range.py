@@ -13,6 +13,7 @@ from gateway.domain.figures import Component
 from gateway.errors import ModelError
 from gateway.evaluate.geometry.axis_location import from_ball
 from gateway.evaluate.geometry.errormodel import error_model
+from gateway.evaluate.geometry.lever import Lever, said_beyond
 from gateway.evaluate.geometry.measurement import Measurement
 from gateway.gear.cycloid import CycloidGear
 from gateway.gear.flank import flank_grid
@@ -194,6 +195,12 @@ def test_an_angle_that_begins_a_little_later_than_the_length_is_an_estimate_with
     assert u[1] < 0.01
     with pytest.raises(ModelError, match=r"EBX is known from -399.8 to 0 mm.* 21 mm"):
         near_value(curve, np.array([-100.0, 21.0]))
+    assert said_beyond(curve, np.array([-399.8, -200.0, 0.0])) == ()
+    (said,) = said_beyond(curve, np.array([-405.8, 3.0]))
+    assert "EBX is known from -399.8 to 0 mm; at -405.8 mm" in said
+    lever = Lever({"EBX": 0.5}, {"EBX": curve}, {})
+    assert lever.estimated(np.array([-405.8])) == (said,)
+    assert lever.estimated(at) == ()
 
 
 def test_a_table_holds_the_last_value_beyond_what_was_measured() -> None:

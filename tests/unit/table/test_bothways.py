@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from drivers.errors import ValueOutOfRange
+from drivers.errors import Gap, ValueOutOfRange
 from drivers.types.tables import CompensationTable
 from gateway.domain.figures import Component
 from gateway.table import Grid
@@ -55,3 +55,11 @@ def test_each_column_keeps_to_the_limits() -> None:
     with pytest.raises(ValueOutOfRange) as caught:
         with_directions(axis(rotary=False), MEAN, NEVER, line(-900.0, -900.0), GRID, resolution=0.001)
     assert caught.value.code in ("E-COMP-VALUE", "E-COMP-CHANGE")
+
+
+def test_a_reversal_is_not_extended_over_a_table() -> None:
+    short = replace(line(-8.0, -8.0), domain=(30.0, 400.0))
+    with pytest.raises(Gap, match=r"E-COMP-REACH.*30 to 400"):
+        with_directions(axis(rotary=False), MEAN, NEVER, short, GRID, resolution=0.001)
+    near = replace(line(-8.0, -8.0), domain=(15.0, 400.0))
+    assert with_directions(axis(rotary=False), MEAN, NEVER, near, GRID, resolution=0.001).reverse

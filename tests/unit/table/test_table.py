@@ -91,6 +91,9 @@ def test_a_table_beyond_the_measured_range_is_refused_and_a_last_bit_of_it_is_sa
     assert change.new.deviations[-1] == pytest.approx(7.32, abs=0.03)
     assert any(finding.startswith("W-COMP-FLAT") for finding in change.findings)
     assert offer(0.02 * AT).findings == ()
+    (said,) = offer(0.02 * AT, reference=-30.0).findings
+    assert said.startswith("W-COMP-OUTSIDE")
+    assert "-30 mm" in said
 
 
 def test_values_are_whole_multiples_of_the_resolution() -> None:
