@@ -26,6 +26,7 @@ TYPICAL = 1.4826  # of the median distance from the median: the standard deviati
 FEWEST_NINES = 3
 MARKS = {999.0, *(float(2**power - 1) for power in (15, 16, 31, 32)), *(10.0**power for power in range(6, 10))}
 LEAST_FOR_SPREAD = 3
+NEAR = 0.02  # of the mean step: places so near each other that no pass stopped at both are one target
 
 
 def assembled(
@@ -61,8 +62,9 @@ def assembled(
         row = rows.row(int(np.argmax(beyond)))
         why = f"target {row.target:g} with {found.quantity} {row.value:g} is no measurement"
         raise _wrong(where, row.line, why)
+    targets, joined = _near_ones_joined(rows, targets)
     grid = _arranged(rows, targets, values, where)
-    doubts = (*found.doubts, *crossed, *turned, *_missing(found.rows.where(lost)))
+    doubts = (*found.doubts, *crossed, *turned, *joined, *_missing(found.rows.where(lost)))
     measured = MeasuredSet(grid.targets, grid.deviations, found.axis_unit, header=header, doubts=doubts)
     kept = _judged(measured, where, grid, apart=found.apart, confirmed=confirmed, refuses=True)
     return replace(kept, warnings=(*_notes(kept.deviations), *warnings))
@@ -201,6 +203,27 @@ class _Grid:
     deviations: FloatArray
     written: FloatArray
     lines: np.ndarray
+
+
+def _near_ones_joined(rows: Rows, targets: FloatArray) -> tuple[FloatArray, tuple[Doubt, ...]]:
+    """Targets as commanded, where each pass wrote them a little different (37.4998, 37.5001): else none is repeated.
+
+    Every reading keeps the deviation from its own target. Nothing is joined that one pass read at two places.
+    """
+    key = rows.run * 2 + rows.approach
+    most = int(np.unique(key, return_counts=True)[1].max())
+    places, which = np.unique(targets, return_inverse=True)
+    if places.size <= most or most < LEAST_FOR_SPREAD:
+        return targets, ()
+    apart = np.diff(places) >= NEAR * float(np.ptp(places)) / (most - 1)
+    group = np.append(0, np.cumsum(apart))[which]
+    visits = np.unique(np.stack([group, key]), axis=1).shape[1]
+    if apart.all() or visits < key.size:  # none are near; or a pass stopped at two such, which are two targets
+        return targets, ()
+    middle = (np.bincount(group, weights=targets) / np.bincount(group))[group]
+    alone = np.isclose(middle, targets, rtol=0.0, atol=1e-9)
+    numbers = {"written": places.size, "places": int(group.max()) + 1, "apart": float(np.abs(targets - middle).max())}
+    return np.where(alone, targets, np.round(middle, 6)), (Doubt("S-READ-NEAR", "", numbers=numbers),)
 
 
 def _arranged(rows: Rows, targets: FloatArray, values: FloatArray, where: str) -> _Grid:

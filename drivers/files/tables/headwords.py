@@ -72,6 +72,8 @@ STATISTIC_WORDS = (
     "moyenne, média, media, promedio, 平均, 平均值, 标准差, 标准偏差, 最大, 最小, b, r, e, a, m, u"
 )
 STATISTICS = frozenset(STATISTIC_WORDS.split(", "))
+INCH_OR_ARCSEC = ('"', "\N{DOUBLE PRIME}")
+"""Marks that stand for inches beside lengths and for seconds of arc beside angles."""
 _BRACKET = re.compile(r"[\[(（]\s*([^\[\]()（）]{1,12}?)\s*[\])）]\s*$")
 _TAIL = re.compile(r"[_ ,/]+([a-zµμмк]+|[微毫]米)$")
 _COUNTED = re.compile(r"\(\s*[ij]\s*\)(?=\s*(?:[\[(].*)?$)")
@@ -212,7 +214,8 @@ def _unit_apart(text: str) -> tuple[str, str]:
     for pattern in (_BRACKET, _TAIL):
         found = pattern.search(text)
         if found and (unit := unit_named(found[1])):
-            return text[: found.start()].strip(), unit
+            mark = found[1].strip()
+            return text[: found.start()].strip(), mark if mark in INCH_OR_ARCSEC else unit
     found = _BRACKET.search(text)
     # What stands in brackets and is no unit we know is said, not lost: whoever reads it refuses it.
     return (text[: found.start()].strip(), found[1]) if found else (text, "")

@@ -15,6 +15,7 @@ from drivers.files.columns import ColumnMap
 from drivers.files.numbers import decimal
 from drivers.files.readings import Quantity
 from drivers.files.tables.headwords import (
+    INCH_OR_ARCSEC,
     PLACES,
     HeadCell,
     HeadPass,
@@ -316,8 +317,12 @@ def _with_units(found: Layout, told: tuple[list[HeadCell], Sheet, ColumnMap], wh
     stated = {heads[column].unit if column < len(heads) else "" for column in own}
     if len(stated) > 1:
         raise _wrong(where, sheet.at, f"the columns of one measurement have several units: {', '.join(sorted(stated))}")
-    target_unit = _unit(heads[target].unit, said.target_unit, "target", sheet, where)
-    unit = _unit(next(iter(stated), ""), said.reading_unit, "reading", sheet, where)
+    mark = heads[target].unit in INCH_OR_ARCSEC
+    target_unit = _unit("" if mark else heads[target].unit, said.target_unit, "target", sheet, where)
+    read = next(iter(stated), "")
+    if read in INCH_OR_ARCSEC and target_unit in ("", "inch"):  # beside an angle it is arcsec, else it may be inches
+        mark, read = True, ""
+    unit = _unit(read, said.reading_unit, "reading", sheet, where)
     quantity: Quantity | str = found.quantity
     if not quantity and unit in ALONE_UNITS and target_unit not in ("", unit):
         quantity = "deviation"
@@ -325,8 +330,9 @@ def _with_units(found: Layout, told: tuple[list[HeadCell], Sheet, ColumnMap], wh
         known = target_unit or unit
         if _by_values(sheet, target, own, (known, known)) == "position":
             target_unit = unit = known
-    missing = [f"target_unit={'deg' if unit and READING_UNITS[unit][0] == 'deg' else 'mm'}"] if not target_unit else []
-    missing += [f"reading_unit={_example(target_unit, quantity)}"] if not unit else []
+    usual = "inch" if mark else "deg" if unit and READING_UNITS[unit][0] == "deg" else "mm"
+    missing = [f"target_unit={usual}"] if not target_unit else []
+    missing += [f"reading_unit={'inch' if mark else _example(target_unit, quantity)}"] if not unit else []
     if missing:
         raise _open("E-FILE-CSV-UNIT", where, sheet, (target, *own), " ".join(missing))
     if not quantity:

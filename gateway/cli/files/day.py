@@ -106,7 +106,8 @@ def _answer(one: Any, language: str, questions: Any, said: Any) -> Any:
             return value
         wrong = NUMBERS.get(one.key, "W-DAY-AGAIN")
         again = catalogue(language).get(wrong) or catalogue()[wrong]
-        echo(f"  {again['what'].format_map({'typed': typed, 'known': ', '.join(one.choices)})}", colour="yellow")
+        known = ", ".join(one.choices) or one.fields.get("columns", "-")
+        echo(f"  {again['what'].format_map({'typed': typed, 'known': known})}", colour="yellow")
 
 
 def _fields(one: Any, site: str) -> Mapping[str, object]:
@@ -133,9 +134,21 @@ def _value(one: Any, typed: str) -> Any:
         return _number(typed, SQUAREST)
     if one.key in ("datum", "park"):
         return _number(typed, FARTHEST)
+    if one.key == "columns":
+        return typed if _are_columns(typed) else None
     if one.choices:
         return next((choice for choice in one.choices if choice.lower() == typed.lower()), None)
     return typed or None
+
+
+def _are_columns(typed: str) -> bool:
+    """Whether words say columns: they are kept only then, and else asked for again."""
+    from gateway.workflow.files.columnwords import columns_of
+
+    try:
+        return bool(columns_of(typed.split()))
+    except ConfigError:
+        return False
 
 
 def _number(typed: str, most: float) -> float | None:

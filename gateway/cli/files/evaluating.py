@@ -116,6 +116,7 @@ def evaluate_files(files: list[Path], asked: EvaluationOptions, *, as_json: bool
     results: list[dict[str, Any]] = []
     failures: list[TrueflankError] = []
     drawn: list[MeasuredFile] = []
+    one_way: list[tuple[Path, MeasuredFile, dict[str, Any]]] = []
     if table is not None:
         table.begin(held)
     work = partial(_answered, asked=asked, apart=crew.each_alone(files))
@@ -125,11 +126,13 @@ def evaluate_files(files: list[Path], asked: EvaluationOptions, *, as_json: bool
             if table is not None:
                 table.add(path, [_cells(one) for one in own])
             results += own if table is None else [_verdicts_of(one) for one in own]
+            one_way += [(path, shapes[0], own[0])] if table is None and len(shapes) == len(own) == 1 else []
             drawn += shapes if asked.plot is not None else ()
             failures += [error] if error is not None else ()
     finally:
         if table is not None:
             table.end()
+    _tell_opposite(one_way)
     if asked.plot is not None and drawn:
         _draw(tuple(drawn), asked.plot)
     if as_json:
@@ -145,6 +148,26 @@ def evaluate_files(files: list[Path], asked: EvaluationOptions, *, as_json: bool
     code = failures[0].exit_code if failures else of_verdicts(said)
     if code:
         raise typer.Exit(code)
+
+
+def _tell_opposite(files: Sequence[tuple[Path, MeasuredFile, dict[str, Any]]]) -> None:
+    """Two files of one command with the same targets, each in one direction: what belongs together is no two tests."""
+    ways = [(path, one.measured, told) for path, one, told in files if "error" not in told]
+    for at, (path, one, told) in enumerate(ways):
+        for other, two, _told in ways[:at] + ways[at + 1 :]:
+            if one.axis_unit == two.axis_unit and _opposite(one, two):
+                told["flags"] = [*told["flags"], words("W-EVALUATE-OPPOSITE", file=path.name, other=str(other))]
+
+
+def _opposite(one: Any, two: Any) -> bool:
+    """Whether sets were read at the same targets (within a thousandth of their range), each in another direction."""
+    import numpy as np
+
+    up, down = (np.isfinite(item.deviations).any(axis=(0, 1)).tolist() for item in (one, two))
+    if [up, down] not in ([[True, False], [False, True]], [[False, True], [True, False]]):
+        return False
+    same = one.targets.shape == two.targets.shape
+    return bool(same and np.max(np.abs(one.targets - two.targets)) <= 1e-3 * np.ptp(one.targets))
 
 
 def _show_all(results: Sequence[dict[str, Any]], failures: Sequence[TrueflankError], plot: Path | None) -> None:

@@ -149,3 +149,19 @@ def test_an_xml_file_is_called_what_it_may_be(root: str, said: str) -> None:
     Path("a.xml").write_text(f"<{root}><x>1</x></{root}>")
     result = run("import", "a.xml")
     assert (result.exit_code, "E-FILE-XML-OTHER" in result.output, said in result.output) == (2, True, True)
+
+
+def test_two_files_of_opposite_directions_are_said_to_be_one_set(tmp_path: Path) -> None:
+    lines = rows(lambda _at, um: str(um))
+    for name, way, word in (("a.csv", "+", "forward"), ("b.csv", "-", "backward")):
+        own = [",".join((at, number, um)) for at, sign, number, um in lines if sign == way]
+        Path(name).write_text("\n".join([word, "target (mm),run,deviation (um)", *own, ""]))
+    said = "`trueflank evaluate a.csv --column beside=b.csv`"
+    told = json.loads(run("evaluate", "a.csv", "b.csv", "--json").stdout)
+    assert said in " ".join(told[0]["flags"])
+    assert not [one for one in figures("a.csv")["flags"] if "beside" in one]
+    _, command, *words = said.strip("`").split()
+    found = figures(*words)
+    assert command == "evaluate"
+    for name, value in expected().items():
+        assert found[name] == pytest.approx(value), name

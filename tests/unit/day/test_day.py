@@ -125,6 +125,41 @@ def test_answers_are_asked_once_and_remembered(tmp_path: Path) -> None:
     assert {one["name"] for one in again["open"]} >= {"ECC", "EXC", "EXX"}
 
 
+def test_instrument_and_sheet_are_asked_for_at_the_terminal(tmp_path: Path) -> None:
+    """Two instruments beside each other, and a workbook of two sheets: each answered as a person types it."""
+    import openpyxl
+
+    (tmp_path / "day").mkdir()
+    site(tmp_path)
+    places = (-400.0, -300.0, -200.0, -100.0, 0.0)
+    head = "Target [mm];Direction;Run;Resolver [mm];Laser [mm]"
+    lines = [f"{at};{way};{run};{at + 0.002};{at + 0.004}" for run in (1, 2) for way in "+-" for at in places]
+    (tmp_path / "day" / "EXX.csv").write_text("\n".join([head, *lines, ""]))
+    book = openpyxl.Workbook()
+    for name, um in (("first", 1.0), ("second", 7.0)):
+        sheet = book.create_sheet(name)
+        sheet.append(["target_mm", "direction", "run", "deviation_um"])
+        for run in (1, 2):
+            for way in "+-":
+                for at in (0.0, 75.0, 150.0, 225.0, 300.0):
+                    sheet.append([at, way, run, um * at / 300.0])
+    del book["Sheet"]
+    book.save(tmp_path / "day" / "EZZ.xlsx")
+    open_ = refused(asked(tmp_path, "--no-ask")).what
+    assert "Several instruments read EXX.csv" in open_
+    assert "EZZ.xlsx has several sheets" in open_
+    told = asked(tmp_path, typed="+\nmeasured=5\n+\n0\nsheet=second\n+\n0\n" + "unknown\n" * 4)
+    assert told.exit_code == 0, told.output
+    assert "'+' will not do; known: measured=4 or deviation=4" in told.output
+    kept = (tmp_path / "day.answers.toml").read_text(encoding="utf-8")
+    assert '[files."EXX.csv"]\ncolumns = "measured=5"' in kept
+    assert '[files."EZZ.xlsx"]\ncolumns = "sheet=second"' in kept
+    (folder,) = (tmp_path / "runs").glob("2*")
+    model = RunFolder(folder).get(stages.ERRORS, ErrorModel)
+    slope = next(one for one in model.motions if one.name == "EZZ")
+    np.testing.assert_allclose(np.ptp(value(slope, np.array([0.0, 300.0]))), 7.0, atol=0.01)
+
+
 def test_a_square_that_was_not_turned_over_is_asked_for_its_own_angle_once(tmp_path: Path) -> None:
     small(tmp_path, "square B0Z X1.csv", "square B0Z Z1.csv")
     known = '[all]\nsense = "+"\n' + "".join(f'[axes.{one}1]\ndatum = 0\ndirection = "+"\n' for one in "XZ")

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 import pytest
 
@@ -9,6 +11,7 @@ from drivers.errors import FileFormatError
 from drivers.files.columns import ColumnMap
 from drivers.files.csvmap import parse_csv
 
+HEAD = "Target [mm];Direction;Run;Error [um]"
 VALUES = ((0.0, 1.0, 0.5), (100.0, 3.0, 2.5), (200.0, 6.0, 5.0), (300.0, 8.0, 7.5))
 
 
@@ -68,3 +71,56 @@ def test_a_workbook_counts_runs_with_a_point() -> None:
     text = "Target [mm];Run;Deviation [um]\n0;1.0;1\n50;1.0;2\n0;3.0;3\n50;3.0;4\n"
     found = parse_csv(text, ColumnMap.read({"direction": "up"}, "x"), "x")
     np.testing.assert_allclose(found.deviations[:, :, 0], [[1.0, 3.0], [2.0, 4.0]])
+
+
+def passes(place: Callable[[float], str], value: Callable[[float], str], head: str) -> str:
+    """Two runs there and back at five targets; each number as the formats write it, um and mm given."""
+    places = (0.0, 100.0, 200.0, 300.0, 400.0)
+    lines = [
+        f"{place(at)};{way};{run};{value(at / 50.0 + run / 10.0 + (way == '-'))}"
+        for run in (1, 2)
+        for way, order in (("+", places), ("-", places[::-1]))
+        for at in order
+    ]
+    return "\n".join([head, *lines, ""])
+
+
+def test_targets_that_each_pass_wrote_a_little_different_are_the_places_that_were_meant() -> None:
+    """Each alone would be a target of one reading: no scatter, and a third of the repeatability."""
+    plain = parse_csv(passes("{:g}".format, "{:.4f}".format, HEAD), ColumnMap(), "x")
+    rng = np.random.default_rng(1)
+    jitter = passes(lambda at: f"{at + rng.uniform(-0.001, 0.001):.4f}", "{:.4f}".format, HEAD)
+    found = parse_csv(jitter, ColumnMap(), "x")
+    np.testing.assert_allclose(found.deviations, plain.deviations)
+    np.testing.assert_allclose(found.targets, plain.targets, atol=0.001)
+    assert [(one.code, one.numbers["places"]) for one in found.doubts] == [("S-READ-NEAR", 5)]
+    assert plain.doubts == ()
+    dense = "\n".join(["target_mm;direction;run;deviation_um", *(f"{at};+;1;1" for at in (0, 1, 2, 999, 1000)), ""])
+    assert parse_csv(dense, ColumnMap(), "x").targets.size == 5, "one pass stopped at each of them"
+
+
+def test_the_mark_of_inches_and_of_arcsec_is_asked_about_beside_lengths() -> None:
+    """A table in inches gave 0.000 arcsec."""
+    inches = passes(
+        lambda at: f"{at / 25.4:.6f}", lambda um: f"{um / 25400.0:.9f}", 'Target ["];Direction;Run;Error ["]'
+    )
+    with pytest.raises(FileFormatError, match="E-FILE-CSV-UNIT") as asked:
+        parse_csv(inches, ColumnMap(), "x")
+    assert asked.value.fields["columns"] == "target_unit=inch reading_unit=inch"
+    said = ColumnMap.read({"target_unit": "inch", "reading_unit": "inch"}, "x")
+    plain = parse_csv(passes("{:g}".format, "{:.4f}".format, HEAD), ColumnMap(), "x")
+    found = parse_csv(inches, said, "x")
+    np.testing.assert_allclose(found.deviations, plain.deviations, atol=1e-3)
+    np.testing.assert_allclose(found.targets, plain.targets, atol=1e-4)
+    for head in ('Target [inch];Direction;Run;Error ["]', 'Target ["];Direction;Run;Error [inch]'):
+        with pytest.raises(FileFormatError, match="E-FILE-CSV-UNIT"):
+            parse_csv(passes("{:g}".format, "{:.4f}".format, head), ColumnMap(), "x")
+    turned = parse_csv(passes("{:g}".format, "{:.4f}".format, 'Target [deg];Direction;Run;Error ["]'), ColumnMap(), "x")
+    np.testing.assert_allclose(turned.deviations, plain.deviations)
+
+
+def test_thousandths_of_a_degree_are_a_unit() -> None:
+    head = "Target [deg];Direction;Run;Error [mdeg]"
+    plain = parse_csv(passes("{:g}".format, "{:.4f}".format, HEAD), ColumnMap(), "x")
+    found = parse_csv(passes("{:g}".format, lambda arcsec: f"{arcsec / 3.6:.9f}", head), ColumnMap(), "x")
+    np.testing.assert_allclose(found.deviations, plain.deviations)
