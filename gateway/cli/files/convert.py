@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -18,6 +19,8 @@ from gateway.cli.files.exchanging import TABLES, ExchangeOptions, exchange, is_e
 from gateway.cli.files.tables import number, show_findings, table_format, write_text
 from gateway.cli.show import echo, show_json
 
+PLAIN_AXIS, ROTARY = re.compile(r"([ABCUVWXYZ])[0-9]*"), "ABC"
+"""Names that say by their letter (ISO 841) what an axis is; AX1 and others say nothing."""
 FORMS = {".ini": "ini", ".arc": "archive"}
 
 
@@ -94,7 +97,17 @@ def _read(wish: ConversionOptions) -> tuple[Any, tuple[str, ...]]:
     )
     measured = with_doubts(content, wish.accepted, modulo=wish.modulo)
     demand_settled(measured.doubts, str(wish.result))
+    _check_kind(wish, measured)
     return replace(measured, deviations=in_line(measured.targets, measured.deviations)), notes
+
+
+def _check_kind(wish: ConversionOptions, measured: Any) -> None:
+    """Raise ConfigError (E-CLI-AXIS-UNIT) where an axis by its letter turns, and the file holds lengths, or reverse."""
+    found = PLAIN_AXIS.fullmatch(wish.axis.strip().upper())
+    wanted = "deg" if found and found[1] in ROTARY else "mm"
+    if found and wanted != measured.axis_unit:
+        fields = {"found": measured.axis_unit, "wanted": wanted, "axis": wish.axis.strip()}
+        raise ConfigError("E-CLI-AXIS-UNIT", str(wish.result), **fields)
 
 
 def _said(measured: Any) -> tuple[str, ...]:

@@ -24,6 +24,8 @@ from gateway.evaluate.optics.rotary import closure
 from gateway.evaluate.standards import iso230_2, readings
 from gateway.evaluate.uncertainty.budget import ROTARY_DEVICE_ARCSEC
 
+TINY = 0.05
+"""um or arcsec: deviations of a whole axis that spread over less are those of no machine tool."""
 FAR_JUMPS, JUMP_SHARE = 40.0, 0.2
 """A reading jumps where it leaves its neighbours' line by so many times the usual (the median, of a normal scatter 0.8
 standard deviations)."""
@@ -97,6 +99,8 @@ def all_doubts(
     known = {one.code for one in measured.doubts}
     own = ROTARY_DEVICE_ARCSEC if device is None else device
     found = doubts_of(measured.targets, x, measured.axis_unit, unit, modulo=modulo, device_arcsec=own)
+    if isinstance(measured, MeasuredSet):  # a capture's unit was proved on the machine
+        found = (*_tiny(x, unit or deviation_unit(measured.axis_unit)), *found)
     return (*measured.doubts, *(one for one in found if one.code not in known))
 
 
@@ -189,6 +193,15 @@ def _size(at: FloatArray, x: FloatArray, axis_unit: AxisUnit, unit: DeviationUni
     return [Doubt("S-EVAL-SPREAD", blocking=True, names=names, numbers={"spread": spread, "limit": limit})]
 
 
+def _tiny(x: FloatArray, unit: DeviationUnit) -> tuple[Doubt, ...]:
+    """Deviations smaller than any machine's: millimetres or degrees under a heading of um or arcsec."""
+    spread = float(np.ptp(x[np.isfinite(x)]))
+    if not 0.0 < spread < TINY:
+        return ()
+    names = {"spread": f"{spread:.3g}", "limit": f"{TINY:g}", "unit": unit}
+    return (Doubt("S-EVAL-TINY", blocking=True, names=names, numbers={"spread": spread}),)
+
+
 def _arc(at: FloatArray, axis_unit: AxisUnit) -> list[Doubt]:
     """Targets on both sides of zero of a turn (340 .. 20 deg): in order they would be joined the long way round."""
     found = gap_across(at) if axis_unit == "deg" else None
@@ -238,7 +251,7 @@ def _bridged(at: FloatArray, axis_unit: AxisUnit, *, modulo: bool) -> list[Doubt
     On a modulo axis the step from the last target round to the first one counts too, as far as it is bridged.
     """
     places = np.unique(np.mod(np.round(at, 6), TURN_DEG)) if modulo else np.unique(at)
-    if places.size <= FEWEST_STEPS:
+    if places.size < FEWEST_STEPS:
         return []
     around = np.append(places, places[0] + TURN_DEG) if modulo else places
     steps = np.diff(around)

@@ -326,3 +326,29 @@ def test_a_table_leaves_out_what_a_run_leaves_out_and_says_so(tmp_path: Path) ->
     assert "out of line: at 240, approach +, reading 1 by +4" in said
     assert "the table leaves readings out of line out" in said
     assert max(abs(a - b) for a, b in zip(plain, cured, strict=True)) < 0.4e-3  # 15 um / 2 with the reading in it
+
+
+def test_deviations_smaller_than_any_machines_stop_the_verdict(tmp_path: Path) -> None:
+    """Millimetres under a heading of um: 8 um were 0.008 um, and PASS."""
+    at, x = smooth(3)
+    rows = [f"{at[i]:g},{'+-'[w]},{j + 1},{x[i, j, w] / 1000.0:.6f}" for i, j, w in np.ndindex(x.shape)]
+    path = tmp_path / "x.csv"
+    for unit, code in (("um", 21), ("mm", 0)):
+        path.write_text("\n".join([f"target_mm,direction,repetition,deviation_{unit}", *rows]) + "\n", encoding="utf-8")
+        told = typed("evaluate", path, "--json", "--limit", "A=20", "--material-degc", 20)
+        assert told.exit_code == code, told.output
+        found = [one["code"] for one in json.loads(told.stdout)[0]["doubts"] if one["blocking"]]
+        assert found == (["S-EVAL-TINY"] if code else [])
+    assert not [one for one in doubts_of(at, x / 1000.0, "mm") if one.code == "S-EVAL-TINY"], "proved when captured"
+
+
+def test_an_axis_that_turns_by_its_letter_gets_no_table_of_lengths(tmp_path: Path) -> None:
+    at, x = smooth(2)
+    rows = [f"{at[i]:g},{'+-'[w]},{j + 1},{x[i, j, w]:.4f}" for i, j, w in np.ndindex(x.shape)]
+    (tmp_path / "x.csv").write_text("\n".join(["target_mm,direction,repetition,deviation_um", *rows]) + "\n")
+    words = ("--to", "eec", "--reference", 0, "--datum", "0=0", "-o", tmp_path / "x.ini", "--force")
+    refused = typed("convert", tmp_path / "x.csv", *words, "--axis", "C1").exception
+    assert isinstance(refused, TrueflankError)
+    assert refused.code == "E-CLI-AXIS-UNIT"
+    for axis in ("X1", "AX1", "V"):
+        assert typed("convert", tmp_path / "x.csv", *words, "--axis", axis).exit_code == 0
