@@ -14,7 +14,7 @@ from drivers.files.readings import Readings, Rows, Whole
 from drivers.types.doubts import Doubt
 from drivers.types.results import MeasuredSet
 from drivers.types.values import FloatArray
-from drivers.units import READING_UNITS, TARGET_UNITS, AxisUnit, deviation_scale, deviation_unit
+from drivers.units import READING_UNITS, TARGET_UNITS, AxisUnit, deviation_scale, deviation_unit, unit_named
 
 MOST_SHARE = 0.02  # of the targets' range: an axis that goes so wrong is none, columns changed about are
 LARGEST = {"mm": 5000.0, "deg": 1000.0}
@@ -26,7 +26,8 @@ TYPICAL = 1.4826  # of the median distance from the median: the standard deviati
 FEWEST_NINES = 3
 MARKS = {999.0, *(float(2**power - 1) for power in (15, 16, 31, 32)), *(10.0**power for power in range(6, 10))}
 LEAST_FOR_SPREAD = 3
-NEAR = 0.02  # of the mean step: places so near each other that no pass stopped at both are one target
+INCHES, UNIT_LINES = ("inch", "uin"), ("stated unit", "units", "einheit", "einheiten", "unit system", "单位")
+NEAR = 0.002  # of the mean step: places so near each other that no pass stopped at both are one target
 
 
 def assembled(
@@ -63,8 +64,9 @@ def assembled(
         why = f"target {row.target:g} with {found.quantity} {row.value:g} is no measurement"
         raise _wrong(where, row.line, why)
     targets, joined = _near_ones_joined(rows, targets)
+    units = _other_unit(found, header, where, confirmed=confirmed)
     grid = _arranged(rows, targets, values, where)
-    doubts = (*found.doubts, *crossed, *turned, *joined, *_missing(found.rows.where(lost)))
+    doubts = (*found.doubts, *crossed, *turned, *joined, *units, *_missing(found.rows.where(lost)))
     measured = MeasuredSet(grid.targets, grid.deviations, found.axis_unit, header=header, doubts=doubts)
     kept = _judged(measured, where, grid, apart=found.apart, confirmed=confirmed, refuses=True)
     return replace(kept, warnings=(*_notes(kept.deviations), *warnings))
@@ -203,6 +205,20 @@ class _Grid:
     deviations: FloatArray
     written: FloatArray
     lines: np.ndarray
+
+
+def _other_unit(found: Readings, header: Mapping[str, str], where: str, *, confirmed: bool) -> tuple[Doubt, ...]:
+    """A line of the file's head that names the unit of its lengths or angles, and that no column has."""
+    kinds = {TARGET_UNITS[one][0] for one in (found.unit, found.target_unit)}
+    system = {found.unit in INCHES, found.target_unit in INCHES}
+    for key, text in header.items():
+        if key.strip().lower() not in UNIT_LINES:
+            continue
+        unit = unit_named(text) or {"imperial": "inch", "metric": "mm"}.get(text.strip().lower(), "")
+        if unit and TARGET_UNITS[unit][0] in kinds and "mm" in kinds and system == {unit not in INCHES}:
+            names = {"stated": text.strip()[:40], "found": f"{found.target_unit}, {found.unit}"}
+            return (Doubt("S-READ-UNITS", where, blocking=not confirmed, names=names),)
+    return ()
 
 
 def _near_ones_joined(rows: Rows, targets: FloatArray) -> tuple[FloatArray, tuple[Doubt, ...]]:

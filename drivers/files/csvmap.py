@@ -151,6 +151,7 @@ def measured_of(
     """Readings as a record, with the notes of their text."""
     readings, words, notes = found
     header = {**words, **(beside or {}), "Unit": readings.unit}
+    header |= {"Stated unit": words["Unit"]} if words.get("Unit", "").strip() else {}
     header |= {"Reading": readings.quantity} if readings.quantity != "deviation" else {}
     header |= {"Columns": said.told()} if said.told() else {}
     comma = tuple(one for one in notes if "comma" in one)

@@ -73,12 +73,6 @@ class Closure:
     u: float
 
 
-def closure_arcsec(targets_deg: ArrayLike, deviations_arcsec: ArrayLike) -> float | None:
-    """The gap of `closure`; None without targets whole turns apart."""
-    found = closure(targets_deg, deviations_arcsec)
-    return None if found is None else found.gap
-
-
 def closure(targets_deg: ArrayLike, deviations_arcsec: ArrayLike) -> Closure | None:
     """The largest difference between targets (m,) whole turns apart, the later less the earlier; None without such.
 

@@ -95,6 +95,10 @@ def test_targets_that_each_pass_wrote_a_little_different_are_the_places_that_wer
     np.testing.assert_allclose(found.targets, plain.targets, atol=0.001)
     assert [(one.code, one.numbers["places"]) for one in found.doubts] == [("S-READ-NEAR", 5)]
     assert plain.doubts == ()
+    shifted = passes("{:g}".format, "{:.4f}".format, HEAD) + passes(
+        lambda at: f"{at + 0.5:g}", "{:.4f}".format, HEAD
+    ).split("\n", 1)[1].replace(";1;", ";3;").replace(";2;", ";4;")
+    assert parse_csv(shifted, ColumnMap(), "x").targets.size == 10, "half a millimetre off is another target"
     dense = "\n".join(["target_mm;direction;run;deviation_um", *(f"{at};+;1;1" for at in (0, 1, 2, 999, 1000)), ""])
     assert parse_csv(dense, ColumnMap(), "x").targets.size == 5, "one pass stopped at each of them"
 
@@ -124,3 +128,22 @@ def test_thousandths_of_a_degree_are_a_unit() -> None:
     plain = parse_csv(passes("{:g}".format, "{:.4f}".format, HEAD), ColumnMap(), "x")
     found = parse_csv(passes("{:g}".format, lambda arcsec: f"{arcsec / 3.6:.9f}", head), ColumnMap(), "x")
     np.testing.assert_allclose(found.deviations, plain.deviations)
+
+
+@pytest.mark.parametrize(
+    ("line", "head", "doubted"),
+    [
+        ("Units: inch", HEAD, True),
+        ("Units: imperial", HEAD, True),
+        ("Unit;mm", "Target [inch];Direction;Run;Error [inch]", True),
+        ("Einheit: mm", HEAD, False),
+        ("Units: metric", HEAD, False),
+        ("Units: um", HEAD, False),
+        ("Units: inch", "Target [inch];Direction;Run;Error [um]", False),
+    ],
+)
+def test_a_line_that_names_another_unit_than_the_columns_stops_the_verdict(line: str, head: str, doubted: bool) -> None:
+    small = head.count("inch") == 2
+    text = passes("{:g}".format, lambda um: f"{um / 25400.0 if small else um:.9f}", head)
+    found = parse_csv(f"{line}\n{text}", ColumnMap(), "x")
+    assert [one.code for one in found.doubts if one.blocking] == (["S-READ-UNITS"] if doubted else [])

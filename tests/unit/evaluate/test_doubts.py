@@ -17,7 +17,7 @@ from drivers.units import AxisUnit
 from gateway.cli import app
 from gateway.errors import InDoubt
 from gateway.evaluate.behaviour.doubts import blocking, doubts_of, gap_across
-from gateway.evaluate.optics.rotary import closure_arcsec, rotary_deviations
+from gateway.evaluate.optics.rotary import closure, rotary_deviations
 from gateway.store import RunFolder
 from gateway.table.conversion import FileDatum, TableRequest, convert
 
@@ -26,6 +26,12 @@ CLOSED = (0.0, 3.0, 5.0, 4.0, 1.0, -2.0, -4.0, -1.0, 0.0)
 REVERSALS = (0.1, 0.1, 0.1, 0.1, 0.1, 0.1, 0.1, 0.1, 0.1)
 ACCEPT = "S-EVAL-CLOSURE-FAR=the belt slipped on the way back"
 TO_TABLE = ("--to", "eec", "--axis", "C1", "--reference", "0", "--datum", "0=0", "--modulo")
+
+
+def gap_of(at: object, x: object) -> float:
+    found = closure(at, x)  # type: ignore[arg-type]
+    assert found is not None
+    return found.gap
 
 
 def typed(*words: object) -> Result:
@@ -165,11 +171,11 @@ def test_an_axis_measured_across_zero_is_not_joined_the_long_way_round(tmp_path:
 def test_a_closing_error_is_found_among_any_targets_whole_turns_apart() -> None:
     at = np.array([0.0, 120.0, 240.0, 360.0, 480.0, 720.0])
     x = np.array([0.0, 1.0, 2.0, 0.2, 6.0, 0.3])
-    assert closure_arcsec(at, x) == pytest.approx(5.0)  # 480 less 120 deg
+    assert gap_of(at, x) == pytest.approx(5.0)  # 480 less 120 deg
     both = np.stack([x, x + 8.0], axis=1)[:, None, :]
     both[0, :, 1] = np.nan  # one approach is missing there: its reversal of 8 arcsec is no closing error
-    assert closure_arcsec(at, both) == pytest.approx(5.0)
-    assert closure_arcsec([0.0, 90.0, 180.0], [0.0, 1.0, 2.0]) is None
+    assert gap_of(at, both) == pytest.approx(5.0)
+    assert closure([0.0, 90.0, 180.0], [0.0, 1.0, 2.0]) is None
 
 
 def closing(gaps: list[float], *, device: float = 1.0, sign: float = 1.0) -> list[str]:
@@ -192,7 +198,7 @@ def test_a_turn_closes_within_what_its_instrument_and_its_runs_can_tell() -> Non
     assert closing([6.0, 6.1, 5.9], sign=-1.0) == far  # a drift closes with opposite signs: no mean hides it
     x = np.zeros((5, 1, 2))
     x[0, :, 1], x[-1, :, 0], x[-1, :, 1] = np.nan, 0.4, 9.0
-    assert closure_arcsec(np.array([0.0, 90.0, 180.0, 270.0, 360.0]), x) == pytest.approx(0.4)
+    assert gap_of(np.array([0.0, 90.0, 180.0, 270.0, 360.0]), x) == pytest.approx(0.4)
 
 
 def test_a_step_far_wider_than_the_others_is_a_doubt() -> None:

@@ -17,7 +17,7 @@ from gateway.evaluate.geometry.measurement import Measurement
 from gateway.evaluate.geometry.squareness import from_face_diagonals
 from gateway.evaluate.geometry.straightness import straightness
 from gateway.evaluate.optics import air, length
-from gateway.evaluate.optics.rotary import closure_arcsec
+from gateway.evaluate.optics.rotary import closure
 from gateway.evaluate.standards import iso230_2
 from gateway.evaluate.standards.flank_tolerances import class_limits
 from gateway.evaluate.standards.other_standards import asme_b554_1992, nmtba, vdi3441
@@ -63,8 +63,8 @@ REFUSED: dict[str, Callable[[], object]] = {
     "a class of no diameter": lambda: class_limits(NAN, 2.0, 20.0, 5),
     "a class for a negative width": lambda: class_limits(100.0, 2.0, -20.0, 5),
     "a grade there is none of": lambda: class_limits(100.0, 2.0, 20.0, 40),
-    "a turn without targets": lambda: closure_arcsec([], []),
-    "a turn with other deviations": lambda: closure_arcsec([0.0, 360.0], [1.0]),
+    "a turn without targets": lambda: closure([], []),
+    "a turn with other deviations": lambda: closure([0.0, 360.0], [1.0]),
     "a pin circle of nothing": lambda: limits(0.0, 5.0, 1.0, 12, 11),
     "a pin circle that is no number": lambda: limits(NAN, 5.0, 1.0, 12, 11),
     "a trace along nothing": lambda: trace_values(np.zeros(9), np.full(9, NAN)),

@@ -29,6 +29,12 @@ X = np.stack([UP, DOWN], axis=2)
 GOOD = Ambient(20.0, 1013.25, 50.0, (20.0,))
 
 
+def gap_of(at: object, x: object) -> float:
+    found = rotary.closure(at, x)  # type: ignore[arg-type]
+    assert found is not None
+    return found.gap
+
+
 def figures(x: np.ndarray = X, **options: object) -> dict[str, float | None]:
     found = iso230_2.evaluate(AT, x, "um", **options)
     return {name: getattr(found, name) for name in ("B", "B_mean", "E", "E_up", "E_down", "R", "R_up", "R_down", "A")}
@@ -186,7 +192,7 @@ def test_mistake_19_a_closing_error_is_reported_and_stays() -> None:
     device = -(at + error / 3600.0)
     found = rotary.rotary_deviations(device, np.zeros(5), at, reference_deg=0.0)
     np.testing.assert_allclose(found - found[0], error, atol=1e-8)
-    assert rotary.closure_arcsec(at, found) == pytest.approx(4.0)
+    assert gap_of(at, found) == pytest.approx(4.0)
     said = doubts_of(at, found.reshape(5, 1, 1).repeat(2, axis=2), "deg")[0]
     assert "closing error +4.000 arcsec over 360 deg, not removed" in said.text
 

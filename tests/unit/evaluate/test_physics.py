@@ -17,6 +17,12 @@ GOOD = Ambient(20.0, 1013.25, 50.0, (20.0,))
 TARGETS = np.array([0.0, 100.0, 250.0, 400.0])
 
 
+def gap_of(at: object, x: object) -> float:
+    found = rotary.closure(at, x)  # type: ignore[arg-type]
+    assert found is not None
+    return found.gap
+
+
 @pytest.mark.parametrize(
     ("air_c", "kpa", "humidity", "material", "factor"),
     [
@@ -182,8 +188,8 @@ def test_rotary_zero_may_be_given_and_a_missing_datum_is_refused() -> None:
 
 
 def test_closure_is_reported_for_whole_turns_only() -> None:
-    assert rotary.closure_arcsec([0.0, 180.0, 360.0], [0.1, 3.0, 0.4]) == pytest.approx(0.3)
-    assert rotary.closure_arcsec([0.0, 345.0], [0.0, 1.0]) is None
+    assert gap_of([0.0, 180.0, 360.0], [0.1, 3.0, 0.4]) == pytest.approx(0.3)
+    assert rotary.closure([0.0, 345.0], [0.0, 1.0]) is None
 
 
 def test_unequal_angles_keep_their_harmonics_and_too_few_are_refused() -> None:
