@@ -24,8 +24,9 @@ from gateway.evaluate.optics.rotary import closure
 from gateway.evaluate.standards import iso230_2, readings
 from gateway.evaluate.uncertainty.budget import ROTARY_DEVICE_ARCSEC
 
-TINY = 0.05
-"""um or arcsec: deviations of a whole axis that spread over less are those of no machine tool."""
+TINY, DUST = 0.05, 1e-6
+"""um or arcsec: deviations of a whole axis that spread over less than the first are those of no machine tool; over less
+than the second they are one value, and arithmetic."""
 FAR_JUMPS, JUMP_SHARE = 40.0, 0.2
 """A reading jumps where it leaves its neighbours' line by so many times the usual (the median, of a normal scatter 0.8
 standard deviations)."""
@@ -196,7 +197,7 @@ def _size(at: FloatArray, x: FloatArray, axis_unit: AxisUnit, unit: DeviationUni
 def _tiny(x: FloatArray, unit: DeviationUnit) -> tuple[Doubt, ...]:
     """Deviations smaller than any machine's: millimetres or degrees under a heading of um or arcsec."""
     spread = float(np.ptp(x[np.isfinite(x)]))
-    if not 0.0 < spread < TINY:
+    if not DUST < spread < TINY:
         return ()
     names = {"spread": f"{spread:.3g}", "limit": f"{TINY:g}", "unit": unit}
     return (Doubt("S-EVAL-TINY", blocking=True, names=names, numbers={"spread": spread}),)
