@@ -150,10 +150,10 @@ def axis_named(site: SiteFile, site_path: Path, name: str) -> AxisSection:
     raise ConfigError("E-RUN-AXIS", str(site_path), axis=shown(name), known=known)
 
 
-def check_name(site: SiteFile, apply: bool, machine_name: str) -> None:
-    """Consent names the machine. Raises WriteRefused (E-RUN-NAME)."""
+def check_name(site: SiteFile, apply: bool, machine_name: str, code: str = "E-RUN-NAME") -> None:
+    """Consent names the machine. Raises WriteRefused (E-RUN-NAME, or the ``code`` that names another option)."""
     if apply and machine_name != site.site.name:
-        raise WriteRefused("E-RUN-NAME", "--machine", typed=machine_name or "(nothing)", name=site.site.name)
+        raise WriteRefused(code, "--machine", typed=machine_name or "(nothing)", name=site.site.name)
 
 
 @asynccontextmanager

@@ -73,8 +73,8 @@ def programs(
     gets its own when it is sent. Axes are taken to stand in their safe places then, as commands ask for. Of a PLC
     mailbox, which runs no programs, they are what is laid down in it.
 
-    Raises ConfigError (E-PROGRAM-NO-ROAD for a road that sends nothing of these kinds, E-PROGRAM-NOTHING for a site
-    that asks for none), and what writing and judging raise.
+    Raises ConfigError (E-CFG-DRIVER, E-PROGRAM-NO-ROAD for a road that sends nothing of these kinds, E-PROGRAM-NOTHING
+    for a site that asks for none), and what writing and judging raise.
     """
     write, settings = _writer(site, wanted)
     tables = _loaded(site, proposal)
@@ -268,6 +268,9 @@ def _writer(site: SiteFile, wanted: tuple[What, ...]) -> tuple[Any, Mapping[str,
     A program for a capture program of somebody else is carried by a person, so another road of the same maker will do.
     """
     driver, known = site.controller.driver, registry.known("paper")
+    controls = registry.known("controller")
+    if driver not in controls:
+        raise registry.unknown_driver(driver, "controller", controls)
     if f"{driver}-paper" in known:
         return registry.load(f"{driver}-paper", "paper"), site.controller.settings
     if set(wanted) != {"dwell"} and f"{driver}-writes" in registry.known("writes"):

@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
+from drivers.errors import DeviceRefused
 from drivers.programs import (
     DayNumbers,
     DwellPlan,
@@ -124,6 +125,9 @@ def _push(batch: PushBatch, settings: UaSettings, machine: PaperMachine, origin:
 
 
 def _setting(moved: str, compensated: str, settings: UaSettings, machine: PaperMachine, origin: Origin) -> Setting:
+    missing = next((name for name in (moved, compensated) if name not in machine.axes), "")
+    if missing:
+        raise DeviceRefused("E-NC-AXIS", origin.site, axis=missing, known=", ".join(machine.axes))
     return Setting(
         words=settings.words,
         memory=_memory(compensated, machine),

@@ -42,7 +42,7 @@ def accept_command(
 
     tree, given, clock = load_site(site), allowance(allow), LoopClock()
     with_control(tree)
-    check_name(tree, given == "write", machine)
+    check_name(tree, given == "write", machine, code="E-ACCEPT-NAME")
     check_sheet(sheet, language)
 
     told: set[str] = set()

@@ -76,7 +76,7 @@ def _recorded(site: Path, allow: Allowance, machine: str, told: Any) -> ProbedSe
     from gateway.workflow.runsite import store_of
 
     tree, clock = load_site(site), LoopClock()
-    check_name(tree, allow == "write", machine)
+    check_name(tree, allow == "write", machine, code="E-ACCEPT-NAME")
     prober_of(tree, clock)
     root = store_of(tree, site).root
 

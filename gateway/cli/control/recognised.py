@@ -8,6 +8,7 @@ from typing import Annotated, Any
 
 import typer
 
+from drivers.carried import PieceOfWork, carrying
 from drivers.clock import LoopClock
 from drivers.errors import TrueflankError, words
 from drivers.local.names import visible
@@ -26,6 +27,8 @@ AcceptIdentityOption = Annotated[
     ),
 ]
 AskIdentityOption = Annotated[bool, typer.Option("--ask/--no-ask", help="Ask about one changed fact, or refuse.")]
+SELF_TEST = PieceOfWork("self-test ", "go-on", ends=True)
+"""Its first program is the one that shows the control, so the one goes on with the other's files."""
 HEADS = ("fact", "known", "now")
 
 
@@ -37,17 +40,16 @@ def machine_command(
 ) -> None:
     """What the machine is known by, what its control says now, and what was accepted; accept one fact that changed."""
     from gateway.supervisor import refusal_of
-    from gateway.workflow.recognising import looked_at
     from gateway.workflow.runsite import store_of
 
     tree = load_site(site)
     with_control(tree)
     if accept_identity:
         _accept(tree, site, accept_identity, quiet=as_json)
-    machine, found, known = run_to_end(looked_at(tree, store_of(tree, site).root, LoopClock()))
+    machine, found, known = _looked(tree, store_of(tree, site).root)
     if found.is_asked and ask and not as_json and not accept_identity:
         _ask(refusal_of(found, str(site)), tree, site)
-        machine, found, known = run_to_end(looked_at(tree, store_of(tree, site).root, LoopClock()))
+        machine, found, known = _looked(tree, store_of(tree, site).root)
     if as_json:
         accepted = [one.fields for one in known.accepted]
         show_json({"known": dict(known.facts), "now": dict(machine.facts), "accepted": accepted, "ok": found.is_known})
@@ -61,6 +63,14 @@ def machine_command(
             echo(f"{refused.what}\n  -> {refused.hint}", colour="red")
     if not found.is_known:
         raise typer.Exit(NOT_ALL_WELL)
+
+
+def _looked(tree: Any, root: Path) -> Any:
+    """Who the machine says it is. With a control that files are carried to it ends, and says what to carry."""
+    from gateway.workflow.recognising import looked_at
+
+    with carrying(SELF_TEST):
+        return run_to_end(looked_at(tree, root, LoopClock()))
 
 
 def answered(error: TrueflankError, given: Mapping[str, Any]) -> bool:
@@ -96,6 +106,7 @@ def _accept(tree: Any, site: Path, texts: list[str], *, quiet: bool = False) -> 
     from gateway.workflow.runsite import store_of
 
     work = accept(tree, site, store_of(tree, site), texts, who=audit.person(), clock=LoopClock())
-    kept = run_to_end(work)
+    with carrying(SELF_TEST):
+        kept = run_to_end(work)
     if not quiet:
         echo(words("W-DOC-ACCEPTED", **kept.fields))

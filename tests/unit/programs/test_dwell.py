@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from drivers.errors import ConfigError
+from drivers.errors import ConfigError, TrueflankError
 from drivers.programs import NOBODY
 from drivers.sinumerik.ncprogram.dwell import dwelling
 from gateway.cli import app
@@ -112,3 +112,42 @@ def test_a_road_without_programs_gets_them_too(tmp_path: Path) -> None:
         with pytest.raises(ConfigError) as refused:
             RUNNER.invoke(app, ["program", str(mailbox), "-o", str(tmp_path), "--what", what], catch_exceptions=False)
         assert refused.value.code == code
+
+
+@pytest.mark.parametrize(
+    ("example", "was", "now", "code"),
+    [
+        ("mailbox-grinder", 'driver = "sinumerik-modbus"', 'driver = "sinumerik-modbuss"', "E-CFG-DRIVER"),
+        ("carried-grinder", 'axes = "X1 Z1 C1"', 'axes = "X1 Z1"', "E-NC-AXIS"),
+    ],
+)
+def test_a_site_that_names_what_is_not_there_is_told_so(
+    tmp_path: Path, example: str, was: str, now: str, code: str
+) -> None:
+    text = (Path(__file__).parents[3] / "examples" / "sites" / f"{example}.toml").read_text(encoding="utf-8")
+    assert was in text
+    site = tmp_path / "site.toml"
+    site.write_text(text.replace(was, now), encoding="utf-8")
+    with pytest.raises(TrueflankError) as refused:
+        RUNNER.invoke(app, ["program", str(site), "-o", str(tmp_path / "out"), "--what", "off"], catch_exceptions=False)
+    assert refused.value.code == code
+
+
+def test_a_control_that_is_carried_to_is_asked_in_steps(tmp_path: Path) -> None:
+    """`trust machine` says what to carry and ends, as `check --connect` does; it waits for nobody."""
+    text = (Path(__file__).parents[3] / "examples" / "sites" / "carried-grinder.toml").read_text(encoding="utf-8")
+    site = tmp_path / "site.toml"
+    site.write_text(text, encoding="utf-8")
+    for _ in range(2):
+        with pytest.raises(TrueflankError) as waits:
+            RUNNER.invoke(app, ["trust", "machine", str(site)], catch_exceptions=False)
+        assert (waits.value.code, waits.value.exit_code) == ("E-OFF-CARRY", 15)
+    assert (tmp_path / "carried" / "carry" / "TFSEE.MPF").exists()
+
+
+@pytest.mark.parametrize("command", ["accept", "conform"])
+def test_consent_to_a_trial_names_its_own_option(tmp_path: Path, command: str) -> None:
+    site = site_file(tmp_path, "demo")
+    with pytest.raises(TrueflankError) as refused:
+        RUNNER.invoke(app, [command, str(site), "--allow", "write", "--machine", "other"], catch_exceptions=False)
+    assert (refused.value.code, "--allow write" in refused.value.what) == ("E-ACCEPT-NAME", True)
