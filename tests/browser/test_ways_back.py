@@ -131,3 +131,4 @@ def _finished(anna: Person, at: Hall) -> None:
     anna.driven(job)
     assert anna.done(job)["error"] is None
     expect(page.locator("#recover-finish")).to_have_count(0)
+    expect(page.locator(".lamps .fault")).to_have_count(0)  # what it found there is no fault of what it put back

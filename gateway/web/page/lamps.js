@@ -11,9 +11,10 @@ export function lamps(axis, kinds, running) {
   const own = begun >= 0 ? kinds.slice(begun) : kinds;
   // Once its sign is measured a test table goes back, as was told before: nothing went wrong.
   const proof = own.includes("MEASURED");
-  // What went wrong is over once the old table acts again.
+  // What went wrong is over once the old table acts again, and in a way back that was finished: it keeps what it found.
   const restored = own.includes("ROLLED_BACK");
-  const wrong = !restored && own.find((one) => WRONG.includes(one) && !(proof && one === "ROLLING_BACK"));
+  const over = own.lastIndexOf("COMMITTED");
+  const wrong = !restored && own.find((one, at) => at > over && WRONG.includes(one) && !(proof && one === "ROLLING_BACK"));
   const done = STEPS.filter((one) => own.includes(one));
   const next = STEPS.find((_one, at) => !own.some((kind) => STEPS.indexOf(kind) >= at));
   // A step that a later one overtook was not needed: a reversal alone asks for no restart.
