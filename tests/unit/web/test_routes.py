@@ -9,9 +9,11 @@ from pathlib import Path
 import pytest
 
 from drivers.errors import DeviceRefused, catalogue
+from gateway.domain.identity import KnownFact
 from gateway.domain.outcomes import AxisVerdict, Verdict
 from gateway.report import render
 from gateway.store import Store
+from gateway.store.identities import IdentityBook
 from gateway.views import DeviceView, HeldView, PastRun, RunView, StatusView
 from tests.unit.report.attacks import STRINGS
 from tests.unit.report.synthetic import axis_material, material
@@ -182,6 +184,17 @@ def test_everything_that_is_read_answers_for_a_new_site(client: Callable[..., Cl
     answer = client().get(f"/api/v1/sites/hall-3/{what}")
     assert answer.status_code == 200
     assert answer.json() is not None
+
+
+def test_what_was_accepted_of_the_machine_is_told_whole(client: Callable[..., Client], tmp_path: Path) -> None:
+    serial, utc = SITE.controller.serial, "2026-02-03T08:15:00+00:00"
+    book = IdentityBook(tmp_path)
+    book.keep(KnownFact(1, serial, "version", "V4.94", utc))
+    book.keep(KnownFact(2, serial, "version", "V4.95", utc, was="V4.94", who="anna", reason="updated"))
+    told = client().get("/api/v1/sites/hall-3/identity").json()
+    assert told["facts"] == {"serial": serial, "version": "V4.95"}
+    one = {"fact": "version", "was": "V4.94", "now": "V4.95", "who": "anna", "reason": "updated", "utc": utc}
+    assert told["accepted"] == [one]
 
 
 @pytest.mark.parametrize(
