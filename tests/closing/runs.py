@@ -149,7 +149,7 @@ def quick(cell: Cell, text: str) -> str:
     path.write_text(text, encoding="utf-8")
     write_filed_site(cell, path)
     axes, rest = path.read_text(encoding="utf-8").split("[[setups]]", 1)
-    for dense, sparse in (("count = 21", "count = 9"), ("count = 24", "count = 12"), ("s = 5", "s = 3")):
+    for dense, sparse in (("count = 21", "count = 9"), ("count = 25", "count = 13"), ("s = 5", "s = 3")):
         axes = axes.replace(dense, sparse)
     return f"{axes}[[setups]]{rest}"
 
