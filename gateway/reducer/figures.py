@@ -137,12 +137,12 @@ def cause(drive: Reducer, order: int, samples: int = 0) -> str:
     neighbours beyond what ``samples`` a turn can show, by their place), "none".
     """
     zp, zc, ratio = drive.gear.zp, drive.gear.zc, drive.first_stage.ratio
-    if samples and order in _folded(zp, zc, samples) and order > MIXED * zc:
-        return "folded"
     if order % (zp * zc) == 0:
         return "profile"
-    if order % zp == 0:
+    if order % zp == 0 and order <= zp * zc // 2:
         return f"disc:{order // zp}"
+    if samples and order in _folded(zp, zc, samples) and order > MIXED * zc:
+        return "folded"
     if order % zc == 0:
         return f"ring:{order // zc}"
     if ratio and order in (round(ratio - 1.0), round(ratio)):

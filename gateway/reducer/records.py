@@ -11,7 +11,7 @@ Defaults are choices of this project and no maker's data; they are stated with e
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from math import inf, isfinite, pi
 from typing import Literal, get_args
@@ -281,6 +281,37 @@ def for_gear(gear: CycloidGear, datum: Datum | None, *, rated_nm: float | None =
         rated_nm=torque,
         datum=datum,
     )
+
+
+def told(drive: Reducer, given: Mapping[str, object]) -> Reducer:
+    """A drive on cranks with what a file gives instead, by flat names: marks, crank_phases_deg, pin_circle_mm,
+    pin_radius_mm, cranks, crank_circle_mm, crank_stiffness_n_mm, crank_clearance_um, contact_n_mm2, interference_um.
+
+    Raises ModelError E-REDUCER-... for what cannot be built.
+    """
+    parts = {
+        "pins": {"circle_mm": "pin_circle_mm", "radius_mm": "pin_radius_mm"},
+        "output": {
+            "number": "cranks",
+            "circle_mm": "crank_circle_mm",
+            "stiffness_n_mm": "crank_stiffness_n_mm",
+            "clearance_um": "crank_clearance_um",
+        },
+        "contact": {"stiffness_n_mm2": "contact_n_mm2"},
+    }
+    changed: dict[str, object] = {
+        part: replace(getattr(drive, part), **{own: given[name] for own, name in names.items() if name in given})
+        for part, names in parts.items()
+    }
+    phases = given.get("crank_phases_deg", tuple(place.crank_phase_deg for place in drive.discs))
+    marks = given.get("marks", tuple(range(len(phases))))  # type: ignore[arg-type]
+    if len(marks) != len(phases):  # type: ignore[arg-type]
+        wanted = len(phases)  # type: ignore[arg-type]
+        raise ModelError("E-REDUCER-COUNT", drive.name, key="marks", given=len(marks), wanted=wanted)  # type: ignore[arg-type]
+    changed["discs"] = tuple(DiscPlace(p, m) for p, m in zip(phases, marks, strict=True))  # type: ignore[call-overload]
+    if "interference_um" in given:
+        changed["interference_um"] = given["interference_um"]
+    return replace(drive, **changed)  # type: ignore[arg-type]
 
 
 def _check_pins(drive: Reducer) -> None:

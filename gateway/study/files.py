@@ -51,6 +51,27 @@ class FlankData(_Section):
     limit_um: float = Field(default=2.0, gt=0.0)
 
 
+class ReducerData(_Section):
+    """The drive that the discs make, where it differs from the defaults by the gear's size; mm, um, N, Nm.
+
+    ``datum`` of the flank deviations is asked for. ``marks`` and ``crank_phases_deg`` have one value per disc.
+    """
+
+    name: Name = "drive"
+    datum: Literal["crank-holes", "bore", "best-fit"]
+    rated_nm: float | None = Field(default=None, gt=0.0)
+    crank_phases_deg: tuple[float, ...] | None = Field(default=None, min_length=1, max_length=3)
+    marks: tuple[int, ...] | None = Field(default=None, min_length=1, max_length=3)
+    pin_circle_mm: float | None = Field(default=None, gt=0.0)
+    pin_radius_mm: float | None = Field(default=None, gt=0.0)
+    cranks: int | None = Field(default=None, ge=1, le=12)
+    crank_circle_mm: float | None = Field(default=None, gt=0.0)
+    crank_stiffness_n_mm: float | None = Field(default=None, gt=0.0)
+    crank_clearance_um: float | None = Field(default=None, ge=0.0)
+    contact_n_mm2: float | None = Field(default=None, gt=0.0)
+    interference_um: float | None = Field(default=None, ge=0.0)
+
+
 class GearFile(_Section):
     """A whole gear file."""
 
@@ -59,6 +80,7 @@ class GearFile(_Section):
     gear: GearData
     grinding: GrindingData
     flank: FlankData = FlankData()
+    reducer: ReducerData | None = None
 
 
 class ChainSection(_Section):

@@ -4,9 +4,14 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
+
 from drivers.terms import spoken
+from drivers.types.values import FloatArray
+from drivers.units import mm_to_um
 from gateway.gear.grinding import Grinding
 from gateway.study import draw
+from gateway.study.draw_drive import transmission_picture
 from gateway.study.plots.kinematics import machine_frames, relative_curves
 from gateway.study.plots.sheet import Paint, written
 from gateway.study.relative import RelativeSweep, relative_lines
@@ -27,7 +32,16 @@ def write_pictures(study: Study, folder: Path) -> tuple[Path, ...]:
         ("pitch", (9.0, 4.6), lambda figure: draw.pitch(figure, study)),
         ("axes-before-after", (11.0, 4.0), lambda figure: draw.axes_before_after(figure, study.correction.axes)),
     )
+    if study.drive is not None:
+        drive, depth = study.drive.states, {name: _depth(study, name) for name in ("before", "after")}
+        pictures += (("transmission", (11.0, 7.0), lambda figure: transmission_picture(figure, drive, depth)),)
     return tuple(written(folder / f"{name}.png", size, paint) for name, size, paint in pictures)
+
+
+def _depth(study: Study, name: str) -> FloatArray:
+    """Mean deviation by space (K,) of a state of the flank, um."""
+    state = study.before if name == "before" else study.after
+    return mm_to_um(np.asarray(state.deviation.mean(axis=(1, 2))))
 
 
 def write_relative(grinding: Grinding, sweep: RelativeSweep, folder: Path) -> tuple[Path, ...]:

@@ -16,6 +16,7 @@ from gateway.gear.flank import FlankFigure
 from gateway.gear.grinding import Grinding
 from gateway.sensitivity.outputs import OUTPUTS
 from gateway.sensitivity.ranks import Ranked
+from gateway.study.drive import drive_data
 from gateway.study.work import State, Study
 
 Row = tuple[str, ...]
@@ -192,6 +193,7 @@ def as_data(study: Study) -> dict[str, Any]:
             for one in study.products
         ],
         "findings": list(correction.said),
+        **({} if study.drive is None else {"drive": drive_data(study.drive)}),
         "next": [
             {"name": one.name, "change_um": mm_to_um(one.change), "beyond_um": mm_to_um(one.beyond), "share": one.share}
             for one in study.next

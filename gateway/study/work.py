@@ -31,6 +31,7 @@ from gateway.model.chain import Chain
 from gateway.sensitivity.next import Next, measure_next
 from gateway.sensitivity.outputs import OUTPUTS, FlankOutputs, Order, equal_size, equal_spans, measured_spans
 from gateway.sensitivity.sweep import Screening, screen
+from gateway.study.drive import Constant, DriveStudy, drive_study, reducer_of
 from gateway.study.files import Doubt, ErrorFile, GearFile
 from gateway.study.machine import error_names, grid_of, grinding_of, is_angle, plan_of, travels
 
@@ -61,6 +62,7 @@ class Study:
     """Everything a study found; mm and rad inside.
 
     The states are flanks to second order, or exact where ``order`` is; ``with_products`` only where products help.
+    ``drive`` where the gear file names a reducer.
     """
 
     gear: GearFile
@@ -84,6 +86,7 @@ class Study:
     order: Order
     next: tuple[Next, ...]
     truncation: float
+    drive: DriveStudy | None
 
 
 def study(
@@ -106,6 +109,11 @@ def study(
     )
     first = judged(grinding, grid.k, grid.theta, grid.z)
     products = product_layer(correction.machine, grid, plan, proved=True) if error_file.multiplication_proved else ()
+    states = {
+        "before": _state(grid, grinding, order),
+        "with_own": _state(grid, correction.machine_with_own, order),
+        "after": _state(grid, correction.machine, order),
+    }
     multiplied = with_tables(correction.machine, [one.product for one in products])
     return Study(
         gear=gear_file,
@@ -122,13 +130,25 @@ def study(
         visible=visible(linear_flank(grinding, grid, names)),
         correction=correction,
         products=products,
-        before=_state(grid, grinding, order),
-        with_own=_state(grid, correction.machine_with_own, order),
-        after=_state(grid, correction.machine, order),
+        before=states["before"],
+        with_own=states["with_own"],
+        after=states["after"],
         with_products=_state(grid, multiplied, order) if products else None,
         order=order,
         next=_next(grinding, grid, plan, [parameter.name for parameter, _ in ready.doubts], ready.noise),
         truncation=float(np.max(np.abs(first.second - first.deviation))),
+        drive=None
+        if gear_file.reducer is None
+        else drive_study(
+            reducer_of(gear_file.reducer, grinding.gear),
+            grinding,
+            grid,
+            names=names,
+            states={name: one.deviation for name, one in states.items()},
+            r=r,
+            seed=seed,
+            executor=executor,
+        ),
     )
 
 
@@ -201,16 +221,8 @@ def _cures(grinding: Grinding, grid: FlankGrid, names: tuple[str, ...]) -> dict[
             wanted.append(ErrorParameter(name, motion))
         else:
             size = float(motion) or equal_size(name)
-            wanted.append(ErrorParameter(name, _Constant(size)))
+            wanted.append(ErrorParameter(name, Constant(size)))
     return {cure.error: cure for cure in cures(grinding, grid, wanted, figure=True)}
-
-
-@dataclass(frozen=True, slots=True)
-class _Constant:
-    value: float
-
-    def __call__(self, q: FloatArray) -> FloatArray:
-        return np.full_like(q, self.value)
 
 
 def _state(grid: FlankGrid, grinding: Grinding, order: Order) -> State:

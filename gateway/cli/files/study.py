@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 from drivers.terms import spoken
 from gateway.cli.show import echo, show_json, show_table
@@ -53,6 +54,8 @@ def study_command(
     own = spoken().own
     show_table("by axis (range)", ("axis", "as it is", own, f"{own} + {spoken().cross}", "unit"), tell.axis_rows(found))
     show_table("by tooth (predicted)", ("value", "as it is", own, "everything", "unit"), tell.tooth_rows(found))
+    if found.drive is not None:
+        _tell_drive(found.drive)
     setup = ", ".join(f"{name} {value:+.2f} {unit}" for name, value, unit in tell.setup_rows(found))
     lines = [
         f"set-up values: {setup}",
@@ -87,3 +90,17 @@ def show_relative(gear: Path, errors: Path, folder: Path, *, as_json: bool) -> N
     show_table(title, headings, relative_rows(sweep))
     for path in written:
         echo(f"picture: {path}")
+
+
+def _tell_drive(drive: Any) -> None:
+    from drivers.errors import words
+    from gateway.study.drive import drive_rows, state_rows
+
+    own = spoken().own
+    headings = ("error", "constant: transmission", "lost motion", "here: transmission", "lost motion", "rank")
+    title = "the drive in arcsec, first order: each error alone, constant at 5 um or 0.01 deg, and as it is here"
+    show_table(title, headings, drive_rows(drive))
+    show_table("by drive (full model)", ("value", "as it is", own, "everything", "unit"), state_rows(drive))
+    echo(
+        words("S-STUDY-DRIVE", name=drive.reducer.name, datum=drive.reducer.datum, missed=f"{drive.missed_arcsec:+.2f}")
+    )
