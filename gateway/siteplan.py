@@ -311,6 +311,31 @@ class OperatorTimes(Section):
     )
 
 
+class GoalSection(Section):
+    """What tables and set-up values are to make best: the flank's RMS, or the drive that the discs make.
+
+    Any goal but "rms", and any limit, needs a [reducer] in the gear file. With "weights" 1 um of flank counts ``rms``
+    times, and 1 um at the largest lever of a contact ``transmission`` or ``lost_motion`` times.
+    """
+
+    kind: Literal["rms", "transmission", "lost-motion", "weights"] = Field(
+        default="rms", description="what counts most; of a drive's goal the flank keeps a tenth"
+    )
+    rms: Number = Field(default=1.0, gt=0, le=1000.0, description='weight of the flank, with kind = "weights"')
+    transmission: Number = Field(default=0.0, ge=0, le=1000.0, description="weight of the transmission error, likewise")
+    lost_motion: Number = Field(default=0.0, ge=0, le=1000.0, description="weight of the lost motion, likewise")
+    transmission_arcsec: Number | None = Field(
+        default=None, gt=0, le=36000.0, description="largest transmission error peak to peak, arcsec"
+    )
+    lost_motion_arcsec: Number | None = Field(default=None, gt=0, le=36000.0, description="largest lost motion, arcsec")
+
+
+class GearSection(Section):
+    """What is asked of the gear that this machine grinds."""
+
+    goal: GoalSection = Field(default=GoalSection(), description="what tables and set-up values make best")
+
+
 class DayTimes(Section):
     """What work by hand and restarts take at this machine: a forecast of the day counts with them, nothing waits so.
 

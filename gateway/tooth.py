@@ -208,12 +208,54 @@ class AxisOutlook:
 
 
 @dataclass(frozen=True, slots=True)
+class GoalRow:
+    """One way to correct a machine by its name, and what flank (RMS, um) and drive (arcsec) are then: full model."""
+
+    name: str
+    flank_um: float
+    transmission_arcsec: float
+    lost_motion_arcsec: float
+
+
+@dataclass(frozen=True, slots=True)
+class DriveLimit:
+    """A limit of a drive's figure with its verdict: expected value, U (k = 2), limit, arcsec."""
+
+    name: str
+    value_arcsec: float
+    U_arcsec: float
+    limit_arcsec: float
+    verdict: Literal["pass", "fail", "not decidable"]
+
+
+@dataclass(frozen=True, slots=True)
+class DriveProposal:
+    """The drive that discs of the corrected machine will make, predicted and not tested; without friction.
+
+    ``rows`` say what each goal costs in the other. Expected transmission error (p-p) and lost motion with standard
+    uncertainty from that many trials; ``limits`` with their verdicts.
+    """
+
+    reducer: str
+    datum: str
+    goal: str
+    rows: tuple[GoalRow, ...]
+    transmission_arcsec: float
+    transmission_u_arcsec: float
+    lost_motion_arcsec: float
+    lost_motion_u_arcsec: float
+    trials: int
+    limits: tuple[DriveLimit, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
 class ToothProposal:
     """What a run proposes for the tooth beside the tables: set-up values, and what everything together will do.
 
     ``eccentricity_um`` (x, y) and ``tilt_arcsec`` (a, b) say how the work should be moved on its table, where that
     would help. ``b_left`` is the share of B that nothing can cure on this gear. ``axes`` are how the
     axes will deviate with everything acting. ``background`` are those of ``said`` that ask nothing of anybody.
+    ``drive`` where the site has a goal for the gear.
     """
 
     setup: SetupValues
@@ -226,6 +268,7 @@ class ToothProposal:
     said: tuple[str, ...] = ()
     axes: tuple[AxisOutlook, ...] = ()
     background: tuple[str, ...] = ()
+    drive: DriveProposal | None = None
 
 
 @dataclass(frozen=True, slots=True)

@@ -22,6 +22,7 @@ from gateway.siteplan import (
     DayTimes,
     Degc,
     Flag,
+    GearSection,
     GuardSection,
     MaybeName,
     Name,
@@ -321,6 +322,7 @@ class SiteFile(Section):
     )
     assumed: AssumedSection = Field(default=AssumedSection(), description="errors that nobody measured")
     work: WorkSection | None = Field(default=None, description="the gear that this machine grinds")
+    gear: GearSection = Field(default=GearSection(), description="what is asked of that gear")
     guard: GuardSection = Field(default=GuardSection(), description="the drift guard")
     machine: paper.MachineSection = Field(
         default=paper.MachineSection(), description="the machine as its owner names it"

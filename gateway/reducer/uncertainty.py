@@ -141,9 +141,33 @@ def drawn_drive(drive: Reducer, rng: Generator) -> Reducer:
     return replace(drive, pins=ring, output=drawn)
 
 
-def _trial(drive: Reducer, flanks: Sequence[FlankMap | None], alpha: FloatArray, torque: float) -> FloatArray:
+@dataclass(frozen=True, slots=True)
+class Essentials:
+    """Loaded transmission error p-p and RMS of the worse sense, and mean lost motion; arcsec, by the full model."""
+
+    error_arcsec: float
+    rms_arcsec: float
+    lost_motion_arcsec: float
+
+
+def essentials(
+    drive: Reducer,
+    flanks: Sequence[FlankMap | None],
+    *,
+    torque_nm: float | None = None,
+    steps: int | None = None,
+    slices: int = SLICES,
+) -> Essentials:
+    """The figures that goals and trials are about, without the way down to no load."""
+    torque = drive.rated_nm if torque_nm is None else torque_nm
+    return Essentials(*_trial(drive, flanks, crank_angles(drive, steps), torque, slices=slices).tolist())
+
+
+def _trial(
+    drive: Reducer, flanks: Sequence[FlankMap | None], alpha: FloatArray, torque: float, *, slices: int = SLICES
+) -> FloatArray:
     """Loaded error peak to peak and RMS of the worse sense, mean lost motion; arcsec."""
-    assembly = Assembly(drive, flanks, slices=SLICES)
+    assembly = Assembly(drive, flanks, slices=slices)
     poses = [assembly.solve(alpha, sense * torque) for sense in (1.0, -1.0)]
     curves = [rad_to_arcsec(pose.psi) for pose in poses]
     soft, rows = LOST_MOTION * drive.rated_nm, slice(None, None, EVERY)

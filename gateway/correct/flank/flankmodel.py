@@ -21,6 +21,7 @@ from gateway.errors import ModelError
 from gateway.gear.first_order import abg, flank_abg, to_space
 from gateway.gear.flank import FlankGrid
 from gateway.gear.grinding import Grinding
+from gateway.reducer.goal import FlankTarget
 from gateway.tooth import SetupValues
 
 SMALL = 1e-13  # of the largest eigenvalue: what a place's points do not see
@@ -63,7 +64,7 @@ class FlankModel:
     """e = e0 + M x over points. ``base`` (G, 3) are the A, B, G of the errors, ``extra`` (N,) what is beside them.
 
     The unknowns x are those of the blocks one after the other. With ``turning`` one rotation of the whole gear is free
-    (the flank figure does not count it).
+    (the flank figure does not count it). With a ``target`` its rows stand beneath the flank's, which keep its weight.
     """
 
     places: Places
@@ -71,11 +72,17 @@ class FlankModel:
     extra: FloatArray
     blocks: tuple[UnknownsBlock, ...]
     turning: bool = True
+    target: FlankTarget | None = None
 
     @property
     def size(self) -> int:
         """Number of unknowns."""
         return sum(block.size for block in self.blocks)
+
+    @property
+    def height(self) -> int:
+        """Number of rows R: three a place, and the target's."""
+        return 3 * int(self.places.k.size) + (0 if self.target is None else int(self.target.start.size))
 
     @cached_property
     def spans(self) -> dict[str, slice]:
@@ -101,14 +108,23 @@ class FlankModel:
     def rows(self) -> FloatArray:
         """A (R, unknowns) with |A x + b|^2 + lost = N times the mean square of the deviation."""
         if not self.blocks:
-            return np.zeros((3 * self.places.k.size, 0))
+            return np.zeros((self.height, 0))
         parts = [np.einsum("gij,gj,gm->gim", self._roots, block.effect, block.share) for block in self.blocks]
-        return self._unturned(np.concatenate(parts, axis=-1).reshape(-1, self.size))
+        rows = self._unturned(np.concatenate(parts, axis=-1).reshape(-1, self.size))
+        if self.target is None:
+            return rows
+        along = [
+            np.einsum("rgj,gj,gm->rm", self._aims, block.effect, block.share, optimize=True) for block in self.blocks
+        ]
+        return np.concatenate([self.target.flank * rows, np.concatenate(along, axis=-1)])
 
     @cached_property
     def right(self) -> FloatArray:
         """b (R,): the errors in the rows' coordinates."""
-        return self.compressed(self.base, self.extra)
+        found = self.compressed(self.base, self.extra)
+        if self.target is not None:
+            found[-self.target.start.size :] += self.target.start
+        return found
 
     def compressed(self, terms: FloatArray, extra: FloatArray | None = None) -> FloatArray:
         """Deviations of A, B, G (G, 3) or patterns (G, 3, S), plus (N,) beside them, in the rows' coordinates."""
@@ -117,7 +133,11 @@ class FlankModel:
             moments = np.zeros_like(self.base)
             np.add.at(moments, self.places.of, self.places.form * extra[:, None])
             b = b + np.einsum("gij,gj->gi", self._inverse_roots, moments)
-        return self._unturned(b.reshape(-1, *b.shape[2:]))
+            terms = terms + np.einsum("gij,gj->gi", self.places.inverses, moments)
+        plain = self._unturned(b.reshape(-1, *b.shape[2:]))
+        if self.target is None:
+            return plain
+        return np.concatenate([self.target.flank * plain, np.einsum("rgj,gj...->r...", self._aims, terms)])
 
     @cached_property
     def lost(self) -> float:
@@ -125,18 +145,25 @@ class FlankModel:
         return max(self._total - float(np.sum(self._plain**2)), 0.0)
 
     def rms(self, x: FloatArray) -> float:
-        """RMS deviation (mm), after removing one rotation if ``turning``."""
+        """RMS deviation (mm), after removing one rotation if ``turning``; with a target the root of the whole sum."""
         rest = self.rows @ x + self.right
-        return float(np.sqrt((rest @ rest + self.lost) / self.places.points))
+        lost = self.lost if self.target is None else self.target.flank**2 * self.lost
+        return float(np.sqrt((rest @ rest + lost) / self.places.points))
 
     def without(self, names: Sequence[str]) -> FlankModel:
         """The model without some blocks."""
         kept = tuple(block for block in self.blocks if block.name not in names)
-        return FlankModel(places=self.places, base=self.base, extra=self.extra, blocks=kept, turning=self.turning)
+        return replace(self, blocks=kept)
 
     def _column(self, block: UnknownsBlock) -> scipy.sparse.csr_matrix:
         along = self.places.along_normal(block.effect)
         return scipy.sparse.csr_matrix(scipy.sparse.csr_matrix(block.share)[self.places.of].multiply(along[:, None]))
+
+    @cached_property
+    def _aims(self) -> FloatArray:
+        """The target's rows by place (R, G, 3)."""
+        rows = np.zeros((0, 0)) if self.target is None else self.target.rows
+        return rows.reshape(-1, self.places.k.size, 3)
 
     @cached_property
     def _spectrum(self) -> tuple[FloatArray, FloatArray]:
@@ -185,6 +212,7 @@ def flank_model(
     *,
     deviation: ArrayLike | None = None,
     turning: bool = True,
+    target: FlankTarget | None = None,
 ) -> FlankModel:
     """The model of a machine's flank: its errors (or measured deviations, one per point) and what may be changed.
 
@@ -200,7 +228,9 @@ def flank_model(
     names = [block.name for block in blocks]
     if len(set(names)) != len(names):
         raise ModelError("E-CORRECT-TWICE", "flank", names=", ".join(names))
-    return FlankModel(places=places, base=base, extra=extra, blocks=tuple(blocks), turning=turning)
+    if target is not None and target.rows.shape[1] != 3 * places.k.size:
+        raise ModelError("E-CORRECT-POINTS", "flank", points=places.points)
+    return FlankModel(places=places, base=base, extra=extra, blocks=tuple(blocks), turning=turning, target=target)
 
 
 def setup_values(grinding: Grinding, found: Mapping[str, float]) -> SetupValues:

@@ -36,7 +36,7 @@ class FitNoise:
     def rows(self, model: FlankModel) -> FloatArray:
         """The patterns (R, S) in the model's coordinates."""
         if self.patterns is None or not self.patterns.size:
-            return np.zeros((3 * model.places.k.size, 0))
+            return np.zeros((model.height, 0))
         return model.compressed(self.patterns)
 
 

@@ -30,6 +30,7 @@ from gateway.gear.first_order import judged
 from gateway.gear.flank import FlankFigure, FlankGrid, flank_figure
 from gateway.gear.grinding import Grinding
 from gateway.model.chain import Chain
+from gateway.reducer.goal import flank_target
 from gateway.tooth import SetupValues
 
 FEWEST_SPACES = 5  # fewer cannot tell a harmonic of the turn
@@ -84,7 +85,17 @@ def correct(
     specs = cross_specs(chain, plan, live)
     bounds = [_bound(chain, plan, axis, first, live) for axis in plan.bounds if plan.has(axis)]
     setup = setup_unknowns(chain, plan)
-    found = optimise(seated, grid, specs, setup, norm=plan.norm, noise=plan.noise, bounds=bounds, alike=plan.alike)
+    found = optimise(
+        seated,
+        grid,
+        specs,
+        setup,
+        norm=plan.norm,
+        noise=plan.noise,
+        bounds=bounds,
+        alike=plan.alike,
+        target=flank_target(plan.goal, grid) if plan.goal is not None and plan.goal.of_drive else None,
+    )
     second = _added(chain, found.tables, live, "cross")
     machine, unmoved = (_set_up(with_tables(one, second), found.setup) for one in (seated, acting))
     return LayeredCorrection(

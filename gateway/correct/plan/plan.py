@@ -17,6 +17,7 @@ from gateway.correct.solve.limits import TableSpec
 from gateway.correct.solve.optimise import Norm
 from gateway.errors import ModelError
 from gateway.model.chain import Chain
+from gateway.reducer.goal import DriveGoal
 from gateway.table.limits import check_points
 
 ALIKE_MM = 5e-6  # a twentieth of a step: far below what is known of any flank
@@ -43,7 +44,7 @@ class Plan:
     by axis) is how far cross tables may spoil an axis; one without is bound by the limits of a table alone. ``alike``
     (mm RMS, in squares) is how much worse the flank may be for smoother tables. ``noise`` says how the errors may be
     wrong, ``reserved`` how many points the controller holds for a table, by name. Tables over an axis without a grid
-    are left out.
+    are left out. ``goal`` is what of the drive counts beside the flank's RMS; None: nothing.
     """
 
     grids: tuple[AxisGrid, ...]
@@ -53,6 +54,7 @@ class Plan:
     dressing: bool = True
     mounting: bool = True
     norm: Norm = "rms"
+    goal: DriveGoal | None = None
     bounds: Mapping[str, float] = field(default_factory=dict)
     alike: float = ALIKE_MM
     noise: FitNoise = field(default_factory=FitNoise)

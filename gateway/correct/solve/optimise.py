@@ -36,6 +36,7 @@ from gateway.correct.solve.unknowns import UM, SolverWork, tied, unseen_nodes, w
 from gateway.errors import ModelError
 from gateway.gear.flank import FlankFigure, FlankGrid
 from gateway.gear.grinding import Grinding
+from gateway.reducer.goal import FlankTarget
 from gateway.tooth import SetupValues
 
 TRADE = 1e-3  # of the largest deviation: nearer than this to the optimum, rounding looks no further
@@ -86,18 +87,20 @@ def optimise(
     bounds: Sequence[AxisBound] = (),
     turning: bool = True,
     alike: float = 0.0,
+    target: FlankTarget | None = None,
 ) -> Optimum:
     """Best tables and set-up values for a machine's flank, or for measured deviations (one per point, mm).
 
+    ``target`` adds what else is to be small, the figures of a drive: least squares of both, for the norm "rms" alone.
     Flanks whose RMS differ, in squares, by less than ``alike`` (mm) count as alike: the smoothest tables are taken,
     before and in rounding. With 0 smoothness only decides what the flank leaves open.
     Raises ModelError E-CORRECT-INFEASIBLE if the limits leave no solution.
     """
-    if norm not in ("rms", "max"):
+    if norm not in ("rms", "max") or (target is not None and norm != "rms"):
         raise ModelError("E-CORRECT-NORM", "optimise", norm=norm)
     doubt = noise or FitNoise()
     grids = [spec.grid for spec in tables]
-    measured = flank_model(grinding, grid, grids, setup, deviation=deviation, turning=turning)
+    measured = flank_model(grinding, grid, grids, setup, deviation=deviation, turning=turning, target=target)
     worth, omitted = worth_it(tied(measured, tables), doubt)
     kept = {block.name for block in worth.blocks}
     specs = tuple(spec for spec in tables if spec.name in kept)
@@ -225,7 +228,8 @@ def _without_idle(answer: Optimum, work: SolverWork, x: FloatArray) -> Optimum:
         still = x.copy()
         still[span] = acting
         here, there = _figure(model, model.deviation(x)), _figure(model, model.deviation(still))
-        if max(there.rms - here.rms, (there.largest - here.largest) / PEAK) <= IDLE:
+        aim = 0.0 if model.target is None else model.rms(still) - model.rms(x)
+        if max(there.rms - here.rms, (there.largest - here.largest) / PEAK, aim) <= IDLE:
             x = still
             idle.append(Omitted(spec.name, max(there.rms - here.rms, 0.0), 0.0, idle=True))
     if not idle:

@@ -64,7 +64,7 @@ def forecast(model: ErrorModel, work: ToothWork, grids: tuple[AxisGrid, ...]) ->
     chain = chain_of_errors(model, height_mm=work.height_mm)
     grinding = Grinding(chain, work.gear, work.centre_distance_mm)
     grid = flank_grid(work.gear, profile=PROFILE, width=WIDTH)
-    plan = Plan(grids, zeros=("X",))
+    plan = Plan(grids, zeros=("X",), goal=work.goal)
     plan = replace(plan, noise=noise_patterns(grinding, grid, doubts(model, chain, plan)))
 
     def worked_out(tried: Plan) -> tuple[LayeredCorrection, Outlook]:

@@ -14,6 +14,7 @@ from gateway.config import SiteFile
 from gateway.correct.flank.compensability import tangential_cure
 from gateway.correct.flank.noise import noise_patterns
 from gateway.correct.flank.tables import Table
+from gateway.correct.outlook.drive_outlook import drive_proposal
 from gateway.correct.outlook.flank_uncertainty import Shop
 from gateway.correct.outlook.next_setup import Tooth, doubts
 from gateway.correct.outlook.prediction import Outlook, predict
@@ -29,10 +30,12 @@ from gateway.gear.cycloid import CycloidGear
 from gateway.gear.flank import FlankGrid, flank_grid
 from gateway.gear.grinding import Grinding
 from gateway.model.known import ErrorModel, chain_of_errors
-from gateway.study.files import load_gear
+from gateway.reducer.goal import LIMITS, DriveGoal, goal_of
+from gateway.study.drive import reducer_of
+from gateway.study.files import GearFile, load_gear
 from gateway.study.machine import gear_of
 from gateway.table.limits import told as finding
-from gateway.tooth import ToothProposal
+from gateway.tooth import DriveProposal, ToothProposal
 from gateway.workflow import stages
 from gateway.workflow.axes.crossplaces import places_of
 from gateway.workflow.axes.measure import MeasuredAxis
@@ -43,7 +46,7 @@ from gateway.workflow.tooth.agreement import ask_part
 from gateway.workflow.tooth.crosstables import acting_cross, cross_changes
 from gateway.workflow.tooth.everything import outlooks, told_of
 from gateway.workflow.tooth.oneway import ground_one_way
-from gateway.workflow.tooth.sentences import doubted, explained, measure_better, told
+from gateway.workflow.tooth.sentences import doubted, drive_told, explained, measure_better, told
 from gateway.workflow.tooth.shop import drifting, noisy, shop_of
 
 PROFILE, WIDTH = 11, 5
@@ -53,7 +56,8 @@ PROFILE, WIDTH = 11, 5
 class ToothWork:
     """What is ground: the gear by its file's name, centre distance and height over the table's zero (mm), who inspects.
 
-    ``inspector`` is the site's gear inspection machine; "" where results come as files.
+    ``inspector`` is the site's gear inspection machine; "" where results come as files. ``goal`` is what of the drive
+    counts; None without a reducer in the gear file.
     """
 
     name: str
@@ -61,6 +65,7 @@ class ToothWork:
     centre_distance_mm: float
     height_mm: float
     inspector: str = ""
+    goal: DriveGoal | None = None
 
     @property
     def tooth(self) -> Tooth:
@@ -74,13 +79,27 @@ def work_of(site: SiteFile, site_path: Path) -> ToothWork:
         raise ConfigError("E-CLOSE-WORK", site.site.name)
     file = load_gear(site_path.parent / site.work.gear)
     distance = file.grinding.centre_distance_mm
+    gear = gear_of(file)
     return ToothWork(
         name=file.name,
-        gear=gear_of(file),
+        gear=gear,
         centre_distance_mm=distance,
         height_mm=site.work.height_mm,
         inspector=site.work.inspector,
+        goal=_goal_of(site, file, gear),
     )
+
+
+def _goal_of(site: SiteFile, file: GearFile, gear: CycloidGear) -> DriveGoal | None:
+    """What the site asks of the drive. Raises ConfigError (E-GOAL-REDUCER) where the gear file names none."""
+    asked = site.gear.goal
+    limits = {name: value for name in LIMITS if (value := getattr(asked, name)) is not None}
+    if file.reducer is None:
+        if asked.kind != "rms" or limits:
+            raise ConfigError("E-GOAL-REDUCER", site.site.name, kind=asked.kind, gear=file.name)
+        return None
+    weights = (asked.rms, asked.transmission, asked.lost_motion)
+    return goal_of(asked.kind, reducer_of(file.reducer, gear), weights, limits)
 
 
 async def propose_tooth(
@@ -120,11 +139,13 @@ async def propose_tooth(
     left = (*looked, *nowhere, *(task.alone(plan, outlook) if nowhere else ()), *_left_alone(own), *doubted(chosen))
     worst = dominant(task.grinding, task.grid, model, outlook.flank)
     needed = (*told(tooth, model, found=found, gains=gains, left_alone=left), *measure_better(worst))
+    if work.goal is not None:
+        tooth = replace(tooth, drive=task.drive(plan, found, work.goal))
     axes = outlooks(own, cross)
     index = task.names[task.grinding.index]
     turns = ground_one_way(index, measured[index].capture, at.site.work, own, lever_mm=task.grid.section.h)
     why = (*explained(tooth, model, found), *drifting(task.shop, at.site.work), *noisy(measured), *turns)
-    why = (*why, *told_of(axes))
+    why = (*why, *told_of(axes), *drive_told(tooth.drive))
     tooth = replace(tooth, axes=axes, said=(*needed, *why), background=why)
     at.folder.put(stages.TOOTH, tooth, (at.folder.digest(stages.PROPOSAL), *parents))
     return proposal, tooth
@@ -187,7 +208,7 @@ class _Task:
         grinding = Grinding(chain, work.gear, work.centre_distance_mm)
         grid = flank_grid(work.gear, profile=PROFILE, width=WIDTH)
         # A C zero turns the whole gear, which no figure counts: it stays as it is.
-        plan = Plan(grids(at.site), zeros=("X",))
+        plan = Plan(grids(at.site), zeros=("X",), goal=work.goal)
         plan = replace(plan, noise=noise_patterns(grinding, grid, doubts(model, chain, plan)))
         acting = [one.own.table for one in live.values() if one.own.enabled]
         return cls(
@@ -233,6 +254,12 @@ class _Task:
         _, could = self.one(self.plan)
         return (
             words("S-TOOTH-ALONE", left=f"{outlook.flank.after.rms_um:.2f}", least=f"{could.flank.after.rms_um:.2f}"),
+        )
+
+    def drive(self, plan: Plan, found: LayeredCorrection, goal: DriveGoal) -> DriveProposal:
+        """The drive that the corrected machine's discs make, and what every goal costs in the others."""
+        return drive_proposal(
+            self.grinding, self.grid, plan=plan, goal=goal, found=found, live=self.acted, own=self.own
         )
 
     def one(self, plan: Plan) -> tuple[LayeredCorrection, Outlook]:

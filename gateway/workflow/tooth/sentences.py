@@ -12,7 +12,7 @@ from gateway.correct.outlook.worthwhile import Worthwhile
 from gateway.correct.plan.layers import LayeredCorrection
 from gateway.domain.values import COVERAGE
 from gateway.model.known import ErrorModel
-from gateway.tooth import CureRecord, ToothProposal
+from gateway.tooth import CureRecord, DriveProposal, ToothProposal
 
 
 def told(
@@ -34,6 +34,26 @@ def explained(tooth: ToothProposal, model: ErrorModel, found: LayeredCorrection)
     sizes = _sizes(tooth, model)
     if sizes and max(sizes.values()) <= THRESHOLD_UM:
         said.append(words("S-TOOTH-UNKNOWN-NONE", count=len(sizes), limit=f"{THRESHOLD_UM:g}"))
+    return tuple(said)
+
+
+def drive_told(drive: DriveProposal | None) -> tuple[str, ...]:
+    """What drives the corrected machine will make, what each goal costs, and the verdicts on their limits, in words."""
+    if drive is None:
+        return ()
+    figures = {
+        "transmission": f"{drive.transmission_arcsec:.1f}",
+        "u": f"{drive.transmission_u_arcsec:.1f}",
+        "lost": f"{drive.lost_motion_arcsec:.0f}",
+        "lost_u": f"{drive.lost_motion_u_arcsec:.0f}",
+    }
+    said = [words("S-TOOTH-DRIVE", name=drive.reducer, datum=drive.datum, **figures)]
+    for row in drive.rows:
+        sizes = {"flank": f"{row.flank_um:.2f}", "transmission": f"{row.transmission_arcsec:.1f}"}
+        said.append(words("S-TOOTH-GOAL", name=row.name, lost=f"{row.lost_motion_arcsec:.0f}", **sizes))
+    for one in drive.limits:
+        value, limit = f"{one.value_arcsec:.1f} +- {one.U_arcsec:.1f}", f"{one.limit_arcsec:g}"
+        said.append(words("S-TOOTH-DRIVE-LIMIT", name=one.name, value=value, limit=limit, verdict=one.verdict))
     return tuple(said)
 
 

@@ -1,0 +1,145 @@
+"""The drive that a corrected machine's discs will make: what each goal costs in the other, expected figures, verdicts.
+
+All figures here are the full model's: the machine's flank to second order, in every disc alike. For the choice between
+goals `essentials` is enough (three slices, lost motion at every fourth crank angle). What is expected, with its u,
+draws the flank by how the errors may be wrong and pins, cranks and datum by their tolerances.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.random import Generator
+
+from drivers.types.tables import CompensationTable
+from drivers.types.values import FloatArray
+from drivers.units import mm_to_um
+from gateway.correct.flank.noise import FitNoise
+from gateway.correct.flank.wheel_places import places_of_grid
+from gateway.correct.plan.layers import LayeredCorrection, correct
+from gateway.correct.plan.plan import Plan
+from gateway.domain.values import COVERAGE
+from gateway.evaluate.standards.decision import decide
+from gateway.gear.first_order import judged
+from gateway.gear.flank import FlankGrid, flank_figure
+from gateway.gear.grinding import Grinding
+from gateway.reducer.figures import without_limit
+from gateway.reducer.goal import DriveGoal, GoalKind, goal_of
+from gateway.reducer.records import Reducer
+from gateway.reducer.uncertainty import SLICES, DriveUncertainty, essentials, uncertainty
+from gateway.tooth import DriveLimit, DriveProposal, FlankMap, GoalRow
+
+GOALS: tuple[GoalKind, ...] = ("rms", "transmission", "lost-motion")
+FIGURE = {"transmission_arcsec": "error_arcsec", "lost_motion_arcsec": "lost_motion_arcsec"}
+TRIALS = 30
+
+
+def drive_proposal(
+    grinding: Grinding,
+    grid: FlankGrid,
+    plan: Plan,
+    goal: DriveGoal,
+    *,
+    found: LayeredCorrection,
+    live: Sequence[CompensationTable] = (),
+    own: Sequence[CompensationTable] | None = None,
+    steps: int | None = None,
+    seed: int = 1,
+    most: int = TRIALS,
+) -> DriveProposal:
+    """What a correction ``found`` for a goal makes of the drive, beside every other goal's tables on the same machine.
+
+    ``steps`` per crank turn as in `crank_angles`, ``most`` trials. Raises ModelError E-REDUCER-...
+    """
+    drive = without_limit(goal.drive)
+    rows = [
+        _row(name, drive, machine, grid, steps=steps)
+        for name, machine in (
+            ("as it is", grinding),
+            ("axis tables", found.machine_with_own),
+            *((kind, one.machine) for kind, one in _others(grinding, grid, plan, goal, live=live, own=own)),
+            (f"this goal: {goal.kind}", found.machine),
+        )
+    ]
+    expected = expected_drive(goal, found.machine, grid, plan.noise, steps=steps, seed=seed, most=most)
+    figures = expected.figures
+    limits = tuple(_limit(name, limit, expected) for name, limit in goal.limits.items())
+    return DriveProposal(
+        reducer=goal.drive.name,
+        datum=goal.drive.measured_from(),
+        goal=goal.kind,
+        rows=tuple(rows),
+        transmission_arcsec=figures["error_arcsec"].mean,
+        transmission_u_arcsec=figures["error_arcsec"].u,
+        lost_motion_arcsec=figures["lost_motion_arcsec"].mean,
+        lost_motion_u_arcsec=figures["lost_motion_arcsec"].u,
+        trials=expected.trials,
+        limits=limits,
+    )
+
+
+def expected_drive(
+    goal: DriveGoal,
+    machine: Grinding,
+    grid: FlankGrid,
+    noise: FitNoise,
+    *,
+    steps: int | None = None,
+    seed: int = 1,
+    most: int = TRIALS,
+) -> DriveUncertainty:
+    """Expected figures with u of the drives that a machine's discs make; all discs of a trial are one machine's."""
+    drive = without_limit(goal.drive)
+    places, plain = places_of_grid(grid), _flank(machine, grid)
+
+    def draw(rng: Generator) -> list[FlankMap]:
+        e = plain.deviation_um
+        if noise.patterns is not None and noise.patterns.size:
+            terms = noise.patterns @ rng.normal(size=noise.patterns.shape[-1])
+            e = e + mm_to_um(places.along_normal(terms)).reshape(grid.shape)
+        return [replace(plain, deviation_um=e)] * len(drive.discs)
+
+    return uncertainty(drive, draw, steps=steps, seed=seed, most=most)
+
+
+def _others(
+    grinding: Grinding,
+    grid: FlankGrid,
+    plan: Plan,
+    goal: DriveGoal,
+    *,
+    live: Sequence[CompensationTable],
+    own: Sequence[CompensationTable] | None,
+) -> list[tuple[str, LayeredCorrection]]:
+    """The corrections for all goals but the one asked."""
+    return [
+        (kind, correct(grinding, grid, plan=replace(plan, goal=goal_of(kind, goal.drive)), live=live, own=own))
+        for kind in GOALS
+        if kind != goal.kind
+    ]
+
+
+def _row(name: str, drive: Reducer, machine: Grinding, grid: FlankGrid, *, steps: int | None) -> GoalRow:
+    flank = _flank(machine, grid)
+    found = essentials(drive, [flank] * len(drive.discs), steps=steps, slices=SLICES)
+    return GoalRow(
+        name=name,
+        flank_um=mm_to_um(flank_figure(flank.deviation_um / mm_to_um(1.0), grid.section.h).rms),
+        transmission_arcsec=found.error_arcsec,
+        lost_motion_arcsec=found.lost_motion_arcsec,
+    )
+
+
+def _flank(machine: Grinding, grid: FlankGrid) -> FlankMap:
+    e: FloatArray = np.broadcast_to(judged(machine, grid.k, grid.theta, grid.z).second, grid.shape)
+    return FlankMap(grid.thetas, grid.zs, mm_to_um(np.array(e)))
+
+
+def _limit(name: str, limit: float, expected: DriveUncertainty) -> DriveLimit:
+    one = expected.figures[FIGURE[name]]
+    made = decide(name, one.mean, COVERAGE * one.u, limit)
+    return DriveLimit(
+        name=name, value_arcsec=one.mean, U_arcsec=COVERAGE * one.u, limit_arcsec=limit, verdict=made.verdict
+    )
