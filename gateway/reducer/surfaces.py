@@ -20,7 +20,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.interpolate import make_interp_spline
+import scipy
 
 from drivers.types.values import FloatArray
 from drivers.units import um_to_mm
@@ -65,7 +65,7 @@ def surfacing(gear: CycloidGear, pin_mm: float, flank: FlankMap, *, slices: int)
     grid = _grid(gear)
     arc, whole = gear.arc(theta), gear.arc(grid)
     at = np.clip(whole, arc[0], arc[-1])
-    spline = make_interp_spline(arc, np.eye(theta.size), k=3)
+    spline = scipy.interpolate.make_interp_spline(arc, np.eye(theta.size), k=3)
     fit = np.linalg.pinv(_forms(plain, theta))
     rest = np.eye(theta.size) - _forms(plain, theta) @ fit
     step = 1e-6
