@@ -11,6 +11,7 @@ from itertools import zip_longest
 from drivers.errors import catalogue
 from drivers.terms import shown
 from gateway.domain.outcomes import PushRecord
+from gateway.domain.values import COVERAGE
 from gateway.report.document.content import Block, Bullets, Heading, Pair, Paragraph, PictureBlock, TableBlock, Whole
 from gateway.report.document.retold import retold
 from gateway.report.document.words import Tongue
@@ -20,6 +21,7 @@ from gateway.report.material import AxisMaterial, ReportMaterial, TableMaterial,
 from gateway.report.sentences import ABSENT, UNIT, number, shortest, signed
 from gateway.report.tooth.errors import error_rows
 from gateway.report.tooth.rows import TableRow, cure_rows, table_rows
+from gateway.tooth import DriveProposal
 
 TABLE_MM = (89.0, 60.0)
 STEP = re.compile(r"^\d{4}-\d\d-\d\dT(\d\d:\d\d:\d\d)[^ ]* (.*)$", re.DOTALL)
@@ -31,6 +33,7 @@ def records(report: ReportMaterial, t: Tongue) -> tuple[Block, ...]:
     found: list[Block] = []
     if tooth is not None:
         found += [*_errors(tooth, t), *_ranking(tooth, t), *_tables(tooth, t), *_maps(tooth, t)]
+        found += drive_annex(None if tooth.proposal is None else tooth.proposal.drive, t)
     found += [*_pushes(report, t), *_remarks(report, t), *_hashes(report, t)]
     return tuple(found)
 
@@ -64,6 +67,50 @@ def _maps(tooth: ToothMaterial, t: Tongue) -> Iterator[Block]:
         if svg:
             heading = (Heading(t("maps")),) if said == "maps_said" else ()
             yield Whole((*heading, PictureBlock(svg, drawings.WIDE, t(said))))
+
+
+def drive_annex(drive: DriveProposal | None, t: Tongue) -> tuple[Block, ...]:
+    """The drive that discs ground so will make: expected figures, what each goal costs, verdicts; nothing without one.
+
+    Predicted, not tested: said above every figure.
+    """
+    if drive is None:
+        return ()
+    fields = {
+        "name": drive.reducer,
+        "datum": drive.datum,
+        "goal": drive.goal,
+        "error": number(drive.transmission_arcsec, 1),
+        "U": number(COVERAGE * drive.transmission_u_arcsec, 1),
+        "lost": number(drive.lost_motion_arcsec, 1),
+        "lost_U": number(COVERAGE * drive.lost_motion_u_arcsec, 1),
+        "trials": drive.trials,
+    }
+    rows = tuple(
+        (one.name, number(one.flank_um), number(one.transmission_arcsec, 1), number(one.lost_motion_arcsec, 1))
+        for one in drive.rows
+    )
+    head = (t("drive_tables"), "RMS, µm", t("drive_error"), t("drive_lost"))
+    found: list[Block] = [
+        Heading(t("drive")),
+        Paragraph(t("drive_said", **fields)),
+        TableBlock(head, rows, "lrrr", dense=True, wide=(0,)),
+        Paragraph(t("drive_rows_said"), "small"),
+    ]
+    if drive.limits:
+        judged = tuple(
+            (
+                t.known(f"drive_{one.name}", one.name),
+                number(one.value_arcsec, 1),
+                number(one.U_arcsec, 1),
+                number(one.limit_arcsec, 1),
+                t.known(f"drive_{one.verdict.replace(' ', '_')}", one.verdict),
+            )
+            for one in drive.limits
+        )
+        head_limits = (t("figure"), t("value"), "U", t("drive_limit"), t("drive_verdict"))
+        found.append(TableBlock(head_limits, judged, "lrrrl", dense=True, wide=(0,)))
+    return (Whole(tuple(found)),)
 
 
 def _tables(tooth: ToothMaterial, t: Tongue) -> Iterator[Block]:
