@@ -57,7 +57,7 @@ class Section(BaseModel):
 
 
 class WorkingWindow(Section):
-    """A working window visited at table step, for the tooth, beside the full travel."""
+    """A working window measured at table step for the tooth, in addition to the full travel."""
 
     first: Number = Field(description="machine coordinate, mm or deg")
     last: Number = Field(description="machine coordinate, mm or deg")
@@ -215,7 +215,7 @@ ENTRY = "where a person enters {} for the builder's own programs"
 
 
 class WorkSection(Section):
-    """The gear this machine grinds: its file, and how high the middle of its face stands over the table's zero.
+    """The gear this machine grinds: its file, and the height of the middle of its face above the table's zero.
 
     With it a test part can be ground: by which axes, how (`drivers.workpiece.GrindPlan`), how well a blank is clamped.
     """
@@ -312,7 +312,7 @@ class OperatorTimes(Section):
 
 
 class GoalSection(Section):
-    """What tables and set-up values are to make best: the flank's RMS, or the drive that the discs make.
+    """Goal of tables and set-up values: the flank's RMS, or the drive that the discs make.
 
     Any goal but "rms", and any limit, needs a [reducer] in the gear file. With "weights" 1 um of flank counts ``rms``
     times, and 1 um at the largest lever of a contact ``transmission`` or ``lost_motion`` times.
@@ -331,13 +331,13 @@ class GoalSection(Section):
 
 
 class GearSection(Section):
-    """What is asked of the gear that this machine grinds."""
+    """Requirements for the gear that this machine grinds."""
 
     goal: GoalSection = Field(default=GoalSection(), description="what tables and set-up values make best")
 
 
 class DayTimes(Section):
-    """What work by hand and restarts take at this machine: a forecast of the day counts with them, nothing waits so.
+    """Durations of manual work and restarts; used for the forecast only.
 
     Feeds, dwell, settling and averaging stand with the axes, hours of a test part under `[work]`.
     """

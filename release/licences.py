@@ -9,14 +9,15 @@ from typing import Any
 
 HEAD = """# Licences of what is installed
 
-For whom: you answer for what runs in your plant. Here is every package that `requirements.lock` installs on a
-shop-floor PC with Linux, with the licence that it names itself. On Windows colorama (BSD-3-Clause) joins. `make
-sbom` writes this page and `dist/trueflank.cdx.json` (CycloneDX) from what it installs.
+For those responsible for the software in a plant: every package that `requirements.lock` installs on a
+shop-floor PC with Linux, with its declared licence. On Windows colorama (BSD-3-Clause) is added. `make
+sbom` writes this page and `dist/trueflank.cdx.json` (CycloneDX) from the installed packages.
 
-trueflank's own licence: **the owner has chosen none yet**. Without one nobody else may copy, change or hand it on.
+trueflank's own licence: **the owner has not yet chosen one**. Until then nobody else may copy, change or
+redistribute it.
 
-asyncua is LGPL. It is used as a library, unchanged, and can be replaced by another version of it; nothing of it
-stands in this source. Who hands on a bundle hands on the licences with it: each wheel holds its own text.
+asyncua is LGPL. It is used unchanged as a library and can be replaced by another version; this source contains none of
+it. Anyone who redistributes a bundle also redistributes the licences: each wheel contains its own text.
 
 | package | version | licence |
 |---|---|---|

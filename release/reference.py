@@ -20,12 +20,12 @@ LABEL = re.compile(r'"(\w+)"')
 
 ROUTES = """# Service: addresses and metrics
 
-For whom: you write a program that asks the service. Send the token of an account as `Authorization: Bearer ...`; bodies
-and answers are JSON. [A service for months](service.md) says how accounts and tokens are made. The same for machines is
+For programs that use the service. Send the token of an account as `Authorization: Bearer ...`; bodies
+and answers are JSON. [A service for months](service.md) describes accounts and tokens. The machine-readable form is
 [openapi.json](openapi.json), served at `/api/v1/openapi.json`.
 
-A command answers 202 with the number of its job. Without `apply` nothing is written. What is refused has the code of
-the error ([error codes](codes.md)) in its answer; 422 is a body that is not as described.
+A command answers 202 with the number of its job. Without `apply` nothing is written. A refusal contains the code of
+the error ([error codes](codes.md)); 422 is a body that does not match the description.
 """
 METRICS = """
 ## Metrics
@@ -38,12 +38,12 @@ METRICS = """
 LIBRARY = """# The library, name by name
 
 `import trueflank as tf`. Lengths and positions in mm, deviations in um, angles of axes in deg, deviations of angles in
-arcsec. [The library](library.md) shows how they go together.
+arcsec. [The library](library.md) shows how to combine them.
 
 """
 REFUSED = """### `tf.TrueflankError`
 
-What every refusal is: `.code` is one of the [error codes](codes.md), the text says what is wrong and what to do.
+Every refusal: `.code` is one of the [error codes](codes.md), the text states what is wrong and what to do.
 """
 
 
@@ -52,7 +52,7 @@ def codes() -> str:
     told: dict[str, dict[str, str]] = {}
     for file in sorted((ROOT / "drivers" / "messages" / "en").glob("*.toml")):
         told |= tomllib.loads(file.read_text(encoding="utf-8"))
-    head = "# Error codes\n\n`trueflank explain CODE` says the same. Words in braces are filled in.\n"
+    head = "# Error codes\n\n`trueflank explain CODE` shows the same. Words in braces are placeholders.\n"
     kinds = (("E-", "Errors"), ("W-", "Verdicts and warnings"), ("P-", "Progress"))
     parts = []
     for start, title in kinds:

@@ -50,7 +50,7 @@ class Site(Section):
     )
     store: Path = Field(default=Path("runs"), description="folder of the runs, relative to the site file")
     simulated: Flag = Field(
-        default=False, description="a double stands in for the machine: every report and picture says SIMULATED"
+        default=False, description="the machine is simulated: every report and picture is marked SIMULATED"
     )
     trace: Flag = Field(default=False, description="record the traffic of every instrument in the run folder")
     verify_each_day: Flag = Field(
@@ -88,7 +88,7 @@ class _Reached(Section):
 
 
 class IdentitySection(Section):
-    """What else the machine is known by, as `init` read it; a fact that is left out is noted when it is first read."""
+    """Further facts that identify the machine, as read by `init`; a missing fact is stored when it is first read."""
 
     version: paper.Line = Field(default="", description="version of the control's software")
     axes: paper.Line = Field(
@@ -287,7 +287,7 @@ class AxisSection(Section):
 
 
 class MovesSection(Section):
-    """What programs that push, prove or take back a table may move, and where every other axis stands meanwhile."""
+    """Permitted moves of programs that push, prove or roll back a table, and the safe place of every other axis."""
 
     safe: dict[Name, tuple[Number, Number] | Literal["any"]] = Field(
         default_factory=dict,

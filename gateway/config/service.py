@@ -14,7 +14,7 @@ _HOST = re.compile(r"[A-Za-z0-9](?:[A-Za-z0-9.-]{0,251}[A-Za-z0-9])?|\[[0-9A-Fa-
 
 
 class MqttSection(Section):
-    """What the service tells other systems by MQTT; it publishes only, and takes no word from there."""
+    """Messages for other systems by MQTT; the service publishes only and subscribes to nothing."""
 
     host: str = Field(min_length=1, max_length=253, description="name or address of the server of messages")
     port: Whole = Field(default=1883, ge=1, le=65535, description="its port; 8883 is usual with TLS")
@@ -48,10 +48,10 @@ class MqttSection(Section):
 
 
 class ServiceSection(Section):
-    """The service (`trueflank serve`): who reaches it, how long a sign-in lasts, what it watches beside the devices."""
+    """The service (`trueflank serve`): its addresses, the duration of a sign-in, its watched folder."""
 
     hosts: tuple[str, ...] = Field(
-        default=(), max_length=20, description="names under which pages are asked for, beside this computer's own"
+        default=(), max_length=20, description="host names of the pages, in addition to this computer's own"
     )
     certificate: Path | None = Field(
         default=None, description="TLS certificate (PEM), relative to the site file; needed beyond this computer"
@@ -59,7 +59,7 @@ class ServiceSection(Section):
     key: Path | None = Field(default=None, description="its private key (PEM), for its owner alone")
     signout_min: Number = Field(default=15.0, ge=1, le=720.0, description="minutes without a request that sign out")
     index_url_file: Path | None = Field(
-        default=None, description="file with the address of a database for many gateways; else one beside the runs"
+        default=None, description="file with the address of a database for many gateways; else one with the runs"
     )
     due_days: Whole = Field(default=365, ge=1, le=3650, description="days after which an axis is to be measured again")
     watch: Path | None = Field(

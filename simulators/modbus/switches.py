@@ -11,7 +11,7 @@ from drivers.errors import ConfigError
 
 @dataclass(frozen=True, slots=True)
 class PlcSettings:
-    """An honest PLC by default. Commands are named by their number in docs/plc-mailbox.md, 0 is none.
+    """An honest PLC by default. Commands are named by their number in docs/plc-mailbox-reference.md, 0 is none.
 
     Set-up: ``framer`` "tcp" or "rtu"; ``port`` a TCP port (0: any free one) or a serial port's name (RTU only);
     ``client_url`` what the site file prints for it, where that is not the same (the other end of a cable);

@@ -21,7 +21,7 @@ ADAPTER = ("local_echo", "leading_zeros")
 
 
 class ModbusSettings(DriverSettings):
-    """Keys under ``[controller.settings]``; the same list stands in docs/plc-mailbox.md."""
+    """Keys under ``[controller.settings]``; docs/plc-mailbox.md has the same list."""
 
     addresses: ClassVar[tuple[str, ...]] = WIRES
     unit: int = Field(default=1, ge=1, le=247, description="unit number of the PLC; 0 is not allowed (broadcast)")

@@ -47,7 +47,7 @@ class UaSettings(DriverSettings):
         default="", description="file of the control's certificate, written by `trueflank trust accept`"
     )
     client_folder: FolderPathText = Field(
-        default="", description="folder of the gateway's own certificate; left out: beside server_certificate"
+        default="", description="folder of the gateway's own certificate; left out: the folder of server_certificate"
     )
     r_first: int = Field(
         default=80, ge=0, le=nodes.R_LAST - COUNT, description=f"first of {COUNT} R parameters that are ours alone"

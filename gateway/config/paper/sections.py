@@ -32,10 +32,10 @@ class ReportSection(Section):
     customer: Line = Field(default="", description="for whom it is made")
     customer_address: Lines = Field(default=(), description="the customer's address, a line each")
     order: Line = Field(default="", description="number of the order")
-    place: Line = Field(default="", description="where the machine stands")
+    place: Line = Field(default="", description="location of the machine")
     operator: Line = Field(default="", description="who measured")
     number_prefix: Annotated[str, Field(max_length=20, pattern=r"^[A-Za-z0-9_.-]*$")] = Field(
-        default="", description="stands before the report's number"
+        default="", description="prefix of the report's number"
     )
     warm_up: Line = Field(default="", description="how the machine was warmed up before measuring")
     refuse_overdue: Flag = Field(
@@ -49,7 +49,9 @@ class MachineSection(Section):
 
     maker: Line = Field(default="", description="maker of the machine")
     type: Line = Field(default="", description="type")
-    number: Line = Field(default="", description="machine number; left out: the control's serial number stands alone")
+    number: Line = Field(
+        default="", description="machine number; left out: only the control's serial number is printed"
+    )
     year: Whole | None = Field(default=None, ge=1900, le=2200, description="year of manufacture")
     work_side: Letters = Field(
         default=(), description="letters of the axes from the bed outward to the work, for the drawings of mountings"

@@ -1,6 +1,6 @@
 """A PLC that runs the text of docs/plc, and a plant for it: the jobs of TF_Control at a control of its own.
 
-Knows docs/plc-mailbox.md and the control, nothing of the simulated PLC.
+Knows docs/plc-mailbox-reference.md and the control, nothing of the simulated PLC.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
 """The register map, both directions, as pure functions: orders to registers, registers to readings.
 
-Map version 3 is written in `docs/plc-mailbox.md`; nothing here does I/O.
+Map version 3 is written in `docs/plc-mailbox-reference.md`; nothing here does I/O.
 """

@@ -1,4 +1,4 @@
-"""The register map, version 3: addresses, bits and codes exactly as docs/plc-mailbox.md lists them."""
+"""The register map, version 3: addresses, bits and codes exactly as docs/plc-mailbox-reference.md lists them."""
 
 from __future__ import annotations
 
