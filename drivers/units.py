@@ -149,7 +149,12 @@ def wrap_deg(value: T) -> T:
     return (value + 180.0) % 360.0 - 180.0
 
 
-def fringe_rate_hz(feed_mm_min: float, wavelength_nm: float) -> float:
+def path_of_fringes_mm(fringes: T, wavelength_nm: float) -> T:
+    """Way of a reflector, mm, over that many fringes of a wavelength (nm): N lambda / 2."""
+    return fringes * (wavelength_nm * 1e-6 / 2.0)
+
+
+def fringe_rate_hz(feed_mm_min: T, wavelength_nm: float) -> T:
     """Fringes a second, 2 v / lambda, of a reflector in an interferometer at a feed (mm/min) by wavelength (nm).
 
     A counter whose greatest rate is less loses counts without a sign of it.

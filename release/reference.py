@@ -160,6 +160,13 @@ def library() -> str:
             if isinstance(node, ast.FunctionDef | ast.ClassDef) and node.name in names:
                 found[node.name] = _entry(node, "tf.")
     found["TrueflankError"] = REFUSED
+    laser = ast.parse((ROOT / "trueflank" / "interferometer.py").read_text(encoding="utf-8"))
+    functions_of = [one for one in laser.body if isinstance(one, ast.FunctionDef) and one.name[0] != "_"]
+    found["interferometer"] = "\n".join(
+        [f"### `tf.interferometer`\n\n{_prose(ast.get_docstring(laser) or '')}\n"]
+        + [_entry(one, "tf.interferometer.") for one in functions_of]
+    )
+    found["__version__"] = "### `tf.__version__`\n\nThe version, as `trueflank --version` says it.\n"
     functions = "\n".join(found[name] for name in sorted(found) if name.islower())
     classes = "\n".join(found[name] for name in sorted(found) if not name.islower())
     return f"{LIBRARY}## Functions\n\n{functions}\n## What they take and give\n\n{classes}"
@@ -169,15 +176,16 @@ def _entry(node: ast.FunctionDef | ast.ClassDef, before: str) -> str:
     level = "###" if before == "tf." else "####"
     told = _prose(ast.get_docstring(node) or "")
     if isinstance(node, ast.FunctionDef):
-        return f"{level} `{before}{node.name}({_signature(node)})`\n\n{told}\n"
-    parts = [f"{level} `{before}{node.name}`\n\n{told}\n"]
+        return f"{level} `{before}{node.name}({_signature(node)}){_gives(node)}`\n\n{told}\n"
+    parts = [f"{level} `{before}{node.name}`\n\n{told}\n", _fields(node)]
     for one in node.body:
         if isinstance(one, ast.FunctionDef) and one.name == "__init__":
             parts.append(f"#### `tf.{node.name}({_signature(one)})`\n\n{_prose(ast.get_docstring(one) or '')}\n")
         if isinstance(one, ast.FunctionDef) and not one.name.startswith("_"):
             kinds = {ast.unparse(mark) for mark in one.decorator_list}
             made = f"tf.{node.name}." if "classmethod" in kinds else "."
-            call = f"{one.name}" if "property" in kinds else f"{one.name}({_signature(one)})"
+            call = one.name if "property" in kinds else f"{one.name}({_signature(one)})"
+            call += _gives(one)
             parts.append(f"#### `{made}{call}`\n\n{_prose(ast.get_docstring(one) or '')}\n")
     return "\n".join(parts)
 
@@ -185,6 +193,20 @@ def _entry(node: ast.FunctionDef | ast.ClassDef, before: str) -> str:
 def _signature(node: ast.FunctionDef) -> str:
     given = ast.unparse(node.args)
     return re.sub(r"^(self|cls)(, )?", "", given)
+
+
+def _gives(node: ast.FunctionDef) -> str:
+    return f" -> {ast.unparse(node.returns)}" if node.returns is not None and node.name != "__init__" else ""
+
+
+def _fields(node: ast.ClassDef) -> str:
+    """A table of a record's fields with their types; units and shapes stand in its docstring."""
+    rows = [
+        f"| `{ast.unparse(one.target)}` | `{_cell(ast.unparse(one.annotation))}` |"
+        for one in node.body
+        if isinstance(one, ast.AnnAssign)
+    ]
+    return "\n".join(("| field | type |", "|---|---|", *rows, "")) if rows else ""
 
 
 def _prose(text: str) -> str:

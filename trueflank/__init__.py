@@ -18,7 +18,7 @@ HOMES = {
     "drives": ("Drive", "Matched", "Reducer", "match", "transmission"),
     "kinematics": ("FrameOf", "RelativeError", "RelativeErrors"),
     "measuring": ("ErrorMotion", "Evaluated", "Measured", "evaluate", "fit", "read", "report"),
-    "studies": ("Corrected", "Ranking", "Studied", "correct", "rank", "study"),
+    "studies": ("Corrected", "Ranking", "Study", "correct", "rank", "study"),
     "surfaces": ("Contact", "Profile", "Surface", "Wheel"),
     "tooth": ("Flank", "Gear", "Machine", "contact", "flank"),
 }
@@ -40,15 +40,17 @@ __all__ = [
     "Reducer",
     "RelativeError",
     "RelativeErrors",
-    "Studied",
+    "Study",
     "Surface",
     "TrueflankError",
     "Wheel",
+    "__version__",
     "contact",
     "correct",
     "evaluate",
     "fit",
     "flank",
+    "interferometer",
     "match",
     "rank",
     "read",
@@ -74,11 +76,18 @@ def __getattr__(name: str) -> object:
         from trueflank import surfaces as module
     elif home == "tooth":
         from trueflank import tooth as module
+    elif name == "interferometer":
+        import trueflank.interferometer as module
     elif name == "TrueflankError":
         from drivers import errors as module
+    elif name == "__version__":
+        from importlib.metadata import version
+
+        globals()[name] = version("trueflank")
+        return globals()[name]
     else:
         raise AttributeError(f"trueflank has no {name!r}; it has {', '.join(__all__)}")
-    found = getattr(module, name)
+    found = module if name == "interferometer" else getattr(module, name)
     globals()[name] = found
     return found
 

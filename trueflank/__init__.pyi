@@ -1,4 +1,5 @@
 from drivers.errors import TrueflankError as TrueflankError
+from trueflank import interferometer as interferometer
 from trueflank.drives import Drive as Drive
 from trueflank.drives import Matched as Matched
 from trueflank.drives import Reducer as Reducer
@@ -16,7 +17,7 @@ from trueflank.measuring import read as read
 from trueflank.measuring import report as report
 from trueflank.studies import Corrected as Corrected
 from trueflank.studies import Ranking as Ranking
-from trueflank.studies import Studied as Studied
+from trueflank.studies import Study as Study
 from trueflank.studies import correct as correct
 from trueflank.studies import rank as rank
 from trueflank.studies import study as study
@@ -31,3 +32,4 @@ from trueflank.tooth import contact as contact
 from trueflank.tooth import flank as flank
 
 HOMES: dict[str, tuple[str, ...]]
+__version__: str

@@ -167,7 +167,7 @@ def transmission(
     uncertainty: bool = False,
     seed: int = 1,
 ) -> Drive:
-    """The figures of a drive by the full model. ``discs``: one flank for all discs, one each, or none (nominal).
+    """The figures of a drive by the full model. ``discs``: one flank (um) for all discs, one each, or none.
 
     ``steps`` per crank turn: 24, 96 for fewer than 24 pins, unless given. ``uncertainty`` draws pins, cranks and datum
     by their tolerances (half a minute for 40 pins). Raises ConfigError (E-LIBRARY-KIND), ModelError (E-REDUCER-...).
@@ -224,8 +224,8 @@ def match(
     torque_nm: float | None = None,
     steps: int | None = None,
 ) -> Matched:
-    """Which two of N inspected discs belong together, and in which tooth position of the second (``marks``: those that
-    its holes allow, all unless given), for the least transmission error in all.
+    """Which two of N inspected discs (flanks in um) go together, and in which tooth position of the second, for the
+    least transmission error in all. ``marks``: the positions that its holes allow, all unless given.
 
     Raises ConfigError (E-LIBRARY-KIND), ModelError (E-REDUCER-MATCH, E-REDUCER-FLANK).
     """

@@ -58,14 +58,43 @@ def wholes_given(call: str, **given: Any) -> None:
 
 def numbers_given(positions: Any, unit: AxisUnit, call: str) -> FloatArray:
     """Positions as finite numbers, of any shape. Raises ConfigError (E-LIBRARY-KIND) for anything else."""
+    return plain_numbers(positions, call, what="positions", unit=f", in {unit}")
+
+
+def plain_numbers(
+    values: Any, call: str, *, what: str = "numbers", unit: str = "", missing: bool = False
+) -> FloatArray:
+    """Real numbers of any shape, finite unless NaN may stand for what is ``missing``.
+
+    Raises ConfigError (E-LIBRARY-KIND) for anything else: texts, truth values, complex numbers, masked arrays.
+    """
+    unmasked_given(values, call)
     try:
-        found = np.asarray(positions)
+        found = np.asarray(values)
     except ValueError:  # rows of different lengths
         found = np.asarray("")
-    if found.size and (found.dtype.kind not in "iuf" or not np.all(np.isfinite(found))):
-        how = f"a number, or a regular table of numbers, in {unit}"
-        raise ConfigError("E-LIBRARY-KIND", call, call=call, wanted="positions", given=_shown(positions), how=how)
+    bad = found.size and (found.dtype.kind not in "iuf" or np.any(np.isinf(found) if missing else ~np.isfinite(found)))
+    if bad:
+        how = f"a number, or a regular table of numbers{unit}"
+        raise ConfigError("E-LIBRARY-KIND", call, call=call, wanted=what, given=_shown(values), how=how)
     return np.asarray(found, dtype=np.float64)
+
+
+def real_given(values: Any, call: str) -> None:
+    """Raise ConfigError (E-LIBRARY-KIND) for what numpy would take and change: a masked array, complex numbers."""
+    unmasked_given(values, call)
+    parts = values if isinstance(values, list | tuple) else (values,)
+    if any(np.iscomplexobj(one) for one in parts):
+        how = "real numbers: values.real, if the rest means nothing"
+        raise ConfigError("E-LIBRARY-KIND", call, call=call, wanted="numbers", given="complex numbers", how=how)
+
+
+def unmasked_given(values: Any, call: str) -> None:
+    """Raise ConfigError (E-LIBRARY-KIND) for a masked array: numpy would take what lies under its mask."""
+    parts = values if isinstance(values, list | tuple) else (values,)
+    if any(isinstance(one, np.ma.MaskedArray) for one in parts):
+        how = "a plain array: masked.filled(np.nan) where readings may be missing, else masked.compressed()"
+        raise ConfigError("E-LIBRARY-KIND", call, call=call, wanted="numbers", given="a masked array", how=how)
 
 
 def _shown(one: Any) -> str:

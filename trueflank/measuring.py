@@ -15,7 +15,7 @@ from drivers.types.doubts import Doubt
 from drivers.types.results import MeasuredSet
 from drivers.units import AxisUnit, DeviationUnit, deviation_unit
 from gateway.domain.figures import Component
-from gateway.domain.values import FloatArray, component_unit
+from gateway.domain.values import COVERAGE, FloatArray, component_unit
 from gateway.evaluate.behaviour.doubts import all_doubts, as_data, demand_settled, settled
 from gateway.evaluate.behaviour.doubts import told as told_doubts
 from gateway.evaluate.behaviour.positioning import Surroundings, evaluate_positioning, said_contributions
@@ -24,11 +24,20 @@ from gateway.evaluate.standards.readings import checked
 from gateway.model.components import TURN_DEG, is_periodic, standard_uncertainty, value
 from gateway.model.fit import SMALLEST_U
 from gateway.model.means import fit_means
-from gateway.siteplan import MOST_POINTS
+from gateway.study.fromrun import function_of
 from trueflank.frames import frame
-from trueflank.given import ASKS, axis_unit_of, motion_name, numbers_given, of_kind, path_given, units_fit, wholes_given
+from trueflank.given import (
+    ASKS,
+    axis_unit_of,
+    motion_name,
+    numbers_given,
+    of_kind,
+    path_given,
+    real_given,
+    units_fit,
+    wholes_given,
+)
 
-FEWEST_POINTS, POINTS_PER_WAVE = 501, 100  # of a broken line that stands for a curve: it misses 0.05 % of a wave
 AIR = ("air_degc", "pressure_hpa", "humidity_pct")
 SHOWN = {"um": "µm", "arcsec": "arcsec"}
 
@@ -68,6 +77,8 @@ class Measured:
             )
         if self.name:
             units_fit(motion_name(self.name, "Measured"), self.axis_unit, self.unit, "Measured")
+        for values in (self.targets, self.deviations):
+            real_given(values, "tf.Measured")
         for key, values in zip(("targets", "deviations"), checked(self.targets, self.deviations), strict=True):
             object.__setattr__(self, key, values)
         object.__setattr__(self, "doubts", settled(all_doubts(self.as_set(), self.unit), self.accepted))
@@ -132,6 +143,27 @@ class Measured:
                 f"deviation_{self.unit}": self.deviations[at, turn, way],
             }
         )
+
+    def plot(self, after: Measured | None = None) -> Any:
+        """Readings and the mean of each direction, um or arcsec over mm or deg; with ``after`` both on one scale.
+
+        Returns a matplotlib figure. Raises ConfigError (E-LIBRARY-KIND, E-LIBRARY-UNIT).
+        """
+        from gateway.study.plots.axes import readings_sheet
+        from gateway.study.plots.sheet import painted
+
+        second = None
+        if after is not None:
+            of_kind(after, Measured, "Measured.plot")
+            if (after.axis_unit, after.unit) != (self.axis_unit, self.unit):
+                given = f"{after.unit} over {after.axis_unit}"
+                wanted = f"{self.unit} over {self.axis_unit}"
+                raise ConfigError("E-LIBRARY-UNIT", "plot", name=self.name or "the axis", wanted=wanted, given=given)
+            second = (after.targets, after.deviations)
+        label = (f"position  {self.axis_unit}", f"{self.name or 'deviation'}  {SHOWN[self.unit]}")
+        first = (self.targets, self.deviations)
+        title = self.source or "readings"
+        return painted((8.0, 3.8), lambda figure: readings_sheet(figure, label, first, second, title=title))
 
     def __repr__(self) -> str:
         m, n, _ = self.deviations.shape
@@ -246,6 +278,18 @@ class Evaluated:
         names = list(self.values)
         return frame({"figure": names, "value": list(self.values.values()), "U": [self.U.get(name) for name in names]})
 
+    def plot(self) -> Any:
+        """Every figure as a bar with U (k = 2), um or arcsec; a matplotlib figure."""
+        from gateway.study.plots.axes import bars_sheet
+        from gateway.study.plots.sheet import painted
+
+        there = {name: value for name, value in self.values.items() if value is not None}
+        spread = [self.U.get(name) or 0.0 for name in there]
+        label = f"{self.standard}  {SHOWN[self.unit]}"
+        return painted(
+            (8.0, 3.2), lambda figure: bars_sheet(figure, list(there), list(there.values()), spread, label=label)
+        )
+
     def __repr__(self) -> str:
         told = ", ".join(f"{name} {value:.3f}" for name, value in self.values.items() if value is not None)
         return f"Evaluated({self.standard}: {told} {SHOWN[self.unit]})"
@@ -350,17 +394,25 @@ class ErrorMotion:
 
     def function(self) -> dict[str, Any]:
         """The motion as an error file has it: a broken line, 100 points to its shortest wave, known over its range."""
-        one, parameters = self.component, dict[str, Any](self.component.parameters)
-        known = {"period": TURN_DEG} if self.periodic else {"range": self.range}
-        if one.basis == "piecewise":
-            at, values = np.asarray(parameters["nodes"]), one.coefficients
-        else:
-            span = TURN_DEG if self.periodic else float(np.ptp(self.range))
-            waves = max(
-                [*parameters.get("orders", ()), *(span / length for length in parameters.get("lengths", ())), 1.0]
-            )
-            at, values = self.points(min(MOST_POINTS, max(FEWEST_POINTS, int(POINTS_PER_WAVE * waves) + 1)))
-        return {"type": "pl", "q": at.tolist(), "v": values.tolist(), **known}
+        return function_of(self.component)
+
+    @property
+    def covariance(self) -> FloatArray:
+        """Covariance (n, n) of the fit's coefficients, in the squared unit of its values (um or arcsec)."""
+        return np.asarray(self.component.covariance)
+
+    def plot(self) -> Any:
+        """The curve with U (k = 2) of the fit, um or arcsec over mm or deg; a matplotlib figure."""
+        from gateway.study.plots.axes import MotionCurve, curve_sheet
+        from gateway.study.plots.sheet import painted
+
+        at, values = self.points(361)
+        one = self.component
+        curve = MotionCurve(
+            name=one.name, axis=one.axis, unit=one.unit, axis_unit=one.axis_unit, at=at, values=values,
+            U=COVERAGE * self.u(at),
+        )  # fmt: skip
+        return painted((7.5, 3.4), lambda figure: curve_sheet(figure, curve))
 
     def to_dict(self) -> dict[str, Any]:
         """Plain data: basis, coefficients and the curve at 51 positions."""

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from drivers.errors import ConfigError
 from drivers.types.tables import CompensationTable
 from drivers.units import mm_to_um
 from gateway.errors import ModelError
@@ -13,11 +14,15 @@ from gateway.sensitivity.outputs import OUTPUTS, FlankOutputs, equal_spans, meas
 from gateway.sensitivity.sweep import screen
 from gateway.study import tell
 from gateway.study.machine import error_names, grid_of, grinding_of, plan_of, travels
-from gateway.study.work import Study, corrected
+from gateway.study.paper import sigma_bounds
+from gateway.study.work import Study as Worked
+from gateway.study.work import corrected
 from gateway.study.work import study as worked
 from trueflank.frames import frame
-from trueflank.given import of_kind, wholes_given
+from trueflank.given import of_kind, path_given, wholes_given
 from trueflank.tooth import Gear, Machine
+
+ENDS = ((0, "low"), (1, "high"))
 
 
 @dataclass(frozen=True, slots=True, repr=False)
@@ -34,6 +39,20 @@ class Ranking:
     def to_pandas(self) -> Any:
         """One row an error. Raises ConfigError (E-LIBRARY-PANDAS)."""
         return frame({key: [row[key] for row in self.rows] for key in self.rows[0]})
+
+    def plot(self) -> Any:
+        """Normalised mu* and sigma of each error with their intervals, and the same in um; a matplotlib figure."""
+        from gateway.study.plots.screening import screening_bars
+        from gateway.study.plots.sheet import painted
+
+        rows = [
+            {
+                **{key: row[key] for key in ("name", "mu_star_um", "sigma_um")},
+                **{f"{key}_{end}_um": row[f"{key}_interval_um"][i] for key in ("mu_star", "sigma") for i, end in ENDS},
+            }
+            for row in self.rows
+        ]
+        return painted((11.0, 5.8), lambda figure: screening_bars(figure, rows, self.output))
 
     def __repr__(self) -> str:
         first = ", ".join(f"{row['name']} {row['mu_star_um']:.3f}" for row in self.rows[:5])
@@ -63,21 +82,25 @@ def rank(
     )
     grid = grid_of(gear.data, grinding.gear)
     found = screen(FlankOutputs(grinding, grid, widths, "first"), names, OUTPUTS, r=trajectories, seed=seed)
-    return Ranking(output, tuple(tell.ranked(one) for one in found.rankings[output]))
+    bounds = sigma_bounds(found, output)
+    rows = ({**tell.ranked(one), "sigma_interval_um": bounds[one.name]} for one in found.rankings[output])
+    return Ranking(output, tuple(rows))
 
 
 @dataclass(frozen=True, slots=True, repr=False)
 class Corrected:
     """Compensation tables and set-up values that make the tooth best, and the flank's RMS before and after, um.
 
-    A table holds the deviation of its output axis that it cancels (um or arcsec). ``setup``: (name, value, unit).
+    A table holds the deviation of its output axis that it cancels (um or arcsec); ``kind`` "axis" is an axis'
+    own table, "cross" the tooth's, of an axis over another or over itself. ``setup``: (name, value, unit).
+    ``findings`` say in words what was left or given back, and why.
     """
 
     tables: tuple[CompensationTable, ...]
     setup: tuple[tuple[str, float, str], ...]
     rms_before: float
     rms_after: float
-    said: tuple[str, ...]
+    findings: tuple[str, ...]
 
     def to_dict(self) -> dict[str, Any]:
         """Plain data."""
@@ -86,19 +109,31 @@ class Corrected:
             "setup": [{"name": name, "value": value, "unit": unit} for name, value, unit in self.setup],
             "rms_before_um": self.rms_before,
             "rms_after_um": self.rms_after,
-            "said": list(self.said),
+            "findings": list(self.findings),
         }
 
     def to_pandas(self) -> Any:
         """One row a point of a table. Raises ConfigError (E-LIBRARY-PANDAS)."""
-        pairs = ((one.name, zip(one.positions, one.deviations, strict=True)) for one in self.tables)
-        rows = [(name, at, value) for name, points in pairs for at, value in points]
-        names, at, values = zip(*rows, strict=True) if rows else ((), (), ())
-        return frame({"table": names, "position": at, "deviation": values})
+        rows = [
+            (one.kind, one.name, at, one.input_unit, value, one.deviation_unit)
+            for one in self.tables
+            for at, value in zip(one.positions, one.deviations, strict=True)
+        ]
+        names = ("kind", "table", "position", "position_unit", "deviation", "deviation_unit")
+        return frame({name: [row[i] for row in rows] for i, name in enumerate(names)})
+
+    def plot(self) -> Any:
+        """Every table's points, um or arcsec over mm or deg; a matplotlib figure."""
+        from gateway.study.plots.axes import table_panels
+        from gateway.study.plots.sheet import painted
+
+        rows = -(-len(self.tables) // 3) or 1
+        return painted((10.0, 0.6 + 2.1 * rows), lambda figure: table_panels(figure, self.tables))
 
     def __repr__(self) -> str:
-        names = ", ".join(one.name for one in self.tables)
-        return f"Corrected(RMS {self.rms_before:.3f} -> {self.rms_after:.3f} µm by {names or 'no table'})"
+        kinds = {kind: [one.name for one in self.tables if one.kind == kind] for kind in ("axis", "cross")}
+        told = "; ".join(f"{kind} tables {', '.join(names)}" for kind, names in kinds.items() if names)
+        return f"Corrected(RMS {self.rms_before:.3f} -> {self.rms_after:.3f} µm by {told or 'no table'})"
 
 
 def correct(machine: Machine, gear: Gear) -> Corrected:
@@ -115,15 +150,15 @@ def correct(machine: Machine, gear: Gear) -> Corrected:
         setup=tuple(tell.setup_values(found, grinding)),
         rms_before=mm_to_um(found.before.rms),
         rms_after=mm_to_um(found.checked.rms),
-        said=tuple(found.said),
+        findings=tuple(found.said),
     )
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class Studied:
+class Study:
     """Everything that `trueflank study` tells, in um: each error alone, ranking, cures, before and after."""
 
-    found: Study
+    found: Worked
 
     def to_dict(self) -> dict[str, Any]:
         """Plain data, as `trueflank study --json` prints it."""
@@ -135,6 +170,40 @@ class Studied:
         names = ("value", "before", "with_own", "after", "unit")
         return frame({name: [row[place] for row in rows] for place, name in enumerate(names)})
 
+    def plot(self) -> Any:
+        """All flanks before and after on one scale, um; a matplotlib figure."""
+        from gateway.study.draw import flank_maps
+        from gateway.study.plots.sheet import painted
+
+        states = (("before", self.found.before.deviation), ("after", self.found.after.deviation))
+        return painted((10.0, 4.2), lambda figure: flank_maps(figure, self.found, states))
+
+    def paper(self, folder: str | Path) -> tuple[Path, ...]:
+        """Every figure and table of the paper into a folder, as `trueflank study --paper` (mm, um, arcsec).
+
+        Raises ConfigError (E-LIBRARY-KIND), StoreError E-STUDY-WRITE.
+        """
+        from gateway.study.paper import write_paper
+
+        path_given(folder, "Study.paper")
+        return write_paper(self.found, Path(folder))
+
+    def figure(self, name: str) -> Any:
+        """One picture of the paper by the name of its file, "figure-3-relative-errors" (mm, um); a matplotlib figure.
+
+        Raises ConfigError (E-LIBRARY-KIND) that names those there are.
+        """
+        from gateway.study.paper import sheets
+        from gateway.study.plots.sheet import painted
+
+        found = {one.name: one for one in sheets(self.found)}
+        if name not in found:
+            how = f"one of {', '.join(found)}"
+            raise ConfigError(
+                "E-LIBRARY-KIND", "figure", call="tf.Study.figure", wanted="a picture", given=repr(name), how=how
+            )
+        return painted(found[name].size, found[name].paint)
+
     def pictures(self, folder: str | Path) -> tuple[Path, ...]:
         """Draw the study into a folder (PNG)."""
         from gateway.study.pictures import write_pictures
@@ -145,10 +214,10 @@ class Studied:
         before, after = (
             tell.tooth_values(one)["RMS normal deviation"] for one in (self.found.before, self.found.after)
         )
-        return f"Studied({self.found.gear.name} on {self.found.errors.name}: RMS {before:.3f} -> {after:.3f} µm)"
+        return f"Study({self.found.gear.name} on {self.found.errors.name}: RMS {before:.3f} -> {after:.3f} µm)"
 
 
-def study(machine: Machine, gear: Gear, *, trajectories: int = 20, seed: int = 1) -> Studied:
+def study(machine: Machine, gear: Gear, *, trajectories: int = 20, seed: int = 1) -> Study:
     """The whole study of a gear on a machine; what it tells of the flank is in um.
 
     Raises ConfigError (E-LIBRARY-KIND), ModelError.
@@ -156,4 +225,4 @@ def study(machine: Machine, gear: Gear, *, trajectories: int = 20, seed: int = 1
     of_kind(machine, Machine, "study")
     of_kind(gear, Gear, "study")
     wholes_given("study", trajectories=trajectories, seed=seed)
-    return Studied(worked(gear.data, machine.data, r=trajectories, seed=seed))
+    return Study(worked(gear.data, machine.data, r=trajectories, seed=seed))

@@ -33,10 +33,20 @@ from gateway.study.export import (
     write_dxf,
     write_rows,
 )
-from gateway.study.files import ErrorFile, GearFile, load_errors, load_gear, validated
-from gateway.study.machine import gear_of, grid_of, grinding_of, machine_of
+from gateway.study.files import ErrorFile, GearFile, load_gear, validated
+from gateway.study.fromrun import errors_from, is_run, model_of_run
+from gateway.study.machine import error_names, gear_of, grid_of, grinding_of, is_angle, machine_of
 from trueflank.frames import frame
-from trueflank.given import motion_name, numbers_given, of_kind, path_given, units_fit, wholes_given
+from trueflank.given import (
+    motion_name,
+    numbers_given,
+    of_kind,
+    path_given,
+    plain_numbers,
+    real_given,
+    units_fit,
+    wholes_given,
+)
 from trueflank.kinematics import (
     FrameOf,
     RelativeError,
@@ -166,9 +176,13 @@ Given = float | ErrorMotion | Mapping[str, Any] | tuple[Any, Any]
 
 @dataclass(frozen=True, slots=True, repr=False)
 class Machine:
-    """The form grinder's chain (X, Z, C) with its errors: um or arcsec over mm or deg, as in an error file."""
+    """The form grinder's chain (X, Z, C) with its errors: um or arcsec over mm or deg, as in an error file.
+
+    ``motions`` are the fitted ones by name, with their covariance.
+    """
 
     data: ErrorFile
+    motions: Mapping[str, ErrorMotion]
 
     def __init__(
         self, errors: Mapping[str, Given] | None = None, *, seed: int | None = None, name: str = "machine", **more: Any
@@ -194,14 +208,37 @@ class Machine:
         data = validated(told, ErrorFile, name)
         machine_of(data)  # names and curves that cannot be are said now, not when a tooth is reckoned
         object.__setattr__(self, "data", data)
+        fitted = {key: one for key, one in (errors or {}).items() if isinstance(one, ErrorMotion)}
+        object.__setattr__(self, "motions", fitted)
 
     @classmethod
-    def load(cls, path: str | Path) -> Machine:
-        """From an error file (TOML), in um, arcsec, mm and deg. Raises ConfigError with file, key and why."""
+    def load(cls, path: str | Path, *, height_mm: float = 0.0) -> Machine:
+        """From an error file (TOML), a run's folder or its errors.json (of a day too), in um, arcsec, mm and deg.
+
+        A run brings fitted motions with their covariance (`motions`), location errors, and the uncertainty of each
+        error, which `correct` and `study` use; ``height_mm`` is then where the middle of the work's face stands in the
+        coordinates of Z. Raises ConfigError with file, key and why, StoreError, CorruptRecord.
+        """
         path_given(path, "Machine.load")
-        found = object.__new__(cls)
-        object.__setattr__(found, "data", load_errors(Path(path)))
+        found, place = object.__new__(cls), Path(path)
+        data = errors_from(place, float(plain_numbers(height_mm, "tf.Machine.load: height_mm")))
+        object.__setattr__(found, "data", data)
+        fitted = model_of_run(place).motions if is_run(place) else ()
+        object.__setattr__(found, "motions", {one.name: ErrorMotion(one) for one in fitted})
         return found
+
+    def u(self, name: str) -> float:
+        """Standard uncertainty of an error by its name, um or arcsec, as a run or an error file states it.
+
+        Raises ConfigError (E-LIBRARY-KIND) where none is stated.
+        """
+        doubt = self.data.uncertainty
+        if doubt is None or not isinstance(name, str) or name not in error_names(machine_of(self.data)):
+            raise ConfigError(
+                "E-LIBRARY-KIND", "u", call="tf.Machine.u", wanted="an error whose uncertainty is stated",
+                given=repr(name), how="a run's errors, or a machine with uncertainty={'linear_um': 0.5}",
+            )  # fmt: skip
+        return doubt.each.get(name, doubt.angular_arcsec if is_angle(name) else doubt.linear_um)
 
     @property
     def frames(self) -> tuple[FrameOf, ...]:
@@ -269,13 +306,29 @@ class Machine:
 def _function(name: str, one: Given) -> Any:
     if isinstance(one, ErrorMotion):
         units_fit(motion_name(name, "Machine"), one.component.axis_unit, one.unit, "Machine")
+        if one.name != name:
+            raise ConfigError(
+                "E-LIBRARY-KIND", name, call="tf.Machine", wanted=f"a fit of {name}", given=f"a fit of {one.name}",
+                how=f'tf.fit(measured, "{name}"), if the readings are those of {name}',
+            )  # fmt: skip
         return one.function()
+    real_given(one, f"tf.Machine: {name}")
+    parts = list(one) if isinstance(one, list | tuple | np.ndarray) else []
+    bare = bool(parts) and all(np.ndim(part) == 0 and not isinstance(part, Mapping) for part in parts)
+    if isinstance(one, bool | str | np.bool_) or bare:
+        given = f"{len(parts)} plain numbers" if bare else repr(one)
+        raise ConfigError(
+            "E-LIBRARY-KIND", name, call="tf.Machine", wanted=f"an error {name}", given=given,
+            how="one number, positions and values ([0.0, 100.0], [0.0, 5.0]), a fitted motion or a function",
+        )  # fmt: skip
     if isinstance(one, tuple):
         if len(one) != 2:
             raise ConfigError(
                 "E-LIBRARY-KIND", name, call="tf.Machine", wanted="a pair of positions and values",
                 given=f"{len(one)} parts", how="([0.0, 100.0], [0.0, 5.0])",
             )  # fmt: skip
+        for part in one:
+            real_given(part, f"tf.Machine: {name}")
         at, values = (numbers(key, part) for key, part in zip(("positions", "values"), one, strict=True))
         return {"type": "pl", "q": at.tolist(), "v": values.tolist()}
     return dict(one) if isinstance(one, Mapping) else one

@@ -10,7 +10,7 @@ from pydantic import Field
 
 from drivers.errors import words
 from drivers.settings import WIRES, DriverSettings, Rule, usual_rate
-from drivers.units import arcsec_of_path, followed_feed_mm_min, rad_to_deg
+from drivers.units import arcsec_of_path, followed_feed_mm_min, path_of_fringes_mm, rad_to_deg
 
 # Vacuum wavelength of the XL/ML lasers, nm; reproduces the Env factor of a real result file to its last digit.
 VACUUM_WAVELENGTH_NM = 632.990577
@@ -132,4 +132,4 @@ class UmdSettings(DriverSettings):
         """The given count size, or lambda_vac / 2 / counts per cycle: one cycle of a retro-reflector."""
         if self.count_size_nm > 0:
             return self.count_size_nm * MM_PER_NM
-        return self.wavelength_nm * MM_PER_NM / (2.0 * counts_per_cycle)
+        return path_of_fringes_mm(1.0 / counts_per_cycle, self.wavelength_nm)

@@ -152,7 +152,9 @@ def diff(
 
 def study(
     gear: Annotated[Path, typer.Argument(help="Gear file (TOML).", show_default=False)],
-    errors: Annotated[Path, typer.Argument(help="Error file (TOML).", show_default=False)],
+    errors: Annotated[
+        Path, typer.Argument(help="Error file (TOML), a run's folder, or its errors.json.", show_default=False)
+    ],
     plots: Annotated[Path | None, typer.Option(help="Folder for pictures (PNG).", show_default=False)] = None,
     scheduler: Annotated[str, typer.Option(help="Dask scheduler, tcp://host:port.", show_default=False)] = "",
     workers: Annotated[

@@ -13,6 +13,7 @@ from drivers.local.tomlfile import read_toml
 from gateway.siteplan import MOST_POINTS, Name
 
 Number = float
+SMALLEST_RP_MM, LARGEST_RP_MM = 1.0, 10_000.0
 Tree = TypeVar("Tree", bound=BaseModel)
 
 
@@ -34,6 +35,14 @@ class GearData(_Section):
     drp: float = 0.0
     drrp: float = 0.0
     drot_arcsec: float = 0.0
+
+    @model_validator(mode="after")
+    def _in_millimetres(self) -> GearData:
+        if 0.0 < self.rp < SMALLEST_RP_MM or self.rp > LARGEST_RP_MM:
+            raise ValueError(
+                f"rp is {self.rp:g}, outside {SMALLEST_RP_MM:g} .. {LARGEST_RP_MM:g} mm: lengths are in mm, not m or um"
+            )
+        return self
 
 
 class GrindingData(_Section):
@@ -169,6 +178,16 @@ class ErrorFile(_Section):
     )
     goal: Literal["rms", "max"] = "rms"
     multiplication_proved: bool = Field(default=False, description="how two cross tables multiply was proved there")
+
+    @model_validator(mode="after")
+    def _no_bare_numbers(self) -> ErrorFile:
+        for name, one in self.errors.items():
+            if isinstance(one, tuple) and sum(isinstance(part, float) for part in one) > 1:
+                raise ValueError(
+                    f"{name} is a list of plain numbers, which would be added up: give one number, or positions and "
+                    'values, {type = "pl", q = [...], v = [...]}'
+                )
+        return self
 
     @model_validator(mode="after")
     def _something(self) -> ErrorFile:

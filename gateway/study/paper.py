@@ -25,6 +25,7 @@ from gateway.model.frames import RELATIVE, with_relative
 from gateway.model.motion import travel_of
 from gateway.sensitivity.outputs import EQUAL_MM, EQUAL_RAD, equal_size
 from gateway.sensitivity.ranks import sigma_intervals
+from gateway.sensitivity.sweep import Screening
 from gateway.study.draw import axes_before_after, flank_maps
 from gateway.study.export import (
     PROFILE_COLUMNS,
@@ -80,11 +81,16 @@ def _raw(grinding: Grinding, grid: FlankGrid) -> FloatArray:
     return np.asarray(np.broadcast_to(e, grid.shape)[0])
 
 
+def sigma_bounds(screening: Screening, output: str) -> dict[str, list[float]]:
+    """Bounds of sigma of each error by its name, um."""
+    bounds = sigma_intervals(screening.effects[..., screening.outputs.index(output)])
+    low, high = (mm_to_um(one) for one in bounds)
+    return {name: [float(low[i]), float(high[i])] for i, name in enumerate(screening.names)}
+
+
 def screening_rows(study: Study, output: str = "rms") -> list[Mapping[str, float | str]]:
     """Figure 5: mu* and sigma of each error with bounds in um, the most important first; equal steps."""
-    screening = study.equal
-    low, high = sigma_intervals(screening.effects[..., screening.outputs.index(output)])
-    at = {name: i for i, name in enumerate(screening.names)}
+    screening, bounds = study.equal, sigma_bounds(study.equal, output)
     return [
         {
             "name": one.name,
@@ -92,8 +98,8 @@ def screening_rows(study: Study, output: str = "rms") -> list[Mapping[str, float
             "mu_star_low_um": mm_to_um(one.low),
             "mu_star_high_um": mm_to_um(one.high),
             "sigma_um": mm_to_um(one.sigma),
-            "sigma_low_um": mm_to_um(float(low[at[one.name]])),
-            "sigma_high_um": mm_to_um(float(high[at[one.name]])),
+            "sigma_low_um": bounds[one.name][0],
+            "sigma_high_um": bounds[one.name][1],
             "mu_share": one.mu_share,
             "sigma_share": one.sigma_share,
         }

@@ -124,6 +124,9 @@ def test_pages_made_from_the_code_hold_every_name() -> None:
     assert len(metrics) >= 12
     assert [name for name in metrics if f"`{name}" not in routes] == []
     assert [name for name in tf.__all__ if f"`tf.{name}" not in library] == []
+    assert "#### `.relative_error(name: str" in library
+    assert "| `curvature` | `FloatArray` |" in library
+    assert "`tf.interferometer.length_mm(fringes: ArrayLike" in library
     assert "``" not in library.replace("```", "")
     records = reference.records()
     assert {"Capture", "Evaluation", "Proposal"} <= set(re.findall(r"^## (\w+)$", records, re.MULTILINE))

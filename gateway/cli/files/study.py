@@ -24,14 +24,15 @@ def study_command(
 ) -> None:
     """Work out a study and show it; pictures into ``plots``, the paper's figures and tables into ``paper``."""
     from gateway.study import tell
-    from gateway.study.files import load_errors, load_gear
+    from gateway.study.files import load_gear
+    from gateway.study.fromrun import errors_from
     from gateway.study.work import study, the_order
     from gateway.study.workers import workers as open_workers
 
     if relative:
         show_relative(gear, errors, plots or Path(), as_json=as_json)
         return
-    gear_file, error_file, chosen = load_gear(gear), load_errors(errors), the_order(order)
+    gear_file, error_file, chosen = load_gear(gear), errors_from(errors), the_order(order)
     # A first-order sweep is over before a process has started.
     count = 1 if chosen == "first" and workers is None else workers
     with open_workers(scheduler, count) as executor:
@@ -72,12 +73,13 @@ def study_command(
 
 def show_relative(gear: Path, errors: Path, folder: Path, *, as_json: bool) -> None:
     """Show the six relative errors of wheel to work where the gear is ground, and draw them into a folder."""
-    from gateway.study.files import load_errors, load_gear
+    from gateway.study.files import load_gear
+    from gateway.study.fromrun import errors_from
     from gateway.study.machine import grinding_of
     from gateway.study.pictures import write_relative
     from gateway.study.relative import relative_data, relative_rows, relative_sweep
 
-    gear_file, error_file = load_gear(gear), load_errors(errors)
+    gear_file, error_file = load_gear(gear), errors_from(errors)
     grinding = grinding_of(gear_file, error_file)
     sweep = relative_sweep(grinding)
     written = [str(path) for path in write_relative(grinding, sweep, folder)]

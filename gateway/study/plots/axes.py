@@ -9,6 +9,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from drivers.types.tables import CompensationTable
 from drivers.types.values import FloatArray
 from gateway.study.draw import FAINT, INK, MIDDLE, NEW, OLD, QUIET, RULE
 
@@ -97,8 +98,24 @@ def curve_sheet(figure: Figure, curve: MotionCurve) -> None:
     panel.legend(loc="lower right", ncols=2, frameon=False, fontsize=8, bbox_to_anchor=(1.0, 1.0))
 
 
+def table_panels(figure: Figure, tables: Sequence[CompensationTable]) -> None:
+    """Every table's points with the straight lines between them."""
+    rows = -(-len(tables) // 3) or 1
+    panels = figure.subplots(rows, 3, squeeze=False)
+    figure.subplots_adjust(left=0.07, right=0.985, top=1.0 - 0.17 / rows, bottom=0.2 / rows, hspace=0.75, wspace=0.25)
+    for panel in panels.flat[len(tables) :]:
+        panel.set_visible(False)
+    for panel, one in zip(panels.flat, tables, strict=False):
+        _calm(panel)
+        panel.plot(one.positions, one.deviations, ".-", color=NEW, lw=1.0, ms=3)
+        kind = "axis table" if one.kind == "axis" else "cross table"
+        panel.set_title(f"{kind} {one.name}", loc="left", fontsize=8.5, color=INK)
+        panel.set_xlabel(f"{one.input_axis}  {one.input_unit}", labelpad=1)
+        panel.set_ylabel(f"{one.output_axis}  {SIGN[one.deviation_unit]}", labelpad=1)
+
+
 def bars_sheet(
-    figure: Figure, names: Sequence[str], values: Sequence[float], spread: Sequence[float], label: str
+    figure: Figure, names: Sequence[str], values: Sequence[float], spread: Sequence[float], *, label: str
 ) -> None:
     """Named values as bars with half widths."""
     panel = figure.subplots(1, 1)

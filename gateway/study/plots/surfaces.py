@@ -80,7 +80,7 @@ def wheel_sheet(figure: FigureBase, gear: CycloidGear, centre_distance: float) -
     points, _ = wheel_surface(wheel_section(gear, centre_distance, space_angles(gear, 61)), turn)
     net = {"rstride": 2, "cstride": 3, "color": "#e7ecf0", "edgecolor": MIDDLE, "lw": 0.3, "shade": False}
     panel.plot_surface(points[..., 0], points[..., 1], points[..., 2], **net)
-    in_space(panel, points, zoom=0.85)
+    in_space(panel, points, zoom=0.78)
     calm_space(panel)
     panel.view_init(24.0, 215.0)
     panel.xaxis.set_major_locator(MaxNLocator(3))

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import ast
+import io
 import json
 import re
 import subprocess
@@ -13,6 +15,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from matplotlib import image
 from typer.testing import CliRunner
 
 import trueflank as tf
@@ -37,9 +40,22 @@ def test_every_python_block_of_the_handbook_runs(page: str, block: str, monkeypa
     exec(compile(block, page, "exec"), {})  # noqa: S102  the page is ours
 
 
-@pytest.mark.parametrize(
-    "notebook", sorted((ROOT / "examples" / "notebooks").glob("*.ipynb")), ids=lambda one: one.stem
-)
+def _notebooks() -> list[Any]:
+    """Every notebook by its name; that of the paper works out a whole study."""
+    found = sorted((ROOT / "examples" / "notebooks").glob("*.ipynb"))
+    long = {"the-paper": pytest.mark.long}
+    return [pytest.param(one, id=one.stem, marks=long.get(one.stem, ())) for one in found]
+
+
+def _run(source: str, name: str, known: dict[str, object]) -> object:
+    """Run a cell; what its last line shows, if that is an expression."""
+    tree = ast.parse(source, name)
+    last = tree.body.pop() if isinstance(tree.body[-1], ast.Expr) else None
+    exec(compile(tree, name, "exec"), known)  # noqa: S102  ours
+    return eval(compile(ast.Expression(last.value), name, "eval"), known) if last else None  # noqa: S307  ours
+
+
+@pytest.mark.parametrize("notebook", _notebooks())
 def test_every_notebook_runs_from_above_to_below(
     notebook: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -50,7 +66,10 @@ def test_every_notebook_runs_from_above_to_below(
     known: dict[str, object] = {}
     for cell in (one for one in cells if one["cell_type"] == "code"):
         assert cell["outputs"] == [], "stored without what it printed"
-        exec(compile("".join(cell["source"]), f"{notebook.name}:{cell['id']}", "exec"), known)  # noqa: S102  ours
+        shown = _run("".join(cell["source"]), f"{notebook.name}:{cell['id']}", known)
+        if hasattr(shown, "_repr_png_"):
+            pixels = image.imread(io.BytesIO(shown._repr_png_()))
+            assert float(np.mean(pixels[..., :3].min(axis=-1) < 0.9)) > 0.005, f"{cell['id']} shows an empty picture"
     pages = list(tmp_path.glob("out/report.html"))
     assert len(pages) == (notebook.stem == "from-a-file-to-a-report")
     assert all("B" in page.read_text(encoding="utf-8") for page in pages)
@@ -214,7 +233,7 @@ def test_a_report_of_no_run_says_what_was_asked_for(tmp_path: Path) -> None:
 
 
 def test_every_name_says_its_units_and_shows_itself_shortly() -> None:
-    names = [name for name in tf.__all__ if name != "TrueflankError"]
+    names = [name for name in tf.__all__ if name not in ("TrueflankError", "__version__")]
     without = [name for name in names if not re.search(r"\b(um|mm|arcsec|deg)\b", getattr(tf, name).__doc__ or "")]
     assert without == []
     machine = tf.Machine(seed=1)
