@@ -29,6 +29,11 @@ def is_name(text: str, most: int = MOST) -> bool:
     return len(text) <= most and _NAME.fullmatch(text) is not None and _DEVICES.fullmatch(text) is None
 
 
+def person_key(name: str) -> str:
+    """What two spellings of one person's name have in common: compatible letters, no case, single blanks."""
+    return " ".join(unicodedata.normalize("NFKC", name).casefold().split())
+
+
 def allowed(most: int = MOST) -> str:
     """What `is_name` allows, in words."""
     return words("W-NAME-ALLOWED", most=most)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from datetime import datetime
 
+from drivers.local.names import person_key
 from drivers.types.identity import MachineIdentity
 from gateway.domain.proposals import Approval, TableChange
 from gateway.errors import WriteRefused
@@ -37,7 +38,7 @@ def consent(
         raise WriteRefused("E-APPROVE-NOTHING", change.name, why=change.skipped)
     plan = plan_hash(change, machine)
     for other in given:
-        same = (other.actor, other.plan_hash) == (actor, plan)
+        same = (person_key(other.actor), other.plan_hash) == (person_key(actor), plan)
         if same and now_utc < datetime.fromisoformat(other.expires_utc):
             raise WriteRefused("E-APPROVE-TWICE", change.name, actor=actor, until=other.expires_utc)
     until = (now_utc + VALID).isoformat(timespec="seconds")

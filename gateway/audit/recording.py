@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping
+from datetime import datetime
 from importlib import metadata
 from pathlib import Path
+from typing import Protocol
 
-from drivers.clock import Clock
 from gateway.audit.actor import person as who_acts
 from gateway.audit.chain import append
 from gateway.audit.entries import CORRECTION, AuditEntry, ChainHead, Happening, Role
@@ -15,11 +16,23 @@ from gateway.audit.timekeeping import clock_now
 from gateway.errors import BusyError, StoreError
 
 
+class Dated(Protocol):
+    """What dates a record: a clock, or one moment of it for another thread."""
+
+    def utc(self) -> datetime:
+        """The moment in UTC."""
+        ...
+
+    def now(self) -> float:
+        """Monotonic seconds."""
+        ...
+
+
 def record(
     root: Path,
     action: str,
     *,
-    clock: Clock,
+    clock: Dated,
     actor: str = "",
     role: Role = "operator",
     serial: str = "",
@@ -68,7 +81,7 @@ def note(
     root: Path,
     action: str,
     *,
-    clock: Clock,
+    clock: Dated,
     actor: str = "",
     role: Role = "operator",
     serial: str = "",
@@ -101,6 +114,6 @@ def note(
     return ""
 
 
-def correct(root: Path, seq: int, why: str, *, clock: Clock, actor: str = "") -> ChainHead:
+def correct(root: Path, seq: int, why: str, *, clock: Dated, actor: str = "") -> ChainHead:
     """Say that an earlier record is wrong; the record itself stays. Raises what `record` raises."""
     return record(root, CORRECTION, clock=clock, actor=actor, details={"corrects": seq, "why": why})

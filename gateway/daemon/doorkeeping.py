@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
+import asyncio
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from datetime import datetime
 from pathlib import Path
 
 from drivers.clock import Clock
 from gateway import audit
 from gateway.broker import token_of
 from gateway.config.service import ServiceSection
-from gateway.users import Sessions, Tries, UserAccounts
+from gateway.users import RefusedSignIns, Sessions, Tries, UserAccounts
 from gateway.web import Doorkeeping
 
 SECRET_TRIES, SECRET_WITHIN_S = 5, 60.0
 REQUESTS, REQUESTS_WITHIN_S = 600, 10.0
+REFUSED_EVERY_S, REFUSED = 3600.0, "sign-in-refused"
 
 
 def sessions_of(clock: Clock, wanted: ServiceSection) -> Sessions:
@@ -41,6 +45,41 @@ def doors_of(
         hosts=tuple(hosts),
         secure=secure,
     )
+
+
+@dataclass(frozen=True, slots=True)
+class Moment:
+    """One moment of a clock, for a thread that has no loop to ask."""
+
+    at_utc: datetime
+    at_s: float
+
+    def utc(self) -> datetime:
+        """The moment in UTC."""
+        return self.at_utc
+
+    def now(self) -> float:
+        """Monotonic seconds."""
+        return self.at_s
+
+
+async def note_refused(refused: RefusedSignIns, root: Path, clock: Clock) -> None:
+    """Every hour, for ever, one record in the audit log for each name and address that was refused since."""
+    while True:
+        await clock.sleep(REFUSED_EVERY_S)
+        await keep_refused(refused, root, clock)
+
+
+async def keep_refused(refused: RefusedSignIns, root: Path, clock: Clock) -> None:
+    """What was refused since the last time into the audit log, in a thread: nobody acted, the address is recorded."""
+    found, moment = refused.take(), Moment(clock.utc(), clock.now())
+
+    def keep() -> None:
+        for one in found:
+            audit.note(root, REFUSED, clock=moment, actor="nobody", role="service", details=one.as_data())
+
+    if found:
+        await asyncio.to_thread(keep)
 
 
 def noting(root: Path, clock: Clock) -> Callable[..., str]:

@@ -13,6 +13,8 @@ from gateway.audience import kind_of
 from gateway.errors import BusyError
 
 MOST_LISTENERS = 32
+MOST_OF_ONE = 4
+KEPT_FOR_OPERATORS = 2
 LONGEST_QUEUE = 256
 BEAT_S = 10.0
 Tell = Callable[[str, Mapping[str, object]], None]
@@ -28,7 +30,8 @@ class StreamListener:
     ``picture`` is asked for when frames were lost: a page that lost a word knows how everything is now.
     """
 
-    def __init__(self, picture: Callable[[], str], most: int = LONGEST_QUEUE) -> None:
+    def __init__(self, picture: Callable[[], str], most: int = LONGEST_QUEUE, who: str = "") -> None:
+        self.who = who
         self._frames: deque[tuple[str, bool]] = deque()
         self._picture = picture
         self._most = most
@@ -83,7 +86,7 @@ class Hub:
         self._clock = clock
         self._picture = picture
         self._also = also
-        self._listeners: set[StreamListener] = set()
+        self._listeners: dict[StreamListener, None] = {}  # in the order of joining
         self._number = 0
         self._over = False
         self.dropped = 0
@@ -118,12 +121,22 @@ class Hub:
         for listener in self._listeners:
             listener.end()
 
-    def join(self) -> StreamListener:
-        """A new listener. Raises BusyError (E-WEB-STREAMS) where too many listen already."""
-        if len(self._listeners) >= MOST_LISTENERS:
-            raise BusyError("E-WEB-STREAMS", "stream", most=MOST_LISTENERS)
-        listener = StreamListener(self._now)
-        self._listeners.add(listener)
+    def join(self, who: str = "", *, operates: bool = True) -> StreamListener:
+        """A new listener; of one person's more than `MOST_OF_ONE` the oldest ends.
+
+        The last `KEPT_FOR_OPERATORS` places are for people who operate. Raises BusyError (E-WEB-STREAMS) where too many
+        listen already.
+        """
+        own = [one for one in self._listeners if who and one.who == who]
+        for one in own[: max(len(own) - MOST_OF_ONE + 1, 0)]:
+            one.put(frame_of("replaced", {"most": MOST_OF_ONE}))
+            one.end()
+            del self._listeners[one]
+        most = MOST_LISTENERS - (0 if operates else KEPT_FOR_OPERATORS)
+        if len(self._listeners) >= most:
+            raise BusyError("E-WEB-STREAMS", "stream", most=most)
+        listener = StreamListener(self._now, who=who)
+        self._listeners[listener] = None
         listener.put(self._now())
         if self._over:
             listener.end()
@@ -138,7 +151,7 @@ class Hub:
             while frame := await listener.next(self._clock):
                 yield frame
         finally:
-            self._listeners.discard(listener)
+            self._listeners.pop(listener, None)
 
 
 def plain_fields(fields: Mapping[str, object]) -> dict[str, object]:

@@ -143,9 +143,9 @@ class ServedPlace:
         """The readings of the plot so far."""
         return tuple(self._looking.kept)
 
-    def stream(self) -> AsyncIterator[str]:
-        """The live stream. Raises BusyError (E-WEB-STREAMS)."""
-        return self.hub.stream(self.hub.join())
+    def stream(self, who: str = "", *, operates: bool = True) -> AsyncIterator[str]:
+        """The live stream for a person. Raises BusyError (E-WEB-STREAMS)."""
+        return self.hub.stream(self.hub.join(who, operates=operates))
 
     def stream_counts(self) -> tuple[int, int]:
         """Pages that listen, frames that slow ones lost."""

@@ -19,7 +19,7 @@ from gateway import audit
 from gateway.broker import Broker, Lease, locked
 from gateway.daemon.daily import each_day
 from gateway.daemon.desk import interrupt, left_in_order
-from gateway.daemon.doorkeeping import doors_of, noting, sessions_of
+from gateway.daemon.doorkeeping import doors_of, keep_refused, note_refused, noting, sessions_of
 from gateway.daemon.lasting import lasting
 from gateway.daemon.listening import GRACE_S, PageServer, listener_on, more_files, server_of, url_of
 from gateway.daemon.logs import logged_into
@@ -73,7 +73,14 @@ async def serve(
                 ready(url)
 
             held.callback(_noted, book, "the service ended")
-            await together(server, listener, places, clock=clock, until=stop.wait(), ready=answers)
+            refused = service.doors.refused
+            hourly = partial(note_refused, refused, first.store.root, clock)
+            beside = asyncio.create_task(lasting("refused sign-ins for the audit log", hourly, clock))
+            try:
+                await together(server, listener, places, clock=clock, until=stop.wait(), ready=answers)
+            finally:
+                await interrupt(beside, clock)
+                await keep_refused(refused, first.store.root, clock)
 
 
 def _noted(book: LogBook, text: str) -> None:

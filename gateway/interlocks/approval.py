@@ -6,6 +6,7 @@ from collections.abc import Iterator, Mapping
 from datetime import datetime
 
 from drivers.errors import words
+from drivers.local.names import person_key
 from gateway.domain.proposals import Approval
 from gateway.interlocks.facts import ROUNDING, PushFacts, Refusal, Rule, no
 from gateway.interlocks.limits import APPROVED_AHEAD, APPROVED_FOR, MAX_AGE, WARN_AGE
@@ -106,7 +107,7 @@ def _agreed(facts: PushFacts) -> Iterator[Refusal]:
 
 
 def _people(problems: Mapping[Approval, tuple[Refusal, ...]]) -> set[str]:
-    return {approval.actor for approval, problem in problems.items() if not problem}
+    return {person_key(approval.actor) for approval, problem in problems.items() if not problem}
 
 
 def _risked(facts: PushFacts) -> Iterator[Refusal]:
@@ -132,7 +133,7 @@ def _problem(facts: PushFacts, approval: Approval) -> Iterator[Refusal]:
         yield from no("E-INT-APPROVAL-TOO-LONG", actor=approval.actor, given=approval.given_utc, **_times(approval))
     elif not _holds(approval, facts.request.consent_utc or facts.now_utc):
         yield from no("E-INT-APPROVAL-EXPIRED", actor=approval.actor, given=approval.given_utc, **_times(approval))
-    elif approval.actor == facts.request.actor:
+    elif person_key(approval.actor) == person_key(facts.request.actor):
         yield from no("E-INT-APPROVAL-SAME-PERSON", actor=approval.actor)
 
 

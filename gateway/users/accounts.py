@@ -5,11 +5,12 @@ from __future__ import annotations
 import json
 import os
 import secrets
+from collections.abc import Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
-from drivers.local.names import allowed, is_name, shown
+from drivers.local.names import allowed, is_name, person_key, shown
 from drivers.local.ownfiles import made_folder, opened, read_own
 from gateway.errors import (
     CorruptRecord,
@@ -53,8 +54,10 @@ class UserAccounts:
             raise CorruptRecord("E-USER-FILE", str(self._path), why=str(error)) from error
 
     def find(self, name: str) -> UserAccount | None:
-        """An account by its name."""
-        return next((one for one in self.all() if one.name == name), None)
+        """An account by its name, however it is spelled; of accounts of an older version the one spelled so."""
+        wanted = person_key(name)
+        alike = [one for one in self.all() if person_key(one.name) == wanted]
+        return alike[0] if len(alike) == 1 else next((one for one in alike if one.name == name), None)
 
     def put(
         self,
@@ -65,19 +68,25 @@ class UserAccounts:
         pin: str = "",
         known: UserAccount | None = None,
     ) -> UserAccount:
-        """Make an account, or change one: what is left empty of a known one stays.
+        """Make an account, or change one: what is left empty of a known one stays, its name as it was spelled.
 
-        Raises StoreError (E-USER-NAME, E-USER-ROLE, E-USER-PASSWORD, E-USER-PIN, E-STORE-DISK).
+        A new password ends the program's token. The last account with the role service keeps it. Raises StoreError
+        (E-USER-NAME, E-USER-ROLE, E-USER-PASSWORD, E-USER-PIN, E-USER-LAST, E-STORE-DISK).
         """
         _check(name, roles, password, pin, new=known is None)
+        name = known.name if known else name
         account = UserAccount(
             name=name,
             roles=tuple(sorted(set(roles))),
             password=self._hasher.hashed(password) if password else known.password if known else "",
             pin=self._hasher.hashed(pin) if pin else known.pin if known else "",
-            token=known.token if known else "",
+            token=known.token if known and not password else "",
         )
-        self._write([one for one in self.all() if one.name != name] + [account])
+        every = self.all()
+        left = [one for one in every if one.name != name] + [account]
+        if _administered(every) and not _administered(left):
+            raise LastAdministrator("E-USER-LAST", str(self._path), name=shown(name))
+        self._write(left)
         self._forget_first()
         return account
 
@@ -86,11 +95,11 @@ class UserAccounts:
 
         Raises StoreError (E-USER-LAST).
         """
-        every = self.all()
-        left = [one for one in every if one.name != name]
-        if len(left) == len(every):
+        known = self.find(name)
+        if known is None:
             return False
-        if not any("service" in one.roles for one in left):
+        left = [one for one in self.all() if one.name != known.name]
+        if not _administered(left):
             raise LastAdministrator("E-USER-LAST", str(self._path), name=shown(name))
         self._write(left)
         return True
@@ -101,7 +110,8 @@ class UserAccounts:
         if known is None:
             raise RecordNotFound("E-USER-NONE", str(self._path), name=shown(name))
         token = secrets.token_urlsafe(32)
-        self._write([replace(one, token=token_digest(token)) if one.name == name else one for one in self.all()])
+        digest = token_digest(token)
+        self._write([replace(one, token=digest) if one.name == known.name else one for one in self.all()])
         return token
 
     def by_secret(self, name: str, *, password: str = "", pin: str = "") -> Person:
@@ -152,6 +162,11 @@ class UserAccounts:
             finally:
                 temporary.unlink(missing_ok=True)
             sync_folder(self._path.parent)
+
+
+def _administered(accounts: Sequence[UserAccount]) -> bool:
+    """Whether somebody may keep the accounts."""
+    return any("service" in one.roles for one in accounts)
 
 
 def _written(path: Path, data: bytes) -> None:

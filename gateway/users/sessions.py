@@ -6,6 +6,7 @@ import secrets
 from collections.abc import Callable
 from dataclasses import dataclass
 
+from drivers.local.names import person_key
 from gateway.users.records import Person
 
 LONGEST_S = 12 * 3600.0
@@ -56,7 +57,8 @@ class Sessions:
 
     def end_of(self, name: str) -> None:
         """Sign a person out everywhere: the account was changed or is gone."""
-        self._open = {key: one for key, one in self._open.items() if one.person.name != name}
+        gone = person_key(name)
+        self._open = {key: one for key, one in self._open.items() if person_key(one.person.name) != gone}
 
     def left_s(self, session: Session) -> float:
         """Seconds until a session ends where nothing is asked for."""

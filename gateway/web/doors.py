@@ -9,6 +9,7 @@ from fastapi import Request
 from starlette.concurrency import run_in_threadpool
 from starlette.requests import HTTPConnection
 
+from drivers.local.names import person_key
 from gateway.audit import os_user
 from gateway.errors import NotFound, NotSignedIn, SignInRefused, TooManyTries
 from gateway.users import ROLES, Person, Session, UserRole
@@ -16,6 +17,7 @@ from gateway.web.gate import is_same_origin, is_token
 from gateway.web.ports import ServedSite, Service
 
 COOKIE = "trueflank-session"
+BROWSER = "trueflank-browser"
 CSRF = "x-csrf-token"
 HARMLESS = frozenset({"GET", "HEAD"})
 
@@ -90,18 +92,29 @@ def needs(*roles: UserRole) -> Callable[[Request], Awaitable[Person]]:
 
 
 async def proved(request: Request, name: str, *, password: str = "", pin: str = "") -> Person:
-    """Who a name and a secret prove to be; bounded by name and address, and never on the event loop.
+    """Who a name and a secret prove to be; bounded, and never on the event loop.
 
+    An address has a budget, and each name at an address another: nobody can lock a name out at other addresses, and
+    what is refused unheard counts nowhere. A browser that somebody has signed in with before has a budget of its own.
     Raises SignInRefused (E-USER-WAIT, E-USER-SECRET).
     """
     doors = service_of(request).doors
-    address = request.client.host if request.client is not None else ""
-    for key in (f"name {name}", f"address {address}"):
-        if (wait := doors.tries.wait_s(key)) > 0.0:
-            raise TooManyTries("E-USER-WAIT", "sign-in", seconds=f"{wait:.0f}")
+    address, known = address_of(request), request.cookies.get(BROWSER, "")
+    keys = [f"address {address}", f"name {person_key(name)} at {address}"]
+    if known and doors.browsers.knows(known, name):
+        keys = [f"browser {known}"]
+    wait = max(doors.tries.wait_s(key) for key in keys)
+    if wait > 0.0:
+        raise TooManyTries("E-USER-WAIT", "sign-in", seconds=f"{wait:.0f}")
+    for key in keys:
         doors.tries.count(key)
     async with doors.secrets_at_once:
         person = await run_in_threadpool(doors.accounts.by_secret, name, password=password, pin=pin)
-    doors.tries.forget(f"name {name}")
-    doors.tries.forget(f"address {address}")
+    for key in keys:
+        doors.tries.forget(key)
     return person
+
+
+def address_of(request: HTTPConnection) -> str:
+    """Where a request comes from; "" where that is not known."""
+    return request.client.host if request.client is not None else ""

@@ -15,7 +15,7 @@ from gateway.live import Asked
 from gateway.mqtt import Outgoing
 from gateway.say import Say
 from gateway.store import Store
-from gateway.users import Sessions, Tries, UserAccounts
+from gateway.users import KnownBrowsers, RefusedSignIns, Sessions, Tries, UserAccounts
 from gateway.views import JobView, StatusView
 
 Work = Callable[[Say], Awaitable[object]]
@@ -55,8 +55,8 @@ class ServedSite(Protocol):
         """The readings that the command at work, or the last one, has taken so far."""
         ...
 
-    def stream(self) -> AsyncIterator[str]:
-        """The live stream as server-sent events. Raises BusyError (E-WEB-STREAMS)."""
+    def stream(self, who: str = "", *, operates: bool = True) -> AsyncIterator[str]:
+        """The live stream as server-sent events, for one person. Raises BusyError (E-WEB-STREAMS)."""
         ...
 
     def stream_counts(self) -> tuple[int, int]:
@@ -102,7 +102,8 @@ class Doorkeeping:
     """Everything that decides who may come in.
 
     ``terminal`` is the token in the state folder: who can read it is at this computer. ``secrets_at_once`` bounds how
-    many passwords are checked together; ``tries`` how often a name, ``asks`` how often an address may.
+    many passwords are checked together; ``tries`` how often secrets, ``asks`` how often anything may be tried.
+    ``refused`` sums refused sign-ins, ``browsers`` are those that have signed in before.
     """
 
     accounts: UserAccounts
@@ -112,6 +113,8 @@ class Doorkeeping:
     asks: Tries
     hosts: tuple[str, ...] = ()
     secure: bool = False
+    refused: RefusedSignIns = field(default_factory=RefusedSignIns)
+    browsers: KnownBrowsers = field(default_factory=KnownBrowsers)
     secrets_at_once: asyncio.Semaphore = field(default_factory=lambda: asyncio.Semaphore(2))
 
 

@@ -22,7 +22,7 @@ from gateway.views import as_data
 from gateway.views.measuring import plan_of
 from gateway.views.pushed import standing_tables
 from gateway.views.stored import has_report, sealed_file, stored_report
-from gateway.web.doors import needs, service_of, session_of, site_of
+from gateway.web.doors import needs, person_of, service_of, session_of, site_of
 from gateway.web.gate import REPORT_POLICY
 from gateway.web.ports import ServedSite
 
@@ -158,7 +158,8 @@ async def job(request: Request, site: str, job: int) -> dict[str, Any]:
 @routes.get("/sites/{site}/stream", response_class=StreamingResponse)
 async def stream(request: Request, site: str) -> Response:
     """The live stream as server-sent events: picture, said, reading, waiting, taken, state; lost where frames were."""
-    found = site_of(request, site).stream()
+    person = person_of(request)
+    found = site_of(request, site).stream(person.name, operates=person.may("operator"))
     bearer = "authorization" in request.headers
     return StreamingResponse(_while_signed_in(request, found, bearer=bearer), media_type="text/event-stream")
 

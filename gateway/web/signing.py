@@ -12,9 +12,10 @@ from starlette.responses import JSONResponse, Response
 from gateway.errors import NotSignedIn, RecordNotFound, SignInRefused, TooManyTries
 from gateway.users import ROLES, Person, Session, UserAccount
 from gateway.web.bodies import FirstStart, Plain, SignIn, UserBody
-from gateway.web.doors import COOKIE, needs, proved, service_of, session_of
+from gateway.web.doors import BROWSER, COOKIE, address_of, needs, proved, service_of, session_of
 from gateway.web.gate import is_same_origin
 
+BROWSER_S = 90 * 24 * 3600
 open_routes = APIRouter(prefix="/api/v1", tags=["signing in"])
 routes = APIRouter(prefix="/api/v1", tags=["accounts"])
 Viewer = Annotated[Person, Depends(needs("viewer"))]
@@ -33,8 +34,8 @@ async def sign_in(request: Request, body: SignIn) -> Response:
     service = service_of(request)
     try:
         person = await proved(request, body.name, password=body.password, pin=body.pin)
-    except SignInRefused as error:
-        service.note("sign-in-refused", details={"name": body.name[:60], "why": error.code})
+    except SignInRefused:
+        service.doors.refused.add(body.name[:60], address_of(request), service.clock.utc())
         raise
     service.note("sign-in", actor=person.name, details={"how": "PIN" if body.pin else "password"})
     return _begun(request, person)
@@ -63,6 +64,10 @@ def _begun(request: Request, person: Person) -> Response:
     key, session = doors.sessions.begin(person)
     answer = JSONResponse(_told(request, person, session))
     answer.set_cookie(COOKIE, key, httponly=True, samesite="strict", secure=doors.secure, path="/")
+    browser = doors.browsers.remember(request.cookies.get(BROWSER, ""), person.name)
+    answer.set_cookie(
+        BROWSER, browser, max_age=BROWSER_S, httponly=True, samesite="strict", secure=doors.secure, path="/api/v1/login"
+    )
     return answer
 
 

@@ -33,6 +33,8 @@ export function listen() {
   hear("waiting", (data) => { state.waiting = { ...data, since: state.waiting?.since ?? Date.now() }; changed("waiting"); });
   hear("taken", taken);
   hear("ended", again);
+  // More windows of this person listen than may: this one is the oldest and does not ask again by itself.
+  hear("replaced", () => { deaf(); state.offline = state.replaced = true; changed("frame"); });
   // What was lost stands in the picture that follows, but for the readings of the plot.
   hear("lost", (data) => { state.lost += data.frames; readings(); again(); });
 }

@@ -10,6 +10,7 @@ export function sentence() {
 function chosen() {
   const { status, ask } = state;
   const held = status.held.find((one) => one.loud && surelyOn(one)) ?? status.held.find((one) => one.loud);
+  if (state.replaced) return { loud: "attention", head: t("frame.replaced") };
   if (state.offline) return { loud: "attention", head: t("frame.offline"), more: toldApart({ code: "OFFLINE" })[1] };
   if (status.run && state.beam === "lost" && !mounts(ask)) return { loud: "bad", head: t("now.beam"), more: ask ? capital(say(ask.code, ask.fields, 0, ask.words)) : newest() };
   if (status.run && ask) return { loud: "ask", head: capital(say(ask.code, ask.fields, 0, ask.words)), more: moving() || (held ? heldWords(held) : "") };

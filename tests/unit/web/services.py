@@ -78,7 +78,7 @@ class FakeSite:
     async def _frames(self) -> AsyncIterator[str]:
         yield "event: picture\ndata: {}\n\n"
 
-    def stream(self) -> AsyncIterator[str]:
+    def stream(self, who: str = "", *, operates: bool = True) -> AsyncIterator[str]:
         return self._frames()
 
     def taken(self) -> tuple[Mapping[str, object], ...]:
