@@ -58,7 +58,7 @@ class _Figures:
             listening, lost = one.stream_counts()
             heard.add_metric((name,), listening)
             dropped.add_metric((name,), lost)
-        refused = CounterMetricFamily("trueflank_sign_ins_refused", "Refused sign-ins since the start")
+        refused = CounterMetricFamily("trueflank_sign_ins_refused", "Refused sign-ins since the start", labels=())
         refused.add_metric((), self._service.doors.refused.total)
         yield from (alarms, held, left, due, work, heard, dropped, refused)
 
