@@ -91,6 +91,7 @@ _OWN = (
     DriverSpec("csv", "file", "drivers.files.csvmap:CsvFormat"),
     DriverSpec("gear-csv", "gear-file", "drivers.files.gear:GearCsvFormat"),
     DriverSpec("gde", "gear-file", "drivers.files.gde:GdeFormat"),
+    DriverSpec("drive-csv", "drive-file", "drivers.files.drives:DriveCsvFormat"),
     DriverSpec("sinumerik-terms", "terms", "drivers.sinumerik.terms:SINUMERIK"),
     DriverSpec("linuxcnc-terms", "terms", "drivers.linuxcnc.terms:LINUXCNC"),
     DriverSpec("sinumerik-tables", "table-file", "drivers.sinumerik.tablefile.format:TableFiles"),

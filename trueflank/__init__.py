@@ -15,6 +15,7 @@ Normal deviations of a flank are positive for surplus material. Names are loaded
 from __future__ import annotations
 
 HOMES = {
+    "benches": ("DriveTest", "EvaluatedDrive", "read_bench"),
     "drives": ("Drive", "Matched", "Reducer", "match", "transmission"),
     "kinematics": ("FrameOf", "RelativeError", "RelativeErrors"),
     "measuring": ("ErrorMotion", "Evaluated", "Measured", "evaluate", "fit", "read", "report"),
@@ -27,8 +28,10 @@ __all__ = [
     "Contact",
     "Corrected",
     "Drive",
+    "DriveTest",
     "ErrorMotion",
     "Evaluated",
+    "EvaluatedDrive",
     "Flank",
     "FrameOf",
     "Gear",
@@ -54,6 +57,7 @@ __all__ = [
     "match",
     "rank",
     "read",
+    "read_bench",
     "report",
     "study",
     "transmission",
@@ -64,7 +68,9 @@ def __getattr__(name: str) -> object:
     """Load a name's module now; `trueflank/__init__.pyi` tells the names to type checkers."""
     found: object
     home = next((module for module, names in HOMES.items() if name in names), "")
-    if home == "drives":
+    if home == "benches":
+        from trueflank import benches as module
+    elif home == "drives":
         from trueflank import drives as module
     elif home == "kinematics":
         from trueflank import kinematics as module

@@ -1,5 +1,8 @@
 from drivers.errors import TrueflankError as TrueflankError
 from trueflank import interferometer as interferometer
+from trueflank.benches import DriveTest as DriveTest
+from trueflank.benches import EvaluatedDrive as EvaluatedDrive
+from trueflank.benches import read_bench as read_bench
 from trueflank.drives import Drive as Drive
 from trueflank.drives import Matched as Matched
 from trueflank.drives import Reducer as Reducer

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, overload
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -25,6 +25,7 @@ from gateway.model.components import TURN_DEG, is_periodic, standard_uncertainty
 from gateway.model.fit import SMALLEST_U
 from gateway.model.means import fit_means
 from gateway.study.fromrun import function_of
+from trueflank.benches import DriveTest, EvaluatedDrive, evaluated_bench
 from trueflank.frames import frame
 from trueflank.given import (
     ASKS,
@@ -295,6 +296,12 @@ class Evaluated:
         return f"Evaluated({self.standard}: {told} {SHOWN[self.unit]})"
 
 
+@overload
+def evaluate(measured: DriveTest, *, limits: Mapping[str, float] | None = None) -> EvaluatedDrive:
+    """Figures of a reducer's test bench in arcsec and Nm/arcmin."""
+
+
+@overload
 def evaluate(
     measured: Measured,
     standard: str | int = "2014",
@@ -306,13 +313,30 @@ def evaluate(
     monte_carlo: bool = False,
     seed: int = 1,
 ) -> Evaluated:
+    """Figures of a measured axis in um or arcsec."""
+
+
+def evaluate(
+    measured: Measured | DriveTest,
+    standard: str | int = "2014",
+    *,
+    material_degc: float | None = None,
+    expansion_ppm_per_k: float | None = None,
+    equipment: Mapping[str, float] | None = None,
+    limits: Mapping[str, float] | None = None,
+    monte_carlo: bool = False,
+    seed: int = 1,
+) -> Evaluated | EvaluatedDrive:
     """Figures in um or arcsec to ISO 230-2 (edition 2014, 2006, 1997, 1988) or another standard by name.
 
     U (k = 2) as `trueflank evaluate` states it: with the scatter of the readings, and with what is known of the
     material (``material_degc``, ``expansion_ppm_per_k``; left out: of the file) and of the equipment (certificates, k
-    = 2: um_per_m, kelvin, arcsec). ``limits`` by figure are decided. Raises ConfigError (E-LIBRARY-KIND), and
-    ModelError as `gateway.evaluate.standards.registry.evaluate_by`.
+    = 2: um_per_m, kelvin, arcsec). ``limits`` by figure are decided. A record of a
+    reducer's test bench (`tf.read_bench`) gives transmission error and torque loop; of the rest ``limits`` alone counts
+    for it. Raises ConfigError (E-LIBRARY-KIND), and ModelError as `gateway.evaluate.standards.registry.evaluate_by`.
     """
+    if isinstance(measured, DriveTest):
+        return evaluated_bench(measured, limits)
     of_kind(measured, Measured, "evaluate")
     wholes_given("evaluate", seed=seed)
     figured = evaluate_positioning(

@@ -149,6 +149,8 @@ class Bench:
             "Rated torque Nm": f"{self.spec.rated_torque_nm:g}",
             "Cranks": f"{self.reducer.cranks.count}",
             **({"Sun teeth": f"{stage.sun_teeth}"} if stage else {}),
+            "Output encoder U arcsec": f"{_expanded(self.spec.output_encoder):.3g}",
+            "Input encoder U arcsec": f"{_expanded(self.spec.input_encoder):.3g}",
             "Instrument": "reducer bench (simulated)",
         }
         return BenchRecord(
@@ -159,6 +161,12 @@ class Bench:
             temperature_degc=degc,
             stated=stated,
         )
+
+
+def _expanded(spec: EncoderSection) -> float:
+    """What the encoder's certificate states, k = 2: its waves at their largest, twice the noise, half a step."""
+    waves = abs(spec.once_arcsec) + abs(spec.twice_arcsec)
+    return float(np.sqrt(waves**2 + (2.0 * spec.noise_arcsec) ** 2 + (0.5 * spec.resolution_arcsec) ** 2))
 
 
 def _encoded(spec: EncoderSection, angle: FloatArray, rng: np.random.Generator) -> FloatArray:

@@ -94,6 +94,18 @@ def test_what_the_command_line_does_not_know_is_found() -> None:
             _parsed(words)
 
 
+def _bench_record() -> str:
+    """A turn of a crank-driven reducer of twelve pins, then a loop of torque with the crank held."""
+    turn = [(-0.125 * 11 * 10 * k, 1.25 * k, 5.0) for k in range(290)]
+    up = [float(torque) for torque in range(61)]
+    load = [*up, *up[-2::-1], *(-torque for torque in up[1:]), *(-torque for torque in up[-2::-1]), *up[1:]]
+    held, stood = turn[-1][0], turn[-1][1]
+    loop = [(held, stood + torque / 3600.0, torque) for torque in load]
+    rows = [f"{k},{a:.6f},{b:.9f},{torque},20" for k, (a, b, torque) in enumerate([*turn, *loop])]
+    head = ("# Pins,12", "# Ratio,-11", "# Rated torque Nm,60", "# Output encoder U arcsec,1")
+    return "\n".join((*head, "time_s,input_deg,output_deg,torque_Nm,temperature_degC", *rows, ""))
+
+
 @pytest.fixture
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A place with the files that the handbook's commands name; its site file is that of `docs/connecting.md`."""
@@ -115,6 +127,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     turn = [f"{at},{way},{run},{0.01 * at + 0.01 * run}" for run in (1, 2) for way in "+-" for at in range(0, 361, 45)]
     text = "\n".join(("target_deg,direction,repetition,deviation_arcsec", *turn, ""))
     (tmp_path / "C.csv").write_text(text, encoding="utf-8")
+    (tmp_path / "record.csv").write_text(_bench_record(), encoding="utf-8")
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("TRUEFLANK_PASSWORD", "x")
     return tmp_path

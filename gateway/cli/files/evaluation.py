@@ -39,17 +39,37 @@ def evaluate(
         str,
         typer.Option(
             help="positioning, straightness, angular, squareness, parallelism, reversal, axis-location, rotary-motion, "
-            "harmonics."
+            "harmonics, transmission."
         ),
     ] = "positioning",
     angle: Annotated[
         str, typer.Option(help="Angular: pitch, yaw, roll; for Z: tilt about X, tilt about Y, roll.")
     ] = "",
+<<<<<<< HEAD
     plane: Annotated[str, typer.Option(help="Squareness: XY, XZ or YZ.")] = "XY",
     artefact: Annotated[float, typer.Option(help="Squareness: the square's own angle minus 90 deg, arcsec.")] = 0.0,
     motion: Annotated[str, typer.Option(help="Rotary motion: radial, axial, rotating or tilt.")] = "radial",
     distance: Annotated[float, typer.Option(min=0, help="Tilt: distance of the two sensors, mm.")] = 0.0,
     order: Annotated[list[int] | None, typer.Option(help="Harmonics: this order. May be repeated.")] = None,
+=======
+    plane: Annotated[str, typer.Option(help="Of squareness: XY, XZ or YZ.")] = "XY",
+    artefact: Annotated[float, typer.Option(help="Of squareness: the square's angle less 90 deg, arcsec.")] = 0.0,
+    motion: Annotated[str, typer.Option(help="Of rotary-motion: radial, axial, rotating or tilt.")] = "radial",
+    distance: Annotated[float, typer.Option(min=0, help="Of a tilt: between the two sensors, mm.")] = 0.0,
+    order: Annotated[list[int] | None, typer.Option(help="Of harmonics: this order. May be repeated.")] = None,
+    pins: Annotated[int | None, typer.Option(min=4, help="Of transmission: pins.", show_default=False)] = None,
+    ratio: Annotated[
+        float | None,
+        typer.Option(help="Of transmission: input turns per output turn; < 0 if opposite.", show_default=False),
+    ] = None,
+    rated_torque: Annotated[
+        float | None, typer.Option(help="Of transmission: rated torque, Nm.", show_default=False)
+    ] = None,
+    encoder_u: Annotated[
+        float | None,
+        typer.Option("--encoder-U", min=0, help="Of transmission: output encoder, arcsec, k = 2.", show_default=False),
+    ] = None,
+>>>>>>> 486a8526 (Evaluate a reducer's test bench: transmission error, orders, lost motion, stiffness)
     site: Annotated[
         Path | None,
         typer.Option(help="Positioning: site file with the tolerances and equipment to use.", show_default=False),
@@ -77,6 +97,20 @@ def evaluate(
     if kind != "positioning":
         if site is not None:  # its tolerances are of positioning: ignored, they would be taken for a pass
             raise ConfigError("E-CLI-SITE-KIND", "--site", kind=kind)
+        if kind == "transmission":
+            from gateway.cli.files.transmission import DriveOptions, evaluate_transmission
+            from gateway.workflow.files.columnwords import columns_of
+            from gateway.workflow.files.drives import DriveQuestion
+
+            drive = DriveQuestion(
+                pins=pins,
+                ratio=ratio,
+                rated_torque_nm=rated_torque,
+                output_encoder_U_arcsec=encoder_u,
+                columns=columns_of(column or ()),
+            )
+            wanted = DriveOptions(drive, plot, limits_of(limit or ()))
+            raise typer.Exit(evaluate_transmission(files or [], wanted, as_json=as_json))
         from gateway.cli.files.geometry import KindOptions, evaluate_kinds
         from gateway.workflow.files.kindrecords import KindQuestion
 
