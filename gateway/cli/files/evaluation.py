@@ -45,31 +45,25 @@ def evaluate(
     angle: Annotated[
         str, typer.Option(help="Angular: pitch, yaw, roll; for Z: tilt about X, tilt about Y, roll.")
     ] = "",
-<<<<<<< HEAD
     plane: Annotated[str, typer.Option(help="Squareness: XY, XZ or YZ.")] = "XY",
     artefact: Annotated[float, typer.Option(help="Squareness: the square's own angle minus 90 deg, arcsec.")] = 0.0,
     motion: Annotated[str, typer.Option(help="Rotary motion: radial, axial, rotating or tilt.")] = "radial",
     distance: Annotated[float, typer.Option(min=0, help="Tilt: distance of the two sensors, mm.")] = 0.0,
     order: Annotated[list[int] | None, typer.Option(help="Harmonics: this order. May be repeated.")] = None,
-=======
-    plane: Annotated[str, typer.Option(help="Of squareness: XY, XZ or YZ.")] = "XY",
-    artefact: Annotated[float, typer.Option(help="Of squareness: the square's angle less 90 deg, arcsec.")] = 0.0,
-    motion: Annotated[str, typer.Option(help="Of rotary-motion: radial, axial, rotating or tilt.")] = "radial",
-    distance: Annotated[float, typer.Option(min=0, help="Of a tilt: between the two sensors, mm.")] = 0.0,
-    order: Annotated[list[int] | None, typer.Option(help="Of harmonics: this order. May be repeated.")] = None,
-    pins: Annotated[int | None, typer.Option(min=4, help="Of transmission: pins.", show_default=False)] = None,
+    pins: Annotated[int | None, typer.Option(min=4, help="Transmission: number of pins.", show_default=False)] = None,
     ratio: Annotated[
         float | None,
-        typer.Option(help="Of transmission: input turns per output turn; < 0 if opposite.", show_default=False),
+        typer.Option(help="Transmission: input turns per output turn; < 0 if opposite.", show_default=False),
     ] = None,
     rated_torque: Annotated[
-        float | None, typer.Option(help="Of transmission: rated torque, Nm.", show_default=False)
+        float | None, typer.Option(help="Transmission: rated torque, Nm.", show_default=False)
     ] = None,
     encoder_u: Annotated[
         float | None,
-        typer.Option("--encoder-U", min=0, help="Of transmission: output encoder, arcsec, k = 2.", show_default=False),
+        typer.Option(
+            "--encoder-U", min=0, help="Transmission: U of the output encoder, arcsec, k = 2.", show_default=False
+        ),
     ] = None,
->>>>>>> 486a8526 (Evaluate a reducer's test bench: transmission error, orders, lost motion, stiffness)
     site: Annotated[
         Path | None,
         typer.Option(help="Positioning: site file with the tolerances and equipment to use.", show_default=False),
