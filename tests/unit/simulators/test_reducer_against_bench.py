@@ -2,7 +2,8 @@
 
 Both are given the same parts, drawn here. They differ in method (Newton on touching sets here, least energy there), in
 the discretisation of flanks and in the search of contacts. What they must agree in: the transmission error peak to peak
-within 5 % or 0.5 arcsec, whichever is more, lost motion within 5 %.
+within 5 % or 0.5 arcsec, whichever is more, lost motion within 5 %. Then the model is given the discs alone and
+predicts by tolerance the bench's figures on drawn pins and cranks: its u must be of the size of the differences.
 """
 
 from __future__ import annotations
@@ -16,7 +17,8 @@ from drivers.units import rad_to_arcsec
 from gateway.errors import ModelError
 from gateway.gear.cycloid import CycloidGear
 from gateway.reducer import records
-from gateway.reducer.figures import transmission
+from gateway.reducer.figures import crank_angles, transmission
+from gateway.reducer.uncertainty import uncertainty
 from gateway.tooth import FlankMap
 from simulators.cellfile.part import Gear
 from simulators.grinding import Lobes
@@ -27,6 +29,7 @@ from tests.sizes import long
 STEPS = 24
 EVERY = 8
 LOST = 0.03
+TRIALS = 15
 SHORT = 3
 """Seeds of `make test`: small drives."""
 
@@ -191,3 +194,42 @@ def test_a_held_sun_lets_the_cranks_turn_along_and_lessens_the_error() -> None:
     by_crank = Mechanism(built).rest(crank, 60.0).error_rad
     by_sun = held.rest(-crank / built.gear.zc * held.reducer.ratio, 60.0).error_rad
     assert np.polyfit(by_crank, by_sun, 1)[0] == pytest.approx(11.0 / 12.5, rel=0.01)
+
+
+def peak(error_rad: np.ndarray) -> float:
+    return float(np.ptp(rad_to_arcsec(error_rad)))
+
+
+@pytest.mark.long
+def test_predicted_by_tolerance_the_benchs_figures_lie_as_far_off_as_u_says() -> None:
+    """Thirty machines whose discs and marks are known, pins, cranks and holes by tolerance: E = (seen - mean) / u."""
+    error, lost = [], []
+    for seed in range(0, 30 * len(KINDS), len(KINDS)):  # the first kind
+        parts = parts_of(seed)
+        rng = np.random.default_rng(1000 + seed)
+        pins, shape = parts.kind.gear["zp"], parts.eccentricity_um.shape
+        drawn = replace(
+            parts,
+            radius_um=rng.normal(0.0, 0.5, int(pins)),
+            place_um=rng.normal(0.0, 1.5, int(pins)) + 1j * rng.normal(0.0, 1.5, int(pins)),
+            eccentricity_um=rng.normal(0.0, 1.0, shape),
+            phase_arcsec=np.zeros(shape),
+            hole_um=rng.normal(0.0, 2.0, (*shape, 2)),
+        )
+        drive = predicted_drive(parts)
+        bare = replace(
+            drive,
+            pins=replace(drive.pins, radius_um=(), radial_um=(), tangential_um=()),
+            output=replace(drive.output, eccentricity_um=(), phase_arcsec=(), hole_um=()),
+        )
+        told = uncertainty(bare, maps_of(parts), steps=STEPS, seed=seed, most=TRIALS).figures
+        bench, crank = bench_of(drawn), crank_angles(bare, STEPS)
+        rated = parts.kind.rated
+        seen = max(peak(bench.rest(crank, sense * rated).error_rad) for sense in (1.0, -1.0))
+        some = crank[::EVERY]
+        twist = bench.rest(some, LOST * rated).error_rad - bench.rest(some, -LOST * rated).error_rad
+        error.append((seen - told["error_arcsec"].mean) / told["error_arcsec"].u)
+        lost.append((np.mean(rad_to_arcsec(twist)) - told["lost_motion_arcsec"].mean) / told["lost_motion_arcsec"].u)
+    for name, one in (("transmission error", error), ("lost motion", lost)):
+        rms = float(np.sqrt(np.mean(np.square(one))))
+        assert 0.7 < rms < 1.4, f"{name}: {rms:.2f}"
