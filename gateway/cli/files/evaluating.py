@@ -256,11 +256,13 @@ def _evaluated(path: Path, asked: EvaluationOptions, drawn: list[MeasuredFile]) 
     """Every set that a file or a run holds; what a picture shows of it is added to ``drawn``."""
     from gateway.store import Store
     from gateway.workflow.files.columnwords import columns_of
-    from gateway.workflow.files.exporting import items
+    from gateway.workflow.files.exporting import items, of_axis
     from gateway.workflow.files.reading import How
 
     how = How(asked.unit, columns=columns_of(asked.columns) or None)
     found = items(run_or_file(asked.store, path), how, Store(asked.store), axis=asked.axis, phase=asked.phase)
+    if path.is_file():
+        found = of_axis(found, asked.axis, str(path))
     accepted = accepted_statements(path, found, asked.compared, asked.store)
     return [_evaluate(item, asked, drawn, accepted) for item in found]
 

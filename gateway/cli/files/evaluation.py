@@ -33,7 +33,9 @@ def evaluate(
     expansion: Annotated[float | None, typer.Option(min=-5, max=100, help="Re-compensate: ppm/K.")] = None,
     material_degc: Annotated[float | None, typer.Option(help="Material, degC: for U, and to re-compensate.")] = None,
     seed: Annotated[int, typer.Option(min=0, help="Seed of the Monte Carlo.")] = 1,
-    axis: Annotated[str, typer.Option(help="For a run: this axis only; with --kind: the machine axis, X.")] = "",
+    axis: Annotated[
+        str, typer.Option(help="Only this axis or component, X or EYX; with --kind: the machine axis, X.")
+    ] = "",
     phase: Annotated[str, typer.Option(help="For a run: before or after only.")] = "",
     kind: Annotated[
         str,

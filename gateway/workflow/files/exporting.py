@@ -11,6 +11,7 @@ from typing import Any
 
 from drivers import registry
 from drivers.errors import ConfigError
+from drivers.local.names import shown
 from drivers.recordings import Recording
 from drivers.types.gears import GearInspection
 from drivers.types.results import MeasuredSet
@@ -28,12 +29,25 @@ STREAM = ".f64"
 
 @dataclass(frozen=True, slots=True)
 class MeasuredItem:
-    """Something measured, by where it is: a file, or a run and its stage with the ``capture`` that it was."""
+    """Something measured, by where it is: a file, or a run and its stage with the ``capture`` that it was.
+
+    ``names`` are what a set of a file may be called by: its component and its axis.
+    """
 
     label: str
     content: Content
     capture: Capture | None = None
     notes: tuple[str, ...] = ()
+    names: tuple[str, ...] = ()
+
+
+def of_axis(found: tuple[MeasuredItem, ...], axis: str, where: str) -> tuple[MeasuredItem, ...]:
+    """Those sets of a file that an axis or a component names; all for "". Raises ConfigError (E-EXPORT-AXIS)."""
+    mine = tuple(one for one in found if axis.upper() in ("", *one.names))
+    if not mine:
+        known = ", ".join(dict.fromkeys(name for one in found for name in one.names))
+        raise ConfigError("E-EXPORT-AXIS", where, axis=shown(axis), known=known or "-")
+    return mine
 
 
 def run_of(word: str | Path, store: Store) -> RunFolder | None:
@@ -55,11 +69,17 @@ def items(word: str | Path, how: How, store: Store, *, axis: str = "", phase: st
     folder = run_of(word, store)
     if folder is None:
         reads = read_all(Path(word), how, Maps(store.root))
-        return tuple(MeasuredItem(_label(word, one), one.content, None, one.notes) for one in reads)
+        return tuple(MeasuredItem(_label(word, one), one.content, None, one.notes, _names_of(one)) for one in reads)
     found = tuple(_run_items(folder, axis, phase))
     if not found:
         raise ConfigError("E-EXPORT-NOTHING", str(folder.path), axis=axis or "any axis", phase=phase or "any phase")
     return found
+
+
+def _names_of(read: Read) -> tuple[str, ...]:
+    """What a file's set may be called by: its component, the axis that moved, as file or columns state them."""
+    stated = str(getattr(read.content, "header", {}).get("Axis", "")).strip().upper()
+    return tuple(dict.fromkeys(name for name in (read.component, read.component[-1:], stated, stated[:1]) if name))
 
 
 def _label(word: str | Path, read: Read) -> str:

@@ -138,6 +138,10 @@ def _options(factory: Any, unit: str, how: How) -> dict[str, Any]:
     return said | ({"confirmed": True} if confirmed and "confirmed" in able else {})
 
 
+BESIDE = "S-READ-COLUMNS"
+"""Said of one column of a table; of several motions the table itself says what no motion takes."""
+
+
 class _Asker:
     """One file, what is said about it, and the memory of what was said before."""
 
@@ -214,7 +218,8 @@ class _Asker:
             content = factory(columns=one.columns, mixed=True).read(self._path)
             title = f"{one.component} {one.heading}"
             header = {"Axis": one.component[2], **content.header, "TITLE": title}
-            found.append(Read(replace(content, header=header), name, component=one.component))
+            doubts = tuple(doubt for doubt in content.doubts if doubt.code != BESIDE)
+            found.append(Read(replace(content, header=header, doubts=doubts), name, component=one.component))
         return tuple(found)
 
     def _options(self, name: str) -> dict[str, Any]:

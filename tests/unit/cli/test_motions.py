@@ -135,3 +135,19 @@ def test_two_columns_of_one_motion_and_columns_without_a_unit_are_refused() -> N
     assert "EXX_unit=um" in str(error)
     table(Path("target.csv"), ("EXX (um)", "EYX (um)"), values, target="Target")
     assert refused("import", "target.csv").code == "E-IMPORT-MOTION-UNIT"
+
+
+def test_evaluate_takes_the_axis_or_component_that_is_asked_for(tmp_path: Path) -> None:
+    table = tmp_path / "six.csv"
+    stops = [(run, way, at) for run in (1, 2) for way in "+-" for at in (0, 100, 200, 300)]
+    rows = [f"{at};{at / 100:.1f};{at / 50:.1f};{way};{run}" for run, way, at in stops]
+    table.write_text("Position (mm);EXX (um);EYX (um);direction;run\n" + "\n".join(rows) + "\n", encoding="utf-8")
+    said = CliRunner().invoke(app, ["evaluate", str(table), "--axis", "EYX", "--json"])
+    (one,) = json.loads(said.output)
+    assert (one["file"].split()[-1], one["M"]) == ("EYX", pytest.approx(6.0))
+    assert not any("columns not read" in flag for flag in one["flags"])
+    both = json.loads(CliRunner().invoke(app, ["evaluate", str(table), "--axis", "x", "--json"]).output)
+    assert [found["file"].split()[-1] for found in both] == ["EXX", "EYX"]
+    wrong = CliRunner().invoke(app, ["evaluate", str(table), "--axis", "Z"])
+    assert wrong.exit_code == 2
+    assert "EXX, X, EYX" in " ".join(wrong.output.split())
