@@ -69,7 +69,9 @@ def items(word: str | Path, how: How, store: Store, *, axis: str = "", phase: st
     folder = run_of(word, store)
     if folder is None:
         reads = read_all(Path(word), how, Maps(store.root))
-        return tuple(MeasuredItem(_label(word, one), one.content, None, one.notes, _names_of(one)) for one in reads)
+        return tuple(
+            MeasuredItem(_label(word, one), one.content, notes=one.notes, names=_names_of(one)) for one in reads
+        )
     found = tuple(_run_items(folder, axis, phase))
     if not found:
         raise ConfigError("E-EXPORT-NOTHING", str(folder.path), axis=axis or "any axis", phase=phase or "any phase")
