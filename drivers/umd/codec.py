@@ -62,14 +62,19 @@ def encode_rows(rows: IntArray) -> bytes:
         raise LocalProtocolError("E-UMD-ROWS", "umd", why=f"shape {rows.shape} of {rows.dtype}")
     if rows.size and not _in_range(rows):
         raise LocalProtocolError("E-UMD-ROWS", "umd", why="a value beyond 32 bits")
-    line = b" ".join([b"%d"] * rows.shape[1]) + b"\r\n"
-    return (line * len(rows)) % tuple(rows.ravel().tolist())
+    if not len(rows):
+        return b""
+    # Most columns of a block hold one number: that is text for all its lines.
+    varies = (rows != rows[0]).any(axis=0)
+    line = b" ".join(b"%d" if more else b"%d" % one for more, one in zip(varies, rows[0].tolist(), strict=True))
+    return ((line + b"\r\n") * len(rows)) % tuple(rows[:, varies].ravel().tolist())
 
 
 def _in_range(rows: IntArray) -> bool:
     # The sequence number alone is 64 bits wide in the uMD2.
-    narrow = np.delete(rows, SEQUENCE, axis=1)
-    return bool(narrow.max() < NARROW and narrow.min() > -NARROW)
+    least, most = rows.min(axis=0), rows.max(axis=0)
+    least[SEQUENCE] = most[SEQUENCE] = 0
+    return bool(most.max() < NARROW and least.min() > -NARROW)
 
 
 def _parse_line(line: bytes) -> list[int] | None:

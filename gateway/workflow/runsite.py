@@ -6,7 +6,8 @@ It opens no device and knows no push: whoever reads a run needs no more than thi
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
+from datetime import datetime
 from pathlib import Path
 from typing import Protocol
 
@@ -22,14 +23,18 @@ from gateway.workflow import stages
 from gateway.workflow.doubles import DOUBLE
 
 KEPT = "site.toml"
+Utc = Callable[[], datetime]
 
 
-def store_of(site: SiteFile, site_path: Path) -> Store:
-    """The site's store: its folder is relative to the site file."""
-    return Store((site_path.parent / site.site.store).resolve())
+def store_of(site: SiteFile, site_path: Path, utc: Utc | None = None) -> Store:
+    """The site's store: its folder is relative to the site file. ``utc`` names new runs, else the wall."""
+    root = (site_path.parent / site.site.store).resolve()
+    return Store(root) if utc is None else Store(root, utc)
 
 
-def new_run(site: SiteFile, site_path: Path, store: Store | None = None, *, measures: bool = True) -> RunFolder:
+def new_run(
+    site: SiteFile, site_path: Path, store: Store | None = None, *, measures: bool = True, utc: Utc | None = None
+) -> RunFolder:
     """A run folder that remembers the site file: its path and its text as it was, without any secret.
 
     In the site's store, or in another one. The path is seen from the run's own folder, so that no record tells how this
@@ -39,7 +44,7 @@ def new_run(site: SiteFile, site_path: Path, store: Store | None = None, *, meas
     path = site_path.resolve()
     told = str(path) if store is not None else _from_run(path, store_of(site, site_path).root)
     plan = {"site_file": told} if measures else {"site_file": told, MEASURES: False}
-    folder = (store or store_of(site, site_path)).create(site.site.name, plan)
+    folder = (store or store_of(site, site_path, utc)).create(site.site.name, plan)
     folder.write_text(KEPT, without_secrets_text(site_path.read_text(encoding="utf-8")))
     return folder
 

@@ -28,10 +28,15 @@ from simulators.cell.filed import write_filed_site
 from simulators.cell.judge import Judge
 from simulators.cell.pace import PacedLoop
 from simulators.cell.panelpage import panel_served, url_of
-from simulators.cellfile import listed, load_cell, with_site
+from simulators.cellfile import listed, load_cell, sampled_at_most, with_site
 
 BLOCK_WALL_S = 0.002
-USUAL_SPEED = 150.0
+# As fast as kept up, nobody watches blocks come, and each costs all processes a turn. Of this length one block holds
+# the settling and averaging of the shipped cells (0.5 s and 1 s): a reading takes two, no longer than with short ones.
+KEPT_UP_BLOCK_S = 1.6
+# A counter's thousand lines a second are a quarter of all work then, and an average of a second is as good to 2 nm with
+# so many.
+KEPT_UP_HZ = 250.0
 # The wires are loopback and the PC may be busy: a lost answer is a closed socket, never a late one.
 PATIENCE_S = 60.0
 LOOK_S = 0.2
@@ -84,13 +89,14 @@ async def run(options: argparse.Namespace) -> None:
     clock = LoopClock(1.0 if options.shared else options.speed)
     asked = {"plan": True} if options.plan else {}
     asked |= {"name": options.name} if options.name else {}
+    file = with_site(load_cell(options.cell), patience_s=PATIENCE_S, **asked)
     cell = Cell(
-        with_site(load_cell(options.cell), patience_s=PATIENCE_S, **asked),
+        file if options.speed else sampled_at_most(file, KEPT_UP_HZ),
         site.parent,
         clock,
         seed=options.seed,
         flip=options.flip,
-        block_s=max(0.1, BLOCK_WALL_S * (options.speed or USUAL_SPEED)),
+        block_s=max(0.1, BLOCK_WALL_S * options.speed) if options.speed else KEPT_UP_BLOCK_S,
         paced=options.shared,
         site_path=site,
         road=options.road,

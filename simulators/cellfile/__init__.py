@@ -258,6 +258,15 @@ def with_site(cell: CellFile, **asked: Any) -> CellFile:
     return cell.model_copy(update={"site": cell.site.model_copy(update=asked)})
 
 
+def sampled_at_most(cell: CellFile, hz: float) -> CellFile:
+    """The cell with instruments that take no more samples than so many a second."""
+    slower = tuple(
+        one if isinstance(one, InspectionMachine) else one.model_copy(update={"sample_hz": min(one.sample_hz, hz)})
+        for one in cell.instruments
+    )
+    return cell.model_copy(update={"instruments": slower})
+
+
 def listed() -> dict[str, str]:
     """Every cell that comes with us, and the first sentence of its file."""
     folder = resources.files("simulators").joinpath("cells")

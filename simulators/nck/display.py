@@ -86,6 +86,10 @@ class Display:
         """An axis now, by machine name, AXn or letter. Raises NckRefusal 12550."""
         return self.core.view(self.core.axis(name).index)
 
+    def axis_stat(self, name: str) -> int:
+        """``$AA_STAT`` of an axis now: what `axis_state` says of it, without the rest. Raises NckRefusal 12550."""
+        return self.core.axis(name).state(self.core.clock.now())
+
     def encoder(self, axis: str, times: Array) -> tuple[Array, Array]:
         """Place of the axis in terms of encoder 1 (mm or deg, turns unlimited) and sign of last travel.
 

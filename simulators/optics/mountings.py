@@ -112,7 +112,8 @@ class AxisWatcher:
             position = self._unwrapped(letter, position)
         windup = self._windup(letter, position, direction)
         scatter = self._scattered(letter, position)
-        if all(_constant(part) for part in (position, direction, windup, scatter)):
+        ways = (direction,) if windup is direction else (direction, windup)
+        if all(_constant(part) for part in (position, *ways, scatter)):
             return AxisMotion(position[:1], direction[:1], windup[:1], scatter[:1])
         return AxisMotion(position, direction, windup, scatter)
 
@@ -143,7 +144,9 @@ class AxisWatcher:
 
 
 def _constant(values: FloatArray) -> bool:
-    return bool(np.all(np.abs(values - values[0]) < SETTLED))
+    return len(values) == 1 or (
+        abs(float(values[-1] - values[0])) < SETTLED and bool(np.all(np.abs(values - values[0]) < SETTLED))
+    )
 
 
 def beam_direction(setup: Setup) -> FloatArray:

@@ -39,7 +39,9 @@ class Stops:
             self._anchor = self._place = float(position[0])
         if self._anchor is not None and np.all(np.abs(position - self._anchor) < self.LEFT):
             return self._at_rest(len(position), spacing_s)
-        return np.asarray([self.offset(index) for index in self._follow(position, spacing_s)])
+        indices = self._follow(position, spacing_s)
+        offsets = {index: self.offset(index) for index in dict.fromkeys(indices)}
+        return np.asarray([offsets[index] for index in indices])
 
     def _at_rest(self, count: int, spacing_s: float) -> FloatArray:
         """So many samples while the axis stands: air that moves makes another reading of the same stop."""

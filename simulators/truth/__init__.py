@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import TypeVar
 
 import numpy as np
 
@@ -19,6 +20,8 @@ __all__ = ["AxisMotion", "Climate", "Hysteresis", "Scatter", "Truth", "Weather",
 ARCSEC = np.pi / 180.0 / 3600.0
 UM = 1e-3
 DIRECTIONS = "XYZABC"
+MOST_KEPT = 32
+Kept = TypeVar("Kept")
 
 
 class Truth:
@@ -38,7 +41,11 @@ class Truth:
             a.letter: self._curve(a.reversal, a, f"reversal {a.letter}") for a in cell.axes
         }
         self._location = {name: self._located(name, value) for name, value in cell.truth.locations.items()}
+        self._axes = {axis.letter: axis for axis in cell.axes}
         self._rest: dict[str, tuple[float, FloatArray]] = {}
+        # What fixed errors make of a frame, by their values: the same for every sample of a run.
+        self._directions: dict[tuple[float, ...], FloatArray] = {}
+        self._seats: dict[tuple[float, ...], Pose] = {}
         self.climate = Climate(cell.climate)
 
     def _curve(self, terms: Terms, axis: CellAxis, name: str) -> Curve:
@@ -72,7 +79,7 @@ class Truth:
         return value.copy()
 
     def _turned(self, letter: str, position: FloatArray) -> FloatArray:
-        return np.mod(position, 360.0) if self.cell.axis(letter).kind == "rotary" else position
+        return np.mod(position, 360.0) if self._axes[letter].kind == "rotary" else position
 
     def way(self, name: str, motion: AxisMotion) -> FloatArray:
         """What a motion such as EYX has of its way of travel: half the difference on + approach, minus half on -."""
@@ -92,7 +99,7 @@ class Truth:
 
     def reversal(self, letter: str, motion: AxisMotion) -> FloatArray:
         """Half of B with the sense of travel, um or arcsec: + approach B/2, - approach -B/2."""
-        axis = self.cell.axis(letter)
+        axis = self._axes[letter]
         full = self._reversal[letter](self._turned(letter, motion.position))
         half = np.asarray(0.5 * self.sign * motion.direction * full)
         if axis.hysteresis is not None:
@@ -111,27 +118,37 @@ class Truth:
 
     def along(self, letter: str, motion: AxisMotion, t: float) -> FloatArray:
         """The axis' own deviation (EXX, EZZ, ECC, ...) with reversal and drift, um or arcsec."""
-        axis = self.cell.axis(letter)
+        axis = self._axes[letter]
         drift = axis.drift_per_h * drifted_s(t) / 3600.0 + self._drifted(axis.drift, t)
         own = self.motion(f"E{letter}{letter}", motion.position) + self.reversal(letter, motion)
         return own + self.sign * drift + motion.scatter
 
     def _six(self, letter: str, motion: AxisMotion, t: float) -> tuple[FloatArray, FloatArray]:
         names = [f"E{to}{letter}" for to in DIRECTIONS]
-        rows = [self.motion(name, motion.position) + self.way(name, motion) for name in names]
-        rows[DIRECTIONS.index(letter)] = self.along(letter, motion, t)
-        size = np.broadcast_shapes(*(row.shape for row in rows))
-        six = np.stack([row if row.shape == size else np.broadcast_to(row, size) for row in rows])
+        own = DIRECTIONS.index(letter)
+        rows = [
+            self.along(letter, motion, t)
+            if place == own
+            else self.motion(name, motion.position) + self.way(name, motion)
+            for place, name in enumerate(names)
+        ]
+        six = np.empty((len(rows), max(row.shape[0] for row in rows)))
+        for place, row in enumerate(rows):
+            six[place] = row
         return six[:3] * UM, six[3:] * ARCSEC
 
     def _expanded(self, letter: str, position: FloatArray, t: float) -> FloatArray:
-        axis = self.cell.axis(letter)
+        axis = self._axes[letter]
         warm = axis.expansion_ppm_per_k * 1e-6 * (self.climate.true(t).material_degc - 20.0)
         return position + (position - axis.thermal_origin) * warm
 
     def _direction(self, letter: str, ideal: tuple[float, float, float], t: float) -> FloatArray:
-        angles = np.asarray([[self.location(f"{about}0{letter}", t) * ARCSEC] for about in "ABC"])
-        return np.asarray(rotation(angles)[0] @ np.asarray(ideal))
+        angles = tuple(self.location(f"{about}0{letter}", t) * ARCSEC for about in "ABC")
+        found = self._directions.get(angles + ideal)
+        if found is None:
+            found = np.asarray(rotation(np.asarray(angles)[:, None])[0] @ np.asarray(ideal))
+            self._directions = _few(self._directions) | {angles + ideal: found}
+        return found
 
     def frames(self, motions: Mapping[str, AxisMotion], t: float) -> dict[str, Pose]:
         """The frames "bed", "X", "Z" and "C" at these axis motions and time, as far as the cell has them."""
@@ -150,4 +167,13 @@ class Truth:
     def _seat(self, t: float) -> Pose:
         shift = tuple(self.location(f"{name}0C", t) * UM for name in "XYZ")
         tilt = tuple(self.location(f"{name}0C", t) * ARCSEC for name in "ABC")
-        return still((shift[0], shift[1], shift[2]), (tilt[0], tilt[1], tilt[2]))
+        found = self._seats.get(shift + tilt)
+        if found is None:
+            found = still((shift[0], shift[1], shift[2]), (tilt[0], tilt[1], tilt[2]))
+            self._seats = _few(self._seats) | {shift + tilt: found}
+        return found
+
+
+def _few(known: dict[tuple[float, ...], Kept]) -> dict[tuple[float, ...], Kept]:
+    """The same, or nothing of it where errors that move would fill it."""
+    return known if len(known) < MOST_KEPT else {}

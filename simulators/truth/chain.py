@@ -41,13 +41,17 @@ def _broadcast(rotation: FloatArray, vector: FloatArray) -> tuple[FloatArray, Fl
 
 def rotation(angles: FloatArray) -> FloatArray:
     """Rz(c) Ry(b) Rx(a) for angles (3, n) = (a, b, c) in rad: shape (n, 3, 3)."""
-    (sa, sb, sc), (ca, cb, cc) = np.sin(angles), np.cos(angles)
+    if angles.shape == (3, 1):  # a machine that stands is asked for a hundred times as often as one that moves
+        (sa, sb, sc), (ca, cb, cc) = np.sin(angles)[:, 0].tolist(), np.cos(angles)[:, 0].tolist()
+    else:
+        (sa, sb, sc), (ca, cb, cc) = np.sin(angles), np.cos(angles)
     rows = (
         (cc * cb, cc * sb * sa - sc * ca, cc * sb * ca + sc * sa),
         (sc * cb, sc * sb * sa + cc * ca, sc * sb * ca - cc * sa),
         (-sb, cb * sa, cb * ca),
     )
-    return np.moveaxis(np.asarray(rows), 2, 0)
+    found = np.asarray(rows)
+    return found[None] if found.ndim == 2 else np.moveaxis(found, 2, 0)
 
 
 def slide(q: FloatArray, direction: FloatArray, shift: FloatArray, tilt: FloatArray) -> Pose:

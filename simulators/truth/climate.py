@@ -29,11 +29,14 @@ class Climate:
 
     def __init__(self, spec: ClimateSpec) -> None:
         self._spec = spec
+        self._now: tuple[float, Weather] | None = None  # asked for several times at each moment
         self.frozen_sensors: Weather | None = None
 
     def true(self, t: float) -> Weather:
         """What the surroundings are at clock time t (s)."""
-        return self._at(t, 0.0)
+        if self._now is None or self._now[0] != t:
+            self._now = (t, self._at(t, 0.0))
+        return self._now[1]
 
     def sensed(self, t: float) -> Weather:
         """What the sensors report: the truth and each sensor's own error."""
@@ -43,7 +46,7 @@ class Climate:
         """These quantities are this at clock time t (s), and drift on from there. Raises KeyError for another name."""
         known = {name: getattr(self._spec, name) for name in QUANTITIES}
         courses = {name: _from(known[name], value, t) for name, value in wanted.items()}
-        self._spec = self._spec.model_copy(update=courses)
+        self._spec, self._now = self._spec.model_copy(update=courses), None
 
     def _at(self, t: float, sensor: float) -> Weather:
         spec = self._spec

@@ -16,10 +16,13 @@ Seconds = TypeVar("Seconds", float, NDArray[np.floating[Any]])
 
 def drifted_s(t: Seconds) -> Seconds:
     """Seconds of drift at cell time ``t`` (s): as long as ``t`` up to 12 h, down again to -12 h at 36 h, and so on."""
-    phase = (t + TURN_S) % (4.0 * TURN_S)
     if not isinstance(t, np.ndarray):  # asked for one moment a thousand times as often as for many
+        phase = (t + TURN_S) % (4.0 * TURN_S)
         turned = phase - TURN_S if phase < 2.0 * TURN_S else 3.0 * TURN_S - phase
         return float(t if abs(t) <= TURN_S else turned)
+    if t.size and np.abs(t).max() <= TURN_S:
+        return t
+    phase = (t + TURN_S) % (4.0 * TURN_S)
     return np.where(np.abs(t) <= TURN_S, t, np.where(phase < 2.0 * TURN_S, phase - TURN_S, 3.0 * TURN_S - phase))
 
 

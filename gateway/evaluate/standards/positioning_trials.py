@@ -17,7 +17,7 @@ from gateway.evaluate.uncertainty.budget import Budget
 from gateway.evaluate.uncertainty.distributions import Distribution, Normal, Rectangular
 from gateway.evaluate.uncertainty.montecarlo import TrialOutcome
 
-MOST_TRIALS = 100_000
+MOST_TRIALS, LEAST_TRIALS = 100_000, 3000
 SHARE = 0.1
 """Of u: the numerical tolerance that an interval's ends are known to, which is 5 % of its half width.
 
@@ -25,6 +25,11 @@ Half a unit of the second digit of u is between 0.5 % and 5 % of it; 0.5 % takes
 rule of clause 7.9 could not be met for half of all tests. 10 % takes 20 000 to 50 000.
 """
 SCATTER = 4_000_000
+DRAWN = 100_000_000
+"""Numbers drawn together, and in all. Tests of up to 2000 targets never come near: a block of trials is drawn at once,
+and as many blocks as their figures ask for. Larger ones get fewer trials, `LEAST_TRIALS` at least (an interval of 95 %
+needs 2000, JCGM 101 clause 7.2.2), and what has not settled by then is told.
+"""
 
 Formulas = Callable[[FloatArray], Mapping[str, FloatArray]]
 TableFormulas = Callable[[FloatArray, FloatArray], Mapping[str, FloatArray]]
@@ -68,7 +73,21 @@ def scatter_of_test(
     else:
         raise TypeError("a standard has formulas on readings or on their table")
     block = int(np.clip(SCATTER // size, 500, montecarlo.BLOCK))
+    trial, most = _in_parts(trial, SCATTER // size), min(most, max(DRAWN // size, LEAST_TRIALS))
     return montecarlo.run(trial, probability=COVERED, digits=digits, share=SHARE, seed=seed, block=block, most=most)
+
+
+def _in_parts(trial: montecarlo.Trial, together: int) -> montecarlo.Trial:
+    """The same trials, no more than ``together`` of them (one at least) in memory at a time."""
+
+    def parts(rng: Generator, count: int) -> Mapping[str, FloatArray]:
+        most = max(together, 1)
+        found = [trial(rng, min(most, count - done)) for done in range(0, count, most)]
+        return (
+            found[0] if len(found) == 1 else {name: np.concatenate([one[name] for one in found]) for name in found[0]}
+        )
+
+    return parts
 
 
 # Trials lie along the last axis in memory: reductions over targets, repetitions and directions run along it.

@@ -113,7 +113,7 @@ async def capture_dynamic(
     (E-CAP-TRIGGER, E-CAP-CLOCK), what the instrument and `gateway.broker.borrowed` raise.
     """
     section = _section(site, wish.instrument)
-    folder = new_run(site, site_path)
+    folder = new_run(site, site_path, utc=clock.utc)
     say("P-RUN", folder=str(folder.path))
     try:
         async with borrowed(store_of(site, site_path).root, folder.run_id, clock, say) as told:

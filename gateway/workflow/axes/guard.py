@@ -104,7 +104,7 @@ async def guard_site(
     axis = _axis(site, site_path, axis_name)
     known = standard_of(run, axis)
     section = short_check(axis, known.approved.targets, site.guard)
-    folder = new_run(site, site_path)
+    folder = new_run(site, site_path, utc=clock.utc)
     say("P-RUN", folder=str(folder.path))
     try:
         async with bench(

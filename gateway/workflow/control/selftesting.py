@@ -31,7 +31,7 @@ async def self_test_site(site: SiteFile, site_path: Path, *, axis: str, clock: C
     if files_only(site):
         raise ConfigError("E-FILES-ONLY", site.site.name)
     axes = (axis_named(site, site_path, axis),) if axis else tuple(site.axes)
-    folder = new_run(site, site_path, measures=False)
+    folder = new_run(site, site_path, measures=False, utc=clock.utc)
     folder.set_state("self-testing")
     try:
         async with bench(site, site_path, folder=folder, clock=clock, say=say, instruments=()) as at:

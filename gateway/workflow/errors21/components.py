@@ -90,7 +90,7 @@ async def measure_site(
     set-up), and what capturing raises; the folder keeps the error.
     """
     todo = chosen(planned(site), wanted)
-    folder = resume or new_run(site, site_path)
+    folder = resume or new_run(site, site_path, utc=clock.utc)
     say("P-RUN", folder=str(folder.path))
     left = _left(folder, todo, clock.utc(), say)
     try:

@@ -39,7 +39,7 @@ async def run_site(
     """
     check_name(site, apply, machine_name)
     site = with_axes(site, axes)
-    folder = new_run(site, site_path)
+    folder = new_run(site, site_path, utc=clock.utc)
     say("P-RUN", folder=str(folder.path))
     try:
         async with bench(site, site_path, folder=folder, clock=clock, say=say) as at:

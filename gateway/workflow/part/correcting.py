@@ -98,7 +98,7 @@ async def propose_from_gear(
     TableError, and what opening and reading raise.
     """
     known = inspected_of(source, part) if isinstance(source, RunFolder) else None
-    folder = new_run(site, site_path)
+    folder = new_run(site, site_path, utc=clock.utc)
     say("P-RUN", folder=str(folder.path))
     try:
         if isinstance(source, FlankFile):

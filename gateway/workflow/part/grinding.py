@@ -155,7 +155,7 @@ async def grind_site(
     if run is not None and run.has(stages.ground(part)):
         raise IllegalTransition("E-GRIND-AGAIN", run.run_id, part=part)
     grind_plan(site, gear_of_site(site, site_path), setup, part)
-    folder = run or new_run(site, site_path)
+    folder = run or new_run(site, site_path, utc=clock.utc)
     before = folder.state
     say("P-RUN", folder=str(folder.path))
     try:

@@ -84,7 +84,7 @@ async def guard_gear_site(
     """
     approved = inspected_of(run, part)
     inspector = "" if file is not None else inspector_name(site)
-    folder = new_run(site, site_path)
+    folder = new_run(site, site_path, utc=clock.utc)
     say("P-RUN", folder=str(folder.path))
     try:
         if file is not None:

@@ -97,7 +97,7 @@ async def inspect_site(
     `inspect_file` raise; the folder keeps the error.
     """
     inspector = "" if file is not None else inspector_name(site)
-    folder = run or new_run(site, site_path)
+    folder = run or new_run(site, site_path, utc=clock.utc)
     before = folder.state
     say("P-RUN", folder=str(folder.path))
     try:

@@ -157,12 +157,16 @@ class MachineAxis:
 
     def actuals(self, times: Array) -> Array:
         """Actual position including the additional setpoints: the input of the EEC table."""
-        total: Array = self.base.responses(times) + self.additional.responses(times)
-        return total + self.temperature.responses(times)
+        first = float(times.min()) if times.size else None
+        total: Array = self.base.responses(times, first) + self.additional.responses(times, first)
+        return total + self.temperature.responses(times, first)
 
     def encoders(self, times: Array) -> Array:
         """Encoder position at many times, turns unlimited."""
         act = self.actuals(times)
+        return self._encoders_at(act, times)
+
+    def _encoders_at(self, act: Array, times: Array) -> Array:
         result: Array = act - self._eec(act, times) + self.backlash.path.responses(times)
         return result
 
@@ -206,7 +210,7 @@ class MachineAxis:
         """
         at = np.array([now_s])
         act = self.actuals(at)
-        encoder = float(self.encoders(at)[0])
+        encoder = float(self._encoders_at(act, at)[0])
         return AxisView(
             name=self.spec.name,
             letter=self.spec.letter,
@@ -225,7 +229,8 @@ class MachineAxis:
     def state(self, now_s: float) -> int:
         """``$AA_STAT`` now: 1 travelling, 2 not there yet, 3 and 4 in position coarse and fine."""
         at = np.array([now_s])
-        return self._state(now_s, float(self.actuals(at)[0]), float(self.encoders(at)[0]))
+        act = self.actuals(at)
+        return self._state(now_s, float(act[0]), float(self._encoders_at(act, at)[0]))
 
     def _state(self, now_s: float, act: float, encoder: float) -> int:
         if now_s < self._moved_until_s:

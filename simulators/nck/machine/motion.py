@@ -96,10 +96,12 @@ class LaggedPath:
         rest = zip(self._starts[place + 1 :], self._values[place + 1 :], self._slopes[place + 1 :], strict=True)
         return [first, *rest]
 
-    def responses(self, times: Array) -> Array:
-        """The response at many times."""
-        if self._slopes[-1] == 0.0 and times.size and times.min() - self._starts[-1] > _AT_REST_LAGS * self._lag:
-            return np.full(times.shape, self._values[-1])
+    def responses(self, times: Array, earliest: float | None = None) -> Array:
+        """The response at many times; ``earliest`` is the first of them, where that is known."""
+        if self._slopes[-1] == 0.0 and times.size:
+            first = times.min() if earliest is None else earliest
+            if first - self._starts[-1] > _AT_REST_LAGS * self._lag:
+                return np.full(times.shape, self._values[-1])
         if self._arrays is None:
             self._arrays = (
                 np.array(self._starts),

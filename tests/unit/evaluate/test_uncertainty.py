@@ -185,6 +185,26 @@ def test_means_and_deviations_drawn_themselves_scatter_as_those_of_readings_draw
         assert outcome.converged
 
 
+def test_a_test_of_very_many_targets_is_drawn_in_parts_and_less_often(monkeypatch: pytest.MonkeyPatch) -> None:
+    """With bounds made small for a small test: the same distribution, never more numbers at a time than said."""
+    at = np.linspace(0.0, 400.0, 9)
+    x = 4.0 * np.sin(at / 60.0)[:, None, None] + np.random.default_rng(8).normal(0.0, 0.6, (9, 5, 2))
+    whole = iso_scatter(at, x, "um", Budget(device=0.3), seed=3)
+    monkeypatch.setattr(positioning_trials, "SCATTER", 2000)
+    monkeypatch.setattr(positioning_trials, "DRAWN", 30_000)
+    seen: list[int] = []
+
+    def formulas(mean: np.ndarray, s: np.ndarray) -> Mapping[str, np.ndarray]:
+        seen.append(mean.size)
+        return of_table(mean, s, 2.0)
+
+    parts = scatter_of_test(at, x, "um", None, Budget(device=0.3), of_table=formulas, seed=4)
+    assert max(seen) <= 2000
+    assert {outcome.trials for outcome in parts.values()} == {positioning_trials.LEAST_TRIALS}
+    for name, outcome in parts.items():
+        assert outcome.u == pytest.approx(whole[name].u, rel=0.08), name
+
+
 def test_intervals_that_are_not_settled_are_named(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(positioning_trials, "SHARE", 0.0)
     x = np.zeros((6, 5, 2)) + np.random.default_rng(2).normal(0.0, 1.0, (6, 5, 2))

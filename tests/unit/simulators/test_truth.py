@@ -10,7 +10,7 @@ from pydantic import ValidationError
 
 from drivers.errors import ConfigError
 from gateway.interlocks.limits import LEAST_DRIFT_K
-from simulators.cellfile import CellFile, load_cell, packaged
+from simulators.cellfile import CellFile, InspectionMachine, load_cell, packaged, sampled_at_most
 from simulators.truth import AxisMotion, Hysteresis, Truth
 from simulators.truth.climate import Climate
 from simulators.truth.drift import drifted_s
@@ -184,3 +184,25 @@ def test_the_surroundings_of_a_cell_left_running_stay_within_bounds() -> None:
     assert all(17.0 < weather.material_degc < 26.0 for weather in days)
     assert all(980.0 < weather.pressure_hpa < 1005.0 for weather in days)
     assert all(30.0 < weather.humidity_pct < 65.0 for weather in days)
+
+
+def test_a_machine_that_stands_is_where_it_is_among_many_places() -> None:
+    """One place alone goes a shorter way through the chain."""
+    truth = Truth(load_cell("demo"))
+    places = {"X": np.array([-120.0, -3.5, -120.0]), "Z": np.array([7.0, 250.0, 7.0]), "C": np.array([33.0, 0.0, 33.0])}
+    ways = {letter: AxisMotion(at, np.ones(3), np.ones(3)) for letter, at in places.items()}
+    alone = {letter: AxisMotion(at[:1], np.ones(1), np.ones(1)) for letter, at in places.items()}
+    many, one = truth.frames(ways, 900.0), truth.frames(alone, 900.0)
+    for name in "XZC":
+        np.testing.assert_allclose(one[name].origin[0], many[name].origin[2], rtol=0.0, atol=1e-12)
+        np.testing.assert_allclose(one[name].rotation[0], many[name].rotation[2], rtol=0.0, atol=1e-15)
+
+
+def test_instruments_sampled_at_most_so_often_keep_slower_rates() -> None:
+    cell = load_cell("demo")
+    slower = sampled_at_most(cell, 60.0)
+    pairs = [(one, two) for one, two in zip(cell.instruments, slower.instruments, strict=True)]
+    rates = [(one.sample_hz, two.sample_hz) for one, two in pairs if not isinstance(one, InspectionMachine)]
+    assert {one for one, _ in rates} == {1000.0, 100.0, 50.0}
+    assert all(two == min(one, 60.0) for one, two in rates)
+    assert slower.truth == cell.truth

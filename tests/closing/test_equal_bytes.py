@@ -1,0 +1,82 @@
+"""Equal seeds give equal bytes: a run twice in virtual time, once beside busy processes, stores the same files."""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import re
+import secrets
+import subprocess
+import sys
+from collections.abc import Iterator
+from datetime import UTC, datetime
+from pathlib import Path
+
+import pytest
+
+from drivers.clock import LoopClock, run_virtual
+from gateway.config import load_site
+from gateway.say import silence
+from gateway.workflow.loop.tooth_loop import close_site
+from simulators.cell.filed import write_filed_site
+from simulators.cellfile import load_cell, with_plan
+from tests.closing.reckoned import BLOCK_S
+from tests.selftested import cell_running
+
+# One moment for both runs; today's, for the certificates of both ends are made by the wall's clock.
+STARTED = datetime.now(UTC)
+# The system gives the ports, and the process counts its cells.
+OWN = re.compile(rb"127\.0\.0\.1:\d+|memory://cell-\d+")
+# The audit's chain holds the process' own number and seconds, which no record of a run does.
+NOT_A_RUN = ("audit",)
+
+
+@contextlib.contextmanager
+def busy(count: int) -> Iterator[None]:
+    """So many processes that never wait."""
+    beside = [subprocess.Popen([sys.executable, "-c", "while True: pass"]) for _ in range(count)]
+    try:
+        yield
+    finally:
+        for one in beside:
+            one.kill()
+            one.wait()
+
+
+async def proposal(folder: Path) -> None:
+    """X measured live on the cell, every other set-up from files, up to the proposal for the tooth."""
+    clock = LoopClock(started_utc=STARTED)
+    async with cell_running(with_plan(load_cell("demo")), folder, clock, wires="memory", block_s=BLOCK_S) as cell:
+        live = {"EXX"}
+        path = write_filed_site(cell, cell.site_path, {one.component for one in cell.file.setups} - live)
+        await close_site(load_site(path), path, apply=False, machine_name="", clock=clock, say=silence)
+
+
+def stored(folder: Path) -> dict[str, str]:
+    """Every file of the runs by its path, as a digest of its bytes without `OWN`."""
+    runs = folder / "runs"
+    found = (path for path in sorted(runs.rglob("*")) if path.is_file())
+    named = {path.relative_to(runs).as_posix(): OWN.sub(b"", path.read_bytes()) for path in found}
+    return {
+        name: hashlib.sha256(data).hexdigest()
+        for name, data in named.items()
+        if not name.startswith(NOT_A_RUN) and not name.endswith("lock")
+    }
+
+
+@pytest.mark.long
+@pytest.mark.timeout(1800)
+def test_equal_seeds_give_equal_bytes_beside_busy_processes_too(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What the system draws for names of folders and numbers of programs is drawn once for both."""
+    monkeypatch.setattr(secrets, "token_hex", lambda size=4: "ab" * size)
+    monkeypatch.setattr(secrets, "randbelow", lambda _below: 7)
+    site = tmp_path / "site"  # one path for both: records name it
+    run_virtual(lambda: proposal(site))
+    quiet = stored(site)
+    site.rename(tmp_path / "quiet")
+    with busy(3):
+        run_virtual(lambda: proposal(site))
+    assert any(name.endswith("tooth.json") for name in quiet)
+    assert stored(site) == quiet
