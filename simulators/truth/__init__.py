@@ -41,7 +41,7 @@ class Truth:
             a.letter: self._curve(a.reversal, a, f"reversal {a.letter}") for a in cell.axes
         }
         self._location = {name: self._located(name, value) for name, value in cell.truth.locations.items()}
-        self._axes = {axis.letter: axis for axis in cell.axes}
+        self._axes: dict[str, CellAxis] = {axis.letter: axis for axis in cell.axes}
         self._rest: dict[str, tuple[float, FloatArray]] = {}
         # What fixed errors make of a frame, by their values: the same for every sample of a run.
         self._directions: dict[tuple[float, ...], FloatArray] = {}
