@@ -1,11 +1,13 @@
-"""Equal seeds give equal bytes: a run twice in virtual time, once beside busy processes, stores the same files."""
+"""Equal seeds give equal bytes, in one process and over real wires, and whatever else the computer does."""
 
 from __future__ import annotations
 
 import contextlib
 import hashlib
-import re
+import itertools
+import json
 import secrets
+import socket
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -14,6 +16,7 @@ from pathlib import Path
 
 import pytest
 
+import simulators.cell
 from drivers.clock import LoopClock, run_virtual
 from gateway.config import load_site
 from gateway.say import silence
@@ -25,8 +28,6 @@ from tests.selftested import cell_running
 
 # One moment for both runs; today's, for the certificates of both ends are made by the wall's clock.
 STARTED = datetime.now(UTC)
-# The system gives the ports, and the process counts its cells.
-OWN = re.compile(rb"127\.0\.0\.1:\d+|memory://cell-\d+")
 # The audit's chain holds the process' own number and seconds, which no record of a run does.
 NOT_A_RUN = ("audit",)
 
@@ -43,25 +44,30 @@ def busy(count: int) -> Iterator[None]:
             one.wait()
 
 
-async def proposal(folder: Path) -> None:
+def free_port() -> int:
+    """A port that nobody listens on just now."""
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return int(probe.getsockname()[1])
+
+
+async def proposal(folder: Path, port: int) -> None:
     """X measured live on the cell, every other set-up from files, up to the proposal for the tooth."""
     clock = LoopClock(started_utc=STARTED)
-    async with cell_running(with_plan(load_cell("demo")), folder, clock, wires="memory", block_s=BLOCK_S) as cell:
-        live = {"EXX"}
-        path = write_filed_site(cell, cell.site_path, {one.component for one in cell.file.setups} - live)
+    file = with_plan(load_cell("demo"))
+    machine = file.machine.model_copy(update={"opcua": {**file.machine.opcua, "port": port}})
+    file = file.model_copy(update={"machine": machine})
+    async with cell_running(file, folder, clock, wires="memory", block_s=BLOCK_S) as cell:
+        path = write_filed_site(cell, cell.site_path, {one.component for one in cell.file.setups} - {"EXX"})
         await close_site(load_site(path), path, apply=False, machine_name="", clock=clock, say=silence)
 
 
 def stored(folder: Path) -> dict[str, str]:
-    """Every file of the runs by its path, as a digest of its bytes without `OWN`."""
+    """Every file of the runs by its path, as a digest of its bytes; without `NOT_A_RUN`."""
     runs = folder / "runs"
-    found = (path for path in sorted(runs.rglob("*")) if path.is_file())
-    named = {path.relative_to(runs).as_posix(): OWN.sub(b"", path.read_bytes()) for path in found}
-    return {
-        name: hashlib.sha256(data).hexdigest()
-        for name, data in named.items()
-        if not name.startswith(NOT_A_RUN) and not name.endswith("lock")
-    }
+    named = {path.relative_to(runs).as_posix(): path for path in sorted(runs.rglob("*")) if path.is_file()}
+    wanted = {name: path for name, path in named.items() if not name.startswith(NOT_A_RUN)}
+    return {name: hashlib.sha256(path.read_bytes()).hexdigest() for name, path in wanted.items()}
 
 
 @pytest.mark.long
@@ -72,11 +78,39 @@ def test_equal_seeds_give_equal_bytes_beside_busy_processes_too(
     """What the system draws for names of folders and numbers of programs is drawn once for both."""
     monkeypatch.setattr(secrets, "token_hex", lambda size=4: "ab" * size)
     monkeypatch.setattr(secrets, "randbelow", lambda _below: 7)
-    site = tmp_path / "site"  # one path for both: records name it
-    run_virtual(lambda: proposal(site))
+    monkeypatch.setattr(
+        simulators.cell, "_numbers", itertools.repeat(1)
+    )  # a cell's number is in the names of its wires
+    site, port = tmp_path / "site", free_port()  # one path and one port for both: records name them
+    run_virtual(lambda: proposal(site, port))
     quiet = stored(site)
     site.rename(tmp_path / "quiet")
     with busy(3):
-        run_virtual(lambda: proposal(site))
+        run_virtual(lambda: proposal(site, port))
     assert any(name.endswith("tooth.json") for name in quiet)
     assert stored(site) == quiet
+
+
+def figures(folder: Path) -> dict[str, str]:
+    """What a run of the demo found: its table of results, and every reading of its axes; moments and numbers aside."""
+    run = max((folder / "runs").glob("2*/results.csv")).parent
+    captures = sorted((run / "captures").glob("*.json"))
+    read = {one.name: json.dumps(json.loads(one.read_bytes())["record"]["deviations"]) for one in captures}
+    return {"results.csv": (run / "results.csv").read_text(encoding="utf-8"), **read}
+
+
+@pytest.mark.soak
+@pytest.mark.timeout(3600)
+def test_a_demo_starved_by_eight_busy_processes_measures_what_a_quiet_one_does(tmp_path: Path) -> None:
+    """The command itself, in two processes that share one clock over real sockets."""
+
+    def demo(folder: Path) -> dict[str, str]:
+        command = [str(Path(sys.executable).with_name("trueflank")), "-q", "demo", "--axes", "--seed", "7", "--folder"]
+        subprocess.run([*command, str(folder)], check=True, stdout=subprocess.DEVNULL)
+        return figures(folder)
+
+    quiet = demo(tmp_path / "quiet")
+    with busy(8):
+        starved = demo(tmp_path / "starved")
+    assert len(quiet) > 6
+    assert starved == quiet
