@@ -191,6 +191,10 @@ WHOLLY_LONG = {
         "test_a_push_is_carried_as_it_is_printed",
     ): "test_a_self_test_is_carried_as_it_is_printed",
     (
+        "test_equal_bytes.py",
+        "test_equal_seeds_give_equal_bytes_beside_busy_processes_too",
+    ): "tests/unit/ground/test_shared_clock.py",
+    (
         "test_programs_signed.py",
         "test_a_sign_proof_and_the_layer_of_axis_tables_are_sent_as_printed",
     ): "the other comparisons of tests/cell/test_programs_signed.py",
