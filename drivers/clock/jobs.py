@@ -7,14 +7,19 @@ so that it does not matter how fast each thread was.
 from __future__ import annotations
 
 import asyncio
+import time
 from collections.abc import Callable
 from concurrent.futures import Executor, Future, ThreadPoolExecutor, wait
 from typing import Any, TypeVar
 
 T = TypeVar("T")
-# A thread that takes longer waits for something that only the loop can do, or for a person: the others go on then.
+# A thread that does nothing for so long waits for something that only the loop can do, or for a person: the others go
+# on then. One that works is waited for, however busy the computer is: its processor time tells.
 PATIENCE_S = 5.0
+WORKS_S = 0.1  # a fiftieth of a core; who only looks from time to time takes less
+LONGEST = 120  # times the patience, for who works without end
 LOOK_S = 0.001
+SPENT = time.process_time  # of all threads, while the loop's own waits
 
 
 class Jobs:
@@ -37,13 +42,22 @@ class Jobs:
         """Wait for the threads and hand on what they found; whether anything was, so that the loop has work."""
         self._open = [(work, told) for work, told in self._open if not told.done()]
         quick = [work for work, _ in self._open if work not in self._slow]
-        self._slow |= wait(quick, PATIENCE_S).not_done
+        self._slow |= _waited(quick)
         done = [(work, told) for work, told in self._open if work.done()]
         self._open = [(work, told) for work, told in self._open if not work.done()]
         self._slow &= {work for work, _ in self._open}
         for work, told in done:
             _hand_on(work, told)
         return bool(done)
+
+
+def _waited(works: list[Future[Any]]) -> set[Future[Any]]:
+    """Those that are not done when nothing works any more."""
+    for _ in range(LONGEST):
+        began = SPENT()
+        if not (left := wait(works, PATIENCE_S).not_done) or SPENT() - began < WORKS_S:
+            return left
+    return left
 
 
 def _hand_on(work: Future[T], told: asyncio.Future[T]) -> None:

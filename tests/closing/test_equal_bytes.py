@@ -1,11 +1,10 @@
-"""Equal seeds give equal bytes, in one process and over real wires, and whatever else the computer does."""
+"""Equal seeds give equal bytes: a run twice in virtual time, once beside busy processes, stores the same files."""
 
 from __future__ import annotations
 
 import contextlib
 import hashlib
 import itertools
-import json
 import secrets
 import socket
 import subprocess
@@ -89,28 +88,3 @@ def test_equal_seeds_give_equal_bytes_beside_busy_processes_too(
         run_virtual(lambda: proposal(site, port))
     assert any(name.endswith("tooth.json") for name in quiet)
     assert stored(site) == quiet
-
-
-def figures(folder: Path) -> dict[str, str]:
-    """What a run of the demo found: its table of results, and every reading of its axes; moments and numbers aside."""
-    run = max((folder / "runs").glob("2*/results.csv")).parent
-    captures = sorted((run / "captures").glob("*.json"))
-    read = {one.name: json.dumps(json.loads(one.read_bytes())["record"]["deviations"]) for one in captures}
-    return {"results.csv": (run / "results.csv").read_text(encoding="utf-8"), **read}
-
-
-@pytest.mark.soak
-@pytest.mark.timeout(3600)
-def test_a_demo_starved_by_eight_busy_processes_measures_what_a_quiet_one_does(tmp_path: Path) -> None:
-    """The command itself, in two processes that share one clock over real sockets."""
-
-    def demo(folder: Path) -> dict[str, str]:
-        command = [str(Path(sys.executable).with_name("trueflank")), "-q", "demo", "--axes", "--seed", "7", "--folder"]
-        subprocess.run([*command, str(folder)], check=True, stdout=subprocess.DEVNULL)
-        return figures(folder)
-
-    quiet = demo(tmp_path / "quiet")
-    with busy(8):
-        starved = demo(tmp_path / "starved")
-    assert len(quiet) > 6
-    assert starved == quiet

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import asyncio
 import threading
+from concurrent.futures import Future
 
 import pytest
 
-from drivers.clock import LoopClock, run_virtual
+from drivers.clock import LoopClock, jobs, run_virtual
 from drivers.errors import DeadlineExceeded
 
 
@@ -118,3 +119,13 @@ def test_a_loopback_socket_answers_within_virtual_time() -> None:
     got, passed = run_virtual(main)
     assert got == [b"re %d\n" % index for index in range(20)]
     assert passed == pytest.approx(200.0, abs=1.0)
+
+
+def test_a_thread_that_works_on_a_starved_computer_is_waited_for(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Four waits in vain: three in which the process spent time, and one in which nothing did."""
+    spent = iter([0.0, 0.5, 0.5, 1.0, 1.0, 1.5, 1.5, 1.5])
+    monkeypatch.setattr(jobs, "SPENT", lambda: next(spent))
+    monkeypatch.setattr(jobs, "PATIENCE_S", 0.0)
+    waits: Future[None] = Future()
+    assert jobs._waited([waits]) == {waits}
+    assert next(spent, None) is None
