@@ -143,7 +143,7 @@ def test_every_variable_of_the_mailbox_is_used() -> None:
 
 
 def test_the_document_names_every_register() -> None:
-    document = (FOLDER.parent / "plc-mailbox.md").read_text(encoding="utf-8")
+    document = (FOLDER.parent / "plc-mailbox-reference.md").read_text(encoding="utf-8")
     rows = re.findall(r"^\| (\d+)(?:-(\d+))?(?: \w+, (\d+)-(\d+) STEP.*)? ", document, flags=re.MULTILINE)
     firsts = {int(first) for first, *_ in rows}
     listed = document.split("## 2. Registers")[1].split("## 3.")[0]
