@@ -43,7 +43,8 @@ class MeasuredItem:
 
 def of_axis(found: tuple[MeasuredItem, ...], axis: str, where: str) -> tuple[MeasuredItem, ...]:
     """Those sets of a file that an axis or a component names; all for "". Raises ConfigError (E-EXPORT-AXIS)."""
-    mine = tuple(one for one in found if axis.upper() in ("", *one.names))
+    wanted = axis.upper(), axis.upper().rstrip("0123456789")  # files say X of an axis that the site calls X1
+    mine = tuple(one for one in found if not axis or any(name in one.names for name in wanted))
     if not mine:
         known = ", ".join(dict.fromkeys(name for one in found for name in one.names))
         raise ConfigError("E-EXPORT-AXIS", where, axis=shown(axis), known=known or "-")

@@ -212,6 +212,9 @@ def test_the_report_ends_with_its_verdict_and_tells_equipment_and_conditions(tmp
     assert run.differences() == ()
 
 
+OLD = ("--accept", "date=2020")  # the file is older than a year
+
+
 def test_files_become_a_report_and_evaluate_decides_by_the_site(tmp_path: Path) -> None:
     path = site(tmp_path, MACHINE.format("Example"), tolerance("A = 1.0"))
     source = Path(__file__).parents[2] / "golden" / "files"
@@ -219,7 +222,7 @@ def test_files_become_a_report_and_evaluate_decides_by_the_site(tmp_path: Path) 
     shown = CliRunner().invoke(app, ["report", str(file), "--out", str(tmp_path / "out"), "--language", "de"])
     assert shown.exit_code == 0, shown.output
     assert "Kalibrierbericht" in (tmp_path / "out" / "calibration-report.html").read_text()
-    found = CliRunner().invoke(app, ["evaluate", str(file), "--site", str(path), "--axis", "X1", "--json"])
+    found = CliRunner().invoke(app, ["evaluate", str(file), "--site", str(path), "--axis", "X1", "--json", *OLD])
     assert found.exit_code in (13, 21), found.output
     assert json.loads(found.output)[0]["verdicts"][0]["parameter"] == "A"
 
@@ -233,11 +236,11 @@ def test_a_report_decides_on_every_file_whose_axis_has_the_letter(tmp_path: Path
         path = site(tmp_path, MACHINE.format("Schleifmaschine für Räder"), tolerance(f"A = {limit}"))
         for files in ([source], [source, other]):
             done = CliRunner().invoke(
-                app, ["report", *map(str, files), "--site", str(path), "--out", str(tmp_path / "out")]
+                app, ["report", *map(str, files), "--site", str(path), "--out", str(tmp_path / "out"), *OLD]
             )
             assert done.exit_code == code, done.output
             assert f"limits of the site: {len(files)} {word}" in done.output
-            told = CliRunner().invoke(app, ["evaluate", *map(str, files), "--site", str(path)])
+            told = CliRunner().invoke(app, ["evaluate", *map(str, files), "--site", str(path), *OLD])
             assert (told.exit_code, told.output.count(f": {word}")) == (code, len(files)), told.output
 
 
