@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import hashlib
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
+from itertools import pairwise
 from math import isnan, nan
 from pathlib import Path
 from typing import Any
@@ -193,7 +194,27 @@ def _of_sheet(sheet: Sheet, said: ColumnMap, where: str, text: str, *, mixed: bo
     found, plain = layout(sheet, said, where, mixed=mixed)
     rows, notes = _rows(plain, found, where, cut=_cut_line(text))
     readings, words, more = _found(found, plain, said, where, Rows.of(rows), mixed=mixed)
+    if not found.passes and found.columns[1] != NONE and _against_the_order(rows):
+        doubt = Doubt("S-READ-DIRECTION", where, blocking=True, names={"line": str(rows[0].line)})
+        readings = replace(readings, doubts=(*readings.doubts, doubt))
     return readings, words, (*notes, *more)
+
+
+def _against_the_order(rows: Sequence[Reading]) -> bool:
+    """Whether every pass goes the other way in the file than its direction says: up downwards, and down upwards.
+
+    A table that is sorted tells no order, and one direction alone may have been turned over by a spreadsheet.
+    """
+    ways: dict[tuple[int, int], list[float]] = {}
+    for row in rows:
+        ways.setdefault((row.approach, row.run), []).append(row.target)
+    steps = {
+        way: [
+            (b - a) * (1 if way == 0 else -1) for (side, _), at in ways.items() if side == way for a, b in pairwise(at)
+        ]
+        for way in (0, 1)
+    }
+    return all(steps[way] and all(step < 0.0 for step in steps[way]) for way in (0, 1))
 
 
 def _found(found: Layout, plain: Sheet, said: ColumnMap, where: str, rows: Rows, *, mixed: bool) -> Found:

@@ -329,6 +329,9 @@ REMEDIES: Mapping[str, Remedy] = {
     "E-FILE-CSV-SECOND": Remedy(
         "import --json f.csv", {"E-FILE-CSV-SECOND": edited("f.csv", "target_mm", "forward\ntarget_mm")}, {"f.csv": TWO}
     ),
+    "E-EXPORT-AXIS": Remedy(
+        "evaluate --json f.csv --axis EZX", {"E-EXPORT-AXIS": instead("EZX", "EYX")}, {"f.csv": MOTIONS}, ("--axis",)
+    ),
     "E-IMPORT-MOTION": Remedy(
         "import --json f.csv --motion EZX",
         {"E-IMPORT-MOTION": instead("EZX", "EYX")},

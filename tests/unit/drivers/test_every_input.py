@@ -365,3 +365,19 @@ def test_what_is_no_workbook_gets_one_clear_sentence(name: str, data: bytes, cod
     (tmp_path / name).write_bytes(data)
     with pytest.raises(FileFormatError, match=code):
         CsvFormat().read(tmp_path / name)
+
+
+def test_a_direction_that_every_pass_contradicts_stops_the_verdict() -> None:
+    """A column that names where the axis goes to, or is swapped, turns the sign of the reversal."""
+    up, down = (0, 100, 200, 300), (300, 200, 100, 0)
+    deviation = {"direction_column": 2, "target": 1, "run": 3, "deviation": 4}
+    head = "target_mm,direction,repetition,deviation_um"
+
+    def read(first: str, second: str, one: tuple[int, ...], two: tuple[int, ...]) -> list[str]:
+        rows = [f"{at},{way},1,{at / 100}" for way, ats in ((first, one), (second, two)) for at in ats]
+        return [doubt.code for doubt in table(*rows, head=head, **deviation).doubts if doubt.blocking]
+
+    assert read("+", "-", up, down) == []
+    assert read("-", "+", up, down) == ["S-READ-DIRECTION"]
+    assert read("-", "+", up, up) == []  # sorted: the order tells nothing
+    assert read("+", "-", down, down) == []
