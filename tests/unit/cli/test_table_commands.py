@@ -180,7 +180,7 @@ class TestConvert:
         words += ["--reference", 0, "--datum", "0=0"]
         assert refusal(*words).code == "E-FILE-RTA-UNIT"
         assert not list(tmp_path.iterdir())
-        result = typed(*words, "--unit", "arcsec", "--json")
+        result = typed(*words, "--unit", "arcsec", "--accept-doubt", "S-EVAL-TINY=made for a test", "--json")
         assert result.exit_code == 0, result.output
         told = json.loads(result.stdout)
         assert told["written"] is True
