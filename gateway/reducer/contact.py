@@ -24,6 +24,13 @@ is what touches at the pose), for all crank angles at once; the terms F / radius
 1 % of c b and cost a step, never accuracy, for the residual is exact. It starts overwound, where everything that can
 carry touches. Positions where Newton has ended leave the set.
 
+Two touching sets may call each other for ever: a slice that opens in one step closes in the next, each step leaves
+most of the fall of E behind it, and E creeps. What has not ended after `PLAIN_STEPS` steps therefore goes on with an
+exact search along the step: E' along it is nearly piecewise linear, so the secant between its two ends is where E is
+least, and Newton with that search ends on convex piecewise quadratic functions. It needs steps of bounded length: where
+discs float, the Hessian is singular, and is lifted by |residual| / `LENGTH_MM` (regularised Newton for convex functions
+with singular solutions), which vanishes as the residual does.
+
 T > 0 is an outside torque on the output, counter-clockwise, held by the flanks with h > 0. No friction, no inertia,
 no film, no tilt, no temperature.
 """
@@ -54,6 +61,9 @@ LEAST_N = 1e-4
 INTERNAL = 5e-7  # of the sum of contact forces
 FORWARD_MM = 1e-12
 ENERGY_DIGITS = 1e-11
+PLAIN_STEPS = 10  # of Newton, before the steps that cannot cycle
+LENGTH_MM = 0.03  # longest of those steps where nothing resists
+OVERSHOT = 0.3, 3.0  # of the slope at a step's start: where so much of it is against the step's end, it is cut
 DAMPING = 1e-4  # of the same, at the first step that fails
 STUCK = 1e3  # of the same: smaller steps change nothing any more; a kink of the contact, of a size that is no matter
 SOFT = 1e-9  # of the contact's stiffness, where nothing touches
@@ -462,8 +472,11 @@ class Assembly:
                 left, state, part = left[going], state.at(np.flatnonzero(going)), part.at(np.flatnonzero(going))
             if not left.size:
                 break
-            change = _newton(state, SOFT * whole + damping[left])
+            late = step >= PLAIN_STEPS
+            change = _newton(state, SOFT * whole + (miss[going] / LENGTH_MM if late else 0.0) + damping[left])
             trial, _ = self._evaluate(part, u[left] + change, state.tau, torque)
+            if late:
+                trial, change = self._least_along(part, u[left], torque, state, trial, change)
             fall = trial.energy - state.energy
             noise = ENERGY_DIGITS * np.abs(state.energy) + 1e-13
             now_miss = np.max(np.abs(trial.gradient), axis=1)
@@ -479,6 +492,24 @@ class Assembly:
         else:
             raise ModelError("E-REDUCER-EQUILIBRIUM", self.drive.name, count=left.size, steps=MOST_STEPS)
         return u
+
+    def _least_along(
+        self, seat: _Seat, u: FloatArray, torque: float, state: _State, trial: _State, change: FloatArray
+    ) -> tuple[_State, FloatArray]:
+        """Steps that overshoot cut to where the energy is least along them, by the secant of its slope."""
+        before, after = (np.einsum("nu,nu->n", one.gradient, change) for one in (state, trial))
+        over = np.flatnonzero((after > -OVERSHOT[0] * before) & (after < -OVERSHOT[1] * before))
+        if not over.size:
+            return trial, change
+        share = before[over] / (before[over] - after[over])
+        cut = change[over] * share[:, None]
+        found, _ = self._evaluate(seat.at(over), u[over] + cut, state.tau[over], torque)
+        lower = found.energy < trial.energy[over]
+        at, change = over[lower], change.copy()
+        change[at] = cut[lower]
+        for one in fields(_State):
+            getattr(trial, one.name)[at] = getattr(found, one.name)[lower]
+        return trial, change
 
     def _outcome(
         self, seat: _Seat, u: FloatArray, torque: float
