@@ -31,6 +31,12 @@ least, and Newton with that search ends on convex piecewise quadratic functions.
 discs float, the Hessian is singular, and is lifted by |residual| / `LENGTH_MM` (regularised Newton for convex functions
 with singular solutions), which vanishes as the residual does.
 
+Held input. What is solved has the crank's angle in the housing held. Behind a first stage whose sun is held the
+planets roll on it: alpha gains (1 + r) psi, r = z1 / z2. Then psi = e - (1 + r) psi / zc for the e found with alpha
+held, so psi = e zc / (zp + r); and by virtual work the flanks carry T zc / (zp + r), for the sun carries the rest. Both
+are `Reducer.followed`: torques are multiplied by it on the way in, output angles on the way out (e is taken at alpha
+without its gain of some 1e-4 rad). Discs' places are those of the crank held.
+
 T > 0 is an outside torque on the output, counter-clockwise, held by the flanks with h > 0. No friction, no inertia,
 no film, no tilt, no temperature.
 """
@@ -46,15 +52,13 @@ from numpy.typing import NDArray
 from drivers.types.values import FloatArray
 from drivers.units import arcsec_to_rad, um_to_mm
 from gateway.errors import ModelError
-from gateway.gear.cycloid import CycloidGear
+from gateway.reducer.feet import feet
 from gateway.reducer.records import Contact, OutputPins, Reducer, eccentricity_mm, phase_rad
 from gateway.reducer.surfaces import CELLS, EDGE, NODES, SLICES, Surfacing, check_map, rotation_table, surfacing
 from gateway.tooth import FlankMap
 
 CHUNK = 156  # crank angles solved together: what they need stays in the processor's cache
 MOST_STEPS, EASED_STEPS, EASED = 120, 30, 3.0
-FOOT_STEPS, FOOT_RAD = 15, 1e-12
-BEYOND = 1.1  # half pitches: how far a foot may run past the tip of its space
 TRUST_MM, NEAR_MM = 0.01, 1e-6
 RESIDUAL = 1e-7  # of the force that the torque makes at the lever a zc
 LEAST_N = 1e-4
@@ -241,7 +245,7 @@ class Assembly:
         turn = seat.turn * np.exp(-1j * place[..., 2])
         local = turn[..., None] * seat.back
         q = (self._pins - (seat.centre + place[..., 0] + 1j * place[..., 1])[..., None]) * local
-        tau, slope, curve = _feet(gear, q, tau)
+        tau, slope, curve = feet(gear, q, tau)
         speed = np.abs(slope)
         n = -1j * slope / speed
         off = q - curve.point
@@ -299,25 +303,27 @@ class Assembly:
         """
         alpha = np.asarray(alpha, dtype=np.float64)
         parts = []
+        borne = torque_nm * self.drive.followed
         for first in range(0, alpha.size, CHUNK):
             rows = slice(first, first + CHUNK)
             seat = self._seat(alpha[rows])
             u = self._overwound(seat, torque_nm) if start is None else self._from(start, rows)
-            parts.append(self._outcome(seat, self._equilibrium(seat, torque_nm * 1000.0, u), torque_nm * 1000.0))
+            parts.append(self._outcome(seat, self._equilibrium(seat, borne * 1000.0, u), borne * 1000.0))
         psi, place, force, depth, pressure = (np.concatenate(values) for values in zip(*parts, strict=True))
         worst = float(pressure.max(initial=0.0))
         if worst > self.drive.contact.limit_mpa:
             limit = f"{self.drive.contact.limit_mpa:g}"
             raise ModelError("E-REDUCER-TORQUE", self.drive.name, torque=torque_nm, pressure=round(worst), limit=limit)
-        return Pose(psi=psi, place=place, force=force, pressure=pressure, approach=depth)
+        return Pose(psi=psi * self.drive.followed, place=place, force=force, pressure=pressure, approach=depth)
 
     def linearised(self, alpha: FloatArray, torque_nm: float) -> Linearised:
         """How psi answers a surplus de (mm) on each slice of each contact that bears: -H^-1 sum f'(p) b J de."""
         parts = []
+        borne = torque_nm * self.drive.followed
         for first in range(0, alpha.size, CHUNK):
             seat = self._seat(alpha[first : first + CHUNK])
-            u = self._equilibrium(seat, torque_nm * 1000.0, self._overwound(seat, torque_nm))
-            state, touch = self._evaluate(seat, u, seat.tau, torque_nm * 1000.0)
+            u = self._equilibrium(seat, borne * 1000.0, self._overwound(seat, torque_nm))
+            state, touch = self._evaluate(seat, u, seat.tau, borne * 1000.0)
             parts.append(self._answer(u, state, touch, first))
         return Linearised(
             psi=np.concatenate([part.psi for part in parts]),
@@ -342,12 +348,12 @@ class Assembly:
         else:
             along = np.einsum("ci,ci->c", row[:, 1:].reshape(-1, D, 3)[step, disc], J)
         return Linearised(
-            psi=u[:, 0] / L,
+            psi=u[:, 0] / L * self.drive.followed,
             step=step + first,
             disc=disc,
             node=touch.cell[bears],
             share=touch.share[:, bears],
-            slope=-(along / L)[:, None] * touch.stiffness[bears],
+            slope=-(along / L * self.drive.followed)[:, None] * touch.stiffness[bears],
         )
 
     def _seat(self, alpha: FloatArray) -> _Seat:
@@ -385,7 +391,7 @@ class Assembly:
         return u
 
     def _from(self, start: Pose, rows: slice) -> FloatArray:
-        psi, place = start.psi[rows], start.place[rows]
+        psi, place = start.psi[rows] / self.drive.followed, start.place[rows]
         u = np.zeros((psi.size, self.freedoms))
         u[:, 0] = psi * self.lever
         if self.freedoms > 1:
@@ -547,44 +553,6 @@ class _Seat:
 
     def at(self, rows: Index) -> _Seat:
         return _Seat(**{one.name: getattr(self, one.name)[rows] for one in fields(self)})
-
-
-@dataclass(frozen=True)
-class _Foot:
-    point: Complex
-    second: FloatArray
-
-
-def _feet(gear: CycloidGear, q: Complex, tau: FloatArray) -> tuple[FloatArray, Complex, _Foot]:
-    """Feet of q on the pin-centre curve of space 0: tau, P0' and P0 with d((q - P0) . P0')/dtau there."""
-    most, flat, start = gear.half_pitch, q.ravel(), tau.ravel()
-    tau, move, point, slope, second = _foot_step(gear, flat, start)
-    for _ in range(FOOT_STEPS):
-        moving = np.flatnonzero(np.abs(move) > FOOT_RAD)
-        if not moving.size:
-            break
-        step = np.clip(move[moving], -0.2 * most, 0.2 * most)
-        found = _foot_step(gear, flat[moving], np.clip(tau[moving] + step, -BEYOND * most, BEYOND * most))
-        for whole, part in zip((tau, move, point, slope, second), found, strict=True):
-            whole[moving] = part
-    shape = q.shape
-    return tau.reshape(shape), slope.reshape(shape), _Foot(point.reshape(shape), second.reshape(shape))
-
-
-def _foot_step(
-    gear: CycloidGear, q: Complex, tau: FloatArray
-) -> tuple[FloatArray, FloatArray, Complex, Complex, FloatArray]:
-    """At tau: itself, the Newton step from there, P0, P0' and the derivative of (q - P0) . P0'."""
-    rp, a, zp = gear.pin_circle, gear.a, gear.zp
-    one, many = np.exp(1j * tau), np.exp(1j * (zp * tau))
-    point = rp * one - a * many
-    slope = 1j * (rp * one - (a * zp) * many)
-    bend = (a * zp * zp) * many - rp * one
-    off = q - point
-    square = slope.real**2 + slope.imag**2
-    second = np.minimum(off.real * bend.real + off.imag * bend.imag - square, -1e-3 * square)
-    move = -(off.real * slope.real + off.imag * slope.imag) / second
-    return tau.copy(), move, point, slope, second
 
 
 def _newton(state: _State, damping: FloatArray) -> FloatArray:

@@ -4,7 +4,8 @@ Definitions, with where they come from (what is not public is not claimed; no co
 
 * Transmission error: output angle less input angle over the ratio, over one whole turn of the output in one sense of
   torque; its figure is the largest less the smallest value (makers' catalogues of strain-wave and servo drives). Here
-  psi + alpha / zc, counter-clockwise positive, its mean removed. RMS over the whole turn.
+  psi + alpha / zc, counter-clockwise positive, its mean removed. RMS over the whole turn. With the sun held or driven
+  evenly (`Reducer.input_held`), as a customer measures, it is zc / (zp + z1/z2) of that with the crank held.
 * Lost motion: change of the output angle between -3 % and +3 % of rated torque with the input locked (makers' wording
   of reducers for robots: mid points of the hysteresis loop's width). This model has no friction and no loop: it is
   psi(+3 %) - psi(-3 %), and so said. Few pins touch there: it is neither linear in the flank nor a mean over it.
@@ -248,12 +249,13 @@ def _stiffness(assembly: Assembly, alpha: FloatArray, full: Pose, torque: float)
 
 
 def _first_stage(drive: Reducer, alpha: FloatArray) -> FloatArray:
-    """What the involute stage's error adds to the output (N,), rad: its wave per turn of the sun, over zp."""
+    """What the involute stage's error adds to the output (N,), rad: its wave per turn of the sun, over zp + z1/z2."""
     stage = drive.first_stage
     if not stage.error_arcsec:
         return np.zeros_like(alpha)
     output = alpha / drive.gear.zc
-    return np.asarray(arcsec_to_rad(stage.error_arcsec) / drive.gear.zp * np.cos(round(stage.ratio - 1.0) * output))
+    size = arcsec_to_rad(stage.error_arcsec) / (drive.gear.zp + drive.sun_to_planet)
+    return np.asarray(size * np.cos(round(stage.ratio - 1.0) * output))
 
 
 def _curve(pose: Pose, torque_nm: float, wave: FloatArray) -> Curve:

@@ -26,6 +26,8 @@ from gateway.gear.cycloid import CycloidGear
 
 Datum = Literal["crank-holes", "bore", "best-fit"]
 DATUMS: tuple[Datum, ...] = get_args(Datum)
+InputHeld = Literal["sun", "crank"]
+INPUTS: tuple[InputHeld, ...] = get_args(InputHeld)
 MOST_DISCS = 3
 CLOSED_UM = 1e-6  # a drive without any clearance is allowed, one with less is not
 MESH_DEG = 1e-6  # how near to a tooth position a mark angle must be
@@ -100,7 +102,7 @@ class FirstStage:
     """The involute stage by its ratio (input turns per output turn, ring fixed) and the planets' angular error.
 
     ``error_arcsec`` is the amplitude of one wave per turn of the sun against the planets; it reaches the output
-    divided by zp. A ratio of 0 means that there is none: the crank is the input.
+    divided by zp + z1/z2. A ratio of 0 means that there is none: the crank is the input.
     """
 
     ratio: float = 0.0
@@ -147,7 +149,10 @@ class Reducer:
     """One drive. ``gear`` is the nominal disc with its modification; deviations count from it, + surplus material.
 
     ``rated_nm`` is the torque of the whole drive. ``datum`` says what the discs' deviations are measured from: asked
-    for, never assumed. ``interference_um`` is how much surplus assembly may squeeze. Raises ModelError E-REDUCER-...
+    for, never assumed. ``interference_um`` is how much surplus assembly may squeeze. ``input_held`` is what the
+    measurement holds: the "sun" of the first stage, as on a customer's bench (without a first stage it is the crank),
+    or the "crank", as where the planets are clamped to the housing; all figures are meant so. Raises ModelError
+    E-REDUCER-...
     """
 
     name: str
@@ -161,12 +166,14 @@ class Reducer:
     first_stage: FirstStage = field(default_factory=FirstStage)
     tolerances: Tolerances = field(default_factory=Tolerances)
     interference_um: float = 3.0
+    input_held: InputHeld = "sun"
 
     def __post_init__(self) -> None:
         _check_pins(self)
         _check_discs(self)
         _check_output(self)
         _check_contact(self)
+        _check_input(self)
         if self.datum is not None and self.datum not in DATUMS:
             raise ModelError("E-REDUCER-DATUM", self.name, datum=self.datum, known=", ".join(DATUMS))
         clearance = float(np.min(self.clearance_um(np.linspace(0.0, pi, 181))))
@@ -177,6 +184,19 @@ class Reducer:
     def lever_mm(self) -> float:
         """The largest lever of a contact about the disc's centre, a zc."""
         return self.gear.a * self.gear.zc
+
+    @property
+    def sun_to_planet(self) -> float:
+        """Teeth of the sun over those of a planet, z1/z2, by the ratio R = 1 + zp z2/z1; 0 without a first stage."""
+        ratio = self.first_stage.ratio
+        return self.gear.zp / (ratio - 1.0) if ratio else 0.0
+
+    @property
+    def followed(self) -> float:
+        """What a held sun leaves of an output angle that the held crank would show, zc / (zp + z1/z2); else 1."""
+        if not self.first_stage.ratio or self.input_held == "crank":
+            return 1.0
+        return self.gear.zc / (self.gear.zp + self.sun_to_planet)
 
     @property
     def rigid(self) -> bool:
@@ -226,11 +246,11 @@ def place_at(mark_angle_deg: float, crank_phase_deg: float, zc: int) -> DiscPlac
 
 
 # Sizes as papers give them (no maker's drawings); crank circles, clearances and stiffness are choices, the last one so
-# that the drive turns by about what catalogues say: 49, 108 and 980 Nm/arcmin as remembered.
+# that the drive turns, its sun held, by about what catalogues say: 49, 108 and 980 Nm/arcmin as remembered.
 _SHIPPED = {
-    "RV-20E-like": ((52.0, 2.25, 0.9, 8.0), 0.004, (2, 28.0, 0.95e5), 167.0, 105.0),
-    "RV-40E-like": ((64.0, 3.0, 1.3, 10.0), 0.005, (2, 36.0, 1.15e5), 412.0, 121.0),
-    "RV-320E-like": ((114.5, 5.0, 2.2, 20.0), 0.008, (3, 66.0, 2.2e5), 3136.0, 141.0),
+    "RV-20E-like": ((52.0, 2.25, 0.9, 8.0), 0.004, (2, 28.0, 0.87e5), 167.0, 105.0),
+    "RV-40E-like": ((64.0, 3.0, 1.3, 10.0), 0.005, (2, 36.0, 1.06e5), 412.0, 121.0),
+    "RV-320E-like": ((114.5, 5.0, 2.2, 20.0), 0.008, (3, 66.0, 2.03e5), 3136.0, 141.0),
 }
 CRANK_N_MM2 = 1.15e4  # of eccentric bearing, crank and carrier per mm of disc width
 SHIPPED = (*_SHIPPED, "cycloid-like")
@@ -365,6 +385,14 @@ def _check_contact(drive: Reducer) -> None:
         _positive(drive, "contact.moduli_mpa", modulus)
     _positive(drive, "rated_nm", drive.rated_nm)
     _positive(drive, "interference_um", drive.interference_um, zero=True)
+
+
+def _check_input(drive: Reducer) -> None:
+    ratio = drive.first_stage.ratio
+    if not isfinite(ratio) or (ratio != 0.0 and ratio <= 1.0):
+        raise ModelError("E-REDUCER-VALUE", drive.name, key="first_stage.ratio", value=ratio)
+    if drive.input_held not in INPUTS:
+        raise ModelError("E-REDUCER-VALUE", drive.name, key="input_held", value=drive.input_held)
 
 
 def _positive(drive: Reducer, key: str, value: float, *, zero: bool = False) -> None:

@@ -59,7 +59,7 @@ def drawn(seed: int) -> tuple[Reducer, list[FlankMap]]:
     if isinstance(output, Cranks):
         output = replace(output, eccentricity_um=table(2.0), phase_arcsec=table(20.0))
     law = Contact(law="linear" if seed % 8 < 4 else "line")
-    drive = replace(drive, pins=pins, output=output, contact=law)
+    drive = replace(drive, pins=pins, output=output, contact=law, input_held="crank")
     marks = (0, *rng.integers(0, drive.gear.zc, discs - 1).tolist())
     return drive.with_marks(marks), [_disc(drive, rng) for _ in range(discs)]
 

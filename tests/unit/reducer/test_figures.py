@@ -50,6 +50,15 @@ def test_pins_forces_and_pressure_carry_the_torque(figures: Transmission) -> Non
     assert figures.pressure_mpa.max() < drive.contact.limit_mpa
 
 
+def test_what_holds_the_input_is_checked() -> None:
+    _refused("E-REDUCER-VALUE", replace, forty(), input_held="planet")
+    _refused("E-REDUCER-VALUE", replace, forty(), first_stage=FirstStage(0.5))
+    drive = shipped("RV-40E-like", None)
+    assert drive.followed == pytest.approx(39.0 / (40.0 + 40.0 / 120.0))
+    assert replace(drive, first_stage=FirstStage(81.0)).followed == pytest.approx(0.963, abs=5e-4)
+    assert replace(drive, input_held="crank").followed == forty().followed == 1.0
+
+
 def test_every_shipped_drive_turns_about_as_catalogues_say() -> None:
     stiffness = {"RV-20E-like": 49.0, "RV-320E-like": 980.0}
     for name in SHIPPED[:1] + SHIPPED[2:3]:
@@ -72,7 +81,7 @@ def test_a_plain_cycloid_drive_with_output_pins_is_solved_too() -> None:
 def test_the_first_stage_adds_its_wave_over_zp() -> None:
     drive = replace(for_gear(SMALL, None), first_stage=FirstStage(105.0, 60.0))
     found = transmission(drive, [None, None], steps=24)
-    assert found.loaded[0].amplitudes_arcsec()[104] == pytest.approx(60.0 / 18.0, rel=0.05)
+    assert found.loaded[0].amplitudes_arcsec()[104] == pytest.approx(60.0 / (18.0 + 18.0 / 104.0), rel=0.003)
     assert found.orders()[0].cause == "input"
 
 

@@ -242,6 +242,7 @@ def test_a_second_program_without_tables_or_tangents_finds_the_same_pose(name: s
     rng = np.random.default_rng(8)
     small = CycloidGear(rp=42.5, rrp=2.5, a=1.3, zp=18, zc=17, b=10.0, drrp=0.005)
     drive = shipped(name, "crank-holes") if name else for_gear(small, "crank-holes")
+    drive = replace(drive, input_held="crank")
     A, B = rng.normal(size=(2, drive.gear.zc)) * 2.0
     part = flank(drive.gear, A=A[:, None, None], B=B[:, None, None])
     ours = Assembly(drive, [part, part]).solve(np.array([alpha]), 0.7 * drive.rated_nm)

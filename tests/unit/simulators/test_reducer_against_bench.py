@@ -16,7 +16,9 @@ import pytest
 from drivers.units import rad_to_arcsec
 from gateway.gear.cycloid import CycloidGear
 from gateway.reducer import records
+from gateway.reducer.contact import Assembly
 from gateway.reducer.figures import crank_angles, transmission
+from gateway.reducer.firstorder import transmission_map
 from gateway.reducer.uncertainty import uncertainty
 from gateway.tooth import FlankMap
 from simulators.cellfile.part import Gear
@@ -188,6 +190,27 @@ def test_a_held_sun_lets_the_cranks_turn_along_and_lessens_the_error() -> None:
     by_crank = Mechanism(built).rest(crank, 60.0).error_rad
     by_sun = held.rest(-crank / built.gear.zc * held.reducer.ratio, 60.0).error_rad
     assert np.polyfit(by_crank, by_sun, 1)[0] == pytest.approx(11.0 / 12.5, rel=0.01)
+
+
+def test_the_model_s_held_sun_is_the_bench_s_driven_sun() -> None:
+    """Error, twist under torque and first order of a drive with a stage of 16 and 32 teeth, driven at its sun."""
+    parts = parts_of(1)
+    drive = replace(predicted_drive(parts), first_stage=records.FirstStage(1.0 + 12.0 * 32.0 / 16.0))
+    crank = 2.0 * np.pi * np.arange(0, 264, 6) / STEPS
+    bench = Mechanism(replace(bench_of(parts).reducer, stage=FirstStage(16, 32)))
+    sun = -crank / 11.0 * bench.reducer.ratio
+    built = Assembly(drive, maps_of(parts))
+    for torque in (60.0, -60.0, 0.03 * 60.0):
+        seen = rad_to_arcsec(bench.rest(sun, torque).error_rad)
+        ours = rad_to_arcsec(built.solve(crank, torque).psi)
+        assert np.max(np.abs(ours - seen)) < 0.3
+        held = rad_to_arcsec(Assembly(replace(drive, input_held="crank"), maps_of(parts)).solve(crank, torque).psi)
+        assert np.max(np.abs(held - seen)) > 3.0 * np.max(np.abs(ours - seen))
+    ours, held = (
+        transmission_map(replace(drive, input_held=what), maps_of(parts)[0], torque_nm=60.0, steps=STEPS).together
+        for what in ("sun", "crank")
+    )
+    assert abs(ours).sum() == pytest.approx(11.0 / 12.5 * abs(held).sum(), rel=0.01)
 
 
 def peak(error_rad: np.ndarray) -> float:
