@@ -32,7 +32,7 @@ EVERY = 8
 LOST = 0.03
 TRIALS = 15
 SHORT = 3
-"""Seeds of `make test`: small drives."""
+"""Seeds below it are small drives of one slice; `make test` takes the one with a single disc."""
 
 
 @dataclass(frozen=True)
@@ -166,7 +166,7 @@ def bench_of(parts: Parts) -> Mechanism:
     return Mechanism(Reducer(gear=gear, ring=ring, discs=discs, cranks=cranks, contact=Contact(2e4)))
 
 
-@pytest.mark.parametrize("seed", [*range(SHORT), *map(long, range(SHORT, 36))])
+@pytest.mark.parametrize("seed", [1, *map(long, (0, *range(2, 36)))])
 def test_model_and_bench_agree_on_the_same_parts(seed: int) -> None:
     parts = parts_of(seed, slices=1 if seed < SHORT else 1 + 2 * (seed % 2))
     rated = parts.kind.rated
