@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Awaitable, Callable, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from types import MappingProxyType
 
 from drivers.errors import TransportError, TrueflankError
@@ -12,11 +12,12 @@ from drivers.ports.controller import ReadsTogether
 from drivers.programs import ForeseesPlans
 from drivers.types.abilities import TableLimits
 from drivers.types.machine import ChannelStatus
-from drivers.types.moves import movement_of
+from drivers.types.moves import SafePlaces, movement_of
 from drivers.types.orders import PushOrder, TableQuestion
 from drivers.types.stops import Stop, StopPlan, StopReached
 from drivers.types.tables import CompensationTable, LiveSet
 from drivers.types.values import Approach
+from gateway.axes import AxisRecord
 from gateway.domain.proposals import TableChange
 from gateway.errors import VerifyError, WriteRefused
 from gateway.interlocks import PushFacts
@@ -118,8 +119,36 @@ def plan_of(
     reversal: CompensationTable | None = None,
 ) -> StopPlan:
     """A motion program of the table's input axis that shows and saves what acts on the output axis."""
-    axis = context.moved
-    feed = min(axis.feed, places_of(context.controller).feed(axis.unit))
+    along = along_of(context)
+    return plan_along(along, name, stops, setup=setup, cross_table=cross_table, reversal=reversal)
+
+
+@dataclass(frozen=True, slots=True)
+class Along:
+    """What a plan needs of its axes: the one that ``moved``, the ``output`` of the table, and how fast axes may go."""
+
+    moved: AxisRecord
+    output: AxisRecord
+    places: SafePlaces
+
+
+def along_of(context: PushContext) -> Along:
+    """As a push knows them."""
+    return Along(context.moved, context.axis, places_of(context.controller))
+
+
+def plan_along(
+    along: Along,
+    name: str,
+    stops: tuple[Stop, ...],
+    *,
+    setup: str = "",
+    cross_table: int | None = None,
+    reversal: CompensationTable | None = None,
+) -> StopPlan:
+    """As `plan_of`; pure."""
+    axis, output = along.moved, along.output
+    feed = min(axis.feed, along.places.feed(axis.unit))
     return StopPlan(
         name=f"{name}{axis.letter}",
         axis=axis.name,
@@ -132,30 +161,30 @@ def plan_of(
         dwell_s=axis.dwell_s,
         setup=setup,
         save_tables=True,
-        encoder=context.axis.encoder,
-        encoder_said=context.axis.encoder_said,
-        output_axis="" if context.input is None else context.axis.name,
+        encoder=output.encoder,
+        encoder_said=output.encoder_said,
+        output_axis="" if axis.name == output.name else output.name,
         cross_table=cross_table,
         reversal=reversal,
     )
 
 
 def stops_at(
-    context: PushContext, positions: tuple[float, ...], *, both: bool = False, direction: int = 0
+    axis: AxisRecord, positions: tuple[float, ...], *, both: bool = False, direction: int = 0
 ) -> tuple[Stop, ...]:
     """Stops at these positions, each as `approach_to`, or from ``both`` sides one after the other."""
     if not both:
-        sides_of = [(place, approach_to(context, place, direction)) for place in positions]
+        sides_of = [(place, approach_to(axis, place, direction)) for place in positions]
         return tuple(Stop(place, side, label=label) for label, (place, side) in enumerate(sides_of))
     sides: tuple[Approach, Approach] = (1, -1)
     return tuple(Stop(place, side, label=label) for label, place in enumerate(positions) for side in sides)
 
 
-def approach_to(context: PushContext, position: float, direction: int = 0) -> Approach:
+def approach_to(axis: AxisRecord, position: float, direction: int = 0) -> Approach:
     """As `approach_in`; a table that acts in one ``direction`` of travel is met in that direction."""
     if direction:
         return 1 if direction > 0 else -1
-    return approach_in(context.moved, position)
+    return approach_in(axis, position)
 
 
 Ask = tuple[str, Mapping[str, object]]

@@ -15,6 +15,7 @@ from typing import Any
 from drivers.types.stops import Stop, StopPlan, StopReached
 from drivers.types.tables import CompensationTable, LiveSet, LiveTable
 from drivers.units import deviation_scale
+from gateway.axes import AxisRecord
 from gateway.errors import VerifyError
 from gateway.interlocks import value_at
 from gateway.interlocks.facts import rest_of
@@ -66,8 +67,12 @@ async def prove_all(works: Sequence[Work], bases: dict[Work, LiveSet], faults: F
 
 
 def _places(work: Work, base: LiveSet) -> tuple[float, ...]:
-    axis, old = work.context.moved, table_in(base, work.change.new)
-    return effect_positions(work.change.new, old, axis.room, axis.overrun)
+    return proved_at(work.change.new, table_in(base, work.change.new), work.context.moved)
+
+
+def proved_at(new: CompensationTable, old: LiveTable, axis: AxisRecord) -> tuple[float, ...]:
+    """Where the input ``axis`` stops to prove that ``new`` acts in place of ``old``; pure."""
+    return effect_positions(new, old, axis.room, axis.overrun)
 
 
 async def _proved(
@@ -113,13 +118,19 @@ async def prove_effect(work: Work, positions: tuple[float, ...], base: LiveSet, 
 
 def effect_plan(work: Work, positions: tuple[float, ...]) -> StopPlan:
     """The stops of one proof of effect; no table is switched there."""
-    context = work.context
-    places = (*positions, work.agreeing_position) if context.controller.capabilities.stops else positions
+    along = conversation.along_of(work.context)
+    ends = work.agreeing_position if work.context.controller.capabilities.stops else None
+    return plan_to_prove(work.change.new, positions, along, ends)
+
+
+def plan_to_prove(
+    table: CompensationTable, positions: tuple[float, ...], along: conversation.Along, ends: float | None
+) -> StopPlan:
+    """As `effect_plan`; ``ends`` is where old and new agree, None where no program of ours leads there. Pure."""
     # The input axis of a cross table ends where it disturbs the next table of the same output least.
-    table = work.change.new
-    where = places if table.kind == "cross" else positions
-    stops = conversation.stops_at(context, where, both=bool(table.reverse), direction=table.direction)
-    return conversation.plan_of(context, "TFEFFECT", stops)
+    where = (*positions, ends) if table.kind == "cross" and ends is not None else positions
+    stops = conversation.stops_at(along.moved, where, both=bool(table.reverse), direction=table.direction)
+    return conversation.plan_along(along, "TFEFFECT", stops)
 
 
 async def _look(work: Work, base: LiveSet, stop: Stop, reached: StopReached) -> _Shown:

@@ -14,25 +14,30 @@ from typing import Any, Literal
 
 from drivers import registry
 from drivers.errors import ConfigError, words
-from drivers.programs import DayNumbers, Order, PaperMachine, ProgramText, SelfTest, SelfTested, Visits
+from drivers.programs import DayNumbers, Order, PaperMachine, ProgramText, SelfTest, SelfTested, Visits, reading_plan
 from drivers.types.abilities import Capabilities
 from drivers.types.identity import MachineIdentity
 from drivers.types.orders import DisableOrder, PushOrder, SignProof
 from drivers.types.stops import Stop, StopPlan
-from drivers.types.tables import CompensationTable
+from drivers.types.tables import CompensationTable, LiveTable
+from gateway.axes import AxisRecord
 from gateway.capture.targets import plan_of
 from gateway.config import AxisSection, SiteFile
 from gateway.domain.proposals import Proposal, TableChange
+from gateway.push.conversation import Along
+from gateway.push.effect import plan_to_prove, proved_at
 from gateway.push.places import Moved, places_of, transactions
 from gateway.push.proofs.switching import TIMES
 from gateway.push.readback import others_on
 from gateway.push.trials import triangle_of
 from gateway.store.proofs import Proofs
 from gateway.store.selftests import SelfTestBook
-from gateway.tooth import SetupValues
+from gateway.tooth import SetupValues, ToothProposal
 from gateway.walk import Patience, question
+from gateway.workflow.axes.acting import plans_of as acting_plans
 from gateway.workflow.axes.measure import plans_of_axis
 from gateway.workflow.bench import origin_of
+from gateway.workflow.control import judging
 from gateway.workflow.dwelling import DwellWish, dwell_plans
 from gateway.workflow.errors21.setupcapture import coming
 from gateway.workflow.errors21.setups import planned
@@ -40,10 +45,12 @@ from gateway.workflow.part.grinding import gear_of_site, grind_plan
 from gateway.workflow.recognising import known_of
 from gateway.workflow.runsite import store_of
 
-What = Literal["self-test", "measure", "load", "proof", "backup", "grind", "off", "dwell"]
-EVERY: tuple[What, ...] = ("self-test", "measure", "load", "proof", "backup", "grind", "off")
+What = Literal["self-test", "measure", "load", "effect", "proof", "backup", "grind", "off", "dwell"]
+EVERY: tuple[What, ...] = ("self-test", "measure", "load", "effect", "proof", "backup", "grind", "off")
 KNOWN: tuple[What, ...] = (*EVERY, "dwell")
-"""All kinds; "dwell" is for capture programs of others, and no run of ours sends it."""
+"""All kinds; "effect" follows the load of a proposal; "dwell" is for capture programs of others, no run sends it."""
+Layer = Literal["axis", "cross"]
+LAYERS: tuple[Layer, Layer] = ("axis", "cross")
 PAPER = DayNumbers()
 ON_PAPER = Capabilities(stops=True, tables=(), switched="at-stop", marker=True, consent="start", together=True)
 """What a control can do whose programs are written here: they switch tables at a stop, all of a layer together."""
@@ -64,11 +71,15 @@ def programs(
     wanted: tuple[What, ...] = EVERY,
     proposal: Proposal | None = None,
     *,
+    tooth: ToothProposal | None = None,
     dwell: DwellWish | None = None,
     numbers: DayNumbers = PAPER,
 ) -> tuple[Written, ...]:
     """Programs of these kinds in the order in which a run sends them; ``load`` from ``proposal`` or an example table.
 
+    ``effect`` is what a push of ``proposal`` sends behind each load, nothing without one: the proof of effect at places
+    that follow from the new table and the one it replaces, the measuring again of the axes, and for ``tooth`` that of
+    axes which cross tables change. All signs are taken as proved by then.
     With what the control's self-test kept of it they are what is sent, byte for byte, ``numbers`` apart: each program
     gets its own when it is sent. Axes are taken to stand in their safe places then, as commands ask for. Of a PLC
     mailbox, which runs no programs, they are what is laid down in it.
@@ -81,7 +92,7 @@ def programs(
     known = known_control(site, site_path)
     names = _names(site, site_path)
     machine, origin = _machine(site, tables, known, names, numbers), origin_of(site)
-    made_for = _For(site, site_path, tables, proposal, known, names, numbers.order)
+    made_for = _For(site, site_path, tables, proposal, known, names, numbers.order, tooth)
     found = []
     for what in wanted:
         for name, order in _orders(made_for, what) if what != "dwell" else _dwelling(site, dwell):
@@ -162,6 +173,7 @@ class _For:
     known: Mapping[str, SelfTested]
     names: tuple[str, ...]
     number: int
+    tooth: ToothProposal | None = None
 
     @property
     def machine(self) -> MachineIdentity:
@@ -214,11 +226,15 @@ def _orders(made: _For, what: What) -> Iterator[tuple[str, Order]]:
             yield "part", grind_plan(site, gear_of_site(site, made.path), SetupValues())
     elif what == "load":
         yield from _loads(made)
+    elif what == "effect":
+        yield from _effects(made)
     elif what == "measure":
         yield from _measured(site)
     else:
         for axis in site.axes:
             yield from _of_axis(made, axis, what)
+        if what == "backup":
+            yield from _read_together(made)
 
 
 def _measured(site: SiteFile) -> Iterator[tuple[str, Order]]:
@@ -242,23 +258,84 @@ def _loads(made: _For) -> Iterator[tuple[str, Order]]:
         if batch:
             yield "axis", batch
         return
-    layers: tuple[Literal["axis", "cross"], ...] = ("axis", "cross")
-    for layer in layers:
-        changes = [one for one in made.proposal.changes if not one.skipped and one.layer == layer]
-        moved = [(change, _moved(made, change.new.input_axis).facts) for change in changes]
-        groups = transactions(moved, ON_PAPER)
-        for number, group in enumerate(groups, start=1):
-            together = [moved[place] for place in group]
-            places = places_of(together, ON_PAPER)
-            orders = [(_coupled(made, change, together), places[axis.name]) for change, axis in together]
-            batch = tuple(order if at is None else replace(order, agreeing_position=at) for order, at in orders)
-            yield layer if len(groups) == 1 else f"{layer}-{number}", batch
+    for layer in LAYERS:
+        for name, together in _groups(made, layer):
+            yield name, tuple(_coupled(made, change, together) for change, _ in together)
+
+
+def _groups(made: _For, layer: Layer) -> list[tuple[str, Sequence[Moved]]]:
+    """The transactions of a layer, each with a name of its own."""
+    changes = [one for one in made.proposal.changes if one.layer == layer] if made.proposal is not None else []
+    moved = [(one, _facts(made, one.new.input_axis)) for one in changes if not one.skipped]
+    groups = transactions(moved, ON_PAPER)
+    names = [layer if len(groups) == 1 else f"{layer}-{number}" for number, _ in enumerate(groups, start=1)]
+    return [(name, [moved[place] for place in group]) for name, group in zip(names, groups, strict=True)]
+
+
+def _place(together: Sequence[Moved], axis: AxisRecord) -> float:
+    """Where the input axis stands while its tables are switched."""
+    found = places_of(together, ON_PAPER)[axis.name]
+    return axis.reference if found is None else found
+
+
+def _effects(made: _For) -> Iterator[tuple[str, Order]]:
+    """What follows each load: the proofs of effect, and behind the last one of a layer what is measured then."""
+    if made.proposal is None:
+        return
+    changes = [one for one in made.proposal.changes if not one.skipped]
+    carried = made.site.controller.driver.endswith("-offline")  # files bring no readings of an instrument
+    cross = [one for one in changes if one.layer == "cross"]
+    reads = () if carried else _reads(made, cross)
+    again = () if carried else judging.plans_of(made.site, [one for one in changes if one.layer == "axis"])
+    acting = acting_plans(made.site, made.tooth, cross) if made.tooth is not None else ()
+    for layer, last in zip(LAYERS, ((*again, *reads), acting), strict=True):
+        groups = _groups(made, layer)
+        if not groups and last and layer == "axis":
+            yield "axis-read", Visits(last)
+        for number, (name, together) in enumerate(groups, start=1):
+            yield from _behind(made, name, together, last if number == len(groups) else ())
+
+
+def _read_together(made: _For) -> Iterator[tuple[str, Order]]:
+    """What saves the tables of several output axes before one load; of a single one the axis' own program does."""
+    for name, together in (group for layer in LAYERS for group in _groups(made, layer)):
+        plans = _reads(made, [change for change, _ in together])
+        if len(plans) > 1:
+            yield name, Visits(plans)
+
+
+def _behind(
+    made: _For, name: str, together: Sequence[Moved], follows: tuple[StopPlan, ...]
+) -> Iterator[tuple[str, Order]]:
+    """Behind one load; where reversals alone are to be read after the proofs, what follows is a program of its own."""
+    proved = [(change, axis) for change, axis in together if change.new.kind != "reversal"]
+    if proved:
+        yield name, Visits((*(_proved(made, change, axis, together) for change, axis in proved), *follows))
+    seen = {change.axis for change, _ in proved if change.new.kind == "axis"}
+    unseen = _reads(made, [one for one, _ in together if one.new.kind == "reversal" and one.axis not in seen])
+    if unseen:
+        yield f"{name}-read", Visits(unseen)
+        if follows:
+            yield f"{name}-again", Visits(follows)
+
+
+def _proved(made: _For, change: TableChange, axis: AxisRecord, together: Sequence[Moved]) -> StopPlan:
+    old = LiveTable(change.old, change.old_enabled)
+    along = Along(axis, _facts(made, change.axis), made.site.moves.places)
+    return plan_to_prove(change.new, proved_at(change.new, old, axis), along, _place(together, axis))
+
+
+def _reads(made: _For, changes: Sequence[TableChange]) -> tuple[StopPlan, ...]:
+    """What saves the tables of each output axis of these changes."""
+    axes = dict.fromkeys(change.axis for change in changes)
+    return tuple(reading_plan(question(_facts(made, axis), Patience(0.0, 0.0))) for axis in axes)
 
 
 def _coupled(made: _For, change: TableChange, together: Sequence[Moved]) -> PushOrder:
     """The order of a change; tables of other transactions that act on its output are on again at its end."""
     beside = [one.new for one, _ in together if one is not change and one.axis == change.axis]
-    order = _order(made, change.new, "table")
+    at = _place(together, _facts(made, change.new.input_axis))
+    order = replace(_order(made, change.new, "table"), agreeing_position=at)
     return order if change.base is None else replace(order, coupled=others_on(change.base, change.new, beside))
 
 
@@ -295,6 +372,11 @@ def _of_axis(made: _For, axis: AxisSection, what: What) -> Iterator[tuple[str, O
         yield from _proof(made, axis)
     else:
         yield axis.letter, DisableOrder(made.number, "axis", axis.name, axis.encoder)
+
+
+def _facts(made: _For, name: str) -> AxisRecord:
+    """As a push knows an axis: with its safe place."""
+    return replace(_moved(made, name).facts, safe=made.site.moves.places.ranges.get(name))
 
 
 def _moved(made: _For, name: str) -> AxisSection:

@@ -6,6 +6,7 @@ import asyncio
 import contextlib
 import re
 from collections.abc import Awaitable, Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -15,7 +16,8 @@ from drivers.clock import LoopClock, run_virtual
 from drivers.programs import DayNumbers
 from drivers.types.orders import SignProof
 from drivers.types.tables import CompensationTable
-from gateway.config import load_site
+from gateway.capture.targets import targets_of
+from gateway.config import AxisSection, load_site
 from gateway.domain.proposals import Proposal, TableChange
 from gateway.push.compare import table_in
 from gateway.say import silence
@@ -52,10 +54,10 @@ def sent(site_path: Path, purpose: str) -> list[str]:
     return [path.read_text(encoding="utf-8") for path in sorted(root.rglob(f"sent-*-{purpose}_*"))]
 
 
-async def until_sent(site_path: Path, purpose: str, work: Awaitable[object]) -> str:
-    """Do the work until it has sent a program of this purpose; then it is stopped."""
+async def until_sent(site_path: Path, purpose: str, work: Awaitable[object], *, says: str = "") -> str:
+    """Do the work until it has sent a program of this purpose which says this; then it is stopped."""
     task, before = asyncio.ensure_future(work), len(sent(site_path, purpose))
-    while len(sent(site_path, purpose)) == before:
+    while not any(says in text for text in sent(site_path, purpose)[before:]):
         if task.done():
             await task
             raise AssertionError("it ended and sent nothing")
@@ -63,7 +65,8 @@ async def until_sent(site_path: Path, purpose: str, work: Awaitable[object]) -> 
     task.cancel()
     with contextlib.suppress(asyncio.CancelledError, Exception):
         await task
-    return sent(site_path, purpose)[before]  # what comes after it ends the program
+    found = [text for text in sent(site_path, purpose)[before:] if says in text]
+    return found[0]  # what comes after it ends the program
 
 
 def printed(site_path: Path, what: What, text: str, proposal: Proposal | None = None) -> list[Written]:
@@ -200,6 +203,19 @@ async def pushed(path: Path, axis: str, clock: LoopClock, *, proved: bool) -> tu
         return await until_sent(path, "TFPUSH", apply_proposal(at, proposal, {})), proposal
 
 
+def compensated(cell: Cell, axis: AxisSection) -> None:
+    """A table of its own is on for an axis: 0 but for a rise of 8 um in its first half."""
+    grid, name = axis.table, axis.name
+    count = round((grid.maximum - grid.minimum) / grid.step) + 1
+    values = [0.008 if count // 8 < place < count // 3 else 0.0 for place in range(count)]
+    of_grid = {"STEP": grid.step, "MIN": grid.minimum, "MAX": grid.maximum}
+    for word, value in of_grid.items():
+        cell.nck.set(f"$AA_ENC_COMP_{word}[0,{name}]", value, 0)
+    for place, value in enumerate(values):
+        cell.nck.set(f"$AA_ENC_COMP[0,{place},{name}]", value, 0)
+    cell.nck.set(f"$MA_ENC_COMP_ENABLE[0,{name}]", 1, 0)
+
+
 async def own_table(at: Bench, name: str) -> TableChange:
     """A table of its own for an axis."""
     axis = at.axis(name)
@@ -207,4 +223,41 @@ async def own_table(at: Bench, name: str) -> TableChange:
     count = round((grid.maximum - grid.minimum) / grid.step) + 1
     values = (0.0, *(round(2.0 * np.sin(place), 3) for place in range(1, count - 1)), 0.0)
     new = CompensationTable("axis", name, name, grid.minimum, grid.maximum, grid.step, tuple(map(float, values)))
-    return TableChange(name, table_in(live, new).table, new, False, live.digest, NOTHING, NOTHING, NOTHING, base=live)
+    old, targets = table_in(live, new), targets_of(axis)
+    return TableChange(name, old.table, new, old.enabled, live.digest, targets, NOTHING, NOTHING, base=live)
+
+
+@pytest.mark.parametrize("own", few([True, False]))
+def test_the_proof_of_effect_and_what_follows_it_are_sent_as_printed(tmp_path: Path, own: bool) -> None:
+    """Behind an axis' own table it is measured again, and the tables of the next layer are read; behind those nothing.
+
+    The table that is replaced helps to choose where the control is asked: beside none the places are others.
+    """
+
+    async def job(cell: Cell, clock: LoopClock) -> None:
+        path = cell.site_path
+        site = load_site(path)
+        if own:
+            compensated(cell, site.axes[0])
+        folder = new_run(site, path)
+        async with bench(site, path, folder, clock, silence) as at:
+            proposal = await proposed(at)
+            if own:
+                at.proofs.save(SignProof(at.machine, "axis", "X1", -1.0, 0.01, 1, at.clock.utc().isoformat()))
+                proposal = replace(proposal, changes=(await own_table(at, "X1"), *proposal.changes))
+            folder.put(stages.PROPOSAL, proposal)
+            assert consents.proposed(at, proposal) == ""
+            known = len(sent(path, "TFMEAS"))
+            text = await until_sent(path, "TFMEAS", apply_proposal(at, proposal, {}), says="TFEFFECT")
+        assert text in [one.program.text for one in printed(path, "effect", text, proposal)]
+        assert ("TFSENSEX" in text) == own
+        first = proposal.changes[0]
+        assert first.old_enabled == own
+        never = replace(proposal, changes=(replace(first, old_enabled=False), *proposal.changes[1:]))
+        assert (text in [one.program.text for one in printed(path, "effect", text, never)]) != own
+        before, *_ = [each for each in sent(path, "TFMEAS")[known:] if "TFEFFECT" not in each]
+        of: What = "backup" if own else "effect"
+        assert before in [one.program.text for one in printed(path, of, before, proposal)]
+        assert "tables that were live before" in text
+
+    at_a_cell(tmp_path, job, file=builders())

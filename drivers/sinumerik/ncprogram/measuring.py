@@ -30,6 +30,9 @@ POLL_S = 0.25
 PREPARE = ("G17 G40 G60 G601 G90 G94 G500 G710 DIAMOF D0", "TRAFOOF")
 SWITCHED = "press RESET and leave tables alone: trueflank knows what it switched and puts it back (recover)."
 STANDING = "press RESET: tables and switches are as they were. Then ask trueflank what is left in the control."
+PROVES = "TFEFFECT"
+"""Plans of this name prove what the control itself shows; nobody reads an instrument at their stops."""
+_CHOSEN = "Left out in the push: tables that were live before or failed, and the call for optics that stand already. "
 _NAME = re.compile(r"[A-Z][A-Z0-9_]{0,11}")
 _MESSAGE = re.compile(r"[A-Za-z0-9 ()=.,:_/+-]{0,120}")
 _LEFT, _FAILED = "TF_LEFT", "TF_FAILED"
@@ -167,6 +170,7 @@ def _head(parts: Parts) -> Head:
     also = "Switching a table moves its axis by the table's value. " if switched else ""
     for axis in dict.fromkeys(plan.compensated_axis for plan in plans if plan.save_tables):
         also += f"Saves what acts on {axis} in {file_path('LIVE', axis)}. "
+    also += _CHOSEN if any(plan.name.startswith(PROVES) for plan in plans) else ""
     told = SWITCHED if switched else STANDING
     path = program_path("MEAS", first.compensated_axis)
     return Head(path, what, stops=told, origin=parts[0][1].origin, also=also.rstrip())

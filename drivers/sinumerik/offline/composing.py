@@ -13,7 +13,7 @@ import re
 from collections.abc import Mapping
 
 from drivers.sinumerik.ncprogram.heads import section
-from drivers.sinumerik.ncprogram.measuring import PREPARE, text_of
+from drivers.sinumerik.ncprogram.measuring import PREPARE, PROVES, text_of
 from drivers.sinumerik.ncprogram.motion import number as number_text
 from drivers.sinumerik.ncprogram.pushing import ACTIVATE
 from drivers.sinumerik.offline import report
@@ -23,8 +23,6 @@ _END, _OTHER, _ORDER = "TF_TOLD", "TF_OTHER", "TF_ORDER"
 _FILE = re.compile(r'WRITE\(\w+,"([^"]+)","([^"]*)"', re.ASCII)
 _WAIT, _WAIT_END = "UWAITED=0", "ENDWHILE"
 _DONE = 'MSG("TRUEFLANK NOTHING WAS DONE: {why}")'
-PROVES = "TFEFFECT"
-"""Plans of this name prove what the control itself shows; nobody reads an instrument at their stops."""
 
 
 def composed(text: str, number: int, asked: ReportAsked, serial: str, last: float, given: Mapping[int, float]) -> str:

@@ -20,10 +20,13 @@ def program_command(
     what: Annotated[
         str,
         typer.Option(
-            help="self-test, measure, load, proof, backup, grind, off or all; dwell for other capture programs."
+            help="self-test, measure, load, effect (with --run), proof, backup, grind, off or all; dwell for other "
+            "capture programs."
         ),
     ] = "all",
-    run: Annotated[str, typer.Option(help="Load the tables of this run's proposal.", show_default=False)] = "",
+    run: Annotated[
+        str, typer.Option(help="Load the tables of this run's proposal and prove their effect.", show_default=False)
+    ] = "",
     store: StoreOption = Path("runs"),
     force: Annotated[bool, typer.Option("--force", help="Overwrite existing files.")] = False,
     dwell: Annotated[float, typer.Option(min=0.1, max=600, help="Dwell: standstill at each target, s.")] = 6.0,
@@ -56,7 +59,8 @@ def program_command(
         raise ConfigError("E-PROGRAM-WHAT", "--what", given=what, known=", ".join((*KNOWN, "all")))
     tree, wish = load_site(site), DwellWish(dwell, settling, calibrator_feed)
     numbers = numbers_in(tree, like) if like is not None else DayNumbers(order=number)
-    written = programs(tree, site, chosen, _proposal(run, store) if run else None, dwell=wish, numbers=numbers)
+    proposal, tooth = _proposed(run, store) if run else (None, None)
+    written = programs(tree, site, chosen, proposal, tooth=tooth, dwell=wish, numbers=numbers)
     lists: dict[str, str] = {}
     told: list[str] = []
     for axis, plan in dwell_plans(tree, wish) if what == "dwell" else ():
@@ -76,12 +80,16 @@ def program_command(
         echo(words("W-PROGRAM-UNKNOWN"))
 
 
-def _proposal(run: str, store: Path) -> Any:
+def _proposed(run: str, store: Path) -> tuple[Any, Any]:
+    """A run's proposal, and that for its tooth where there is one."""
     from gateway.domain.proposals import Proposal
     from gateway.store import Store
+    from gateway.tooth import ToothProposal
     from gateway.workflow import stages
 
-    return open_run(Store(store), run, "proposal").get(stages.PROPOSAL, Proposal)
+    folder = open_run(Store(store), run, "proposal")
+    tooth = folder.get(stages.TOOTH, ToothProposal) if folder.has(stages.TOOTH) else None
+    return folder.get(stages.PROPOSAL, Proposal), tooth
 
 
 def self_test_command(

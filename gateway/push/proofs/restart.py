@@ -29,8 +29,8 @@ def _zero(context: PushContext) -> float:
 
 def _rise(context: PushContext, table: CompensationTable, peak: float) -> float:
     """Value of a table at the peak less that at the zero, each as it is come to."""
-    at, zero = conversation.approach_to(context, peak), _zero(context)
-    return value_at(table, peak, at) - value_at(table, zero, conversation.approach_to(context, zero))
+    at, zero = conversation.approach_to(context.moved, peak), _zero(context)
+    return value_at(table, peak, at) - value_at(table, zero, conversation.approach_to(context.moved, zero))
 
 
 def _acting_rise(context: PushContext, old: LiveTable, peak: float) -> float:
@@ -55,7 +55,7 @@ async def differences(work: Work, peak: float, reading: Reading, setup: str) -> 
     context, zero, found = work.context, _zero(work.context), []
     places = (zero, peak)
     stops = tuple(
-        Stop(places[number % 2], conversation.approach_to(context, places[number % 2]), number // 2, number)
+        Stop(places[number % 2], conversation.approach_to(context.moved, places[number % 2]), number // 2, number)
         for number in range(2 * TIMES)
     )
 

@@ -123,7 +123,7 @@ def stops_of(context: PushContext, table: CompensationTable, peak: float) -> tup
 
     Where programs switch, one stop more leaves it off: `is_read` says which of them are read.
     """
-    approach = conversation.approach_to(context, peak, table.direction)
+    approach = conversation.approach_to(context.moved, peak, table.direction)
     if table.kind == "reversal":
         read = _both_sides(peak, ROUNDS)
     else:

@@ -11,10 +11,10 @@ from drivers.types.stops import StopPlan
 from drivers.types.values import FloatArray
 from gateway.capture.corrected import from_live
 from gateway.capture.live import capture_axis
-from gateway.capture.rig import Rig
+from gateway.capture.rig import Rig, setup_of
 from gateway.capture.sense import prove_sense, sense_plan
 from gateway.capture.targets import measuring_plan, targets_of
-from gateway.config import AxisSection, GuardSection
+from gateway.config import AxisSection, GuardSection, SiteFile
 from gateway.domain.captures import Capture
 from gateway.domain.outcomes import ActingCheck, PushRecord
 from gateway.domain.proposals import Proposal, TableChange
@@ -37,17 +37,22 @@ def acting_plans(at: Bench, cross: Sequence[TableChange]) -> tuple[StopPlan, ...
     """What `check_acting` will visit once these cross tables are in."""
     if not at.supervisor.controller.capabilities.stops or not at.folder.has(stages.TOOTH):
         return ()
-    tooth = at.folder.get(stages.TOOTH, ToothProposal)
+    return plans_of(at.site, at.folder.get(stages.TOOTH, ToothProposal), cross)
+
+
+def plans_of(site: SiteFile, tooth: ToothProposal, cross: Sequence[TableChange]) -> tuple[StopPlan, ...]:
+    """As `acting_plans`, of a control that runs stops; pure."""
+    axes = {axis.name: axis for axis in site.axes}
     found: list[StopPlan] = []
     for outlook in tooth.axes:
-        section = live_again(at.axis(outlook.axis), outlook.targets)
+        section = live_again(axes[outlook.axis], outlook.targets)
         if section is not None and any(_over_itself(one, outlook.axis) for one in cross):
-            found += _plans(at.rig(places(section, outlook, at.site.guard)))
+            found += _plans(places(section, outlook, site.guard))
     return tuple(found)
 
 
-def _plans(rig: Rig) -> tuple[StopPlan, ...]:
-    return sense_plan(rig.axis, rig.setup), measuring_plan(rig.axis, targets_of(rig.axis), "")
+def _plans(axis: AxisSection) -> tuple[StopPlan, ...]:
+    return sense_plan(axis, setup_of(axis)), measuring_plan(axis, targets_of(axis), "")
 
 
 async def check_acting(at: Bench) -> tuple[ActingCheck, ...]:
@@ -93,7 +98,7 @@ def places(section: AxisSection, outlook: AxisOutlook, guard: GuardSection) -> A
 async def _checked(at: Bench, rig: Rig, outlook: AxisOutlook) -> None:
     guard, axis = at.site.guard, rig.axis
     at.say("P-ACTING", axis=axis.name, count=len(axis.measure.targets.positions) if axis.measure.targets else 0)
-    await at.foresee(_plans(rig))
+    await at.foresee(_plans(axis))
     at.standing.note(None)
     proof = await prove_sense(rig)
     raw = await capture_axis(rig, proof)

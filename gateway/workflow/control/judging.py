@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 from drivers.carried import Carried
 from drivers.types.stops import StopPlan
-from gateway.config import AxisSection
+from gateway.config import AxisSection, SiteFile
 from gateway.domain.outcomes import AxisVerdict, PushRecord
 from gateway.domain.proposals import TableChange
 from gateway.workflow.axes.measure import MeasuredAxis, live_again, measure_axis, plans_of_axis
@@ -15,17 +15,26 @@ from gateway.workflow.bench import Bench
 
 Records = Mapping[str, PushRecord]
 """How each change ended, by its name."""
+Holds = Callable[[AxisSection], bool]
+"""Whether the optics of an axis stand already."""
 
 
 def plans_again(at: Bench, own: Sequence[TableChange]) -> tuple[StopPlan, ...]:
     """What `judged` will visit where each of these changes goes in."""
-    mine = in_turn(at, by_axis([one for one in own if not one.skipped]))
-    return tuple(_plans(at, [_measured_again(at, changes) for changes in mine.values()]))
+    return plans_of(at.site, own, at.standing.holds) if _runs_visits(at) else ()
 
 
-def _plans(at: Bench, again: Sequence[AxisSection | None]) -> list[StopPlan]:
+def plans_of(site: SiteFile, own: Sequence[TableChange], holds: Holds = lambda _axis: False) -> tuple[StopPlan, ...]:
+    """As `plans_again`, of a control that runs visits; ``holds`` says whose optics stand already. Pure."""
+    axes = {axis.name: axis for axis in site.axes}
+    mine = by_axis([one for one in own if not one.skipped])
+    turn = sorted(mine, key=lambda name: not holds(axes[name]))
+    return tuple(_plans(holds, [_targets_again(axes[name], mine[name]) for name in turn]))
+
+
+def _plans(holds: Holds, again: Sequence[AxisSection | None]) -> list[StopPlan]:
     sections = [axis for axis in again if axis is not None]
-    return [plan for axis in sections for plan in plans_of_axis(axis, "after", stands=at.standing.holds(axis))]
+    return [plan for axis in sections for plan in plans_of_axis(axis, "after", stands=holds(axis))]
 
 
 def by_axis(own: Sequence[TableChange]) -> dict[str, list[TableChange]]:
@@ -51,7 +60,7 @@ async def judged(
     """
     mine = in_turn(at, by_axis(own))
     again = {name: _again(at, changes, records) for name, changes in mine.items()}
-    await at.foresee([*_plans(at, list(again.values())), *reads])
+    await at.foresee([*_plans(at.standing.holds, list(again.values())), *reads])
     verdicts = {name: await _verdict(at, changes, again[name], before[name], records) for name, changes in mine.items()}
     if not reads:
         await at.foresee(())
@@ -65,9 +74,17 @@ def _again(at: Bench, changes: Sequence[TableChange], records: Records) -> AxisS
 
 
 def _measured_again(at: Bench, changes: Sequence[TableChange]) -> AxisSection | None:
-    change, controller = _judged_by(changes), at.supervisor.controller
-    measurable = controller.capabilities.stops and not isinstance(controller, Carried)
-    return live_again(at.axis(change.axis), change.targets) if measurable else None
+    return _targets_again(at.axis(changes[0].axis), changes) if _runs_visits(at) else None
+
+
+def _runs_visits(at: Bench) -> bool:
+    """Whether the control runs programs that wait for readings."""
+    controller = at.supervisor.controller
+    return controller.capabilities.stops and not isinstance(controller, Carried)
+
+
+def _targets_again(axis: AxisSection, changes: Sequence[TableChange]) -> AxisSection | None:
+    return live_again(axis, _judged_by(changes).targets)
 
 
 def _turned(changes: Sequence[TableChange]) -> TableChange | None:
