@@ -156,9 +156,13 @@ def correct(machine: Machine, gear: Gear) -> Corrected:
 
 @dataclass(frozen=True, slots=True, repr=False)
 class Study:
-    """Everything that `trueflank study` tells, in um: each error alone, ranking, cures, before and after."""
+    """Everything that `trueflank study` tells, in um: each error alone, ranking, cures, before and after.
+
+    ``run`` is where the machine came from, if from a run: its readings and inspected parts are in the paper's figures.
+    """
 
     found: Worked
+    run: Path | None = None
 
     def to_dict(self) -> dict[str, Any]:
         """Plain data, as `trueflank study --json` prints it."""
@@ -181,12 +185,13 @@ class Study:
     def paper(self, folder: str | Path) -> tuple[Path, ...]:
         """Every figure and table of the paper into a folder, as `trueflank study --paper` (mm, um, arcsec).
 
-        Raises ConfigError (E-LIBRARY-KIND), StoreError E-STUDY-WRITE.
+        What the machine's run measured is drawn as measured, all else as calculated. Returns the files made.
+        Raises ConfigError (E-LIBRARY-KIND), StoreError E-STUDY-WRITE, CorruptRecord.
         """
         from gateway.study.paper import write_paper
 
         path_given(folder, "Study.paper")
-        return write_paper(self.found, Path(folder))
+        return write_paper(self.found, Path(folder), self._evidence())
 
     def figure(self, name: str) -> Any:
         """One picture of the paper by the name of its file, "figure-3-relative-errors" (mm, um); a matplotlib figure.
@@ -196,13 +201,19 @@ class Study:
         from gateway.study.paper import sheets
         from gateway.study.plots.sheet import painted
 
-        found = {one.name: one for one in sheets(self.found)}
+        found = {one.name: one for one in sheets(self.found, self._evidence())}
         if name not in found:
             how = f"one of {', '.join(found)}"
             raise ConfigError(
                 "E-LIBRARY-KIND", "figure", call="tf.Study.figure", wanted="a picture", given=repr(name), how=how
             )
         return painted(found[name].size, found[name].paint)
+
+    def _evidence(self) -> Any:
+        """What the run measured, or None."""
+        from gateway.study.evidence import evidence_of
+
+        return None if self.run is None else evidence_of(self.run)
 
     def pictures(self, folder: str | Path) -> tuple[Path, ...]:
         """Draw the study into a folder (PNG)."""
@@ -225,4 +236,4 @@ def study(machine: Machine, gear: Gear, *, trajectories: int = 20, seed: int = 1
     of_kind(machine, Machine, "study")
     of_kind(gear, Gear, "study")
     wholes_given("study", trajectories=trajectories, seed=seed)
-    return Study(worked(gear.data, machine.data, r=trajectories, seed=seed))
+    return Study(worked(gear.data, machine.data, r=trajectories, seed=seed), machine.run)

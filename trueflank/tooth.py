@@ -183,6 +183,7 @@ class Machine:
 
     data: ErrorFile
     motions: Mapping[str, ErrorMotion]
+    run: Path | None
 
     def __init__(
         self, errors: Mapping[str, Given] | None = None, *, seed: int | None = None, name: str = "machine", **more: Any
@@ -210,9 +211,10 @@ class Machine:
         object.__setattr__(self, "data", data)
         fitted = {key: one for key, one in (errors or {}).items() if isinstance(one, ErrorMotion)}
         object.__setattr__(self, "motions", fitted)
+        object.__setattr__(self, "run", None)
 
     @classmethod
-    def load(cls, path: str | Path, *, height_mm: float = 0.0) -> Machine:
+    def load(cls, path: str | Path, *, height_mm: float | None = None) -> Machine:
         """From an error file (TOML), a run's folder or its errors.json (of a day too), in um, arcsec, mm and deg.
 
         A run brings fitted motions with their covariance (`motions`), location errors, and the uncertainty of each
@@ -221,9 +223,11 @@ class Machine:
         """
         path_given(path, "Machine.load")
         found, place = object.__new__(cls), Path(path)
-        data = errors_from(place, float(plain_numbers(height_mm, "tf.Machine.load: height_mm")))
+        told = None if height_mm is None else float(plain_numbers(height_mm, "tf.Machine.load: height_mm"))
+        data = errors_from(place, told)
         object.__setattr__(found, "data", data)
         fitted = model_of_run(place).motions if is_run(place) else ()
+        object.__setattr__(found, "run", place if is_run(place) else None)
         object.__setattr__(found, "motions", {one.name: ErrorMotion(one) for one in fitted})
         return found
 

@@ -177,6 +177,13 @@ def study(
             help="Folder for the paper's figures and tables, and the disc as CSV and DXF.", show_default=False
         ),
     ] = None,
+    height: Annotated[
+        float | None,
+        typer.Option(
+            help="Middle of the work's face in the coordinates of Z, mm, for a run; default: as its site file has it.",
+            show_default=False,
+        ),
+    ] = None,
     as_json: JsonOption = False,
 ) -> None:
     """Work out a gear on a machine: each error alone, ranking, cures, before and after."""
@@ -193,6 +200,7 @@ def study(
         as_json=as_json,
         relative=relative,
         paper=paper,
+        height=height,
     )
 
 

@@ -7,6 +7,7 @@ alone; the unmeasured errors are zero, and their assumed span counts in the unce
 
 from __future__ import annotations
 
+import tomllib
 from pathlib import Path
 from typing import Any
 
@@ -23,7 +24,7 @@ from gateway.study.files import ErrorFile, load_errors, validated
 
 FEWEST_POINTS, POINTS_PER_WAVE = 501, 100  # of a broken line that stands for a curve: it misses 0.05 % of a wave
 SAMPLES = 181
-STAGE, RUN_FILE = "errors", "run.json"
+STAGE, RUN_FILE, SITE_FILE = "errors", "run.json", "site.toml"
 
 
 def is_run(path: Path) -> bool:
@@ -31,24 +32,45 @@ def is_run(path: Path) -> bool:
     return path.is_dir() or path.suffix == ".json"
 
 
-def errors_from(path: Path, height_mm: float = 0.0) -> ErrorFile:
+def errors_from(path: Path, height_mm: float | None = None) -> ErrorFile:
     """An error file, or the errors of a run's folder or of its errors.json; um, arcsec, mm, deg.
 
-    ``height_mm`` is where the middle of the work's face stands in the coordinates of Z, for a run alone. Raises
-    ConfigError (E-STUDY-...), StoreError (E-STORE-STAGE: no errors in this run), CorruptRecord.
+    ``height_mm`` is where the middle of the work's face stands in the coordinates of Z, for a run alone; None: as
+    `[work] height_mm` of the site file in the run has it, 0 where there is none. Raises ConfigError (E-STUDY-...),
+    StoreError (E-STORE-STAGE: no errors in this run), CorruptRecord.
     """
     if not is_run(path):
         return load_errors(path)
-    return error_file(model_of_run(path), path.parent.name if path.is_file() else path.name, height_mm)
+    model, height = model_of_run(path), _site_height(path) if height_mm is None else height_mm
+    return error_file(model, path.parent.name if path.is_file() else path.name, height)
+
+
+def run_folder(path: Path) -> RunFolder | None:
+    """The run that a folder is, or that an errors.json lies in; None for any other file."""
+    folder = path if path.is_dir() else path.parent
+    inside = path.is_dir() or path.name == f"{STAGE}.json"
+    return RunFolder(folder) if inside and (folder / RUN_FILE).is_file() else None
+
+
+def _site_height(path: Path) -> float:
+    """Where the site file that a run keeps puts the middle of the face, mm. Raises ConfigError (E-STUDY-TOML)."""
+    folder = run_folder(path)
+    kept = None if folder is None else folder.path / SITE_FILE
+    if kept is None or not kept.is_file():
+        return 0.0
+    try:
+        work = tomllib.loads(kept.read_text(encoding="utf-8")).get("work", {})
+    except ValueError as error:
+        raise ConfigError("E-STUDY-TOML", str(kept), why=str(error)) from error
+    return float(work.get("height_mm", 0.0))
 
 
 def model_of_run(path: Path) -> ErrorModel:
     """What a run knows of its machine's errors; the hash is checked where the run is. Raises as `errors_from`."""
-    folder = path if path.is_dir() else path.parent
     if path.is_dir() and not (path / RUN_FILE).is_file():
         raise ConfigError("E-STUDY-READ", str(path), why=f"no run lies there: {RUN_FILE} is missing")
-    if path.is_dir() or ((folder / RUN_FILE).is_file() and path.name == f"{STAGE}.json"):
-        return RunFolder(folder).get(STAGE, ErrorModel)
+    if (run := run_folder(path)) is not None:
+        return run.get(STAGE, ErrorModel)
     try:
         data = path.read_bytes()
     except OSError as error:

@@ -16,6 +16,7 @@ from gateway.gear.flank import FlankGrid, flank_grid
 from gateway.gear.grinding import Grinding
 from gateway.model.axis import Motion
 from gateway.model.chain import LETTERS, Chain
+from gateway.model.components import SLACK
 from gateway.model.layout import chain_of
 from gateway.model.motion import Fourier, Polynomial, Sum, motion_of
 from gateway.model.preset import LOCATION_NAMES, yk7350b
@@ -38,8 +39,26 @@ def grid_of(file: GearFile, gear: CycloidGear) -> FlankGrid:
 
 
 def grinding_of(gear_file: GearFile, errors: ErrorFile) -> Grinding:
-    """The gear on the machine with all its errors."""
-    return Grinding(machine_of(errors), gear_of(gear_file), gear_file.grinding.centre_distance_mm)
+    """The gear on the machine with all its errors. Raises ModelError, E-STUDY-HEIGHT off the range of the stroke."""
+    grinding = Grinding(machine_of(errors), gear_of(gear_file), gear_file.grinding.centre_distance_mm)
+    _demand_known(grinding, grid_of(gear_file, grinding.gear), errors)
+    return grinding
+
+
+def _demand_known(grinding: Grinding, grid: FlankGrid, errors: ErrorFile) -> None:
+    """Refuse a face that lies where an error of the stroke is not known, which a wrong or missing height does."""
+    ends = grinding.stroke_command(np.array([grid.zs[0], grid.zs[-1]]))
+    for name, value in errors.errors.items():
+        for one in value if isinstance(value, tuple) else (value,):
+            known = one.range if isinstance(one, ErrorFunction) else None
+            if known is None or grinding.chain.error_place(name)[0] != grinding.stroke:
+                continue
+            if min(ends) < known[0] - SLACK or max(ends) > known[1] + SLACK:
+                low, high, first, last = (f"{one:.6g}" for one in (*known, min(ends), max(ends)))
+                axis = grinding.stroke
+                raise ModelError(
+                    "E-STUDY-HEIGHT", name, name=name, axis=axis, low=low, high=high, first=first, last=last
+                )
 
 
 def machine_of(file: ErrorFile) -> Chain:

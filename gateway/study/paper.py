@@ -16,6 +16,7 @@ from drivers.errors import ConfigError
 from drivers.types.values import FloatArray
 from drivers.units import mm_to_um, rad_to_arcsec, rad_to_deg
 from gateway.errors import StoreError
+from gateway.gear.cycloid import CycloidGear
 from gateway.gear.first_order import judged
 from gateway.gear.flank import FlankGrid, flank_grid
 from gateway.gear.grinding import Grinding
@@ -27,6 +28,7 @@ from gateway.sensitivity.outputs import EQUAL_MM, EQUAL_RAD, equal_size
 from gateway.sensitivity.ranks import sigma_intervals
 from gateway.sensitivity.sweep import Screening
 from gateway.study.draw import axes_before_after, flank_maps
+from gateway.study.evidence import Evidence, inspected_chart, part_rows
 from gateway.study.export import (
     PROFILE_COLUMNS,
     WHEEL_COLUMNS,
@@ -38,7 +40,7 @@ from gateway.study.export import (
 )
 from gateway.study.machine import is_angle, travels
 from gateway.study.pictures import write_relative
-from gateway.study.plots.axes import MotionCurve, motion_panels
+from gateway.study.plots.axes import MotionCurve, measured_pairs, measured_panels, motion_panels
 from gateway.study.plots.laboratory import Chart, Traces, laboratory_page, rooms_um
 from gateway.study.plots.screening import screening_bars
 from gateway.study.plots.sheet import Paint, written
@@ -49,6 +51,7 @@ from gateway.study.work import State, Study
 
 POINTS, HEIGHTS, SAMPLES = 23, 9, 181
 PROFILE, WIDTH = 41, 21
+TABLE_2 = ("value", "before", "after", "unit")
 ASKED = (0.0, 0.25, 0.5, 0.75)  # of the turn: four spaces are traced
 Case = tuple[str, FloatArray]
 
@@ -132,10 +135,15 @@ def motion_curves(study: Study, known: Mapping[str, float]) -> list[MotionCurve]
     return found
 
 
+def traced(gear: CycloidGear) -> tuple[int, ...]:
+    """The spaces whose traces are drawn: four, a quarter of a turn apart."""
+    return tuple(sorted({round(share * gear.zc) % gear.zc for share in ASKED}))
+
+
 def chart_of(study: Study, grinding: Grinding, state: State, title: str) -> Chart:
     """Figures 11 and 12: traces of four spaces on both flanks, and pitch and runout of all, of one state."""
     gear = grinding.gear
-    spaces = tuple(sorted({round(share * gear.zc) % gear.zc for share in ASKED}))
+    spaces = traced(gear)
     grid = flank_grid(gear, profile=PROFILE, width=WIDTH, fraction=study.gear.flank.fraction, spaces=spaces)
     e = np.broadcast_to(judged(grinding, grid.k, grid.theta, grid.z).second, grid.shape)
     e = e - state.figure.rotation * grid.section.h
@@ -183,8 +191,71 @@ def result_rows(study: Study) -> list[tuple[str, str, str, str]]:
     return [(name, f"{before[name]:.3f}", f"{after[name]:.3f}", "um") for name in before]
 
 
-def sheets(study: Study) -> tuple[Sheet, ...]:
-    """Every picture of the paper that one gear on one machine makes, but the machine's frames."""
+def pages_of(study: Study, evidence: Evidence | None) -> tuple[tuple[Chart, str], ...]:
+    """Figures 11 and 12, each with its caption: the run's inspected parts, calculated where none was inspected."""
+    gear, found = study.grinding.gear, []
+    ours = evidence is not None and evidence.is_of(gear)
+    parts = evidence.parts if evidence is not None and ours else {}
+    spaces = traced(gear)
+    for name, machine, state in (
+        ("before", study.grinding, study.before),
+        ("after", study.correction.machine, study.after),
+    ):
+        title, part = f"{name.capitalize()} the correction", parts.get(name)
+        if part is not None:
+            chart, said = inspected_chart(gear, part, spaces, f"{title}, measured"), "as the part was inspected."
+        else:
+            chart, said = chart_of(study, machine, state, f"{title}, calculated"), "calculated from the errors."
+            if evidence is not None and evidence.parts and not ours:
+                said += " The parts of the run are of another gear."
+        found.append((chart, said))
+    return tuple(found)
+
+
+def _readings(study: Study, evidence: Evidence | None) -> list[Sheet]:
+    """Figures 7 and 8 as the run measured them; figure 8 calculated where no axis was measured again."""
+    found = []
+    if evidence is not None and evidence.readings:
+        name, read = evidence.run, [one.drawn() for one in evidence.readings]
+        note = f"{name}; points: readings, line: mean of a direction, band: 2 s where a target was read 3 times or more"
+        rows = -(-len(read) // 3)
+        found.append(
+            Sheet(
+                "figure-7-measured",
+                (11.0, 1.2 + 2.0 * rows),
+                lambda f: measured_panels(f, read, "measured before the correction", note),
+                "Figure 7, measured: the readings of the run, before anything was written.",
+            )
+        )
+        if evidence.proved:
+            pairs = [one.drawn() for one in evidence.proved]
+            found.append(
+                Sheet(
+                    "figure-8-measured",
+                    (11.0, 1.2 + 2.2 * len(pairs)),
+                    lambda f: measured_pairs(f, pairs, "measured before and after the correction", note),
+                    "Figure 8, measured: the same axes with their own tables acting, before the cross tables.",
+                )
+            )
+    again = bool(evidence and evidence.proved)
+    found.append(
+        Sheet(
+            "figure-8-axes-after",
+            (11.0, 4.0),
+            lambda f: axes_before_after(f, study.correction.axes),
+            f"{'What the study calculates beside it' if again else 'Figure 8, calculated'}: each axis' own deviation "
+            "before and after. With cross tables an axis is spoilt on purpose where the tooth needs it; the paper "
+            "corrects axes alone.",
+        )
+    )
+    return found
+
+
+def sheets(study: Study, evidence: Evidence | None = None) -> tuple[Sheet, ...]:
+    """Every picture of the paper that one gear on one machine makes, but the machine's frames.
+
+    ``evidence``: what the run that the errors come from measured; it is drawn where there is some.
+    """
     grinding, gear = study.grinding, study.grinding.gear
     near = FlankGrid(gear, np.zeros(1), space_angles(gear, 2 * POINTS - 1), np.linspace(-0.5, 0.5, HEIGHTS) * gear.b)
     section, shape = near.section, near.shape[1:]
@@ -205,11 +276,8 @@ def sheets(study: Study) -> tuple[Sheet, ...]:
     clean = replace(grinding, chain=grinding.chain.without_errors())
     at = (np.zeros((1, 1)), np.linspace(-0.5, 0.5, 11)[:, None] * gear.b, space_angles(gear, 101))
     lines = [np.broadcast_to(contact_line(one, *at).points, (11, 101, 3)) for one in (clean, grinding)]
-    pages = (
-        chart_of(study, grinding, study.before, "Before the correction"),
-        chart_of(study, study.correction.machine, study.after, "After the correction"),
-    )
-    rooms = rooms_um(pages)
+    (first, first_said), (last, last_said) = pages_of(study, evidence)
+    rooms = rooms_um((first, last))
     output = "RMS normal deviation"
     states = (("before", study.before.deviation), ("after", study.after.deviation))
     return (
@@ -245,48 +313,49 @@ def sheets(study: Study) -> tuple[Sheet, ...]:
                 f, motion_curves(study, known), f"error motions of {study.errors.name}",
                 "band: U (k = 2) as the error file states it" if known else "the error file states no uncertainty",
             ),
-            "Figure 7 from the error file or run; readings themselves are drawn by `tf.Measured.plot()`.",
+            "Figure 7 as fitted: the error motions that the study takes, from the error file or run.",
         ),
-        Sheet(
-            "figure-8-axes-after", (11.0, 4.0), lambda f: axes_before_after(f, study.correction.axes),
-            "Figure 8, calculated: each axis' own deviation before and after. With cross tables an axis is spoilt on "
-            "purpose where the tooth needs it; the paper corrects axes alone.",
-        ),
+        *_readings(study, evidence),
         Sheet(
             "flank-before-after", (11.0, 4.4), lambda f: flank_maps(f, study, states),
             "All flanks unrolled, before and after, one scale.",
         ),
         Sheet(
-            "figure-11-before", (9.0, 11.0), lambda f: laboratory_page(f, pages[0], rooms),
-            "Figure 11: the chart of a gear laboratory before the correction, calculated.",
+            "figure-11-before", (9.0, 11.0), lambda f: laboratory_page(f, first, rooms),
+            f"Figure 11: the chart of a gear laboratory before the correction, {first_said}",
         ),
         Sheet(
-            "figure-12-after", (9.0, 11.0), lambda f: laboratory_page(f, pages[1], rooms),
-            "Figure 12: the same after it; traces on the same scale, bars on their own.",
+            "figure-12-after", (9.0, 11.0), lambda f: laboratory_page(f, last, rooms),
+            f"Figure 12: the same after it, {last_said} Traces are on the scale of figure 11, bars on their own.",
         ),
     )  # fmt: skip
 
 
-def write_paper(study: Study, folder: Path) -> tuple[Path, ...]:
+def write_paper(study: Study, folder: Path, evidence: Evidence | None = None) -> tuple[Path, ...]:
     """Everything into a folder (made if missing): pictures, tables, the disc's files, a page that says what is what.
 
+    ``evidence`` is what the run of the errors measured: figures 7, 8, 11, 12 draw it, and table 2 gets its inspected
+    twin; None: they are calculated.
     Raises StoreError E-STUDY-WRITE.
     """
     sweep = relative_sweep(study.grinding)
     frames, curves = write_relative(study.grinding, sweep, folder)
     gear, rows = study.grinding.gear, screening_rows(study)
     files = [frames, curves]
-    found = sheets(study)
+    found = sheets(study, evidence)
     files += [written(folder / f"{one.name}.png", one.size, one.paint) for one in found]
     columns = ("error", "space_0", "least", "greatest", "rms", "first_order_misses", "unit")
     files += [
         write_rows(folder / "table-1.csv", ("parameter", "symbol", "value", "unit"), gear_rows(study)),
-        write_rows(folder / "table-2.csv", ("value", "before", "after", "unit"), result_rows(study)),
+        write_rows(folder / "table-2.csv", TABLE_2, result_rows(study)),
         write_rows(folder / "figure-5.csv", tuple(rows[0]), [tuple(one.values()) for one in rows]),
         write_rows(folder / "relative-errors.csv", columns, relative_rows(sweep)),
         write_rows(folder / "gear.csv", PROFILE_COLUMNS, profile_rows(gear, range(gear.zc), 201)),
         write_rows(folder / "wheel.csv", WHEEL_COLUMNS, wheel_rows(gear, study.grinding.E, 201)),
     ]
+    inspected = [] if evidence is None or not evidence.is_of(gear) else part_rows(evidence)
+    if inspected:
+        files.append(write_rows(folder / "table-2-inspected.csv", TABLE_2, inspected))
     said = ""
     try:
         files.append(write_dxf(folder / "gear.dxf", gear))
@@ -294,23 +363,26 @@ def write_paper(study: Study, folder: Path) -> tuple[Path, ...]:
         said = f"\nNo DXF: {error}\n"
     page = folder / "paper.md"
     try:
-        page.write_text(_page(study, found) + said, encoding="utf-8")
+        page.write_text(_page(study, found, inspected) + said, encoding="utf-8")
     except OSError as error:
         raise StoreError("E-STUDY-WRITE", str(page), why=error.strerror or str(error)) from error
     return (page, *files)
 
 
-def _page(study: Study, found: tuple[Sheet, ...]) -> str:
+def _page(study: Study, found: tuple[Sheet, ...], inspected: list[tuple[str, str, str, str]]) -> str:
     parts = [
         f"# {study.gear.name} on {study.errors.name}\n",
-        "Calculated, with the paper's numbers of figures. Units: mm, deg, µm, arcsec; + is surplus material.\n",
+        'Figures numbered as in the paper; calculated where "measured" is not said. Units: mm, deg, µm, arcsec; '
+        "+ is surplus material.\n",
         _table("Table 1", ("parameter", "symbol", "value", "unit"), gear_rows(study)),
         "## Figures 1 and 2\n\n![frames](frames.png)\n\nThe bodies and their frames. Y and the dressing spindle are in "
         "no chain: they act on the wheel's profile alone.\n",
         "## Section 3.3\n\n![relative errors](relative-errors.png)\n\nThe six relative errors of wheel to work.\n",
     ]
     parts += [f"## {one.name}\n\n![{one.name}]({one.name}.png)\n\n{one.said}\n" for one in found]
-    parts.append(_table("Table 2", ("value", "before", "after", "unit"), result_rows(study)))
+    parts.append(_table("Table 2, calculated", TABLE_2, result_rows(study)))
+    if inspected:
+        parts.append(_table("Table 2, as the parts of the run were inspected", TABLE_2, inspected))
     parts.append("The values of the paper's own tables are not in its text, so they are not compared.\n")
     return "\n".join(parts)
 

@@ -21,6 +21,7 @@ def study_command(
     as_json: bool,
     relative: bool = False,
     paper: Path | None = None,
+    height: float | None = None,
 ) -> None:
     """Work out a study and show it; pictures into ``plots``, the paper's figures and tables into ``paper``."""
     from gateway.study import tell
@@ -30,9 +31,9 @@ def study_command(
     from gateway.study.workers import workers as open_workers
 
     if relative:
-        show_relative(gear, errors, plots or Path(), as_json=as_json)
+        show_relative(gear, errors, plots or Path(), height, as_json=as_json)
         return
-    gear_file, error_file, chosen = load_gear(gear), errors_from(errors), the_order(order)
+    gear_file, error_file, chosen = load_gear(gear), errors_from(errors, height), the_order(order)
     # A first-order sweep is over before a process has started.
     count = 1 if chosen == "first" and workers is None else workers
     with open_workers(scheduler, count) as executor:
@@ -43,9 +44,10 @@ def study_command(
 
         written = tuple(str(path) for path in write_pictures(found, plots))
     if paper is not None:
+        from gateway.study.evidence import evidence_of
         from gateway.study.paper import write_paper
 
-        written += tuple(str(path) for path in write_paper(found, paper))
+        written += tuple(str(path) for path in write_paper(found, paper, evidence_of(errors)))
     if as_json:
         show_json({**tell.as_data(found), "pictures": list(written)})
         return
@@ -71,7 +73,7 @@ def study_command(
         echo(f"written: {path}" if Path(path).suffix != ".png" else f"picture: {path}")
 
 
-def show_relative(gear: Path, errors: Path, folder: Path, *, as_json: bool) -> None:
+def show_relative(gear: Path, errors: Path, folder: Path, height: float | None = None, *, as_json: bool) -> None:
     """Show the six relative errors of wheel to work where the gear is ground, and draw them into a folder."""
     from gateway.study.files import load_gear
     from gateway.study.fromrun import errors_from
@@ -79,7 +81,7 @@ def show_relative(gear: Path, errors: Path, folder: Path, *, as_json: bool) -> N
     from gateway.study.pictures import write_relative
     from gateway.study.relative import relative_data, relative_rows, relative_sweep
 
-    gear_file, error_file = load_gear(gear), errors_from(errors)
+    gear_file, error_file = load_gear(gear), errors_from(errors, height)
     grinding = grinding_of(gear_file, error_file)
     sweep = relative_sweep(grinding)
     written = [str(path) for path in write_relative(grinding, sweep, folder)]

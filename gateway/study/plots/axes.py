@@ -15,6 +15,7 @@ from gateway.study.draw import FAINT, INK, MIDDLE, NEW, OLD, QUIET, RULE
 
 SIGN = {"um": "µm", "arcsec": "arcsec"}
 COLOURS = (NEW, "#4b7f52", "#a8453a")
+SCATTERED = 3  # readings of a target in one direction: fewer show no scatter
 
 
 @dataclass(frozen=True)
@@ -51,7 +52,7 @@ def motion_panels(figure: Figure, curves: Sequence[MotionCurve], title: str, not
 
 
 def readings_panel(panel: Axes, targets: FloatArray, deviations: FloatArray, label: str, *, new: bool = False) -> None:
-    """Readings (m, n, 2) as points and the mean of each direction as a line: forward solid, reverse dashed."""
+    """Readings (m, n, 2) as points, a direction's mean as a line, 2 s as a band: forward solid, reverse dashed."""
     colours = (NEW, MIDDLE) if new else (QUIET, OLD)
     for way, (line, mark, name) in enumerate((("-", ">", "forward"), ("--", "<", "reverse"))):
         one = deviations[:, :, way]
@@ -61,6 +62,9 @@ def readings_panel(panel: Axes, targets: FloatArray, deviations: FloatArray, lab
         at = np.broadcast_to(targets[:, None], one.shape)
         panel.plot(at.ravel(), one.ravel(), mark, color=colours[way], ms=2.2, alpha=0.6, mew=0)
         mean = np.nanmean(one[there], axis=1)
+        if np.isfinite(one[there]).sum(axis=1).min() >= SCATTERED:
+            s = 2.0 * np.nanstd(one[there], axis=1, ddof=1)
+            panel.fill_between(targets[there], mean - s, mean + s, color=colours[way], alpha=0.15, lw=0)
         panel.plot(targets[there], mean, line, color=colours[way], lw=1.2, label=f"{label}{name}")
 
 
@@ -83,6 +87,65 @@ def readings_sheet(
     panel.set_ylabel(label[1])
     panel.legend(loc="lower right", ncols=4, frameon=False, fontsize=7.5, bbox_to_anchor=(1.0, 1.0))
     figure.text(0.085, 0.95, title, fontsize=10, color=INK, va="top")
+
+
+@dataclass(frozen=True)
+class Measurement:
+    """Readings of one error motion: targets (m,) in mm or deg, deviations (m, n, 2), and those after its correction."""
+
+    title: str
+    axis: str
+    axis_unit: str
+    unit: str
+    before: tuple[FloatArray, FloatArray]
+    after: tuple[FloatArray, FloatArray] | None = None
+
+
+def measured_panels(figure: Figure, found: Sequence[Measurement], title: str, note: str) -> None:
+    """What was read of every error motion before anything was corrected, a panel each, on scales of their own."""
+    columns = 3
+    rows = -(-len(found) // columns) or 1
+    panels = figure.subplots(rows, columns, squeeze=False)
+    tall = float(figure.get_figheight())
+    figure.subplots_adjust(left=0.06, right=0.985, top=1.0 - 0.95 / tall, bottom=0.45 / tall, hspace=0.75, wspace=0.24)
+    _headed(figure, title, note, 0.06)
+    for panel in panels.flat[len(found) :]:
+        panel.set_visible(False)
+    for panel, one in zip(panels.flat, found, strict=False):
+        _calm(panel)
+        readings_panel(panel, *one.before, label="", new=True)
+        panel.set_title(one.title, loc="left", fontsize=8.5, color=INK)
+        panel.set_xlabel(f"{one.axis}  {one.axis_unit}", labelpad=1)
+        panel.set_ylabel(SIGN[one.unit], labelpad=1)
+    handles, names = panels[0][0].get_legend_handles_labels()
+    figure.legend(handles, names, loc="upper right", ncols=2, frameon=False, fontsize=7.5)
+
+
+def measured_pairs(figure: Figure, found: Sequence[Measurement], title: str, note: str) -> None:
+    """A row an axis: readings before and after on one scale, and those after alone on a scale where they are seen."""
+    panels = figure.subplots(len(found), 2, squeeze=False)
+    tall = float(figure.get_figheight())
+    figure.subplots_adjust(left=0.06, right=0.985, top=1.0 - 1.05 / tall, bottom=0.45 / tall, hspace=0.62, wspace=0.14)
+    _headed(figure, title, note, 0.06)
+    for row, one in zip(panels, found, strict=True):
+        for panel, head in zip(row, ("before and after", "after alone, its own scale"), strict=True):
+            _calm(panel)
+            panel.set_title(f"{one.title}, {head}", loc="left", fontsize=8.5, color=INK)
+            panel.set_xlabel(f"{one.axis}  {one.axis_unit}", labelpad=1)
+            panel.set_ylabel(SIGN[one.unit], labelpad=1)
+        readings_panel(row[0], *one.before, label="before, ")
+        if one.after is not None:
+            for panel in row:
+                readings_panel(panel, *one.after, label="after, ", new=True)
+    handles, names = panels[0][0].get_legend_handles_labels()
+    figure.legend(handles, names, loc="upper right", ncols=4, frameon=False, fontsize=7.5)
+
+
+def _headed(figure: Figure, title: str, note: str, left: float) -> None:
+    """Title and note at the head, a fixed way below the top edge whatever the height."""
+    tall = float(figure.get_figheight())
+    figure.text(left, 1.0 - 0.28 / tall, title, fontsize=10, color=INK)
+    figure.text(left, 1.0 - 0.50 / tall, note, fontsize=8, color=QUIET)
 
 
 def curve_sheet(figure: Figure, curve: MotionCurve) -> None:

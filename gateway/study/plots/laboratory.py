@@ -80,8 +80,9 @@ def laboratory_page(figure: Figure, page: Chart, rooms: tuple[float, float]) -> 
             F = mm_to_um(pitch.F - np.mean(pitch.F))
             other = page.chart.pitch[1]
             panel = figure.add_subplot(rows[3, 0])
-            _bars(panel, F, "index F_k  µm", "cumulative pitch: bars left, line right flank")
-            panel.plot(mm_to_um(other.F - np.mean(other.F)), color=INK, lw=0.9)
+            line = mm_to_um(other.F - np.mean(other.F))
+            _bars(panel, F, "index F_k  µm", "cumulative pitch: bars left, line right flank", beside=line)
+            panel.plot(line, color=INK, lw=0.9)
     runout = page.chart.runout
     text = f"runout: F_r {_um(runout.F_r)} µm, eccentricity {_um(runout.eccentricity)} µm"
     panel = figure.add_subplot(rows[3, 1])
@@ -117,10 +118,12 @@ def _traces(panel: Axes, traces: Traces, names: tuple[str, str, str], room: floa
     panel.tick_params(length=2.5, width=0.6, labelsize=7)
 
 
-def _bars(panel: Axes, values: FloatArray, label: str, title: str) -> None:
+def _bars(panel: Axes, values: FloatArray, label: str, title: str, beside: FloatArray | None = None) -> None:
+    """Bars about zero on a scale that holds them, and what is drawn ``beside`` them."""
     panel.bar(np.arange(values.size), values, 0.72, color=OLD)
     panel.axhline(0.0, color=RULE, lw=0.8)
-    reach = 1.1 * float(np.max(np.abs(values), initial=0.0)) or 1.0
+    held = values if beside is None else np.concatenate([values, beside])
+    reach = 1.1 * float(np.max(np.abs(held), initial=0.0)) or 1.0
     panel.set_ylim(-reach, reach)
     panel.set_xlim(-0.6, values.size - 0.4)
     panel.set_ylabel(label)
