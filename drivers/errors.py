@@ -6,6 +6,7 @@ import functools
 import os
 import re
 import tomllib
+from collections.abc import Mapping
 from typing import ClassVar
 
 from drivers.terms import filled, shown
@@ -19,7 +20,7 @@ def catalogue(language: str = "en") -> dict[str, dict[str, str]]:
     """Return the message catalogue: code -> {"what", "do"}, the rooms' own files read as one."""
     merged: dict[str, dict[str, str]] = {}
     for text in _files(language):
-        merged.update(tomllib.loads(text))
+        merged.update({code: _with_advice(entry) for code, entry in tomllib.loads(text).items()})
     return merged
 
 
@@ -51,7 +52,12 @@ def _blocks(language: str) -> dict[str, str]:
 
 @functools.cache
 def _entry(block: str) -> dict[str, str]:
-    return tomllib.loads(block)
+    return _with_advice(tomllib.loads(block))
+
+
+def _with_advice(entry: Mapping[str, str]) -> dict[str, str]:
+    """An entry with its "do": empty where nothing need be done, which the files leave out."""
+    return {"what": entry["what"], "do": "", **entry}
 
 
 @functools.cache

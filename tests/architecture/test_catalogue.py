@@ -62,6 +62,19 @@ def test_a_text_read_alone_is_the_text_of_the_whole_catalogue() -> None:
     assert text_of("E-NOBODY-SAYS-THIS") is None
 
 
+def test_the_files_of_all_languages_hold_the_same_codes() -> None:
+    """A translator finds each text in the file of the same name; empty advice is left out."""
+    folder = ROOT / "drivers" / "messages"
+    for english in sorted((folder / "en").glob("*.toml")):
+        codes = list(tomllib.loads(english.read_text(encoding="utf-8")))
+        for language in ("de", "zh"):
+            text = (folder / language / english.name).read_text(encoding="utf-8")
+            assert list(tomllib.loads(text)) == codes, f"{language}/{english.name}"
+            assert 'do = ""' not in text
+    names = {one.name for one in (folder / "en").glob("*.toml")}
+    assert all({one.name for one in (folder / language).glob("*.toml")} == names for language in ("de", "zh"))
+
+
 def test_every_text_is_used_and_says_what_to_do() -> None:
     quoted = re.compile(r'"([A-Z]-[A-Z0-9-]+)"')
     used = {

@@ -25,7 +25,7 @@ from gateway.reducer.uncertainty import essentials
 from gateway.study.files import ErrorFile, GearFile, validated
 from gateway.study.machine import grid_of, grinding_of, plan_of
 from gateway.tooth import FlankMap
-from tests.sizes import few
+from tests.sizes import few, soak
 
 SMALL = {"rp": 36.0, "rrp": 2.5, "a": 1.5, "zp": 12, "zc": 11, "b": 10.0, "drrp": 0.006}
 LARGE = {"rp": 64.0, "rrp": 3.0, "a": 1.3, "zp": 40, "zc": 39, "b": 10.0}
@@ -58,7 +58,10 @@ def _error(goal: DriveGoal, machine: Grinding, grid: FlankGrid) -> float:
     return essentials(without_limit(goal.drive), parts, steps=24).error_arcsec
 
 
-MACHINES = few([(1, SMALL), *((seed, LARGE) for seed in range(1, 21))])
+MACHINES = [
+    *few([(1, SMALL), *((seed, LARGE) for seed in range(1, 7))]),
+    *(soak((seed, LARGE)) for seed in range(7, 21)),
+]
 
 
 @pytest.mark.parametrize(("seed", "gear"), MACHINES)
