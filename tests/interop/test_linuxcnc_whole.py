@@ -20,7 +20,7 @@ QUICK = {
     r"feed_mm = 500\.0": "feed_mm = 4800.0",
     r"feed_deg = 360\.0": "feed_deg = 6000.0",
     # On a computer that has much else to do a fit may hold the stream up for longer than an instrument would.
-    r'(?m)^driver = "(umd|bridge)".*$': r'driver = "\1"\nsettings = { stale_s = 60.0 }',
+    r"(?m)^settings = \{ (?=max_)": "settings = { stale_s = 60.0, ",
     r"(?m)^store = .*$": 'store = "runs"\napprovals = 1',
     r'(?m)^token_file = "token.txt"': 'token_file = "token.txt"\npoll_s = 0.02',
 }
