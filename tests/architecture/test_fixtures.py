@@ -142,10 +142,6 @@ WHOLLY_LONG = {
         "test_a_table_of_the_builder_is_merged_replaced_and_rolled_back_point_by_point",
     ): "test_the_old_table_can_be_put_back_from_its_back_up",
     (
-        "test_reducer_against_bench.py",
-        "test_predicted_by_tolerance_the_benchs_figures_lie_as_far_off_as_u_says",
-    ): "test_model_and_bench_agree_on_the_same_parts",
-    (
         "test_reversal_opcua.py",
         "test_a_reversal_acts_as_documented_and_is_taken_back",
     ): "test_the_factor_of_the_control_is_no_part_of_the_reversal",
