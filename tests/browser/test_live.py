@@ -11,7 +11,7 @@ from playwright.sync_api import Browser, BrowserContext, Page, ViewportSize
 
 from gateway.daemon.looking import EVERY_S
 from tests.browser.hall import hall
-from tests.browser.person import CHROMIUM, PATIENCE_MS, PICTURES, SMALL, Person, chromium, opened
+from tests.browser.person import CHROMIUM, PATIENCE_MS, PICTURES, SECRET, SMALL, Person, chromium, opened
 from tests.browser.test_day import site
 
 pytestmark = [
@@ -48,6 +48,23 @@ ANEW = "() => { window.seen = { told: {}, heard: {}, shown: {}, behind: [], lost
 BARE = "url => { new EventSource(url).addEventListener('reading', () => {}); }"
 
 
+MADE = """async ([name, password]) => {
+  const me = await (await fetch('/api/v1/me')).json();
+  const headers = { 'content-type': 'application/json', 'x-csrf-token': me.csrf };
+  const body = JSON.stringify({ roles: ['viewer'], password });
+  return (await fetch(`/api/v1/users/${name}`, { method: 'PUT', headers, body })).status;
+}"""
+
+
+def _colleague(browser: Browser, anna: Person, name: str) -> Person:
+    """Another person who looks on: one person's windows are limited."""
+    assert anna.page.evaluate(MADE, [name, SECRET]) == 200
+    found = Person(opened(browser, anna.at), anna.at, name)
+    found.sign_in()
+    found.page.locator("#machine").wait_for()
+    return found
+
+
 def _signed_in(browser: Browser, anna: Person) -> BrowserContext:
     """A browser of its own with the session of somebody who has signed in."""
     viewport: ViewportSize = {"width": SMALL[0], "height": SMALL[1]}
@@ -78,7 +95,8 @@ def test_a_reading_is_on_eight_screens_soon_and_no_page_is_left_behind(tmp_path:
         anna = Person(opened(browser, at), at, "anna")
         anna.first()
         anna.go("capture")
-        pages = [_watching(browser, anna) for _page in range(PAGES)]
+        colleagues = [_colleague(browser, anna, name) for name in ("bert", "carl", "dora")]
+        pages = [_watching(browser, colleagues[page % len(colleagues)]) for page in range(PAGES)]
         every = [*pages, _bare(browser, anna)]
         job = anna.give("#measure-axes")
         anna.page.locator(".dots", has_text="●").first.wait_for()
