@@ -260,7 +260,8 @@ def test_a_day_refuses_a_file_of_another_machine_and_year_and_prints_what_was_ac
         ("x", "X", "Machine;YK7350B\nDate;20.11.2026"),
         ("z", "Z", "Machine;Mill 7\nDate;May 3, 2019"),
     ):
-        table = TABLE.replace("\n9", "\n300") if axis == "Z" else TABLE.replace("\n9", "\n-300")
+        low, high = ("0", "300") if axis == "Z" else ("-300", "0")
+        table = TABLE.replace("\n0", f"\n{low}#").replace("\n9", f"\n{high}").replace("#", "")
         (folder / f"{name}.csv").write_text(
             f"{head}\nAxis;{axis}\nTitle;E{axis}{axis}\nBy;Li Na\nFeed;3000 mm/min\n{table}"
         )
