@@ -32,7 +32,10 @@ from tests.sizes import soak
         ("EXX", "X1", bump(-130.0, 15.0, -8.0), 3.5),
         # The table's step holds nothing of 8 mm: its 6 um stay, and the scatter of the outermost means.
         soak(("EXX", "X1", period(8.0, 3.0), 7.5)),
-        ("ECC", "C1", wave(36, 3.0), 4.0),
+        pytest.param(
+            *("ECC", "C1", wave(36, 3.0), 4.0),
+            marks=pytest.mark.xfail(reason="found in part: of 28 arcsec 10 stay, and are told as 14 +- 6", strict=True),
+        ),
     ],
 )
 def test_a_run_measures_more_where_its_axis_hides_something(
