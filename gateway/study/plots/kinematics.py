@@ -55,7 +55,7 @@ def relative_curves(
             panel.set_ylabel(f"{NAMES[name]}  {'arcsec' if name in ANGLES else 'µm'}", labelpad=1)
             for number, (x, y) in enumerate(_lines(at, values[name], many=many)):
                 text = lines[number] if many else None
-                panel.plot(x, y, color=shades[number % 3], lw=1.1, label=text)
+                panel.plot(x, y, color=shades[number % len(shades)], lw=1.1, label=text)
     for panel in panels[1]:
         panel.set_xlabel(label)
     figure.text(0.075, 0.94, f"relative errors of wheel to work, told in the {frame}", fontsize=10, color=INK)

@@ -170,3 +170,10 @@ def test_another_program_reads_the_disc(tmp_path: Path) -> None:
 def test_what_cannot_be_is_said(wrong) -> None:
     with pytest.raises(tf.TrueflankError, match=r"E-LIBRARY-KIND"):
         wrong()
+
+
+def test_relative_errors_over_two_axes_are_drawn_as_a_line_each() -> None:
+    at = {"X": -160.0, "Z": np.linspace(-5.0, 5.0, 5)[:, None], "C": np.linspace(0.0, 360.0, 13)}
+    figure = tf.Machine().relative(**at).plot()
+    turns = [[line for line in panel.lines if len(line.get_xdata()) == 13] for panel in figure.axes]
+    assert [len(lines) for lines in turns] == [5] * 6
