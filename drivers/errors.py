@@ -2,83 +2,13 @@
 
 from __future__ import annotations
 
-import functools
-import os
 import re
-import tomllib
-from collections.abc import Mapping
 from typing import ClassVar
 
-from drivers.terms import filled, shown
+from drivers.catalogue import catalogue, explained, text_of
+from drivers.message import Form, Message, render, words
 
-_MESSAGES = os.path.join(os.path.dirname(__file__), "messages")
-_HEADING = re.compile(r"^\[([A-Z0-9-]+)\][ \t]*\n", re.MULTILINE)
-
-
-@functools.cache
-def catalogue(language: str = "en") -> dict[str, dict[str, str]]:
-    """Return the message catalogue: code -> {"what", "do"}, the rooms' own files read as one."""
-    merged: dict[str, dict[str, str]] = {}
-    for text in _files(language):
-        merged.update({code: _with_advice(entry) for code, entry in tomllib.loads(text).items()})
-    return merged
-
-
-def text_of(code: str, language: str = "en") -> dict[str, str] | None:
-    """One entry of the catalogue, read alone: a command says ten of two thousand texts. None for an unknown code."""
-    block = _blocks(language).get(code)
-    return None if block is None else dict(_entry(block))
-
-
-def _files(language: str) -> list[str]:
-    folder = os.path.join(_MESSAGES, language)
-    return [_read(os.path.join(folder, name)) for name in sorted(os.listdir(folder)) if name.endswith(".toml")]
-
-
-def _read(path: str) -> str:
-    with open(path, encoding="utf-8") as file:
-        return file.read()
-
-
-@functools.cache
-def _blocks(language: str) -> dict[str, str]:
-    """What stands below each heading, not yet read as TOML; a text never begins a line with a bare heading."""
-    found: dict[str, str] = {}
-    for text in _files(language):
-        _, *parts = _HEADING.split(text)
-        found.update(zip(parts[::2], parts[1::2], strict=True))
-    return found
-
-
-@functools.cache
-def _entry(block: str) -> dict[str, str]:
-    return _with_advice(tomllib.loads(block))
-
-
-def _with_advice(entry: Mapping[str, str]) -> dict[str, str]:
-    """An entry with its "do": empty where nothing need be done, which the files leave out."""
-    return {"what": entry["what"], "do": "", **entry}
-
-
-@functools.cache
-def _explanations(language: str) -> dict[str, dict[str, str]]:
-    return tomllib.loads(_read(os.path.join(_MESSAGES, "explained", f"{language}.toml")))
-
-
-def explained(code: str, language: str = "en") -> dict[str, str]:
-    """How a code comes about and how to get out of it, {"how", "out"}; {} for most codes, whose text says enough."""
-    return dict(_explanations(language).get(code, {}))
-
-
-def words(code: str, part: str = "what", /, **fields: object) -> str:
-    """A catalogue text that is no error: progress, findings, verdicts; units as people write them.
-
-    Unknown codes show their fields.
-    """
-    entry = text_of(code)
-    if entry is None:
-        return f"{code} {fields}"
-    return shown(entry.get(part, "").format_map(_Fields(fields)))
+__all__ = ["catalogue", "explained", "render", "text_of", "words"]
 
 
 class TrueflankError(Exception):
@@ -98,17 +28,19 @@ class TrueflankError(Exception):
         self.retryable = retryable
 
     @property
+    def message(self) -> Message:
+        """The error as a message: what a record, an event or another error contains of it."""
+        return Message(self.code, self.fields, Form.ERROR, self.where)
+
+    @property
     def what(self) -> str:
         """What happened and which limit it broke, in words."""
-        return self._render("what")
+        return words(self.code, **self.fields)
 
     @property
     def hint(self) -> str:
         """What to do about it, in words."""
-        return self._render("do")
-
-    def _render(self, part: str) -> str:
-        return words(self.code, part, **self.fields) if part == "what" or text_of(self.code) is not None else ""
+        return words(self.code, "do", **self.fields) if text_of(self.code) is not None else ""
 
     def __str__(self) -> str:
         place = f" [{self.where}]" if self.where else ""
@@ -121,8 +53,15 @@ class TrueflankError(Exception):
 
     def as_record(self) -> dict[str, object]:
         """The error as data, for logs, run folders and ``--json``."""
-        fields = {key: str(value) for key, value in self.fields.items()}
+        fields = {key: _recorded(value) for key, value in self.fields.items()}
         return {"code": self.code, "where": self.where, "fields": fields, "what": self.what, "do": self.hint}
+
+
+def _recorded(value: object) -> object:
+    if isinstance(value, (tuple, list)) and any(isinstance(one, (TrueflankError, Message)) for one in value):
+        return [_recorded(one) for one in value]
+    said = value.message if isinstance(value, TrueflankError) else value
+    return said.as_data() if isinstance(said, Message) else str(value)
 
 
 def _again(kind: type[TrueflankError], args: tuple[object, ...]) -> TrueflankError:
@@ -138,19 +77,6 @@ def _plain(why: object) -> object:
     """An operating system's reason without its number and the path behind it: the place is said already."""
     found = _NUMBERED.match(why) if isinstance(why, str) else None
     return found[1] if found else why
-
-
-class _Fields(dict[str, object]):
-    def __missing__(self, key: str) -> object:
-        return filled(key) or _Absent(key)
-
-
-class _Absent:
-    def __init__(self, key: str) -> None:
-        self._key = key
-
-    def __format__(self, _spec: str) -> str:
-        return f"<{self._key}>"
 
 
 class ConfigError(TrueflankError):

@@ -15,6 +15,7 @@ from typing import Any, Literal
 TableKind = Literal["axis", "cross", "reversal"]
 PREFIX = "term_"
 _SYMBOLS = {"um": "µm", "degC": "°C"}
+_GERMAN_UM = re.compile(r"(?<=[\d)}>] )um(?![\w\-=\"`])")
 _UNIT = re.compile(r"`[^`]*`|(?<![\w\-./\\'\"`=])(um|degC)(?![\w\-='\"`\\]|\.\w)")
 
 
@@ -106,11 +107,14 @@ def spoken() -> Terms:
     return _SPOKEN[0]
 
 
-def shown(text: str) -> str:
+def shown(text: str, language: str = "en") -> str:
     """The text with its units as people write them: um and degC are for keys and programs, people read µm and °C.
 
-    Keys and file names stay (``--x-um``, ``deviation_um``), and so does what stands in quotes or backticks.
+    Keys and file names stay (``--x-um``, ``deviation_um``), and so does what stands in quotes or backticks. German has
+    a word "um", which is a unit only behind a number.
     """
+    if language == "de":
+        return _GERMAN_UM.sub("µm", text).replace(" degC", " °C")
     return _UNIT.sub(lambda found: _SYMBOLS[found[1]] if found[1] else found[0], text)
 
 

@@ -9,6 +9,7 @@ from collections.abc import AsyncIterator, Callable, Mapping
 
 from drivers.clock import Clock
 from drivers.errors import DeadlineExceeded, words
+from drivers.message import Message
 from gateway.audience import kind_of
 from gateway.errors import BusyError
 
@@ -155,9 +156,6 @@ class Hub:
 
 
 def plain_fields(fields: Mapping[str, object]) -> dict[str, object]:
-    """Fields of a word as JSON takes them; what is no number or text is written as text."""
-    return {key: _plain(value) for key, value in fields.items()}
-
-
-def _plain(value: object) -> object:
-    return value if isinstance(value, (str, int, float, bool)) or value is None else str(value)
+    """Fields of a word as JSON takes them: messages within them as code and fields, anything unknown as text."""
+    found = Message("", fields).as_data()["fields"]
+    return {str(key): value for key, value in found.items()}

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
+from drivers.message import Message, joined
 from drivers.types.orders import SignProof
 from drivers.units import DeviationUnit
 from gateway.domain.figures import Evaluation
@@ -17,26 +18,25 @@ class PushRecord:
 
     "held": stopped half way, and a read-back says that the table is off. "held-on": it is still on, or unknown.
     ``reasons`` are all reasons why it did not end as asked, first cause first (none: it did; a record of an older
-    version has none). ``marker`` is why the control's marker could not be written at the end ("": it was).
-    ``codes`` are those of the first ``steps`` in the catalogue (none: a record of an older version).
+    version has none). ``marker`` is why the control's marker could not be written at the end (None: it was).
+    A step that the journal noted has the field ``utc``.
     ``purpose`` is "restore" for a rollback: "committed" says that the older table is back.
     """
 
     transaction: int
     axis: str
     outcome: Literal["committed", "already-applied", "rolled-back", "held", "held-on", "refused", "skipped"]
-    steps: tuple[str, ...]
+    steps: tuple[Message, ...]
     backup_path: str
     effect: tuple[tuple[float, float, float], ...] = ()
-    reasons: tuple[str, ...] = ()
-    marker: str = ""
-    codes: tuple[str, ...] = ()
+    reasons: tuple[Message, ...] = ()
+    marker: Message | None = None
     purpose: Literal["table", "sign-proof", "restore"] = "table"
 
     @property
     def why(self) -> str:
-        """All reasons in one line; "" where it ended as asked."""
-        return "; ".join(self.reasons)
+        """All reasons in one line, in English; "" where it ended as asked."""
+        return joined(self.reasons)
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,8 +54,8 @@ class SwitchRecord:
     unit: str
     before: float | None
     after: float | None
-    steps: tuple[str, ...] = ()
-    reasons: tuple[str, ...] = ()
+    steps: tuple[Message, ...] = ()
+    reasons: tuple[Message, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)

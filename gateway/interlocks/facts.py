@@ -11,6 +11,7 @@ import numpy as np
 
 from drivers.errors import words
 from drivers.limits import Limits
+from drivers.message import Form, Message
 from drivers.programs import SelfTested
 from drivers.types.abilities import Capabilities, Marker, TableLimits
 from drivers.types.identity import MachineIdentity
@@ -52,8 +53,13 @@ class Refusal:
     fields: Mapping[str, object]
 
     @property
+    def message(self) -> Message:
+        """The reason as a record contains it."""
+        return Message(self.code, self.fields, Form.REASON)
+
+    @property
     def words(self) -> str:
-        """The reason as people read it."""
+        """The reason as people read it, in English."""
         return f"{self.code}: {words(self.code, **self.fields)}"
 
 

@@ -6,6 +6,7 @@ from collections.abc import Iterable
 from typing import Any
 
 from drivers.errors import TrueflankError, words
+from drivers.message import Message
 from gateway.domain.outcomes import PushRecord
 from gateway.errors import RollbackFailed, StillOn, VerifyError, WriteRefused
 from gateway.push.asking import Asked, ask, ended_before, goes_on
@@ -49,8 +50,9 @@ __all__ = [
 
 def outcome_error(record: PushRecord) -> TrueflankError | None:
     """The error a shell should end with for a push that did not do what was asked; None when it did."""
-    why = record.why or words("W-PUSH-NO-REASON")
-    told: dict[str, Any] = {"axis": record.axis, "why": why, "backup": record.backup_path or words("W-PUSH-NO-BACKUP")}
+    why = record.reasons or Message.of("W-PUSH-NO-REASON")
+    backup = record.backup_path or Message.of("W-PUSH-NO-BACKUP")
+    told: dict[str, Any] = {"axis": record.axis, "why": why, "backup": backup}
     if record.outcome == "refused":
         return WriteRefused("E-PUSH-REFUSED", record.axis, count=max(len(record.reasons), 1), reasons=why)
     back = record.purpose == "restore"

@@ -120,8 +120,8 @@ def unfinished_names(context: PushContext) -> tuple[str, ...]:
 def refused(context: PushContext, axis: str, reasons: tuple[Refusal, ...]) -> PushRecord:
     """The record of a push that wrote nothing, every reason one step."""
     for reason in reasons:
-        context.say("P-PUSH-REFUSED", axis=axis, reason=reason.words)
-    told = tuple(reason.words for reason in reasons)
+        context.say("P-PUSH-REFUSED", axis=axis, reason=reason.message)
+    told = tuple(reason.message for reason in reasons)
     return PushRecord(0, axis, outcome="refused", steps=told, backup_path="", reasons=told)
 
 

@@ -9,6 +9,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 
 from drivers.errors import TrueflankError
+from drivers.message import Message
 from drivers.types.abilities import Marker, TableLimits
 from drivers.types.tables import LiveTable
 from gateway.domain.proposals import TableChange
@@ -111,11 +112,11 @@ def _announce(works: Sequence[Work]) -> None:
                 said = foretold(work.whole.journal, PushEvent.AUDITED, "audit")
                 work.note(PushEvent.AUDITED, audit=said or work.context.log.begin(work.whole.number, work.change))
     except TrueflankError as error:
-        abort(works, str(error))
+        abort(works, error.message)
         raise
 
 
-def abort(works: Sequence[Work], why: str) -> None:
+def abort(works: Sequence[Work], why: Message) -> None:
     """Nothing was written for these tables, and nothing will be."""
     for work in works:
         work.note(PushEvent.ABORTED, why=why)

@@ -287,5 +287,5 @@ async def _ask_again(one: TableLoad) -> None:
     )
     found = refusals(replace(start, moment="release"))
     if found and not replaying(work.whole.journal):
-        reasons = "; ".join(refusal.words for refusal in found)
+        reasons = tuple(refusal.message for refusal in found)
         raise WriteRefused("E-PUSH-RELEASE", work.axis, count=len(found), reasons=reasons)

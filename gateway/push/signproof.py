@@ -12,6 +12,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from drivers.errors import TrueflankError
+from drivers.message import Message
 from drivers.terms import TableKind
 from drivers.types.abilities import Marker, TableLimits
 from drivers.types.orders import SignProof
@@ -113,7 +114,7 @@ async def _allowed(trial: TrialTable, live: LiveSet | None, place: float | None 
     change = trial.change(live)
     asked = await ask(change, trial.context, "sign-proof", live, place=place)
     if asked.refusals or asked.agreeing_position is None:
-        reasons = "; ".join(refusal.words for refusal in asked.refusals)
+        reasons = tuple(refusal.message for refusal in asked.refusals)
         raise WriteRefused("E-PUSH-REFUSED", change.axis, count=len(asked.refusals), reasons=reasons)
     return _Allowed(asked.limits, asked.agreeing_position, asked.marker)
 
@@ -157,9 +158,9 @@ async def _in_and_out(of: Mapping[Work, TrialTable], lives: Lives, eyes: Eyes) -
     except TrueflankError as error:
         failure = error
         if all(work.marked is None for work in works):
-            abort(works, str(error))
+            abort(works, error.message)
             raise
-    why = str(failure) if failure is not None else "the sign proof has been measured"
+    why = failure.message if failure is not None else Message.of("W-PUSH-MEASURED")
     ended = await (taken_away(works, why) if whole else all_back(works, why))
     _not_held(ended, failure)
     if failure is not None:
@@ -171,11 +172,11 @@ def _not_held(ended: Mapping[Work, Outcome], failure: TrueflankError | None) -> 
     for work, outcome in ended.items():
         if outcome == "held-on":
             raise StillOn(
-                "E-PUSH-HELD-ON", work.axis, axis=work.axis, backup=work.backup_path, why=str(failure)
+                "E-PUSH-HELD-ON", work.axis, axis=work.axis, backup=work.backup_path, why=failure
             ) from failure
         if outcome == "held":
             raise RollbackFailed(
-                "E-PUSH-HELD", work.axis, axis=work.axis, backup=work.backup_path, why=str(failure)
+                "E-PUSH-HELD", work.axis, axis=work.axis, backup=work.backup_path, why=failure
             ) from failure
 
 

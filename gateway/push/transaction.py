@@ -11,7 +11,8 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
-from drivers.errors import TrueflankError, words
+from drivers.errors import TrueflankError
+from drivers.message import Message
 from drivers.types.tables import LiveSet
 from gateway.domain.outcomes import PushRecord
 from gateway.domain.proposals import TableChange
@@ -31,7 +32,7 @@ from gateway.push.records import journal
 from gateway.push.records.lock import machine_lock
 from gateway.push.records.phases import PushEvent, PushPhase
 from gateway.push.records.replaying import replaying
-from gateway.push.records.steps import step_words
+from gateway.push.records.steps import noted_step
 from gateway.push.snapshot import already, snapshot
 from gateway.push.undo.leasing import leased
 from gateway.push.undo.restoring import all_back, still_held
@@ -74,7 +75,7 @@ async def push_tables(wishes: Sequence[Wish], stays: Stays = _alone_is_fine) -> 
     asked = {place: wish for place, wish in enumerate(wishes) if not wish[0].skipped}
     for place, (change, _) in enumerate(wishes):
         if change.skipped:
-            why = (change.skipped,)
+            why = (Message.stored(change.skipped),)
             found[place] = PushRecord(0, change.axis, outcome="skipped", steps=why, backup_path="", reasons=why)
     if asked:
         with foreseen(", ".join(dict.fromkeys(change.axis for change, _ in asked.values()))):
@@ -143,7 +144,7 @@ def _same_again(change: TableChange, context: PushContext) -> PushRecord | None:
     outcome = _ENDED.get(found.state.phase) if found is not None else None
     if found is None or outcome is None:
         return None
-    steps = tuple(f"{entry.facts.get('utc', '')} {step_words(entry.kind)}" for entry in found.entries)
+    steps = tuple(noted_step(one.kind, str(one.facts.get("utc", "")), {}) for one in found.entries)
     shown = tuple((float(one[0]), float(one[1]), float(one[2])) for one in found.latest("shown") or ())
     return PushRecord(
         found.number,
@@ -163,10 +164,10 @@ async def _push(works: Sequence[Work], stays: Stays) -> dict[Work, Outcome]:
             brought = {work.context.moved.name: work.agreeing_position for work in works}
             reasons = {work: await still_allowed(work, bases[work], brought) for work in works}
     except TrueflankError as error:
-        abort(works, str(error))
+        abort(works, error.message)
         raise
     there: dict[Work, Outcome] = {work: "already-applied" for work in works if already(work, bases[work])}
-    abort(tuple(there), "the table is already live and enabled")
+    abort(tuple(there), Message.of("W-PUSH-ALREADY"))
     left = tuple(work for work in works if work not in there)
     if not left or (any(reasons[work] for work in left) and not replaying(left[0].whole.journal)):
         return there | _refuse(left, reasons)
@@ -185,10 +186,10 @@ def _refuse(works: Sequence[Work], reasons: dict[Work, tuple[Refusal, ...]]) -> 
     for work in works:
         told = reasons[work] or every
         for reason in told:
-            work.context.say("P-PUSH-REFUSED", axis=work.name, reason=reason.words)
-        work.note(PushEvent.ABORTED, why=f"reasons: {len(told)}")
-        work.steps += [reason.words for reason in told]
-        work.because(*(reason.words for reason in told))
+            work.context.say("P-PUSH-REFUSED", axis=work.name, reason=reason.message)
+        work.note(PushEvent.ABORTED, why=Message.of("W-PUSH-AGAINST", count=len(told)))
+        work.steps += [reason.message for reason in told]
+        work.because(*(reason.message for reason in told))
     return dict.fromkeys(works, "refused")
 
 
@@ -201,32 +202,32 @@ async def _exchange(works: Sequence[Work], bases: dict[Work, LiveSet], stays: St
             await _write(works, bases, faults, stays)
     except TrueflankError as failure:
         if all(work.marked is None for work in works):  # nothing was sent: nothing to take back
-            abort(works, str(failure))
+            abort(works, failure.message)
             raise
-        return await all_back(works, str(failure))
+        return await all_back(works, failure.message)
     good = tuple(work for work in works if work not in faults)
     for work, fault in faults.items():
-        ended |= await all_back((work,), str(fault))
-    why = await _disturbed(good, ended) if faults else ""
+        ended |= await all_back((work,), fault.message)
+    why = await _disturbed(good, ended) if faults else None
     return ended | (await all_back(good, why) if why else await _committed(good, ended))
 
 
-async def _disturbed(good: Sequence[Work], ended: dict[Work, Outcome]) -> str:
-    """Why the tables that were proved cannot be vouched for any more, after others of theirs went back; "" if they can.
+async def _disturbed(good: Sequence[Work], ended: dict[Work, Outcome]) -> Message | None:
+    """Why the tables that were proved are in doubt, after others of theirs went back; None if they are not.
 
     A way back switches an output axis' cross tables off and on again, so these are read once more.
     """
     if any(outcome != "rolled-back" for outcome in ended.values()):
-        return words("W-PUSH-REST-HELD")
+        return Message.of("W-PUSH-REST-HELD")
     try:
         with foreseen(_names(good)):
             for work in good:
                 live = await conversation.read_live(work.context) if work.beside else None
                 if live is not None and not already(work, live):
-                    return words("W-PUSH-REST-LOST", name=work.name)
+                    return Message.of("W-PUSH-REST-LOST", name=work.name)
     except TrueflankError as error:
-        return str(error)
-    return ""
+        return error.message
+    return None
 
 
 async def _committed(works: Sequence[Work], ended: dict[Work, Outcome]) -> dict[Work, Outcome]:
@@ -238,7 +239,7 @@ async def _committed(works: Sequence[Work], ended: dict[Work, Outcome]) -> dict[
     except StoreError:
         raise
     except TrueflankError as failure:
-        return await all_back(works, str(failure))
+        return await all_back(works, failure.message)
     await still_held({**ended, works[0]: "committed"})
     return dict.fromkeys(works, "committed")
 
@@ -275,5 +276,5 @@ def _may_stay(works: Sequence[Work], faults: Faults, stays: Stays) -> None:
         raise first
     names, failed = ", ".join(change.name for change in good), _names(tuple(faults))
     if not stays(good):
-        raise VerifyError("E-PUSH-LAYER", failed, failed=failed, names=names, why=str(first))
-    works[0].context.say("P-PUSH-REST-STAYS", names=names, failed=failed, why=str(first))
+        raise VerifyError("E-PUSH-LAYER", failed, failed=failed, names=names, why=first.message)
+    works[0].context.say("P-PUSH-REST-STAYS", names=names, failed=failed, why=first.message)

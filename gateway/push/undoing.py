@@ -11,6 +11,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from drivers.errors import TrueflankError, words
+from drivers.message import Message
 from drivers.types.tables import LiveSet, LiveTable
 from gateway.domain.outcomes import PushRecord
 from gateway.domain.proposals import TableChange
@@ -165,7 +166,7 @@ async def _undo(undos: dict[Work, Committed]) -> dict[Work, Outcome]:
             brought = {work.context.moved.name: work.agreeing_position for work in works}
             reasons = {work: await _still_allowed(work, bases[work], brought) for work in works}
     except TrueflankError as error:
-        abort(works, str(error))
+        abort(works, error.message)
         raise
     there: dict[Work, Outcome] = {
         work: "already-applied" for work in works if _there(undos[work].old, live[work], work.allowed)
@@ -190,7 +191,7 @@ def _refuse(works: Sequence[Work], reasons: dict[Work, tuple[Refusal, ...]]) -> 
     for work in works:
         told = reasons[work] or every
         record = refused(work.context, work.axis, told)
-        work.note(PushEvent.ABORTED, why=f"reasons: {len(told)}")
+        work.note(PushEvent.ABORTED, why=Message.of("W-PUSH-AGAINST", count=len(told)))
         work.steps += record.steps
         work.because(*record.reasons)
     return dict.fromkeys(works, "refused")
@@ -207,9 +208,9 @@ async def _exchange(undos: dict[Work, Committed], bases: dict[Work, LiveSet]) ->
         raise
     except TrueflankError as failure:
         if all(work.marked is None for work in works):  # nothing was sent: nothing to take back
-            abort(works, str(failure))
+            abort(works, failure.message)
             raise
-        return await all_back(works, str(failure))
+        return await all_back(works, failure.message)
     return dict.fromkeys(works, "committed")
 
 

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Literal
 
 from drivers.errors import TrueflankError, words
+from drivers.message import Message
 from drivers.types.abilities import Marker, TableLimits
 from drivers.types.orders import PushBatch, PushOrder
 from drivers.types.stops import Stop
@@ -21,7 +22,7 @@ from gateway.push.context import PushContext
 from gateway.push.records import journal, numbering
 from gateway.push.records.phases import NOTHING_NOTED, PushEvent, PushState
 from gateway.push.records.replaying import foretold, replaying
-from gateway.push.records.steps import step_code, step_words
+from gateway.push.records.steps import noted_step, step_message
 from gateway.push.unexpected import foreseen
 from gateway.stopping import current
 
@@ -69,8 +70,7 @@ class Work:
     ``state`` is where it stands by the table of transitions, ``last`` the event that led there.
     ``seen`` is the table as it was read last, None once something was announced since; ``protected`` that the control
     refused to write it as one that is on, whatever its switch reads.
-    ``codes`` are those of the ``steps``; ``reasons`` are why it does not end as asked, ``marker_lost`` why the marker
-    could not be written at its end.
+    ``reasons`` are why it does not end as asked, ``marker_lost`` why the marker could not be written at its end.
     """
 
     context: PushContext
@@ -85,7 +85,7 @@ class Work:
     acting: tuple[CompensationTable, ...] = ()
     coupled: bool = False
     again: bool = False
-    steps: list[str] = field(default_factory=list)
+    steps: list[Message] = field(default_factory=list)
     backup_path: str = ""
     effect: tuple[tuple[float, float, float], ...] = ()
     marked: PushOrder | None = None
@@ -100,9 +100,8 @@ class Work:
     last: PushEvent | None = None
     seen: LiveTable | None = None
     protected: bool = False
-    reasons: list[str] = field(default_factory=list)
-    codes: list[str] = field(default_factory=list)
-    marker_lost: str = ""
+    reasons: list[Message] = field(default_factory=list)
+    marker_lost: Message | None = None
 
     @property
     def axis(self) -> str:
@@ -133,32 +132,30 @@ class Work:
         self.whole.journal.append(event, utc=self._utc(), **({"of": self.of} if self.of else {}), **facts)
         self.noted(event, facts)
 
-    def because(self, *reasons: str) -> None:
-        """Keep why it does not end as asked, each reason once; the record holds them."""
-        self.reasons += [reason for reason in dict.fromkeys(reasons) if reason and reason not in self.reasons]
+    def because(self, *reasons: Message) -> None:
+        """Keep why it does not end as asked, each reason once; the record contains them."""
+        self.reasons += [reason for reason in dict.fromkeys(reasons) if reason not in self.reasons]
 
     def noted(self, event: PushEvent, facts: Mapping[str, object]) -> None:
         """Tell what the journal holds by now."""
         self.last, self.state = event, self.state.after(event, facts)
-        told = ", ".join(f"{key} {value}" for key, value in facts.items() if isinstance(value, (str, int)))
-        self.codes.append(step_code(event))
-        self.steps.append(f"{self._utc()} {step_words(event)}" + (f": {told}" if told else ""))
-        self.context.say("P-PUSH-STEP", axis=self.name, step=event, said=step_words(event))
+        self.steps.append(noted_step(event, self._utc(), facts))
+        self.context.say("P-PUSH-STEP", axis=self.name, step=event, said=step_message(event))
 
     def stopped(self) -> None:
         """Somebody ended us from outside: where it stands, on the disk before anything else is done."""
         stop, last = current(), self.last
-        why = f"stopped by {stop.by or 'a cancel'}"
+        by = {"by": stop.by or "a cancel"}
         try:
             if self.marked is None:
-                self.note(PushEvent.ABORTED, why=f"{why} before anything was sent")
+                self.note(PushEvent.ABORTED, why=Message.of("W-PUSH-STOP-EARLY", **by))
                 return
             if self.whole.number not in stop.transactions:
                 stop.transactions.append(self.whole.number)
-            self.note(PushEvent.STOPPED, why=why, after=last or "nothing")
+            self.note(PushEvent.STOPPED, why=Message.of("W-PUSH-STOP-BY", **by), after=last or "nothing")
         except StoreError as error:
             stop.tell(str(error))
-        told = {"axis": self.axis, "transaction": self.whole.number, "last": step_words(last or "nothing")}
+        told = {"axis": self.axis, "transaction": self.whole.number, "last": step_message(last or "nothing")}
         self.context.say("P-STOPPED-PUSH", **told)
         stop.tell(words("P-STOPPED-PUSH", **told))
 
@@ -224,14 +221,14 @@ class Work:
                 await self.only_ours()
                 await self.context.controller.finish_push(tuple(replace(one, head=head) for one in together), state)
         except TrueflankError as error:
-            self._marker_lost(state, str(error))
+            self._marker_lost(state, error.message)
 
-    def _marker_lost(self, state: str, why: str) -> None:
+    def _marker_lost(self, state: str, why: Message) -> None:
         """The tables are as they are; what the control's marker says of them is not: an alarm, kept in the log."""
         self.marker_lost = why
         self.context.say("P-PUSH-MARKER", axis=self.name, transaction=self.whole.number, why=why)
         if self.context.log is not None:
-            self.context.log.marker_lost(self.whole.number, self.change.name, state, why)
+            self.context.log.marker_lost(self.whole.number, self.change.name, state, str(why))
 
     def kept(self, name: str, text: str) -> str:
         """Keep a text for good; returns its run folder and name: a record holds no path of this computer."""
@@ -254,7 +251,6 @@ class Work:
             effect=self.effect,
             reasons=tuple(self.reasons),
             marker=self.marker_lost,
-            codes=tuple(self.codes),
             purpose=self.whole.purpose,
         )
 

@@ -74,7 +74,7 @@ def _template() -> Template:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    for name in ("number", "signed", "percent", "when", "shortest", "plain", "micro"):
+    for name in ("number", "signed", "percent", "when", "shortest", "plain", "micro", "step_line"):
         environment.filters[name] = getattr(sentences, name)
     environment.globals.update(
         sentences=sentences,

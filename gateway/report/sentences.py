@@ -7,6 +7,7 @@ import unicodedata
 from datetime import UTC, datetime
 from math import isfinite
 
+from drivers.message import Message, Moment
 from drivers.terms import spoken
 from drivers.types.orders import SignProof
 from drivers.types.tables import CompensationTable
@@ -79,6 +80,15 @@ def percent(value: float | None) -> str:
 def shortest(value: object) -> str:
     """A coefficient as short as it can be told: 11.5, 1.000271."""
     return f"{value:.7g}".replace("-", "−") if isinstance(value, float) else str(value)
+
+
+def step_line(step: Message) -> str:
+    """A step of a push: when, what, and the details that its journal has; a refusal's reason as it is."""
+    at = step.fields.get("utc")
+    if not isinstance(at, Moment):
+        return str(step)
+    told = ", ".join(f"{key} {value}" for key, value in step.fields.items() if key != "utc")
+    return f"{at.utc} {step}" + (f": {told}" if told else "")
 
 
 def micro(text: str) -> str:

@@ -17,6 +17,7 @@ from typing import Any, Literal, Union, get_args, get_origin, get_type_hints
 
 import numpy as np
 
+from drivers.message import Message
 from gateway.errors import CorruptRecord, FutureSchema, StoreError
 from gateway.store.scalars import (
     read_array,
@@ -73,6 +74,8 @@ def _family(hint: Any) -> str:
         return "any"
     if isinstance(hint, type) and issubclass(hint, Enum):
         return "enum"
+    if hint is Message:
+        return "message"
     if dataclasses.is_dataclass(hint):
         return "record"
     return _SCALARS.get(hint, "")
@@ -116,6 +119,8 @@ def _write_union(value: Any, hint: Any, path: str) -> object:
 
 def _read_union(data: Any, hint: Any, path: str, where: str) -> Any:
     if data is None and NoneType in get_args(hint):
+        return None
+    if data == "" and Message in get_args(hint):  # an older version's "no sentence"
         return None
     return read_typed(data, _other(hint), path, where)
 
@@ -210,6 +215,7 @@ _TAGS: dict[str, Callable[[Any, str, str], Any]] = {
     "$map": lambda inner, path, where: {key: read_any(item, path, where) for key, item in inner.items()},
 }
 _WRITERS: dict[str, Callable[[Any, Any, str], object]] = {
+    "message": lambda value, _hint, _path: value.as_data(),
     "record": _write_record,
     "float": write_float,
     "int": write_int,
@@ -225,6 +231,7 @@ _WRITERS: dict[str, Callable[[Any, Any, str], object]] = {
     "any": lambda value, _hint, path: write_any(value, path),
 }
 _READERS: dict[str, Callable[[Any, Any, str, str], Any]] = {
+    "message": lambda data, _hint, _path, _where: Message.from_data(data),
     "record": _read_record,
     "float": read_float,
     "int": read_exact,

@@ -14,9 +14,12 @@ from drivers.terms import in_todays_words
 from gateway.errors import CorruptRecord, FutureSchema, StoreError
 from gateway.store.encoding import read_typed, write_typed
 
-SCHEMA = 2
+SCHEMA = 3
 RENAMED = 2
 """From this schema on records say "axis" and "cross"; older ones have the control's own words."""
+MESSAGES = 3
+"""From this schema on records contain messages; the sentences of older ones are shown as stored."""
+_GONE = {"PushRecord": ("codes",)}  # fields of older records that nothing takes the place of
 R = TypeVar("R")
 
 
@@ -55,6 +58,8 @@ def decode(data: bytes, kind: type[R], where: str = "store") -> R:
     if "record" not in envelope:
         raise CorruptRecord("E-STORE-FIELD", where, field=kind.__name__, why="the envelope is empty")
     body = envelope["record"] if envelope["schema"] >= RENAMED else in_todays_words(envelope["record"])
+    if envelope["schema"] < MESSAGES and isinstance(body, dict):
+        body = {key: value for key, value in body.items() if key not in _GONE.get(kind.__name__, ())}
     return cast(R, read_typed(body, kind, kind.__name__, where))
 
 

@@ -27,7 +27,7 @@ def _uses() -> list[tuple[str, str, set[str], bool]]:
                 first = node.args[0]
                 if isinstance(first, ast.Constant) and isinstance(first.value, str) and CODE.match(first.value):
                     names = {keyword.arg for keyword in node.keywords if keyword.arg} - OWN_ARGUMENTS
-                    star = any(keyword.arg is None for keyword in node.keywords)
+                    star = any(keyword.arg is None for keyword in node.keywords) or _callee(node) == "Message"
                     place = f"{path.relative_to(ROOT)}:{node.lineno}"
                     found.append((place, first.value, names, star))
     return found

@@ -17,6 +17,7 @@ from gateway.errors import VerifyError
 from gateway.push import look, prove_sign, push_table, recover, unfinished
 from tests.contract.linuxcnc_pushing import BENT, change_of, person
 from tests.contract.linuxcnc_stage import on_stage
+from tests.steps import lines
 
 
 async def test_a_table_acts_after_the_restart_in_each_direction_by_its_column(tmp_path: Path) -> None:
@@ -69,7 +70,7 @@ async def test_where_nobody_restarts_nothing_unproved_waits_for_the_next_start(t
         async with person(on, tmp_path, heard) as context:
             base = await on.device.saved_tables("X")
             record = await push_table(change_of(base, BENT), context)
-            assert record.outcome == "rolled-back", "\n".join(record.steps)
+            assert record.outcome == "rolled-back", "\n".join(lines(record))
             marker = await on.device.marker()
             assert marker is not None
             assert marker.state == "none"

@@ -20,6 +20,7 @@ from gateway.walk import Patience, walk
 from tests.contract.opcua_stage import Stage, on_stage, plan
 from tests.contract.test_push_opcua import SPEC, WAVE, change_of, context_for, live_of, proof
 from tests.sizes import few
+from tests.steps import lines
 
 PLACES = SafePlaces({"X1": (-100.0, 100.0), "Z1": (0.0, 450.0), "C1": (0.0, 360.0)}, feed_mm=6000.0)
 
@@ -91,7 +92,7 @@ async def test_a_push_ends_before_its_first_move_when_an_axis_left_its_place(
         async with operator(on, leaves=axis, at=at):
             record = await push_table(change_of(base, WAVE, 1), context)
         assert record.outcome == "rolled-back"
-        assert any("E-NC-AWAY" in step and axis in step for step in record.steps), record.steps
+        assert any("E-NC-AWAY" in step and axis in step for step in lines(record)), record.steps
         assert stands(on, axis) == pytest.approx(at)
         assert axis == "Z1" or stands(on, "Z1") == before
         assert not on.nck.get("$MA_CEC_ENABLE[X1]")
@@ -132,8 +133,8 @@ async def test_no_push_without_a_safe_place_for_every_axis_and_none_from_outside
         on.device.keep_to(replace(PLACES, ranges={"Z1": (0.0, 450.0), "X1": (50.0, 100.0)}))
         record = await push_table(change_of(base, WAVE, 1), context)
     assert record.outcome == "refused"
-    assert [step for step in record.steps if "E-INT-NO-PLACE" in step and "C1" in step]
-    assert [step for step in record.steps if "E-INT-OUTSIDE" in step and "X1" in step]
+    assert [step for step in lines(record) if "E-INT-NO-PLACE" in step and "C1" in step]
+    assert [step for step in lines(record) if "E-INT-OUTSIDE" in step and "X1" in step]
 
 
 async def test_a_measuring_program_is_said_and_ends_when_a_parked_axis_left_its_place(keys: Path) -> None:

@@ -15,6 +15,7 @@ from drivers.types.tables import TemperatureShift
 from gateway.push import push_table
 from tests.push.uaworld import ua_change, ua_context, ua_world
 from tests.sizes import few
+from tests.steps import lines
 
 DATA = {"$SA_TEMP_COMP_ABS_VALUE": 0.004, "$SA_TEMP_COMP_SLOPE": 0.00002, "$SA_TEMP_COMP_REF_POSITION": 10.0}
 KINDS = {
@@ -76,10 +77,10 @@ def test_a_push_over_a_change_of_it_is_refused_with_nothing_written(keys: Path, 
                 before = at.nck.static_memory()["tables"]
                 record = await push_table(ua_change(base, at.new), ua_context(device, clock, tmp_path, machine))
                 assert record.outcome == "refused"
-                assert [step.partition(":")[0] for step in record.steps if step.startswith("E-")] == [
+                assert [step.partition(":")[0] for step in lines(record) if step.startswith("E-")] == [
                     "E-INT-TEMPERATURE-MOVED"
                 ]
-                assert "5.0" in record.steps[-1]
+                assert "5.0" in lines(record)[-1]
                 assert at.nck.static_memory()["tables"] == before
                 again = replace(ua_change(base, at.new), base=replace(base, temperature=TemperatureShift(0.009)))
                 done = await push_table(again, ua_context(device, clock, tmp_path, machine))

@@ -26,6 +26,7 @@ from tests.push.mischief import Mischief
 from tests.push.oracle import content_of
 from tests.push.uaworld import ua_change, ua_context, ua_world
 from tests.push.world import OTHER, Scene, World, change_of, context_for, table, world
+from tests.steps import lines
 from tests.unit.interlocks.test_every_code import ALL
 
 # Nothing but looking: a selection, a session, a read-back, and the heart-beat beside them.
@@ -227,13 +228,13 @@ def test_refused_with_nothing_but_looking_on_the_wire(tmp_path: Path, name: str)
     code, edit = RULES[name]
     record = on_the_wire(Scene(), tmp_path, edit)
     assert record.outcome == "refused"
-    assert code in {step.split(":")[0] for step in record.steps}, record.steps
+    assert code in {step.split(":")[0] for step in lines(record)}, record.steps
 
 
 def test_an_inch_machine_is_refused(tmp_path: Path) -> None:
     record = on_the_wire(Scene(nck={"unit_system": "inch"}), tmp_path, lambda _case: None)
     assert record.outcome == "refused"
-    assert "E-INT-INCH" in {step.split(":")[0] for step in record.steps}
+    assert "E-INT-INCH" in {step.split(":")[0] for step in lines(record)}
 
 
 def test_a_second_gateway_is_told_who_is_at_work(tmp_path: Path) -> None:
@@ -271,7 +272,7 @@ def test_every_rule_there_is_on_the_mailbox(tmp_path: Path, met: Callable[[Any],
                 met(facts)
                 record = await refused(at, counted, tmp_path / str(number), lambda _case: None)
                 assert record.outcome == "refused"
-                assert [step.split(":")[0] for step in record.steps] == [one.code for one in refusals(facts)]
+                assert [step.split(":")[0] for step in lines(record)] == [one.code for one in refusals(facts)]
                 told.add(code)
 
     run_virtual(main)
@@ -329,7 +330,7 @@ def test_the_machine_as_it_stands_over_opcua(tmp_path: Path, tmp_path_factory: p
             acts[code](at.nck)
             await clock.sleep(1.0)
             record = await push_table(ua_change(base, at.new), made)
-            assert code in {step.split(":")[0] for step in record.steps}
+            assert code in {step.split(":")[0] for step in lines(record)}
             assert at.server.requests.changing == changing
             assert at.oracle.writes == 0
             await device.close()
@@ -341,4 +342,4 @@ def test_the_machine_as_it_stands_over_opcua(tmp_path: Path, tmp_path_factory: p
 def test_a_cross_table_without_proof_never_reaches_the_wire(tmp_path: Path) -> None:
     record = on_the_wire(Scene(cross=True), tmp_path, context(proof=None))
     assert record.outcome == "refused"
-    assert "E-INT-NO-PROOF" in {step.split(":")[0] for step in record.steps}
+    assert "E-INT-NO-PROOF" in {step.split(":")[0] for step in lines(record)}

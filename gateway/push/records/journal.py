@@ -23,6 +23,7 @@ from typing import Any, BinaryIO, Self
 
 from drivers.local.names import stem
 from drivers.local.ownfiles import made_folder, opened, read_own
+from drivers.message import Message
 from drivers.terms import in_todays_words
 from gateway.errors import StoreError
 from gateway.push.records.phases import FAILED, PushState, state_of
@@ -76,9 +77,9 @@ class JournalRead:
         return str(self.entries[0].facts.get("purpose", "")) if self.entries else ""
 
     @property
-    def reasons(self) -> tuple[str, ...]:
+    def reasons(self) -> tuple[Message, ...]:
         """Why it did not go on as asked, first cause first, each once."""
-        told = (str(one.facts["why"]) for one in self.entries if one.kind in FAILED and one.facts.get("why"))
+        told = (_message(one.facts["why"]) for one in self.entries if one.kind in FAILED and one.facts.get("why"))
         return tuple(dict.fromkeys(told))
 
     @property
@@ -184,8 +185,18 @@ def _line(sequence: int, previous: str, entry: Mapping[str, object]) -> tuple[by
     return head + sha.encode("ascii") + b"\n", sha
 
 
+def _message(data: Any) -> Message:
+    """A reason as a journal holds it; an older version wrote a sentence."""
+    try:
+        return Message.from_data(data)
+    except (ValueError, TypeError, AttributeError):
+        return Message.stored(str(data))
+
+
 def _finite(value: Any) -> Any:
     """JSON has no NaN or infinity: they are noted as text, so that an odd reading never stops the journal."""
+    if isinstance(value, Message):
+        return value.as_data()
     if isinstance(value, float) and not math.isfinite(value):
         return str(value)
     if isinstance(value, Mapping):

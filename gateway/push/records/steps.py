@@ -1,10 +1,11 @@
-"""What people read for each step of a journal: its kinds in capitals stay on the disk."""
+"""The message of each step of a journal: its kinds in capitals stay on the disk."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import Any
 
-from drivers.errors import words
+from drivers.message import Message, Moment
 
 SAID: Mapping[str, str] = {
     "LEASED": "W-STEP-LEASED",
@@ -37,12 +38,14 @@ SAID: Mapping[str, str] = {
 }
 
 
-def step_code(kind: str) -> str:
-    """The catalogue's code of a step; "" for an unknown kind."""
-    return SAID.get(kind, "")
-
-
-def step_words(kind: str) -> str:
-    """The step of a journal entry in words, e.g. "old table backed up" of BACKUP; an unknown kind in plain letters."""
+def step_message(kind: str) -> Message:
+    """The step of a journal entry, e.g. "old table backed up" of BACKUP; an unknown kind in plain letters."""
     code = SAID.get(kind)
-    return words(code) if code else kind.lower().replace("_", " ")
+    return Message.of(code) if code else Message.stored(kind.lower().replace("_", " "))
+
+
+def noted_step(kind: str, utc: str, facts: Mapping[str, Any]) -> Message:
+    """A step with its moment and the numbers, names and messages among its facts."""
+    told = {key: value for key, value in facts.items() if isinstance(value, (str, int, Message))}
+    found = step_message(kind)
+    return Message(found.code, {**found.fields, **told, "utc": Moment(utc)})

@@ -5,7 +5,8 @@ from __future__ import annotations
 import contextlib
 from collections.abc import Sequence
 
-from drivers.errors import TrueflankError, words
+from drivers.errors import TrueflankError
+from drivers.message import Message
 from drivers.types.tables import LiveTable
 from gateway.errors import VerifyError
 from gateway.push import conversation
@@ -31,10 +32,10 @@ async def confirm(work: Work, found: LiveTable) -> None:
     try:
         (backup,) = await work.context.controller.backup_of((order,))
     except TrueflankError as error:
-        raise VerifyError("E-PUSH-UNCONFIRMED", work.axis, axis=work.axis, why=str(error)) from error
+        raise VerifyError("E-PUSH-UNCONFIRMED", work.axis, axis=work.axis, why=error.message) from error
     keep_backup(work, order, backup)
     if not work.confirmed:
-        raise VerifyError("E-PUSH-UNCONFIRMED", work.axis, axis=work.axis, why=words("W-PUSH-TWO-READS"))
+        raise VerifyError("E-PUSH-UNCONFIRMED", work.axis, axis=work.axis, why=Message.of("W-PUSH-TWO-READS"))
 
 
 async def second_readings(works: Sequence[Work]) -> None:

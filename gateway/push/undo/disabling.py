@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from drivers.errors import TrueflankError
+from drivers.message import Message, Quantity
 from drivers.types.machine import ChannelStatus
 from drivers.types.orders import DisableOrder, SwitchReading
 from drivers.types.tables import CompensationTable
@@ -83,13 +84,13 @@ async def switch_off(work: Work, before: SwitchReading | None) -> bool:
     return False
 
 
-async def _carried_out(context: PushContext, order: DisableOrder) -> tuple[SwitchReading | None, str]:
+async def _carried_out(context: PushContext, order: DisableOrder) -> tuple[SwitchReading | None, Message | None]:
     """The reading after the order, whatever became of it: an order without an answer is read back, never repeated."""
     try:
         with foreseen(context.axis.name):
             await conversation.reach(context)
     except TrueflankError as error:  # nothing was sent, and who does not answer cannot be read
-        return None, str(error)
+        return None, error.message
     try:
         with foreseen(context.axis.name):
             if not context.controller.capabilities.off_anyhow:
@@ -103,8 +104,13 @@ async def _carried_out(context: PushContext, order: DisableOrder) -> tuple[Switc
                 context.say("P-PUSH-DISABLE", axis=context.axis.name, table=order.name)
             found = await context.controller.wait_disabled(order, context.start_timeout_s)
     except TrueflankError as error:
-        return await read(context, order), str(error)
-    return found, "" if found.off else f"the switch reads {found.enabled}, acting {found.acting:+.3f}"
+        return await read(context, order), error.message
+    return found, None if found.off else _reads(found)
+
+
+def _reads(found: SwitchReading) -> Message:
+    switch = Message.of("W-SWITCH-ON" if found.enabled else "W-SWITCH-OFF")
+    return Message.of("W-SWITCH-READS", switch=switch, acting=Quantity(found.acting, decimals=3, signed=True))
 
 
 def _say_how_far(context: PushContext, order: DisableOrder, found: SwitchReading | None) -> None:
@@ -141,7 +147,7 @@ async def disable(order: DisableOrder, context: PushContext, found: JournalRead 
         asked = await ask_disable(order, context)
         if asked.refusals:
             return _record(
-                order, "refused", asked=asked, after=None, reasons=tuple(reason.words for reason in asked.refusals)
+                order, "refused", asked=asked, after=None, reasons=tuple(reason.message for reason in asked.refusals)
             )
         if asked.reading is not None and asked.reading.off and found is None:
             return _record(order, "already-off", asked=asked, after=asked.reading, reasons=())
@@ -164,12 +170,12 @@ async def _in_journal(
         _say_how_far(context, numbered, asked.reading)
         kept.append(PushEvent.SWITCH_OFF, **told)
         reading, why = await _carried_out(context, numbered)
-        off = reading is not None and reading.off
-        kept.append(PushEvent.OFF if off else PushEvent.STILL_ON, why=why, **told)
+        off, because = reading is not None and reading.off, {"why": why} if why else {}
+        kept.append(PushEvent.OFF if off else PushEvent.STILL_ON, **because, **told)
         if found is None:
-            kept.append(PushEvent.CLOSED if off else PushEvent.ABORTED, why=why, **told)
+            kept.append(PushEvent.CLOSED if off else PushEvent.ABORTED, **because, **told)
         else:
-            kept.append(PushEvent.HELD, on=not off, why=why, **told)
+            kept.append(PushEvent.HELD, on=not off, **because, **told)
     finally:
         kept.close()
     if found is None:
@@ -178,7 +184,7 @@ async def _in_journal(
 
 
 def _record(
-    order: DisableOrder, outcome: Ending, asked: Switch, after: SwitchReading | None, reasons: tuple[str, ...]
+    order: DisableOrder, outcome: Ending, asked: Switch, after: SwitchReading | None, reasons: tuple[Message, ...]
 ) -> SwitchRecord:
     before = asked.reading.acting if asked.reading is not None else None
     acting = after.acting if after is not None else None

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any, ClassVar, Literal
 
 from drivers.errors import words
+from drivers.message import Form, Message
 from drivers.types.abilities import Marker
 from drivers.types.tables import LiveTable
 from gateway.push.compare import three_way
@@ -20,7 +21,7 @@ from gateway.push.records.history import Committed, Meant, as_kept, same_consent
 from gateway.push.records.holding import held_push, standing
 from gateway.push.records.journal import JournalRead
 from gateway.push.records.phases import PushEvent
-from gateway.push.records.steps import step_words
+from gateway.push.records.steps import step_message
 from gateway.table.comparison import differences
 
 Action = Literal["close", "restore", "disable", "none"]
@@ -120,14 +121,21 @@ class PushFinding:
         return ("finish", "undo") if self.back and self.action in ("restore", "close") else ()
 
     @property
+    def message(self) -> Message:
+        """What was found, without what a person may choose."""
+        return Message(self.code, {**self._fields, "count": MOST_TRIES}, Form.REASON)
+
+    @property
+    def _fields(self) -> dict[str, object]:
+        last = step_message(self.last)
+        told = {"axis": self.table or self.axis, "transaction": self.transaction, "last": last, "backup": self.backup}
+        return {**told, "old": self.old or "?", "new": self.new or "?"}
+
+    @property
     def words(self) -> str:
         """The finding as people read it."""
-        last = step_words(self.last)
-        told = {"axis": self.table or self.axis, "transaction": self.transaction, "last": last, "backup": self.backup}
-        told |= {"old": self.old or "?", "new": self.new or "?"}
-        text = f"{self.code}: {words(self.code, **told, count=MOST_TRIES)}"
-        text = f"{text}: {'; '.join(self.difference)}" if self.difference else text
-        choice = words("R-UNDO-CHOICE", **told) if self.choices else ""
+        text = f"{self.message}: {'; '.join(self.difference)}" if self.difference else str(self.message)
+        choice = words("R-UNDO-CHOICE", **self._fields) if self.choices else ""
         return ". ".join(one for one in (text, choice, self._rest) if one)
 
     @property

@@ -13,7 +13,8 @@ from typing import Literal
 
 import numpy as np
 
-from drivers.errors import DeadlineExceeded, TransportError, TrueflankError, words
+from drivers.errors import DeadlineExceeded, TransportError, TrueflankError
+from drivers.message import Message
 from drivers.types.abilities import Marker, TableLimits
 from drivers.types.machine import ChannelStatus
 from drivers.types.orders import SignProof
@@ -234,7 +235,7 @@ async def _finish_rollback(work: Work, finding: PushFinding) -> Outcome:
     except StoreError:
         raise
     except TrueflankError as error:
-        return await hold(work, str(error))
+        return await hold(work, error.message)
     return "committed"
 
 
@@ -246,7 +247,7 @@ def _closed(found: JournalRead, finding: PushFinding) -> PushRecord:
     finally:
         kept.close()
     journal.set_aside(found.path)
-    why = (finding.words,)
+    why = (finding.message,)
     return PushRecord(found.number, finding.axis, outcome="skipped", steps=why, backup_path="", reasons=why)
 
 
@@ -316,9 +317,9 @@ async def _carry_out(work: Work, finding: PushFinding, action: str) -> PushRecor
     work.note(PushEvent.RECOVERING, finding=finding.code, action="disable" if finding.action == "disable" else action)
     if finding.action == "disable":
         reading = await disabling.read(work.context, disabling.order_of(work.change.new))
-        return work.record(await held(work, finding.code, off=await disabling.switch_off(work, reading)))
+        return work.record(await held(work, finding.message, off=await disabling.switch_off(work, reading)))
     if action != "finish":
-        return work.record(await roll_back(work, words("W-PUSH-UNFINISHED")))
+        return work.record(await roll_back(work, Message.of("W-PUSH-UNFINISHED")))
     axis = work.context.moved
     base = await conversation.read_live(work.context)
     positions = effect_positions(work.change.new, work.restore_to, axis.room, axis.overrun)
@@ -326,7 +327,7 @@ async def _carry_out(work: Work, finding: PushFinding, action: str) -> PushRecor
         await prove_effect(work, positions, base)
     except VerifyError as error:
         work.seen = table_in(base, work.change.new)
-        return work.record(await hold(work, str(error)))
+        return work.record(await hold(work, error.message))
     await work.finish("committed")
     work.note(PushEvent.COMMITTED)
     return work.record("committed")

@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
-from drivers.errors import TrueflankError
+from drivers.errors import TrueflankError, words
+from drivers.message import Message
 from drivers.types.orders import DisableOrder, SwitchReading
 from drivers.types.tables import LiveSet
 from gateway.errors import BusyError, VerifyError, WriteRefused
@@ -23,7 +24,7 @@ from gateway.push.work import Outcome, Work
 from gateway.table.comparison import differences
 
 
-async def roll_back(work: Work, why: str) -> Outcome:
+async def roll_back(work: Work, why: Message) -> Outcome:
     """Restore what was live before. "rolled-back" when it is proved to be so again, else as `hold`.
 
     Raises StoreError when the journal cannot be written: then nothing more may be done. BusyError (E-PUSH-ANOTHER)
@@ -43,15 +44,15 @@ async def roll_back(work: Work, why: str) -> Outcome:
             work.note(PushEvent.ROLLED_BACK)
     except BusyError as error:
         if not work.whole.acknowledged:  # nothing of ours ever stood in the control
-            work.note(PushEvent.ABORTED, why=str(error))
+            work.note(PushEvent.ABORTED, why=error.message)
             raise
-        return await hold(work, str(error))
+        return await hold(work, error.message)
     except TrueflankError as error:
-        return await hold(work, str(error))
+        return await hold(work, error.message)
     return "rolled-back"
 
 
-async def hold(work: Work, why: str) -> Outcome:
+async def hold(work: Work, why: Message) -> Outcome:
     """Stop here. "held" once a read-back says that the table is off; until then "held-on", noted and said at once.
 
     What is enabled and neither the old nor the new table is switched off, if a person or the panel lets it.
@@ -93,7 +94,7 @@ def _is_off(work: Work, found: SwitchReading | None) -> bool:
     return found is not None and found.off and not work.protected
 
 
-async def held(work: Work, why: str, *, off: bool, said: bool = False) -> Outcome:
+async def held(work: Work, why: Message, *, off: bool, said: bool = False) -> Outcome:
     """The last word of a hold: ``off`` is what was read back; ``said`` already, so only the journal's end."""
     work.because(why)
     if said:
@@ -104,7 +105,7 @@ async def held(work: Work, why: str, *, off: bool, said: bool = False) -> Outcom
     return "held" if off else "held-on"
 
 
-def _tell(work: Work, why: str, *, off: bool) -> None:
+def _tell(work: Work, why: Message, *, off: bool) -> None:
     """Journal first, then people: a PC that dies now leaves the louder word behind."""
     work.note(PushEvent.HELD, why=why, backup=work.backup_path, on=not off)
     code = "P-PUSH-HELD" if off else "P-PUSH-HELD-ON"
@@ -189,7 +190,7 @@ def _doubted(work: Work) -> bool:
     return work.begun and not work.context.controller.capabilities.stops
 
 
-async def all_back(works: Sequence[Work], why: str) -> dict[Work, Outcome]:
+async def all_back(works: Sequence[Work], why: Message) -> dict[Work, Outcome]:
     """Every one of these tables as it was, one after the other, whatever becomes of another. Raises as `roll_back`."""
     await second_readings(works)
     ended: dict[Work, Outcome] = {}
@@ -199,7 +200,7 @@ async def all_back(works: Sequence[Work], why: str) -> dict[Work, Outcome]:
         except BusyError as error:
             for other in works:
                 if other is not work and other not in ended:
-                    other.note(PushEvent.ABORTED, why=str(error))
+                    other.note(PushEvent.ABORTED, why=error.message)
             raise
     await still_held(ended)
     return ended
@@ -227,7 +228,7 @@ async def asked_to_restore(work: Work) -> None:
     )
     found = refusals(facts)
     if found:
-        reasons = "; ".join(refusal.words for refusal in found)
+        reasons = tuple(refusal.message for refusal in found)
         raise WriteRefused("E-PUSH-REFUSED", work.axis, count=len(found), reasons=reasons)
 
 
@@ -247,7 +248,7 @@ async def play_back(work: Work) -> None:
     work.seen = table_in(live, work.change.new)
     if not as_before(work, live):
         found = table_in(live, old.table).table
-        different = differences(old.table, found, work.allowed) or ("the switch differs",)
+        different = differences(old.table, found, work.allowed) or (words("W-LIVE-SWITCH"),)
         raise VerifyError("E-PUSH-NOT-RESTORED", work.axis, axis=work.axis, first=different[0])
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from drivers.errors import TrueflankError, words
+from drivers.message import Message
 from gateway.errors import StoreError, VerifyError
 from gateway.push import conversation
 from gateway.push.compare import table_in
@@ -18,7 +19,7 @@ from gateway.push.work import Outcome, Work, note_all
 from gateway.table.comparison import differences
 
 
-async def taken_away(works: Sequence[Work], why: str) -> dict[Work, Outcome]:
+async def taken_away(works: Sequence[Work], why: Message) -> dict[Work, Outcome]:
     """What was live before each table, by one program for all. Raises as `all_back`.
 
     For tables that the control holds whole. Whatever speaks against it before anything was sent leads to `all_back`,
@@ -43,8 +44,8 @@ async def taken_away(works: Sequence[Work], why: str) -> dict[Work, Outcome]:
         raise
     except TrueflankError as failure:
         if any(work.marked is None or work.marked.purpose != "restore" for work in works):
-            return await all_back(works, str(failure))  # the way back has not begun
-        ended = {work: await hold(work, str(failure)) for work in works}
+            return await all_back(works, failure.message)  # the way back has not begun
+        ended = {work: await hold(work, failure.message) for work in works}
         await still_held(ended)
         return ended
     return dict.fromkeys(works, "rolled-back")
@@ -73,7 +74,7 @@ async def _restored(works: Sequence[Work]) -> None:
         work.seen = table_in(live, work.change.new)
         if not as_before(work, live):
             found = work.seen.table
-            different = differences(work.restore_to.table, found, work.allowed) or ("the switch differs",)
+            different = differences(work.restore_to.table, found, work.allowed) or (words("W-LIVE-SWITCH"),)
             raise VerifyError("E-PUSH-NOT-RESTORED", work.axis, axis=work.axis, first=different[0])
 
 
@@ -84,7 +85,7 @@ async def _still_ours(works: Sequence[Work]) -> None:
         work.seen = table_in(live, work.change.new)
     for work in works:
         if not work.confirmed:
-            why = words("W-PUSH-TWO-READS")
+            why = Message.of("W-PUSH-TWO-READS")
             raise VerifyError("E-PUSH-UNCONFIRMED", work.axis, axis=work.axis, why=why)
         waits = work.change.new.kind == "reversal"  # written at its stops alone
         if not waits and work.seen is not None and differences(work.change.new, work.seen.table, work.allowed):

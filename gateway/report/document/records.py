@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import functools
 import hashlib
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from itertools import zip_longest
 
-from drivers.errors import catalogue
+from drivers.message import Message, Moment, joined, render
 from drivers.terms import shown
 from gateway.domain.outcomes import PushRecord
 from gateway.domain.values import COVERAGE
@@ -166,36 +165,29 @@ def _pushes(report: ReportMaterial, t: Tongue) -> Iterator[Block]:
     for name, push in pushed:
         transaction = t("transaction", number=push.transaction)
         yield Heading(f"{name}: {t('push_' + push.outcome)} ({transaction})", 2)
-        if push.why:
-            yield Paragraph(t("push_why", why=push.why))
+        if push.reasons:
+            yield Paragraph(t("push_why", why=joined(push.reasons, t.language)))
         if push.marker:
-            yield Paragraph(t("push_marker", why=push.marker))
+            yield Paragraph(t("push_marker", why=render(push.marker, t.language)))
         if push.steps:
             yield _steps(push, t.language)
 
 
 def _steps(push: PushRecord, language: str) -> TableBlock:
-    """When and what, in two columns of lines; the details of each step stay in the record.
-
-    A record of an older version has no codes: its words are looked up instead.
-    """
-    names, texts = step_names(language), {**catalogue(), **catalogue(language)}
-    rows = []
-    for step, code in zip_longest(push.steps, push.codes[: len(push.steps)], fillvalue=""):
-        found = STEP.match(step)
-        when, what = found.groups() if found else ("", step)
-        plain = what.partition(":")[0]
-        rows.append((when, texts[code]["what"] if code in texts else names.get(plain, plain)))
+    """When and what, in two columns of lines; the details of each step stay in the record."""
+    rows = [_step(one, language) for one in push.steps]
     half = -(-len(rows) // 2)
     pairs = zip_longest(rows[:half], rows[half:], fillvalue=("", ""))
     return TableBlock((), tuple((*left, *right) for left, right in pairs), "llll", dense=True, wide=(1, 3))
 
 
-@functools.cache
-def step_names(language: str) -> Mapping[str, str]:
-    """The steps of a push as records hold them, in English, to what they are called in a language."""
-    told = {**catalogue(), **catalogue(language)}
-    return {texts["what"]: told[code]["what"] for code, texts in catalogue().items() if code.startswith("W-STEP-")}
+def _step(step: Message, language: str) -> tuple[str, str]:
+    """The time of day and the step; what an older version stored is shown as stored."""
+    said, at = render(step, language), step.fields.get("utc")
+    if isinstance(at, Moment):
+        return at.utc[11:19], said
+    found = STEP.match(said)
+    return (found[1], found[2].partition(":")[0]) if found else ("", said.partition(":")[0])
 
 
 def _all_tables(report: ReportMaterial) -> tuple[TableMaterial, ...]:

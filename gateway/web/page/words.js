@@ -32,11 +32,50 @@ function filled(text, fields) {
     // Words of a record, for which the page has its own.
     const value = name === "outcome" && `ended.${given}` in texts.page ? t(`ended.${given}`) : name === "phase" && `phase.${given}` in texts.page ? t(`phase.${given}`) : given;
     if (value === undefined) return `<${name}>`;
+    if (form?.includes("#")) return counted(value, form);
+    if (value !== null && typeof value === "object") return written(value);
+    if (typeof value === "number" && !form) return decimal(String(value));
     if (!form || !Number.isFinite(Number(value))) return retold(String(value));
     const digits = /\.(\d)f/.exec(form)?.[1];
-    const plain = digits ? Number(value).toFixed(Number(digits)) : String(Number(Number(value).toPrecision(6)));
-    return form.startsWith("+") && Number(value) >= 0 ? `+${plain}` : plain;
+    return decimal(withSign(Number(value), digits ? Number(digits) : null, form.startsWith("+")));
   });
+}
+
+const tongue = () => document.documentElement.lang;
+const decimal = (text) => (tongue() === "de" ? text.replace(/(?<=\d)\.(?=\d)/g, ",") : text);
+
+function withSign(value, digits, signed) {
+  const plain = digits === null ? String(Number(value.toPrecision(6))) : value.toFixed(digits);
+  return signed && value >= 0 ? `+${plain}` : plain;
+}
+
+// {count:# target|# targets}: the forms in the order of the language's plural categories, as drivers/message.py has them.
+function counted(value, form) {
+  const [number, of] = typeof value === "object" ? [value.value, value.unit] : [Number(value), ""];
+  if (!Number.isFinite(number)) return retold(String(value));
+  const forms = form.split("|").slice(0, tongue() === "zh" ? 1 : 2);
+  return (number === 1 ? forms[0] : forms[forms.length - 1]).replace("#", `${decimal(String(number))} ${of}`.trim());
+}
+
+// A field that is more than a number or a name: several, a moment, a quantity, or a message within a message.
+function written(value) {
+  if (Array.isArray(value)) {
+    const sentences = value.length > 0 && value.every((one) => one?.code !== undefined);
+    return value.map((one) => (one !== null && typeof one === "object" ? written(one) : String(one))).join(tongue() === "zh" ? (sentences ? "；" : "、") : sentences ? "; " : ", ");
+  }
+  if (value.code !== undefined) return message(value);
+  if (value.utc !== undefined) return value.utc;
+  if (value.number !== undefined) return value.number;
+  const number = typeof value.value === "number" ? withSign(value.value, value.decimals ?? null, value.signed) : value.value.number;
+  return shown(`${decimal(number)} ${value.unit}`.trim());
+}
+
+// A message of a record or of an error: its text, and what to do; codes and places are for logs. One without a code was
+// finished by an older version.
+export function message({ code, fields, form }) {
+  if (!code) return plain(fields.text);
+  const advice = form === "error" ? say(code, fields, 1) : "";
+  return [say(code, fields), advice].filter(Boolean).join(" → ");
 }
 
 export function t(key, fields) {

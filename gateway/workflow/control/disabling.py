@@ -9,6 +9,7 @@ from typing import Any
 
 from drivers.clock import Clock
 from drivers.errors import ConfigError, TrueflankError, words
+from drivers.message import Message
 from drivers.terms import spoken
 from drivers.types.orders import DisableOrder
 from gateway import audit
@@ -119,10 +120,9 @@ def _line(asked: Switch) -> str:
 def _told(at: Bench, record: SwitchRecord) -> Outcome:
     """Raises WriteRefused (E-PUSH-REFUSED), StillOn (E-DISABLE-STILL-ON)."""
     if record.outcome == "refused":
-        reasons = "; ".join(record.reasons)
-        raise WriteRefused("E-PUSH-REFUSED", record.table, count=len(record.reasons), reasons=reasons)
+        raise WriteRefused("E-PUSH-REFUSED", record.table, count=len(record.reasons), reasons=record.reasons)
     if record.outcome == "still-on":
-        why = "; ".join(record.reasons) or words("W-DISABLE-NO-ANSWER")
+        why = record.reasons or Message.of("W-DISABLE-NO-ANSWER")
         raise StillOn("E-DISABLE-STILL-ON", record.table, table=record.table, axis=record.axis, why=why)
     code = "W-DISABLE-OFF" if record.outcome == "already-off" else "W-DISABLE-DONE"
     lines = (words(code, table=record.table, axis=record.axis),)

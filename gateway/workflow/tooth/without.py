@@ -100,7 +100,7 @@ def predict_without(at: Bench, proposal: Proposal) -> None:
 def _reasons(folder: RunFolder, change: TableChange) -> tuple[str, ...]:
     """Why a table of the run was not pushed, as its record has it."""
     stage = stages.push(change.name)
-    return folder.get(stage, PushRecord).reasons if folder.has(stage) else ()
+    return tuple(map(str, folder.get(stage, PushRecord).reasons)) if folder.has(stage) else ()
 
 
 def revised(

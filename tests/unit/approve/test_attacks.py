@@ -27,6 +27,7 @@ from gateway.push.records import journal, numbering
 from gateway.push.records.journal import JOURNALS
 from gateway.store import RunFolder, Store, records
 from gateway.workflow import consents, stages
+from tests.steps import lines
 from tests.unit.push.double import MACHINE, NEW, Bench, change_of
 from tests.unit.push.double import bench as push_bench
 
@@ -134,7 +135,7 @@ class Shop:
         assert record.outcome == "refused", record.steps
         assert set(self.double.controller.calls) <= READS
         assert not self.double.machine.writes
-        reasons = [step for step in record.steps if step.startswith(code)]
+        reasons = [step for step in lines(record) if step.startswith(code)]
         assert reasons, record.steps
         return reasons[0]
 

@@ -25,7 +25,7 @@ from gateway.cli.screen.telling import progress
 from gateway.cli.show import echo
 from gateway.cli.voice import Voice
 from gateway.push.records.phases import PushEvent
-from gateway.push.records.steps import SAID, step_words
+from gateway.push.records.steps import SAID, step_message
 from gateway.store import Store
 from gateway.store.logbook import lines_of
 
@@ -41,7 +41,7 @@ def plain(monkeypatch: pytest.MonkeyPatch) -> pytest.MonkeyPatch:
 def test_every_step_that_a_push_notes_has_words_without_capitals() -> None:
     assert set(PushEvent) == set(SAID)
     for kind in (*PushEvent, "A_NEW_ONE"):
-        assert not re.search(r"[A-Z]{2}", step_words(kind)), step_words(kind)
+        assert not re.search(r"[A-Z]{2}", str(step_message(kind))), str(step_message(kind))
 
 
 def test_who_is_asked_to_press_something_is_asked_in_every_voice() -> None:
@@ -59,7 +59,7 @@ def test_what_must_be_heard_is_never_left_out(
     voice.use(chosen)
     with progress(quiet=False) as say:
         say("P-START", axis="X1", program="TFMEASX")
-        say("P-PUSH-STEP", axis="X1", step="LEASED", said=step_words("LEASED"))
+        say("P-PUSH-STEP", axis="X1", step="LEASED", said=str(step_message("LEASED")))
         say("P-PUSH-HELD-ON", **HELD)
     out, told = capsys.readouterr()
     assert out == ""
@@ -99,7 +99,7 @@ def test_everything_is_kept_in_the_log_with_run_and_device(
 
     def work() -> None:
         with progress(quiet=True, folder=folder) as say:
-            say("P-PUSH-STEP", axis="X1", step="LEASED", said=step_words("LEASED"))
+            say("P-PUSH-STEP", axis="X1", step="LEASED", said=str(step_message("LEASED")))
             say("P-PUSH-HELD", **HELD)
             raise TrueflankError("E-PUSH-HELD", "X1", axis="X1", backup="b.mpf")
 
@@ -163,8 +163,8 @@ def test_a_step_of_a_batch_names_its_tables_in_one_line() -> None:
     scene = Scene(began=0.0)
     for step in ("DISABLE", "LOADED"):
         for axis in ("X1", "Z1", "C1-reversal"):
-            scene.told("P-PUSH-STEP", {"axis": axis, "step": step, "said": step_words(step)}, 1.0)
-        assert scene.within == f"X1, Z1, C1-reversal: {step_words(step)}"
+            scene.told("P-PUSH-STEP", {"axis": axis, "step": step, "said": str(step_message(step))}, 1.0)
+        assert scene.within == f"X1, Z1, C1-reversal: {step_message(step)!s}"
 
 
 def test_the_count_of_set_ups_is_gone_when_a_part_is_ground() -> None:

@@ -23,6 +23,7 @@ from gateway.interlocks import PushFacts, needed, refusals, warnings
 from gateway.interlocks.measured import allowed_drift_k
 from gateway.push import conversation, plan_hash, push_table
 from tests.selftested import passed
+from tests.steps import lines
 from tests.unit.interlocks.asked import replace
 from tests.unit.interlocks.test_interlocks import (
     CAPTURE,
@@ -259,7 +260,7 @@ def test_a_push_that_meets_it_asks_the_controller_for_no_write(
         assert record.outcome != "refused"
         return
     assert record.outcome == "refused"
-    assert [step.split(":")[0] for step in record.steps] == [refusal.code for refusal in refusals(facts)]
+    assert [step.split(":")[0] for step in lines(record)] == [refusal.code for refusal in refusals(facts)]
     assert set(at.controller.calls) <= READS
     assert (at.machine.live(), at.machine.writes, at.machine.jumps) == (before, [], [])
     assert journals_of(tmp_path) == ()

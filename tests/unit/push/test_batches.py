@@ -20,6 +20,7 @@ from gateway.push.records import journal
 from gateway.push.records.history import committed
 from gateway.push.records.holding import held_pushes
 from tests.sizes import few, soak
+from tests.steps import lines
 from tests.unit.push.double import (
     MACHINE,
     NEVER,
@@ -225,7 +226,7 @@ def test_what_speaks_against_one_keeps_all_out(tmp_path: Path) -> None:
     every = [(change, at.context) for change in (asked[0], bad, asked[2])]
     records = run_virtual(lambda: push_tables(every))
     assert {record.outcome for record in records} == {"refused"}
-    assert all(any(step.startswith("E-") for step in record.steps) for record in records)
+    assert all(any(step.startswith("E-") for step in lines(record)) for record in records)
     assert at.machine.writes == []
     assert not journals_of(tmp_path)
 
@@ -259,7 +260,7 @@ def test_tables_without_a_place_for_all_are_refused_together(tmp_path: Path) -> 
     first = replace(asked[0], new=replace(new(2), deviations=values[::-1]))
     records = run_virtual(lambda: push_tables([(first, at.context), (away, at.context)]))
     assert {record.outcome for record in records} == {"refused"}
-    assert all("E-INT-NOWHERE" in step for record in records for step in record.steps[-1:])
+    assert all("E-INT-NOWHERE" in step for record in records for step in lines(record)[-1:])
     assert at.machine.writes == []
 
 

@@ -25,6 +25,7 @@ from gateway.push.compare import table_in
 from gateway.push.effect import sums
 from gateway.push.records import numbering
 from tests.signed import signed
+from tests.steps import lines
 from tests.unit.push.double import (
     MACHINE,
     NEW,
@@ -169,7 +170,7 @@ def test_a_neighbour_that_would_jump_is_named_before_anything_is_written(tmp_pat
     at.machine.position = 200.0
     record = push(at)
     assert record.outcome == "refused"
-    assert any(step.startswith("E-INT-OTHERS") and "X1" in step for step in record.steps)
+    assert any(step.startswith("E-INT-OTHERS") and "X1" in step for step in lines(record))
     assert at.machine.writes == []
 
 
@@ -177,7 +178,7 @@ def test_a_table_number_of_another_output_is_not_taken(tmp_path: Path) -> None:
     at = stage(tmp_path)
     at.machine.others = (LiveTable(replace(WAVE, output_axis="Y1"), False),)
     record = push(at)
-    assert any(step.startswith("E-INT-INDEX") for step in record.steps)
+    assert any(step.startswith("E-INT-INDEX") for step in lines(record))
     assert at.machine.writes == []
 
 
@@ -244,7 +245,7 @@ def test_held_says_so_in_the_control_and_refuses_the_next(tmp_path: Path) -> Non
     elsewhere.mkdir()
     other = stage(elsewhere, machine=at.machine)
     refused = push(other)
-    assert [step for step in refused.steps if step.startswith("E-INT-MARKER")]
+    assert [step for step in lines(refused) if step.startswith("E-INT-MARKER")]
     assert at.machine.writes == []
 
 
@@ -269,7 +270,7 @@ def test_a_road_without_a_marker_needs_two_people(tmp_path: Path) -> None:
     at.controller.keeps_marker = False
     record = push(at)
     assert record.steps
-    assert all(step.startswith("E-INT-APPROVAL-MISSING") for step in record.steps)
+    assert all(step.startswith("E-INT-APPROVAL-MISSING") for step in lines(record))
 
 
 # ---- the sign ---------------------------------------------------------------------------------------

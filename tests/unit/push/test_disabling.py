@@ -16,6 +16,7 @@ from gateway.push import look, outcome_error, push_table, recover, unfinished
 from gateway.push.records import journal
 from gateway.push.records.holding import held_pushes
 from gateway.push.undo.disabling import ask_disable, disable
+from tests.steps import lines
 from tests.unit.push.double import (
     MACHINE,
     OLD,
@@ -173,7 +174,7 @@ def test_another_machine_or_a_running_program_is_refused_with_every_reason(tmp_p
     at.machine.identity = replace(MACHINE, serial="SN-2")
     record = run_virtual(lambda: disable(replace(ORDER, axis="Q9"), at.context))
     assert record.outcome == "refused"
-    assert [step.split(":")[0] for step in record.steps] == ["E-INT-MACHINE", "E-INT-AXIS"]
+    assert [step.split(":")[0] for step in lines(record)] == ["E-INT-MACHINE", "E-INT-AXIS"]
     assert "prepare_disable" not in at.controller.calls
 
 

@@ -12,6 +12,7 @@ import pytest
 
 from drivers.clock import run_virtual
 from drivers.errors import DeadlineExceeded, TrueflankError
+from drivers.message import Message
 from drivers.types.machine import ChannelStatus
 from drivers.types.tables import LiveTable
 from gateway.domain.outcomes import PushRecord
@@ -20,6 +21,7 @@ from gateway.push import PushFinding, look, push_table, recover, unfinished
 from gateway.push.records import journal
 from gateway.push.undo.finding import verdict
 from tests.sizes import few
+from tests.steps import lines
 from tests.unit.push.double import (
     MACHINE,
     NEVER,
@@ -214,7 +216,8 @@ def test_what_is_restored_is_said_with_a_reason_and_no_code(tmp_path: Path) -> N
     again = bench(tmp_path, machine=here.machine)
     run_virtual(lambda: recover(found, again.context))
     (told,) = [fields for code, fields in again.told if code == "P-PUSH-RESTORE"]
-    assert told == {"axis": "X1", "why": "its push was interrupted"}
+    assert told == {"axis": "X1", "why": Message.of("W-PUSH-UNFINISHED")}
+    assert str(told["why"]) == "its push was interrupted"
 
 
 def test_finish_proves_the_new_table(tmp_path: Path) -> None:
@@ -320,7 +323,7 @@ def test_a_damaged_journal_offers_nothing_and_refuses_pushes(tmp_path: Path) -> 
     finding: PushFinding = run_virtual(lambda: look(damaged, again.context))
     assert (finding.code, finding.action) == ("R-PUSH-DAMAGED", "none")
     record: PushRecord = run_virtual(lambda: push_table(change_of(here.machine, OLD), again.context))
-    assert any(step.startswith("E-INT-UNFINISHED") for step in record.steps)
+    assert any(step.startswith("E-INT-UNFINISHED") for step in lines(record))
 
 
 def test_a_journal_that_names_no_tables_is_our_error(tmp_path: Path) -> None:

@@ -20,6 +20,7 @@ from gateway.push import look, plan_hash, push_table, recover, unfinished
 from gateway.push.records import journal
 from gateway.push.records.lock import machine_lock
 from gateway.push.undo.finding import Seen, verdict
+from tests.steps import lines
 from tests.unit.push.double import (
     MACHINE,
     NEW,
@@ -71,7 +72,7 @@ def test_what_two_readings_do_not_agree_on_is_never_put_back_after_a_crash(tmp_p
     (found,) = unfinished(tmp_path / "journal", MACHINE.serial)
     record = run_virtual(lambda: recover(found, bench(tmp_path, machine=at.machine).context))
     assert record.outcome == "held"
-    assert any("E-PUSH-UNCONFIRMED" in step for step in record.steps)
+    assert any("E-PUSH-UNCONFIRMED" in step for step in lines(record))
     assert at.machine.own == LiveTable(ODD, False)
     assert at.machine.writes == []
 
@@ -137,7 +138,7 @@ def test_every_row_refuses_the_next_push_until_it_is_settled(tmp_path: Path) -> 
     at = stopped_at(tmp_path, "LOADED", nothing)
     again = bench(tmp_path, machine=at.machine)
     record = run_virtual(lambda: push_table(change_of(at.machine), again.context))
-    assert any(step.startswith("E-INT-UNFINISHED") for step in record.steps)
+    assert any(step.startswith("E-INT-UNFINISHED") for step in lines(record))
     assert at.machine.writes == ["table"]
 
 
@@ -238,7 +239,7 @@ def test_the_same_key_for_another_plan_is_refused(tmp_path: Path) -> None:
     again = bench(tmp_path, machine=at.machine)
     record = push(again, OLD, key="order-1")
     assert record.outcome == "refused"
-    assert any(step.startswith("E-INT-KEY") for step in record.steps)
+    assert any(step.startswith("E-INT-KEY") for step in lines(record))
     assert at.machine.writes == ["table"]
 
 
@@ -250,7 +251,7 @@ def test_without_a_key_or_with_a_fresh_one_the_base_decides(tmp_path: Path) -> N
         assert push(again, key=key).outcome == "already-applied"
     other = bench(tmp_path, machine=at.machine)
     record = push(other, ODD_NEW, key="order-3")
-    assert any(step.startswith("E-INT-LOST-UPDATE") for step in record.steps)
+    assert any(step.startswith("E-INT-LOST-UPDATE") for step in lines(record))
     assert at.machine.writes == ["table"]
 
 

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from gateway.push.records.phases import PushEvent
-from gateway.push.records.steps import SAID, step_words
+from gateway.push.records.steps import SAID, step_message
 
 
 def test_every_kind_of_a_journal_has_words_without_capitals() -> None:
     assert set(SAID) == set(PushEvent)
-    assert [kind for kind in PushEvent if step_words(kind).upper() == step_words(kind)] == []
+    assert [kind for kind in PushEvent if str(step_message(kind)).isupper()] == []
 
 
 def test_a_kind_of_another_version_is_told_in_plain_letters() -> None:
-    assert step_words("NEVER_HEARD_OF") == "never heard of"
+    assert str(step_message("NEVER_HEARD_OF")) == "never heard of"

@@ -11,6 +11,7 @@ import pytest
 
 from drivers.clock import run_virtual
 from drivers.errors import DeadlineExceeded, DeviceRefused, TransportError, TrueflankError, catalogue, words
+from drivers.message import Message
 from drivers.types.tables import LiveTable
 from gateway.domain.outcomes import PushRecord
 from gateway.domain.proposals import TableChange
@@ -18,6 +19,7 @@ from gateway.errors import BusyError, RollbackFailed, StoreError, VerifyError, W
 from gateway.push import outcome_error, push_table, recover
 from gateway.push.records import journal
 from gateway.push.records.lock import machine_lock
+from tests.steps import lines
 from tests.unit.push.double import (
     MACHINE,
     NEVER,
@@ -108,7 +110,7 @@ def test_numbers_are_unique_and_kept(tmp_path: Path) -> None:
 def test_skipped_asks_nothing(tmp_path: Path) -> None:
     at = bench(tmp_path)
     record = push(at, replace(change_of(at.machine), skipped="inside its uncertainty"))
-    assert (record.outcome, record.steps) == ("skipped", ("inside its uncertainty",))
+    assert (record.outcome, record.steps) == ("skipped", (Message.stored("inside its uncertainty"),))
     assert at.controller.calls == {}
 
 
@@ -124,7 +126,7 @@ def test_a_tables_changed_after_the_capture_is_refused_untouched(tmp_path: Path)
     error = outcome_error(record)
     assert isinstance(error, WriteRefused)
     assert error.exit_code == 8
-    assert any(fields.get("reason", "").startswith("E-INT-LOST-UPDATE") for code, fields in at.told)
+    assert any(str(fields.get("reason", "")).startswith("E-INT-LOST-UPDATE") for code, fields in at.told)
     assert "E-INT-LOST-UPDATE" in str(error)
 
 
@@ -146,7 +148,7 @@ def test_every_reason_at_once_and_no_program_sent(tmp_path: Path) -> None:
     at = bench(tmp_path)
     at.machine.alarms, at.machine.mode, at.machine.referenced, at.machine.reserved = (700001,), "JOG", False, 5
     record = push(at, typed_name="", proof=None)
-    codes = {step.split(":")[0] for step in record.steps}
+    codes = {step.split(":")[0] for step in lines(record)}
     assert codes == {
         "E-INT-ALARM",
         "E-INT-MODE",
@@ -220,7 +222,7 @@ def test_no_effect_is_rolled_back(tmp_path: Path) -> None:
     at.controller.faults[("abort_program", 1, "after")] = changing(ignore_reset=False)
     record = push(at)
     assert record.outcome == "rolled-back"
-    assert any("E-PUSH-EFFECT" in step for step in record.steps)
+    assert any("E-PUSH-EFFECT" in step for step in lines(record))
     assert at.machine.own == OLD_ON
 
 
@@ -263,8 +265,8 @@ def test_changed_between_snapshot_and_load_goes_back_to_neither_reading(tmp_path
     at.controller.faults[("stage", 1, "before")] = fault
     record = push(at)
     assert record.outcome == "held"
-    assert any("E-PUSH-LOST-UPDATE" in step for step in record.steps)
-    assert any("E-PUSH-UNCONFIRMED" in step for step in record.steps)
+    assert any("E-PUSH-LOST-UPDATE" in step for step in lines(record))
+    assert any("E-PUSH-UNCONFIRMED" in step for step in lines(record))
     assert at.machine.own == LiveTable(NEW, enabled=False)
     assert "restore" not in at.machine.writes
     (left,) = journals_of(tmp_path)
@@ -303,7 +305,7 @@ def test_a_failed_load_is_taken_back_only_with_a_second_reading(tmp_path: Path, 
     at.controller.faults[("read_back", 1, "after")] = fail
     record = push(at)
     assert record.outcome == "held"
-    assert any("E-PUSH-UNCONFIRMED" in step for step in record.steps)
+    assert any("E-PUSH-UNCONFIRMED" in step for step in lines(record))
     assert at.machine.own == LiveTable(NEW, enabled=False)
     assert at.machine.writes == ["table"]
 
@@ -354,7 +356,7 @@ def test_held(tmp_path: Path, name: str) -> None:
     assert error.exit_code == (12 if name in STILL_ON else 9)
     assert record.backup_path in str(error)
     again = push(bench(tmp_path, machine=at.machine))
-    assert any(step.startswith("E-INT-UNFINISHED") for step in again.steps)
+    assert any(step.startswith("E-INT-UNFINISHED") for step in lines(again))
 
 
 @pytest.mark.parametrize("call", ["identify", "state", "table_limits", "prepare_stops", "wait_stop", "saved_tables"])

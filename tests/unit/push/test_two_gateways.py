@@ -17,6 +17,7 @@ from gateway.domain.outcomes import PushRecord
 from gateway.errors import BusyError, VerifyError
 from gateway.push import push_table
 from gateway.push.undo.recovery import look, recover, unfinished
+from tests.steps import lines
 from tests.unit.push.double import MACHINE, NEW, Bench, Machine, bench, change_of, journals_of
 
 pytestmark = pytest.mark.attack("another gateway pushes or loads in between", "port")
@@ -110,7 +111,7 @@ def test_under_anothers_mark_nothing_is_restored_aborted_or_marked(tmp_path: Pat
     record = push(at)
     assert isinstance(record, PushRecord)
     assert record.outcome == "held-on"  # theirs acts, and it is not ours to switch off
-    assert "E-PUSH-ANOTHER" in " ".join(record.steps)
+    assert "E-PUSH-ANOTHER" in " ".join(lines(record))
     assert (at.machine.own, at.machine.marker) == kept[0][:2]
     assert not {"abort_program", "finish_push"} & set(at.controller.calls)
 

@@ -16,6 +16,7 @@ from gateway.push import outcome_error, push_table
 from gateway.push.records import journal
 from gateway.push.records.history import Committed, committed, to_undo
 from gateway.push.undoing import ask_undo, compare_live, undo
+from tests.steps import lines
 from tests.unit.push.double import (
     MACHINE,
     NEVER,
@@ -134,7 +135,7 @@ def test_the_interlocks_are_those_of_every_push(tmp_path: Path, state: dict[str,
     changing(**state)(at.machine)
     record = take_back(at)
     assert record.outcome == "refused"
-    assert any(code in step for step in record.steps)
+    assert any(code in step for step in lines(record))
     assert "stage" not in at.controller.calls
 
 
@@ -145,7 +146,7 @@ def test_consent_and_a_whole_audit_are_needed(tmp_path: Path, changed: dict[str,
     at = pushed(tmp_path)
     record = take_back(at, **changed)
     assert record.outcome == "refused"
-    assert any(code in step for step in record.steps)
+    assert any(code in step for step in lines(record))
     assert "stage" not in at.controller.calls
 
 
@@ -156,7 +157,7 @@ def test_an_unfinished_push_is_recovered_first(tmp_path: Path) -> None:
     left.append("LEASED", axis="X1", purpose="table")
     left.close()
     record = take_back(at)
-    assert any("E-INT-UNFINISHED" in step for step in record.steps)
+    assert any("E-INT-UNFINISHED" in step for step in lines(record))
     assert at.machine.own == NEW_ON
 
 

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from drivers.message import Message
 from drivers.types.tables import CompensationTable
 from drivers.units import arcsec_to_rad, mm_to_um
 from gateway.correct.outlook.next_setup import OpenDoubt
@@ -171,7 +172,7 @@ def cross_table(out: str, over: str, index: int) -> TableMaterial:
     old = CompensationTable("cross", f"{over}1", f"{out}1", *grid, (0.0,) * at.size, rotary, index, inside, unit)
     new = replace(old, deviations=tuple(np.round(values, 3).tolist()))
     change = TableChange(f"{out}1", old, new, False, "cd" * 32, at, np.zeros(at.size), np.full(at.size, 0.4))
-    return TableMaterial(change, PushRecord(4712, f"{out}1", "committed", ("written",), "backup.spf"))
+    return TableMaterial(change, PushRecord(4712, f"{out}1", "committed", (Message.stored("written"),), "backup.spf"))
 
 
 def tooth() -> ToothMaterial:

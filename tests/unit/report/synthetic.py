@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from drivers.message import Message
 from drivers.types.identity import Identity, MachineIdentity
 from drivers.types.orders import SignProof
 from drivers.types.sensing import Ambient
@@ -67,8 +68,10 @@ def axis_material(axis: str, unit: AxisUnit, seed: int = 7) -> AxisMaterial:
         components=(_component(axis, unit),), change=change(axis, unit, targets),
         push=PushRecord(
             4711, axis, "committed",
-            ("backup", "backup re-read", "disabled", "written", "read back equal", "enabled", "referenced",
-             "effect proven at 3 positions", "saved"),
+            tuple(map(Message.stored, (
+                "backup", "backup re-read", "disabled", "written", "read back equal", "enabled", "referenced",
+                "effect proven at 3 positions", "saved",
+            ))),
             f"runs/2026-03-02-01/{axis}/backup.spf",
             ((40.0, 1.2, 1.2), (200.0, -3.4, -3.4), (320.0, 5.1, 5.101)),
         ),

@@ -14,16 +14,17 @@ from datetime import UTC, datetime
 import pytest
 import typst
 
+from drivers.message import Message, render
 from drivers.types.identity import Identity
 from gateway.cli.control.connecting import report_font
-from gateway.errors import StoreError
-from gateway.push.records.steps import SAID, step_words
+from gateway.domain.outcomes import PushRecord
+from gateway.errors import StoreError, VerifyError
+from gateway.push.records.steps import SAID, noted_step, step_message
 from gateway.report import InstrumentNote, ReportMaterial
 from gateway.report.document import words
 from gateway.report.document.content import Document, FactsBlock, Heading, Pair, Signatures, TableBlock, Whole
 from gateway.report.document.pdf import Attached, cjk_font, fonts_for, pdf
 from gateway.report.document.plain import as_plain
-from gateway.report.document.records import step_names
 from gateway.report.document.web import page
 from gateway.report.document.whole import document
 from gateway.report.drawings import positioning
@@ -176,10 +177,27 @@ def test_a_report_in_another_language_is_whole(language: str) -> None:
 
 @pytest.mark.parametrize("language", ["de", "zh"])
 def test_each_step_of_a_push_has_its_name_in_each_language(language: str) -> None:
-    names = step_names(language)
-    assert set(names) == {step_words(kind) for kind in SAID}
-    assert not set(names) & set(names.values())
-    assert step_names("de")["old table backed up"] == "alte Tabelle gesichert"
+    english = {render(step_message(kind)) for kind in SAID}
+    assert len(english) == len(SAID)
+    assert not english & {render(step_message(kind), language) for kind in SAID}
+    assert render(step_message("BACKUP"), "de") == "alte Tabelle gesichert"
+
+
+def test_the_protocol_and_its_reasons_are_in_the_documents_language_and_older_ones_as_stored() -> None:
+    why = VerifyError("E-PUSH-UNCONFIRMED", "X1", axis="X1", why=Message.of("W-PUSH-TWO-READS"))
+    steps = (noted_step("BACKUP", "2026-01-02T03:04:05.678+00:00", {}), Message.stored("2026-01-02T03:04:06 held: x"))
+    record = PushRecord(7, "X1", "rolled-back", steps, "", reasons=(why.message, Message.stored("an old reason")))
+    first, *others = synthetic.material().axes
+    said = replace(synthetic.material(), axes=(replace(first, push=record), *others))
+    text = json.dumps(as_plain(document(replace(said, particulars=Particulars(language="de"))), ()).data)
+    shown = json.loads(text)
+    told = json.dumps(shown, ensure_ascii=False)
+    assert "alte Tabelle gesichert" in told
+    assert "03:04:05" in told
+    assert "weichen von der Sicherung ab" in told
+    assert "differ from the backup" not in told
+    assert "an old reason" in told
+    assert "held" in told
 
 
 def test_nothing_that_a_stranger_names_becomes_markup() -> None:

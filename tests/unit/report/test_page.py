@@ -9,6 +9,7 @@ from html.parser import HTMLParser
 import numpy as np
 import pytest
 
+from drivers.message import Message
 from drivers.types.identity import Identity, MachineIdentity
 from drivers.types.sensing import Ambient
 from gateway.report import AxisMaterial, FileUsed, InstrumentNote, ReportMaterial, render
@@ -118,7 +119,7 @@ def _hostile(text: str) -> ReportMaterial:
     axis = replace(
         axis,
         change=replace(axis.change, new=table, findings=(text,), skipped=text),
-        push=replace(axis.push, steps=(text,), backup_path=text),
+        push=replace(axis.push, steps=(Message.stored(text),), backup_path=text),
         before=replace(axis.before, flags=(text,), standard=text),
         capture_before=replace(
             capture, component=text, notes=(text,), source=text, started_utc=text, ended_utc=text,

@@ -17,6 +17,7 @@ from hypothesis.extra import numpy as hnp
 
 import drivers.types
 import gateway.domain
+from drivers.message import Form, Message, Moment, Quantity
 
 FLOATS = st.floats(allow_nan=True, allow_infinity=True)
 TEXT = st.text(max_size=8)
@@ -33,7 +34,7 @@ def all_records() -> list[type]:
     found = {}
     for module in (*_modules(drivers.types), *_modules(gateway.domain)):
         for _name, item in inspect.getmembers(module, inspect.isclass):
-            if dataclasses.is_dataclass(item):
+            if dataclasses.is_dataclass(item) and item is not Message:
                 found[item.__name__] = item
     return [found[name] for name in sorted(found)]
 
@@ -64,10 +65,23 @@ def of_type(hint: Any) -> st.SearchStrategy[Any]:
         return anything()
     if issubclass(hint, Enum):
         return st.sampled_from(list(hint))
+    if hint is Message:
+        return messages()
     if dataclasses.is_dataclass(hint):
         hints = get_type_hints(hint)
         return st.builds(hint, **{item.name: of_type(hints[item.name]) for item in dataclasses.fields(hint)})
     return {float: FLOATS, int: st.integers(-(2**53), 2**53), bool: st.booleans(), str: TEXT}[hint]
+
+
+def messages() -> st.SearchStrategy[Message]:
+    """Messages with fields of every kind, messages within them too."""
+    plain = st.one_of(st.none(), st.booleans(), st.integers(-(2**53), 2**53), FLOATS, TEXT)
+    quantities = st.builds(Quantity, FLOATS, TEXT, st.none() | st.integers(0, 6), st.booleans())
+    leaves = st.one_of(plain, quantities, st.builds(Moment, TEXT))
+    made = lambda inner: st.builds(  # noqa: E731 - used twice below
+        Message, TEXT, st.dictionaries(TEXT, inner, max_size=3), st.sampled_from(Form), TEXT
+    )
+    return made(st.recursive(leaves, lambda inner: st.one_of(made(inner), st.lists(inner).map(tuple)), max_leaves=4))
 
 
 def anything() -> st.SearchStrategy[Any]:

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from drivers.message import Message
 from gateway.domain.outcomes import PushRecord
 from gateway.domain.proposals import TableChange
 from gateway.errors import VerifyError
@@ -188,7 +189,7 @@ def test_the_stored_prediction_is_revised_once_and_says_why() -> None:
     without.predict_without(said.bench, proposal)
     assert folder[stages.TOOTH].prediction is told
     folder[stages.push(lost.name)] = PushRecord(
-        0, lost.axis, "skipped", (), "", reasons=("E-PUSH-NO-PROOF: too small",)
+        0, lost.axis, "skipped", (), "", reasons=(Message.stored("E-PUSH-NO-PROOF: too small"),)
     )
     without.predict_without(said.bench, proposal)
     found = folder[stages.TOOTH]
