@@ -159,11 +159,15 @@ def agreeing_position(
 
     A position of the tables' input axis, as ``reference`` and ``travel``. Both acts switch a table against
     nothing, so each must be near zero there. The reference position if it will do, else the nearest
-    interpolation point inside the travel; None when there is none.
+    interpolation point inside the travel; None when there is none. A reference outside the travel is no such place:
+    the end next to it is tried.
     """
     if new.kind == "reversal":  # it acts at every place alike
         return float(np.clip(reference, *travel))
-    places = [reference, *sorted(_inside(new, travel), key=lambda place: abs(place - reference))]
+    places = [
+        float(np.clip(reference, *travel)),
+        *sorted(_inside(new, travel), key=lambda place: abs(place - reference)),
+    ]
     for place in places:
         before = value_at(old.table, place) if old.enabled else 0.0
         if abs(before) <= MAX_JUMP and abs(value_at(new, place)) <= MAX_JUMP:

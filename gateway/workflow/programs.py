@@ -90,8 +90,8 @@ def programs(
     write, settings = _writer(site, wanted)
     tables = _loaded(site, proposal)
     known = known_control(site, site_path)
-    names = _names(site, site_path)
-    machine, origin = _machine(site, tables, known, names, numbers), origin_of(site)
+    names, seen = _names(site, site_path)
+    machine, origin = replace(_machine(site, tables, known, names, numbers), seen=seen), origin_of(site)
     made_for = _For(site, site_path, tables, proposal, known, names, numbers.order, tooth)
     found = []
     for what in wanted:
@@ -184,11 +184,11 @@ class _For:
         return MachineIdentity(facts.get("serial", self.site.controller.serial), facts.get("version", ""), self.names)
 
 
-def _names(site: SiteFile, site_path: Path) -> tuple[str, ...]:
-    """The control's axes in their order, as it was seen or the site file states it; else those of the site alone."""
+def _names(site: SiteFile, site_path: Path) -> tuple[tuple[str, ...], bool]:
+    """The control's axes in their order, as it was seen or the site file states it; else, False, those of the site."""
     told = known_of(site, store_of(site, site_path).root).facts.get("axes", "").split()
     own = tuple(axis.name for axis in site.axes)
-    return tuple(told) if set(own) <= set(told) else own
+    return (tuple(told), True) if set(own) <= set(told) else (own, False)
 
 
 def _machine(
@@ -258,9 +258,11 @@ def _loads(made: _For) -> Iterator[tuple[str, Order]]:
         if batch:
             yield "axis", batch
         return
+    on: list[CompensationTable] = []
     for layer in LAYERS:
         for name, together in _groups(made, layer):
-            yield name, tuple(_coupled(made, change, together) for change, _ in together)
+            yield name, tuple(_coupled(made, change, together, on) for change, _ in together)
+            on += [change.new for change, _ in together]
 
 
 def _groups(made: _For, layer: Layer) -> list[tuple[str, Sequence[Moved]]]:
@@ -331,12 +333,19 @@ def _reads(made: _For, changes: Sequence[TableChange]) -> tuple[StopPlan, ...]:
     return tuple(reading_plan(question(_facts(made, axis), Patience(0.0, 0.0))) for axis in axes)
 
 
-def _coupled(made: _For, change: TableChange, together: Sequence[Moved]) -> PushOrder:
-    """The order of a change; tables of other transactions that act on its output are on again at its end."""
+def _coupled(made: _For, change: TableChange, together: Sequence[Moved], on: Sequence[CompensationTable]) -> PushOrder:
+    """The order of a change; tables of other transactions that act on its output are on again at its end.
+
+    Those are what was live before, and what the transactions before this one have put ``on``.
+    """
     beside = [one.new for one, _ in together if one is not change and one.axis == change.axis]
     at = _place(together, _facts(made, change.new.input_axis))
     order = replace(_order(made, change.new, "table"), agreeing_position=at)
-    return order if change.base is None else replace(order, coupled=others_on(change.base, change.new, beside))
+    if change.new.kind != "cross":
+        return order
+    pushed = any(one.kind == "cross" and one.output_axis == change.axis and one not in beside for one in on)
+    stood = change.base is not None and others_on(change.base, change.new, beside)
+    return replace(order, coupled=pushed or stood)
 
 
 def _writer(site: SiteFile, wanted: tuple[What, ...]) -> tuple[Any, Mapping[str, Any]]:

@@ -194,6 +194,10 @@ WHOLLY_LONG = {
         "test_programs_signed.py",
         "test_a_sign_proof_and_the_layer_of_axis_tables_are_sent_as_printed",
     ): "the other comparisons of tests/cell/test_programs_signed.py",
+    (
+        "test_programs_signed.py",
+        "test_a_layer_in_three_transactions_is_sent_as_printed",
+    ): "the other comparisons of tests/cell/test_programs_signed.py",
 }
 """Tests that leave `make test` whole, and the smaller one of the same code that stays.
 

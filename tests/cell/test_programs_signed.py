@@ -8,6 +8,7 @@ import re
 from collections.abc import Awaitable, Callable
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -261,3 +262,60 @@ def test_the_proof_of_effect_and_what_follows_it_are_sent_as_printed(tmp_path: P
         assert "tables that were live before" in text
 
     at_a_cell(tmp_path, job, file=builders())
+
+
+async def cross_table(at: Bench, one: CompensationTable) -> TableChange:
+    """A cross table in a free place, of an output axis whose sense is proved."""
+    live = await fetch_tables(at, at.axis(one.output_axis))
+    at.proofs.save(SignProof(at.machine, "cross", one.output_axis, -1.0, 0.01, 1, at.clock.utc().isoformat()))
+    old = table_in(live, one)
+    return TableChange(one.output_axis, old.table, one, old.enabled, live.digest, NOTHING, NOTHING, NOTHING, base=live)
+
+
+def standing_still() -> CellFile:
+    """The demo machine with absolute encoders: no axis is driven to its reference after a restart."""
+    file = load_cell("demo").model_dump()
+    return CellFile.model_validate(file | {"axes": [axis | {"absolute_encoder": True} for axis in file["axes"]]})
+
+
+def along_z(index: int, output: str, high: float, *, low: float) -> CompensationTable:
+    """A cross table over Z that is 4 um or arcsec in one part of the travel and zero outside it."""
+    values = tuple(4.0 if low <= 30.0 * place <= high else 0.0 for place in range(11))
+    units: dict[str, Any] = {"input_unit": "mm", "output_unit": "deg" if output == "C1" else "mm"}
+    return CompensationTable("cross", "Z1", output, 0.0, 300.0, 30.0, values, index=index, **units)
+
+
+@pytest.mark.long
+def test_a_layer_in_three_transactions_is_sent_as_printed(tmp_path: Path) -> None:
+    """Each table may be switched at a place of Z where the next one may not: so each is a transaction of its own.
+
+    The last one is switched beside the first of the same output axis, which is on by then.
+    """
+
+    async def job(cell: Cell, clock: LoopClock) -> None:
+        path = cell.site_path
+        kept = path.read_text(encoding="utf-8")
+        path.write_text(re.sub(r"\bZ1 = \[[^]]*\]", "Z1 = [60.0, 240.0]", kept, count=1), encoding="utf-8")
+        await cell.operator.jog("Z1", 150.0)
+        site = load_site(path)
+        assert site.moves.places.ranges["Z1"] == (60.0, 240.0)
+        folder = new_run(site, path)
+        async with bench(site, path, folder, clock, silence) as at:
+            first, last = along_z(0, "X1", 120.0, low=30.0), along_z(2, "X1", 120.0, low=30.0)
+            changes = [await cross_table(at, one) for one in (first, along_z(1, "C1", 270.0, low=150.0), last)]
+            proposal = Proposal(at.machine, tuple(changes), (), at.clock.utc().isoformat())
+            folder.put(stages.PROPOSAL, proposal)
+            assert consents.proposed(at, proposal) == ""
+            known = len(sent(path, "TFMEAS"))
+            await apply_proposal(at, proposal, {})
+        loads = sent(path, "TFPUSH")
+        assert ["GOTOF TF_WAKES" in text for text in loads] == [True, True, False]
+        for place, text in enumerate(loads):
+            assert text == printed(path, "load", text, proposal)[place].program.text
+        read = sent(path, "TFMEAS")[known:]
+        assert len([text for text in read if "TFEFFECT" in text]) == 3
+        for text in read:
+            both = [*printed(path, "effect", text, proposal), *printed(path, "backup", text, proposal)]
+            assert text in [one.program.text for one in both]
+
+    at_a_cell(tmp_path, job, file=standing_still())
