@@ -13,7 +13,9 @@ from drivers.clock import LoopClock, run_virtual
 from drivers.errors import ConfigError
 from gateway.domain.proposals import Proposal
 from gateway.workflow import stages
+from gateway.workflow.control.disabling import disable_site
 from gateway.workflow.control.selftesting import self_test_site
+from gateway.workflow.outcome import Outcome
 from gateway.workflow.programs import What, numbers_in, programs
 from simulators.cell import cell_running
 from tests.offline.test_site_by_files import MOST, Site
@@ -47,6 +49,33 @@ def test_a_self_test_is_carried_as_it_is_printed(tmp_path: Path) -> None:
             await self_test_site(site.tree, site.path, axis="", **site.asked)
         assert waits.value.program == "TFSELF_C1.MPF"
         assert is_printed(site, waits.value, "self-test")
+
+    at_a_site(tmp_path, story)
+
+
+def test_an_order_to_switch_off_is_carried_as_it_is_printed(tmp_path: Path) -> None:
+    """Somebody has switched the table on since files last came back: they read off, and the order goes in any case."""
+
+    async def story(site: Site) -> None:
+        await site.tested()
+        site.cell.nck.set("$MA_ENC_COMP_ENABLE[0,C1]", 1, 0)
+        asked = {"axis": "C1", "table": "", "machine_name": site.tree.site.name, **site.asked}
+        (told, *_) = (await disable_site(site.tree, site.path, apply=False, **asked)).lines
+        assert "C1 read off when files last came back" in told
+        seen = []
+        work = PieceOfWork("disable C1", "go-on", ends=True)
+
+        async def once() -> Outcome:
+            try:
+                return await disable_site(site.tree, site.path, apply=True, **asked)
+            except ToCarry as waits:
+                seen.append((waits.program, is_printed(site, waits, "off")))
+                raise
+
+        done = await site.carried(work, once)
+        assert seen == [("TFOFF_C1.MPF", True)]
+        assert done.data["outcome"] == "off"
+        assert site.cell.nck.get("$MA_ENC_COMP_ENABLE[0,C1]") is False
 
     at_a_site(tmp_path, story)
 

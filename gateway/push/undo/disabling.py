@@ -9,6 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
+from drivers.carried import Carried
 from drivers.errors import TrueflankError
 from drivers.message import Message, Quantity
 from drivers.types.machine import ChannelStatus
@@ -139,8 +140,9 @@ async def ask_disable(order: DisableOrder, context: PushContext) -> Switch:
 async def disable(order: DisableOrder, context: PushContext, found: JournalRead | None = None) -> SwitchRecord:
     """Switch a table off, in a journal of its own or going on in ``found``, that of the push it came from.
 
-    Nothing is sent when it is off already ("already-off") or an interlock speaks against it ("refused"). Raises
-    BusyError (E-PUSH-BUSY), StoreError, and the port's errors as long as nothing has been sent.
+    Nothing is sent when it is off already ("already-off") or an interlock speaks against it ("refused"). What files
+    brought back of a control is not what its switch reads now: there the program goes in any case. Raises BusyError
+    (E-PUSH-BUSY), StoreError, and the port's errors as long as nothing has been sent.
     """
     context = unheard(context)
     with foreseen(context.axis.name), machine_lock(journal.machine_folder(context.journals, context.machine.serial)):
@@ -149,7 +151,8 @@ async def disable(order: DisableOrder, context: PushContext, found: JournalRead 
             return _record(
                 order, "refused", asked=asked, after=None, reasons=tuple(reason.message for reason in asked.refusals)
             )
-        if asked.reading is not None and asked.reading.off and found is None:
+        fresh = not isinstance(context.controller, Carried)
+        if fresh and asked.reading is not None and asked.reading.off and found is None:
             return _record(order, "already-off", asked=asked, after=asked.reading, reasons=())
         return await _in_journal(order, context, found, asked)
 

@@ -7,6 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from drivers.carried import Carried
 from drivers.clock import Clock
 from drivers.errors import ConfigError, TrueflankError, words
 from drivers.message import Message
@@ -99,7 +100,11 @@ def _left_by(at: Bench, order: DisableOrder) -> JournalRead | None:
 
 def _shown(at: Bench, asked: Switch) -> Outcome:
     looked(at, "disable", table=asked.order.name)
-    lines = [_line(asked), *(f"  {reason.words}" for reason in asked.refusals), words("W-DISABLE-DRY")]
+    lines = [
+        _line(asked, carried=isinstance(at.supervisor.controller, Carried)),
+        *(f"  {reason.words}" for reason in asked.refusals),
+        words("W-DISABLE-DRY"),
+    ]
     reading, reasons = asked.reading, [reason.words for reason in asked.refusals]
     data: dict[str, Any] = {"table": asked.order.name, "unit": asked.unit, "applied": False, "refusals": reasons}
     data |= {"enabled": None, "acting": None, "off": None}
@@ -108,10 +113,12 @@ def _shown(at: Bench, asked: Switch) -> Outcome:
     return Outcome(state="looked", run_folder="", rows=(), lines=tuple(lines), data=data)
 
 
-def _line(asked: Switch) -> str:
+def _line(asked: Switch, *, carried: bool) -> str:
     fields = {"table": asked.order.name, "axis": asked.order.axis, "unit": asked.unit}
     if asked.reading is None:
         return words("W-DISABLE-UNREAD", **fields)
+    if carried:
+        return words("W-DISABLE-WAS-OFF" if asked.reading.off else "W-DISABLE-WAS-ON", **fields)
     if asked.reading.off:
         return words("W-DISABLE-OFF", **fields)
     return words("W-DISABLE-PLAN", acting=round(asked.reading.acting, 3), **fields)
