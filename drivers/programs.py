@@ -144,7 +144,8 @@ class PaperMachine:
     ``axes``: machine axis names; ``modulo``: those that turn endlessly; ``own_points``: points that axis tables have
     reserved, by axis; ``cross_points``: those of cross tables, by number; ``places``: where axes may stand;
     ``without``: words that the control does not take, ``file_kb`` how large a file may become (`SelfTested`);
-    ``numbers``: what stands for those that a program gets when it is sent.
+    ``numbers``: what stands for those that a program gets when it is sent; ``seen``: the control, or who wrote the site
+    file, said that these are its axes, all of them in their order.
     """
 
     axes: tuple[str, ...]
@@ -155,6 +156,7 @@ class PaperMachine:
     without: tuple[str, ...] = ()
     file_kb: int = 0
     numbers: DayNumbers = field(default_factory=DayNumbers)
+    seen: bool = True
 
     @property
     def number(self) -> int:

@@ -112,6 +112,9 @@ class Roads:
             settings |= {"baudrate": plc.baudrate, "parity": plc.parity}
         if self._paced:
             settings |= VIRTUAL_MAILBOX_PACE
+        named = {axis.name: number for number, axis in zip(self._nck.spec.numbers, self._nck.spec.axes, strict=True)}
+        if tuple(named.values()) != tuple(range(1, len(named) + 1)):
+            settings["axis_numbers"] = named
         return {
             "driver": "sinumerik-modbus",
             "url": plc.client_url or self.plc.home,

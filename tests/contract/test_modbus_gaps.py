@@ -13,7 +13,7 @@ GAPS = (AXES[1], replace(AXES[0], number=4))
 
 
 async def test_a_machine_with_gaps_is_served_by_its_numbers() -> None:
-    async with on_stage(spec={"axes": GAPS}) as stage:
+    async with on_stage(spec={"axes": GAPS}, driver={"axis_numbers": {"X1": 4}}) as stage:
         assert (await stage.device.identify()).axis_names == ("C1", "X1")
         await stage.push(await order_for(stage.device, table()))
         assert stage.get("$MA_ENC_COMP_ENABLE[0,X1]")

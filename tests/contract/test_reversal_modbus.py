@@ -49,7 +49,7 @@ async def test_a_reversal_is_pushed_found_live_and_taken_for_applied(tmp_path: P
 
 @pytest.mark.parametrize("factor", few([2.0, 0.5, 3.0], 1))
 async def test_the_factor_of_the_control_is_no_part_of_the_reversal(tmp_path: Path, factor: float) -> None:
-    async with on_stage(opened=False) as on:
+    async with on_stage(opened=False, driver={"backlash_factors": {"X1": factor}}) as on:
         on.bench.nck.set("$MA_BACKLASH_FACTOR[0,X1]", factor, 0)
         await on.device.open(5.0)
         assert (await pushed(on, tmp_path)).outcome == "committed"
@@ -60,7 +60,7 @@ async def test_the_factor_of_the_control_is_no_part_of_the_reversal(tmp_path: Pa
 
 
 async def test_a_factor_that_changed_since_the_axes_were_read_counts() -> None:
-    async with on_stage() as on:
+    async with on_stage(driver={"backlash_factors": {"X1": 2.0}}) as on:
         order = await order_for(on.device, NEW)
         on.bench.nck.set("$MA_BACKLASH_FACTOR[0,X1]", 2.0, 0)
         await on.push(order)

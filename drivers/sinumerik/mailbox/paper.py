@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
+from drivers.errors import ConfigError
 from drivers.programs import DayNumbers, Order, Origin, PaperMachine, ProgramText
 from drivers.sinumerik.mailbox.codec import commands, grids
 from drivers.sinumerik.mailbox.codec.commands import CommandFrame, chunks, encode, marker_data, switching
@@ -32,15 +33,16 @@ def on_paper(
 ) -> tuple[ProgramText, ...]:
     """The writes of a push or of an order to switch off, as one text; nothing for what this road does not do.
 
-    Axes are numbered as ``machine`` names them, and MD32452 is taken as 1: the text states both. Raises ConfigError as
+    Axes have the numbers and MD32452 of the settings, which a push compares with the PLC's: the text states both.
+    Raises ConfigError (E-MBX-NOT-ASKED for axes that nobody has numbered: neither the settings nor the PLC) and as
     `ModbusSettings.read`, and what a table raises that the map cannot say.
     """
     own = ModbusSettings.read(settings, where)
     if isinstance(order, tuple):
-        axes = _axes(machine, _units(order))
+        axes = _axes(machine, _units(order), own, where)
         laid, name = list(_pushed(order, axes, own, machine.numbers, where)), f"TFLOAD_{order[0].table.output_axis}"
     elif isinstance(order, DisableOrder):
-        axes = _axes(machine, {})
+        axes = _axes(machine, {}, own, where)
         named = table_order(axes[order.axis], KINDS[order.kind], order.index)
         told, data = switching(Command.DISABLE, [named], int(TableFlag.ANYHOW))
         laid, name = [(told, data, ())], f"TFOFF_{order.axis}"
@@ -48,7 +50,7 @@ def on_paper(
         return ()
     head = [f"; {name}: what is written into the PLC mailbox, map version {MAP_VERSION}, in this order"]
     head += [f"; Site {origin.site}, machine {origin.machine}, trueflank {origin.version}"]
-    head += [f"; Axes by number: {', '.join(f'{axis.number} {axis.name}' for axis in axes.values())}; MD32452: 1"]
+    head += [f"; Axes by number (MD32452): {', '.join(_named(axis) for axis in axes.values())}"]
     head += [f"; Registers as they pass on the wire, hexadecimal, word order {own.word_order}: first register: values"]
     head += ["; Register 17 is the command's number, 34-35 the CRC over it: both are those of the day"]
     numbers = (*machine.numbers.commands, *(0 for _ in laid))
@@ -64,11 +66,20 @@ def _units(batch: PushBatch) -> dict[str, AxisUnit]:
     return units | {order.table.output_axis: order.table.output_unit for order in batch}
 
 
-def _axes(machine: PaperMachine, units: Mapping[str, AxisUnit]) -> dict[str, MailboxAxis]:
+def _axes(
+    machine: PaperMachine, units: Mapping[str, AxisUnit], own: ModbusSettings, where: str
+) -> dict[str, MailboxAxis]:
+    open_ones = [name for name in machine.axes if name not in own.axis_numbers]
+    if open_ones and not machine.seen:
+        raise ConfigError("E-MBX-NOT-ASKED", where, axes=", ".join(open_ones))
     return {
-        name: MailboxAxis(number, name, units.get(name, "mm"), name in machine.modulo)
-        for number, name in enumerate(machine.axes, start=1)
+        name: MailboxAxis(number, name, units.get(name, "mm"), name in machine.modulo, factor=factor)
+        for name, (number, factor) in own.numbered(machine.axes).items()
     }
+
+
+def _named(axis: MailboxAxis) -> str:
+    return f"{axis.number} {axis.name} ({axis.factor.normalize():f})"
 
 
 def _pushed(

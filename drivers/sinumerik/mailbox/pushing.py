@@ -75,14 +75,16 @@ class MailboxPushing:
         """Check every order, back up and mark in the session that is open; nothing that moves an axis changes.
 
         Raises TableError (E-TABLE-NO-PROOF, E-MBX-FRACTION, ...) before anything is written, DeviceRefused
-        (E-MBX-NOT-RELEASED, E-MBX-PLACE, E-MBX-COUPLED, ...) or TableError (E-MBX-PUT-BACK); the session is closed
-        again then.
+        (E-MBX-NUMBERS, E-MBX-FACTORS, E-MBX-NOT-RELEASED, E-MBX-PLACE, E-MBX-COUPLED, ...) or TableError
+        (E-MBX-PUT-BACK); the session is closed again then.
         """
         backups: dict[DisableOrder, LiveSet] = {}
         try:
             self._machine = await self._reader.identity()
             self.planned(batch)  # anew: the axes were read anew, and a reversal goes by the factor of its axis
             for order in batch:
+                if order.purpose != "restore":  # the way back is open whatever the site file says
+                    self._as_printed(order)
                 await self._check(order, self.plan(order))
                 reading = await self._tables(order)
                 checks.coupled(order, reading, batch, self._where)
@@ -114,6 +116,23 @@ class MailboxPushing:
         for name in (order.table.input_axis, order.table.output_axis):
             self._reader.axis(name)
         return as_numbers(order, self._reader.axes, self._where)
+
+    def _as_printed(self, order: PushOrder) -> None:
+        """What was printed for this site is what will be sent. Raises DeviceRefused (E-MBX-NUMBERS, E-MBX-FACTORS)."""
+        axes, table = self._reader.axes, order.table
+        said = self._settings.numbered(axes)
+        for name in dict.fromkeys((table.input_axis, table.output_axis)):
+            if axes[name].number != said[name][0]:
+                line = ", ".join(f"{one.name} = {one.number}" for one in axes.values())
+                told: dict[str, Any] = {"axis": name, "said": said[name][0], "found": axes[name].number}
+                raise DeviceRefused("E-MBX-NUMBERS", self._where, line=f"axis_numbers = {{ {line} }}", **told)
+        output = axes[table.output_axis]
+        if table.kind == "reversal" and output.factor_known and output.factor != said[output.name][1]:
+            found = f"{output.factor.normalize():f}"
+            others = [one for one in axes.values() if one.factor_known and one.factor != 1]
+            line = f"backlash_factors = {{ {', '.join(f'{one.name} = {float(one.factor)!r}' for one in others)} }}"
+            told = {"axis": output.name, "said": f"{said[output.name][1]:f}", "found": found}
+            raise DeviceRefused("E-MBX-FACTORS", self._where, line=line, **told)
 
     async def _check(self, order: PushOrder, plan: MailboxPlan) -> None:
         picture = await self._talk.select(plan.begin)

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from typing import ClassVar, Literal
+from collections.abc import Iterable, Mapping
+from decimal import Decimal
+from typing import Annotated, ClassVar, Literal
 from urllib.parse import urlsplit
 
 from pydantic import Field
@@ -24,6 +26,7 @@ class ModbusSettings(DriverSettings):
     """Keys under ``[controller.settings]``; docs/plc-mailbox.md has the same list."""
 
     addresses: ClassVar[tuple[str, ...]] = WIRES
+    sources: ClassVar[str] = "MD32452: Siemens' own list of machine data (sublime-s840d, doc/en)"
     unit: int = Field(default=1, ge=1, le=247, description="unit number of the PLC; 0 is not allowed (broadcast)")
     framer: Literal["", "tcp", "rtu"] = Field(
         default="", description="tcp or rtu; left out: RTU for serial ports and socket://, TCP else"
@@ -68,6 +71,13 @@ class ModbusSettings(DriverSettings):
         default=True,
         description="a new table acts only after NCK reset and reference run; the push then waits for the operator",
     )
+    axis_numbers: dict[str, Annotated[int, Field(ge=1, le=31)]] = Field(
+        default_factory=dict,
+        description="numbers by which the PLC calls machine axes, where they are not 1, 2, 3 in their order",
+    )
+    backlash_factors: dict[str, Annotated[float, Field(ge=0.01, le=100.0)]] = Field(
+        default_factory=dict, description="MD32452 by machine axis, where it is not 1"
+    )
 
     def rules(self) -> tuple[Rule, ...]:
         """A transfer asks no slower than an idle line; TLS has all its certificates, and nothing else has any."""
@@ -91,6 +101,13 @@ class ModbusSettings(DriverSettings):
         """Plain Modbus over a network; a serial port of this computer is a cable that nobody else is on."""
         scheme = urlsplit(url).scheme if "://" in url else ""
         return words("W-MBX-UNPROTECTED") if not self.secured and scheme not in _CABLES else ""
+
+    def numbered(self, names: Iterable[str]) -> Mapping[str, tuple[int, Decimal]]:
+        """Number and MD32452 of each machine axis, given in their order, as the site file says: what is printed."""
+        return {
+            name: (self.axis_numbers.get(name, place), Decimal(repr(self.backlash_factors.get(name, 1.0))))
+            for place, name in enumerate(names, start=1)
+        }
 
     @property
     def order(self) -> WordOrder:
