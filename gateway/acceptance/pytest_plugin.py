@@ -52,11 +52,11 @@ def pytest_configure(config: pytest.Config) -> None:
     path = Path(given).resolve()
     try:
         site = load_site(path)
-        check_name(site, config.getoption("--allow") == "write", config.getoption("--trueflank-machine"))
+        allow, name = config.getoption("--allow"), config.getoption("--trueflank-machine")
+        check_name(site, allow == "write", name, code="E-PYTEST-NAME", option="--trueflank-machine")
         check_sheet(Path(config.getoption("--trueflank-sheet")), config.getoption("--trueflank-language"))
     except TrueflankError as error:
-        hint = " (--trueflank-machine)" if error.code == "E-RUN-NAME" else ""
-        raise pytest.UsageError(f"{error}{hint}") from error
+        raise pytest.UsageError(str(error)) from error
     config.stash[SITE] = (site, path)
     if config.args_source is not pytest.Config.ArgsSource.ARGS:
         config.args = [str(SUITE)]

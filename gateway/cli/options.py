@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from datetime import UTC, datetime
 from itertools import islice
 from pathlib import Path
@@ -115,9 +116,9 @@ def open_run(store: Any, run: str, needs: str = "anything", axis: str = "") -> A
     from gateway.cli.show import echo
     from gateway.store.runs import ANYTHING, LATEST, Needs
 
-    code, stages, always = NEEDS[needs]
-    wanted = Needs(code, tuple(one.format(axis=axis) for one in stages))
-    folder = store.open(run, wanted if always or run == LATEST else ANYTHING)
+    code, stages, always, made = NEEDS[needs]
+    wanted = Needs(code, tuple(one.format(axis=axis) for one in stages), made)
+    folder = store.open(run, wanted if always or run == LATEST else replace(ANYTHING, made=made))
     if run == LATEST:
         echo(words("S-RUN-LATEST", run=folder.run_id, needs=words(code)), err=True)
     return folder
@@ -133,18 +134,19 @@ def run_or_file(store: Path, word: Path | str) -> Path:
     return Path(open_run(Store(store), LATEST, "measured").path)
 
 
-NEEDS: Mapping[str, tuple[str, tuple[str, ...], bool]] = {
-    "anything": ("W-NEEDS-ANYTHING", (), False),
-    "proposal": ("W-NEEDS-PROPOSAL", ("proposal",), True),
-    "errors": ("W-NEEDS-ERRORS", ("errors",), True),
-    "part": ("W-NEEDS-PART", ("inspected-",), False),
-    "curve": ("W-NEEDS-CURVE", ("evaluation-{axis}", "setup-"), False),
-    "setups": ("W-NEEDS-SETUPS", ("setup-",), False),
-    "measured": ("W-NEEDS-MEASURED", ("capture-", "measured", "gear-inspection", "setup-"), False),
-    "report": ("W-NEEDS-REPORT", ("evaluation-", "measured", "errors", "tooth", "inspected-"), False),
+_BY_RUN, _BY_MEASURE, _BY_INSPECT = "W-MADE-BY-RUN", "W-MADE-BY-MEASURE", "W-MADE-BY-INSPECT"
+NEEDS: Mapping[str, tuple[str, tuple[str, ...], bool, str]] = {
+    "anything": ("W-NEEDS-ANYTHING", (), False, _BY_RUN),
+    "proposal": ("W-NEEDS-PROPOSAL", ("proposal",), True, _BY_RUN),
+    "errors": ("W-NEEDS-ERRORS", ("errors",), True, _BY_MEASURE),
+    "part": ("W-NEEDS-PART", ("inspected-",), False, _BY_INSPECT),
+    "curve": ("W-NEEDS-CURVE", ("evaluation-{axis}", "setup-"), False, _BY_RUN),
+    "setups": ("W-NEEDS-SETUPS", ("setup-",), False, _BY_MEASURE),
+    "measured": ("W-NEEDS-MEASURED", ("capture-", "measured", "gear-inspection", "setup-"), False, _BY_RUN),
+    "report": ("W-NEEDS-REPORT", ("evaluation-", "measured", "errors", "tooth", "inspected-"), False, _BY_RUN),
 }
-"""What a command needs of a run: the catalogue's word for it, how the names of such stages begin, and whether a run
-that was named without it is a wrong option, too."""
+"""What a command needs of a run: the catalogue's word for it, how the names of such stages begin, whether a run that
+was named without it is a wrong option, too, and the catalogue's word for the command that makes it."""
 
 
 StoreOption = Annotated[Path, typer.Option(help="Folder that holds the runs.", callback=store_here)]

@@ -35,11 +35,12 @@ MEASURES = "measures"
 class Needs:
     """What a command needs of a run: one stage whose name begins with one of ``stages`` (none: any run will do).
 
-    ``code`` is the catalogue's text for it.
+    ``code`` is the catalogue's text for it, ``made`` that of the command which makes it.
     """
 
     code: str
     stages: tuple[str, ...] = ()
+    made: str = "W-MADE-BY-RUN"
 
 
 ANYTHING = Needs("W-NEEDS-ANYTHING")
@@ -92,8 +93,14 @@ class Store:
         """
         found = self._named(run, needs)
         if not _has(found, needs):
-            raise UnknownRun("E-STORE-NEEDS", str(found.path), run=found.run_id, needs=words(needs.code))
+            raise self._lacks(found.path, found.run_id, needs)
         return found
+
+    def _lacks(self, where: Path, run: str, needs: Needs) -> UnknownRun:
+        """What to do is to name another run where one has it, else to make it."""
+        able = next((one for one in reversed(self._folders()) if _can_serve(one, needs)), None)
+        step = words(needs.made) if able is None else words("W-STORE-OTHER", run=able.name)
+        return UnknownRun("E-STORE-NEEDS", str(where), run=run, needs=words(needs.code), step=step)
 
     def _named(self, run: str | Path, needs: Needs) -> RunFolder:
         inside = (self.root / run,) if is_file_name(str(run)) else ()
@@ -107,16 +114,16 @@ class Store:
         if len(matches) == 1:
             return RunFolder(matches[0])
         if not folders:
-            raise UnknownRun("E-STORE-EMPTY", str(self.root))
+            raise UnknownRun("E-STORE-EMPTY", str(self.root), step=words(needs.made))
         raise UnknownRun("E-STORE-RUN", str(self.root), run=shown(run), matches=len(matches))
 
     def _latest(self, folders: list[Path], needs: Needs) -> RunFolder:
         if not folders:
-            raise UnknownRun("E-STORE-EMPTY", str(self.root))
+            raise UnknownRun("E-STORE-EMPTY", str(self.root), step=words(needs.made))
         able = (one for one in reversed(folders) if _measures(one) and _can_serve(one, needs))
         found = next(able, None if needs.stages else folders[-1])
         if found is None:
-            raise UnknownRun("E-STORE-NEEDS", str(self.root), run=LATEST, needs=words(needs.code))
+            raise self._lacks(self.root, LATEST, needs)
         return RunFolder(found)
 
     def runs(self) -> tuple[RunSummary, ...]:

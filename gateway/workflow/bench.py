@@ -150,10 +150,12 @@ def axis_named(site: SiteFile, site_path: Path, name: str) -> AxisSection:
     raise ConfigError("E-RUN-AXIS", str(site_path), axis=shown(name), known=known)
 
 
-def check_name(site: SiteFile, apply: bool, machine_name: str, code: str = "E-RUN-NAME") -> None:
-    """Consent names the machine. Raises WriteRefused (E-RUN-NAME, or the ``code`` that names another option)."""
+def check_name(
+    site: SiteFile, apply: bool, machine_name: str, code: str = "E-RUN-NAME", option: str = "--machine"
+) -> None:
+    """Consent names the machine. Raises WriteRefused (E-RUN-NAME, or the ``code`` that names other options)."""
     if apply and machine_name != site.site.name:
-        raise WriteRefused(code, "--machine", typed=machine_name or "(nothing)", name=site.site.name)
+        raise WriteRefused(code, option, typed=machine_name or "(nothing)", name=site.site.name)
 
 
 @asynccontextmanager

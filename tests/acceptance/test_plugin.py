@@ -58,8 +58,8 @@ def test_writing_asks_for_the_machines_name_and_the_example_runs(trueflank_cell:
     cell = trueflank_cell("zero", speed=100.0)
     refused = ran(tmp_path, "--trueflank-site", str(cell.site), "--allow", "write")
     assert refused.returncode == 4
-    assert "E-RUN-NAME" in refused.stderr
-    assert "--trueflank-machine" in refused.stderr
+    assert "E-PYTEST-NAME [--trueflank-machine]: --allow write needs --trueflank-machine" in refused.stderr
+    assert "--apply" not in refused.stderr
     own = ran(tmp_path, str(EXAMPLE), "--trueflank-site", str(cell.site), "-p", "no:xdist")
     assert own.returncode == 0, own.stdout + own.stderr
     assert "4 passed" in own.stdout

@@ -13,6 +13,7 @@ from drivers.errors import TrueflankError
 from drivers.types.sensing import Ambient
 from gateway import audit
 from gateway.cli import app
+from gateway.cli.options import open_run
 from gateway.domain.outcomes import PushRecord
 from gateway.errors import StoreError, UnknownRun
 from gateway.store import Store
@@ -82,6 +83,24 @@ def test_latest_is_the_newest_run_with_what_the_command_needs_and_is_named(tmp_p
         lacks = RUNNER.invoke(app, ["push", run, "--store", str(tmp_path)])
         assert isinstance(lacks.exception, UnknownRun)
         assert (lacks.exception.code, lacks.exception.exit_code) == ("E-STORE-NEEDS", 2)
+        assert f"name {first}, the newest run that has it" in lacks.exception.hint
+
+
+@pytest.mark.parametrize("empty", [True, False], ids=["no run", "a self-test alone"])
+@pytest.mark.parametrize(
+    ("needs", "made"), [("proposal", "run SITE"), ("errors", "measure SITE"), ("part", "inspect SITE --file FILE")]
+)
+def test_where_no_run_has_it_the_command_that_makes_it_is_named(
+    tmp_path: Path, needs: str, made: str, *, empty: bool
+) -> None:
+    """Another run was advised where there is none."""
+    if not empty:
+        Store(tmp_path, lambda: datetime(2026, 3, 3, tzinfo=UTC)).create("hall-3", {"measures": False})
+    with pytest.raises(UnknownRun) as told:
+        open_run(Store(tmp_path), "latest", needs)
+    assert told.value.code == ("E-STORE-EMPTY" if empty else "E-STORE-NEEDS")
+    assert told.value.hint.endswith(told.value.fields["step"])
+    assert f"make one: `trueflank {made}`" in told.value.hint
 
 
 @pytest.mark.parametrize(
