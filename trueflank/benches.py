@@ -10,6 +10,7 @@ from typing import Any
 from drivers.errors import ConfigError
 from drivers.types.drives import DriveRecord
 from gateway.domain.values import FloatArray
+from gateway.evaluate.behaviour.drive import DriveFigures
 from gateway.workflow.files.drives import DriveQuestion, evaluate_drives, read_drive
 from trueflank.frames import frame
 from trueflank.given import path_given
@@ -38,6 +39,22 @@ class DriveTest:
         """Torque on the output (n,), Nm; None where no column held it."""
         return self.record.torque_nm
 
+    def to_dict(self) -> dict[str, Any]:
+        """Plain data, units in the names; no torque where none was read."""
+        found = {"source": self.source, "input_deg": self.input_deg.tolist(), "output_deg": self.output_deg.tolist()}
+        return found if self.torque_nm is None else {**found, "torque_nm": self.torque_nm.tolist()}
+
+    def to_pandas(self) -> Any:
+        """One row a reading. Raises ConfigError (E-LIBRARY-PANDAS)."""
+        return frame({key: value for key, value in self.to_dict().items() if key != "source"})
+
+    def plot(self) -> Any:
+        """Angles in deg and torque in Nm in the order of the readings; a matplotlib figure."""
+        from gateway.study.plots.drives import readings_of_bench
+        from gateway.study.plots.sheet import painted
+
+        return painted((9.0, 5.0), lambda figure: readings_of_bench(figure, self.record, self.source))
+
     def __repr__(self) -> str:
         return f"DriveTest({self.source}: {len(self.record.lines)} readings)"
 
@@ -46,7 +63,8 @@ class DriveTest:
 class EvaluatedDrive:
     """Figures by name with ``units`` (arcsec, Nm/arcmin) and ``U`` (k = 2; None: not known), orders, a word per limit.
 
-    ``orders`` are rows of sense, order per turn of the output, amplitude in arcsec, phase in deg, cause.
+    ``orders`` are rows of sense, order per turn of the output, amplitude in arcsec, phase in deg, cause. ``found`` are
+    the curves (deg, arcsec) and the torque loop (Nm, arcsec) that they come from.
     """
 
     values: dict[str, float]
@@ -55,6 +73,7 @@ class EvaluatedDrive:
     orders: tuple[dict[str, Any], ...]
     notes: tuple[str, ...]
     verdicts: dict[str, str] = field(default_factory=dict)
+    found: DriveFigures | None = None
 
     def __getitem__(self, name: str) -> float:
         """One figure. Raises ConfigError (E-LIBRARY-KIND) that names those there are."""
@@ -87,6 +106,24 @@ class EvaluatedDrive:
                 "unit": [self.units[name] for name in names],
             }
         )
+
+    def plot(self) -> Any:
+        """Transmission error over a turn, its orders, the torque loop; arcsec, Nm; a matplotlib figure.
+
+        Raises ConfigError (E-LIBRARY-KIND) where the curves are not there.
+        """
+        from gateway.study.plots.drives import bench_sheet
+        from gateway.study.plots.sheet import painted
+
+        found = self.found
+        if found is None:
+            raise ConfigError(
+                "E-LIBRARY-KIND", "plot", call="tf.EvaluatedDrive.plot", wanted="the curves of the record",
+                given="figures alone", how="tf.evaluate(tf.read_bench(path))",
+            )  # fmt: skip
+        rows = (2 if found.running else 0) + (1 if found.loop is not None else 0)
+        verdicts = "".join(f"; {name}: {word}" for name, word in self.verdicts.items())
+        return painted((9.0, 1.0 + 2.3 * rows), lambda figure: bench_sheet(figure, found, verdicts))
 
     def __repr__(self) -> str:
         told = ", ".join(f"{name} {value:.2f} {self.units[name]}" for name, value in self.values.items())
@@ -130,4 +167,5 @@ def evaluated_bench(test: DriveTest, limits: Mapping[str, float] | None = None) 
         orders=tuple(found.as_data()["orders"]),
         notes=found.answer.notes,
         verdicts={one.parameter: one.verdict for one, _ in found.decided(limits or {})},
+        found=found.figures,
     )

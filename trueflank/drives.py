@@ -84,6 +84,13 @@ class Reducer:
         """Plain data."""
         return {field.name: _plain(getattr(self.data, field.name)) for field in fields(self.data)}
 
+    def plot(self) -> Any:
+        """The drive along its axis in mm: ring pins, discs on their eccentrics, cranks; a matplotlib figure."""
+        from gateway.study.plots.drives import reducer_sheet
+        from gateway.study.plots.sheet import painted
+
+        return painted((7.0, 6.6), lambda figure: reducer_sheet(figure, self.data))
+
     def __repr__(self) -> str:
         d = self.data
         return f"Reducer({d.name}: {d.pins.number} pins, {len(d.discs)} discs, {d.rated_nm:g} Nm, datum {d.datum})"
@@ -149,6 +156,14 @@ class Drive:
         curves = zip(names, (*f.loaded, *f.unloaded), strict=True)
         return frame({**columns, **{f"{name}_arcsec": one.error_arcsec for name, one in curves}})
 
+    def plot(self) -> Any:
+        """The error over one output turn in arcsec, its orders by cause, lost motion, backlash; a matplotlib figure."""
+        from gateway.study.plots.drives import drive_sheet
+        from gateway.study.plots.sheet import painted
+
+        expected = "" if self.u is None else f"; expected {_said(self.u)} arcsec"
+        return painted((10.0, 6.0), lambda figure: drive_sheet(figure, self.found, expected))
+
     def __repr__(self) -> str:
         f = self.found
         sure = "" if self.u is None else f", expected {_said(self.u)}"
@@ -207,6 +222,13 @@ class Matched:
     def to_pandas(self) -> Any:
         """One row a pair. Raises ConfigError (E-LIBRARY-PANDAS)."""
         return frame({key: [pair[key] for pair in self.pairs] for key in self.pairs[0]})
+
+    def plot(self) -> Any:
+        """Every pair's transmission error in arcsec, matched and as the discs came; a matplotlib figure."""
+        from gateway.study.plots.drives import pairs_sheet
+        from gateway.study.plots.sheet import painted
+
+        return painted((9.0, 4.2), lambda figure: pairs_sheet(figure, self.found))
 
     def __repr__(self) -> str:
         f = self.found

@@ -75,19 +75,24 @@ class RelativeErrors:
         from gateway.study.plots.kinematics import relative_curves
         from gateway.study.plots.sheet import painted
 
+        label, at = self.over(along, "RelativeErrors.plot")
+        values = {name: self[name] for name in RELATIVE}
+        return painted((9.0, 4.8), lambda figure: relative_curves(figure, label, at, values, frame=self.frame))
+
+    def over(self, along: str, call: str) -> tuple[str, FloatArray]:
+        """Label and positions (...) in mm or deg of the axis ``along``, or of the one that moves to most places.
+
+        Raises ConfigError (E-LIBRARY-KIND) where it does not move.
+        """
         moving = {name: np.unique(one).size for name, one in self.positions.items()}
         axis = along or max(moving, key=lambda name: moving[name])
         if moving.get(axis, 1) < 2:
             raise ConfigError(
-                "E-LIBRARY-KIND", "relative", call="tf.RelativeErrors.plot", wanted="an axis that moves",
-                given=repr(axis), how="relative(X=-160.0, Z=[-5.0, 0.0, 5.0], C=0.0).plot()",
+                "E-LIBRARY-KIND", "relative", call=f"tf.{call}", wanted="an axis that moves",
+                given=repr(axis), how="positions such as X=-160.0, Z=[-5.0, 0.0, 5.0], C=0.0",
             )  # fmt: skip
-        at = np.broadcast_to(self.positions[axis], self.dx.shape)
         unit = "deg" if axis[:1] in "ABC" else "mm"
-        values = {name: self[name] for name in RELATIVE}
-        return painted(
-            (9.0, 4.8), lambda figure: relative_curves(figure, f"{axis}  {unit}", at, values, frame=self.frame)
-        )
+        return f"{axis}  {unit}", np.asarray(np.broadcast_to(self.positions[axis], self.dx.shape))
 
     def __repr__(self) -> str:
         largest = ", ".join(f"{name} {np.max(np.abs(self[name])):.3g}" for name in RELATIVE)
@@ -111,6 +116,20 @@ class RelativeError:
     def __call__(self, **positions: ArrayLike) -> FloatArray:
         """Values in um or arcsec at positions (mm, deg) of every axis, of the shape they broadcast to."""
         return relative(self.chain, positions, self.frame, self.order)[self.name]
+
+    def plot(self, **positions: ArrayLike) -> Any:
+        """The function in um or arcsec over the axis (mm or deg) that moves most; a matplotlib figure.
+
+        ``positions`` as in a call. Raises ConfigError (E-LIBRARY-KIND) where no axis moves.
+        """
+        from gateway.study.plots.kinematics import one_relative_curve
+        from gateway.study.plots.sheet import painted
+
+        found = relative(self.chain, positions, self.frame, self.order)
+        label, at = found.over("", "RelativeError.plot")
+        return painted(
+            (7.5, 3.4), lambda figure: one_relative_curve(figure, label, at, self.name, found[self.name], self.frame)
+        )
 
     def __repr__(self) -> str:
         return f"RelativeError({self.name} in the {self.frame}, {self.unit})"

@@ -285,11 +285,12 @@ class Evaluated:
         from gateway.study.plots.sheet import painted
 
         there = {name: value for name, value in self.values.items() if value is not None}
-        spread = [self.U.get(name) or 0.0 for name in there]
-        label = f"{self.standard}  {SHOWN[self.unit]}"
-        return painted(
-            (8.0, 3.2), lambda figure: bars_sheet(figure, list(there), list(there.values()), spread, label=label)
-        )
+        spread = [self.U.get(name) for name in there]
+        source = " ".join(self.stated[key] for key in ("machine", "serial", "date") if self.stated.get(key))
+        note = f"{source}   lines: U (k = 2)" if source else "lines: U (k = 2)"
+        words = {"label": SHOWN[self.unit], "title": f"figures to {self.standard}", "note": note}
+        names, values = list(there), list(there.values())
+        return painted((8.0, 3.6), lambda figure: bars_sheet(figure, names, values, spread, **words))
 
     def __repr__(self) -> str:
         told = ", ".join(f"{name} {value:.3f}" for name, value in self.values.items() if value is not None)

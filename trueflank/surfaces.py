@@ -87,6 +87,25 @@ class Surface:
     points: FloatArray
     normals: FloatArray
 
+    def to_dict(self) -> dict[str, Any]:
+        """Plain data, units in the names."""
+        return {"points_mm": self.points.tolist(), "normals": self.normals.tolist()}
+
+    def to_pandas(self) -> Any:
+        """One row a point: x, y, z in mm and its normal. Raises ConfigError (E-LIBRARY-PANDAS)."""
+        parts = (self.points.reshape(-1, 3).T, self.normals.reshape(-1, 3).T)
+        names = (("x_mm", "y_mm", "z_mm"), ("nx", "ny", "nz"))
+        return frame(
+            {name: one for keys, rows in zip(names, parts, strict=True) for name, one in zip(keys, rows, strict=True)}
+        )
+
+    def plot(self) -> Any:
+        """The surface in space on equal scales, mm, with some of its normals; a matplotlib figure."""
+        from gateway.study.plots.sheet import painted
+        from gateway.study.plots.surfaces import surface_sheet
+
+        return painted((7.0, 6.0), lambda figure: surface_sheet(figure, self.points, self.normals))
+
     def __repr__(self) -> str:
         return f"Surface({' x '.join(str(one) for one in self.points.shape[:-1])} points, mm)"
 

@@ -122,7 +122,10 @@ def ranking(figure: Figure, study: Study, output: str = "rms") -> None:
 def pitch(figure: Figure, study: Study) -> None:
     """Cumulative pitch deviation of every space, both flanks, as it is and with everything."""
     panels = figure.subplots(2, 1, sharex=True, sharey=True)
-    figure.subplots_adjust(left=0.09, right=0.98, top=0.9, bottom=0.12, hspace=0.16)
+    figure.subplots_adjust(left=0.08, right=0.985, top=0.87, bottom=0.11, hspace=0.2)
+    figure.text(
+        0.08, 0.945, f"{study.gear.name}: cumulative pitch deviation F_k about its mean", fontsize=10, color=INK
+    )
     k = np.arange(study.grid.gear.zc)
     for i, (panel, flank) in enumerate(zip(panels, ("left flank", "right flank"), strict=True)):
         _calm(panel)
@@ -134,6 +137,7 @@ def pitch(figure: Figure, study: Study) -> None:
         panel.set_ylabel(f"{flank}  F_k  µm")
         panel.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2, frameon=False, fontsize=7.5)
     panels[-1].set_xlabel("space")
+    panels[-1].set_xlim(-0.8, k.size - 0.2)
     panels[-1].xaxis.set_major_locator(MaxNLocator(integer=True))
 
 

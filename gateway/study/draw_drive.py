@@ -60,7 +60,7 @@ def _orders(panel: Axes, before: Transmission, after: Transmission) -> None:
     for shift, one, colour in ((-0.2, before, OLD), (0.2, after, NEW)):
         sizes = one.loaded[0].amplitudes_arcsec()
         panel.bar(at + shift, [sizes[n] for n in numbers], width=0.38, color=colour)
-    panel.set_xticks(at, [f"{n}\n{_cause(names.get(n, ''))}" for n in numbers], fontsize=7)
+    panel.set_xticks(at, [f"{n}\n{cause_words(names.get(n, ''))}" for n in numbers], fontsize=7)
     panel.set_ylabel("amplitude  arcsec", color=INK)
     panel.set_title("orders per output turn", loc="left", fontsize=9, color=INK)
     panel.grid(axis="y", color=FAINT, linewidth=0.6)
@@ -68,7 +68,8 @@ def _orders(panel: Axes, before: Transmission, after: Transmission) -> None:
     _plain(panel)
 
 
-def _cause(name: str) -> str:
+def cause_words(name: str) -> str:
+    """What a cause (`gateway.reducer.figures.cause`) is called under a bar."""
     kind, _, number = name.partition(":")
     return {"disc": f"disc x{number}", "ring": f"ring x{number}", "mixed": "mixed", "none": ""}.get(kind, kind)
 

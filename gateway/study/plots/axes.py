@@ -158,6 +158,9 @@ def curve_sheet(figure: Figure, curve: MotionCurve) -> None:
     panel.plot(curve.at, curve.values, color=NEW, lw=1.3, label=curve.name)
     panel.set_xlabel(f"{curve.axis}  {curve.axis_unit}")
     panel.set_ylabel(f"{curve.name}  {SIGN[curve.unit]}")
+    panel.margins(y=0.1)
+    text = f"{curve.name} as fitted, range {float(np.ptp(curve.values)):.2f} {SIGN[curve.unit]}"
+    figure.text(0.095, 0.93, text, fontsize=10, color=INK)
     panel.legend(loc="lower right", ncols=2, frameon=False, fontsize=8, bbox_to_anchor=(1.0, 1.0))
 
 
@@ -178,15 +181,35 @@ def table_panels(figure: Figure, tables: Sequence[CompensationTable]) -> None:
 
 
 def bars_sheet(
-    figure: Figure, names: Sequence[str], values: Sequence[float], spread: Sequence[float], *, label: str
+    figure: Figure,
+    names: Sequence[str],
+    values: Sequence[float],
+    spread: Sequence[float | None],
+    *,
+    label: str,
+    title: str,
+    note: str,
 ) -> None:
-    """Named values as bars with half widths."""
+    """Named values as bars with half widths where there are some, each value written above its bar."""
     panel = figure.subplots(1, 1)
-    figure.subplots_adjust(left=0.1, right=0.98, top=0.93, bottom=0.16)
+    tall = float(figure.get_figheight())
+    figure.subplots_adjust(left=0.085, right=0.985, top=1.0 - 0.72 / tall, bottom=0.3 / tall)
+    _headed(figure, title, note, 0.085)
     _calm(panel)
-    panel.bar(np.arange(len(names)), values, 0.6, color=MIDDLE)
-    panel.errorbar(np.arange(len(names)), values, yerr=spread, fmt="none", ecolor=INK, elinewidth=1.0, capsize=3.0)
-    panel.set_xticks(np.arange(len(names)), names)
+    panel.grid(False, axis="x")
+    at, half = np.arange(len(names)), np.array([one or 0.0 for one in spread])
+    panel.bar(at, values, 0.5, color=MIDDLE)
+    known = half > 0.0
+    panel.errorbar(
+        at[known], np.asarray(values)[known], yerr=half[known], fmt="none", ecolor=INK, elinewidth=1.0, capsize=3.0
+    )
+    reach = float(np.max(np.asarray(values) + half, initial=0.0)) - min(float(np.min(values, initial=0.0)), 0.0) or 1.0
+    for x, value, one in zip(at.tolist(), values, half.tolist(), strict=True):
+        text = f"{value:.2f}" + (f" ± {one:.2f}" if one > 0.0 else "")
+        panel.text(x, max(value + one, 0.0) + 0.03 * reach, text, fontsize=7.5, color=INK, ha="center", va="bottom")
+    panel.set_ylim(top=float(np.max(np.asarray(values) + half, initial=0.0)) + 0.18 * reach)
+    panel.set_xlim(-0.6, len(names) - 0.4)
+    panel.set_xticks(at, names)
     panel.set_ylabel(label)
 
 

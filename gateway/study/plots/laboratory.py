@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 from matplotlib.ticker import MaxNLocator
 
 from drivers.types.values import FloatArray
@@ -58,34 +59,35 @@ class Chart:
 
 def laboratory_page(figure: Figure, page: Chart, rooms: tuple[float, float]) -> None:
     """One page: profile above, lead in the middle, pitch and runout below; ``rooms`` of a trace to each side, um."""
-    rows = figure.add_gridspec(
-        4, 2, height_ratios=(1.25, 1.25, 0.8, 0.8), left=0.075, right=0.985, top=0.875, bottom=0.06, hspace=0.62,
-        wspace=0.16,
-    )  # fmt: skip
-    figure.text(0.075, 0.967, page.title, fontsize=11, color=INK)
-    figure.text(0.075, 0.955, page.note, fontsize=7.5, color=QUIET, va="top")
+    sides: dict[str, float] = {"left": 0.075, "right": 0.985, "wspace": 0.16}
+    above = figure.add_gridspec(2, 2, top=0.862, bottom=0.432, hspace=0.46, **sides)
+    below = figure.add_gridspec(2, 2, top=0.355, bottom=0.052, hspace=0.52, **sides)
+    figure.text(0.075, 0.972, page.title, fontsize=12, color=INK)
+    figure.text(0.075, 0.963, page.note, fontsize=7.5, color=QUIET, va="top")
+    for height in (0.93, 0.383):
+        figure.add_artist(Line2D([0.075, 0.985], [height, height], color=RULE, lw=0.8))
     for side, name in enumerate(SIDES):
         for row, traces, what, label in (
             (0, page.profile[side], ("F_a", "f_Ha", "f_fa"), "arc from root  mm"),
             (1, page.lead[side], ("F_b", "f_Hb", "f_fb"), "z  mm"),
         ):
-            panel = figure.add_subplot(rows[row, side])
+            panel = figure.add_subplot(above[row, side])
             _traces(panel, traces, what, rooms[row])
-            panel.set_title(f"{('profile', 'lead')[row]}, {name}", loc="left", fontsize=8.5, color=INK, pad=36)
+            panel.set_title(f"{('profile', 'lead')[row]}, {name}", loc="left", fontsize=8.5, color=INK, pad=34)
             panel.set_ylabel(label)
         pitch = page.chart.pitch[side]
         text = f"{name}: F_p {_um(pitch.F_p)}, f_p {_um(pitch.f_p)} µm"
-        _bars(figure.add_subplot(rows[2, side]), mm_to_um(pitch.f), "single f_pk  µm", text)
+        _bars(figure.add_subplot(below[0, side]), mm_to_um(pitch.f), "single f_pk  µm", text)
         if side == 0:
             F = mm_to_um(pitch.F - np.mean(pitch.F))
             other = page.chart.pitch[1]
-            panel = figure.add_subplot(rows[3, 0])
+            panel = figure.add_subplot(below[1, 0])
             line = mm_to_um(other.F - np.mean(other.F))
             _bars(panel, F, "index F_k  µm", "cumulative pitch: bars left, line right flank", beside=line)
             panel.plot(line, color=INK, lw=0.9)
     runout = page.chart.runout
     text = f"runout: F_r {_um(runout.F_r)} µm, eccentricity {_um(runout.eccentricity)} µm"
-    panel = figure.add_subplot(rows[3, 1])
+    panel = figure.add_subplot(below[1, 1])
     _bars(panel, mm_to_um(runout.radial - np.mean(runout.radial)), "radial  µm", text)
 
 
@@ -102,6 +104,8 @@ def rooms_um(pages: tuple[Chart, ...]) -> tuple[float, float]:
 def _traces(panel: Axes, traces: Traces, names: tuple[str, str, str], room: float) -> None:
     """Traces upright beside each other, surplus to the right, each about its own zero, with its line and values."""
     count = len(traces.spaces)
+    panel.grid(True, axis="y", color=FAINT, lw=0.5)
+    panel.set_axisbelow(True)
     for number, (space, e, line) in enumerate(zip(traces.spaces, traces.level, traces.lines, strict=True)):
         zero = 2.0 * GAP * room * number
         panel.axvline(zero, color=RULE, lw=0.8)

@@ -8,8 +8,10 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
+from matplotlib.collections import PatchCollection
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure, FigureBase
+from matplotlib.patches import Circle
 from matplotlib.ticker import MaxNLocator
 from mpl_toolkits.mplot3d.art3d import Line3DCollection, Poly3DCollection
 
@@ -23,10 +25,14 @@ from gateway.study.plots.sheet import calm_space, in_space
 
 POINTS = 181
 NORMALS = 19
+BODY = "#eef1f3"
 SEGMENT = 7.0  # deg of the wheel that is drawn in space
 CROWD = 5.0  # um: how far an outline for a picture may leave the curve
+MOST_SHEETS = 60  # sheets of a surface that are drawn
+NET = (12, 24)  # lines of a sheet, at most
 SHARE = 0.12  # of the drawn size: what the largest deviation is enlarged to
 STEPS = (1.0, 2.0, 5.0)
+SYMBOLS = {"dx": "Δx", "dy": "Δy", "dz": "Δz", "ea": "εx", "eb": "εy", "ec": "εz"}
 
 
 def profile_sheet(figure: FigureBase, gear: CycloidGear, space: int = 0) -> None:
@@ -42,7 +48,15 @@ def profile_sheet(figure: FigureBase, gear: CycloidGear, space: int = 0) -> None
         (limits.r_tip, ":", f"tip {limits.r_tip:.3f} mm"),
         (limits.r_root, "--", f"root {limits.r_root:.3f} mm"),
     ):
-        disc.plot(radius * np.cos(turn), radius * np.sin(turn), ls=style, color=QUIET, lw=0.7, label=name)
+        aside = -gear.a if radius == gear.pin_circle else 0.0  # the ring's centre, with the eccentric along x
+        disc.plot(aside + radius * np.cos(turn), radius * np.sin(turn), ls=style, color=QUIET, lw=0.7, label=name)
+    at = np.linspace(0.0, 2.0 * np.pi, gear.zp, endpoint=False)
+    pins = np.stack([gear.pin_circle * np.cos(at) - gear.a, gear.pin_circle * np.sin(at)], axis=-1)
+    disc.add_collection(
+        PatchCollection(
+            [Circle(tuple(one), gear.pin) for one in pins], facecolor="white", edgecolor=OLD, lw=0.6, zorder=3
+        )
+    )
     disc.legend(loc="center", frameon=False, fontsize=7)
     _equal(disc, f"{gear.zc} lobes, {gear.zp} pins of {gear.pin:g} mm, a {gear.a:g} mm")
     theta = space_angles(gear, POINTS)
@@ -64,31 +78,75 @@ def profile_sheet(figure: FigureBase, gear: CycloidGear, space: int = 0) -> None
 
 
 def wheel_sheet(figure: FigureBase, gear: CycloidGear, centre_distance: float) -> None:
-    """The dressed axial section with its normals, and half of the surface in space, both on equal scales."""
-    section_panel = figure.add_axes((0.07, 0.13, 0.34, 0.74))
-    panel: Any = figure.add_axes((0.45, 0.0, 0.55, 0.92), projection="3d")
-    section = wheel_section(gear, centre_distance, space_angles(gear, POINTS))
-    section_panel.plot(section.y, section.R, color=NEW, lw=1.3)
-    some = wheel_section(gear, centre_distance, space_angles(gear, NORMALS))
-    length = 0.1 * float(np.ptp(section.y))
-    for y, R, nx, ny in zip(some.y, some.R, some.nx, some.ny, strict=True):
-        section_panel.plot([y, y + length * ny], [R, R - length * nx], color=OLD, lw=0.8)
-    section_panel.set_xlabel("axial coordinate y  mm")
-    section_panel.set_ylabel("radius R  mm")
-    _equal(section_panel, "axial section; normals into the wheel", labels=False)
+    """The dressed axial section with its normals, the wheel beside the gear, and a segment of its surface in space."""
+    figure.text(0.055, 0.935, f"dressed wheel of {gear.zc} lobes, centre distance {centre_distance:g} mm", fontsize=10)
+    _section(figure.add_axes((0.055, 0.13, 0.345, 0.68)), gear, centre_distance)
+    _elevation(figure.add_axes((0.47, 0.13, 0.24, 0.68)), gear, centre_distance)
+    panel: Any = figure.add_axes((0.715, 0.01, 0.285, 0.83), projection="3d")
     turn = np.radians(np.linspace(-SEGMENT, SEGMENT, 33))[:, None]
-    points, _ = wheel_surface(wheel_section(gear, centre_distance, space_angles(gear, 61)), turn)
-    net = {"rstride": 2, "cstride": 3, "color": "#e7ecf0", "edgecolor": MIDDLE, "lw": 0.3, "shade": False}
-    panel.plot_surface(points[..., 0], points[..., 1], points[..., 2], **net)
-    in_space(panel, points, zoom=0.78)
+    section = wheel_section(gear, centre_distance, space_angles(gear, 81))
+    points, _ = wheel_surface(section, turn)
+    net = {"rstride": 2, "cstride": 4, "edgecolor": MIDDLE, "lw": 0.25, "shade": False}
+    height = (section.R - section.R.min()) / float(np.ptp(section.R))
+    colours = 0.96 - 0.32 * height[None, :, None] * np.array([1.0, 0.72, 0.5])
+    panel.plot_surface(
+        points[..., 0], points[..., 1], points[..., 2], facecolors=np.broadcast_to(colours, points.shape), **net
+    )
+    in_space(panel, points, zoom=0.86)
     calm_space(panel)
-    panel.view_init(24.0, 215.0)
-    panel.xaxis.set_major_locator(MaxNLocator(3))
-    panel.yaxis.set_major_locator(MaxNLocator(5))
-    for name in "xyz":
-        getattr(panel, f"set_{name}label")(f"{name}  mm", labelpad=-2)
-    title = f"surface of the wheel within ± {SEGMENT:g} deg of the gear, centre distance {centre_distance:g} mm"
-    figure.text(0.52, 0.925, title, fontsize=9, color=INK)
+    panel.view_init(22.0, 222.0)
+    panel.xaxis.set_major_locator(MaxNLocator(2, prune="lower"))
+    panel.set_yticks([0.0, round(0.4 * float(np.ptp(section.y)))])
+    panel.zaxis.set_major_locator(MaxNLocator(5))
+    panel.set_xlabel("x  mm", labelpad=0)
+    panel.set_ylabel("y  mm", labelpad=-1)
+    panel.set_zlabel("z  mm", labelpad=2)
+    figure.text(0.745, 0.855, f"surface within ± {SEGMENT:g} deg of the gear", fontsize=9, color=INK)
+
+
+def _section(panel: Axes, gear: CycloidGear, centre_distance: float) -> None:
+    """The axial section, the abrasive below it, with normals into the wheel and its radii and width."""
+    section = wheel_section(gear, centre_distance, space_angles(gear, POINTS))
+    wide, deep = float(np.ptp(section.y)), float(np.ptp(section.R))
+    floor = float(section.R.min()) - 0.75 * deep
+    panel.fill_between(section.y, section.R, floor, color=BODY, lw=0)
+    panel.plot(section.y, section.R, color=NEW, lw=1.5)
+    some = wheel_section(gear, centre_distance, space_angles(gear, NORMALS))
+    length = 0.09 * wide
+    for y, R, nx, ny in zip(some.y, some.R, some.nx, some.ny, strict=True):
+        panel.plot([y, y + length * ny], [R, R - length * nx], color=OLD, lw=0.8)
+    for radius in (float(section.R.max()), float(section.R.min())):
+        panel.axhline(radius, color=QUIET, lw=0.6, ls=(0, (6, 3)), zorder=1)
+    text = f"R {section.R.min():.3f} .. {section.R.max():.3f} mm"
+    panel.text(0.02, 0.97, text, transform=panel.transAxes, fontsize=8, color=INK, va="top")
+    at = floor + 0.12 * deep
+    panel.annotate("", (section.y.min(), at), (section.y.max(), at), arrowprops={"arrowstyle": "<->", "lw": 0.7})
+    panel.text(0.0, at + 0.03 * deep, f"width {wide:.3f}", fontsize=7, color=INK, ha="center", va="bottom")
+    panel.set_xlabel("axial coordinate y  mm")
+    panel.set_ylabel("radius R  mm")
+    _equal(panel, "axial section, normals into the wheel", labels=False)
+
+
+def _elevation(panel: Axes, gear: CycloidGear, centre_distance: float) -> None:
+    """Wheel and gear as the stroke is seen from the side, along the wheel's axis."""
+    section = wheel_section(gear, centre_distance, space_angles(gear, POINTS))
+    turn = np.linspace(0.0, 2.0 * np.pi, 181)
+    panel.fill(centre_distance + section.R.max() * np.cos(turn), section.R.max() * np.sin(turn), color=BODY, lw=0)
+    for radius, width in ((float(section.R.max()), 1.2), (float(section.R.min()), 0.6)):
+        panel.plot(centre_distance + radius * np.cos(turn), radius * np.sin(turn), color=NEW, lw=width)
+    tip, half = gear.limits().r_tip, 0.5 * gear.b
+    panel.fill([-tip, tip, tip, -tip], [-half, -half, half, half], facecolor="#dfe5ea", edgecolor=INK, lw=0.8)
+    for x in (0.0, centre_distance):
+        panel.axvline(x, color=QUIET, lw=0.6, ls="-.")
+    low = -1.12 * float(section.R.max())
+    panel.annotate("", (0.0, low), (centre_distance, low), arrowprops={"arrowstyle": "<->", "lw": 0.7})
+    words: dict[str, Any] = {"fontsize": 7, "color": INK, "ha": "center", "va": "bottom"}
+    panel.text(0.5 * centre_distance, low + 1.5, f"{centre_distance:g}", **words)
+    panel.text(0.0, half + 3.0, "work", **words)
+    panel.text(centre_distance, 0.35 * float(section.R.max()), "wheel", **words)
+    panel.set_xlabel("x  mm")
+    panel.set_ylabel("z  mm", labelpad=1)
+    _equal(panel, "wheel and work, side view", labels=False)
 
 
 def contact_sheet(figure: FigureBase, ideal: FloatArray, actual: FloatArray, *, enlarged: float = 0.0) -> None:
@@ -108,6 +166,37 @@ def contact_sheet(figure: FigureBase, ideal: FloatArray, actual: FloatArray, *, 
         getattr(panel, f"set_{name}label")(f"{name}  mm", labelpad=-1)
     figure.text(0.03, 0.94, "contact lines of one space: grey ideal, blue actual", fontsize=9.5, color=INK)
     figure.text(0.03, 0.905, f"what the errors change is enlarged {scale:g} times", fontsize=8, color=QUIET)
+
+
+def surface_sheet(figure: FigureBase, points: FloatArray, normals: FloatArray) -> None:
+    """A surface (..., 3) in mm on equal scales as lines along its last two directions, with some unit normals."""
+    panel: Any = figure.add_axes((0.0, 0.0, 1.0, 0.92), projection="3d")
+    whole = points if points.ndim > 2 else points[None] if points.ndim == 2 else points[None, None]
+    sheets = whole.reshape(-1, *whole.shape[-3:])
+    arrows = normals.reshape(sheets.shape)
+    shown = range(0, len(sheets), max(1, len(sheets) // MOST_SHEETS))
+    size = float(np.max(np.ptp(sheets.reshape(-1, 3), axis=0))) or 1.0
+    for number in shown:
+        one, step = (
+            sheets[number],
+            [max(1, -(-count // most)) for count, most in zip(sheets.shape[1:3], NET, strict=True)],
+        )
+        lines = [*one[:: step[0]], *np.swapaxes(one, 0, 1)[:: step[1]]]
+        panel.add_collection3d(Line3DCollection(lines, colors=MIDDLE, linewidths=0.5))
+        at = (slice(None, None, 2 * step[0]), slice(None, None, 2 * step[1]))
+        start, end = one[at].reshape(-1, 3), (one + 0.06 * size * arrows[number])[at].reshape(-1, 3)
+        panel.add_collection3d(Line3DCollection(list(np.stack([start, end], axis=1)), colors=OLD, linewidths=0.5))
+    in_space(panel, sheets, zoom=0.9)
+    calm_space(panel)
+    panel.view_init(28.0, 32.0)
+    for axis in (panel.xaxis, panel.yaxis, panel.zaxis):
+        axis.set_major_locator(MaxNLocator(4))
+    for name in "xyz":
+        getattr(panel, f"set_{name}label")(f"{name}  mm", labelpad=0)
+    figure.text(
+        0.03, 0.945, f"surface of {' x '.join(str(n) for n in points.shape[:-1])} points", fontsize=10, color=INK
+    )
+    figure.text(0.03, 0.91, "equal scales; grey: unit normals, enlarged", fontsize=8, color=QUIET)
 
 
 def error_surfaces(
@@ -131,7 +220,7 @@ def error_surfaces(
     cell = (right / columns, (high - low) / rows)
     for number, (name, nominal, normals, e) in enumerate(cases):
         row, column = divmod(number, columns)
-        box = (0.005 + column * cell[0], high - (row + 1) * cell[1], cell[0], cell[1] * 0.97)
+        box = (0.005 + column * cell[0], high - (row + 0.94) * cell[1], cell[0], cell[1] * 0.9)
         panel: Any = figure.add_axes(box, projection="3d")
         actual = nominal + scale * e[..., None] * normals
         _net(panel, nominal)
@@ -140,8 +229,8 @@ def error_surfaces(
         in_space(panel, np.concatenate([nominal.reshape(-1, 3), far]), zoom=0.95)
         _bare(panel, labelled=number == 0)
         largest = mm_to_um(float(np.max(np.abs(e))))
-        words = f"{name}   largest {_figure(largest)} µm"
-        figure.text(box[0] + 0.5 * cell[0], box[1] + 0.985 * box[3], words, fontsize=8, color=INK, ha="center")
+        words = f"{SYMBOLS.get(name, name)}   largest {_figure(largest)} µm"
+        figure.text(box[0] + 0.5 * cell[0], box[1] + 1.005 * box[3], words, fontsize=8, color=INK, ha="center")
     figure.text(0.012, 1.0 - 0.3 / height, title, fontsize=10, color=INK)
     note = f"grid: theoretical surface; coloured: actual, deviations enlarged {scale:g} times, one scale for all"
     figure.text(0.012, 1.0 - 0.52 / height, note, fontsize=8, color=QUIET)
