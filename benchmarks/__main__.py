@@ -18,7 +18,10 @@ from pathlib import Path
 
 from benchmarks.report import Figure
 
-NAMES = ("flank", "transmission", "ranking", "evaluation", "commands", "store", "dynamic", "streams", "mailbox", "push")
+NAMES = (
+    "flank", "library", "transmission", "ranking", "evaluation", "commands", "store", "dynamic", "streams", "mailbox",
+    "push",
+)  # fmt: skip
 HEAD = """# Benchmarks
 
 <!-- source: ISO 230-2: edition 2014 -->

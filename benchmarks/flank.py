@@ -63,7 +63,7 @@ def linear(report: Report, parameters: list[ErrorParameter], title: str, rms_lim
     form.rms(V)
     report.say(f"{title}: product of {flank.points} points x {vectors} vectors", plain, "s")
     report.at_most(
-        f"{title}: flank into a given output / product", spent(lambda: flank.deviations(V, out)) / plain, 1.5
+        f"{title}: flank into a given output / product", spent(lambda: flank.deviations(V, out)) / plain, 1.15
     )
     build: Callable[[], LinearFlank] = lambda: linear_flank(grinding, grid, parameters)  # noqa: E731
     report.at_most(

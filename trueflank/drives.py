@@ -7,9 +7,12 @@ from dataclasses import dataclass, fields, replace
 from typing import Any
 
 import numpy as np
+from numpy.random import Generator
 
 from drivers.errors import ConfigError
 from drivers.units import deg_to_rad, rad_to_deg
+from gateway.correct.outlook.drive_outlook import drawn_flanks
+from gateway.correct.outlook.flank_uncertainty import FlankDoubts
 from gateway.domain.values import FloatArray
 from gateway.errors import ModelError
 from gateway.reducer import records
@@ -17,7 +20,7 @@ from gateway.reducer.figures import Transmission
 from gateway.reducer.figures import transmission as worked
 from gateway.reducer.pairing import Matching
 from gateway.reducer.pairing import match as matched
-from gateway.reducer.uncertainty import DriveUncertainty
+from gateway.reducer.uncertainty import Draw, DriveUncertainty
 from gateway.reducer.uncertainty import uncertainty as drawn
 from gateway.study.machine import gear_of
 from gateway.tooth import FlankMap
@@ -193,7 +196,7 @@ def transmission(
     found = worked(reducer.data, parts, torque_nm=torque_nm, steps=steps)
     if not uncertainty:
         return Drive(found)
-    return Drive(found, drawn(reducer.data, parts, torque_nm=torque_nm, steps=steps, seed=seed))
+    return Drive(found, drawn(reducer.data, _drawn(parts, discs), torque_nm=torque_nm, steps=steps, seed=seed))
 
 
 @dataclass(frozen=True, slots=True, repr=False)
@@ -262,6 +265,38 @@ def _parts(drive: records.Reducer, discs: Flank | Sequence[Flank | None] | None,
     if len(discs) != len(drive.discs):
         raise ModelError("E-REDUCER-COUNT", drive.name, key="discs", given=len(discs), wanted=len(drive.discs))
     return [None if one is None else _map(one, call) for one in discs]
+
+
+def _drawn(parts: list[FlankMap | None], discs: Flank | Sequence[Flank | None] | None) -> Draw | list[FlankMap | None]:
+    """Discs that are drawn by how their machines' errors may be wrong, where that is known.
+
+    Discs with the same patterns are one machine's, and so are wrong together; others are wrong each for itself.
+    """
+    each = [discs] * len(parts) if isinstance(discs, Flank) or discs is None else list(discs)
+    draws: list[tuple[FlankDoubts, Draw]] = []
+    for one in each:
+        doubt = None if one is None else one.doubts
+        if doubt is not None and not any(_same(doubt, known) for known, _ in draws):
+            alone = [part if _of(other, doubt) else None for other, part in zip(each, parts, strict=True)]
+            draws.append((doubt, drawn_flanks(alone, doubt.places, doubt.patterns)))
+    if not draws:
+        return parts
+
+    def draw(rng: Generator) -> list[FlankMap | None]:
+        found = list(parts)
+        for _, one in draws:
+            found = [new or old for new, old in zip(one(rng), found, strict=True)]
+        return found
+
+    return draw
+
+
+def _of(one: Flank | None, doubt: FlankDoubts) -> bool:
+    return one is not None and one.doubts is not None and _same(one.doubts, doubt)
+
+
+def _same(one: FlankDoubts, other: FlankDoubts) -> bool:
+    return one is other or np.array_equal(one.patterns, other.patterns)
 
 
 def _map(one: Flank, call: str) -> FlankMap:

@@ -29,7 +29,8 @@ class RelativeErrors:
     """The six relative errors of wheel to work: dx, dy, dz in um and ea, eb, ec in arcsec, one shape (...) for all.
 
     Turns count counter-clockwise about X, Y, Z of the frame that they are told in: ``frame`` "work" (T_act = E T_id) or
-    "wheel" (T_act = T_id E). ``positions`` of the axes in mm and deg. ``order`` says how they were worked out.
+    "wheel" (T_act = T_id E). ``positions`` of the axes in mm and deg. ``order`` says how they were worked out. ``u``
+    are their standard uncertainties by name, of the same shape and unit; None where nobody said.
     """
 
     dx: FloatArray
@@ -41,6 +42,7 @@ class RelativeErrors:
     positions: Mapping[str, FloatArray]
     frame: Frame
     order: RelativeOrder
+    u: Mapping[str, FloatArray] | None = None
 
     def __getitem__(self, name: str) -> FloatArray:
         """One of the six by its name. Raises ConfigError (E-LIBRARY-KIND)."""
@@ -59,6 +61,7 @@ class RelativeErrors:
             "order": self.order,
             "positions": {name: np.asarray(one).tolist() for name, one in self.positions.items()},
             **{f"{name}_{UNITS[name]}": self[name].tolist() for name in RELATIVE},
+            **{f"u_{name}_{UNITS[name]}": one.tolist() for name, one in (self.u or {}).items()},
         }
 
     def to_pandas(self) -> Any:
@@ -128,7 +131,10 @@ class RelativeError:
         found = relative(self.chain, positions, self.frame, self.order)
         label, at = found.over("", "RelativeError.plot")
         return painted(
-            (7.5, 3.4), lambda figure: one_relative_curve(figure, label, at, self.name, found[self.name], self.frame)
+            (7.5, 3.4),
+            lambda figure: one_relative_curve(
+                figure, label, at, name=self.name, values=found[self.name], frame=self.frame
+            ),
         )
 
     def __repr__(self) -> str:
@@ -195,7 +201,8 @@ def relative(chain: Chain, positions: Mapping[str, ArrayLike], frame: Frame, ord
         name: np.asarray(mm_to_um(one) if UNITS[name] == "um" else rad_to_arcsec(one))
         for name, one in zip(RELATIVE, six, strict=True)
     }
-    return RelativeErrors(**values, positions=shown, frame=frame, order=order)
+    dx, dy, dz, ea, eb, ec = (values[name] for name in RELATIVE)
+    return RelativeErrors(dx=dx, dy=dy, dz=dz, ea=ea, eb=eb, ec=ec, positions=shown, frame=frame, order=order)
 
 
 def grinding_positions(grinding: Grinding, space: ArrayLike, height: ArrayLike) -> dict[str, FloatArray]:

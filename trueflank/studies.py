@@ -6,21 +6,27 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from drivers.errors import ConfigError
 from drivers.types.tables import CompensationTable
 from drivers.units import mm_to_um
+from gateway.correct.outlook.prediction import predict
+from gateway.correct.plan.layers import correct as solve
 from gateway.errors import ModelError
+from gateway.gear.first_order import judged
 from gateway.sensitivity.outputs import OUTPUTS, FlankOutputs, equal_spans, measured_spans
 from gateway.sensitivity.sweep import screen
 from gateway.study import tell
 from gateway.study.machine import error_names, grid_of, grinding_of, plan_of, travels
 from gateway.study.paper import sigma_bounds
 from gateway.study.work import Study as Worked
-from gateway.study.work import corrected
+from gateway.study.work import prepared
 from gateway.study.work import study as worked
+from gateway.tooth import FlankPrediction
 from trueflank.frames import frame
 from trueflank.given import of_kind, path_given, wholes_given
-from trueflank.tooth import Gear, Machine
+from trueflank.tooth import Flank, Gear, Machine, doubts_of, flank_of
 
 ENDS = ((0, "low"), (1, "high"))
 
@@ -93,7 +99,9 @@ class Corrected:
 
     A table holds the deviation of its output axis that it cancels (um or arcsec); ``kind`` "axis" is an axis'
     own table, "cross" the tooth's, of an axis over another or over itself. ``setup``: (name, value, unit).
-    ``findings`` say in words what was left or given back, and why.
+    ``findings`` say in words what was left or given back, and why. ``flank`` is the tooth after it. ``expected`` is
+    what a part will show as the report of a run states it, set-up values right, with clamping, drift and scatter: of a
+    run's machine alone.
     """
 
     tables: tuple[CompensationTable, ...]
@@ -101,6 +109,13 @@ class Corrected:
     rms_before: float
     rms_after: float
     findings: tuple[str, ...]
+    flank: Flank | None = None
+    expected: FlankPrediction | None = None
+
+    @property
+    def rms_u(self) -> float | None:
+        """Standard deviation of the RMS to be expected after, um, of a run's machine; None: not known."""
+        return None if self.expected is None else self.expected.rms_u_um
 
     def to_dict(self) -> dict[str, Any]:
         """Plain data."""
@@ -109,6 +124,8 @@ class Corrected:
             "setup": [{"name": name, "value": value, "unit": unit} for name, value, unit in self.setup],
             "rms_before_um": self.rms_before,
             "rms_after_um": self.rms_after,
+            "rms_expected_um": None if self.expected is None else self.expected.rms_um,
+            "rms_u_um": self.rms_u,
             "findings": list(self.findings),
         }
 
@@ -144,8 +161,17 @@ def correct(machine: Machine, gear: Gear) -> Corrected:
     """
     of_kind(machine, Machine, "correct")
     of_kind(gear, Gear, "correct")
-    grinding, found = corrected(gear.data, machine.data)
+    model = machine.known.model
+    ready = prepared(gear.data, machine.data, model)
+    grinding, grid = ready.grinding, ready.grid
+    found = solve(grinding, grid, ready.used)
+    e = np.broadcast_to(judged(found.machine, grid.k, grid.theta, grid.z).second, grid.shape)
+    shop = machine.known.shop(grinding)
     return Corrected(
+        flank=flank_of(gear.data, grid, e, doubts_of(machine, gear)),
+        expected=None
+        if model is None
+        else predict(grinding, grid, plan=ready.used, model=model, found=found, shop=shop).flank,
         tables=(*found.own, *found.cross),
         setup=tuple(tell.setup_values(found, grinding)),
         rms_before=mm_to_um(found.before.rms),
@@ -236,4 +262,4 @@ def study(machine: Machine, gear: Gear, *, trajectories: int = 20, seed: int = 1
     of_kind(machine, Machine, "study")
     of_kind(gear, Gear, "study")
     wholes_given("study", trajectories=trajectories, seed=seed)
-    return Study(worked(gear.data, machine.data, r=trajectories, seed=seed), machine.run)
+    return Study(worked(gear.data, machine.data, r=trajectories, seed=seed, model=machine.known.model), machine.run)

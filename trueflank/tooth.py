@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -11,7 +11,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from drivers.errors import ConfigError
-from drivers.units import deg_to_rad, mm_to_um, rad_to_arcsec, rad_to_deg, um_to_mm
+from drivers.units import arcsec_to_rad, deg_to_rad, mm_to_um, rad_to_arcsec, rad_to_deg, um_to_mm
+from gateway.correct.outlook.flank_uncertainty import FlankDoubts, column_doubts, error_doubts
+from gateway.correct.outlook.next_setup import doubts
+from gateway.correct.outlook.prediction import point_u_um, unturned
+from gateway.correct.plan.plan import Plan
 from gateway.domain.values import FloatArray
 from gateway.errors import ModelError
 from gateway.evaluate.standards.readings import numbers
@@ -19,9 +23,10 @@ from gateway.gear.cycloid import CycloidGear, GearLimits
 from gateway.gear.envelope import exact
 from gateway.gear.first_order import judged
 from gateway.gear.flank import FlankGrid, flank_figure
+from gateway.gear.linear import ErrorParameter
 from gateway.gear.passage import contact_condition, contact_line
-from gateway.model.chain import Frame
-from gateway.model.frames import RelativeOrder, State
+from gateway.model.chain import Chain, Frame
+from gateway.model.frames import RELATIVE, RelativeOrder, State
 from gateway.model.frames import matrix as link_matrix
 from gateway.study.export import (
     FEWEST,
@@ -34,8 +39,19 @@ from gateway.study.export import (
     write_rows,
 )
 from gateway.study.files import ErrorFile, GearFile, load_gear, validated
-from gateway.study.fromrun import errors_from, is_run, model_of_run
-from gateway.study.machine import error_names, gear_of, grid_of, grinding_of, is_angle, machine_of
+from gateway.study.fromrun import is_run
+from gateway.study.machine import (
+    error_names,
+    gear_of,
+    grid_of,
+    grinding_of,
+    is_angle,
+    machine_of,
+    table_grids,
+)
+from gateway.study.relative import relative_u
+from gateway.study.work import prepared
+from gateway.workflow.tooth.known import KnownMachine, known_machine
 from trueflank.frames import frame
 from trueflank.given import (
     motion_name,
@@ -48,6 +64,7 @@ from trueflank.given import (
     wholes_given,
 )
 from trueflank.kinematics import (
+    UNITS,
     FrameOf,
     RelativeError,
     RelativeErrors,
@@ -184,6 +201,7 @@ class Machine:
     data: ErrorFile
     motions: Mapping[str, ErrorMotion]
     run: Path | None
+    known: KnownMachine
 
     def __init__(
         self, errors: Mapping[str, Given] | None = None, *, seed: int | None = None, name: str = "machine", **more: Any
@@ -212,21 +230,26 @@ class Machine:
         fitted = {key: one for key, one in (errors or {}).items() if isinstance(one, ErrorMotion)}
         object.__setattr__(self, "motions", fitted)
         object.__setattr__(self, "run", None)
+        object.__setattr__(self, "known", KnownMachine(data))
 
     @classmethod
     def load(cls, path: str | Path, *, height_mm: float | None = None) -> Machine:
         """From an error file (TOML), a run's folder or its errors.json (of a day too), in um, arcsec, mm and deg.
 
-        A run brings fitted motions with their covariance (`motions`), location errors, and the uncertainty of each
-        error, which `correct` and `study` use; ``height_mm`` is then where the middle of the work's face stands in the
-        coordinates of Z. Raises ConfigError with file, key and why, StoreError, CorruptRecord.
+        A run brings fitted motions with their covariance (`motions`), location errors, and how all of them may be
+        wrong together: u of flanks, relative errors, corrections and drives comes from it. It also brings the grids
+        of its control's tables. A run's Z counts from the machine's own zero: ``height_mm`` is the position in it of
+        the middle of the work's face; left out, it is `[work] height_mm` of the site file that the run keeps, and 0
+        mm where there is none. A face where an error of Z was not measured is refused by what works it out
+        (E-STUDY-HEIGHT). Raises ConfigError with file, key and why, StoreError, CorruptRecord.
         """
         path_given(path, "Machine.load")
         found, place = object.__new__(cls), Path(path)
         told = None if height_mm is None else float(plain_numbers(height_mm, "tf.Machine.load: height_mm"))
-        data = errors_from(place, told)
-        object.__setattr__(found, "data", data)
-        fitted = model_of_run(place).motions if is_run(place) else ()
+        known = known_machine(place, told)
+        object.__setattr__(found, "data", known.errors)
+        object.__setattr__(found, "known", known)
+        fitted = () if known.model is None else known.model.motions
         object.__setattr__(found, "run", place if is_run(place) else None)
         object.__setattr__(found, "motions", {one.name: ErrorMotion(one) for one in fitted})
         return found
@@ -271,9 +294,30 @@ class Machine:
 
         ``frame`` "work": T_act = E T_id, or "wheel": T_act = T_id E. ``order`` "exact" is the logarithm of the exact E,
         "first" the sum of all errors by their levers, "small-angle" is read off the product of the linear matrices.
-        Shapes broadcast together. Raises as `matrix`.
+        Shapes broadcast together. `u` of the result is there where the errors' uncertainty is known, from all of them
+        together for a run. Raises as `matrix`.
         """
-        return relative(machine_of(self.data), positions, frame, order)
+        chain = machine_of(self.data)
+        found = relative(chain, positions, frame, order)
+        columns = self._columns(chain)
+        if columns is None:
+            return found
+        _, q = commands(chain, positions, "tf.Machine.relative")
+        u = np.moveaxis(relative_u(chain, columns, q, frame), -1, 0)
+        shown = {
+            name: np.asarray((mm_to_um if UNITS[name] == "um" else rad_to_arcsec)(one))
+            for name, one in zip(RELATIVE, u, strict=True)
+        }
+        return replace(found, u=shown)
+
+    def _columns(self, chain: Chain) -> Sequence[tuple[ErrorParameter | str, float]] | None:
+        """How the errors may be wrong, in independent columns (mm, rad); None where nobody said."""
+        if self.known.model is not None:
+            return doubts(self.known.model, chain, Plan(table_grids(self.data)))
+        if self.data.uncertainty is None:
+            return None
+        sizes = {name: self.u(name) for name in error_names(chain)}
+        return [(name, arcsec_to_rad(u) if is_angle(name) else um_to_mm(u)) for name, u in sizes.items()]
 
     def relative_error(self, name: str, *, frame: Frame = "work", order: RelativeOrder = "exact") -> RelativeError:
         """One of dx, dy, dz (um), ea, eb, ec (arcsec) as a function of the positions (mm, deg) of every axis.
@@ -343,7 +387,8 @@ class Flank:
     """Normal deviations (spaces, profile, width) in um, surplus positive; one rotation about the axis is taken out.
 
     ``height`` (width,) in mm; ``angle`` (profile,) is the profile angle in deg; ``rms`` and ``largest`` in um.
-    ``gear`` is the disc.
+    ``gear`` is the disc. ``doubts`` are how the machine's errors may be wrong, as patterns of the flank; None where
+    nobody said.
     """
 
     deviation: FloatArray
@@ -353,6 +398,34 @@ class Flank:
     largest: float
     rotation_arcsec: float
     gear: GearFile
+    doubts: FlankDoubts | None = None
+
+    @property
+    def u(self) -> FloatArray | None:
+        """Standard uncertainty of each point (spaces, profile, width), um, by the errors together; None: not known.
+
+        One rotation is taken out of each way to be wrong too; clamping and drift of the shop are not in it.
+        """
+        return None if self.doubts is None else point_u_um(unturned(self.doubts)).reshape(self.deviation.shape)
+
+    @property
+    def rms_u(self) -> float | None:
+        """Standard uncertainty of the RMS, um, from mean and variance of the mean square of normal errors.
+
+        None: not known.
+        """
+        if self.doubts is None:
+            return None
+        doubt, e = unturned(self.doubts), self.deviation.ravel()
+        parts = np.moveaxis(doubt.patterns, -1, 0)
+        moved = (
+            np.stack([mm_to_um(doubt.places.along_normal(one)) for one in parts])
+            if len(parts)
+            else np.zeros((1, e.size))
+        )
+        mean = np.sum(e**2) + np.sum(moved**2)
+        variance = 4.0 * np.sum((moved @ e) ** 2) + 2.0 * np.sum((moved @ moved.T) ** 2)
+        return float(0.5 * np.sqrt(variance / max(mean, 1e-18) / e.size))
 
     def surface(self, scale: float = 1.0) -> Surface:
         """The actual flank in space: points and nominal normals (spaces, profile, width, 3), mm in the gear's frame.
@@ -401,7 +474,8 @@ class Flank:
         return frame({**columns, "deviation_um": self.deviation.ravel()})
 
     def __repr__(self) -> str:
-        return f"Flank({self.deviation.shape[0]} spaces: RMS {self.rms:.3f} µm, largest {self.largest:.3f} µm)"
+        sure = "" if self.rms_u is None else f" ± {self.rms_u:.3f} (u)"
+        return f"Flank({self.deviation.shape[0]} spaces: RMS {self.rms:.3f}{sure} µm, largest {self.largest:.3f} µm)"
 
 
 def flank(machine: Machine, gear: Gear, *, order: str = "second") -> Flank:
@@ -421,7 +495,7 @@ def flank(machine: Machine, gear: Gear, *, order: str = "second") -> Flank:
     else:
         found = judged(grinding, grid.k, grid.theta, grid.z)
         e = found.deviation if order == "first" else found.second
-    return _flank(gear.data, grid, np.broadcast_to(e, grid.shape))
+    return flank_of(gear.data, grid, np.broadcast_to(e, grid.shape), doubts_of(machine, gear))
 
 
 def contact(
@@ -453,7 +527,18 @@ def contact(
     )  # fmt: skip
 
 
-def _flank(file: GearFile, grid: FlankGrid, e: FloatArray) -> Flank:
+def doubts_of(machine: Machine, gear: Gear) -> FlankDoubts | None:
+    """How the machine's errors may be wrong, as patterns of the gear's flank; None where nobody said."""
+    if machine.known.model is None and machine.data.uncertainty is None:
+        return None
+    ready = prepared(gear.data, machine.data, machine.known.model)
+    if machine.known.model is None:
+        return column_doubts(ready.grinding, ready.grid, ready.columns)
+    return error_doubts(ready.grinding, ready.grid, ready.plan, machine.known.model)
+
+
+def flank_of(file: GearFile, grid: FlankGrid, e: FloatArray, doubt: FlankDoubts | None = None) -> Flank:
+    """Deviations (K, T, Z) in mm as the library shows them."""
     h = grid.section.h
     figure = flank_figure(e, h)
     return Flank(
@@ -464,4 +549,5 @@ def _flank(file: GearFile, grid: FlankGrid, e: FloatArray) -> Flank:
         largest=mm_to_um(figure.largest),
         rotation_arcsec=rad_to_arcsec(figure.rotation),
         gear=file,
+        doubts=doubt,
     )

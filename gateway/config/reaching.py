@@ -176,8 +176,9 @@ def _told(site: SiteFile) -> DriverSettings | None:
 
 
 def told_to(section: Any, role: str) -> DriverSettings | None:
-    """What a section tells its driver; None where the driver has no model or a setting is wrong."""
-    spec = registry.known(role).get(section.driver) if isinstance(section.driver, str) else None
+    """What a section tells its driver; None where it is missing, the driver has no model or a setting is wrong."""
+    driver = getattr(section, "driver", None)
+    spec = registry.known(role).get(driver) if isinstance(driver, str) else None
     model = spec.load_settings() if spec is not None else None
     if model is None or not isinstance(section.settings, Mapping) or model.faults(section.settings):
         return None

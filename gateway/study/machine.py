@@ -128,7 +128,7 @@ def drawn_errors(chain: Chain, seeded: Seeded) -> dict[str, Motion]:
 def plan_of(file: ErrorFile, grinding: Grinding) -> Plan:
     """The controller's grids: those of the file, others to suit the gear (5 mm along the face, 15 deg around)."""
     names = (grinding.infeed, grinding.stroke, grinding.index)
-    given = {name: AxisGrid(name, **grid.model_dump()) for name, grid in file.tables.items()}
+    given = {one.axis: one for one in table_grids(file)}
     for name in given:
         if name not in names:
             raise ModelError("E-CHAIN-AXIS", "tables", name=name, known=", ".join(names))
@@ -142,6 +142,11 @@ def plan_of(file: ErrorFile, grinding: Grinding) -> Plan:
         norm=file.goal,
         bounds=file.bounds,
     )
+
+
+def table_grids(file: ErrorFile) -> tuple[AxisGrid, ...]:
+    """The controller's grids that the file states."""
+    return tuple(AxisGrid(name, **grid.model_dump()) for name, grid in file.tables.items())
 
 
 def _usual_grids(grinding: Grinding) -> dict[str, AxisGrid]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -11,7 +11,8 @@ import numpy as np
 from drivers.types.values import FloatArray
 from drivers.units import mm_to_um, rad_to_arcsec
 from gateway.gear.grinding import Grinding
-from gateway.model.chain import Frame
+from gateway.gear.linear import ErrorParameter
+from gateway.model.chain import Chain, Frame, Positions
 from gateway.model.frames import RELATIVE, relative_errors
 
 HEIGHTS = 21
@@ -41,6 +42,35 @@ def relative_sweep(grinding: Grinding, frame: Frame = "work", heights: int = HEI
     missed = {name: float(np.max(np.abs(exact[name] - first[name]))) for name in RELATIVE}
     turn = np.asarray(np.rad2deg(grinding.gear.space_angle(k[:, 0])))
     return RelativeSweep(turn=turn, z=z, values=exact, missed=missed, frame=frame)
+
+
+def relative_u(
+    chain: Chain, columns: Sequence[tuple[ErrorParameter | str, float]], q: Positions, frame: Frame = "work"
+) -> FloatArray:
+    """Standard uncertainty (..., 6) of the six, mm and rad, of columns of one standard uncertainty each (mm, rad).
+
+    First order: each column alone on the perfect machine, then the root of the sum of squares.
+    """
+    clean = chain.without_errors()
+    square: FloatArray = np.zeros(6)
+    for one, size in columns:
+        parameter = ErrorParameter(one) if isinstance(one, str) else one
+        motion = Scaled(parameter.basis, size) if parameter.basis is not None else size
+        twist = relative_errors(clean.with_errors({parameter.source: motion}), q, frame, "first")
+        square = square + twist**2
+    return np.asarray(np.sqrt(square))
+
+
+@dataclass(frozen=True)
+class Scaled:
+    """A shape times its size."""
+
+    shape: Callable[..., FloatArray]
+    size: float
+
+    def __call__(self, q: FloatArray) -> FloatArray:
+        """Values at q, same shape."""
+        return np.asarray(self.size * self.shape(q))
 
 
 def relative_rows(sweep: RelativeSweep) -> list[Row]:

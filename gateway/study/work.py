@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 
@@ -15,6 +15,7 @@ from gateway.correct.flank.flankmodel import FlankModel, flank_model
 from gateway.correct.flank.noise import FitNoise, noise_patterns
 from gateway.correct.flank.tables import with_tables
 from gateway.correct.flank.travel_shapes import shapes_over
+from gateway.correct.outlook.next_setup import doubts
 from gateway.correct.part.fromgear import Visible, visible
 from gateway.correct.plan.layers import LayeredCorrection, correct
 from gateway.correct.plan.plan import Plan, cross_specs, setup_unknowns
@@ -28,6 +29,7 @@ from gateway.gear.grinding import Grinding
 from gateway.gear.inspection import Inspection, inspect
 from gateway.gear.linear import ErrorParameter, linear_flank
 from gateway.model.chain import Chain
+from gateway.model.known import ErrorModel
 from gateway.sensitivity.next import Next, measure_next
 from gateway.sensitivity.outputs import OUTPUTS, FlankOutputs, Order, equal_size, equal_spans, measured_spans
 from gateway.sensitivity.sweep import Screening, screen
@@ -97,9 +99,13 @@ def study(
     order: Order = "first",
     r: int = TRAJECTORIES,
     seed: int = 1,
+    model: ErrorModel | None = None,
 ) -> Study:
-    """Work out all studies of a gear on a machine. Raises ModelError of the rooms it calls."""
-    ready = _prepared(gear_file, error_file)
+    """Work out all studies of a gear on a machine; ``model`` is what a run knows of its errors together.
+
+    Raises ModelError of the rooms it calls.
+    """
+    ready = prepared(gear_file, error_file, model)
     grinding, grid, names, plan = ready.grinding, ready.grid, ready.names, ready.plan
     correction = correct(grinding, grid, ready.used)
     spans = (equal_spans(names), measured_spans(grinding, names, travels(plan, grinding.chain)))
@@ -135,7 +141,7 @@ def study(
         after=states["after"],
         with_products=_state(grid, multiplied, order) if products else None,
         order=order,
-        next=_next(grinding, grid, plan, [parameter.name for parameter, _ in ready.doubts], ready.noise),
+        next=_next(grinding, grid, plan, [name_of(parameter) for parameter, _ in ready.columns], ready.noise),
         truncation=float(np.max(np.abs(first.second - first.deviation))),
         drive=None
         if gear_file.reducer is None
@@ -153,39 +159,53 @@ def study(
 
 
 @dataclass(frozen=True)
-class _Prepared:
-    """What every study begins with; ``used`` is the plan with the doubt that the error file states."""
+class Prepared:
+    """What every study begins with; ``used`` is the plan with the doubt that run or error file state.
+
+    ``columns`` are independent shapes of the errors, one standard uncertainty each (mm, rad): of the run's model what
+    a correction in the run takes too.
+    """
 
     grinding: Grinding
     grid: FlankGrid
     names: tuple[str, ...]
     plan: Plan
     used: Plan
-    doubts: list[tuple[ErrorParameter, float]]
+    columns: Sequence[tuple[ErrorParameter | str, float]]
     noise: FitNoise
+    known: bool
 
 
-def _prepared(gear_file: GearFile, error_file: ErrorFile) -> _Prepared:
+def prepared(gear_file: GearFile, error_file: ErrorFile, model: ErrorModel | None = None) -> Prepared:
+    """Gear on machine with the plan of its tables, and how its errors may be wrong together."""
     grinding = grinding_of(gear_file, error_file)
     grid = grid_of(gear_file, grinding.gear)
     names = error_names(grinding.chain)
     plan = plan_of(error_file, grinding)
-    doubts = doubt_columns(grinding.chain, names, error_file.uncertainty or Doubt(), plan)
-    noise = noise_patterns(grinding, grid, doubts)
-    used = replace(plan, noise=noise) if error_file.uncertainty is not None else plan
-    return _Prepared(grinding=grinding, grid=grid, names=names, plan=plan, used=used, doubts=doubts, noise=noise)
+    columns: Sequence[tuple[ErrorParameter | str, float]] = (
+        doubt_columns(grinding.chain, names, error_file.uncertainty or Doubt(), plan)
+        if model is None
+        else doubts(model, grinding.chain, plan)
+    )
+    noise = noise_patterns(grinding, grid, columns)
+    known = model is not None or error_file.uncertainty is not None
+    used = replace(plan, noise=noise) if known else plan
+    return Prepared(
+        grinding=grinding, grid=grid, names=names, plan=plan, used=used, columns=columns, noise=noise, known=known
+    )
 
 
-def corrected(gear_file: GearFile, error_file: ErrorFile) -> tuple[Grinding, LayeredCorrection]:
-    """The correction of a study alone, with the gear on its machine."""
-    ready = _prepared(gear_file, error_file)
-    return ready.grinding, correct(ready.grinding, ready.grid, ready.used)
+def name_of(parameter: ErrorParameter | str) -> str:
+    """The error that a column is of."""
+    return parameter if isinstance(parameter, str) else parameter.name
 
 
-def doubt_columns(chain: Chain, names: tuple[str, ...], doubt: Doubt, plan: Plan) -> list[tuple[ErrorParameter, float]]:
+def doubt_columns(
+    chain: Chain, names: tuple[str, ...], doubt: Doubt, plan: Plan
+) -> list[tuple[ErrorParameter | str, float]]:
     """How each error may be wrong: a location error by its value, a motion by independent smooth shapes that together
     make its standard uncertainty (first and second order over the travel, or two harmonics around the turn)."""
-    found: list[tuple[ErrorParameter, float]] = []
+    found: list[tuple[ErrorParameter | str, float]] = []
     for name in names:
         axis, _ = chain.error_place(name)
         usual = arcsec_to_rad(doubt.angular_arcsec) if is_angle(name) else um_to_mm(doubt.linear_um)

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+import trueflank as tf
 from drivers.clock import LoopClock, run_virtual
 from drivers.types.tables import CompensationTable
 from gateway.config import load_site
@@ -99,6 +100,21 @@ def _into(at: dict[str, NDArray[np.float64]], table: CompensationTable) -> NDArr
     return np.mod(place, 360.0) if table.modulo else place
 
 
+def _library_agrees(folder: RunFolder, site_path: Path, kept: ToothProposal) -> None:
+    """The library on the run's folder states what the run's own proposal, and so its report, states."""
+    site = load_site(site_path)
+    assert site.work is not None
+    gear, machine = tf.Gear.load(site_path.parent / site.work.gear), tf.Machine.load(folder.path)
+    told, flank, best = kept.prediction, tf.flank(machine, gear), tf.correct(machine, gear)
+    assert flank.rms == pytest.approx(told.before.rms_um, rel=1e-4)
+    assert best.expected is not None
+    np.testing.assert_allclose(best.expected.u_point_um, told.u_point_um, rtol=1e-6)
+    assert best.expected.u_um == pytest.approx(told.u_um, rel=1e-6)
+    assert best.expected.parts_um == pytest.approx(dict(told.parts_um), rel=1e-6, abs=1e-9)
+    assert best.expected.rms_um == pytest.approx(told.rms_um, rel=0.1)  # its own axis tables, not the readings' own
+    assert flank.u is not None
+
+
 def test_a_measured_run_proposes_both_layers_and_the_flank_they_make(tmp_path: Path) -> None:
     async def job() -> tuple[ToothOutcome, Proposal, list[str], Truth]:
         clock = LoopClock()
@@ -111,6 +127,7 @@ def test_a_measured_run_proposes_both_layers_and_the_flank_they_make(tmp_path: P
             told = [line for refusals in shown.data["refusals"].values() for line in refusals]
             kept = folder.get(stages.TOOTH, ToothProposal)
             assert (kept.setup, kept.said, kept.cures) == (found.tooth.setup, found.tooth.said, found.tooth.cures)
+            _library_agrees(folder, cell.site_path, kept)
             return found, folder.get(stages.PROPOSAL, Proposal), told, cell.truth
 
     found, stored, told, truth = run_virtual(job)

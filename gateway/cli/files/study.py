@@ -26,18 +26,19 @@ def study_command(
     """Work out a study and show it; pictures into ``plots``, the paper's figures and tables into ``paper``."""
     from gateway.study import tell
     from gateway.study.files import load_gear
-    from gateway.study.fromrun import errors_from
     from gateway.study.work import study, the_order
     from gateway.study.workers import workers as open_workers
+    from gateway.workflow.tooth.known import known_machine
 
     if relative:
         show_relative(gear, errors, plots or Path(), height, as_json=as_json)
         return
-    gear_file, error_file, chosen = load_gear(gear), errors_from(errors, height), the_order(order)
+    gear_file, known, chosen = load_gear(gear), known_machine(errors, height), the_order(order)
+    error_file = known.errors
     # A first-order sweep is over before a process has started.
     count = 1 if chosen == "first" and workers is None else workers
     with open_workers(scheduler, count) as executor:
-        found = study(gear_file, error_file, executor=executor, order=chosen, r=trajectories)
+        found = study(gear_file, error_file, executor=executor, order=chosen, r=trajectories, model=known.model)
     written: tuple[str, ...] = ()
     if plots is not None:
         from gateway.study.pictures import write_pictures

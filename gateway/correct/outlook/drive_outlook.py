@@ -17,7 +17,7 @@ from drivers.types.tables import CompensationTable
 from drivers.types.values import FloatArray
 from drivers.units import mm_to_um
 from gateway.correct.flank.noise import FitNoise
-from gateway.correct.flank.wheel_places import places_of_grid
+from gateway.correct.flank.wheel_places import Places, places_of_grid
 from gateway.correct.plan.layers import LayeredCorrection, correct
 from gateway.correct.plan.plan import Plan
 from gateway.domain.values import COVERAGE
@@ -28,7 +28,7 @@ from gateway.gear.grinding import Grinding
 from gateway.reducer.figures import without_limit
 from gateway.reducer.goal import DriveGoal, GoalKind, goal_of
 from gateway.reducer.records import Reducer
-from gateway.reducer.uncertainty import SLICES, DriveUncertainty, essentials, uncertainty
+from gateway.reducer.uncertainty import SLICES, Draw, DriveUncertainty, essentials, uncertainty
 from gateway.tooth import DriveLimit, DriveProposal, FlankMap, GoalRow
 
 GOALS: tuple[GoalKind, ...] = ("rms", "transmission", "lost-motion")
@@ -92,16 +92,30 @@ def expected_drive(
 ) -> DriveUncertainty:
     """Expected figures with u of the drives that a machine's discs make; all discs of a trial are one machine's."""
     drive = without_limit(goal.drive)
-    places, plain = places_of_grid(grid), _flank(machine, grid)
+    plain, places = _flank(machine, grid), places_of_grid(grid)
+    patterns = np.zeros((places.k.size, 3, 0)) if noise.patterns is None else noise.patterns
+    return uncertainty(
+        drive, drawn_flanks([plain] * len(drive.discs), places, patterns), steps=steps, seed=seed, most=most
+    )
 
-    def draw(rng: Generator) -> list[FlankMap]:
-        e = plain.deviation_um
-        if noise.patterns is not None and noise.patterns.size:
-            terms = noise.patterns @ rng.normal(size=noise.patterns.shape[-1])
-            e = e + mm_to_um(places.along_normal(terms)).reshape(grid.shape)
-        return [replace(plain, deviation_um=e)] * len(drive.discs)
 
-    return uncertainty(drive, draw, steps=steps, seed=seed, most=most)
+def drawn_flanks(plain: Sequence[FlankMap | None], places: Places, patterns: FloatArray) -> Draw:
+    """A drive's discs as one machine makes them, drawn by how its errors may be wrong: patterns (G, 3, S) in mm.
+
+    All discs that are there are wrong alike, for one machine ground them.
+    """
+
+    def draw(rng: Generator) -> list[FlankMap | None]:
+        if not patterns.size:
+            return list(plain)
+        terms = patterns @ rng.normal(size=patterns.shape[-1])
+        off = mm_to_um(places.along_normal(terms))
+        return [
+            None if one is None else replace(one, deviation_um=one.deviation_um + off.reshape(one.deviation_um.shape))
+            for one in plain
+        ]
+
+    return draw
 
 
 def _others(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from math import hypot
 
@@ -20,7 +21,7 @@ from gateway.domain.figures import Component
 from gateway.domain.values import COVERAGE, component_unit
 from gateway.gear.flank import FlankGrid
 from gateway.gear.grinding import Grinding
-from gateway.gear.linear import linear_flank
+from gateway.gear.linear import ErrorParameter, linear_flank
 from gateway.model.known import ErrorModel, in_mm_rad
 
 CLAMPING, DRIFT, INDEX, INFEED, SETUP = "clamping", "drift", "index", "infeed", "set-up values"
@@ -71,16 +72,26 @@ def lasting(grinding: Grinding, grid: FlankGrid, plan: Plan, model: ErrorModel, 
     an error of the index axis, a constant for the infeed, a slope and a bow over the face for one of the stroke axis
     (`face_residual`).
     """
+    return error_doubts(grinding, grid, plan, model).plus(_growth(grinding, grid, shop))
+
+
+def error_doubts(grinding: Grinding, grid: FlankGrid, plan: Plan, model: ErrorModel) -> FlankDoubts:
+    """How the flank may be wrong by what is known of the errors alone, by error: the joint covariance of a run."""
     columns = doubts(model, grinding.chain, plan)
-    names = tuple(one if isinstance(one, str) else one.name for one, _ in columns)
-    found = _none(grid)
-    noise = noise_patterns(grinding, grid, columns).patterns
-    if noise is not None:
-        found = found.plus(FlankDoubts(found.places, names, noise))
+    found = column_doubts(grinding, grid, columns)
     for one in model.motions:
         if one.residual_rms > 0.0:
             found = found.plus(between_targets(grinding, grid, one))
-    return found.plus(_growth(grinding, grid, shop))
+    return found
+
+
+def column_doubts(
+    grinding: Grinding, grid: FlankGrid, columns: Sequence[tuple[ErrorParameter | str, float]]
+) -> FlankDoubts:
+    """Independent columns of one standard uncertainty each (mm, rad) as patterns of the flank, by error."""
+    names = tuple(one if isinstance(one, str) else one.name for one, _ in columns)
+    found, noise = _none(grid), noise_patterns(grinding, grid, columns).patterns
+    return found if noise is None else found.plus(FlankDoubts(found.places, names, noise))
 
 
 def passing(grinding: Grinding, grid: FlankGrid, shop: Shop) -> FlankDoubts:

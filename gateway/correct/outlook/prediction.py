@@ -81,7 +81,7 @@ def predict(
     doubt = without_setup(grinding, lasting(grinding, grid, plan=plan, model=model, shop=shop)).plus(
         passing(grinding, grid, shop)
     )
-    doubt = less(doubt, [_turn(doubt.places)])
+    doubt = unturned(doubt)
     steps = (set_right(before, gear), set_right(with_own, gear), after)
     drawn = _Drawn.of(doubt, steps, seed, draws)
     flank = FlankPrediction(
@@ -114,6 +114,11 @@ def flank_map(grinding: Grinding, grid: FlankGrid) -> FlankMap:
     e = np.broadcast_to(judged(grinding, grid.k, grid.theta, grid.z).second, grid.shape)
     rest = e - flank_figure(e, grid.section.h).rotation * grid.section.h
     return FlankMap(grid.thetas, grid.zs, np.asarray(mm_to_um(rest)))
+
+
+def unturned(doubt: FlankDoubts) -> FlankDoubts:
+    """Patterns less one rotation of the gear each, as the flank figure counts them."""
+    return less(doubt, [_turn(doubt.places)])
 
 
 def without_setup(grinding: Grinding, doubt: FlankDoubts) -> FlankDoubts:

@@ -25,7 +25,6 @@ from gateway.correct.plan.layers import LayeredCorrection, correct
 from gateway.correct.plan.plan import CROSS, Plan, cross_specs
 from gateway.correct.plan.records import record
 from gateway.domain.proposals import Proposal, TableChange
-from gateway.evaluate.behaviour.fine_structure import Hidden
 from gateway.gear.cycloid import CycloidGear
 from gateway.gear.flank import FlankGrid, flank_grid
 from gateway.gear.grinding import Grinding
@@ -45,6 +44,7 @@ from gateway.workflow.errors21.components import grids
 from gateway.workflow.tooth.agreement import ask_part
 from gateway.workflow.tooth.crosstables import acting_cross, cross_changes
 from gateway.workflow.tooth.everything import outlooks, told_of
+from gateway.workflow.tooth.known import with_between
 from gateway.workflow.tooth.oneway import ground_one_way
 from gateway.workflow.tooth.sentences import doubted, drive_told, explained, measure_better, told
 from gateway.workflow.tooth.shop import drifting, noisy, shop_of
@@ -113,7 +113,7 @@ async def propose_tooth(
     (E-COMP-...), CaptureError (E-RUN-LIVE, E-PART-APART...), ModelError (E-CORRECT-...).
     """
     own = await axis_changes(at, measured)
-    model = _with_between(model, at)
+    model = with_between(model, at.folder, at.site)
     live = {name: item.capture.live for name, item in measured.items() if item.capture.live is not None}
     task = _Task.of(at, model, measured, work, own=own, live=live)
     against = ask_part(at, measured, task.grinding, task.grid, plan=task.plan, model=model, shop=task.shop)
@@ -149,17 +149,6 @@ async def propose_tooth(
     tooth = replace(tooth, axes=axes, said=(*needed, *why), background=why)
     at.folder.put(stages.TOOTH, tooth, (at.folder.digest(stages.PROPOSAL), *parents))
     return proposal, tooth
-
-
-def _with_between(model: ErrorModel, at: Bench) -> ErrorModel:
-    """The model with what the axes' check stops saw between the targets as structure that no fit follows."""
-    seen = {
-        axis.measure.component: at.folder.get(stages.hidden(axis.name), Hidden).u
-        for axis in at.site.axes
-        if at.folder.has(stages.hidden(axis.name))
-    }
-    motions = (replace(one, residual_rms=max(one.residual_rms, seen.get(one.name, 0.0))) for one in model.motions)
-    return replace(model, motions=tuple(motions))
 
 
 def _labelled(change: TableChange, gains: Outlook) -> TableChange:
@@ -216,7 +205,7 @@ class _Task:
             grid,
             plan,
             model,
-            shop_of(at.site.work, measured, letters, grinding),
+            shop_of(at.site.work, {letters.get(name, name): one.capture for name, one in measured.items()}, grinding),
             tuple(_lettered(one.new, letters) for one in own if one.new.kind == "axis" and not one.skipped),
             tuple(_lettered(one, letters) for one in (*acting, *acting_cross(at, live))),
             live,

@@ -64,11 +64,8 @@ def _said_of(work: WorkSection | None) -> Shop:
     return replace(Shop(), **{key: getattr(work, key) for key in keys}, size_um=work.inspection_size_um / COVERAGE)
 
 
-def shop_of(
-    work: WorkSection | None, measured: Mapping[str, MeasuredAxis], letters: Mapping[str, str], grinding: Grinding
-) -> Shop:
-    """What the site file and the captures say of clamping, drift and repeatability; the usual for the rest."""
-    captures = {letters.get(name, name): item.capture for name, item in measured.items()}
+def shop_of(work: WorkSection | None, captures: Mapping[str, Capture], grinding: Grinding) -> Shop:
+    """What site file and captures (by axis letter) say of clamping, drift and scatter; the usual for the rest."""
     shop = _with_drift(_said_of(work), captures, grinding)
     known = {letter: approach_of(capture) for letter, capture in captures.items()}
     if grinding.infeed in known:

@@ -11,12 +11,17 @@ from typer.testing import CliRunner
 
 import trueflank as tf
 from gateway.cli import app
+from gateway.correct.outlook.drive_outlook import expected_drive
 from gateway.gear.first_order import judged
 from gateway.gear.flank import flank_figure
 from gateway.gear.grinding import Grinding
 from gateway.model.known import ErrorModel, LocationError, Unknown, chain_of_errors
+from gateway.reducer.goal import goal_of
 from gateway.store import records
 from gateway.study.machine import gear_of, grid_of
+from gateway.study.work import prepared
+from gateway.tooth import FlankMap
+from trueflank.drives import _drawn
 
 ROOT = Path(__file__).parents[3]
 GEAR = tf.Gear.load(ROOT / "examples" / "gears" / "rv-40e-like.toml")
@@ -124,3 +129,75 @@ def test_a_quarter_of_a_turn_is_no_full_turn() -> None:
     with pytest.raises(tf.TrueflankError, match=r"E-MODEL-RANGE.*known from 0 to 90 deg"):
         tf.flank(part, GEAR)
     assert float(part.relative(X=-160.0, Z=0.0, C=45.0).ec) == pytest.approx(-1.5, abs=1e-6)
+
+
+def test_uncertainties_are_of_all_errors_of_a_run_together(model: ErrorModel, tmp_path: Path) -> None:
+    path = tmp_path / "errors.json"
+    path.write_bytes(records.encode(model))
+    machine = tf.Machine.load(path, height_mm=120.0)
+    at = {"X": -160.0, "Z": np.array([115.0, 120.0, 125.0]), "C": np.array([0.0, 90.0, 200.0])}
+    found = machine.relative(frame="work", **at)
+    assert found.u is not None
+    # Drawn: every error's coefficients by its fit's covariance, and what was stated beside it, by its own shapes.
+    one = next(it for it in model.motions if it.name == "ECC")
+    fitted = machine.motions["ECC"]
+    np.testing.assert_allclose(found.u["ec"], fitted.u(at["C"]), rtol=1e-6)
+    assert one.covariance.shape == fitted.covariance.shape
+    exx = machine.motions["EXX"].u(-160.0)
+    assert found.u["dx"][1] > exx, "what repetition does not show, the lean and the pitch add to it"
+    flank = tf.flank(machine, GEAR)
+    assert flank.u is not None
+    assert flank.rms_u is not None
+    assert flank.u.shape == flank.deviation.shape
+    rng = np.random.default_rng(5)
+    assert flank.doubts is not None
+    form, of, patterns = flank.doubts.places.form, flank.doubts.places.of, flank.doubts.patterns
+    lever = form[:, 2]
+    drawn = []
+    for _ in range(4000):
+        e = 1000.0 * np.einsum("ni,ni->n", form, (patterns @ rng.normal(size=patterns.shape[-1]))[of])
+        drawn.append(e - lever * (lever @ e) / (lever @ lever))
+    np.testing.assert_allclose(np.std(drawn, axis=0), flank.u.ravel(), rtol=0.08)
+    rms = np.sqrt(np.mean((flank.deviation.ravel() + np.array(drawn)) ** 2, axis=1))
+    assert float(np.std(rms)) == pytest.approx(flank.rms_u, rel=0.1)
+    assert tf.flank(tf.Machine({"EXX": 1.0}), GEAR).u is None
+    stated = tf.Machine({"EXX": 1.0}, uncertainty={"linear_um": 0.0, "angular_arcsec": 0.0, "each": {"EXX": 0.5}})
+    assert float(stated.relative(X=0.0, Z=0.0, C=0.0).u["dx"]) == pytest.approx(0.5)  # type: ignore[index]
+
+
+DISC = tf.Gear.of(rp=36.0, rrp=2.5, a=1.5, zp=12, zc=11, b=10.0, centre_distance=120.0)
+UNSURE = tf.Machine(
+    {"EXC": 0.5}, uncertainty={"linear_um": 0.0, "angular_arcsec": 0.0, "each": {"EXC": 2.0, "ECC": 2.0}}
+)
+
+
+def test_the_discs_of_a_drive_are_drawn_by_the_errors_of_their_machine() -> None:
+    flank, other = tf.flank(UNSURE, DISC), tf.flank(tf.Machine({"EXC": 0.5}), DISC)
+    assert flank.doubts is not None
+    parts = [FlankMap(np.deg2rad(one.angle), one.height, one.deviation) for one in (flank, other, flank)]
+    draw = _drawn([*parts], [flank, other, flank])
+    assert callable(draw)
+    rng, drawn = np.random.default_rng(3), []
+    for _ in range(2000):
+        first, same, last = draw(rng)
+        assert same is parts[1], "nobody said how its machine may be wrong"
+        np.testing.assert_array_equal(first.deviation_um, last.deviation_um)  # type: ignore[union-attr]
+        drawn.append(first.deviation_um - flank.deviation)  # type: ignore[union-attr]
+    spread = np.einsum("gis,gjs->gij", flank.doubts.patterns, flank.doubts.patterns)
+    form, of = flank.doubts.places.form, flank.doubts.places.of
+    u = 1000.0 * np.sqrt(np.einsum("ni,nij,nj->n", form, spread[of], form))
+    np.testing.assert_allclose(np.std(drawn, axis=0).ravel(), u, rtol=0.1)
+
+
+@pytest.mark.long
+def test_a_drive_s_expected_figures_are_those_that_a_run_states() -> None:
+    drive = tf.Reducer.of(DISC, datum="crank-holes")
+    found = tf.transmission(drive, tf.flank(UNSURE, DISC), steps=24, uncertainty=True)
+    ready = prepared(DISC.data, UNSURE.data)
+    goal = goal_of("transmission", drive.data)
+    told = expected_drive(goal, ready.grinding, ready.grid, ready.noise, steps=24, seed=1, most=80)
+    assert found.u is not None
+    assert found.u.trials == told.trials
+    for name, one in told.figures.items():
+        assert found.u.figures[name].mean == pytest.approx(one.mean, rel=0.02)
+        assert found.u.figures[name].u == pytest.approx(one.u, rel=0.05)

@@ -22,6 +22,7 @@ from gateway.study.fromrun import errors_from
 from gateway.study.work import Study
 from gateway.tooth import FlankMap, InspectedFlank
 
+ROOT = Path(__file__).parents[3]
 AT = np.array([0.0, 50.0, 100.0])
 TAPER, HOLLOW, TURN = 3.0, 2.0, 40.0  # um over the half face, um over the profile, arcsec
 
@@ -121,8 +122,13 @@ def test_few_points_give_the_fitted_flank_and_another_gear_s_part_is_not_shown(r
 
 def test_a_run_s_site_says_where_the_face_stands(run: RunFolder) -> None:
     assert not errors_from(run.path).machine.chain
-    run.write_text("site.toml", "[work]\nheight_mm = 150.0\n")
+    run.write_text("site.toml", (ROOT / "examples" / "sites" / "opcua-grinder.toml").read_text(encoding="utf-8"))
     assert "150.0" in str(errors_from(run.path).machine.chain)
     assert "90.0" in str(errors_from(run.path, 90.0).machine.chain)
-    assert tf.Machine.load(run.path).run == run.path
+    machine = tf.Machine.load(run.path)
+    assert machine.run == run.path
+    assert set(machine.to_dict()["tables"]) == {"X", "Z", "C"}, "the grids of its control"
+    run.write_text("site.toml", "[work]\nheight_mm = 150.0\n")
+    with pytest.raises(tf.TrueflankError, match=r"E-CFG-VALUE"):
+        tf.Machine.load(run.path)
     assert tf.Machine({"EXX": 1.0}).run is None
