@@ -138,6 +138,10 @@ WHOLLY_LONG = {
     ("test_judge.py", "test_the_work_s_eccentricity_is_kept_out_of_the_tables"): JUDGED,
     ("test_layers.py", "test_no_machine_of_many_gets_worse"): "test_no_machine_gets_worse",
     (
+        "test_runs_and_refusals.py",
+        "test_a_drive_s_expected_figures_are_those_that_a_run_states",
+    ): "test_the_discs_of_a_drive_are_drawn_by_the_errors_of_their_machine",
+    (
         "test_scales.py",
         "test_a_table_of_the_builder_is_merged_replaced_and_rolled_back_point_by_point",
     ): "test_the_old_table_can_be_put_back_from_its_back_up",
