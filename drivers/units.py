@@ -154,6 +154,14 @@ def path_of_fringes_mm(fringes: T, wavelength_nm: float) -> T:
     return fringes * (wavelength_nm * 1e-6 / 2.0)
 
 
+LIGHT_M_S = 299_792_458.0
+
+
+def light_frequency_hz(vacuum_nm: float) -> float:
+    """Frequency of light of a vacuum wavelength, c / lambda."""
+    return LIGHT_M_S / (1e-9 * vacuum_nm)
+
+
 def fringe_rate_hz(feed_mm_min: T, wavelength_nm: float) -> T:
     """Fringes a second, 2 v / lambda, of a reflector in an interferometer at a feed (mm/min) by wavelength (nm).
 

@@ -39,7 +39,11 @@ PARTS: Mapping[str, Any] = {
 
 @dataclass(frozen=True, slots=True, repr=False)
 class Reducer:
-    """A drive: pins, discs with crank phase and mark, cranks, contact; mm, um, N, Nm, the datum of its deviations."""
+    """A drive: ring pins, one to three discs with crank phase and mark, cranks or output pins, contact, tolerances.
+
+    Lengths in mm, errors and clearances in um, stiffness in N/mm, torque in Nm, angles in deg; names carry the unit.
+    ``data.datum`` is what the flank deviations of its discs are measured from. ``data`` has every value.
+    """
 
     data: records.Reducer
 
@@ -47,20 +51,25 @@ class Reducer:
     def shipped(cls, name: str, *, datum: str, **changes: Any) -> Reducer:
         """ "RV-20E-like", "RV-40E-like", "RV-320E-like" or "cycloid-like": literature sizes, no maker's data.
 
-        ``datum`` of the flank deviations: "crank-holes", "bore" or "best-fit". ``changes`` as in `but`.
+        ``datum`` of the flank deviations: "crank-holes", "bore" or "best-fit". ``changes`` as in `but`. Raises
+        ModelError (E-REDUCER-DATUM, E-REDUCER-NAME), ConfigError (E-LIBRARY-KIND).
         """
         return cls(records.shipped(name, _datum(datum))).but(**changes)
 
     @classmethod
     def of(cls, gear: Gear, *, datum: str, **changes: Any) -> Reducer:
-        """Two discs of a gear on two cranks, with defaults scaled by its size; ``changes`` as in `but`."""
+        """Two discs of a gear on two cranks, mm, um, N, Nm; defaults scale with its size; ``changes`` as in `but`.
+
+        Raises ModelError (E-REDUCER-...), ConfigError (E-LIBRARY-KIND).
+        """
         of_kind(gear, Gear, "Reducer.of")
         return cls(records.for_gear(gear_of(gear.data), _datum(datum), name=gear.data.name)).but(**changes)
 
     def but(self, **changes: Any) -> Reducer:
-        """The drive with other values: ``rated_nm``, ``interference_um``, ``marks`` (a tooth position per disc),
-        and parts as dictionaries of what differs: ``pins``, ``output``, ``contact``, ``first_stage``, ``tolerances``.
+        """The drive with other values, mm, um, N, Nm: ``rated_nm``, ``interference_um``, ``marks``, or parts.
 
+        ``marks`` is a tooth position per disc; a part is a dictionary of what differs: ``pins``, ``output``,
+        ``contact``, ``first_stage``, ``tolerances``, as in ``pins={"radius_um": [0.5] * 40}`` (one value per pin).
         Raises ConfigError (E-LIBRARY-KIND) for a key that there is none, ModelError (E-REDUCER-...).
         """
         told = dict(changes)
@@ -101,23 +110,30 @@ class Reducer:
 
 @dataclass(frozen=True, slots=True, repr=False)
 class Drive:
-    """The figures of one drive, arcsec; without friction, predicted and not tested. ``u`` where it was asked for."""
+    """The figures of one drive, arcsec; without friction, predicted and not tested.
+
+    ``found`` has all curves (N,) over one output turn. ``u`` where it was asked for: mean, standard uncertainty and 95
+    % interval of ``error_arcsec``, ``rms_arcsec`` and ``lost_motion_arcsec``.
+    """
 
     found: Transmission
     u: DriveUncertainty | None = None
 
     @property
     def error(self) -> float:
-        """Transmission error under load, peak to peak over one output turn, the worse sense of torque."""
+        """Transmission error under load, arcsec peak to peak over one output turn, the worse sense of torque."""
         return self.found.error_arcsec
 
     @property
     def lost_motion(self) -> float:
-        """psi(+3 %) - psi(-3 %) of rated torque, mean over the turn."""
+        """Output angle at +3 % less that at -3 % of rated torque, input locked; mean over the turn, arcsec."""
         return self.found.lost_motion
 
     def curve(self, sense: int = 1, *, loaded: bool = True) -> FloatArray:
-        """Transmission error (N,) over one output turn for a torque of that sense, mean removed."""
+        """Transmission error (N,) in arcsec over one output turn, mean removed, + counter-clockwise.
+
+        ``sense`` +1 is a torque that turns the output counter-clockwise, -1 the other; not ``loaded``: 0.03 % of rated.
+        """
         return (self.found.loaded if loaded else self.found.unloaded)[0 if sense > 0 else 1].error_arcsec
 
     def to_dict(self) -> dict[str, Any]:
@@ -147,7 +163,10 @@ class Drive:
         return told
 
     def to_pandas(self) -> Any:
-        """One row a crank angle: output angle, error of both senses, loaded and not, lost motion, backlash."""
+        """One row a crank angle: output angle in deg, errors of both senses, lost motion, backlash in arcsec.
+
+        Raises ConfigError (E-LIBRARY-PANDAS).
+        """
         f = self.found
         turned = rad_to_deg(f.crank_rad) / f.drive.gear.zc
         columns = {
@@ -187,8 +206,10 @@ def transmission(
 ) -> Drive:
     """The figures of a drive by the full model. ``discs``: one flank (um) for all discs, one each, or none.
 
-    ``steps`` per crank turn: 24, 96 for fewer than 24 pins, unless given. ``uncertainty`` draws pins, cranks and datum
-    by their tolerances (half a minute for 40 pins). Raises ConfigError (E-LIBRARY-KIND), ModelError (E-REDUCER-...).
+    Errors in arcsec, ``torque_nm`` in Nm, rated unless given. ``steps`` per crank turn: 24, 96 for fewer than 24 pins,
+    unless given. ``uncertainty`` draws pins, cranks and datum by their tolerances, and each flank by how its machine's
+    errors may be wrong where its `doubts` say so (half a minute for 40 pins). Raises ConfigError (E-LIBRARY-KIND),
+    ModelError (E-REDUCER-...).
     """
     _reducer_given(reducer, "transmission")
     wholes_given("transmission", seed=seed)
@@ -201,13 +222,16 @@ def transmission(
 
 @dataclass(frozen=True, slots=True, repr=False)
 class Matched:
-    """Discs in pairs, by their numbers in the order given, and what pairing is worth; arcsec."""
+    """Discs in pairs, by their numbers (from 0) in the order given, and what pairing is worth; arcsec peak to peak."""
 
     found: Matching
 
     @property
     def pairs(self) -> list[dict[str, Any]]:
-        """First and second disc, tooth position of the second, error by the full model and by the first order."""
+        """A dictionary a pair: ``first``, ``second``, ``mark`` of the second, ``error_arcsec``, ``first_order_arcsec``.
+
+        ``error_arcsec`` is the full model's, peak to peak; the first order chose the pair.
+        """
         return [_plain(pair) for pair in self.found.pairs]
 
     def to_dict(self) -> dict[str, Any]:
@@ -249,9 +273,10 @@ def match(
     torque_nm: float | None = None,
     steps: int | None = None,
 ) -> Matched:
-    """Which two of N inspected discs (flanks in um) go together, and in which tooth position of the second, for the
-    least transmission error in all. ``marks``: the positions that its holes allow, all unless given.
+    """Which two of N discs (flanks in um) make a drive, and in which tooth position, for the least error in all.
 
+    The error is the transmission error, arcsec peak to peak. ``marks``: the tooth positions of the second disc that its
+    holes allow, all unless given. ``torque_nm``: rated unless given.
     Raises ConfigError (E-LIBRARY-KIND), ModelError (E-REDUCER-MATCH, E-REDUCER-FLANK).
     """
     _reducer_given(reducer, "match")

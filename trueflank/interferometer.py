@@ -17,7 +17,13 @@ from numpy.typing import ArrayLike
 
 from drivers.errors import ConfigError
 from drivers.types.sensing import Ambient
-from drivers.units import arcsec_of_path, followed_feed_mm_min, fringe_rate_hz, path_of_fringes_mm
+from drivers.units import (
+    arcsec_of_path,
+    followed_feed_mm_min,
+    fringe_rate_hz,
+    light_frequency_hz,
+    path_of_fringes_mm,
+)
 from gateway.domain.values import FloatArray
 from gateway.evaluate.optics import air
 from gateway.evaluate.optics import rotary as turned
@@ -34,6 +40,11 @@ def wavelength_nm(
     """The wavelength in air, nm: vacuum wavelength / index. Raises ConfigError (E-LIBRARY-KIND), AmbientOutOfRange."""
     given = Ambient(air_degc=air_degc, pressure_hpa=pressure_hpa, humidity_pct=humidity_pct)
     return _positive("vacuum_nm", vacuum_nm) / air.index(given, equation=equation, wavelength_nm=vacuum_nm)
+
+
+def frequency_hz(vacuum_nm: float = WAVELENGTH_NM) -> float:
+    """The light's frequency f = c / lambda in Hz, the same in any medium. Raises ConfigError (E-LIBRARY-KIND)."""
+    return light_frequency_hz(_positive("vacuum_nm", vacuum_nm))
 
 
 def length_mm(fringes: ArrayLike, wavelength_nm: float = WAVELENGTH_NM) -> FloatArray:

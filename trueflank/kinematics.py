@@ -28,9 +28,9 @@ UNITS: Mapping[str, DeviationUnit] = {
 class RelativeErrors:
     """The six relative errors of wheel to work: dx, dy, dz in um and ea, eb, ec in arcsec, one shape (...) for all.
 
-    Turns count counter-clockwise about X, Y, Z of the frame that they are told in: ``frame`` "work" (T_act = E T_id) or
-    "wheel" (T_act = T_id E). ``positions`` of the axes in mm and deg. ``order`` says how they were worked out. ``u``
-    are their standard uncertainties by name, of the same shape and unit; None where nobody said.
+    Angles are counter-clockwise about X, Y, Z of ``frame``: "work" (T_act = E T_id) or "wheel" (T_act = T_id E).
+    ``positions`` of the axes in mm and deg. ``order`` is how they were calculated. ``u`` are their standard
+    uncertainties by name, of the same shape and unit; None where nobody said.
     """
 
     dx: FloatArray
@@ -78,28 +78,29 @@ class RelativeErrors:
         from gateway.study.plots.kinematics import relative_curves
         from gateway.study.plots.sheet import painted
 
-        label, at = self.over(along, "RelativeErrors.plot")
+        label, at = moved_axis(self, along, "RelativeErrors.plot")
         values = {name: self[name] for name in RELATIVE}
         return painted((9.0, 4.8), lambda figure: relative_curves(figure, label, at, values, frame=self.frame))
-
-    def over(self, along: str, call: str) -> tuple[str, FloatArray]:
-        """Label and positions (...) in mm or deg of the axis ``along``, or of the one that moves to most places.
-
-        Raises ConfigError (E-LIBRARY-KIND) where it does not move.
-        """
-        moving = {name: np.unique(one).size for name, one in self.positions.items()}
-        axis = along or max(moving, key=lambda name: moving[name])
-        if moving.get(axis, 1) < 2:
-            raise ConfigError(
-                "E-LIBRARY-KIND", "relative", call=f"tf.{call}", wanted="an axis that moves",
-                given=repr(axis), how="positions such as X=-160.0, Z=[-5.0, 0.0, 5.0], C=0.0",
-            )  # fmt: skip
-        unit = "deg" if axis[:1] in "ABC" else "mm"
-        return f"{axis}  {unit}", np.asarray(np.broadcast_to(self.positions[axis], self.dx.shape))
 
     def __repr__(self) -> str:
         largest = ", ".join(f"{name} {np.max(np.abs(self[name])):.3g}" for name in RELATIVE)
         return f"RelativeErrors({self.dx.size} positions, in the {self.frame}; largest, µm and arcsec: {largest})"
+
+
+def moved_axis(found: RelativeErrors, along: str, call: str) -> tuple[str, FloatArray]:
+    """Label and positions (...) in mm or deg of the axis ``along``, or of the one that moves to most places.
+
+    Raises ConfigError (E-LIBRARY-KIND) where it does not move.
+    """
+    moving = {name: np.unique(one).size for name, one in found.positions.items()}
+    axis = along or max(moving, key=lambda name: moving[name])
+    if moving.get(axis, 1) < 2:
+        raise ConfigError(
+            "E-LIBRARY-KIND", "relative", call=f"tf.{call}", wanted="an axis that moves", given=repr(axis),
+            how="positions such as X=-160.0, Z=[-5.0, 0.0, 5.0], C=0.0",
+        )  # fmt: skip
+    unit = "deg" if axis[:1] in "ABC" else "mm"
+    return f"{axis}  {unit}", np.asarray(np.broadcast_to(found.positions[axis], found.dx.shape))
 
 
 @dataclass(frozen=True, slots=True, repr=False)
@@ -129,7 +130,7 @@ class RelativeError:
         from gateway.study.plots.sheet import painted
 
         found = relative(self.chain, positions, self.frame, self.order)
-        label, at = found.over("", "RelativeError.plot")
+        label, at = moved_axis(found, "", "RelativeError.plot")
         return painted(
             (7.5, 3.4),
             lambda figure: one_relative_curve(

@@ -33,7 +33,11 @@ ENDS = ((0, "low"), (1, "high"))
 
 @dataclass(frozen=True, slots=True, repr=False)
 class Ranking:
-    """Morris' measures of each error on one output of the flank, the most important first; um."""
+    """Morris' measures of each error on one output of the flank, the most important first; um.
+
+    A row has ``name``, ``mu_um`` (mean of the effects), ``mu_star_um`` (of their sizes), ``sigma_um`` (their standard
+    deviation), the intervals ``mu_star_interval_um`` and ``sigma_interval_um`` (95 %), and the shares of their sums.
+    """
 
     output: str
     rows: tuple[dict[str, Any], ...]
@@ -242,7 +246,7 @@ class Study:
         return None if self.run is None else evidence_of(self.run)
 
     def pictures(self, folder: str | Path) -> tuple[Path, ...]:
-        """Draw the study into a folder (PNG)."""
+        """Draw the study into a folder (PNG, um and arcsec); the files made. Raises StoreError E-STUDY-WRITE."""
         from gateway.study.pictures import write_pictures
 
         return tuple(write_pictures(self.found, Path(folder)))
@@ -255,8 +259,9 @@ class Study:
 
 
 def study(machine: Machine, gear: Gear, *, trajectories: int = 20, seed: int = 1) -> Study:
-    """The whole study of a gear on a machine; what it tells of the flank is in um.
+    """The whole study of a gear on a machine, as `trueflank study`; flanks in um, drives in arcsec.
 
+    ``trajectories`` and ``seed`` are those of the Morris screening.
     Raises ConfigError (E-LIBRARY-KIND), ModelError.
     """
     of_kind(machine, Machine, "study")

@@ -82,7 +82,10 @@ ORDERS = ("first", "second", "exact")
 
 @dataclass(frozen=True, slots=True, repr=False)
 class Gear:
-    """A cycloidal disc and how its flank is judged; lengths in mm."""
+    """A cycloidal disc and how its flank is judged: points over profile and width; lengths in mm, limit in um.
+
+    ``data`` is the gear file as it was read.
+    """
 
     data: GearFile
 
@@ -195,7 +198,8 @@ Given = float | ErrorMotion | Mapping[str, Any] | tuple[Any, Any]
 class Machine:
     """The form grinder's chain (X, Z, C) with its errors: um or arcsec over mm or deg, as in an error file.
 
-    ``motions`` are the fitted ones by name, with their covariance.
+    ``motions`` are the fitted ones by name, with their covariance. ``run`` is the run that they came from, if one;
+    ``known`` what it knows of them together.
     """
 
     data: ErrorFile
@@ -442,7 +446,10 @@ class Flank:
         return Surface(np.stack(parts, axis=-1) + moved, normals)
 
     def plot(self, space: int | None = None) -> Any:
-        """All flanks unrolled in um; or one space as the theoretical against the actual surface in mm, enlarged."""
+        """All flanks unrolled in um; or one ``space`` (from 0): theoretical and actual surface in mm, enlarged.
+
+        Returns a matplotlib figure. Raises ConfigError (E-LIBRARY-KIND).
+        """
         from gateway.study.plots.flanks import one_map
         from gateway.study.plots.sheet import painted
         from gateway.study.plots.surfaces import error_surfaces

@@ -95,7 +95,7 @@ def wheel_sheet(figure: FigureBase, gear: CycloidGear, centre_distance: float) -
     in_space(panel, points, zoom=0.86)
     calm_space(panel)
     panel.view_init(22.0, 222.0)
-    panel.xaxis.set_major_locator(MaxNLocator(2, prune="lower"))
+    panel.set_xticks([round(float(points[..., 0].max()))])
     panel.set_yticks([0.0, round(0.4 * float(np.ptp(section.y)))])
     panel.zaxis.set_major_locator(MaxNLocator(5))
     panel.set_xlabel("x  mm", labelpad=0)

@@ -72,3 +72,11 @@ def test_a_counter_turned_calibrator_shows_the_axis_and_whether_it_closes() -> N
 def test_what_is_no_number_is_refused(wrong) -> None:
     with pytest.raises(tf.TrueflankError, match="E-LIBRARY-KIND"):
         wrong()
+
+
+def test_the_shift_is_the_frequency_times_twice_the_speed_over_that_of_light() -> None:
+    feed_m_s = 1.2 / 60.0
+    shift = 2.0 * feed_m_s / 299_792_458.0 * tf.interferometer.frequency_hz()
+    assert float(tf.interferometer.doppler_shift_hz(1200.0)) == pytest.approx(shift, rel=1e-12)
+    with pytest.raises(tf.TrueflankError, match="E-LIBRARY-KIND"):
+        tf.interferometer.frequency_hz(0.0)

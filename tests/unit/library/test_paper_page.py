@@ -25,6 +25,7 @@ def known() -> dict[str, Any]:
         "machine": machine,
         "gear": gear,
         "measured": tf.read(ROOT / "tests" / "golden" / "files" / "basic.rtl"),
+        "repeated": tf.evaluate(tf.read(ROOT / "tests" / "golden" / "files" / "environment.rtl")),
         "flank": tf.flank(machine, gear),
         "touch": tf.contact(machine, gear, heights=[-5.0, 5.0]),
         "ranking": tf.rank(machine, gear, trajectories=2),
