@@ -131,6 +131,16 @@ def words(code: str, part: str = "what", /, **fields: object) -> str:
     return _text(code, part, fields, ENGLISH)
 
 
+def fields_as_data(fields: Mapping[str, object]) -> dict[str, Any]:
+    """Fields of a word of progress as JSON data, messages within them as code and fields."""
+    return {str(key): _data(_field(value)) for key, value in fields.items()}
+
+
+def fields_from_data(data: Mapping[str, Any]) -> dict[str, object]:
+    """What `fields_as_data` wrote. Raises ValueError for a field that is none."""
+    return {str(key): _from_data(value) for key, value in data.items()}
+
+
 def joined(messages: tuple[Message, ...], language: str = ENGLISH, *, plain: bool = False) -> str:
     """Several messages in one line."""
     return _written(messages, language, plain=plain)

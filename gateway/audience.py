@@ -85,6 +85,21 @@ STEP = (
     "P-SETUP-PLAN",
     "P-SIGN",
 )
+MOVE = (
+    "P-MOVE-BETWEEN",
+    "P-MOVE-BRING",
+    "P-MOVE-FURTHER",
+    "P-MOVE-NOTHING",
+    "P-MOVE-OFF-STILL",
+    "P-MOVE-ON-STILL",
+    "P-MOVE-OTHERS",
+    "P-MOVE-STANDS",
+    "P-MOVE-SWITCH-OFF",
+    "P-MOVE-SWITCH-ON",
+    "P-MOVE-SWITCHED",
+    "P-MOVE-TO",
+    "P-MOVE-TURNS",
+)
 COUNT = ("P-GRIND-SPACE", "P-INSPECT", "P-STOP")
 DETAIL = (
     "P-CAP-DYNAMIC",
@@ -109,6 +124,7 @@ KINDS = {
     **dict.fromkeys(LOUD, Audience.LOUD),
     **dict.fromkeys(ASK, Audience.ASK),
     **dict.fromkeys(STEP, Audience.STEP),
+    **dict.fromkeys(MOVE, Audience.MOVE),
     **dict.fromkeys(COUNT, Audience.COUNT),
     **dict.fromkeys(DETAIL, Audience.DETAIL),
 }
@@ -117,6 +133,4 @@ KINDS = {
 def kind_of(code: str) -> Audience:
     """What a code is; one of a driver that asks for the start is an `ASK`, whatever else nobody named a result."""
     asks = "{term_start}" in (text_of(code) or {}).get("what", "")
-    if code.startswith("P-MOVE-"):
-        return Audience.MOVE
     return KINDS.get(code, Audience.ASK if asks else Audience.RESULT)

@@ -11,6 +11,7 @@ from drivers.ports.controller import Controller
 from drivers.types.machine import AxisState
 from drivers.types.stops import Stop, StopPlan, StopReached
 from drivers.units import wrap_deg
+from gateway.events import StopDone
 from gateway.say import Say
 from gateway.walk import AtStop, Patience
 
@@ -92,7 +93,7 @@ async def jog_through(
             controller, clock, jogged=jogged, position=stop.target, room=EXACT, ask=ask(stop, setup), away=bool(setup)
         )
         await at_stop(index, stop, _reached(index, stop, seen))
-        say("P-STOP", axis=plan.axis, program=plan.name, done=index + 1, total=len(plan.stops))
+        StopDone(plan.axis, plan.name, index + 1, len(plan.stops)).tell(say)
 
 
 def _reached(index: int, stop: Stop, seen: AxisState) -> StopReached:

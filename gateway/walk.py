@@ -17,6 +17,7 @@ from drivers.types.stops import Stop, StopPlan, StopReached
 from drivers.types.values import Approach
 from gateway.axes import AxisRecord
 from gateway.errors import Incomplete
+from gateway.events import ProgramSelected, SetupProgramSelected, StopDone
 from gateway.moving import tell_motion
 from gateway.say import Say, silence
 
@@ -75,7 +76,7 @@ async def walk(controller: Controller, plan: StopPlan, at_stop: AtStop, patience
             await at_stop(index, stop, reached)
             counter = reached.counter
             await controller.release_stop(counter)
-            say("P-STOP", axis=plan.axis, program=plan.name, done=index + 1, total=len(plan.stops))
+            StopDone(plan.axis, plan.name, index + 1, len(plan.stops)).tell(say)
         if await controller.wait_stop(counter, patience.stop_s) is not None:
             raise DeviceRefused("E-WALK-ORDER", plan.axis, expected="the end", found="another stop")
     except (TrueflankError, asyncio.CancelledError):
@@ -126,9 +127,9 @@ async def _tell_start(controller: Controller, plan: StopPlan, say: Say) -> None:
     if goes_on:
         say("P-MOUNT", axis=plan.axis, setup=plan.setup)
     elif plan.setup:
-        say("P-START-SETUP", axis=plan.axis, program=plan.name, setup=plan.setup)
+        SetupProgramSelected(plan.axis, plan.name, plan.setup).tell(say)
     else:
-        say("P-START", axis=plan.axis, program=plan.name)
+        ProgramSelected(plan.axis, plan.name).tell(say)
 
 
 def _check(plan: StopPlan, index: int, stop: Stop, reached: StopReached, counter: int) -> None:

@@ -13,6 +13,7 @@ from pathlib import Path
 
 from drivers.clock import Clock
 from drivers.errors import DeadlineExceeded, TransportError
+from drivers.message import fields_as_data
 from gateway import audit, stopping
 from gateway.broker.lending import LOOPBACK
 from gateway.broker.lines import LONGEST, heard, line
@@ -125,7 +126,7 @@ async def _obeying(reader: asyncio.StreamReader) -> None:
 def _heard_by(writer: asyncio.StreamWriter, say: Say) -> Say:
     def told(code: str, /, **fields: object) -> None:
         say(code, **fields)
-        text = line({"code": code, "fields": fields})
+        text = line({"code": code, "fields": fields_as_data(fields)})
         if not writer.is_closing() and len(text) <= LONGEST:
             writer.write(text)
 

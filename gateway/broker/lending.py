@@ -14,6 +14,7 @@ from typing import Any
 
 from drivers.clock import Clock
 from drivers.errors import DeadlineExceeded, TrueflankError
+from drivers.message import fields_from_data
 from gateway.broker.lines import LONGEST, heard, line
 from gateway.broker.notice import BrokerNotice, noticed
 from gateway.errors import BusyError
@@ -121,4 +122,5 @@ def _ended(lease: Lease) -> Iterator[None]:
 def _pass_on(lease: Lease, said: Mapping[str, Any]) -> None:
     code, fields = said.get("code"), said.get("fields")
     if lease.say is not None and isinstance(code, str) and isinstance(fields, dict):
-        lease.say(code, **{str(key): value for key, value in fields.items()})
+        with contextlib.suppress(ValueError):  # no word of ours
+            lease.say(code, **fields_from_data(fields))

@@ -29,6 +29,7 @@ from gateway.capture.targets import measuring_plan, targets_of, with_checks
 from gateway.config import AxisSection
 from gateway.domain.equipment import SenseProof
 from gateway.errors import CaptureError, Unstable
+from gateway.events import BeamLost
 from gateway.live import onlooker
 from gateway.walk import walk, watched
 
@@ -198,7 +199,7 @@ class Visits:
         self._recoveries -= 1
         datum = self.found.datum.target if self.found.datum is not None else plan.stops[0].target
         left = self.found.missing(plan.stops)
-        self.rig.say("P-CAP-BEAM", axis=plan.axis, left=len(left), total=len(plan.stops))
+        BeamLost(plan.axis, len(left), len(plan.stops)).tell(self.rig.say)
         first = Stop(datum, 1, DATUM_REPETITION, 0)
         return replace(plan, name=f"TFDATUM{plan.letter}", stops=(first, *left), setup=self.rig.setup)
 

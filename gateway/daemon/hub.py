@@ -9,9 +9,10 @@ from collections.abc import AsyncIterator, Callable, Mapping
 
 from drivers.clock import Clock
 from drivers.errors import DeadlineExceeded, words
-from drivers.message import Message
+from drivers.message import fields_as_data
 from gateway.audience import kind_of
 from gateway.errors import BusyError
+from gateway.events import received
 
 MOST_LISTENERS = 32
 MOST_OF_ONE = 4
@@ -109,7 +110,8 @@ class Hub:
     def hear(self, code: str, fields: Mapping[str, object]) -> None:
         """A word of the run at work, for all."""
         told = {"code": code, "fields": plain_fields(fields), "words": words(code, **fields)}
-        self.tell("said", {**told, "kind": kind_of(code).value})
+        event = received(code, fields)
+        self.tell("said", {**told, "kind": kind_of(code).value, "event": type(event).__name__ if event else ""})
 
     @property
     def listening(self) -> int:
@@ -157,5 +159,4 @@ class Hub:
 
 def plain_fields(fields: Mapping[str, object]) -> dict[str, object]:
     """Fields of a word as JSON takes them: messages within them as code and fields, anything unknown as text."""
-    found = Message("", fields).as_data()["fields"]
-    return {str(key): value for key, value in found.items()}
+    return fields_as_data(fields)

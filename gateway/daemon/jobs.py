@@ -9,6 +9,7 @@ from pathlib import PurePath
 
 from drivers.clock import Clock
 from drivers.errors import TrueflankError, words
+from gateway.events import DevicesOpened, PushPhaseChanged, RunStarted, received
 from gateway.say import Say
 from gateway.stopping import TERMINATED, StopAsked, Stopped
 from gateway.views import JobView
@@ -54,12 +55,13 @@ class Job:
 
     def heard(self, code: str, fields: dict[str, object]) -> None:
         """One more word of it."""
-        if code == "P-RUN":
-            self.begin(PurePath(str(fields.get("folder", ""))).name)
-        elif code == "P-OPEN" and fields.get("run") and not self.view.run_id:
-            self.begin(str(fields["run"]))
-        elif code == "P-PUSH-STEP":
-            step = (str(fields.get("axis", "")), str(fields.get("step", "")))
+        event = received(code, fields)
+        if isinstance(event, RunStarted):
+            self.begin(event.run_id)
+        elif isinstance(event, DevicesOpened) and event.run and not self.view.run_id:
+            self.begin(event.run)
+        elif isinstance(event, PushPhaseChanged):
+            step = (event.axis, str(event.step))
             self.view = replace(self.view, steps=(*self.view.steps, step)[-MOST_STEPS:])
         self.view = replace(self.view, words=words(code, **fields))
 

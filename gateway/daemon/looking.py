@@ -11,12 +11,12 @@ from drivers.clock import Clock
 from drivers.types.sensing import Ambient, SampleBlock
 from drivers.types.values import FloatArray
 from gateway.audience import Audience, kind_of
+from gateway.events import TargetsAdded, received
 from gateway.live import Asked
 
 EVERY_S = 0.1
 MOST_ASKED = 200
 MOST_KEPT = 20000
-GOES_ON = "P-MORE-TARGETS"  # a step within a part: more targets join those that are taken
 
 
 @dataclass(slots=True)
@@ -56,9 +56,9 @@ class Looking:
     _told_s: dict[str, float] = field(default_factory=dict)
     _samples: dict[str, int] = field(default_factory=dict)
 
-    def said(self, code: str) -> None:
+    def said(self, code: str, fields: Mapping[str, object]) -> None:
         """Count the parts by what is said; more targets of one set-up begin none."""
-        if kind_of(code) is Audience.STEP and code != GOES_ON:
+        if kind_of(code) is Audience.STEP and not isinstance(received(code, fields), TargetsAdded):
             self.part += 1
 
     def begin(self) -> None:

@@ -8,6 +8,7 @@ from dataclasses import replace
 from drivers.errors import words
 from gateway.audience import Audience, kind_of
 from gateway.daemon.hub import plain_fields
+from gateway.events import DisableMoves, StopDone, received
 from gateway.views import JobView, RunView
 
 MOST_MOVES = 40
@@ -37,9 +38,8 @@ def told(run: RunView, code: str, fields: Mapping[str, object]) -> RunView:
         ask=_asked(run, code, fields),
         moves=_moves(run, code, fields),
     )
-    if code != "P-STOP":
-        return replace(said, stage=str(fields.get("program", run.stage)), done=0, total=0)
-    done, total = (_count(fields.get(name)) for name in ("done", "total"))
+    event = received(code, fields)
+    done, total = (_count(event.done), _count(event.total)) if isinstance(event, StopDone) else (0, 0)
     return replace(said, stage=str(fields.get("program", run.stage)), done=done, total=total)
 
 
@@ -54,13 +54,15 @@ def _asked(run: RunView, code: str, fields: Mapping[str, object]) -> Mapping[str
 def _moves(run: RunView, code: str, fields: Mapping[str, object]) -> tuple[Mapping[str, object], ...]:
     """What will move when a person does what is asked; what is said after an ask belongs to the next one."""
     kind = kind_of(code)
-    if kind is Audience.MOVE or code == "P-PUSH-DISABLE-MOVES":
+    if kind is Audience.MOVE or isinstance(received(code, fields), DisableMoves):
         return (*(() if run.ask else run.moves), _as_said(code, fields))[-MOST_MOVES:]
     return run.moves if kind in (Audience.ASK, Audience.DETAIL) else ()
 
 
 def _as_said(code: str, fields: Mapping[str, object]) -> Mapping[str, object]:
-    return {"code": code, "fields": plain_fields(fields), "words": words(code, **fields)}
+    event = received(code, fields)
+    told = {"code": code, "fields": plain_fields(fields), "words": words(code, **fields)}
+    return {**told, "event": type(event).__name__ if event else ""}
 
 
 def _count(value: object) -> int:

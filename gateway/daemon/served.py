@@ -160,7 +160,7 @@ class ServedPlace:
             self._outgoing.take("status" if kind == "state" else kind, data)
 
     def _said(self, code: str, fields: Mapping[str, object]) -> None:
-        self._looking.said(code)
+        self._looking.said(code, fields)
         self.hub.hear(code, fields)
         now = self.desk.run
         if now is not None and now.kind != "terminal":  # a terminal keeps its own words

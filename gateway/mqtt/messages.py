@@ -8,7 +8,7 @@ from typing import Any
 VERSION = 1
 KINDS: Mapping[str, tuple[str, ...]] = {
     "status": ("state", "software", "devices", "run", "alarms", "due", "left", "held", "result", "failure", "trouble"),
-    "said": ("code", "fields", "words"),
+    "said": ("event", "code", "fields", "words"),
     "taken": ("axis", "target", "repetition", "approach", "deviation"),
     "ended": ("job", "kind", "run_id", "state", "exit_code", "words"),
     "figures": ("run_id", "serial", "figures"),

@@ -17,9 +17,11 @@ from drivers.types.orders import PushOrder, TableQuestion
 from drivers.types.stops import Stop, StopPlan, StopReached
 from drivers.types.tables import CompensationTable, LiveSet
 from drivers.types.values import Approach
+from gateway.audience import Audience, kind_of
 from gateway.axes import AxisRecord
 from gateway.domain.proposals import TableChange
 from gateway.errors import VerifyError, WriteRefused
+from gateway.events import ProgramSelected, received
 from gateway.interlocks import PushFacts
 from gateway.moving import places_of, standing_words
 from gateway.push.byhand import visit_by_hand
@@ -205,9 +207,9 @@ async def visit(
         await at_stop(stop, found)
 
     def say(code: str, /, **fields: object) -> None:
-        if code.startswith("P-MOVE-"):
+        if kind_of(code) is Audience.MOVE:
             context.say(code, **fields)
-        elif code in ("P-START", "P-START-SETUP") and ask[0]:
+        elif isinstance(received(code, fields), ProgramSelected) and ask[0]:
             context.say(ask[0], **ask[1])
 
     if context.controller.capabilities.stops:

@@ -10,6 +10,7 @@ from drivers.ports.controller import SavesFirst
 from drivers.types.orders import PushBatch, PushOrder, ReadBack
 from drivers.types.tables import CompensationTable, LiveSet, LiveTable
 from gateway.errors import VerifyError, WriteRefused
+from gateway.events import FirstPartSelected, WholeTransactionSelected
 from gateway.interlocks import refusals
 from gateway.interlocks.facts import rest_of, value_at
 from gateway.moving import shown, shown_there, tell_motion
@@ -66,8 +67,8 @@ async def load(loads: Loads) -> Faults:
         _say_moves(OFF, loads, [await _acting(one) for one in loads])
         if once:
             await _say_switched_on(loads)
-        code = "P-PUSH-START" if once else "P-PUSH-LOAD"
-        context.say(code, axis=_names(loads), transaction=batch[0].transaction)
+        selected = WholeTransactionSelected if once else FirstPartSelected
+        selected(_names(loads), batch[0].transaction).tell(context.say)
     kept = await _kept_before(loads)
     for one in loads:
         one.work.begun = True

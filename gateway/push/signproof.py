@@ -19,6 +19,7 @@ from drivers.types.orders import SignProof
 from drivers.types.stops import StopPlan
 from drivers.types.tables import LiveSet
 from gateway.errors import RollbackFailed, StillOn, VerifyError, WriteRefused
+from gateway.events import TrialTablesLoaded
 from gateway.push import conversation
 from gateway.push.asking import ask
 from gateway.push.beginning import Task, abort, begun
@@ -194,7 +195,7 @@ async def _loaded(works: Sequence[Work], lives: Sequence[LiveSet]) -> None:
     if enable or all(one.order.table.kind == "reversal" for one in loads):
         return
     context = works[0].context
-    context.say("P-PUSH-TRIALS", axis=", ".join(work.name for work in works))
+    TrialTablesLoaded(", ".join(work.name for work in works)).tell(context.say)
     await context.controller.restarted(tuple(one.order for one in loads), context.start_timeout_s)
     for work in works:
         work.note(PushEvent.RESTARTED)

@@ -17,6 +17,7 @@ from drivers.types.tables import CompensationTable, LiveSet, LiveTable
 from gateway.domain.outcomes import PushRecord
 from gateway.domain.proposals import TableChange
 from gateway.errors import BusyError, StoreError, VerifyError
+from gateway.events import PushPhaseChanged, TableStateChanged
 from gateway.push.compare import tolerance
 from gateway.push.context import PushContext
 from gateway.push.records import journal, numbering
@@ -140,7 +141,7 @@ class Work:
         """Tell what the journal holds by now."""
         self.last, self.state = event, self.state.after(event, facts)
         self.steps.append(noted_step(event, self._utc(), facts))
-        self.context.say("P-PUSH-STEP", axis=self.name, step=event, said=step_message(event))
+        PushPhaseChanged(self.name, event, step_message(event)).tell(self.context.say)
 
     def stopped(self) -> None:
         """Somebody ended us from outside: where it stands, on the disk before anything else is done."""
@@ -240,7 +241,7 @@ class Work:
     def record(self, outcome: Outcome, *, told: bool = False) -> PushRecord:
         """What happened, for the run folder; said to people unless that was ``told`` of several tables at once."""
         if not told:
-            self.context.say("P-PUSH-END", axis=self.change.name, outcome=outcome)
+            TableStateChanged(self.change.name, outcome).tell(self.context.say)
         steps = tuple(self.steps)
         return PushRecord(
             self.whole.number,

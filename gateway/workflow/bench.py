@@ -27,6 +27,7 @@ from gateway.capture.rig import Rig, StandingOptics
 from gateway.config import AxisSection, SiteFile, files_only
 from gateway.domain.identity import KnownFact
 from gateway.errors import StoreError, WriteRefused
+from gateway.events import ConnectionUnprotected, DevicesOpened
 from gateway.push.records.journal import JOURNALS
 from gateway.push.records.sent import SentBook
 from gateway.say import Say
@@ -210,10 +211,10 @@ async def _opened(
         if isinstance(supervisor.controller, WritesWithout):
             supervisor.controller.do_without(SelfTestBook(store.root).without(machine))
         count = len(supervisor.picture())
-        say("P-OPEN", site=site.site.name, serial=machine.serial, count=count, run=folder.run_id)
+        DevicesOpened(site.site.name, machine.serial, count, folder.run_id).tell(say)
         _tell_identity(recognised, say)
         if wire := supervisor.controller.capabilities.unprotected:
-            say("P-UNPROTECTED", road=wire)
+            ConnectionUnprotected(wire).tell(say)
         if not supervisor.left.clear:
             say("P-LEFT", words=supervisor.left.words)
         yield Bench(

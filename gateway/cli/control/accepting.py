@@ -13,6 +13,7 @@ from gateway.cli.control.conforming import allowance
 from gateway.cli.options import JsonOption, SiteArgument, with_control
 from gateway.cli.show import echo, show_json
 from gateway.cli.stopping import run_to_end
+from gateway.events import DevicesOpened, received
 
 NOT_ACCEPTED = 13
 
@@ -50,7 +51,7 @@ def accept_command(
     def say(code: str, /, **fields: object) -> None:
         """Each check opens the control anew; what it says of it is told once."""
         line = words(code, **fields)
-        if not as_json and (code != "P-OPEN" or line not in told):
+        if not as_json and (not isinstance(received(code, fields), DevicesOpened) or line not in told):
             echo(f"  {line}")
         told.add(line)
 

@@ -8,10 +8,17 @@ from dataclasses import dataclass, field
 from drivers.errors import words
 from gateway.audience import Audience, kind_of
 from gateway.cli.screen.stages import Stages
+from gateway.events import (
+    ActingCheckStarted,
+    ConnectionUnprotected,
+    PartStarted,
+    PushPhaseChanged,
+    RunStarted,
+    SignProofStarted,
+    received,
+)
 
-OPEN_ROAD = "P-UNPROTECTED"
-TABLE_STEP = "P-PUSH-STEP"
-APART = frozenset({"P-ACTING", "P-PART", "P-RUN", "P-SIGN"})
+APART = (ActingCheckStarted, PartStarted, RunStarted, SignProofStarted)
 """Steps that belong to none of a count of steps: it is over when one of them begins."""
 FIRST_GUESS_S = 3.0
 COUNTED = ("done", "total"), ("number", "total")
@@ -73,8 +80,8 @@ class Scene:
         """Take one piece of progress."""
         if self.stages is not None:
             self.stages.told(code, fields, now)
-        kind = kind_of(code)
-        if code == OPEN_ROAD:
+        kind, event = kind_of(code), received(code, fields)
+        if isinstance(event, ConnectionUnprotected):
             self.open_road = words(code, **fields)
             return
         if kind is Audience.ASK:
@@ -85,20 +92,20 @@ class Scene:
         elif kind is Audience.COUNT:
             self._counted(code, fields, now)
         elif kind is Audience.STEP:
-            self._begun(code, fields, now)
-        elif code == TABLE_STEP:
-            self._for_table(fields)
+            self._begun(code, fields, now, apart=isinstance(event, APART))
+        elif isinstance(event, PushPhaseChanged):
+            self._for_table(event)
         elif kind is Audience.DETAIL:
             self.within = words(code, **fields)
         else:
             self._answered()
 
-    def _for_table(self, fields: Mapping[str, object]) -> None:
+    def _for_table(self, event: PushPhaseChanged) -> None:
         """A step of one table of a batch stands in one line with the same step of the others."""
-        step, before = str(fields.get("step", "")), self.tables
-        names = (*(before[1] if before[0] == step else ()), str(fields.get("axis", "")))
-        self.tables = step, tuple(dict.fromkeys(names))
-        self.within = words(TABLE_STEP, **{**fields, "axis": ", ".join(self.tables[1])})
+        before = self.tables
+        names = (*(before[1] if before[0] == event.step else ()), event.axis)
+        self.tables = event.step, tuple(dict.fromkeys(names))
+        self.within = words(event.code, **{**event.told_fields, "axis": ", ".join(self.tables[1])})
 
     def _asked(self, ask: str, now: float) -> None:
         """What was said before another ask belongs to that one."""
@@ -110,11 +117,11 @@ class Scene:
         self.ask = self.within = ""
         self.moves = ()
 
-    def _begun(self, code: str, fields: Mapping[str, object], now: float) -> None:
+    def _begun(self, code: str, fields: Mapping[str, object], now: float, *, apart: bool) -> None:
         """A step of so many stands above what happens in it."""
         self._answered()
         self.counts.pop("inner", None)
-        if code in APART:
+        if apart:
             self.counts.pop("outer", None)
         if "number" not in fields:
             self.step = words(code, **fields)

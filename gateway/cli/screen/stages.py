@@ -6,10 +6,22 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import groupby
 
+from gateway.events import (
+    ActingCheckStarted,
+    AxisMeasurementStarted,
+    Event,
+    PartStarted,
+    RunStarted,
+    SetupStarted,
+    SignProofStarted,
+    TransactionSelected,
+    TrialTablesLoaded,
+    received,
+)
+
 AGAIN = "measure again"
 FIRST_GUESS_S = 3.0
 SIGNS, TRIALS, TRIALS_OUT, PUSH = "sign proofs", "trial tables", "tables of before", "push"
-TRANSACTION = "P-PUSH-START", "P-PUSH-LOAD"
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,9 +51,10 @@ class Stages:
 
     def told(self, code: str, fields: Mapping[str, object], now: float) -> None:
         """Take one piece of progress."""
-        if code == "P-RUN":
-            self.run = str(fields.get("folder", ""))
-        found = self._meant(code, fields)
+        event = received(code, fields)
+        if isinstance(event, RunStarted):
+            self.run = event.folder
+        found = self._meant(event)
         if found is not None:
             self._begin(found, now)
 
@@ -77,22 +90,26 @@ class Stages:
             self._foreseen += self.pieces[self._at].seconds
         self._at, self._since = at, now
 
-    def _meant(self, code: str, fields: Mapping[str, object]) -> int | None:
-        """The later piece that begins with what was said; None where none does."""
-        if code == "P-SETUP-PLAN":
-            return self._next("measure", str(fields.get("setup", "")))
-        if code == "P-MEASURE":
-            return self._next("measure" if fields.get("phase") == "before" else AGAIN, str(fields.get("axis", "")))
-        if code == "P-ACTING":
-            return self._next(AGAIN, str(fields.get("axis", "")))
-        if code == "P-PART":
-            return self._next("part", str(fields.get("part", "")))
-        if code == "P-SIGN":
-            return self._next(SIGNS, str(fields.get("axis", "")))
-        if code == "P-PUSH-TRIALS":
-            self._loading = True
-            return self._next(SIGNS, TRIALS)
-        return self._transaction() if code in TRANSACTION else None
+    def _meant(self, event: Event | None) -> int | None:
+        """The later piece that begins with what happened; None where none does."""
+        match event:
+            case SetupStarted():
+                return self._next("measure", event.setup)
+            case AxisMeasurementStarted():
+                return self._next("measure" if event.phase == "before" else AGAIN, event.axis)
+            case ActingCheckStarted():
+                return self._next(AGAIN, event.axis)
+            case PartStarted():
+                return self._next("part", event.part)
+            case SignProofStarted():
+                return self._next(SIGNS, event.axis)
+            case TrialTablesLoaded():
+                self._loading = True
+                return self._next(SIGNS, TRIALS)
+            case TransactionSelected():
+                return self._transaction()
+            case _:
+                return None
 
     def _next(self, stage: str, name: str) -> int | None:
         ahead = range(self._at + 1, len(self.pieces))

@@ -16,6 +16,7 @@ from gateway.cli.screen.scene import Scene
 from gateway.cli.screen.stages import Stages
 from gateway.cli.show import begun_with, echo
 from gateway.cli.voice import Voice
+from gateway.events import DevicesOpened, RunStarted, received
 from gateway.say import Say
 
 SPOKEN = {
@@ -55,10 +56,11 @@ def progress(
 
     def kept(code: str, fields: dict[str, object]) -> None:
         nonlocal run
-        if code == "P-RUN":
-            run = Path(str(fields["folder"])).name
-        elif code == "P-OPEN":
-            run = run or str(fields.get("run", ""))
+        event = received(code, fields)
+        if isinstance(event, RunStarted):
+            run = event.run_id
+        elif isinstance(event, DevicesOpened):
+            run = run or event.run
         if log is not None:
             log.add(LEVELS.get(kind_of(code), "INFO"), code, fields, run=run)
 

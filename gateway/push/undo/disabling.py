@@ -16,6 +16,7 @@ from drivers.types.machine import ChannelStatus
 from drivers.types.orders import DisableOrder, SwitchReading
 from drivers.types.tables import CompensationTable
 from gateway.domain.outcomes import SwitchRecord
+from gateway.events import DisableMoves
 from gateway.interlocks import Refusal
 from gateway.interlocks.switching import switching_refusals
 from gateway.moving import tell_motion
@@ -117,7 +118,7 @@ def _reads(found: SwitchReading) -> Message:
 def _say_how_far(context: PushContext, order: DisableOrder, found: SwitchReading | None) -> None:
     if found is not None and not found.off and context.controller.capabilities.switches_now:
         acting, unit = round(found.acting, 3), _unit(context)
-        context.say("P-PUSH-DISABLE-MOVES", axis=order.axis, table=order.name, acting=acting, unit=unit)
+        DisableMoves(order.axis, order.name, acting, unit).tell(context.say)
 
 
 def _unit(context: PushContext) -> str:

@@ -73,14 +73,16 @@ function readings() {
 function said(data) {
   state.said = [...state.said.slice(-199), data];
   // As the service's own picture has it: what is said to move after an ask belongs to the next one.
-  const moves = data.kind === "move" || data.code === "P-PUSH-DISABLE-MOVES";
+  const moves = data.kind === "move" || data.event === "DisableMoves";
   if (moves) state.moves = [...(state.ask ? [] : state.moves), data];
   if (data.kind === "ask") state.ask = data;
   else if (data.kind !== "detail") Object.assign(state, { ask: null, moves: moves ? state.moves : [] });
   // A new step waits anew.
   if (data.kind !== "detail") state.waiting = null;
-  if (data.code === "P-PUSH-STEP") state.steps = [...state.steps, [data.fields.axis, data.fields.step]];
-  if (data.code === "P-CAP-BEAM") loss();
+  if (data.event === "PushPhaseChanged") state.steps = [...state.steps, [data.fields.axis, data.fields.step]];
+  if (data.event === "BeamLost") loss();
+  // Which table acts has changed, long before the command ends.
+  if (data.event === "TableStateChanged") again();
   changed("frame", "said");
 }
 

@@ -54,7 +54,7 @@ function newest() {
 
 // While optics are mounted no light comes back: that is lost only where it was there before.
 const MOUNT = ["P-MOUNT", "P-START-SETUP", "P-JOG-SETUP"];
-const mounts = (ask) => ask && MOUNT.includes(ask.code) && !state.said.slice(-6).some((one) => one.code === "P-CAP-BEAM");
+const mounts = (ask) => ask && MOUNT.includes(ask.code) && !state.said.slice(-6).some((one) => one.event === "BeamLost");
 
 // A counter tells no broken beam, and a program that somebody ended tells nothing at all: who stands there can look.
 const LONG_MS = 8000;

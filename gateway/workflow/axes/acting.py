@@ -19,6 +19,7 @@ from gateway.domain.captures import Capture
 from gateway.domain.outcomes import ActingCheck, PushRecord
 from gateway.domain.proposals import Proposal, TableChange
 from gateway.domain.values import COVERAGE
+from gateway.events import ActingCheckStarted
 from gateway.store import RunFolder
 from gateway.tooth import AxisOutlook, ToothProposal
 from gateway.workflow import stages
@@ -97,7 +98,8 @@ def places(section: AxisSection, outlook: AxisOutlook, guard: GuardSection) -> A
 
 async def _checked(at: Bench, rig: Rig, outlook: AxisOutlook) -> None:
     guard, axis = at.site.guard, rig.axis
-    at.say("P-ACTING", axis=axis.name, count=len(axis.measure.targets.positions) if axis.measure.targets else 0)
+    count = len(axis.measure.targets.positions) if axis.measure.targets else 0
+    ActingCheckStarted(axis.name, count).tell(at.say)
     await at.foresee(_plans(axis))
     at.standing.note(None)
     proof = await prove_sense(rig)

@@ -19,6 +19,7 @@ from gateway.capture.dynamicrecords import Ended, LiveView, Sink, StreamShape, T
 from gateway.config import InstrumentSection, SiteFile
 from gateway.errors import CaptureError, NotIdentifiable
 from gateway.evaluate.behaviour.dynamic import DynamicSpectrum, Settling, settling, spectrum
+from gateway.events import RunStarted
 from gateway.say import Say
 from gateway.store import RunFolder
 from gateway.store.rawstream import RawRecorder, StreamFacts, open_stream
@@ -114,7 +115,7 @@ async def capture_dynamic(
     """
     section = _section(site, wish.instrument)
     folder = new_run(site, site_path, utc=clock.utc)
-    say("P-RUN", folder=str(folder.path))
+    RunStarted(str(folder.path)).tell(say)
     try:
         async with borrowed(store_of(site, site_path).root, folder.run_id, clock, say) as told:
             ended, path, notes = await _recorded(section, wish, clock, folder, told)

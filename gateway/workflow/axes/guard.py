@@ -25,6 +25,7 @@ from gateway.domain.proposals import Proposal
 from gateway.domain.values import COVERAGE
 from gateway.errors import CaptureError, IllegalTransition
 from gateway.evaluate.behaviour.repetitions import robust_means
+from gateway.events import RunStarted
 from gateway.guard import Approved, Check, GuardVerdict, guard_axis
 from gateway.model.fit import fit_positioning
 from gateway.say import Say
@@ -105,7 +106,7 @@ async def guard_site(
     known = standard_of(run, axis)
     section = short_check(axis, known.approved.targets, site.guard)
     folder = new_run(site, site_path, utc=clock.utc)
-    say("P-RUN", folder=str(folder.path))
+    RunStarted(str(folder.path)).tell(say)
     try:
         async with bench(
             site, site_path, folder=folder, clock=clock, say=say, instruments={axis.measure.instrument}

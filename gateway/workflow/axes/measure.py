@@ -31,6 +31,7 @@ from gateway.evaluate.behaviour.doubts import told as told_doubts
 from gateway.evaluate.behaviour.whole_travel import over_travel
 from gateway.evaluate.standards.iso230_2 import evaluate, told_incurable
 from gateway.evaluate.uncertainty.budget import budget_of
+from gateway.events import AxisMeasurementStarted
 from gateway.store import Maps, RunFolder
 from gateway.walk import question
 from gateway.workflow import stages
@@ -76,7 +77,7 @@ def _notices(at: Bench, name: str) -> tuple[str, ...]:
 
 async def measure_axis(at: Bench, axis: AxisSection, phase: stages.Phase) -> MeasuredAxis:
     """Measure one axis and store every step before the next. Raises what capture and evaluation raise."""
-    at.say("P-MEASURE", axis=axis.name, component=axis.measure.component, phase=phase)
+    AxisMeasurementStarted(axis.name, axis.measure.component, phase).tell(at.say)
     stood: dict[str, float] = {}
     if axis.measure.file is not None:
         capture, parents = await _from_file(at, axis)

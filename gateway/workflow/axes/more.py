@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
@@ -12,6 +13,7 @@ from gateway.capture.gathered.raw import RawCapture
 from gateway.capture.gathered.widening import affordable, cost_s
 from gateway.config import AxisSection
 from gateway.domain.captures import Capture
+from gateway.events import TargetsAdded
 from gateway.model.components import value
 from gateway.say import Say
 from gateway.table import Grid
@@ -81,9 +83,12 @@ class MoreTargets:
         known = _known(capture)
         places = doubt.places(known, count, float(np.nanmean(shown.means.u)), gap) if count >= FEWEST else np.empty(0)
         price = cost_s(self.axis, places.size or FEWEST, span)
-        code = "P-MORE-TARGETS" if places.size else "P-MORE-NONE"
-        fields = {"doubt": f"{doubt.rms:.2g}", "unit": capture.unit, "count": int(places.size)}
-        self.say(code, axis=self.axis.name, minutes=f"{price / 60.0:.0f}", left=f"{left_s / 60.0:.0f}", **fields)
+        told: dict[str, Any] = {"doubt": f"{doubt.rms:.2g}", "unit": capture.unit, "count": int(places.size)}
+        told |= {"axis": self.axis.name, "minutes": f"{price / 60.0:.0f}", "left": f"{left_s / 60.0:.0f}"}
+        if places.size:
+            TargetsAdded(**told).tell(self.say)
+        else:
+            self.say("P-MORE-NONE", **told)
         self.spent_s += price
         self.rounds += 1
         return np.round(places, 3)

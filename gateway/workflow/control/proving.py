@@ -18,6 +18,7 @@ from gateway.capture.sense import prove_sense, sense_plan
 from gateway.config import AxisSection
 from gateway.domain.proposals import TableChange
 from gateway.errors import VerifyError, WriteRefused
+from gateway.events import SignProofStarted
 from gateway.push import PushContext, Reading, ReadStop, SignQuestion, Steps, prove_signs, quiet
 from gateway.workflow.bench import Bench
 from gateway.workflow.consents import proving, proving_again
@@ -96,7 +97,7 @@ class BenchEyes:
 async def _mount(at: Bench, axis: AxisSection) -> Mounted:
     if not provable(at, axis):
         raise WriteRefused("E-RUN-NO-PROOF", axis.name)
-    at.say("P-SIGN", axis=axis.name)
+    SignProofStarted(axis.name).tell(at.say)
     rig, stands = at.rig(axis), at.standing.holds(axis)
     if stands:
         at.say("P-STANDS", component=axis.measure.component, axis=axis.name)

@@ -15,6 +15,7 @@ from drivers.clock import Clock
 from drivers.errors import ConfigError, TrueflankError
 from gateway.config import SiteFile, load_site, read_site
 from gateway.config.writing import site_text
+from gateway.events import RunStarted
 from gateway.say import Say
 from gateway.store import RunFolder
 from gateway.store.disk import write_whole
@@ -108,7 +109,7 @@ def from_files(
     """
     tell_overdue(site, _measured_on(setups, utc.date()), say)
     run = new_run(site, site_path)
-    say("P-RUN", folder=str(run.path))
+    RunStarted(str(run.path)).tell(say)
     work = work_of(site, site_path) if site.work is not None else None
     try:
         mine = {one.file.path.resolve(): one for one in setups}

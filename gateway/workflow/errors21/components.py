@@ -22,6 +22,7 @@ from gateway.domain.equipment import Equipment
 from gateway.errors import CaptureError, IllegalTransition, Incomplete
 from gateway.evaluate.behaviour.doubts import all_doubts, blocking, demand_settled, settled
 from gateway.evaluate.geometry.errormodel import error_model
+from gateway.events import RunStarted, SetupStarted
 from gateway.interlocks import aged, crowded
 from gateway.model.chain import LETTERS
 from gateway.model.known import ErrorModel
@@ -91,7 +92,7 @@ async def measure_site(
     """
     todo = chosen(planned(site), wanted)
     folder = resume or new_run(site, site_path, utc=clock.utc)
-    say("P-RUN", folder=str(folder.path))
+    RunStarted(str(folder.path)).tell(say)
     left = _left(folder, todo, clock.utc(), say)
     try:
         if left:
@@ -169,7 +170,7 @@ async def _walk(at: Bench, left: Sequence[Planned], *, resumed: bool) -> None:
     tables: dict[str, LiveSet] = {}
     await at.foresee(coming(at.site, left))
     for number, one in enumerate(left):
-        at.say("P-SETUP-PLAN", setup=one.key, number=number + 1, total=len(left))
+        SetupStarted(one.key, number + 1, len(left)).tell(at.say)
         await at.supervisor.hold(instruments_of([one]))
         capture = await measure_setup(at, one, tables)
         if capture.axis not in known:

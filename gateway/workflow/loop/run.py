@@ -9,6 +9,7 @@ from drivers.clock import Clock
 from drivers.errors import TrueflankError
 from gateway.capture.sense import turning
 from gateway.config import SiteFile
+from gateway.events import RunStarted
 from gateway.say import Say
 from gateway.workflow import selftests
 from gateway.workflow.aftercare import standing_alarms
@@ -40,7 +41,7 @@ async def run_site(
     check_name(site, apply, machine_name)
     site = with_axes(site, axes)
     folder = new_run(site, site_path, utc=clock.utc)
-    say("P-RUN", folder=str(folder.path))
+    RunStarted(str(folder.path)).tell(say)
     try:
         async with bench(site, site_path, folder=folder, clock=clock, say=say) as at:
             return await _work(at, apply=apply)

@@ -14,6 +14,7 @@ from gateway.config import SiteFile
 from gateway.correct.part.setupvalues import setup_from_part
 from gateway.domain.outcomes import Verdict
 from gateway.domain.proposals import Proposal
+from gateway.events import PartStarted
 from gateway.model.known import ErrorModel
 from gateway.say import Say
 from gateway.store import RunFolder
@@ -174,7 +175,7 @@ class _Loop:
         folder = self.at.folder
         if folder.has(stages.inspected(part)) and not (part == BEFORE and unexplained(folder)):
             return folder.get(stages.inspected(part), InspectedFlank)
-        self.at.say("P-PART", part=part, **asdict(setup))
+        PartStarted(part, **asdict(setup)).tell(self.at.say)
         if not folder.has(stages.ground(part)):
             await grind_part(self.at, part, setup)
         found = await inspect_part(self.at, part)

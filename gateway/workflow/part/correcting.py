@@ -24,6 +24,7 @@ from gateway.correct.part.fromgear import FromGear, correct_from_gear
 from gateway.correct.plan.plan import Plan
 from gateway.domain.proposals import Proposal, TableChange
 from gateway.errors import CaptureError
+from gateway.events import RunStarted
 from gateway.gear.flank import FlankGrid, flank_figure
 from gateway.gear.grinding import Grinding
 from gateway.model.known import ErrorModel, chain_of_errors
@@ -99,7 +100,7 @@ async def propose_from_gear(
     """
     known = inspected_of(source, part) if isinstance(source, RunFolder) else None
     folder = new_run(site, site_path, utc=clock.utc)
-    say("P-RUN", folder=str(folder.path))
+    RunStarted(str(folder.path)).tell(say)
     try:
         if isinstance(source, FlankFile):
             known = inspect_file(site, site_path, file=source, folder=folder, part=part or "part", say=say)

@@ -17,6 +17,7 @@ from drivers.workpiece import GrindAxis, GrindPlan, check_plan
 from gateway.config import AxisSection, SiteFile, WorkSection
 from gateway.domain.equipment import Equipment
 from gateway.errors import IllegalTransition, WriteRefused
+from gateway.events import RunStarted
 from gateway.gear.cycloid import CycloidGear
 from gateway.moving import shown_there, tell_motion
 from gateway.say import Say
@@ -157,7 +158,7 @@ async def grind_site(
     grind_plan(site, gear_of_site(site, site_path), setup, part)
     folder = run or new_run(site, site_path, utc=clock.utc)
     before = folder.state
-    say("P-RUN", folder=str(folder.path))
+    RunStarted(str(folder.path)).tell(say)
     try:
         async with bench(site, site_path, folder=folder, clock=clock, say=say, instruments=()) as at:
             same_machine(at)

@@ -11,6 +11,7 @@ from drivers.clock import Clock
 from drivers.errors import TrueflankError, words
 from gateway.config import SiteFile
 from gateway.correct.part.gearguard import guard_flanks
+from gateway.events import RunStarted
 from gateway.guard import GuardVerdict
 from gateway.say import Say
 from gateway.store import RunFolder
@@ -85,7 +86,7 @@ async def guard_gear_site(
     approved = inspected_of(run, part)
     inspector = "" if file is not None else inspector_name(site)
     folder = new_run(site, site_path, utc=clock.utc)
-    say("P-RUN", folder=str(folder.path))
+    RunStarted(str(folder.path)).tell(say)
     try:
         if file is not None:
             now = inspect_file(site, site_path, file=file, folder=folder, part=PART, say=say)

@@ -18,6 +18,7 @@ from gateway.config import SiteFile
 from gateway.correct.part.inspected import About, check_gear, inspected_flank
 from gateway.domain.equipment import Equipment
 from gateway.errors import IllegalTransition
+from gateway.events import RunStarted
 from gateway.gear.cycloid import CycloidGear
 from gateway.gear.touched import Heights
 from gateway.say import Say
@@ -99,7 +100,7 @@ async def inspect_site(
     inspector = "" if file is not None else inspector_name(site)
     folder = run or new_run(site, site_path, utc=clock.utc)
     before = folder.state
-    say("P-RUN", folder=str(folder.path))
+    RunStarted(str(folder.path)).tell(say)
     try:
         if file is not None:
             found = inspect_file(site, site_path, file=file, folder=folder, part=part, say=say, utc=clock.utc)

@@ -122,7 +122,7 @@ async def test_a_reading_is_asked_for_again_once_and_not_without_end() -> None:
 async def test_targets_that_join_a_capture_stand_with_those_taken_before() -> None:
     looking = Looking(lambda _kind, _data: None, LoopClock())
     for code, target in (("P-MEASURE", 0.0), ("P-STOP", 10.0), ("P-MORE-TARGETS", 5.0), ("P-SETUP", 0.0)):
-        looking.said(code)
+        looking.said(code, {})
         looking.taken("X1", (target, 1, 1), 0.1, "um")
     parts = [one["part"] for one in looking.kept]
     assert parts[0] == parts[1] == parts[2] != parts[3]
