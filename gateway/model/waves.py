@@ -59,15 +59,21 @@ def _rates(at: FloatArray, turn: float | None) -> FloatArray:
     """Frequencies that are tried, 1/mm or 1/deg."""
     gap, span = usual_gap(at), float(np.ptp(at))
     if turn is not None:
-        return np.arange(LONGEST_WAVE + 1, int(SHARE_OF_GAP * turn / gap) + 1) / turn
+        # From the first order on that the smooth part cannot have: no order between the two is left out.
+        return np.arange(_highest(at) + 1, int(SHARE_OF_GAP * turn / gap) + 1) / turn
     low, high = 1.0 / (4.0 * gap), SHARE_OF_GAP / gap
     return np.arange(low, high, 1.0 / (STEPS_A_PERIOD * span))
+
+
+def _highest(at: FloatArray) -> int:
+    """The highest order of the smooth part of a turn: fewer targets carry fewer orders."""
+    return min(LONGEST_WAVE, at.size // 8)
 
 
 def _bases(at: FloatArray, turn: float | None) -> Iterator[tuple[str, dict[str, Any]]]:
     most = at.size // 4
     if turn is not None:
-        for highest in range(1, min(LONGEST_WAVE, most // 2) + 1):
+        for highest in range(1, _highest(at) + 1):
             yield "fourier", {"period": turn, "orders": tuple(range(1, highest + 1))}
         return
     low, high = float(at[0]), float(at[-1])
