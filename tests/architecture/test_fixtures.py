@@ -138,6 +138,10 @@ WHOLLY_LONG = {
     ("test_judge.py", "test_the_work_s_eccentricity_is_kept_out_of_the_tables"): JUDGED,
     ("test_layers.py", "test_no_machine_of_many_gets_worse"): "test_no_machine_gets_worse",
     (
+        "test_goal.py",
+        "test_a_doubt_of_the_machine_widens_what_is_expected",
+    ): "test_the_discs_of_a_drive_are_drawn_by_the_errors_of_their_machine",
+    (
         "test_runs_and_refusals.py",
         "test_a_drive_s_expected_figures_are_those_that_a_run_states",
     ): "test_the_discs_of_a_drive_are_drawn_by_the_errors_of_their_machine",
