@@ -4,13 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from datetime import UTC, date, datetime
 from pathlib import Path
 from typing import Any, Literal, overload
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from drivers.errors import ConfigError
+from drivers.errors import ConfigError, words
+from drivers.local.names import shown
 from drivers.types.doubts import Doubt
 from drivers.types.results import MeasuredSet
 from drivers.units import AxisUnit, DeviationUnit, deviation_unit
@@ -194,7 +196,7 @@ def read(
     ``accepted`` are doubts that you answer for, reasons by code. Raises ConfigError (E-LIBRARY-COLUMNS, -WAYS, -RUNS,
     -READINGS, -SEVERAL and -SHEET: ``columns`` answers them), FileFormatError with line and reason.
     """
-    from gateway.workflow.files.facts import facts_of
+    from gateway.workflow.files.facts import facts_of, to_come
     from gateway.workflow.files.reading import How, read_file
 
     path_given(path, "read")
@@ -214,20 +216,28 @@ def read(
     counted = axis if axis is not None and (mixed or got.driver == "rta") else found.axis_unit
     if name:
         units_fit(name, counted, deviation_unit(found.axis_unit), "read")
+    stated = facts_of(Path(path).name, found.header).said
+    today = _today()
+    early = stated.get("date", "")
+    later = (words("W-FACTS-TO-COME", date=shown(early), today=today.isoformat()),) if to_come(early, today) else ()
     return Measured(
         found.targets,
         found.deviations,
         counted,
         Path(path).name,
-        warnings=tuple(found.warnings),
+        warnings=(*later, *found.warnings),
         name=name,
         doubts=found.doubts,
         accepted=accepted or {},
         material_degc=_mean(found.ambient_start.material_degc),
         expansion_ppm_per_k=found.expansion_ppm_per_k,
         record=found,
-        stated=facts_of(Path(path).name, found.header).said,
+        stated=stated,
     )
+
+
+def _today() -> date:
+    return datetime.now(UTC).date()  # by name, so that a test can give another
 
 
 @dataclass(frozen=True, slots=True, repr=False)

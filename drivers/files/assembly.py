@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
@@ -11,6 +11,7 @@ import numpy as np
 from drivers.errors import FileFormatError
 from drivers.files.numbers import FARTHEST, MOST_TOLD, no_readings
 from drivers.files.readings import Readings, Rows, Whole
+from drivers.files.tables.statements import remarks
 from drivers.types.doubts import Doubt
 from drivers.types.results import MeasuredSet
 from drivers.types.values import FloatArray
@@ -26,7 +27,17 @@ TYPICAL = 1.4826  # of the median distance from the median: the standard deviati
 FEWEST_NINES = 3
 MARKS = {999.0, *(float(2**power - 1) for power in (15, 16, 31, 32)), *(10.0**power for power in range(6, 10))}
 LEAST_FOR_SPREAD = 3
-INCHES, UNIT_LINES = ("inch", "uin"), ("stated unit", "units", "einheit", "einheiten", "unit system", "单位")
+INCHES = ("inch", "uin")
+UNIT_LINES = (
+    *("stated unit", "units", "unit system", "unit of measure", "measurement unit", "measurement units", "einheit"),
+    *("einheiten", "maßeinheit", "unité", "unités", "unidad", "unidades", "unità", "单位", "единицы"),
+)
+VENDOR_UNITS = {"mm": ("mm", "um"), "deg": ("deg", "arcsec", "mrad", "urad")}
+READING_LINES = tuple(
+    f"{what} {unit}"
+    for what in ("reading", "readings", "deviation", "error", "data", "value", "result")
+    for unit in ("unit", "units")
+)
 NEAR = 0.002  # of the mean step: places so near each other that no pass stopped at both are one target
 
 
@@ -64,7 +75,8 @@ def assembled(
         why = f"target {row.target:g} with {found.quantity} {row.value:g} is no measurement"
         raise _wrong(where, row.line, why)
     targets, joined = _near_ones_joined(rows, targets)
-    units = _other_unit(found, header, where, confirmed=confirmed)
+    both = (found.target_unit, found.unit)
+    units = other_unit(both, header, where, reading=found.unit, confirmed=confirmed)
     grid = _arranged(rows, targets, values, where)
     doubts = (*found.doubts, *crossed, *turned, *joined, *units, *_missing(found.rows.where(lost)))
     measured = MeasuredSet(grid.targets, grid.deviations, found.axis_unit, header=header, doubts=doubts)
@@ -73,8 +85,17 @@ def assembled(
 
 
 def doubted(measured: MeasuredSet, where: str, *, confirmed: bool = False) -> MeasuredSet:
-    """A set that a vendor's file holds as deviations: the same marks left out, a blocking doubt about wild readings."""
-    measured = _through_zero(measured, where)
+    """A set that a vendor's file holds as deviations: the same marks left out, a blocking doubt about wild readings.
+
+    Words of its head about unit, factor, zero or sign, which its layout does not have, are doubts too.
+    """
+    stated = [(0, f"{key}: {line}") for key, text in measured.header.items() for line in text.splitlines()]
+    units = VENDOR_UNITS[measured.axis_unit]
+    doubts = (
+        *other_unit(units, measured.header, where, confirmed=confirmed),
+        *remarks(stated, where, confirmed=confirmed),
+    )
+    measured = replace(_through_zero(measured, where), doubts=(*measured.doubts, *doubts))
     lines = np.zeros(measured.deviations.shape, np.int64)
     grid = _Grid(measured.targets, measured.deviations, measured.deviations, lines)
     return _judged(measured, where, grid, apart=False, confirmed=confirmed, refuses=False)
@@ -161,10 +182,10 @@ def _deviations(found: Readings, rows: Rows, targets: FloatArray, where: str) ->
     """Deviations in um or arcsec; angles are subtracted as angles, a whole turn more or less is none."""
     scale = deviation_scale(found.axis_unit)
     if found.quantity == "deviation":
-        values = found.sense * rows.value * READING_UNITS[found.unit][1]
+        values = found.scale * rows.value * READING_UNITS[found.unit][1]
     else:
         factor, own = TARGET_UNITS[found.unit][1], TARGET_UNITS[found.target_unit][1]
-        read = found.sense * rows.value * factor
+        read = found.scale * rows.value * factor
         if found.quantity == "increment":
             values = (_summed(rows, read, targets, where) - targets) * scale
         else:
@@ -207,16 +228,26 @@ class _Grid:
     lines: np.ndarray
 
 
-def _other_unit(found: Readings, header: Mapping[str, str], where: str, *, confirmed: bool) -> tuple[Doubt, ...]:
-    """A line of the file's head that names the unit of its lengths or angles, and that no column has."""
-    kinds = {TARGET_UNITS[one][0] for one in (found.unit, found.target_unit)}
-    system = {found.unit in INCHES, found.target_unit in INCHES}
+def other_unit(
+    units: Collection[str], header: Mapping[str, str], where: str, *, reading: str = "", confirmed: bool
+) -> tuple[Doubt, ...]:
+    """A line of the file's head that names a unit of lengths or angles which no number of the file has.
+
+    ``units`` are those that the file's numbers have, ``reading`` that of the readings where it is one alone.
+    """
+    kinds = {TARGET_UNITS[one][0] for one in units}
+    inches = {one in INCHES for one in units if TARGET_UNITS[one][0] == "mm"}
     for key, text in header.items():
-        if key.strip().lower() not in UNIT_LINES:
+        plain = " ".join(key.lower().replace("_", " ").split())
+        if plain not in UNIT_LINES and plain not in READING_LINES:
             continue
-        unit = unit_named(text) or {"imperial": "inch", "metric": "mm"}.get(text.strip().lower(), "")
-        if unit and TARGET_UNITS[unit][0] in kinds and "mm" in kinds and system == {unit not in INCHES}:
-            names = {"stated": text.strip()[:40], "found": f"{found.target_unit}, {found.unit}"}
+        system = {"imperial": "inch", "metric": "mm"}.get(text.strip().lower(), "")
+        unit = unit_named(text.strip().strip("[]()")) or system
+        if not unit or TARGET_UNITS[unit][0] not in kinds:
+            continue
+        alike = unit in units or (unit in ("mm", "inch") and inches == {unit == "inch"})
+        if (plain in READING_LINES and reading and unit != reading) or not alike:
+            names = {"stated": text.strip()[:40], "found": ", ".join(dict.fromkeys(units))}
             return (Doubt("S-READ-UNITS", where, blocking=not confirmed, names=names),)
     return ()
 

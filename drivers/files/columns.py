@@ -26,7 +26,8 @@ class ColumnMap:
     ``increment`` (steps from the stop before) and ``length`` holds the reading. ``direction``: "column"
     (``direction_column``), "runs" (odd ``run`` forward, even reverse), "order" (the way the targets go in the file) or
     one way only. ``passes``: every column from the reading on, to ``last`` (0: the end), is a pass; "alternate" forward
-    and reverse in turn, "halves" all forward ones first, or one way only. ``sense`` -1 turns the readings' sign.
+    and reverse in turn, "halves" all forward ones first, or one way only. ``sense`` -1 turns the readings' sign,
+    ``factor`` multiplies them (1: they contain what their file says of a scale; 0: nothing was said).
     ``skip`` lines stand before the rows. ``sheet`` of a workbook; ``beside``: the file of the other direction, in the
     same folder; ``confirmed``: a person has looked at readings that seem impossible, and they are right.
     """
@@ -45,6 +46,7 @@ class ColumnMap:
     reading_unit: str = ""
     datum: float = 0.0
     sense: int = 1
+    factor: float = 0.0
     skip: int = 1
     separator: str = ""
     decimal_comma: bool = False
@@ -93,6 +95,11 @@ class ColumnMap:
         return self.target > 0 and self.reading > 0
 
     @property
+    def scale(self) -> float:
+        """What the readings are multiplied by, their sign included."""
+        return self.sense * (self.factor or 1.0)
+
+    @property
     def needed(self) -> int:
         """How many columns a line has at least."""
         return max(self.target, self.reading, self.run, self.direction_column)
@@ -125,6 +132,7 @@ class ColumnMap:
             ("target_unit", self.target_unit in ("", *TARGET_UNITS), units),
             ("reading_unit", self.reading_unit in ("", *READING_UNITS), units),
             ("sense", self.sense in (1, -1), "must be 1 or -1"),
+            ("factor", self.factor >= 0.0, "must be more than 0; sense=-1 turns the sign"),
             ("skip", self.skip >= 0, "must be 0 or more"),
             ("separator", len(self.separator) <= 1, "must be one character, or empty: as the lines show, else blanks"),
         )

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import hashlib
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
-from itertools import pairwise
+from itertools import groupby, pairwise
 from math import isnan, nan
 from pathlib import Path
 from typing import Any
@@ -27,6 +27,7 @@ from drivers.files.tables.layout import NONE, Layout, layout, no_heading, unders
 from drivers.files.tables.order import by_order, by_steps, counted
 from drivers.files.tables.plain import MOST_REPETITIONS, plain_table
 from drivers.files.tables.sheet import Row, Sheet, declared_sheet, heading_of, sheets_of
+from drivers.files.tables.statements import Concern, lines_above, lines_around, remarks
 from drivers.files.text import end_doubts, other_texts, plain_minus, read_bytes
 from drivers.files.workbook import is_workbook, workbook_text
 from drivers.local.letters import decode
@@ -169,11 +170,14 @@ def readings_of(text: str, said: ColumnMap, where: str, *, mixed: bool = False) 
         if not unit:
             raise FileFormatError("E-FILE-CSV-UNIT", where, found="TGT_DATA", columns="target_unit=mm reading_unit=mm")
         rows = tuple(Reading(at, key[0], key[1], run=key[2], value=value) for at, key, value in indexed_rows)
-        return Readings("position", unit, unit, Rows.of(rows)), {}, ()
+        own = Readings("position", unit, unit, Rows.of(rows), datum=said.datum, scale=said.scale)
+        return _with_remarks((own, {}, ()), lines_around(text, {row.line for row in rows}), said, where)
     plain = plain_table(text, said, where, mixed=mixed)
     if plain is not None:
         chosen, sheet, columns = plain
-        return _found(chosen, sheet, said, where, columns, mixed=mixed)
+        return _with_remarks(
+            _found(chosen, sheet, said, where, columns, mixed=mixed), lines_above(text, sheet.at), said, where
+        )
     if said.whole:
         sheets: tuple[Sheet, ...] = (declared_sheet(text, said.skip, said.separator, said.needed),)
     else:
@@ -193,21 +197,36 @@ def readings_of(text: str, said: ColumnMap, where: str, *, mixed: bool = False) 
 def _of_sheet(sheet: Sheet, said: ColumnMap, where: str, text: str, *, mixed: bool) -> Found:
     found, plain = layout(sheet, said, where, mixed=mixed)
     rows, notes = _rows(plain, found, where, cut=_cut_line(text))
-    readings, words, more = _found(found, plain, said, where, Rows.of(rows), mixed=mixed)
+    own = {sheet.at, *(at for at, _row in sheet.rows)}
+    readings, words, more = _with_remarks(
+        _found(found, plain, said, where, Rows.of(rows), mixed=mixed), lines_around(text, own), said, where
+    )
     if not found.passes and found.columns[1] != NONE and _against_the_order(rows):
         doubt = Doubt("S-READ-DIRECTION", where, blocking=True, names={"line": str(rows[0].line)})
         readings = replace(readings, doubts=(*readings.doubts, doubt))
     return readings, words, (*notes, *more)
 
 
+def _with_remarks(found: Found, lines: Iterable[tuple[int, str]], said: ColumnMap, where: str) -> Found:
+    """The same with a doubt about each line around a table that a person did not settle."""
+    readings, words, notes = found
+    said_of: dict[Concern, bool] = {"factor": said.factor != 0.0, "sign": said.sense < 0, "zero": said.datum != 0.0}
+    settled = [concern for concern, known in said_of.items() if known]
+    own = remarks(lines, where, settled=settled, confirmed=said.confirmed)
+    return replace(readings, doubts=(*readings.doubts, *own)), words, notes
+
+
 def _against_the_order(rows: Sequence[Reading]) -> bool:
     """Whether every pass goes the other way in the file than its direction says: up downwards, and down upwards.
 
-    A table that is sorted tells no order, and one direction alone may have been turned over by a spreadsheet.
+    A table that is sorted tells no order, nor does one whose passes are mixed up; one direction alone may have been
+    turned over by a spreadsheet.
     """
     ways: dict[tuple[int, int], list[float]] = {}
-    for row in rows:
-        ways.setdefault((row.approach, row.run), []).append(row.target)
+    for (way, run), own in groupby(rows, key=lambda row: (row.approach, row.run)):
+        if (way, run) in ways:
+            return False
+        ways[way, run] = [row.target for row in own]
     steps = {
         way: [
             (b - a) * (1 if way == 0 else -1) for (side, _), at in ways.items() if side == way for a, b in pairwise(at)
@@ -225,7 +244,7 @@ def _found(found: Layout, plain: Sheet, said: ColumnMap, where: str, rows: Rows,
         rows,
         axis=plain.said.get("Axis", ""),
         datum=said.datum,
-        sense=said.sense,
+        scale=said.scale,
         mixed=mixed,
         doubts=(Doubt("S-READ-COLUMNS", where, names={"columns": ", ".join(found.aside)}),) if found.aside else (),
     )

@@ -11,13 +11,14 @@ from pathlib import Path
 
 import numpy as np
 
-from drivers.errors import FileFormatError
+from drivers.errors import ConfigError, FileFormatError
 from drivers.files.assembly import doubted
 from drivers.files.numbers import decimal
+from drivers.files.tables.sheet import MOST_WORDS, words_above
 from drivers.files.text import end_doubts, read_bytes
 from drivers.local.letters import decode
 from drivers.types.results import MeasuredSet
-from drivers.units import mm_to_um
+from drivers.units import mm_to_um, typed_unit
 
 _BREAK = re.compile(r"\r\n|\n|\r")
 _BLOCK = re.compile(r"\s*Position\s+(.+?)\s+Avg\.? Error\s*\Z", re.IGNORECASE)
@@ -26,10 +27,14 @@ MEANS_ONLY = "the file holds means only: repeatability cannot be evaluated from 
 
 
 class PosFormat:
-    """File driver "pos": positions and errors in mm; forward and backward means where they are there."""
+    """File driver "pos": positions and errors in mm; forward and backward means where they are there.
+
+    Raises ConfigError (E-FILE-UNIT) for another unit.
+    """
 
     def __init__(self, unit: str = "", codepage: str = "cp1252", *, confirmed: bool = False) -> None:
-        del unit  # positions and errors are mm
+        if typed_unit(unit) not in ("", "mm"):
+            raise ConfigError("E-FILE-UNIT", "pos", unit=unit, known="mm")
         self._codepage = codepage
         self._confirmed = confirmed
 
@@ -57,10 +62,10 @@ def parse_pos(text: str, where: str) -> MeasuredSet:
     for way, block in enumerate((up, down)):
         if block is not None:
             deviations[:, 0, way] = [block[target] for target in targets]
+    words = [line for line in _BREAK.split(text) if any(decimal(token) is None for token in line.split())]
+    header = {**words_above("\n".join(words), MOST_WORDS), "Format": "API .pos"}
     warnings = [MEANS_ONLY, *_doubts(name), *end_doubts(text)]
-    return MeasuredSet(
-        np.array(targets), mm_to_um(deviations), "mm", header={"Format": "API .pos"}, warnings=tuple(warnings)
-    )
+    return MeasuredSet(np.array(targets), mm_to_um(deviations), "mm", header=header, warnings=tuple(warnings))
 
 
 def _doubts(name: str) -> list[str]:

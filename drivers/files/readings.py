@@ -78,8 +78,8 @@ class Readings:
 
     ``quantity``: a "deviation" from the target, a "position" that counts from ``datum`` (in the targets' unit), an
     "increment" from the stop before in the same run, or a "length" of something, which is no position of an axis.
-    ``sense`` -1 turns the readings' sign. Raises ConfigError (E-FILE-UNIT) without a unit, or with one that does not
-    fit; ``mixed`` lets angles stand over lengths and lengths over angles.
+    ``scale`` multiplies the readings, -1 turns their sign. Raises ConfigError (E-FILE-UNIT) without a unit, or with one
+    that does not fit; ``mixed`` lets angles stand over lengths and lengths over angles.
     """
 
     quantity: Quantity
@@ -88,7 +88,7 @@ class Readings:
     rows: Rows
     axis: str = ""
     datum: float = 0.0
-    sense: int = 1
+    scale: float = 1.0
     mixed: bool = False
     doubts: tuple[Doubt, ...] = ()
 

@@ -30,7 +30,8 @@ SEPARATORS = (",", ";", "\t")
 
 def plain_table(text: str, said: ColumnMap, where: str, *, mixed: bool) -> tuple[Layout, Sheet, Rows] | None:
     """The layout, the sheet with its first rows alone, and every reading; None where the table is not that plain."""
-    if said != ColumnMap(datum=said.datum, sense=said.sense, confirmed=said.confirmed, sheet=said.sheet):
+    kept = {name: getattr(said, name) for name in ("datum", "sense", "factor", "confirmed", "sheet")}
+    if said != ColumnMap(**kept):
         return None
     end = _end_of_line(text, 2 * MOST_LINES)
     if end < 0:

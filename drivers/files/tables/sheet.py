@@ -193,7 +193,7 @@ def _headed(lines: Sequence[tuple[int, str]], index: int, understands: Understan
     at, line = lines[index]
     separator = next((mark for mark in MARKS if mark in line), "")
     heads = _trimmed(cells(line, separator))
-    if len(heads) < FEWEST_TURNED:
+    if len(heads) < FEWEST_TURNED or (not separator and _is_remark(heads)):
         return None
     under = cells(lines[index + 1][1], separator) if index + 1 < len(lines) else []
     both = _merged(heads, under)
@@ -209,6 +209,11 @@ def _headed(lines: Sequence[tuple[int, str]], index: int, understands: Understan
         rows = tuple((at, row) for row in turned[1:])
         return Sheet(at, separator=separator, heads=turned[0], rows=rows, said=_said(lines[:index])), 0
     return None
+
+
+def _is_remark(words: Row) -> bool:
+    """Whether words between blanks are a sentence: "deviation = measured - target", "Sign: target minus actual"."""
+    return "=" in words or sum(word.endswith(":") for word in words) == 1
 
 
 def _trimmed(row: list[str]) -> Row:

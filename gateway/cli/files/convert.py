@@ -15,6 +15,7 @@ from drivers.errors import ConfigError, words
 from drivers.tablefile import TableMachine
 from drivers.terms import TableKind, spoken
 from drivers.units import AxisUnit
+from gateway.cli.files.evaluating import accepted_of
 from gateway.cli.files.exchanging import TABLES, ExchangeOptions, exchange, is_exchange, known_formats
 from gateway.cli.files.tables import number, show_findings, table_format, write_text
 from gateway.cli.show import echo, show_json
@@ -46,6 +47,7 @@ class ConversionOptions:
     store: Path = Path("runs")
     accepted: Mapping[str, str] = field(default_factory=dict)
     columns: tuple[str, ...] = ()
+    compared: Any = None
 
 
 def convert_file(wish: ConversionOptions, *, as_json: bool) -> None:
@@ -95,6 +97,7 @@ def _read(wish: ConversionOptions) -> tuple[Any, tuple[str, ...]]:
     content, notes = read_measured(
         wish.result, How(wish.unit, columns=columns_of(wish.columns) or None), Maps(wish.store)
     )
+    notes += accepted_of((content,), wish.result, wish.compared, wish.store)
     measured = with_doubts(content, wish.accepted, modulo=wish.modulo)
     demand_settled(measured.doubts, str(wish.result))
     _check_kind(wish, measured)

@@ -8,7 +8,16 @@ from typing import Annotated
 import typer
 
 from drivers.terms import spoken
-from gateway.cli.options import AcceptOption, ColumnOption, JsonOption, StoreOption, accepted_doubts
+from gateway.cli.options import (
+    AcceptOption,
+    AskOption,
+    ColumnOption,
+    JsonOption,
+    StatementOption,
+    StoreOption,
+    accepted_doubts,
+    compared_of,
+)
 
 WORDS = spoken()
 
@@ -57,6 +66,8 @@ def convert(
         ),
     ] = "",
     accept_doubt: AcceptOption = None,
+    accept: StatementOption = None,
+    ask: AskOption = True,
     force: Annotated[bool, typer.Option("--force", help="Replace an existing file.")] = False,
     store: StoreOption = Path("runs"),
     as_json: JsonOption = False,
@@ -83,5 +94,6 @@ def convert(
         store=store,
         accepted=accepted_doubts(accept_doubt),
         columns=tuple(column or ()),
+        compared=compared_of(None, accept, ask=ask and not as_json),
     )
     convert_file(wish, as_json=as_json)

@@ -272,6 +272,11 @@ def accepted_statements(path: Path, found: Sequence[Any], compared: Any, store: 
     from drivers.types.results import MeasuredSet
 
     measured = [one.content for one in found if one.capture is None and isinstance(one.content, MeasuredSet)]
+    return accepted_of(measured, path, compared, store)
+
+
+def accepted_of(measured: Sequence[Any], path: Path, compared: Any, store: Path) -> tuple[str, ...]:
+    """The same of sets that a file holds, which all have its header."""
     if compared is None or not measured:
         return ()
     from gateway.cli.options import accepted_words

@@ -89,7 +89,6 @@ def evaluate(
     if standard == "list":
         list_standards(as_json=as_json)
         return
-    several = len(files or ()) > 1  # one file alone, without a site, has nothing to be compared with
     if kind != "positioning":
         if site is not None:  # its tolerances are of positioning: ignored, they would be taken for a pass
             raise ConfigError("E-CLI-SITE-KIND", "--site", kind=kind)
@@ -129,7 +128,7 @@ def evaluate(
             limits=limits_of(limit or ()),
             accepted=accepted_doubts(accept_doubt),
             columns=tuple(column or ()),
-            compared=compared_of(None, accept, ask=ask and not as_json) if several else None,
+            compared=compared_of(None, accept, ask=ask and not as_json),
         )
         raise typer.Exit(evaluate_kinds(files or [], options, as_json=as_json))
     tree = load_site(site) if site is not None else None
@@ -148,9 +147,7 @@ def evaluate(
         phase=phase,
         plot=plot,
         site=tree,
-        compared=compared_of(None, accept, ask=ask and not (as_json or apart), tree=tree)
-        if tree or (several and not apart)
-        else None,
+        compared=compared_of(None, accept, ask=ask and not (as_json or apart), tree=tree),
         accepted=accepted_doubts(accept_doubt),
         columns=tuple(column or ()),
     )

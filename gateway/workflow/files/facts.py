@@ -247,12 +247,12 @@ def quantity(key: str, text: str) -> float | None:
 
 
 def differences(
-    files: Sequence[FileFacts], site: SiteFile | None = None, today: date | None = None
+    files: Sequence[FileFacts], site: SiteFile | None = None, today: date | None = None, *, recent: bool = True
 ) -> tuple[Difference, ...]:
     """Every statement that differs from the site's, or where the site has none, from that of most files.
 
     With ``today`` a date that is still to come differs from it; beside a site, whose machine is judged, so does one of
-    more than a year ago.
+    more than a year ago, unless dates need not be ``recent``.
     """
     found: list[Difference] = []
     for key in KEYS:
@@ -267,7 +267,7 @@ def differences(
                 left.append(one)
         found += _across(key, left)
         found += _too_early(left, site) if key == "date" and site is not None else ()
-        found += _far(left, today, old=site is not None) if key == "date" and today is not None else ()
+        found += _far(left, today, old=recent and site is not None) if key == "date" and today is not None else ()
     return tuple(dict.fromkeys(found))
 
 
@@ -312,9 +312,8 @@ def _far(files: Sequence[FileFacts], today: date, *, old: bool) -> Iterator[Diff
     """
     for one in files:
         days = days_of(one.said["date"])
-        to_come = days.first is not None and days.first > today + timedelta(days=1)
         past = old and days.last is not None and days.last < today - timedelta(days=OLDEST_DAYS)
-        if to_come or past:
+        if past or to_come(one.said["date"], today):
             yield Difference(one.name, "date", one.said["date"], today.isoformat(), source=words(TODAY))
 
 
@@ -399,6 +398,12 @@ def _words_agree(one: tuple[str, ...], other: tuple[str, ...]) -> bool:
     return all(token in long or (len(token) == 1 and any(word.startswith(token) for word in long)) for token in short)
 
 
+def to_come(text: str, today: date) -> bool:
+    """Whether a date means a day after tomorrow by every reading of it; a day for time zones."""
+    first = days_of(text).first
+    return first is not None and first > today + timedelta(days=1)
+
+
 # ---------------------------------------------------------------------------------------------------------- settling
 
 
@@ -414,7 +419,7 @@ def settle(
 ) -> StatedFacts:
     """Compare, ask about what differs, remember what a person accepted for this site, and return it all as a record.
 
-    ``accepted`` are KEY=VALUE as `Difference.text` has them; without ``recent`` dates may be of any age. Raises
+    ``accepted`` are KEY=VALUE as `Difference.text` has them; without ``recent`` past dates may be of any age. Raises
     ConfigError: E-FACTS-ACCEPT for a word that is no statement, E-FACTS-DIFFER where nobody can be asked, E-FACTS-OTHER
     where a person says that a file is another's.
     """
@@ -423,7 +428,7 @@ def settle(
             raise ConfigError("E-FACTS-ACCEPT", "--accept", text=shown(word), known=", ".join(KEYS))
     stamp = utc.isoformat(timespec="seconds") if utc is not None else ""
     given = {_normal(word) for word in accepted}
-    found = differences(files, site, utc.date() if utc is not None and recent else None)
+    found = differences(files, site, utc.date() if utc is not None else None, recent=recent)
     settled: dict[Difference, str] = {}
     for one in found:
         when = _remembered(one, site, maps)
@@ -448,7 +453,7 @@ class Compared:
     """With what the statements of files are compared, and who is asked about a difference.
 
     One command has one: ``earlier`` are the files that it took so far, with which each further one is compared. Dates
-    must be ``recent`` by the clock ``utc``; those of a collection of old files need not.
+    must be ``recent`` by the clock ``utc``; those of a collection need not, but none is still to come.
     """
 
     site: SiteFile | None = None

@@ -24,7 +24,7 @@ ROLES = ("file", "dynamic-file", "gear-file")
 OTHER_ENDINGS = {"xml": "gde", **dict.fromkeys(("txt", "dat", "tsv", "md", "xlsx", "xls"), "csv")}
 NEED_UNIT = ("rta", "rtx")
 WHOLE, READINGS = {"target"}, {"deviation", "measured", "increment", "length"}
-ONCE = ("confirmed", "beside")
+ONCE = ("confirmed", "beside", "factor")
 """Words about one file only: they are never remembered for others."""
 Content = MeasuredSet | Recording | GearInspection
 

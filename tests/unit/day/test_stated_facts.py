@@ -11,6 +11,7 @@ import pytest
 from click.testing import Result
 from typer.testing import CliRunner
 
+import trueflank as tf
 from drivers.errors import ConfigError, TrueflankError
 from gateway.cli import app
 from gateway.config import SiteFile
@@ -182,7 +183,8 @@ def test_files_of_one_command_are_compared_with_each_other_without_a_site(
         (tmp_path / f"{name}.csv").write_text(f"{head}\n{TABLE}", encoding="utf-8")
     (tmp_path / "d.csv").write_text(f"Machine;Mill 8\nDate;May 3, 2199\n{TABLE}", encoding="utf-8")
     assert run("evaluate", "a.csv", "b.csv", "--no-ask").exit_code == 0
-    assert run("evaluate", "d.csv").exit_code == 0, "one file alone is compared with nothing"
+    (tmp_path / "e.csv").write_text(f"Machine;Mill 8\nDate;May 3, 2019\n{TABLE}", encoding="utf-8")
+    assert run("evaluate", "e.csv", "--no-ask").exit_code == 0, "one file alone is compared with today alone"
     for words in (("evaluate",), ("import",), ("report",), ("evaluate", "--kind", "reversal")):
         for other, stated in (("c", "date=3.2.2019"), ("d", "machine=Mill 8")):
             result = run(words[0], "a.csv", f"{other}.csv", *words[1:], "--no-ask")
@@ -199,6 +201,53 @@ def test_a_date_that_is_still_to_come_is_asked_about() -> None:
     for text, differs in (("29.11.2026", False), ("2026-11-30", True), ("3/12/2026", False), ("2027", True)):
         found = differences([FileFacts("a", said={"date": text})], None, today)
         assert bool(found) is differs, text
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ("evaluate",),
+        ("evaluate", "--json"),
+        ("evaluate", "--table", "t.csv"),
+        ("evaluate", "--kind", "straightness"),
+        ("report", "--no-ask"),
+        ("import",),
+        ("convert", "--to", "eec", "--axis", "X1", "--reference", "0", "--datum", "0=0", "-o", "o.spf"),
+        ("convert", "--to", "linuxcnc", "--axis", "X", "--reference", "0", "--datum", "0=0", "-o", "o.comp"),
+    ],
+)
+def test_no_command_takes_one_file_of_a_day_to_come_without_a_word(
+    words: tuple[str, ...], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    rows = "".join(
+        f"{at},{way},{run},{at / 100 + run / 10}\n" for at in (0, 100, 200, 300) for way in "+-" for run in (1, 2)
+    )
+    head = "target_mm,direction,repetition,deviation_um"
+    Path("a.csv").write_text(f"Machine: Mill 7\nDate: 2026-12-20\n{head}\n{rows}", encoding="utf-8")
+    monkeypatch.setattr("gateway.cli.options._now", lambda: NOW)
+    command, *rest = words
+    refused = CliRunner().invoke(app, [command, "a.csv", *rest])
+    assert refused.exit_code not in (0, 21)
+    said = f"{refused.output} {refused.exception}".replace("\\", "")
+    assert "E-FACTS-DIFFER" in said
+    assert '--accept "date=2026-12-20"' in said
+    assert not Path("o.spf").exists()
+    accepted = CliRunner().invoke(app, [command, "a.csv", *rest, "--accept", "date=2026-12-20"])
+    assert accepted.exit_code == 0, accepted.output
+    monkeypatch.setattr("gateway.cli.options._now", lambda: NOW + timedelta(days=60))
+    later = CliRunner().invoke(app, [command, "a.csv", *rest, *(("--force",) if command == "convert" else ())])
+    assert later.exit_code == 0, "what was to come is past"
+
+
+def test_the_library_says_that_a_day_is_still_to_come(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    text = "Date: 2026-12-20\ntarget_mm,direction,repetition,deviation_um\n0,+,1,1\n10,+,1,2\n20,+,1,4\n"
+    (tmp_path / "a.csv").write_text(text)
+    for today, said in ((date(2026, 11, 28), True), (date(2026, 12, 19), False)):
+        monkeypatch.setattr("trueflank.measuring._today", lambda today=today: today)
+        read = tf.read(tmp_path / "a.csv")
+        assert any("2026-12-20" in one for one in read.warnings) is said
+        assert any("2026-12-20" in one for one in tf.evaluate(read).notes) is said
 
 
 def test_beside_a_site_a_date_of_more_than_a_year_ago_is_asked_about(tmp_path: Path) -> None:
