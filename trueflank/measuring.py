@@ -196,7 +196,8 @@ def read(
     ``accepted`` are doubts that you answer for, reasons by code. Raises ConfigError (E-LIBRARY-COLUMNS, -WAYS, -RUNS,
     -READINGS, -SEVERAL and -SHEET: ``columns`` answers them), FileFormatError with line and reason.
     """
-    from gateway.workflow.files.facts import facts_of, to_come
+    from gateway.workflow.files.days import to_come
+    from gateway.workflow.files.facts import facts_of
     from gateway.workflow.files.reading import How, read_file
 
     path_given(path, "read")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from itertools import islice
 from pathlib import Path
@@ -197,6 +197,20 @@ def compared_of(site: Path | None, accepted: list[str] | None, *, ask: bool, tre
 
     known = load_site(site) if tree is None and site is not None else tree
     return Compared(known, tuple(accepted or ()), _ask_about if ask else None, _now)
+
+
+@dataclass(frozen=True, slots=True)
+class TodayAlone:
+    """One file without a site: its day is compared with today, and the rest with nothing; loaded where it differs."""
+
+    accepted: tuple[str, ...]
+    ask: bool
+
+    def compared(self, header: Mapping[str, str]) -> Any:
+        """With what its statements are compared, None where its day is not still to come."""
+        from gateway.workflow.files.days import date_in, to_come
+
+        return compared_of(None, list(self.accepted), ask=self.ask) if to_come(date_in(header), _now().date()) else None
 
 
 def _now() -> datetime:

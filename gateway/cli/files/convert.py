@@ -15,7 +15,6 @@ from drivers.errors import ConfigError, words
 from drivers.tablefile import TableMachine
 from drivers.terms import TableKind, spoken
 from drivers.units import AxisUnit
-from gateway.cli.files.evaluating import accepted_of
 from gateway.cli.files.exchanging import TABLES, ExchangeOptions, exchange, is_exchange, known_formats
 from gateway.cli.files.tables import number, show_findings, table_format, write_text
 from gateway.cli.show import echo, show_json
@@ -88,6 +87,7 @@ def _read(wish: ConversionOptions) -> tuple[Any, tuple[str, ...]]:
     Readings out of line are left out, as in the fit of a run; the doubts name them. Raises InDoubt (E-DOUBT-OPEN): no
     table comes of readings in doubt.
     """
+    from gateway.cli.files.evaluating import accepted_of
     from gateway.evaluate.behaviour.doubts import demand_settled, with_doubts
     from gateway.evaluate.behaviour.repetitions import in_line
     from gateway.store import Maps

@@ -15,8 +15,8 @@ from gateway.cli.options import (
     JsonOption,
     StatementOption,
     StoreOption,
+    TodayAlone,
     accepted_doubts,
-    compared_of,
 )
 
 WORDS = spoken()
@@ -94,6 +94,6 @@ def convert(
         store=store,
         accepted=accepted_doubts(accept_doubt),
         columns=tuple(column or ()),
-        compared=compared_of(None, accept, ask=ask and not as_json),
+        compared=TodayAlone(tuple(accept or ()), ask and not as_json),
     )
     convert_file(wish, as_json=as_json)

@@ -13,7 +13,7 @@ import typer
 from drivers.errors import ConfigError, TrueflankError, words
 from drivers.terms import shown
 from gateway.cli.exits import of_verdicts
-from gateway.cli.options import run_or_file
+from gateway.cli.options import TodayAlone, run_or_file
 from gateway.cli.show import echo, show_error, show_json, show_table
 from gateway.workflow.files.kindrecords import KindQuestion, MeasuredFile
 
@@ -186,7 +186,7 @@ Answer = tuple[list[dict[str, Any]], list[MeasuredFile], TrueflankError | None]
 
 def _answered(path: Path, *, asked: EvaluationOptions, apart: bool) -> Answer:
     drawn: list[MeasuredFile] = []
-    if apart and asked.compared is not None:
+    if apart and asked.compared is not None and not isinstance(asked.compared, TodayAlone):
         asked = replace(asked, compared=replace(asked.compared, earlier=[], recent=False))
     try:
         return _evaluated(path, asked, drawn), drawn, None
@@ -277,6 +277,8 @@ def accepted_statements(path: Path, found: Sequence[Any], compared: Any, store: 
 
 def accepted_of(measured: Sequence[Any], path: Path, compared: Any, store: Path) -> tuple[str, ...]:
     """The same of sets that a file holds, which all have its header."""
+    if isinstance(compared, TodayAlone):
+        compared = compared.compared(measured[0].header) if measured else None
     if compared is None or not measured:
         return ()
     from gateway.cli.options import accepted_words

@@ -15,6 +15,7 @@ from gateway.cli.options import (
     JsonOption,
     StatementOption,
     StoreOption,
+    TodayAlone,
     accepted_doubts,
     compared_of,
     load_site,
@@ -128,7 +129,9 @@ def evaluate(
             limits=limits_of(limit or ()),
             accepted=accepted_doubts(accept_doubt),
             columns=tuple(column or ()),
-            compared=compared_of(None, accept, ask=ask and not as_json),
+            compared=compared_of(None, accept, ask=ask and not as_json)
+            if len(files or ()) > 1
+            else TodayAlone(tuple(accept or ()), ask and not as_json),
         )
         raise typer.Exit(evaluate_kinds(files or [], options, as_json=as_json))
     tree = load_site(site) if site is not None else None
@@ -147,7 +150,9 @@ def evaluate(
         phase=phase,
         plot=plot,
         site=tree,
-        compared=compared_of(None, accept, ask=ask and not (as_json or apart), tree=tree),
+        compared=compared_of(None, accept, ask=ask and not (as_json or apart), tree=tree)
+        if tree or (len(files or ()) > 1 and not apart)
+        else TodayAlone(tuple(accept or ()), ask and not (as_json or apart)),
         accepted=accepted_doubts(accept_doubt),
         columns=tuple(column or ()),
     )

@@ -30,7 +30,8 @@ from gateway.workflow.errors21.components import PlanOutcome, conclude, grids, m
 from gateway.workflow.errors21.filesetup import capture_of, read_setup
 from gateway.workflow.errors21.fromsetups import axes_measured
 from gateway.workflow.errors21.setups import Planned, key_of, planned
-from gateway.workflow.files.facts import days_of, settle
+from gateway.workflow.files.days import days_of
+from gateway.workflow.files.facts import settle
 from gateway.workflow.results.testconditions import STATED, with_unit
 from gateway.workflow.runsite import new_run
 from gateway.workflow.tooth.correcting import ToothOutcome, correct_site

@@ -25,8 +25,9 @@ from gateway.store import Maps, RunFolder, Store
 from gateway.store.disk import disk_errors
 from gateway.workflow import stages
 from gateway.workflow.axes.conditions import stated_of
+from gateway.workflow.files.days import moment_of
 from gateway.workflow.files.exporting import MeasuredItem, items
-from gateway.workflow.files.facts import Compared, FileFacts, facts_of, moment_of
+from gateway.workflow.files.facts import Compared, FileFacts, facts_of
 from gateway.workflow.files.importing import STATE
 from gateway.workflow.files.motions import NAME
 from gateway.workflow.files.reading import How

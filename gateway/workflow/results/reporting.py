@@ -39,7 +39,7 @@ from gateway.tooth import AxisOutlook, ToothProposal
 from gateway.workflow import stages
 from gateway.workflow.axes.propose import size_of
 from gateway.workflow.errors21.setups import planned
-from gateway.workflow.files.facts import moment_of
+from gateway.workflow.files.days import moment_of
 from gateway.workflow.results.conformity import judged
 from gateway.workflow.results.overview import index_html, lead_of, results_csv
 from gateway.workflow.results.particulars import particulars_of

@@ -17,7 +17,8 @@ from gateway.cli import app
 from gateway.config import SiteFile
 from gateway.domain.stated import StatedFacts
 from gateway.store import Maps, Store
-from gateway.workflow.files.facts import FileFacts, days_of, differences, facts_of, quantity, settle, settle_setup
+from gateway.workflow.files.days import days_of
+from gateway.workflow.files.facts import FileFacts, differences, facts_of, quantity, settle, settle_setup
 from gateway.workflow.files.importing import watcher_of
 from simulators.cell.site import section
 from tests.unit.components.site import site_data, site_of
