@@ -8,8 +8,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Collection, Iterable, Mapping
-from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, NamedTuple
 
 from drivers.types.doubts import Doubt
 from drivers.units import unit_named
@@ -91,8 +90,7 @@ _SPOKEN: tuple[tuple[str, Concern], ...] = (
 _PHRASES = tuple((re.compile(pattern), concern) for pattern, concern in _SPOKEN)
 
 
-@dataclass(frozen=True, slots=True)
-class Statement:
+class Statement(NamedTuple):
     """A line that may change what the readings of a table mean: its number, its words and what they may change."""
 
     line: int

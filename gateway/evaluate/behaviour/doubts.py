@@ -20,6 +20,7 @@ from gateway.domain.captures import Capture
 from gateway.domain.values import COVERAGE, FloatArray
 from gateway.errors import InDoubt
 from gateway.evaluate.behaviour.repetitions import MOST_TOLD, out_of_line
+from gateway.evaluate.behaviour.slips import Slip, slips
 from gateway.evaluate.optics.rotary import closure
 from gateway.evaluate.standards import iso230_2, readings
 from gateway.evaluate.uncertainty.budget import ROTARY_DEVICE_ARCSEC
@@ -296,6 +297,7 @@ def _scattered(at: FloatArray, x: FloatArray, unit: DeviationUnit) -> list[Doubt
         found.append(Doubt("S-EVAL-OUT-MORE", numbers={"more": len(out) - MOST_TOLD}))
     jumps = _jumping(at, x, unit)
     known = {one for one, _off in out}
+    slipped = slips(at, x)[:MOST_TOLD]
     found += [
         Doubt("S-EVAL-JUMP", names=_place(at, one, unit) | {"off": f"{off:+.3g}"}, numbers={"off": off})
         for one, off in jumps[:1]
@@ -305,7 +307,16 @@ def _scattered(at: FloatArray, x: FloatArray, unit: DeviationUnit) -> list[Doubt
     if far is not None and abs(far[1]) > LEAST[unit]:
         names = _place(at, far[0], unit) | {"off": f"{far[1]:+.4g}", "limit": f"{LEAST[unit]:g}"}
         found.append(Doubt("S-EVAL-OUT-FAR", blocking=True, names=names, numbers={"off": far[1]}))
+    found += [] if jumps else [_slip(one, unit) for one in slipped]
     return [*found, Doubt("S-EVAL-OUT-KEPT")] if found else []
+
+
+def _slip(one: Slip, unit: DeviationUnit) -> Doubt:
+    """A jump that only the scatter of its own set shows, where no reading is farther out."""
+    names = {"low": f"{one.low:g}", "high": f"{one.high:g}", "way": "+-"[one.way], "reading": str(one.repetition + 1)}
+    names |= {"off": f"{one.size:+.3g}", "limit": f"{one.limit:.3g}", "unit": unit}
+    code = "S-EVAL-SLIP" if one.low != one.high else "S-EVAL-BUMP"
+    return Doubt(code, names=names, numbers={"off": one.size, "limit": one.limit})
 
 
 def _place(at: FloatArray, one: tuple[int, int, int], unit: DeviationUnit) -> dict[str, str]:
