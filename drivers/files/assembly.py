@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
@@ -28,6 +29,9 @@ FEWEST_NINES = 3
 MARKS = {999.0, *(float(2**power - 1) for power in (15, 16, 31, 32)), *(10.0**power for power in range(6, 10))}
 LEAST_FOR_SPREAD = 3
 INCHES = ("inch", "uin")
+_COUNTED = dict.fromkeys(("targets", "target positions", "ziele", "zielpositionen", "目标数", "目标点数"), "targets")
+_COUNTED |= dict.fromkeys(("runs", "passes", "repetitions", "cycles", "läufe", "wiederholungen", "zyklen"), "runs")
+_COUNTED |= dict.fromkeys(("循环次数", "重复次数", "次数"), "runs")
 UNIT_LINES = (
     *("stated unit", "units", "unit system", "unit of measure", "measurement unit", "measurement units", "einheit"),
     *("einheiten", "maßeinheit", "unité", "unités", "unidad", "unidades", "unità", "单位", "единицы"),
@@ -63,8 +67,8 @@ def assembled(
     if found.quantity == "length":
         count = np.unique(rows.target).size
         raise FileFormatError("E-FILE-LENGTH", where, line=int(rows.line[0]), targets=count)
-    if found.quantity == "position" and not confirmed:
-        _refuse_exchanged(rows, where)
+    if found.quantity in ("position", "deviation") and not confirmed:
+        _refuse_exchanged(rows, where, alone=found.quantity == "position")
     targets, crossed = _unwrapped(found, rows)
     own = TARGET_UNITS[found.target_unit][1]  # a reading counts as its target does, not as the target of the record
     from_ = targets if found.quantity == "increment" else rows.target * own
@@ -79,6 +83,7 @@ def assembled(
     units = other_unit(both, header, where, reading=found.unit, confirmed=confirmed)
     grid = _arranged(rows, targets, values, where)
     doubts = (*found.doubts, *crossed, *turned, *joined, *units, *_missing(found.rows.where(lost)))
+    doubts += _counts(header, grid, where)
     measured = MeasuredSet(grid.targets, grid.deviations, found.axis_unit, header=header, doubts=doubts)
     kept = _judged(measured, where, grid, apart=found.apart, confirmed=confirmed, refuses=True)
     return replace(kept, warnings=(*_notes(kept.deviations), *warnings))
@@ -193,7 +198,8 @@ def _deviations(found: Readings, rows: Rows, targets: FloatArray, where: str) ->
     if not found.circular:
         return values, ()
     whole = np.round(values / (TURN * scale))
-    over = whole != 0.0
+    over = (whole != 0.0) & (np.abs(values) <= FARTHEST * scale)  # what is farther is no measurement, and stays so
+    whole = np.where(over, whole, 0.0)
     if not over.any():
         return values, ()
     doubt = Doubt("S-READ-TURNS", where, numbers={"count": int(over.sum())}, names={"stops": _told(rows.where(over))})
@@ -250,6 +256,22 @@ def other_unit(
             names = {"stated": text.strip()[:40], "found": ", ".join(dict.fromkeys(units))}
             return (Doubt("S-READ-UNITS", where, blocking=not confirmed, names=names),)
     return ()
+
+
+def _counts(header: Mapping[str, str], grid: _Grid, where: str) -> tuple[Doubt, ...]:
+    """Numbers of targets or runs that the file states and does not hold: it may have been cut, or joined."""
+    count, runs, _ways = grid.deviations.shape
+    passes = int((~np.isnan(grid.deviations)).any(axis=0).sum())
+    found = []
+    for key, text in header.items():
+        plain = re.sub(
+            r"^(?:number|no|anzahl|nombre|numero|número)\.?(?: of| der| de| di)? ", "", key.lower().strip(" .:#")
+        )
+        held = {"targets": {count}, "runs": {runs, passes}}.get(_COUNTED.get(plain, ""), set())
+        if held and text.strip().isdecimal() and int(text) not in held:
+            names = {"stated": f"{key}: {text.strip()}"[:60], "found": f"{count} x {runs}"}
+            found.append(Doubt("S-READ-COUNT", where, names=names))
+    return tuple(found)
 
 
 def _near_ones_joined(rows: Rows, targets: FloatArray) -> tuple[FloatArray, tuple[Doubt, ...]]:
@@ -356,10 +378,21 @@ def _judged(
     return replace(measured, doubts=doubts)
 
 
-def _refuse_exchanged(rows: Rows, where: str) -> None:
-    """Targets are visited again and again, readings are not: where it is the other way round, so are the columns."""
+def _refuse_exchanged(rows: Rows, where: str, *, alone: bool) -> None:
+    """Targets are visited again and again, readings are not: where it is the other way round, so are the columns.
+
+    Positions may go by the numbers ``alone``. Deviations are often rounded to few values; they are targets where each
+    occurs as often as any other and all passes run straight through them, while no target occurs twice.
+    """
     targets, values = np.unique(rows.target).size, np.unique(rows.value).size
-    if targets > LEAST_FOR_SPREAD * values > LEAST_FOR_SPREAD:
+    exchanged = targets > LEAST_FOR_SPREAD * values > LEAST_FOR_SPREAD
+    if not alone:
+        steps = [np.diff(rows.value[own]) for _way, own in _passes(rows)]
+        counts = np.unique(rows.value, return_counts=True)[1]
+        straight = all(bool((one > 0.0).all() or (one < 0.0).all()) for one in steps)
+        often = values > LEAST_FOR_SPREAD and counts[0] > 1 and bool((counts == counts[0]).all())
+        exchanged = straight and often and targets > 0.9 * len(rows)
+    if exchanged:
         raise FileFormatError("E-FILE-EXCHANGED", where, line=int(rows.line[0]), targets=targets, values=values)
 
 

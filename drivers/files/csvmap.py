@@ -212,7 +212,8 @@ def _with_remarks(found: Found, lines: Iterable[tuple[int, str]], said: ColumnMa
     readings, words, notes = found
     said_of: dict[Concern, bool] = {"factor": said.factor != 0.0, "sign": said.sense < 0, "zero": said.datum != 0.0}
     settled = [concern for concern, known in said_of.items() if known]
-    own = remarks(lines, where, settled=settled, confirmed=said.confirmed)
+    units = (readings.target_unit, readings.unit)
+    own = remarks(lines, where, settled=settled, units=units, confirmed=said.confirmed)
     return replace(readings, doubts=(*readings.doubts, *own)), words, notes
 
 

@@ -76,6 +76,8 @@ INCH_OR_ARCSEC = ('"', "\N{DOUBLE PRIME}")
 """Marks that stand for inches beside lengths and for seconds of arc beside angles."""
 _BRACKET = re.compile(r"[\[(（]\s*([^\[\]()（）]{1,12}?)\s*[\])）]\s*$")
 _TAIL = re.compile(r"[_ ,/]+([a-zµμмк]+|[微毫]米)$")
+# "Grad" is a degree in German, "grad" a hundredth of a right angle in other languages: nobody can tell from that alone.
+_GON = re.compile(r"(?<![^\W_])grad(?![^\W_])")
 _COUNTED = re.compile(r"\(\s*[ij]\s*\)(?=\s*(?:[\[(].*)?$)")
 _TOKEN = re.compile(r"[\u4e00-\u9fff]+|[^\W\d_\u4e00-\u9fff]+|[0-9]+|[+\-↑↓→←]")
 _BESIDE = frozenset({"x", "i", "j", "d", "no", "nr", "ref", "第", "次", *_KNOWN}) - {PLACE}
@@ -126,6 +128,8 @@ def head_cell(text: str) -> HeadCell:
     """A cell of a heading."""
     words, unit = _unit_apart(_COUNTED.sub("", text.strip().lower()))
     words = " ".join(words.replace("_", " ").split()) if words != "p_i" else words
+    if unit == "deg" and _GON.search(text):
+        unit = "grad?"
     front, mark, rest = text.strip().lower().partition("_")
     if mark and not unit and words not in _KNOWN and front in _KNOWN:
         return HeadCell(_KNOWN[front], rest, front)  # a unit that nobody knows is refused by whoever reads it

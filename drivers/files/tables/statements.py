@@ -13,9 +13,15 @@ from typing import Literal, NamedTuple
 from drivers.types.doubts import Doubt
 from drivers.units import unit_named
 
-Concern = Literal["factor", "zero", "sign"]
+Concern = Literal["factor", "zero", "sign", "unit", "raw"]
 """What a line may change of the readings."""
-CODES: Mapping[Concern, str] = {"factor": "S-READ-FACTOR", "zero": "S-READ-ZERO", "sign": "S-READ-SIGN"}
+CODES: Mapping[Concern, str] = {
+    "factor": "S-READ-FACTOR",
+    "zero": "S-READ-ZERO",
+    "sign": "S-READ-SIGN",
+    "raw": "S-READ-RAW",
+    "unit": "S-READ-UNITS",
+}
 LONGEST, MOST_TOLD = 60, 3
 MOST_ABOVE, MOST_BELOW = 100, 100
 """Lines of a text that are looked at, from its beginning and from its end."""
@@ -85,8 +91,22 @@ _SPOKEN: tuple[tuple[str, Concern], ...] = (
     # Everywhere a deviation is measured minus target.
     (r"\b(?:target|nominal|command(?:ed)?|setpoint|soll\w*|set)(?:\s+\w+)?\s*(?:[-−–]|\bminus\b)\s*(?:measured|actual|act"
      r"|reading|laser|position|ist\w*|mess\w*)", "sign"),
+    (r"\b(?:doubled|halved|half values?|double values?|double deviations?|verdoppelte?"
+     r"|halbierte?|doppelte werte|halbe werte)\b"
+     r"|\b(?:readings?|values?|deviations?|errors?|data|werte|messwerte)\s+[x×*]\s?\d", "factor"),
+    # Figures suppose readings that the instrument corrected.
+    (r"\b(?:expansion|thermal|temperature|material|air|environment\w*|refracti\w*|wavelength)\b[^\n]*"
+     r"\b(?:not|un|without)[ -]?(?:been )?(?:correct|compensat|applied)\w*"
+     r"|\b(?:not|un)[ -]?(?:correct|compensat)ed for\b"
+     r"|\bwithout (?:air|material|expansion|temperature|thermal|environment\w*)\b"
+     r"|\bohne \w*kompensation\b|\bnicht (?:kompensiert|korrigiert)\b|\bnon (?:compensé|corrigé)|未补偿|未修正", "raw"),
     (r"(?:subtract|deduct|add)(?:ed)?\b[^\n]*\d", "zero"),
 )  # fmt: skip
+_IN_UNIT = re.compile(
+    r"\b(?:(?P<own>deviations?|errors?|readings?|abweichung(?:en)?|fehler|messwerte?|écarts?)"
+    r"|(?:values?|data|werte|valeurs)|(?P<every>all (?:values|data)|alle werte))"
+    r"\s+(?:are\s+|is\s+|sind\s+)?(?:given\s+)?(?:in|en)\s+(?P<unit>[^\W\d]+|[\"″])\.?\Z"
+)
 _PHRASES = tuple((re.compile(pattern), concern) for pattern, concern in _SPOKEN)
 
 
@@ -114,18 +134,29 @@ def remarks(
     where: str,
     *,
     settled: Collection[Concern] = (),
+    units: tuple[str, str] = ("", ""),
     confirmed: bool = False,
 ) -> tuple[Doubt, ...]:
-    """A blocking doubt for each thing that lines around a table may change, and that nobody ``settled``."""
+    """A doubt for each thing that lines around a table may change, and that nobody ``settled``.
+
+    It blocks, but for readings that were not corrected for air or expansion. ``units`` are those of targets and
+    readings, "" where they are not known.
+    """
+    every = list(lines)
     found: dict[Concern, list[Statement]] = {}
-    for one in statements_of(lines):
+    for one in statements_of(every):
         found.setdefault(one.concern, []).append(one)
+    for at, line in every if units[1] else ():
+        named = _IN_UNIT.search(" ".join(line.strip(" #;,\t|").lower().split()))
+        unit = unit_named(named["unit"]) if named else ""
+        if named and unit and unit not in (units[1:] if named["own"] or named["every"] else units):
+            found.setdefault("unit", []).append(Statement(at, line.strip()[:LONGEST], "unit"))
     return tuple(
         Doubt(
             CODES[concern],
             where,
-            blocking=not confirmed,
-            names={"stated": "; ".join(map(_told, own[:MOST_TOLD]))},
+            blocking=not confirmed and concern != "raw",
+            names={"found": ", ".join(units), "stated": "; ".join(map(_told, own[:MOST_TOLD]))},
         )
         for concern, own in found.items()
         if concern not in settled

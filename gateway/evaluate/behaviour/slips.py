@@ -72,9 +72,10 @@ def slips(targets: FloatArray, deviations: FloatArray) -> list[Slip]:
 
 def _sequences(x: FloatArray) -> list[tuple[FloatArray, tuple[int, int, int]]]:
     """What is looked at, each (m,), with repetition, way and the order of its differences."""
-    there = np.isfinite(x).any(axis=0)
-    if x.shape[1] == MOST_REPETITIONS and there.all(axis=0).any():
-        return [(x[:, 1, way] - x[:, 0, way], (1, way, 1)) for way in (0, 1) if there[:, way].all()]
+    there = np.asarray(np.isfinite(x).any(axis=0))
+    both = [way for way in (0, 1) if x.shape[1] == MOST_REPETITIONS and bool(there[:, way].all())]
+    if both:
+        return [(x[:, 1, way] - x[:, 0, way], (1, way, 1)) for way in both]
     passes = [(int(run), int(way)) for run, way in np.argwhere(there)]
     if len(passes) == 2:
         (run, way), (other, back) = passes

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from drivers.errors import ConfigError
+from drivers.errors import ConfigError, FileFormatError
 from drivers.files.columns import ColumnMap
 from drivers.files.csvmap import CsvFormat, parse_csv
 from drivers.files.pos import PosFormat
@@ -29,17 +29,25 @@ FACTOR = """Scale: 0.5|Scale factor = 2|Multiplier;10|Faktor: 0,1|# Faktor 0,1|R
 Gain\t2|Scale factor (readings): 0.001|Messwerte mal 10|Readings multiplied by 10|比例: 0.1|Divisor: 4
 Scale [um/div]: 0.5|units of 0.1 um|all readings in 1e-4 inch|Werte in 10^-4 mm|Werte in 1/1000 mm|Scale: 50 %
 "Scale";"0.5"|SCALE:.5
-Échelle: 10|Magnification 10x|Factor of 10|Scale: 2 um|Maßstab 10|Масштаб: 0.1|Data scale: 1e-3"""
+Readings are doubled|Half values|deviations x2|Échelle: 10|Magnification 10x
+Factor of 10|Scale: 2 um|Maßstab 10|Масштаб: 0.1|Data scale: 1e-3"""
 ZERO = "Offset: 5|Offset: 1|Zero offset;12.5 mm|Preset: 100|add 5 um to all readings|偏移: 2|Nullpunktverschiebung: 0,3"
 SIGN = """Sign: inverted|Sign: -1|Deviation = target - actual|Sign convention: nominal minus actual
 Polarity: negative|Invert: yes|Vorzeichen: umgekehrt|Abweichung = Soll - Ist|signs of all readings were changed"""
 NOTHING = """Scale: 1|Scale factor: 1.0|Faktor 1|Offset: 0.000 mm|Sign: +1|Sign: positive|Scale: Heidenhain LS 187
 Invert: no|Machine: Mill 7|Serial No: 12345|Date: 2026-10-10|Part 10 x 10 mm|Feed: 1000 mm/min|Resolution: 0.1 um
-Targets: 10|Unit: um|Deviation = measured - target|Title: X axis, 5 runs, 10 targets
+Unit: um|Deviation = measured - target|Title: X axis, 5 runs, 10 targets
 Expansion coefficient: 11.7e-6|Tolerance: 0.01 mm
 Axis X from 0 to 1000 mm in 100 mm steps|measured in 0.5 mm steps|Order: 1x10-7|Average of 10 samples
 Travel of 10 mm"""
-LISTED = {"S-READ-FACTOR": FACTOR, "S-READ-ZERO": ZERO, "S-READ-SIGN": SIGN, "": NOTHING}
+UNIT = "Readings in mm|all values in mm|deviation in mm|Values in inches|Abweichungen in mm|errors are in nm"
+RAW = "Expansion not corrected|not compensated for air|without material compensation|nicht kompensiert"
+COUNT = "Targets: 99|Runs: 9|Number of runs: 5|Anzahl Läufe: 3"
+NOTHING += "\nerrors in microns|values in mm|Targets: 4|Runs: 1|Runs: 2|No of targets: 4|Compensation: off|mean of 5"
+MICRONS = "errors in microns"
+LISTED = {"S-READ-FACTOR": FACTOR, "S-READ-ZERO": ZERO, "S-READ-SIGN": SIGN, "": NOTHING, "S-READ-UNITS": UNIT}
+LISTED |= {"S-READ-RAW": RAW, "S-READ-COUNT": COUNT}
+NOT_BLOCKING = ("S-READ-RAW", "S-READ-COUNT")
 LINES = [(line, code) for code, lines in LISTED.items() for line in re.split(r"[|\n]", lines)]
 
 
@@ -51,8 +59,13 @@ def read(text: str, **said: object) -> MeasuredSet:
 def test_a_line_about_factor_zero_or_sign_stops_the_verdict_and_any_other_does_not(place: str) -> None:
     for line, code in LINES:
         texts = {"above": f"{line}\n{TABLE}", "below": f"{TABLE}\n{line}\n", "indexed": f"UNIT=mm\n{line}\n{INDEXED}"}
+        # A text by indices has positions in one unit and counts nothing; below a table nothing is counted either.
+        if (code == "S-READ-COUNT" and place != "above") or (
+            place == "indexed" and line in (*UNIT.split("|"), MICRONS)
+        ):
+            continue
         found = [(one.code, one.blocking) for one in read(texts[place]).doubts]
-        assert found == ([(code, True)] if code else []), line
+        assert found == ([(code, code not in NOT_BLOCKING)] if code else []), line
 
 
 def test_what_a_person_says_of_a_factor_is_applied_and_settles_it() -> None:
@@ -105,3 +118,37 @@ def test_a_stated_unit_of_the_readings_must_be_theirs() -> None:
     assert [one.code for one in read(f"Units: nm\n{TABLE}").doubts] == ["S-READ-UNITS"]
     assert not read(f"Deviation unit: µm\n{TABLE}").doubts
     assert not read(f"Units: mm\n{TABLE}").doubts
+
+
+def test_a_gon_is_no_degree_and_a_german_degree_is_one() -> None:
+    for head, known in (("Ziel [Grad];Abweichung [arcsec]", True), ("Target [grad];Error [arcsec]", False)):
+        text = f"{head.replace(';', ';Direction;Run;')}\n" + "".join(f"{at};+;1;{at / 10}\n" for at in range(0, 50, 10))
+        if known:
+            assert read(text).targets.tolist() == [0.0, 10.0, 20.0, 30.0, 40.0]
+            continue
+        with pytest.raises(FileFormatError, match="grad"):
+            read(text)
+        assert read(text, target_unit="deg").targets[1] == 10.0
+
+
+def test_a_number_that_no_axis_reaches_is_not_counted_round_the_turn() -> None:
+    """1e30 arcsec less whole turns was 0 arcsec."""
+    rows = "".join(f"{at};+;1;{'1e30' if at == 40 else at / 100}\n" for at in range(0, 80, 10))
+    with pytest.raises(FileFormatError, match="no measurement"):
+        read(f"Target [deg];Direction;Run;Error [arcsec]\n{rows}")
+
+
+def test_targets_in_the_column_of_deviations_are_refused_and_rounded_deviations_are_not() -> None:
+    rng = np.random.default_rng(5)
+    ups, downs = range(0, 400, 50), range(350, -1, -50)
+    rows = "".join(
+        f"{rng.normal(0.0, 3.0):.3f};{way};{run};{at}\n"
+        for run in (1, 2)
+        for way, ats in (("+", ups), ("-", downs))
+        for at in ats
+    )
+    for unit, other in (("mm", "um"), ("deg", "arcsec")):
+        with pytest.raises(FileFormatError, match="E-FILE-EXCHANGED"):
+            read(f"Target [{unit}];Direction;Run;Error [{other}]\n{rows}")
+    steps = "".join(f"{at};+;1;{at // 100}\n" for at in range(0, 800, 50))
+    assert read(f"Target [mm];Direction;Run;Error [um]\n{steps}").deviations.shape == (16, 1, 2)
