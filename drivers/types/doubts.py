@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from drivers.errors import words
+from drivers.message import Message
 
 
 @dataclass(frozen=True, slots=True)
@@ -24,6 +25,11 @@ class Doubt:
     names: Mapping[str, str] = field(default_factory=dict)
     numbers: Mapping[str, float] = field(default_factory=dict)
     settled: str = ""
+
+    @property
+    def message(self) -> Message:
+        """What is doubtful, as a record contains it."""
+        return Message(self.code, {**self.numbers, **self.names})
 
     @property
     def text(self) -> str:

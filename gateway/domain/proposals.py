@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from enum import StrEnum
 from typing import Literal
 
+from drivers.message import Message
 from drivers.terms import spoken
 from drivers.types.identity import MachineIdentity
 from drivers.types.tables import CompensationTable, LiveSet
@@ -30,6 +32,32 @@ class Chance:
         return self.gain > self.u and self.worse < MOST_HARM
 
 
+class FindingWeight(StrEnum):
+    """What a finding means for the push of its table."""
+
+    REFUSES = "refuses"
+    ASKS = "asks"
+    JUDGED = "judged"  # an interlock judges the same by a limit of its own
+
+
+@dataclass(frozen=True, slots=True)
+class TableFinding:
+    """What is odd about a proposed table, and whether that refuses its push or asks for a second person."""
+
+    message: Message
+    weight: FindingWeight = FindingWeight.ASKS
+
+    @classmethod
+    def older(cls, text: str) -> TableFinding:
+        """The finding of a record of an older version, which stored a sentence behind its code."""
+        weight = FindingWeight.ASKS if text[:2] == "W-" else FindingWeight.REFUSES
+        judged = text.partition(" ")[0].rstrip(":") in _JUDGED_THEN
+        return cls(Message.stored(text), FindingWeight.JUDGED if judged else weight)
+
+
+_JUDGED_THEN = ("W-COMP-STEEP", "W-COMP-FLAT")
+
+
 @dataclass(frozen=True, slots=True)
 class TableChange:
     """One proposed table: the old one as live, the new one merged, and what the axis will then show.
@@ -52,7 +80,7 @@ class TableChange:
     targets: FloatArray
     predicted: FloatArray
     predicted_U: FloatArray
-    findings: tuple[str, ...] = ()
+    findings: tuple[TableFinding, ...] = ()
     skipped: str = ""
     base: LiveSet | None = None
     chance: Chance | None = None

@@ -7,7 +7,7 @@ from datetime import datetime
 
 from drivers.errors import words
 from drivers.local.names import person_key
-from gateway.domain.proposals import Approval
+from gateway.domain.proposals import Approval, FindingWeight
 from gateway.interlocks.facts import ROUNDING, PushFacts, Refusal, Rule, no
 from gateway.interlocks.limits import APPROVED_AHEAD, APPROVED_FOR, MAX_AGE, WARN_AGE
 from gateway.interlocks.measured import unmeasured
@@ -56,8 +56,8 @@ def _old(facts: PushFacts) -> Iterator[Refusal]:
 def _found(facts: PushFacts) -> Iterator[Refusal]:
     """What the proposal itself found doubtful, but for what is judged here by its own limit."""
     for finding in facts.change.findings:
-        if finding.startswith("W-") and not finding.startswith(_JUDGED_HERE):
-            yield from no("W-INT-FINDING", table=facts.table.called, finding=finding)
+        if finding.weight is FindingWeight.ASKS:
+            yield from no("W-INT-FINDING", table=facts.table.called, finding=finding.message)
 
 
 def _flat(facts: PushFacts) -> Iterator[Refusal]:
@@ -90,7 +90,6 @@ def _open(facts: PushFacts) -> Iterator[Refusal]:
 
 
 _WARNING: tuple[Rule, ...] = (_steep, _far, _old, _flat, _found, _forgetful, _marked, _alarmed, _open)
-_JUDGED_HERE = ("W-COMP-STEEP", "W-COMP-FLAT")
 
 
 def _agreed(facts: PushFacts) -> Iterator[Refusal]:

@@ -10,7 +10,7 @@ from drivers.terms import spoken
 from drivers.types.tables import CompensationTable
 from drivers.types.values import Approach
 from drivers.units import deviation_scale
-from gateway.domain.proposals import TableChange
+from gateway.domain.proposals import FindingWeight, TableChange
 from gateway.interlocks.facts import ROUNDING, PushFacts, Refusal, Rule, no, value_at
 from gateway.interlocks.limits import COARSEST_UM
 
@@ -59,10 +59,10 @@ def _grid(facts: PushFacts) -> Iterator[Refusal]:
 
 
 def _findings(facts: PushFacts) -> Iterator[Refusal]:
-    """Warnings (W-...) are for the reader of the proposal; what else was found is a reason."""
+    """Warnings are for the reader of the proposal; what else was found is a reason."""
     for finding in facts.change.findings:
-        if not finding.startswith("W-"):
-            yield from no("E-INT-FINDING", table=facts.table.called, finding=finding)
+        if finding.weight is FindingWeight.REFUSES:
+            yield from no("E-INT-FINDING", table=facts.table.called, finding=finding.message)
 
 
 def _values(facts: PushFacts) -> Iterator[Refusal]:

@@ -160,7 +160,10 @@ def _notes(axis: AxisMaterial) -> tuple[str, ...]:
         found += (*sentences.suspects(name, capture), *capture.notes)
     found += [axis.acting.words] if axis.acting is not None else []
     if axis.change is not None:
-        found += (*([axis.change.skipped] if axis.change.skipped else []), *axis.change.findings)
+        found += (
+            *([axis.change.skipped] if axis.change.skipped else []),
+            *(str(one.message) for one in axis.change.findings),
+        )
     return tuple(dict.fromkeys((*found, *axis.findings)))
 
 

@@ -102,6 +102,8 @@ def _write_record(value: Any, hint: Any, path: str) -> object:
 
 
 def _read_record(data: Any, hint: Any, path: str, where: str) -> Any:
+    if isinstance(data, str) and hasattr(hint, "older"):  # a sentence where there is a record today
+        return hint.older(data)
     hints = _hints(hint)
     names = [item.name for item in dataclasses.fields(hint)]
     unknown = sorted(set(data) - set(names))

@@ -18,9 +18,10 @@ from drivers.terms import TableKind
 from drivers.types.results import MeasuredSet
 from drivers.types.tables import CompensationTable
 from drivers.units import AxisUnit, DeviationUnit, deviation_scale, deviation_unit
+from gateway.domain.proposals import TableFinding
 from gateway.domain.values import FloatArray
 from gateway.errors import InDoubt
-from gateway.table.limits import check, check_reach, told
+from gateway.table.limits import check, check_reach, finding
 from gateway.table.projection import Grid, project, quantised, zeroed
 
 TURN_DEG = 360.0
@@ -74,7 +75,7 @@ class Conversion:
     """The tables, and what their reader must know."""
 
     tables: tuple[CompensationTable, ...]
-    findings: tuple[str, ...]
+    findings: tuple[TableFinding, ...]
 
 
 def datum_of(pairs: Sequence[tuple[float, float]]) -> FileDatum:
@@ -222,33 +223,33 @@ def _table(
     )
 
 
-def _coverage(found: Curves, grid: Grid, request: TableRequest) -> list[str]:
+def _coverage(found: Curves, grid: Grid, request: TableRequest) -> list[TableFinding]:
     if request.modulo:
         gap = _widest_gap(found.positions)
-        return [told("W-COMP-BRIDGE", request.axis, gap=f"{gap:g}", unit="deg")] if gap > WIDEST_BRIDGE_DEG else []
+        return [finding("W-COMP-BRIDGE", request.axis, gap=f"{gap:g}", unit="deg")] if gap > WIDEST_BRIDGE_DEG else []
     low, high, unit = float(found.positions[0]), float(found.positions[-1]), found.unit
     # Whoever asks for a table chooses its range too, so nothing of it needs to lie beyond the targets.
     check_reach((low, high), (grid.minimum, grid.maximum), unit, request.axis, beyond=0.0)
     findings = []
     if not grid.minimum <= request.reference <= grid.maximum:
         at = f"{request.reference:g}"
-        findings.append(told("W-COMP-OUTSIDE", request.axis, reference=at, low=low, high=high, unit=unit))
+        findings.append(finding("W-COMP-OUTSIDE", request.axis, reference=at, low=low, high=high, unit=unit))
     return findings
 
 
-def _remarks(found: Curves, request: TableRequest) -> list[str]:
+def _remarks(found: Curves, request: TableRequest) -> list[TableFinding]:
     unit: DeviationUnit = deviation_unit(found.unit)
-    findings = [told("W-COMP-REPLACES", request.axis)]
+    findings = [finding("W-COMP-REPLACES", request.axis)]
     reversal = found.plus - found.minus
     if np.isnan(reversal).any():
-        return [*findings, told("W-COMP-ONE-WAY", request.axis)]
+        return [*findings, finding("W-COMP-ONE-WAY", request.axis)]
     if request.to == "axis":
         mean = f"{float(reversal.mean()):.3f}"
-        return [*findings, told("W-COMP-REVERSAL", request.axis, reversal=mean, unit=unit)]
+        return [*findings, finding("W-COMP-REVERSAL", request.axis, reversal=mean, unit=unit)]
     period = TURN_DEG if request.modulo else None
     there = f"{float(np.interp(request.reference, found.positions, reversal, period=period)):.3f}"
     return [
         *findings,
-        told("W-COMP-REVERSAL-LEFT", request.axis, reversal=there, reference=f"{request.reference:g}", unit=unit),
-        told("W-COMP-CROSS-SIGN", request.axis),
+        finding("W-COMP-REVERSAL-LEFT", request.axis, reversal=there, reference=f"{request.reference:g}", unit=unit),
+        finding("W-COMP-CROSS-SIGN", request.axis),
     ]

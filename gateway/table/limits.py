@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 
 from drivers.errors import Gap, TableError, TooManyPoints, ValueOutOfRange
 from drivers.limits import Limits
+from drivers.message import Form, Message
 from drivers.terms import spoken
 from drivers.types.tables import CompensationTable
 from drivers.units import AxisUnit
+from gateway.domain.proposals import FindingWeight, TableFinding
 from gateway.domain.values import FloatArray
 from gateway.table.comparison import acting
 
@@ -27,7 +29,7 @@ def check_points(needed: int, reserved: int, axis: str, kind: Literal["axis", "c
         raise TooManyPoints("E-COMP-POINTS", axis, needed=needed, reserved=reserved, memory=memory)
 
 
-def check(new: CompensationTable, live: CompensationTable, limits: Limits, axis: str) -> tuple[str, ...]:
+def check(new: CompensationTable, live: CompensationTable, limits: Limits, axis: str) -> tuple[TableFinding, ...]:
     """Findings of a table against limits and against what acts now (`live`, all zero when switched off).
 
     Raises ValueOutOfRange: E-COMP-VALUE, E-COMP-SLOPE, E-COMP-CHANGE, with position and limit.
@@ -44,7 +46,7 @@ def check(new: CompensationTable, live: CompensationTable, limits: Limits, axis:
     if abs(slopes[steepest]) <= limits.warn_slope:
         return ()
     return (
-        told(
+        judged(
             "W-COMP-STEEP",
             axis,
             slope=f"{slopes[steepest]:.3g}",
@@ -68,6 +70,16 @@ def check_reach(
     if max(low - minimum, maximum - high) > beyond * (maximum - minimum) + 1e-6:
         ends = {"low": f"{low:g}", "high": f"{high:g}", "minimum": f"{minimum:g}", "maximum": f"{maximum:g}"}
         raise Gap("E-COMP-REACH", axis, retryable=False, unit=unit, **ends)
+
+
+def finding(code: str, axis: str, **fields: Any) -> TableFinding:
+    """A finding that asks for a second person, by its code and fields."""
+    return TableFinding(Message(code, fields, Form.ERROR, axis), FindingWeight.ASKS)
+
+
+def judged(code: str, axis: str, **fields: Any) -> TableFinding:
+    """A finding that an interlock judges by a limit of its own."""
+    return TableFinding(Message(code, fields, Form.ERROR, axis), FindingWeight.JUDGED)
 
 
 def told(code: str, axis: str, **fields: str | float) -> str:

@@ -15,13 +15,13 @@ from drivers.types.tables import CompensationTable, LiveSet
 from drivers.units import DeviationUnit, deviation_unit
 from gateway.axes import AxisRecord
 from gateway.domain.figures import Component
-from gateway.domain.proposals import TableChange
+from gateway.domain.proposals import TableChange, TableFinding
 from gateway.domain.values import COVERAGE, FloatArray
 from gateway.model.components import is_periodic, standard_uncertainty, value
 from gateway.table import reasons
 from gateway.table.chances import Chance, Possible, chance_of
 from gateway.table.comparison import acting, effective
-from gateway.table.limits import check, check_points, check_reach, told
+from gateway.table.limits import check, check_points, check_reach, finding, judged, told
 from gateway.table.merging import held, left_over, merged, travelled
 from gateway.table.projection import Grid
 
@@ -109,7 +109,7 @@ def propose(
         or reasons.other_layer(axis.name, live)
         or _why_not(axis, component, measured, known, acts, new)
     )
-    findings: tuple[str, ...] = ()
+    findings: tuple[TableFinding, ...] = ()
     chance = None
     if skipped:
         new = live.own.table
@@ -189,7 +189,7 @@ def _risked(
 
 def _doubtful(
     axis: AxisRecord, component: Component, measured: MeasuredMeans, chance: Chance | None, taken: float
-) -> tuple[str, ...]:
+) -> tuple[TableFinding, ...]:
     """Warnings of a table that is proposed although something stays unseen between the targets."""
     hidden, unit = _unseen(component, measured), deviation_unit(axis.unit)
     if chance is not None:
@@ -263,20 +263,23 @@ def _predicted_U(
     return np.asarray(COVERAGE * np.sqrt(variance + instrument.standard(at - axis.reference) ** 2))
 
 
-def _coverage(axis: AxisRecord, component: Component, grid: Grid) -> Sequence[str]:
+def _coverage(axis: AxisRecord, component: Component, grid: Grid) -> Sequence[TableFinding]:
     if is_periodic(component):
         nodes = np.asarray(component.parameters.get("nodes", ()), dtype=np.float64)
         bridge = float(np.diff(np.append(nodes, nodes[0] + TURN_DEG)).max()) if nodes.size else 0.0
         if bridge > WIDEST_BRIDGE_DEG:
-            return [told("W-COMP-BRIDGE", axis.name, gap=f"{bridge:g}", unit=axis.unit)]
+            return [finding("W-COMP-BRIDGE", axis.name, gap=f"{bridge:g}", unit=axis.unit)]
         return []
     low, high = component.domain
     tolerance = grid.step * 1e-6
-    found = []
+    found: list[TableFinding] = []
     if not grid.minimum - tolerance <= axis.reference <= grid.maximum + tolerance:
         ends = {"low": f"{grid.minimum:g}", "high": f"{grid.maximum:g}", "unit": axis.unit}
-        found.append(told("W-COMP-OUTSIDE", axis.name, reference=f"{axis.reference:g}", **ends))
+        found.append(finding("W-COMP-OUTSIDE", axis.name, reference=f"{axis.reference:g}", **ends))
     if low <= grid.minimum + tolerance and high >= grid.maximum - tolerance:
         return found
     fields = {"low": f"{low:g}", "high": f"{high:g}", "minimum": f"{grid.minimum:g}"}
-    return [*found, told("W-COMP-FLAT", axis.name, **fields, maximum=f"{grid.maximum:g}", unit=axis.unit)]
+    return [
+        *found,
+        judged("W-COMP-FLAT", axis.name, **fields, maximum=f"{grid.maximum:g}", unit=axis.unit),
+    ]

@@ -9,9 +9,10 @@ import numpy as np
 from drivers.types.doubts import Doubt
 from drivers.types.tables import CompensationTable, LiveSet
 from drivers.units import DeviationUnit
+from gateway.domain.proposals import TableFinding
 from gateway.domain.values import FloatArray
 from gateway.table.chances import Chance
-from gateway.table.limits import told
+from gateway.table.limits import finding, told
 
 MOST_UNSEEN = 0.5
 WORTH_SAYING = 0.25
@@ -24,10 +25,10 @@ def in_doubt(axis: str, doubts: Sequence[Doubt]) -> str:
     return told("S-DOUBT-TABLE", axis, doubts=said) if said else ""
 
 
-def accepted(axis: str, doubts: Sequence[Doubt]) -> tuple[str, ...]:
+def accepted(axis: str, doubts: Sequence[Doubt]) -> tuple[TableFinding, ...]:
     """A finding for each doubt that a person settled: another person reads it before the push."""
     return tuple(
-        told("W-DOUBT-ACCEPTED", axis, named=one.code, reason=one.settled, doubt=one.text)
+        finding("W-DOUBT-ACCEPTED", axis, named=one.code, reason=one.settled, doubt=one.message)
         for one in doubts
         if one.settled
     )
@@ -59,20 +60,20 @@ def unseen(axis: str, unit: DeviationUnit, hidden: float, taken: float, chance: 
     return f"{why}; {chances}"
 
 
-def by_chance(axis: str, unit: DeviationUnit, hidden: float, chance: Chance) -> str:
+def by_chance(axis: str, unit: DeviationUnit, hidden: float, chance: Chance) -> TableFinding:
     """The label of a table that is proposed although ``hidden`` structure (RMS) stays: a second person is asked for."""
-    return told("W-COMP-CHANCE", axis, hidden=f"{hidden:.2g}", unit=unit, **_figures(chance))
+    return finding("W-COMP-CHANCE", axis, hidden=f"{hidden:.2g}", unit=unit, **_figures(chance))
 
 
-def by_gain(axis: str, unit: DeviationUnit, before: float, left: float, chance: Chance) -> str:
+def by_gain(axis: str, unit: DeviationUnit, before: float, left: float, chance: Chance) -> TableFinding:
     """The label of a table that leaves more than half (RMS) of an axis and gains all the same: a second person too."""
     sizes = {"before": f"{before:.2g}", "left": f"{left:.2g}"}
-    return told("W-COMP-LEAVES", axis, unit=unit, **sizes, **_figures(chance))
+    return finding("W-COMP-LEAVES", axis, unit=unit, **sizes, **_figures(chance))
 
 
-def by_scatter(axis: str, unit: DeviationUnit, scatter: float, chance: Chance) -> str:
+def by_scatter(axis: str, unit: DeviationUnit, scatter: float, chance: Chance) -> TableFinding:
     """The label of a table on an axis whose single readings scatter much (s), and that gains all the same."""
-    return told("W-COMP-SCATTERS", axis, unit=unit, scatter=f"{scatter:.2g}", **_figures(chance))
+    return finding("W-COMP-SCATTERS", axis, unit=unit, scatter=f"{scatter:.2g}", **_figures(chance))
 
 
 def _figures(chance: Chance) -> dict[str, str]:
@@ -88,14 +89,16 @@ def may_harm(hidden: float, taken: float) -> bool:
     return hidden > MOST_UNSEEN * taken
 
 
-def doubtful(axis: str, unit: DeviationUnit, hidden: float, taken: float) -> tuple[str, ...]:
+def doubtful(axis: str, unit: DeviationUnit, hidden: float, taken: float) -> tuple[TableFinding, ...]:
     """A warning where hidden structure stays that is worth a second look."""
     if hidden <= WORTH_SAYING * taken:
         return ()
-    return (told("W-COMP-HIDDEN", axis, hidden=f"{hidden:.2g}", gain=f"{taken:.2g}", unit=unit),)
+    return (finding("W-COMP-HIDDEN", axis, hidden=f"{hidden:.2g}", gain=f"{taken:.2g}", unit=unit),)
 
 
-def one_place(axis: str, unit: DeviationUnit, per: str, place: tuple[float, float], taken: float) -> tuple[str, ...]:
+def one_place(
+    axis: str, unit: DeviationUnit, per: str, place: tuple[float, float], taken: float
+) -> tuple[TableFinding, ...]:
     """A warning of the target furthest out of the line of its neighbours, however smooth the axis is elsewhere.
 
     One place is little of an RMS over the travel, and still all that a table may do wrong there.
@@ -103,7 +106,7 @@ def one_place(axis: str, unit: DeviationUnit, per: str, place: tuple[float, floa
     at, off = place
     if off <= WORTH_SAYING * taken:
         return ()
-    return (told("W-COMP-PLACE", axis, at=f"{at:.4g}", per=per, off=f"{off:.2g}", unit=unit),)
+    return (finding("W-COMP-PLACE", axis, at=f"{at:.4g}", per=per, off=f"{off:.2g}", unit=unit),)
 
 
 def outweighed(axis: str, unit: DeviationUnit, means: FloatArray, after: FloatArray, rest: float, U: FloatArray) -> str:

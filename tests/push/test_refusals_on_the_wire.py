@@ -15,7 +15,7 @@ import pytest
 from drivers.clock import LoopClock, run_virtual
 from drivers.types.tables import CompensationTable
 from gateway.domain.outcomes import PushRecord
-from gateway.domain.proposals import TableChange
+from gateway.domain.proposals import TableChange, TableFinding
 from gateway.errors import BusyError
 from gateway.interlocks import refusals
 from gateway.push import PushContext, conversation, push_table
@@ -187,7 +187,7 @@ RULES: dict[str, tuple[str, Edit]] = {
     "another unit": ("E-INT-UNIT", points(*SHAPE, output_unit="deg")),
     "two people wanted": ("E-INT-APPROVAL-MISSING", context(approvals_needed=2)),
     "a broken audit": ("E-INT-AUDIT-BROKEN", context(audit_broken="entry 7 was altered")),
-    "a finding": ("E-INT-FINDING", change(findings=("E-COMP-GAP: a point is missing",))),
+    "a finding": ("E-INT-FINDING", change(findings=(TableFinding.older("E-COMP-GAP: a point is missing"),))),
 }
 
 

@@ -69,7 +69,7 @@ def convert_file(wish: ConversionOptions, *, as_json: bool) -> None:
     wrong = any(one.severity == "wrong" for one in findings)
     if not wrong:
         write_text(wish.output, text, force=wish.force, encoding="ascii")
-    told = [*measured.warnings, *notes, *_said(measured), *made.findings]
+    told = [*measured.warnings, *notes, *_said(measured), *(str(one.message) for one in made.findings)]
     if as_json:
         records = [{"severity": one.severity, **one.error.as_record()} for one in findings]
         data = {"file": str(wish.output), "written": not wrong, "notes": told, "findings": records}

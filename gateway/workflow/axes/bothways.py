@@ -9,7 +9,7 @@ from drivers.types.abilities import TableLimits
 from drivers.types.tables import LiveSet
 from drivers.units import deviation_scale
 from gateway.config import AxisSection
-from gateway.domain.proposals import TableChange
+from gateway.domain.proposals import FindingWeight, TableChange, TableFinding
 from gateway.model.components import is_periodic, value
 from gateway.table import Grid
 from gateway.table.bothways import with_directions
@@ -28,12 +28,12 @@ def in_directions(
 ) -> TableChange:
     """The same change with a column for each direction; a reversal alone makes one too. Raises as `with_directions`."""
     curve = None if seen.advice.within else seen.curve
-    said: tuple[str, ...] = ()
+    said: tuple[TableFinding, ...] = ()
     if curve is not None and not is_periodic(curve):
         try:
             check_reach(curve.domain, (axis.table.minimum, axis.table.maximum), axis.unit, axis.name)
         except Gap as error:  # fewer targets were read in both directions than in one: the mean may have its table
-            curve, said = None, (str(error),)
+            curve, said = None, (TableFinding(error.message, FindingWeight.REFUSES),)
     if change.skipped and (curve is None or live.cross):
         return replace(change, findings=(*change.findings, *said))
     new = with_directions(

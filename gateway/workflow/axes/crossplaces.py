@@ -12,7 +12,7 @@ from drivers.limits import Limits
 from drivers.types.abilities import TableLimits
 from drivers.types.tables import CompensationTable, LiveSet, LiveTable
 from drivers.units import deviation_scale
-from gateway.domain.proposals import TableChange
+from gateway.domain.proposals import TableChange, TableFinding
 from gateway.errors import CaptureError
 from gateway.push.compare import table_in
 from gateway.table import check, effective
@@ -91,7 +91,7 @@ def placed_change(
     proof = at.proofs.find(at.machine, "cross", name)
     placed = replace(table, index=place.index)
     old = table_in(at.supervisor.controller.tables_by(base, proof), placed)
-    findings: tuple[str, ...] = ()
+    findings: tuple[TableFinding, ...] = ()
     if place.limits is not None:
         placed = _merged(placed, old, place.limits, adds=adds)
         findings = check(placed, effective(old), Limits.of(placed.output_unit), placed.name)

@@ -96,7 +96,7 @@ def _table(change: TableChange) -> dict[str, Any]:
         "high": max(new.deviations),
         "unit": new.deviation_unit,
         "skipped": change.skipped,
-        "findings": list(change.findings),
+        "findings": [str(one.message) for one in change.findings],
     }
 
 

@@ -33,7 +33,7 @@ from gateway.reducer.goal import LIMITS, DriveGoal, goal_of
 from gateway.study.drive import reducer_of
 from gateway.study.files import GearFile, load_gear
 from gateway.study.machine import gear_of
-from gateway.table.limits import told as finding
+from gateway.table.limits import finding
 from gateway.tooth import DriveProposal, ToothProposal
 from gateway.workflow import stages
 from gateway.workflow.axes.crossplaces import places_of

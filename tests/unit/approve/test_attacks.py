@@ -21,7 +21,7 @@ from gateway import audit
 from gateway.approve import Approvals, consent
 from gateway.audit.chain import AUDIT
 from gateway.domain.outcomes import PushRecord
-from gateway.domain.proposals import Approval, Proposal, TableChange
+from gateway.domain.proposals import Approval, Proposal, TableChange, TableFinding
 from gateway.push import PushContext, push_table
 from gateway.push.records import journal, numbering
 from gateway.push.records.journal import JOURNALS
@@ -181,7 +181,7 @@ def more(change: TableChange) -> TableChange:
     [
         more,
         lambda one: replace(one, predicted=np.ones(9)),
-        lambda one: replace(one, base=None, findings=("x",)),
+        lambda one: replace(one, base=None, findings=(TableFinding.older("x"),)),
     ],
     ids=["the table", "what is predicted", "what was found"],
 )

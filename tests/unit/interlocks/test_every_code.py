@@ -18,7 +18,7 @@ from drivers.types.machine import AxisState
 from drivers.types.orders import SignProof
 from drivers.types.sensing import Ambient
 from drivers.types.tables import LiveSet, LiveTable, TemperatureShift, reversal_of
-from gateway.domain.proposals import Approval, Chance
+from gateway.domain.proposals import Approval, Chance, TableFinding
 from gateway.interlocks import PushFacts, needed, refusals, warnings
 from gateway.interlocks.measured import allowed_drift_k
 from gateway.push import conversation, plan_hash, push_table
@@ -44,6 +44,7 @@ from tests.unit.interlocks.test_interlocks import (
 from tests.unit.push.double import bench, change_of, journals_of
 
 READS = {"identify", "state", "table_limits", "marker", "saved_tables"}
+WIDE = TableFinding.older("W-COMP-BRIDGE [X1]: wide")
 STEEP = replace(CHANGE, new=replace(NEW, deviations=shape(3, 30.0)))
 PLAN = plan_hash(STEEP, MACHINE)
 GIVEN = Approval(
@@ -303,7 +304,7 @@ def test_on_an_open_road_one_person_alone_types_the_risk_where_the_site_lets_one
         ("W-INT-CHANGE", replace(GOOD, change=replace(CHANGE, new=replace(NEW, step=500.0, maximum=4000.0,
                                                                          deviations=shape(3, 60.0))))),
         ("W-INT-AGE", captured(ended_utc=(NOW - timedelta(hours=5)).isoformat())),
-        ("W-INT-FINDING", replace(GOOD, change=replace(CHANGE, findings=("W-COMP-BRIDGE [X1]: wide",)))),
+        ("W-INT-FINDING", replace(GOOD, change=replace(CHANGE, findings=(WIDE,)))),
         ("W-INT-NO-MARKER", replace(GOOD, marker_kept=False)),
         ("W-INT-UNPROTECTED", replace(GOOD, unprotected="plain")),
         ("W-INT-MARK-LOST", replace(GOOD, mark_lost=7)),
@@ -351,7 +352,7 @@ def test_degrees_count_by_what_they_spoil_of_the_table() -> None:
 
 
 def test_the_plan_hash_is_of_what_is_written_and_nothing_else() -> None:
-    assert plan_hash(CHANGE, MACHINE) == plan_hash(replace(CHANGE, findings=("W-X",), predicted=np.ones(9)), MACHINE)
+    assert plan_hash(CHANGE, MACHINE) == plan_hash(replace(CHANGE, findings=(WIDE,), predicted=np.ones(9)), MACHINE)
     others = [
         plan_hash(replace(CHANGE, new=replace(NEW, deviations=shape(3, 15.500001))), MACHINE),
         plan_hash(replace(CHANGE, new=replace(NEW, index=1)), MACHINE),

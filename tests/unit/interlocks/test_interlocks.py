@@ -21,8 +21,9 @@ from drivers.types.tables import CompensationTable, LiveSet, LiveTable
 from gateway.axes import AxisRecord
 from gateway.domain.captures import Capture, Corrections
 from gateway.domain.equipment import SenseProof
-from gateway.domain.proposals import TableChange
+from gateway.domain.proposals import TableChange, TableFinding
 from gateway.interlocks import PushFacts, refusals, value_at
+from gateway.store.encoding import read_typed, write_typed
 from tests.placed import PLACES
 from tests.unit.interlocks.asked import CAN, Asked, replace
 
@@ -125,7 +126,7 @@ RULES: list[tuple[str, PushFacts]] = [
     ("E-INT-POINTS", replace(GOOD, limits=TableLimits(8, 1e-6, 1.0))),
     ("E-INT-GRID", new(step=49.0)),
     ("E-INT-GRID", new(maximum=float("nan"))),
-    ("E-INT-FINDING", replace(GOOD, change=replace(CHANGE, findings=("odd",)))),
+    ("E-INT-FINDING", replace(GOOD, change=replace(CHANGE, findings=(TableFinding.older("odd"),)))),
     ("E-INT-FINITE", new(deviations=shape(3, float("nan")))),
     ("E-INT-FINITE", new(deviations=shape(3, float("-inf")))),
     ("E-INT-REF-VALUE", replace(GOOD, reference=50.0)),
@@ -186,9 +187,9 @@ def test_between_the_halves_the_program_waits_or_has_ended(channel: ChannelStatu
 
 
 def test_warnings_of_a_proposal_are_no_reason() -> None:
-    change = replace(CHANGE, findings=("W-COMP-STEEP [X1]: steep", "E-COMP-ODD: odd"))
+    change = replace(CHANGE, findings=tuple(map(TableFinding.older, ("W-COMP-STEEP [X1]: steep", "E-COMP-ODD: odd"))))
     (refusal,) = refusals(replace(GOOD, change=change))
-    assert refusal.fields["finding"] == "E-COMP-ODD: odd"
+    assert str(refusal.fields["finding"]) == "E-COMP-ODD: odd"
 
 
 def test_a_table_that_was_off_counts_as_zero_for_the_change() -> None:
@@ -293,3 +294,14 @@ def test_a_reading_out_of_line_that_no_table_was_fitted_to_is_no_scatter() -> No
     deviations[far] += 40.0
     assert "E-INT-REPEAT" in codes(captured(deviations=deviations))
     assert "E-INT-REPEAT" not in codes(captured(deviations=deviations, suspects=(far,)))
+
+
+def test_a_finding_of_an_older_record_weighs_as_it_did() -> None:
+    """A record of an older version held a sentence behind its code; E refused, W asked, two were judged by a limit."""
+    sentences = ("E-COMP-ODD: odd", "odd", "W-COMP-BRIDGE [X1]: wide", "W-COMP-STEEP [X1]: steep", "W-COMP-FLAT: flat")
+    weights = [TableFinding.older(one).weight.value for one in sentences]
+    assert weights == ["refuses", "refuses", "asks", "judged", "judged"]
+    kept = write_typed(replace(CHANGE, findings=()), TableChange, "")
+    assert isinstance(kept, dict)
+    read = read_typed({**kept, "findings": list(sentences)}, TableChange, "", "here")
+    assert [str(one.message) for one in read.findings] == list(sentences)

@@ -12,6 +12,7 @@ import pytest
 from drivers.message import Message
 from drivers.types.identity import Identity, MachineIdentity
 from drivers.types.sensing import Ambient
+from gateway.domain.proposals import TableFinding
 from gateway.report import AxisMaterial, FileUsed, InstrumentNote, ReportMaterial, render
 from tests.sizes import few
 from tests.unit.report import synthetic
@@ -118,7 +119,7 @@ def _hostile(text: str) -> ReportMaterial:
     table = replace(axis.change.new, input_axis=text, output_axis=text)
     axis = replace(
         axis,
-        change=replace(axis.change, new=table, findings=(text,), skipped=text),
+        change=replace(axis.change, new=table, findings=(TableFinding(Message.stored(text)),), skipped=text),
         push=replace(axis.push, steps=(Message.stored(text),), backup_path=text),
         before=replace(axis.before, flags=(text,), standard=text),
         capture_before=replace(

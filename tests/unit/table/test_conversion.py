@@ -26,7 +26,7 @@ def asked(to: str = "axis", **more: object) -> TableRequest:
 
 
 def found(conversion: Conversion) -> str:
-    return " ".join(conversion.findings)
+    return " ".join(str(one.message) for one in conversion.findings)
 
 
 def test_eec_is_the_mean_of_both_directions_zero_at_the_reference() -> None:

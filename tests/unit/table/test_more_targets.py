@@ -59,7 +59,7 @@ def test_without_the_hours_a_table_is_labelled_or_refused_and_never_worse(hours:
     for shape in shapes:
         one = machine(seed, shape, even=bool(seed % 2), hours=hours, size=size).judged()
         worse += one.worse
-        labels |= {one.change.skipped[:13], *(finding[:13] for finding in one.change.findings)}
+        labels |= {one.change.skipped[:13], *(str(finding.message)[:13] for finding in one.change.findings)}
         assert sum(int(said["minutes"]) for said in one.said if said["count"]) <= 60.0 * hours + 1.0
         assert one.change.skipped or one.gain > 0.0
     assert worse == 0
@@ -73,7 +73,7 @@ def test_a_table_that_can_hold_less_than_half_of_an_axis_is_labelled_and_written
     assert not one.change.skipped
     assert one.change.chance is not None
     assert one.change.chance.worth
-    assert any(finding.startswith("W-COMP-LEAVES") for finding in one.change.findings)
+    assert any(finding.message.code == "W-COMP-LEAVES" for finding in one.change.findings)
     assert np.std(one.after) > 0.5 * np.std(one.before)
     assert np.ptp(one.after) < 0.6 * np.ptp(one.before)
     assert one.gain == pytest.approx(one.change.chance.gain, abs=2.0 * one.change.chance.u)
@@ -85,7 +85,7 @@ def test_an_axis_that_scatters_gets_its_table_where_the_gain_is_likely(seed: int
     one = machine(seed, wave(400.0, 0.0), size=0.12, scatter=0.7).judged()
     assert not one.worse
     assert one.gain > 0.5 * np.std(one.before)
-    assert any(finding.startswith("W-COMP-SCATTERS") for finding in one.change.findings)
+    assert any(finding.message.code == "W-COMP-SCATTERS" for finding in one.change.findings)
     assert one.change.chance is not None
     assert one.change.chance.worth
 
