@@ -228,9 +228,17 @@ class MachineAxis:
 
     def state(self, now_s: float) -> int:
         """``$AA_STAT`` now: 1 travelling, 2 not there yet, 3 and 4 in position coarse and fine."""
-        at = np.array([now_s])
-        act = self.actuals(at)
-        return self._state(now_s, float(act[0]), float(self._encoders_at(act, at)[0]))
+        if now_s < self._moved_until_s:
+            return 1
+        epoch = self._epochs[-1]
+        if epoch.rest or now_s < epoch.start_s:
+            at = np.array([now_s])
+            places = self.actuals(at)
+            return self._state(now_s, float(places[0]), float(self._encoders_at(places, at)[0]))
+        # Asked at every look of every peer, mostly at rest: one number needs no arrays.
+        act = sum(path.response(now_s) for path in (self.base, self.additional, self.temperature))
+        table = epoch.curve.one(act) if epoch.curve is not None else 0.0
+        return self._state(now_s, act, act - table + self.backlash.path.response(now_s))
 
     def _state(self, now_s: float, act: float, encoder: float) -> int:
         if now_s < self._moved_until_s:

@@ -47,6 +47,8 @@ class Variables:
         self.on_switched_on: Callable[[str, tuple[int, ...]], None] = lambda _name, _index: None
         self._tables = TableVariables(core, self._axis)
         self._readers: dict[str, Callable[[Indices], Value]] = self._axis_readers()
+        # Names of axes stay as long as the control: where a datum stands is found once.
+        self._places: dict[tuple[str, Indices], tuple[int, ...]] = {}
 
     # -- reading -----------------------------------------------------------------------------------
 
@@ -92,6 +94,12 @@ class Variables:
         return found
 
     def _data_index(self, name: str, indices: Indices) -> tuple[int, ...]:
+        found = self._places.get((name, indices))
+        if found is None:
+            found = self._places[name, indices] = self._found_index(name, indices)
+        return found
+
+    def _found_index(self, name: str, indices: Indices) -> tuple[int, ...]:
         shape = DATA[name].shape
         given = list(indices)
         if shape == "na" and len(given) == 1 and isinstance(given[0], str):
