@@ -73,7 +73,9 @@ class Stage:
 
 def _settings(stage: Stage) -> dict[str, Any]:
     plc = stage.plc.settings
-    return {"framer": plc.framer, "unit": plc.unit, "word_order": plc.word_order, "needs_reference": False}
+    # As often as the PLC scans: the default serves PLCs that scan in a millisecond.
+    common = {"needs_reference": False, "fast_poll_s": max(plc.scan_s, 0.001)}
+    return {"framer": plc.framer, "unit": plc.unit, "word_order": plc.word_order, **common}
 
 
 def table(points: int = 111, **changes: Any) -> CompensationTable:
