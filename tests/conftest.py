@@ -2,12 +2,18 @@
 
 from __future__ import annotations
 
+import functools
 import gc
 import inspect
+import itertools
+import os
+import shutil
 from collections.abc import Generator, Iterator
 from pathlib import Path
 
 import pytest
+from cryptography.hazmat.primitives import serialization
+from cryptography.hazmat.primitives.asymmetric import rsa
 from hypothesis import settings
 
 from tests import attacks, spent
@@ -16,6 +22,18 @@ from tests.unit.drivers.loops import run_clean
 # What a busy computer does to an example's time is no fault of the code.
 settings.register_profile("trueflank", deadline=None)
 settings.load_profile("trueflank")
+
+MEMORY, ROOM_BYTES = Path("/dev/shm"), 4 << 30
+RSA_PAIRS = 6
+
+
+def _write_to_memory() -> None:
+    """Let folders of tests lie in memory where there is room: the store waits for the disk at every record."""
+    if MEMORY.is_dir() and os.access(MEMORY, os.W_OK) and shutil.disk_usage(MEMORY).free > ROOM_BYTES:
+        os.environ.setdefault("PYTEST_DEBUG_TEMPROOT", str(MEMORY))
+
+
+_write_to_memory()
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
@@ -62,6 +80,29 @@ def count_attack(request: pytest.FixtureRequest) -> Iterator[None]:
     if marker is not None and marker.args:
         family, road = marker.args
         attacks.counted(family, road, 1, false_words=int(request.session.testsfailed > failed))
+
+
+@pytest.fixture(scope="session", autouse=True)
+def few_key_pairs() -> Iterator[None]:
+    """Give out six RSA pairs in turn, and prove each but once.
+
+    Finding primes, and proving those of a key that is read, take longer than all the rest of most connections.
+    """
+    generate, turns = rsa.generate_private_key, itertools.cycle(range(RSA_PAIRS))
+
+    @functools.cache
+    def pair(_turn: int, public_exponent: int, key_size: int) -> rsa.RSAPrivateKey:
+        return generate(public_exponent, key_size)
+
+    def next_pair(public_exponent: int, key_size: int) -> rsa.RSAPrivateKey:
+        return pair(next(turns), public_exponent, key_size)
+
+    read = functools.lru_cache(serialization.load_pem_private_key)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(rsa, "generate_private_key", next_pair)
+        patch.setattr(serialization, "load_pem_private_key", read)
+        yield
 
 
 @pytest.fixture(scope="module")
