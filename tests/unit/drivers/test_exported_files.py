@@ -6,10 +6,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from drivers.errors import ConfigError, FileFormatError
+from drivers.files.assembly import across_zero
 from drivers.files.columns import ColumnMap
 from drivers.files.csvmap import CsvFormat, parse_csv
 from drivers.files.csvtext import guarded
@@ -72,6 +73,8 @@ def test_a_column_that_cannot_be_what_it_says_is_doubted() -> None:
 def sets(draw: st.DrawFn) -> MeasuredSet:
     unit: AxisUnit = draw(st.sampled_from(["mm", "deg"]))
     targets = sorted(draw(st.sets(st.integers(-5000, 5000), min_size=2, max_size=6)))
+    # An arc through zero is read back with 340 deg as -20: the same places under other numbers.
+    assume(unit == "mm" or across_zero([target / 10.0 for target in targets]) is None)
     shape = (len(targets), draw(st.integers(1, 3)), 2)
     values = draw(st.lists(VALUES, min_size=int(np.prod(shape)), max_size=int(np.prod(shape))))
     table = np.array([np.nan if value is None else value for value in values]).reshape(shape)
