@@ -103,9 +103,9 @@ def after_recovery(findings: Collection[Any], site: str, machine: str, *, apply:
     return step_of(state, site=site, machine=machine)
 
 
-def after_dry(command: str, place: str, axis: str, machine: str) -> str:
-    """After saying what a command would do: the same with consent."""
-    only = f" --axis {axis}" if axis else ""
+def after_dry(command: str, place: str, axis: str, machine: str, *, table: str = "") -> str:
+    """After saying what a command would do: the same with consent, of the very same table."""
+    only = (f" --axis {axis}" if axis else "") + (f" --table {table}" if table else "")
     return f"{command} {place}{only} --apply --machine {machine}"
 
 

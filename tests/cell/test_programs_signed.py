@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 
 from drivers.clock import LoopClock, run_virtual
+from drivers.errors import ConfigError
 from drivers.programs import DayNumbers
 from drivers.types.orders import SignProof
 from drivers.types.tables import CompensationTable
@@ -170,6 +171,10 @@ def test_a_part_and_an_order_to_switch_off_are_sent_as_printed(
 
         cell.nck.set("$MA_ENC_COMP_ENABLE[0,C1]", 1, 0)
         await disable_site(site, path, axis="C1", table="", apply=True, machine_name=name, **asked)
+        told = await disable_site(site, path, axis="C1", table="", apply=False, machine_name="", **asked)
+        assert (len(told.lines), told.data["off"]) == (1, True)  # nothing is left that --apply could switch off
+        with pytest.raises(ConfigError, match="E-DISABLE-TABLE"):
+            await disable_site(site, path, axis="X1-cec9", table="", apply=False, machine_name="", **asked)
         (text,) = sent(path, "TFOFF")
         assert text in [one.program.text for one in printed(path, "off", text)]
 

@@ -56,7 +56,7 @@ async def test_a_batch_is_laid_down_as_it_is_printed(wire_log: WireLog, word_ord
 
 async def test_numbers_and_factors_of_the_site_file_are_printed_and_laid_down(wire_log: WireLog) -> None:
     """Axis numbers that leave some out, and a reversal that the control multiplies by 2."""
-    said: dict[str, Any] = {"axis_numbers": {"X1": 4}, "backlash_factors": {"X1": 2.0}}
+    said: dict[str, Any] = {"axis_numbers": {"C1": 1, "X1": 4}, "backlash_factors": {"X1": 2.0}}
     async with on_stage(spec={"axes": GAPS}, driver=said) as stage:
         stage.bench.nck.set("$MA_BACKLASH_FACTOR[0,X1]", 2.0, 0)
         batch = tuple([await order_for(stage.device, one) for one in (table(), cross(0), NEW_REVERSAL)])
@@ -97,6 +97,10 @@ def test_axes_that_nobody_has_numbered_are_not_printed() -> None:
     with pytest.raises(ConfigError) as caught:
         on_paper(order, HIGH, unseen, ORIGIN, "grinder")
     assert (caught.value.code, caught.value.fields["axes"]) == ("E-MBX-NOT-ASKED", "X1, C1")
+    with pytest.raises(ConfigError, match=r"E-MBX-NOT-ASKED.*C1"):
+        on_paper(order, {"axis_numbers": {"X1": 2}}, MACHINE, ORIGIN, "grinder")
+    with pytest.raises(ConfigError, match="a number of its own"):
+        on_paper(order, {"axis_numbers": {"X1": 2, "C1": 2}}, MACHINE, ORIGIN, "grinder")
     (one,) = on_paper(order, {"axis_numbers": {"X1": 1, "C1": 4}}, unseen, ORIGIN, "grinder")
     assert "1 X1 (1), 4 C1 (1)" in one.text
 

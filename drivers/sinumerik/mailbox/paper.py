@@ -70,7 +70,7 @@ def _axes(
     machine: PaperMachine, units: Mapping[str, AxisUnit], own: ModbusSettings, where: str
 ) -> dict[str, MailboxAxis]:
     open_ones = [name for name in machine.axes if name not in own.axis_numbers]
-    if open_ones and not machine.seen:
+    if open_ones and (own.axis_numbers or not machine.seen):  # a number that is left out may be that of another
         raise ConfigError("E-MBX-NOT-ASKED", where, axes=", ".join(open_ones))
     return {
         name: MailboxAxis(number, name, units.get(name, "mm"), name in machine.modulo, factor=factor)

@@ -73,7 +73,7 @@ class ModbusSettings(DriverSettings):
     )
     axis_numbers: dict[str, Annotated[int, Field(ge=1, le=31)]] = Field(
         default_factory=dict,
-        description="numbers by which the PLC calls machine axes, where they are not 1, 2, 3 in their order",
+        description="numbers by which the PLC calls all its machine axes, where they are not 1, 2, 3 in their order",
     )
     backlash_factors: dict[str, Annotated[float, Field(ge=0.01, le=100.0)]] = Field(
         default_factory=dict, description="MD32452 by machine axis, where it is not 1"
@@ -85,6 +85,11 @@ class ModbusSettings(DriverSettings):
         wanted = self.secured
         why = words("W-KEY-TLS-FILE" if wanted else "W-KEY-TLS-ONLY")
         return (
+            (
+                "axis_numbers",
+                len(set(self.axis_numbers.values())) == len(self.axis_numbers),
+                words("W-KEY-NUMBERED-TWICE"),
+            ),
             ("fast_poll_s", self.fast_poll_s <= self.poll_s, words("W-KEY-FAST")),
             *((key, self.framer != "tcp", words("W-KEY-ADAPTER")) for key in ADAPTER if getattr(self, key)),
             ("framer", not wanted or self.framer != "rtu", words("W-KEY-FRAMER")),

@@ -7,7 +7,7 @@ from typing import Annotated, Any
 import typer
 
 from drivers.terms import spoken
-from gateway.cli.onward import after_dry
+from gateway.cli.onward import after_dry, step_of
 from gateway.cli.options import ApplyOption, JsonOption, MachineOption, SiteArgument, TakeOption
 
 
@@ -41,5 +41,6 @@ def disable(
                 return await disable_site(tree, site, clock=LoopClock(), say=say, **asked)
 
         outcome = run_to_end(main(), at=site)
-    dry = after_dry("disable", str(site), axis, tree.site.name)
+    off = outcome.data["off"] if not apply else True
+    dry = step_of("pushed", site=site) if off else after_dry("disable", str(site), axis, tree.site.name, table=table)
     show_outcome(outcome, as_json=as_json, onward=f"recover {site}" if apply else dry)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -43,10 +44,26 @@ async def disable_site(
     order = order_named(section, table or cross)
     with run_or_look(site, site_path, "disabling", look=not apply) as folder:
         async with bench(site, site_path, folder=folder, clock=clock, say=say, instruments=()) as at:
+            await _there(at, order, table or cross)
             context = replace(push_context(at, section, None), actor=audit.person())
             if not apply:
                 return _shown(at, await ask_disable(order, context))
             return _told(at, await _applied(at, order, context))
+
+
+async def _there(at: Bench, order: DisableOrder, table: str) -> None:
+    """A cross table that the control does not have is none; one that cannot be asked after is taken to be there.
+
+    Raises ConfigError (E-DISABLE-TABLE).
+    """
+    if order.kind != "cross":
+        return
+    controller = at.supervisor.controller
+    found = controller.capabilities.table("cross") is not None
+    with contextlib.suppress(TrueflankError):
+        found = found and (await controller.table_limits(order.axis, "cross", order.index)).reserved_points > 0
+    if not found:
+        raise ConfigError("E-DISABLE-TABLE", "--table", table=table, axis=order.axis)
 
 
 def order_named(axis: AxisSection, table: str) -> DisableOrder:
@@ -100,16 +117,15 @@ def _left_by(at: Bench, order: DisableOrder) -> JournalRead | None:
 
 def _shown(at: Bench, asked: Switch) -> Outcome:
     looked(at, "disable", table=asked.order.name)
-    lines = [
-        _line(asked, carried=isinstance(at.supervisor.controller, Carried)),
-        *(f"  {reason.words}" for reason in asked.refusals),
-        words("W-DISABLE-DRY"),
-    ]
+    carried = isinstance(at.supervisor.controller, Carried)  # what its files say is not what its switch reads now
+    lines = [_line(asked, carried=carried), *(f"  {reason.words}" for reason in asked.refusals), words("W-DISABLE-DRY")]
     reading, reasons = asked.reading, [reason.words for reason in asked.refusals]
     data: dict[str, Any] = {"table": asked.order.name, "unit": asked.unit, "applied": False, "refusals": reasons}
     data |= {"enabled": None, "acting": None, "off": None}
     if reading is not None:
-        data |= {"enabled": reading.enabled, "acting": reading.acting, "off": reading.off}
+        data |= {"enabled": reading.enabled, "acting": reading.acting, "off": reading.off and not carried}
+    if data["off"]:
+        lines.pop()  # nothing is left to switch off
     return Outcome(state="looked", run_folder="", rows=(), lines=tuple(lines), data=data)
 
 

@@ -15,6 +15,7 @@ from gateway.cli.onward import (
     BY_REFUSAL,
     STEPS,
     after_doctor,
+    after_dry,
     after_look,
     after_recovery,
     after_run,
@@ -87,6 +88,13 @@ def test_a_line_breaks_between_words_and_stays_under_its_sentence(width: int) ->
 
 def test_one_is_not_told_as_many() -> None:
     assert [counted(number, "axis", "axes") for number in (0, 1, 2)] == ["0 axes", "1 axis", "2 axes"]
+
+
+def test_what_a_look_offers_is_the_same_table_and_no_other() -> None:
+    """`disable --axis X1 --table cec3` offered to switch off the axis' own table."""
+    assert after_dry("disable", "s.toml", "X1", "hall-3", table="cec3") == (
+        "disable s.toml --axis X1 --table cec3 --apply --machine hall-3"
+    )
 
 
 def test_the_next_command_is_the_look_and_then_the_push_over_the_road_of_the_site() -> None:
