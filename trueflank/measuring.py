@@ -368,7 +368,7 @@ def evaluate(
         unit=found.unit,
         values=dict(found.values),
         U=dict(found.U),
-        notes=(*found.flags, *told_doubts(figured.doubts), *measured.warnings),
+        notes=(*map(str, found.flags), *told_doubts(figured.doubts), *measured.warnings),
         contributions=dict(figured.contributions),
         supposed=supposed,
         doubts=figured.doubts,

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
+from drivers.message import Message
 from drivers.units import AxisUnit, DeviationUnit
 from gateway.domain.values import FloatArray, component_unit
 
@@ -39,7 +40,7 @@ class Evaluation:
     A_up: float | None
     A_down: float | None
     U: Mapping[str, float] = field(default_factory=dict)
-    flags: tuple[str, ...] = ()
+    flags: tuple[Message, ...] = ()
     edition: str = ""
     certainty: str = ""
     M_travel: float | None = None

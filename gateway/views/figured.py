@@ -31,7 +31,7 @@ def figures_by(folder: RunFolder, axis: str, phase: str, *, name: str, limits: M
         return _stored(folder.get(f"evaluation-{axis}-{phase}", Evaluation), capture, limits)
     figured = positioning.evaluate_positioning(capture, name, limits=limits, monte_carlo=False)
     found = figured.result
-    flags = (*found.flags, *told(figured.doubts), *(one.text for one in figured.supposed))
+    flags = (*(one.as_data() for one in found.flags), *told(figured.doubts), *(one.text for one in figured.supposed))
     contained = positioning.said_contributions(figured.contributions, found.unit)
     return _told(found.standard.name, found.unit, found.values, found.U, figured.verdicts, (*flags, contained))
 
@@ -47,7 +47,9 @@ def _stored(kept: Evaluation, capture: Capture, limits: Mapping[str, float]) -> 
         ),
         doubts,
     )
-    return _told(kept.standard, kept.unit, values, kept.U, verdicts, (*kept.flags, *told(doubts)))
+    return _told(
+        kept.standard, kept.unit, values, kept.U, verdicts, (*(one.as_data() for one in kept.flags), *told(doubts))
+    )
 
 
 def _told(

@@ -44,7 +44,6 @@ SENTENCES = frozenset(
         "AxisVerdict.words",
         "Capture.notes",
         "CorrectionRecord.words",
-        "Evaluation.flags",
         "GearProposal.said",
         "InspectedFlank.said",
         "Proposal.warnings",

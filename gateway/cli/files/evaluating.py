@@ -327,7 +327,7 @@ def _evaluate(
         "corrected": list(corrections.told(record)),
         "corrections": [_step(item) for item in record.chain],
         "flags": [
-            *found.flags,
+            *map(str, found.flags),
             *doubts.told(figured.doubts),
             *measured.warnings,
             *item.notes,

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from drivers.errors import ConfigError, text_of
+from drivers.message import Form, Message
 from drivers.types.doubts import Doubt
 from drivers.types.results import MeasuredSet
 from drivers.units import AxisUnit, DeviationUnit, deviation_scale, deviation_unit
@@ -158,6 +159,20 @@ def _told(one: Doubt) -> str:
     if one.settled:
         return f"{place}{one.text} ({one.code} accepted: {one.settled})"
     return f"{place}{one.code}: {one.text}; {one.remedy}" if one.blocking else f"{place}{one.text}"
+
+
+def remarks(doubts: Iterable[Doubt]) -> tuple[Message, ...]:
+    """Doubts as a record contains them; texts as `told`, a blocking one as an error is told."""
+    return tuple(_remark(one) for one in doubts)
+
+
+def _remark(one: Doubt) -> Message:
+    if one.blocking and not one.settled:
+        return replace(one.message, form=Form.ERROR, where=one.where)
+    said = one.message
+    if one.settled:
+        said = Message.of("S-DOUBT-SETTLED", doubt=said, named=one.code, reason=one.settled)
+    return Message.of("S-DOUBT-AT", where=one.where, doubt=said) if one.where else said
 
 
 def as_data(doubts: Iterable[Doubt]) -> list[dict[str, object]]:

@@ -13,7 +13,7 @@ from math import hypot
 
 import numpy as np
 
-from drivers.errors import words
+from drivers.message import Message
 from gateway.domain.captures import Capture
 from gateway.domain.figures import Evaluation
 from gateway.domain.values import COVERED, FloatArray
@@ -38,7 +38,7 @@ def over_travel(evaluation: Evaluation, capture: Capture) -> Evaluation:
     """
     found = _expected(capture)
     if found is None or "M" not in evaluation.U:
-        return replace(evaluation, flags=(*evaluation.flags, words("S-TRAVEL-UNSEEN")))
+        return replace(evaluation, flags=(*evaluation.flags, Message.of("S-TRAVEL-UNSEEN")))
     largest, spread = found
     return replace(evaluation, M_travel=largest, U={**evaluation.U, "M_travel": hypot(evaluation.U["M"], spread)})
 

@@ -10,7 +10,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from drivers.errors import words
+from drivers.message import Message
 from drivers.units import DeviationUnit
 from gateway.domain.figures import Evaluation
 from gateway.domain.values import FloatArray
@@ -117,15 +117,15 @@ def scatter_alone(evaluation: Evaluation) -> float | None:
     return float(parameters.of_table(np.where(np.isfinite(s), 0.0, np.nan), s, sigmas(evaluation.edition))["A"])
 
 
-def told_incurable(evaluation: Evaluation) -> tuple[str, ...]:
-    """Words where reversal and scatter make more than half of A."""
+def told_incurable(evaluation: Evaluation) -> tuple[Message, ...]:
+    """A remark where reversal and scatter make more than half of A."""
     found = incurable(evaluation)
     if found is None or found[1] <= MOST_INCURABLE:
         return ()
     left, share = found
     fields = {"scatter": f"{scatter_alone(evaluation):.3g}"}
     fields |= {"A": f"{evaluation.A:.3g}", "left": f"{left:.3g}", "percent": f"{100.0 * share:.0f}"}
-    return (words("W-INCURABLE", **fields, unit=evaluation.unit),)
+    return (Message.of("W-INCURABLE", **fields, unit=evaluation.unit),)
 
 
 def _turned(

@@ -14,7 +14,7 @@ from typing import Final, Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from drivers.errors import words
+from drivers.message import Message
 from gateway.domain.values import FloatArray
 from gateway.errors import ModelError
 from gateway.evaluate.standards import parameters, readings
@@ -34,7 +34,7 @@ class Figures:
     standard: str
     certainty: Certainty
     values: Mapping[str, float | None]
-    flags: tuple[str, ...] = ()
+    flags: tuple[Message, ...] = ()
 
 
 def vdi3441(deviations: ArrayLike, *, estimator: Literal["n-1", "range"] = "n-1") -> Figures:
@@ -146,8 +146,8 @@ def jis_formulas(x: FloatArray) -> Values:
     }
 
 
-def _jis_flags(places: int) -> tuple[str, ...]:
-    return (words("S-EVAL-PLACES", places=places, wanted=JIS_PLACES),) if places != JIS_PLACES else ()
+def _jis_flags(places: int) -> tuple[Message, ...]:
+    return (Message.of("S-EVAL-PLACES", places=places, wanted=JIS_PLACES),) if places != JIS_PLACES else ()
 
 
 def _checked(deviations: ArrayLike) -> FloatArray:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from drivers.errors import words
+from drivers.message import Message
 from gateway.domain.values import FloatArray
 from gateway.errors import ModelError
 
@@ -89,22 +89,22 @@ def _complete(x: FloatArray) -> tuple[FloatArray, FloatArray]:
     return mean, np.sqrt(np.maximum(squares / (n - 1), 0.0))
 
 
-def gaps(n: np.ndarray[tuple[int, ...], np.dtype[np.int64]], wanted: int, lost: str) -> tuple[str, ...]:
-    """What is missing in counts (m, 2), in words: always said, never filled in.
+def gaps(n: np.ndarray[tuple[int, ...], np.dtype[np.int64]], wanted: int, lost: str) -> tuple[Message, ...]:
+    """What is missing in counts (m, 2): always said, never filled in.
 
     ``wanted`` is the standard's number of repetitions, ``lost`` what single readings cannot give ("s, R, A").
     """
     used = n[:, n.any(axis=0)]
-    found = [words("S-EVAL-ONE-WAY")] if used.shape[1] == 1 else []
+    found = [Message.of("S-EVAL-ONE-WAY")] if used.shape[1] == 1 else []
     if n.shape[0] == 1:
-        found.append(words("S-EVAL-ONE-TARGET"))
-    found += [words("S-EVAL-NO-WAY", way="+-"[a], at=i + 1) for i, a in np.argwhere(used == 0)]
+        found.append(Message.of("S-EVAL-ONE-TARGET"))
+    found += [Message.of("S-EVAL-NO-WAY", way="+-"[a], at=i + 1) for i, a in np.argwhere(used == 0)]
     runs = int(used.max())
     fewer = np.argwhere((used > 0) & (used < runs))
-    found += [words("S-EVAL-FEWER", n=used[i, a], runs=runs, at=i + 1) for i, a in fewer]
+    found += [Message.of("S-EVAL-FEWER", n=used[i, a], runs=runs, at=i + 1) for i, a in fewer]
     if runs < wanted:
         few = "S-EVAL-SINGLE" if runs == 1 else "S-EVAL-RUNS"
-        found.append(words(few, runs=runs, lost=lost, wanted=wanted))
+        found.append(Message.of(few, runs=runs, lost=lost, wanted=wanted))
     elif 1 in used:
-        found.append(words("S-EVAL-LEFT-OUT", lost=lost.removeprefix("s, ")))
+        found.append(Message.of("S-EVAL-LEFT-OUT", lost=lost.removeprefix("s, ")))
     return tuple(found)

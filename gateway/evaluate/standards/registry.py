@@ -9,7 +9,7 @@ from functools import partial
 
 from numpy.typing import ArrayLike
 
-from drivers.errors import words
+from drivers.message import Message
 from drivers.units import DeviationUnit
 from gateway.domain.values import FloatArray
 from gateway.errors import ModelError
@@ -63,7 +63,7 @@ class StandardResult:
     values: Mapping[str, float | None]
     U: Mapping[str, float]
     trials: Mapping[str, TrialOutcome]
-    flags: tuple[str, ...] = ()
+    flags: tuple[Message, ...] = ()
 
     def decided(self, limits: Mapping[str, float]) -> tuple[Decision, ...]:
         """Verdicts on the limits given. Raises ModelError (E-EVAL-LIMIT-NAME, E-EVAL-LIMIT)."""
@@ -206,7 +206,7 @@ def evaluate_by(
 
 def _figures(
     chosen: PositioningStandard, at: FloatArray, x: FloatArray, unit: DeviationUnit, budget: Budget
-) -> tuple[Mapping[str, float | None], Mapping[str, float], tuple[str, ...]]:
+) -> tuple[Mapping[str, float | None], Mapping[str, float], tuple[Message, ...]]:
     if chosen.iso:
         found = iso230_2.evaluate(at, x, unit, edition=chosen.iso, budget=budget)
         return {key: getattr(found, key) for key in parameters.NAMES}, found.U, found.flags
@@ -231,7 +231,7 @@ _OTHERS: Mapping[str, tuple[Callable[[FloatArray], Figures], Formulas | None, Ta
 }
 
 
-def unsettled_notes(outcomes: Mapping[str, TrialOutcome]) -> tuple[str, ...]:
+def unsettled_notes(outcomes: Mapping[str, TrialOutcome]) -> tuple[Message, ...]:
     """The parameters whose Monte Carlo interval was still moving when the trials ended."""
     moving = [name for name, outcome in outcomes.items() if not outcome.converged]
-    return (words("S-EVAL-TRIALS", names=", ".join(moving), trials=outcomes[moving[0]].trials),) if moving else ()
+    return (Message.of("S-EVAL-TRIALS", names=", ".join(moving), trials=outcomes[moving[0]].trials),) if moving else ()

@@ -205,17 +205,27 @@ def _axis_table(axis: AxisMaterial, t: Tongue) -> tuple[Block, ...]:
 
 def _remarks(report: ReportMaterial, t: Tongue) -> Iterator[Block]:
     """What the run itself noted, in English, told in the document's language where the catalogue has its words."""
-    said = [("", text) for text in report.findings]
+    said: list[tuple[str, str | Message]] = [("", text) for text in report.findings]
     for axis in report.axes:
-        flags = [text for item in (axis.before, axis.after) if item is not None for text in item.flags]
-        said += [(f"{axis.axis}: ", text) for text in (*axis.findings, *flags)]
+        flags: list[str | Message] = [
+            text for item in (axis.before, axis.after) if item is not None for text in item.flags
+        ]
+        said += [(f"{axis.axis}: ", text) for text in axis.findings]
+        said += [(f"{axis.axis}: ", text) for text in flags]
     if report.tooth is not None:
         notes = [one.said for one in (report.tooth.errors, report.tooth.proposal) if one is not None]
         said += [("", text) for lines in notes for text in lines]
     if said:
         yield Heading(t("remarks"))
         yield Paragraph(t("remarks_said"), "small")
-        yield Bullets(tuple(of + retold(shown(text), t.language) for of, text in dict.fromkeys(said)))
+        yield Bullets(tuple(of + _remark(text, t.language) for of, text in dict.fromkeys(said)))
+
+
+def _remark(text: str | Message, language: str) -> str:
+    """A sentence of a record that still holds one, or of an older version, is looked up in the catalogue."""
+    if isinstance(text, Message) and text.code:
+        return render(text, language, plain=True)
+    return retold(shown(str(text)), language)
 
 
 def _hashes(report: ReportMaterial, t: Tongue) -> Iterator[Block]:

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from drivers.errors import words
+from drivers.message import Message
 from drivers.types.values import FloatArray
 from gateway.config import AxisSection, SiteFile
 from gateway.domain.captures import Capture
@@ -49,14 +49,14 @@ def offset_of(axis: AxisSection, site: SiteFile) -> tuple[float, float, float] |
     return next((one.offset_mm for one in fitting), None)
 
 
-def told(capture: Capture) -> str:
-    """Which line the figures of a linear axis hold for, in words."""
+def line_remark(capture: Capture) -> Message:
+    """Which line the figures of a linear axis hold for."""
     if capture.line_mm is None:
-        return words("S-LINE-MEASURED")
+        return Message.of("S-LINE-MEASURED")
     where = ", ".join(f"{way} {part:+g}" for way, part in zip(DIRECTIONS, capture.line_mm, strict=True) if part)
     if capture.lever_u:
-        return words("S-LINE-PART", component=capture.component, where=where, u=f"{capture.lever_u:.2f}")
-    return words("S-LINE-COUNTS", component=capture.component, where=where or "0")
+        return Message.of("S-LINE-PART", component=capture.component, where=where, u=f"{capture.lever_u:.2f}")
+    return Message.of("S-LINE-COUNTS", component=capture.component, where=where or "0")
 
 
 def _lever(axis: AxisSection, offset: tuple[float, float, float], site: SiteFile, folder: RunFolder) -> Lever:

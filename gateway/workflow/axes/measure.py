@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from drivers.errors import ConfigError, UnsupportedDevice
+from drivers.message import Message
 from drivers.terms import spoken
 from drivers.types.results import MeasuredSet
 from drivers.types.stops import StopPlan
@@ -26,8 +27,7 @@ from gateway.domain.captures import Capture
 from gateway.domain.equipment import Equipment, Item, SenseProof
 from gateway.domain.figures import Evaluation
 from gateway.domain.stated import StatedFacts
-from gateway.evaluate.behaviour.doubts import notable
-from gateway.evaluate.behaviour.doubts import told as told_doubts
+from gateway.evaluate.behaviour.doubts import notable, remarks
 from gateway.evaluate.behaviour.whole_travel import over_travel
 from gateway.evaluate.standards.iso230_2 import evaluate, told_incurable
 from gateway.evaluate.uncertainty.budget import budget_of
@@ -37,7 +37,7 @@ from gateway.walk import question
 from gateway.workflow import stages
 from gateway.workflow.aftercare import look_at
 from gateway.workflow.axes.conditions import stands, tell_overdue, with_conditions
-from gateway.workflow.axes.line import on_its_line, told
+from gateway.workflow.axes.line import line_remark, on_its_line
 from gateway.workflow.axes.more import MoreTargets
 from gateway.workflow.axes.toothplaces import tooth_places
 from gateway.workflow.bench import Bench
@@ -102,9 +102,9 @@ def evaluated(
     result = evaluate(capture.targets, capture.deviations, deviation_unit(axis.unit), budget=budget_of(capture))
     result = over_travel(result, capture)
     if capture.cycle != "standard":
-        result = replace(result, flags=(*result.flags, f"{capture.cycle} cycle: not for acceptance to ISO 230-2"))
-    line = (told(capture),) if axis.kind == "linear" else ()
-    doubtful = told_doubts(notable(capture.doubts))
+        result = replace(result, flags=(*result.flags, Message.of("S-EVAL-CYCLE", cycle=capture.cycle)))
+    line = (line_remark(capture),) if axis.kind == "linear" else ()
+    doubtful = remarks(notable(capture.doubts))
     result = replace(result, flags=(*result.flags, *doubtful, *told_incurable(result), *line))
     folder.put(stages.evaluation(axis.name, phase), result, (digest,))
     return MeasuredAxis(capture, result, digest)

@@ -23,6 +23,7 @@ from gateway.workflow.axes.measure import MeasuredAxis
 from gateway.workflow.axes.structure import structure_of
 from gateway.workflow.errors21.components import conclude
 from gateway.workflow.errors21.fromsetups import axes_measured
+from tests.steps import said
 from tests.unit.components.machine import Machine, X
 from tests.unit.components.site import setup, site_data
 
@@ -78,7 +79,7 @@ def test_the_range_is_that_of_the_line_that_counts(tmp_path: Path, seed: int) ->
     found = of(tmp_path, machine, site_of())
     assert pytest.approx(true_range(machine), abs=0.2) == found.evaluation.M
     assert found.capture.line_mm == OFFSET
-    assert any("on the functional line of EXX" in flag and "Y +60, Z +120" in flag for flag in found.evaluation.flags)
+    assert any("on the functional line of EXX" in flag and "Y +60, Z +120" in flag for flag in said(found.evaluation))
 
 
 @pytest.mark.parametrize("seed", [1, 5, 9, 18])
@@ -105,7 +106,7 @@ def test_the_lever_moves_the_range_by_micrometres_here() -> None:
 def test_a_line_that_nobody_named_is_that_of_the_reflector(tmp_path: Path) -> None:
     found = of(tmp_path, Machine(1), site_of(offset=None))
     assert found.capture.line_mm is None
-    assert any("on the line of the reflector" in flag for flag in found.evaluation.flags)
+    assert any("on the line of the reflector" in flag for flag in said(found.evaluation))
 
 
 def test_angles_that_nobody_measured_stay_in_U(tmp_path: Path) -> None:

@@ -23,6 +23,7 @@ from gateway.model import components, fit, regression
 from gateway.model.motion import motion_from
 from gateway.model.preset import yk7350b
 from gateway.table import Grid, project
+from tests.steps import said
 
 Input = dict[str, Any]
 NO_AIR = Ambient(20.0, 1013.25, 50.0, (20.0,))
@@ -51,7 +52,7 @@ def _iso(given: Input) -> Input:
         found["mean_bi"] = robust_means(result.targets, _rows(given)).mean
         alone = [iso230_2.evaluate([at], row[None], "um") for at, row in zip(result.targets, _rows(given), strict=True)]
         found |= {f"R_i_{way}": [getattr(one, f"R_{way}") for one in alone] for way in ("up", "down")}
-    return found | {"flags": list(result.flags)}
+    return found | {"flags": list(said(result))}
 
 
 def _rows(given: Input) -> np.ndarray:

@@ -12,6 +12,7 @@ from gateway.errors import ModelError
 from gateway.evaluate.standards import iso230_2, readings
 from gateway.evaluate.standards.iso230_2 import evaluate
 from gateway.evaluate.uncertainty.budget import Budget, linear_budget
+from tests.steps import said
 
 SHAPES = st.tuples(st.integers(2, 9), st.integers(2, 6), st.just(2))
 READINGS = SHAPES.flatmap(lambda shape: arrays(np.float64, shape, elements=st.floats(-50, 50, width=32)))
@@ -64,7 +65,7 @@ def test_repeatability_decided_by_one_direction() -> None:
     result = evaluate([0.0], x, "um")
     repeatability = result.R
     assert repeatability == pytest.approx(12.0)
-    assert "one target" in result.flags
+    assert "one target" in said(result)
 
 
 def complete() -> np.ndarray:
@@ -78,7 +79,7 @@ def test_missing_reading_uses_its_own_n_and_is_flagged() -> None:
     row = np.delete(x[2, :, 0], 1)
     assert result.mean_up[2] == pytest.approx(row.mean())
     assert result.s_up[2] == pytest.approx(row.std(ddof=1))
-    assert result.flags == ("n = 4 of 5 at i = 3",)
+    assert said(result) == ("n = 4 of 5 at i = 3",)
     assert result.A is not None
 
 
@@ -94,7 +95,7 @@ def test_target_without_one_approach_stays_out_of_B_M_R() -> None:
     assert result.A_up is not None
     assert result.A_up > 100.0
     assert result.A_down == rest.A_down
-    assert "no approach - at i = 6" in result.flags
+    assert "no approach - at i = 6" in said(result)
 
 
 def test_unidirectional_has_no_bidirectional_results() -> None:
@@ -103,7 +104,7 @@ def test_unidirectional_has_no_bidirectional_results() -> None:
     result = evaluate(np.arange(6.0), x, "arcsec")
     assert [result.B, result.M, result.E, result.R, result.A, result.E_down] == [None] * 6
     assert result.A_up is not None
-    assert result.flags == ("unidirectional",)
+    assert said(result) == ("unidirectional",)
     assert set(result.U) == {"E_up", "R_up", "A_up"}
 
 
@@ -112,7 +113,7 @@ def test_one_run_has_no_spread() -> None:
     assert result.R is None
     assert result.A is None
     assert result.E is not None
-    assert result.flags == ("n = 1: no s, R, A",)
+    assert said(result) == ("n = 1: no s, R, A",)
 
 
 def test_one_lone_reading_is_left_out_of_R_and_A() -> None:
@@ -121,7 +122,7 @@ def test_one_lone_reading_is_left_out_of_R_and_A() -> None:
     result = evaluate(np.arange(6.0), x, "um")
     assert result.A is not None
     assert np.isnan(result.R_i[0])
-    assert "a target has one reading: left out of R, A" in result.flags
+    assert "a target has one reading: left out of R, A" in said(result)
 
 
 def test_uncertainty_coefficients_and_systematic_terms() -> None:

@@ -20,6 +20,7 @@ from gateway.evaluate.standards import iso230_2
 from gateway.evaluate.standards.registry import evaluate_by
 from gateway.evaluate.uncertainty.budget import file_budget, linear_budget
 from gateway.workflow.files.reading import How, read_measured
+from tests.steps import said
 
 S = np.array([-1.0, -1.0, 0.0, 1.0, 1.0])
 AT = np.array([0.0, 90.0, 210.0, 290.0, 400.0])
@@ -96,7 +97,7 @@ def test_mistake_07_a_missing_reading_is_no_zero_and_never_silent() -> None:
     gappy[2, 3, 0] = np.nan
     found = iso230_2.evaluate(AT, gappy, "um")
     assert found.mean_up[2] == pytest.approx(100.0 + 2.0 - 0.25)
-    assert found.flags == ("n = 4 of 5 at i = 3",)
+    assert said(found) == ("n = 4 of 5 at i = 3",)
     assert figures(gappy)["A"] == pytest.approx(10.0)
 
 

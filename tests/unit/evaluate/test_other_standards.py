@@ -7,6 +7,7 @@ import pytest
 
 from gateway.errors import ModelError
 from gateway.evaluate.standards import flank_tolerances, other_standards
+from tests.steps import said
 
 S = np.array([-1, -1, 0, 1, 1.0])
 UP = np.array([0, 1, 2, 3, 4.0])[:, None] + S
@@ -32,14 +33,14 @@ def test_jis_takes_accuracy_from_the_first_pass_and_the_rest_from_all() -> None:
     up, down = np.array([[0, 2.0, 1], [1, 1, 1]]), np.array([[3, 3.0, 3], [1, 1, 2]])
     found = other_standards.jis_of_test(np.stack([up, down], axis=2))
     assert found.values == {"accuracy": 2.0, "repeatability": 1.0, "lost_motion": 2.0}
-    assert found.flags == ("n = 3, the standard asks for 7", "repeated at 2 places, the standard asks for 3")
+    assert said(found) == ("n = 3, the standard asks for 7", "repeated at 2 places, the standard asks for 3")
 
 
 def test_gaps_are_flagged_and_readings_of_no_shape_refused() -> None:
     gappy = X.copy()
     gappy[0, 0, 0] = np.nan
     for evaluate in (other_standards.vdi3441, other_standards.asme_b554_1992, other_standards.nmtba):
-        assert evaluate(gappy).flags == ("n = 4 of 5 at i = 1",)
+        assert said(evaluate(gappy)) == ("n = 4 of 5 at i = 1",)
         for wrong in (5.0, X[0], np.full((2, 2, 2), np.nan)):
             with pytest.raises(ModelError):
                 evaluate(wrong)

@@ -18,6 +18,7 @@ from gateway.evaluate.standards import other_standards
 from gateway.evaluate.standards.decision import RULE, decide
 from gateway.evaluate.standards.registry import evaluate_by, standard, standards
 from gateway.evaluate.uncertainty.budget import Budget, file_budget
+from tests.steps import said
 from tests.unit.evaluate.test_other_standards import X
 
 AT = np.array([0.0, 90.0, 210.0, 290.0, 400.0])
@@ -84,8 +85,8 @@ def test_worked_example_of_every_family() -> None:
     assert (raw["acc_bi"], raw["lost_motion"]) == pytest.approx((X.max() - X.min(), 3.0))
     jis = evaluate_by("JIS B 6330", AT, X, "um", monte_carlo=False)
     assert jis.values["repeatability"] == pytest.approx(2.0)
-    assert "n = 5, the standard asks for 7" in jis.flags
-    assert "repeated at 5 places, the standard asks for 3" in jis.flags
+    assert "n = 5, the standard asks for 7" in said(jis)
+    assert "repeated at 5 places, the standard asks for 3" in said(jis)
 
 
 def test_the_range_estimator_of_3441() -> None:
@@ -100,7 +101,7 @@ def test_a_missing_reading_is_flagged_and_evaluated_with_its_own_n() -> None:
     gappy[0, 0, 0] = np.nan
     for item in standards():
         found = evaluate_by(item.name, AT, gappy, "um", monte_carlo=False)
-        assert "n = 4 of 5 at i = 1" in found.flags
+        assert "n = 4 of 5 at i = 1" in said(found)
         assert None not in found.values.values()
 
 
@@ -118,7 +119,7 @@ def test_one_direction_has_no_figure_of_two_in_any_standard() -> None:
         found = evaluate_by(name, AT, one, "um")
         assert {key for key, value in found.values.items() if value is None} == names
         assert not names & set(found.U)
-        assert "unidirectional" in found.flags
+        assert "unidirectional" in said(found)
 
 
 def test_one_run_has_no_spread_in_any_standard() -> None:
@@ -126,7 +127,7 @@ def test_one_run_has_no_spread_in_any_standard() -> None:
     for name, parameter in absent.items():
         found = evaluate_by(name, AT, X[:, :1], "um", monte_carlo=False)
         assert found.values[parameter] is None
-        assert any(flag.startswith("n = 1: no") for flag in found.flags)
+        assert any(flag.startswith("n = 1: no") for flag in said(found))
 
 
 @settings(max_examples=60, deadline=None)

@@ -52,6 +52,6 @@ def test_reversal_and_scatter_are_named_as_what_no_table_cures() -> None:
     left, share = incurable(loose)
     assert left == pytest.approx(15.0 + 4.0 * 0.2 + 0.3, abs=0.5)
     assert share > 0.75
-    assert "scatter alone would leave 1.7" in told_incurable(loose)[0]
+    assert "scatter alone would leave 1.7" in str(told_incurable(loose)[0])
     assert told_incurable(evaluate(targets, x - 7.5 * np.array([1.0, -1.0]), "um")) == ()
     assert incurable(evaluate(targets, x[:, :1], "um")) is None

@@ -12,6 +12,7 @@ from gateway.domain.captures import Between
 from gateway.evaluate.behaviour.whole_travel import over_travel
 from gateway.evaluate.standards.iso230_2 import evaluate
 from tests.sizes import few
+from tests.steps import said
 from tests.unit.evaluate.hostile import Captured, captured
 
 SMOOTH, SCREW, SAG, WORM = "smooth", "screw", "sag", "worm"
@@ -72,4 +73,4 @@ def test_without_anything_between_the_targets_there_is_no_figure() -> None:
     )
     found = over_travel(evaluate(one.targets, one.deviations, "um"), capture)
     assert found.M_travel is None
-    assert any("whole travel" in flag for flag in found.flags)
+    assert any("whole travel" in flag for flag in said(found))

@@ -15,6 +15,7 @@ from gateway.evaluate.standards.positioning_trials import scatter_of_test
 from gateway.evaluate.uncertainty import distributions, montecarlo
 from gateway.evaluate.uncertainty.budget import Budget, expanded
 from gateway.evaluate.uncertainty.distributions import Normal, Rectangular
+from tests.steps import said
 
 ROW = np.array([-1.0, -1.0, 0.0, 1.0, 1.0])
 
@@ -209,7 +210,7 @@ def test_intervals_that_are_not_settled_are_named(monkeypatch: pytest.MonkeyPatc
     monkeypatch.setattr(positioning_trials, "SHARE", 0.0)
     x = np.zeros((6, 5, 2)) + np.random.default_rng(2).normal(0.0, 1.0, (6, 5, 2))
     found = registry.evaluate_by("2014", np.linspace(0.0, 500.0, 6), x, "um")
-    (note,) = (flag for flag in found.flags if "Monte Carlo" in flag)
+    (note,) = (flag for flag in said(found) if "Monte Carlo" in flag)
     moving = {name for name, outcome in found.trials.items() if not outcome.converged}
     assert moving
     assert all(name in note for name in moving)

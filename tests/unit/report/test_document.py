@@ -271,3 +271,15 @@ def test_the_table_of_results_has_the_flank_and_decimals_by_the_uncertainty(mate
     assert {row[0] for row in rows} == {*(axis.axis for axis in material.axes), "flank"}
     assert all(len(cell.partition(".")[2]) <= 6 for row in rows for cell in row[3:8])
     assert [decimals_of(U) for U in (23.1, 0.4, 0.055, 0.0021, None)] == [2, 2, 3, 4, 3]
+
+
+def test_a_remark_about_figures_is_in_the_documents_language() -> None:
+    first, *others = synthetic.material().axes
+    assert first.before is not None
+    flags = (Message.of("S-EVAL-CYCLE", cycle="pilgrim"), Message.of("S-EVAL-ONE-WAY"))
+    said = replace(synthetic.material(), axes=(replace(first, before=replace(first.before, flags=flags)), *others))
+    shown = [document(replace(said, particulars=Particulars(language=language))) for language in ("de", "zh")]
+    german, chinese = (json.dumps(as_plain(one, ()).data, ensure_ascii=False) for one in shown)
+    assert "nicht für eine Abnahme nach ISO 230-2" in german
+    assert "不用于按 ISO 230-2 的验收" in chinese
+    assert "unidirectional" not in german + chinese

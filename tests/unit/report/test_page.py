@@ -121,7 +121,7 @@ def _hostile(text: str) -> ReportMaterial:
         axis,
         change=replace(axis.change, new=table, findings=(TableFinding(Message.stored(text)),), skipped=text),
         push=replace(axis.push, steps=(Message.stored(text),), backup_path=text),
-        before=replace(axis.before, flags=(text,), standard=text),
+        before=replace(axis.before, flags=(Message.stored(text),), standard=text),
         capture_before=replace(
             capture, component=text, notes=(text,), source=text, started_utc=text, ended_utc=text,
             corrections=replace(capture.corrections, air=text, details={text: 1.0}),
@@ -201,7 +201,7 @@ def test_missing_figures_are_dashes_and_never_nan() -> None:
     gone = np.full(axis.before.targets.shape, np.nan)
     one_way = replace(
         axis.before, mean_down=gone, s_down=gone, B_i=gone, B=None, M=None, R=None, A=None, E=None, U={},
-        flags=("measured in one direction only",),
+        flags=(Message.stored("measured in one direction only"),),
     )  # fmt: skip
     capture = replace(axis.capture_before, ambient_start=Ambient(), ambient_end=Ambient())
     axis = replace(axis, before=one_way, capture_before=capture)
