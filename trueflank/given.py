@@ -81,12 +81,17 @@ def plain_numbers(
 
 
 def real_given(values: Any, call: str) -> None:
-    """Raise ConfigError (E-LIBRARY-KIND) for what numpy would take and change: a masked array, complex numbers."""
+    """Raise ConfigError (E-LIBRARY-KIND) for what numpy would take and change: masked, complex, truth values, times."""
     unmasked_given(values, call)
     parts = values if isinstance(values, list | tuple) else (values,)
     if any(np.iscomplexobj(one) for one in parts):
         how = "real numbers: values.real, if the rest means nothing"
         raise ConfigError("E-LIBRARY-KIND", call, call=call, wanted="numbers", given="complex numbers", how=how)
+    kinds = {one.dtype.kind for one in parts if isinstance(one, np.ndarray | np.generic)} & set("bmM")
+    if kinds or (parts is values and any(isinstance(one, bool) for one in parts)):
+        given = "times" if kinds & set("mM") else "truth values"
+        how = "the numbers themselves, in mm or deg, um or arcsec"
+        raise ConfigError("E-LIBRARY-KIND", call, call=call, wanted="numbers", given=given, how=how)
 
 
 def unmasked_given(values: Any, call: str) -> None:

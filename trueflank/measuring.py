@@ -84,6 +84,13 @@ class Measured:
             real_given(values, "tf.Measured")
         for key, values in zip(("targets", "deviations"), checked(self.targets, self.deviations), strict=True):
             object.__setattr__(self, key, values)
+        places, counts = np.unique(self.targets, return_counts=True)
+        if (counts > 1).any():
+            given = f"target {places[np.argmax(counts > 1)]:g} {int(counts.max())} times"
+            how = "readings at one target are repetitions: deviations (targets, repetitions, 2)"
+            raise ConfigError(
+                "E-LIBRARY-KIND", "targets", call="tf.Measured", wanted="every target once", given=given, how=how
+            )
         object.__setattr__(self, "doubts", settled(all_doubts(self.as_set(), self.unit), self.accepted))
 
     def as_set(self) -> MeasuredSet:

@@ -365,6 +365,8 @@ def _function(name: str, one: Given) -> Any:
             )  # fmt: skip
         return one.function()
     real_given(one, f"tf.Machine: {name}")
+    if isinstance(one, np.ndarray) and one.ndim == 0:
+        return float(one)
     parts = list(one) if isinstance(one, list | tuple | np.ndarray) else []
     bare = bool(parts) and all(np.ndim(part) == 0 and not isinstance(part, Mapping) for part in parts)
     if isinstance(one, bool | str | np.bool_) or bare:

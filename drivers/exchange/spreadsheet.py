@@ -77,6 +77,8 @@ class ErrorCsv:
             unit = ErrorSet.location_unit(name.removeprefix("E"))
             _word(row, "value_unit", {unit: unit}, where, line)
             if row["position"] == "":
+                if name in locations:
+                    raise FileFormatError("E-EXCHANGE-TWICE", where, line=line, key=name)
                 locations[name] = value
             else:
                 key = (name, _word(row, "argument_unit", AXIS_UNITS, where, line))

@@ -157,11 +157,11 @@ def _columns(points: Points, keys: Sequence[str], where: str) -> Mapping[str, Fl
 def _own(head: Mapping[str, float], points: Points, where: str, known: ReadAs) -> CompensationTable:
     _metric(head, "kw.ssfk.unit", where)
     _stated(head.get("kw.ssfk.kw_nr_max"), len(points), where)
-    both = bool(head.get("kw.ssfk.bilateral", 0.0))
-    interval = head.get("kw.ssfk.interval", 0.0)
+    both = bool(_said(head, "kw.ssfk.bilateral", where, needed=any("neg" in point for point in points.values())))
+    interval = _said(head, "kw.ssfk.interval", where, needed=not all("setpoint" in point for point in points.values()))
     keys = (*(("setpoint",) if interval == 0.0 else ()), "pos", *(("neg",) if both else ()))
     found = _columns(points, keys, where)
-    start = head.get("kw.ssfk.kw_startpos", 0.0)
+    start = _said(head, "kw.ssfk.kw_startpos", where, needed=interval != 0.0)
     even: FloatArray = start + interval * np.arange(len(points), dtype=np.float64)
     steps = found["setpoint"] if interval == 0.0 else even
     at = steps / (STEPS_PER_MM if known.unit == "mm" else STEPS_PER_DEG)
@@ -190,6 +190,13 @@ def _cross(head: Mapping[str, float], points: Points, where: str, known: ReadAs)
         output_unit=known.unit,
         places=tuple(float(value) for value in at),
     )
+
+
+def _said(head: Mapping[str, float], key: str, where: str, *, needed: bool) -> float:
+    """A value of the head, 0 where it is missing and nothing depends on it. Raises FileFormatError (E-FILE-LINE)."""
+    if needed and key not in head:
+        raise FileFormatError("E-FILE-LINE", where, line=1, why=f"{key} is missing, and the points depend on it")
+    return head.get(key, 0.0)
 
 
 def _metric(head: Mapping[str, float], key: str, where: str) -> None:

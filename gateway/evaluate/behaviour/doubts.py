@@ -32,6 +32,9 @@ than the second they are one value, and arithmetic."""
 FAR_JUMPS, JUMP_SHARE = 40.0, 0.2
 """A reading jumps where it leaves its neighbours' line by so many times the usual (the median, of a normal scatter 0.8
 standard deviations)."""
+ALIKE, FEWEST_ALIKE = 0.01, 4
+"""Of the travel: numbers of readings that differ so little from those of their targets, at so many of them, are these.
+"""
 WIDE, FEWEST_STEPS = 3.0, 4
 """A step between targets is wide beyond so many usual ones (medians); of fewer steps none is usual."""
 SHARE_OF_TRAVEL = 0.01
@@ -61,7 +64,12 @@ def doubts_of(
     """
     at, x = readings.checked(targets, deviations)
     kind = unit or deviation_unit(axis_unit)
-    found = [*_size(at, x, axis_unit, kind), *_arc(at, axis_unit), *_plan(at, x.shape[1], axis_unit)]
+    found = [
+        *_size(at, x, axis_unit, kind),
+        *_positions(at, x, axis_unit, kind),
+        *_arc(at, axis_unit),
+        *_plan(at, x.shape[1], axis_unit),
+    ]
     found += _bridged(at, axis_unit, modulo=modulo and axis_unit == "deg")
     if kind == "arcsec" and axis_unit == "deg":
         found += _closure(at, x, device_arcsec)
@@ -208,6 +216,19 @@ def _size(at: FloatArray, x: FloatArray, axis_unit: AxisUnit, unit: DeviationUni
     names = {"spread": f"{spread:.6g}", "limit": f"{limit:.6g}", "unit": unit, "axis_unit": axis_unit}
     names |= {"at": f"{at[place]:g}", "value": f"{x[place, run, way]:.6g}", "travel": f"{np.ptp(at):g}"}
     return [Doubt("S-EVAL-SPREAD", blocking=True, names=names, numbers={"spread": spread, "limit": limit})]
+
+
+def _positions(at: FloatArray, x: FloatArray, axis_unit: AxisUnit, unit: DeviationUnit) -> list[Doubt]:
+    """Deviations whose numbers are those of their targets: positions under the heading of deviations.
+
+    1 um/mm with so little left over is a scale error that no axis has by chance.
+    """
+    if deviation_unit(axis_unit) != unit or at.size < FEWEST_ALIKE:
+        return []
+    left = x - at[:, None, None]
+    if float(np.ptp(left[np.isfinite(left)])) > ALIKE * float(np.ptp(at)):
+        return []
+    return [Doubt("S-EVAL-POSITIONS", blocking=True, names={"unit": unit, "axis_unit": axis_unit})]
 
 
 def _tiny(x: FloatArray, unit: DeviationUnit) -> tuple[Doubt, ...]:

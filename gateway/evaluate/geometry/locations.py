@@ -10,6 +10,7 @@ import numpy as np
 from drivers.errors import words
 from drivers.units import arcsec_to_rad, rad_to_arcsec, um_to_mm
 from gateway.domain.values import COVERAGE
+from gateway.errors import ModelError
 from gateway.evaluate.geometry.axis_location import from_ball, from_bar
 from gateway.evaluate.geometry.measurement import Means
 from gateway.evaluate.geometry.squareness import from_runs, of_plane, reversed_square
@@ -25,7 +26,8 @@ Tilt = Callable[[str, float | None], tuple[float, float]]
 def locations(means: Sequence[Means], tilt: Tilt) -> tuple[tuple[LocationError, ...], list[str]]:
     """Location errors that the set-ups determine, and words on those they do not.
 
-    ``tilt`` tells an angular motion at a place (or over its reach) and its standard uncertainty, arcsec.
+    ``tilt`` tells an angular motion at a place (or over its reach) and its standard uncertainty, arcsec. Raises
+    ModelError (E-MODEL-SQUARES) where set-ups give several angles of one square.
     """
     said: list[str] = []
     square = _square([one for one in means if one.of.name == "B0Z"], said)
@@ -59,7 +61,10 @@ def _square(runs: Sequence[Means], said: list[str]) -> LocationError | None:
         found = reversed_square(from_runs(*pairs[False]), from_runs(*pairs[True]))
         how = words("S-MODEL-SQUARE", own=f"{rad_to_arcsec(found.own):+.2f}")
         return _b0z(found.C0Y, found.u, how)
-    own = next((one.of.own_angle_arcsec for one in runs if one.of.own_angle_arcsec is not None), None)
+    angles = {one.of.own_angle_arcsec for one in runs if one.of.own_angle_arcsec is not None}
+    if len(angles) > 1:  # of one square: two set-ups say two
+        raise ModelError("E-MODEL-SQUARES", "B0Z", angles=", ".join(f"{one:+g}" for one in sorted(angles)))
+    own = angles.pop() if angles else None
     if len(pairs) == 1 and own is not None:
         turned, both = next(iter(pairs.items()))
         against = from_runs(*both, arcsec_to_rad(-own if turned else own))

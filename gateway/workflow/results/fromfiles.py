@@ -149,7 +149,7 @@ class _Files:
         unclear = next(iter(self.stated.values("date")), "")
         first, last = (moments[0], moments[-1]) if moments else (unclear or created,) * 2
         return ReportMaterial(
-            site=self.site.site.name if self.site is not None else next(iter(self.stated.values("machine")), ""),
+            site=self.site.site.name if self.site is not None else ", ".join(self.stated.values("machine")),
             machine=MachineIdentity(self._serial, "", ()),
             run_id=run_id,
             outcome="not-pushed",
@@ -166,7 +166,7 @@ class _Files:
     @property
     def _serial(self) -> str:
         """Serial number of the site's control; without a site that which the files state."""
-        return self.site.controller.serial if self.site is not None else next(iter(self.stated.values("serial")), "")
+        return self.site.controller.serial if self.site is not None else ", ".join(self.stated.values("serial"))
 
     def _axis(self, name: str, item: MeasuredItem, file: str) -> AxisMaterial:
         found = _axis(name, item, self.site, self.answered)

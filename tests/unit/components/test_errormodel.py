@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
+from gateway.errors import ModelError
 from gateway.evaluate.geometry.errormodel import error_model
 from gateway.evaluate.geometry.lever import arms, lever_um
 from gateway.evaluate.geometry.measurement import Measurement
@@ -145,6 +148,9 @@ def test_half_a_square_or_bar_is_no_location_and_stays_unknown() -> None:
              for m in square[:2]]  # fmt: skip
     only = error_model([*given, *bar], {})
     assert {one.name for one in only.locations} == {"B0Z", "B0C"}
+    other = replace(given[1], own_angle_arcsec=1.2)
+    with pytest.raises(ModelError, match=r"\+0.8, \+1.2 arcsec"):
+        error_model([given[0], other], {})
 
 
 def test_what_is_not_measured_is_carried_with_its_span() -> None:

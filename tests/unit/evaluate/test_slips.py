@@ -36,7 +36,7 @@ def honest(
 @pytest.mark.parametrize("count", [6, 9, 16, 40])
 def test_the_limit_is_what_normal_scatter_reaches_in_two_of_a_thousand_sets(order: int, count: int) -> None:
     rng = np.random.default_rng(count)
-    y = rng.normal(size=(8000, count))
+    y = rng.normal(size=(5000, count))
     r = np.diff(y, n=order, axis=1)
     shapes = [np.arange(count) > at for at in range(1, count - 2)] + list(np.eye(count))
     templates = np.array([np.diff(np.asarray(shape, float), n=order) for shape in shapes])
@@ -49,10 +49,10 @@ def test_the_limit_is_what_normal_scatter_reaches_in_two_of_a_thousand_sets(orde
 @pytest.mark.parametrize("kind", ["slope", "waves", "walk", "rounded"])
 def test_honest_sets_raise_no_false_alarm(kind: str) -> None:
     rng = np.random.default_rng(11)
-    sets = 150
+    sets = 60
     for repetitions, ways in LAYOUTS:
         alarms = sum(bool(slips(*honest(rng, kind, int(rng.integers(5, 30)), repetitions, ways))) for _ in range(sets))
-        assert alarms <= 2, f"{alarms} of {sets}: below 1 of 100 in the long run"
+        assert alarms <= 1, f"{alarms} of {sets}: below 1 of 100 in the long run"
 
 
 @pytest.mark.parametrize(("repetitions", "ways"), LAYOUTS)
@@ -88,3 +88,13 @@ def test_three_repetitions_vote_and_few_or_rounded_readings_say_nothing() -> Non
     kept = whole.copy()
     kept[3, 0, 0] = np.nan
     assert not slips(at, kept)
+
+
+def test_positions_under_the_heading_of_deviations_stop_the_verdict() -> None:
+    """0.4 mm of "deviation" over 400 mm was 1 um/mm, and a figure."""
+    at = np.arange(0.0, 401.0, 50.0)
+    x = np.random.default_rng(2).normal(0.0, 0.003, (9, 2, 2)) + at[:, None, None]
+    for axis_unit in ("mm", "deg"):
+        assert [one.code for one in doubts_of(at, x, axis_unit) if one.blocking][:1] == ["S-EVAL-POSITIONS"]
+    scaled = 0.9 * x
+    assert not [one for one in doubts_of(at, scaled, "mm") if one.code == "S-EVAL-POSITIONS"]

@@ -240,6 +240,17 @@ BAD = {
     ),
     "cut list": ("twincat", PRINTED_LIST.replace("kw.ssfk.table[2].neg", "# "), "E-EXCHANGE-GAP"),
     "count": ("twincat", PRINTED_LIST.replace("kw_nr_max                    3", "kw_nr_max 4"), "E-FILE-COUNT"),
+    "where it begins": (
+        "twincat",
+        PRINTED_LIST.replace("interval                     0", "interval 50000").replace("kw.ssfk.kw_startpos", "# "),
+        "E-FILE-LINE",
+    ),
+    "both ways": ("twincat", PRINTED_LIST.replace("kw.ssfk.bilateral", "# "), "E-FILE-LINE"),
+    "step": (
+        "twincat",
+        PRINTED_LIST.replace("kw.ssfk.interval", "# ").replace("kw.ssfk.table[2].set", "# "),
+        "E-FILE-LINE",
+    ),
     "twice": ("twincat", PRINTED_LIST + "kw.ssfk.table[2].pos 5\n", "E-EXCHANGE-TWICE"),
     "no list": ("twincat", "hello world of lists\n", "E-EXCHANGE-KEY"),
     "other csv": ("table-csv", "a,b,c\n1,2,3\n", "E-EXCHANGE-COLUMNS"),
@@ -279,6 +290,7 @@ BAD_ERRORS = {
     "nothing": ("etalon-exchange", "// empty\n", "E-EXCHANGE-COUNT"),
     "no name": ("error-csv", ERRORS_TYPED.replace("EXX", "E"), "E-EXCHANGE-KEY"),
     "no location": ("error-csv", ERRORS_TYPED.replace("B0Z", "EXX"), "E-EXCHANGE-KEY"),
+    "a place twice": ("error-csv", ERRORS_TYPED + "B0Z,,,,7.5,arcsec\n", "E-EXCHANGE-TWICE"),
     "values in mm": ("error-csv", ERRORS_TYPED.replace(",um", ",mm"), "E-EXCHANGE-WORD"),
 }
 

@@ -102,6 +102,9 @@ MASKED = np.ma.masked_array([0.0, 1.0], [False, True])
         (lambda: tf.Machine({"EYX": tf.fit(READ, "EXX")}), "a fit of EYX, not a fit of EXX"),
         (lambda: tf.Measured([0.0, 1.0], np.ma.masked_array(np.zeros((2, 2, 2)), True), "mm"), "a masked array"),
         (lambda: tf.Measured([0.0, 1.0], np.zeros((2, 2, 2), dtype=complex), "mm"), "complex numbers"),
+        (lambda: tf.Measured([0.0, 1.0], np.zeros((2, 2, 2), dtype=bool), "mm"), "truth values"),
+        (lambda: tf.Measured(np.zeros(2, dtype="m8[s]"), np.zeros((2, 2, 2)), "mm"), "times"),
+        (lambda: tf.Measured([0.0, 5.0, 5.0], np.zeros((3, 2, 2)), "mm"), "target 5 2 times"),
         (lambda: tf.fit(READ, "EXX")(MASKED), "a masked array"),
         (lambda: tf.Machine().matrix("X", "bed", X=MASKED), "a masked array"),
         (lambda: tf.Machine(seed=1).u("EXX"), "uncertainty"),
@@ -113,6 +116,10 @@ def test_what_looks_like_an_error_or_a_gear_is_refused(wrong, said: str) -> None
     with pytest.raises(tf.TrueflankError) as refused:
         wrong()
     assert said in str(refused.value)
+
+
+def test_one_number_may_come_as_an_array_without_dimensions() -> None:
+    assert tf.Machine({"B0Z": np.array(10.0)}).data.errors == tf.Machine({"B0Z": 10.0}).data.errors
 
 
 def test_a_list_of_plain_numbers_is_refused_in_an_error_file_too(tmp_path: Path) -> None:
