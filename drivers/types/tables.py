@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Literal
 
@@ -81,6 +82,15 @@ class CompensationTable:
         if self.modulo:
             wanted = self.minimum + np.mod(wanted - self.minimum, self.maximum - self.minimum)
         return np.interp(wanted, self.positions, values)
+
+
+def factors_of(tables: Iterable[CompensationTable]) -> frozenset[int]:
+    """Numbers of tables that take part in a product: one that multiplies by another, and that other one.
+
+    What a factor does by itself besides is not public, so none of them counts as a table of its own.
+    """
+    multiplied = [one for one in tables if one.multiply_by]
+    return frozenset(number for one in multiplied for number in (one.index, one.multiply_by - 1))
 
 
 def reversal_of(axis: str, unit: AxisUnit, value: float, encoder: int = 0) -> CompensationTable:

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from drivers.types.tables import CompensationTable, LiveTable
+from drivers.types.tables import CompensationTable, LiveTable, factors_of
 from drivers.types.values import Approach
 from gateway.domain.values import FloatArray
 
@@ -87,7 +87,9 @@ def taken_by_cross(tables: Iterable[CompensationTable], axis: str, at: FloatArra
 
     Only those over the axis itself, half of one that acts in one direction only; one that is a factor counts nothing.
     """
-    own = [one for one in tables if one.input_axis == axis and not one.multiply_by]
+    every = list(tables)
+    factors = factors_of(every)
+    own = [one for one in every if one.input_axis == axis and one.index not in factors]
     return np.sum([acting(one, at) * (0.5 if one.direction else 1.0) for one in own], axis=0) + np.zeros_like(at)
 
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from drivers.limits import SOLVED_STEP, Limits
-from drivers.types.tables import CompensationTable
+from drivers.types.tables import CompensationTable, factors_of
 from gateway.correct.flank.flankmodel import SetupUnknown
 from gateway.correct.flank.noise import FitNoise
 from gateway.correct.flank.tables import Table, TableGrid
@@ -109,14 +109,20 @@ def live_table(chain: Chain, out: str, over: str, live: Sequence[CompensationTab
     """What acted of one name, as corrections of the mean of both directions; None where nothing was loaded.
 
     ``live`` are tables of one layer. A pair for one direction each (DIRECTION 1 and -1) counts half each, as they take
-    half of the mean; tables that are switched off hold zeros and count nothing. Raises ModelError E-CORRECT-SEVERAL
-    where several tables of that name act in one direction or one is a factor of a product: none alone is what acted.
+    half of the mean; tables that are switched off hold zeros and count nothing. Raises ModelError: E-CORRECT-SEVERAL
+    where several tables of that name act in one direction, for none alone is what acted; E-CORRECT-FACTOR where one is
+    a factor of a product, by either of its two tables, for what it does by itself is not public.
     """
+    factors = factors_of(one for one in live if any(one.deviations) or any(one.reverse))
     named = [one for one in live if (one.output_axis, one.input_axis) == (out, over)]
     loaded = [(one, table) for one in named if (table := table_of(chain, one)) is not None]
     found = [pair for pair in loaded if np.any(pair[1].values)] or loaded[:1]
     ways = [one.direction for one, _ in found]
-    if len(set(ways)) < len(ways) or (len(ways) > 1 and 0 in ways) or any(one.multiply_by for one, _ in found):
+    multiplied = [one for one, table in found if one.index in factors and np.any(table.values)]
+    if multiplied:
+        numbers = ", ".join(str(one.index) for one in multiplied)
+        raise ModelError("E-CORRECT-FACTOR", "layers", name=f"{out}({over})", numbers=numbers)
+    if len(set(ways)) < len(ways) or (len(ways) > 1 and 0 in ways):
         numbers = ", ".join(str(one.index) for one, _ in found)
         raise ModelError("E-CORRECT-SEVERAL", "layers", name=f"{out}({over})", count=len(found), numbers=numbers)
     shares = [(0.5 if one.direction else 1.0, table) for one, table in found]

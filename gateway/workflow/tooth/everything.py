@@ -7,6 +7,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from drivers.errors import words
+from drivers.types.tables import factors_of
 from gateway.domain.proposals import TableChange
 from gateway.table.comparison import taken_by_cross
 from gateway.tooth import AxisOutlook
@@ -33,7 +34,8 @@ def told_of(found: Sequence[AxisOutlook]) -> Iterator[str]:
 
 
 def _outlook(own: TableChange, tables: Sequence[TableChange]) -> AxisOutlook:
-    by_itself = [one.new for one in tables if one.new.input_axis == own.axis and not one.new.multiply_by]
+    factors = factors_of(one.new for one in tables)
+    by_itself = [one.new for one in tables if one.new.input_axis == own.axis and one.new.index not in factors]
     deviation = own.predicted - taken_by_cross(by_itself, own.axis, own.targets)
     known = np.where(np.isfinite(deviation), deviation, np.nanmean(deviation))
     ends = own.predicted_U[[int(np.argmax(known)), int(np.argmin(known))]]

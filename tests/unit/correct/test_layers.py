@@ -26,6 +26,7 @@ from gateway.gear.linear import linear_flank
 from gateway.model.layout import chain_of
 from gateway.model.motion import Fourier
 from gateway.model.preset import TWENTY_ONE, yk7350b
+from gateway.table.comparison import taken_by_cross
 from tests.sizes import few
 from tests.unit.correct.machines import PLAN, as_errors, corrected_flank, machine
 from tests.unit.gear.machines import DISC, RV40E
@@ -201,9 +202,26 @@ def test_of_several_tables_of_one_name_none_is_taken_alone() -> None:
     assert two_curves is not None
     np.testing.assert_allclose(two_curves(at), 0.0, atol=1e-12)  # -(-1 + 1) / 2 um
     assert live_table(chain, "X", "Z", [plus, both]) is None
-    for several in ([plus, both], [both, replace(both, index=3)], [plus, plus], [replace(both, multiply_by=2)]):
+    for several in ([plus, both], [both, replace(both, index=3)], [plus, plus]):
         with pytest.raises(ModelError, match="E-CORRECT-SEVERAL"):
             live_table(chain, "X", "X", several)
+
+
+def test_neither_factor_of_a_product_is_taken_alone() -> None:
+    chain = yk7350b()
+    nodes = np.linspace(-400.0, 0.0, 5)
+    stroke = np.linspace(-10.0, 10.0, 5)
+    by_x = record(chain, Table(TableGrid("X", "X", nodes), 1e-3 * np.arange(5.0)), "cross", index=0)
+    by_z = record(chain, Table(TableGrid("X", "Z", stroke), 1e-3 * np.arange(5.0)), "cross", index=1)
+    product = [replace(by_x, multiply_by=by_z.index + 1), by_z]
+    for over in ("X", "Z"):  # the second table says nothing of it itself
+        with pytest.raises(ModelError, match="E-CORRECT-FACTOR") as refused:
+            live_table(chain, "X", over, product)
+        assert "switch off both tables of the product" in refused.value.hint
+    assert live_table(chain, "X", "X", [replace(by_x, multiply_by=2, deviations=(0.0,) * 5), by_z]) is not None
+    at = np.linspace(-400.0, 0.0, 9)
+    assert np.any(taken_by_cross([by_x, by_z], "X", at))
+    assert not np.any(taken_by_cross([by_x, replace(by_z, multiply_by=by_x.index + 1)], "X", at))
 
 
 def nearest_table(grinding: Grinding, grid: FlankGrid, over: TableGrid) -> Table:
