@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Literal
 
+from drivers.message import Message
 from drivers.units import DeviationUnit, arcsec_to_rad, um_to_mm
 from gateway.domain.figures import Component
 from gateway.domain.values import component_unit
@@ -54,7 +55,7 @@ class ErrorModel:
     locations: tuple[LocationError, ...] = ()
     unknown: tuple[Unknown, ...] = ()
     systematic: Mapping[str, float] = field(default_factory=dict)
-    said: tuple[str, ...] = ()
+    said: tuple[Message, ...] = ()
 
     @property
     def measured(self) -> tuple[str, ...]:

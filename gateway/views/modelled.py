@@ -46,11 +46,17 @@ def model_of(folder: RunFolder, site: SiteFile, site_path: Path) -> dict[str, An
     model = folder.get(stages.ERRORS, ErrorModel)
     curves = {one.name: _curve(one, model.systematic.get(one.name, 0.0)) for one in model.motions}
     errors = [{**row.as_data(), "curve": curves.get(row.name)} for row in error_rows(model)]
+    said = [one.as_data() for one in model.said]
     try:
         tooth = _tooth(folder, site, model, work_of(site, site_path))
     except (ConfigError, ModelError) as error:
-        return {"errors": errors, "said": list(model.said), "tooth": None, "why": error.as_record()}
-    return {"errors": errors, "said": list(model.said), "tooth": tooth, "why": None}
+        return {
+            "errors": errors,
+            "said": said,
+            "tooth": None,
+            "why": error.as_record(),
+        }
+    return {"errors": errors, "said": said, "tooth": tooth, "why": None}
 
 
 def flank_at(folder: RunFolder, site: SiteFile, site_path: Path, sizes: Mapping[str, float]) -> dict[str, Any]:

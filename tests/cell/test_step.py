@@ -38,7 +38,7 @@ async def test_a_shim_proves_the_sense_of_a_straightness_set_up(tmp_path: Path, 
         capture = RunFolder(Path(done.run_folder)).get(stages.setup("EXZ-Z1"), Capture)
         assert capture.sense is not None
         assert capture.sense.scale == pytest.approx(1.0, abs=0.02)
-        assert not any("EXZ-Z1" in line for line in done.model.said)
+        assert not any("EXZ-Z1" in str(line) for line in done.model.said)
         assert [line for line in cell.operator.log if line.startswith("stepped")] == [
             "stepped EXZ by 50",
             "stepped EXZ by 0",

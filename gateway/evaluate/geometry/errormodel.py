@@ -8,7 +8,7 @@ from math import hypot
 
 import numpy as np
 
-from drivers.errors import words
+from drivers.message import Message
 from drivers.units import rad_to_arcsec, um_to_mm
 from gateway.domain.figures import Component
 from gateway.domain.values import component_unit
@@ -66,7 +66,7 @@ class _Work:
     def __init__(self, spans: Mapping[str, float], linear_um: float, angular_arcsec: float) -> None:
         self.motions: dict[str, Component] = {}
         self.systematic: dict[str, float] = {}
-        self.said: list[str] = []
+        self.said: list[Message] = []
         self._spans = spans
         self._usual = {"um": linear_um, "arcsec": angular_arcsec}
 
@@ -79,7 +79,7 @@ class _Work:
             one = one.less(slope * (at - at[known].mean()))
             found = without_line(one.fitted(), at[known])
             told = rad_to_arcsec(um_to_mm(slope))
-            self.said.append(words("S-MODEL-SLOPE", name=name, slope=f"{told:+.2f}"))
+            self.said.append(Message.of("S-MODEL-SLOPE", name=name, slope=f"{told:+.2f}"))
         else:
             found = one.fitted()
         turning = one.of.axis_unit == "deg" and name[1] != name[2]
@@ -94,7 +94,7 @@ class _Work:
         nearest = min(found.domain, key=lambda end: abs(end - reference))
         ends = {"low": f"{known.low:g}", "high": f"{known.high:g}", "unit": found.axis_unit}
         self.said.append(
-            words("S-MODEL-DATUM", name=found.name, reference=f"{reference:g}", nearest=f"{nearest:g}", **ends)
+            Message.of("S-MODEL-DATUM", name=found.name, reference=f"{reference:g}", nearest=f"{nearest:g}", **ends)
         )
         return nearest
 
@@ -107,7 +107,7 @@ class _Work:
         lever = Lever.of(name, one.of.letter, offset, angles=self.motions, spans=self._spans, usual_arcsec=usual)
         self.systematic[name] = hypot(self.systematic.get(name, 0.0), lever.open_u)
         for key, share in lever.open_um.items():
-            self.said.append(words("S-MODEL-LEVER", name=name, angle=key, u=f"{share:.2f}"))
+            self.said.append(Message.of("S-MODEL-LEVER", name=name, angle=key, u=f"{share:.2f}"))
         self.said += lever.estimated(at)
         return replace(one.less(lever.um(at)), u=np.hypot(one.u, lever.u(at)))
 
@@ -127,7 +127,7 @@ class _Work:
             found, u = near_value(motion, at)
         except ModelError:
             ends = {"low": f"{known.low:g}", "high": f"{known.high:g}", "unit": motion.axis_unit}
-            self.said.append(words("S-MODEL-OUTSIDE", name=name, position=f"{place:g}", **ends))
+            self.said.append(Message.of("S-MODEL-OUTSIDE", name=name, position=f"{place:g}", **ends))
             return 0.0, self._spans.get(name, self._usual["arcsec"]) / 3.0**0.5
         self.said += said_beyond(motion, at)
         return float(found[0]), float(u[0])
@@ -146,5 +146,5 @@ def _centred(found: dict[str, Means], work: _Work) -> dict[str, Means]:
             code = "S-MODEL-ECCENTRIC" if len(pair) == 2 else "S-MODEL-ONCE"
             size = float(np.hypot(wave.a, wave.b))
             unit = component_unit(one.of.name, "mm")
-            work.said.append(words(code, name=one.of.name, size=f"{size:.2f}", unit=unit))
+            work.said.append(Message.of(code, name=one.of.name, size=f"{size:.2f}", unit=unit))
     return out

@@ -8,7 +8,7 @@ from math import hypot
 
 import numpy as np
 
-from drivers.errors import words
+from drivers.message import Message
 from drivers.units import arcsec_to_rad, mm_to_um
 from gateway.domain.figures import Component
 from gateway.domain.values import FloatArray
@@ -37,14 +37,14 @@ def lever_um(levers: Mapping[str, float], angles_arcsec: Mapping[str, FloatArray
     return total
 
 
-def said_beyond(motion: Component, at: FloatArray) -> tuple[str, ...]:
+def said_beyond(motion: Component, at: FloatArray) -> tuple[Message, ...]:
     """S-MODEL-NEAR where a motion is only estimated at some of the places (m,): it ends a little before them."""
     found = estimated_beyond(motion, at)
     if found is None:
         return ()
     known, place = found
     ends = {"low": f"{known.low:g}", "high": f"{known.high:g}", "unit": motion.axis_unit}
-    return (words("S-MODEL-NEAR", name=motion.name, position=f"{place:g}", **ends),)
+    return (Message.of("S-MODEL-NEAR", name=motion.name, position=f"{place:g}", **ends),)
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,8 +82,8 @@ class Lever:
         squares = [(self.levers[key] * near_value(one, at)[1]) ** 2 for key, one in self.angles.items()]
         return np.asarray(np.sqrt(np.sum(squares, axis=0))) if squares else np.zeros(at.size)
 
-    def estimated(self, at: FloatArray) -> tuple[str, ...]:
-        """In words, each angle that is an estimate at some of the places: its name, range and the furthest place."""
+    def estimated(self, at: FloatArray) -> tuple[Message, ...]:
+        """Each angle that is an estimate at some of the places: its name, range and the furthest place."""
         return tuple(said for one in self.angles.values() for said in said_beyond(one, at))
 
     @property

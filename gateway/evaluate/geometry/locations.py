@@ -8,6 +8,7 @@ from math import hypot
 import numpy as np
 
 from drivers.errors import words
+from drivers.message import Message
 from drivers.units import arcsec_to_rad, rad_to_arcsec, um_to_mm
 from gateway.domain.values import COVERAGE
 from gateway.errors import ModelError
@@ -23,13 +24,13 @@ BARS = {"A0C": ("Y", -1.0), "B0C": ("X", 1.0)}
 Tilt = Callable[[str, float | None], tuple[float, float]]
 
 
-def locations(means: Sequence[Means], tilt: Tilt) -> tuple[tuple[LocationError, ...], list[str]]:
+def locations(means: Sequence[Means], tilt: Tilt) -> tuple[tuple[LocationError, ...], list[Message]]:
     """Location errors that the set-ups determine, and words on those they do not.
 
     ``tilt`` tells an angular motion at a place (or over its reach) and its standard uncertainty, arcsec. Raises
     ModelError (E-MODEL-SQUARES) where set-ups give several angles of one square.
     """
-    said: list[str] = []
+    said: list[Message] = []
     square = _square([one for one in means if one.of.name == "B0Z"], said)
     found = [square] if square is not None else []
     for name in BARS:
@@ -49,7 +50,7 @@ def _run(one: Means, sign: float = 1.0, lean_arcsec: float = 0.0, lean_u_arcsec:
     return StraightnessRun(at, sign * (mean + lean), u, whole)
 
 
-def _square(runs: Sequence[Means], said: list[str]) -> LocationError | None:
+def _square(runs: Sequence[Means], said: list[Message]) -> LocationError | None:
     """B0Z: both slopes against one square added; the square turned over takes its own angle out."""
     pairs: dict[bool, tuple[StraightnessRun, StraightnessRun]] = {}
     for turned in (False, True):
@@ -70,7 +71,7 @@ def _square(runs: Sequence[Means], said: list[str]) -> LocationError | None:
         against = from_runs(*both, arcsec_to_rad(-own if turned else own))
         return _b0z(against.C0Y, against.u, words("S-MODEL-SQUARE-KNOWN", own=f"{own:+.2f}"))
     if runs:
-        said.append(words("S-MODEL-HALF", name="B0Z", need="X and Z, and both again with the square turned over"))
+        said.append(Message.of("S-MODEL-HALF", name="B0Z", need="X and Z, and both again with the square turned over"))
     return None
 
 
@@ -80,7 +81,7 @@ def _b0z(above_90_rad: float, u: float, how: str) -> LocationError:
     )
 
 
-def _bar(name: str, runs: Sequence[Means], tilt: Tilt, said: list[str]) -> LocationError | None:
+def _bar(name: str, runs: Sequence[Means], tilt: Tilt, said: list[Message]) -> LocationError | None:
     """Lean of C against Z by a bar in the table: the mean of two places half a turn apart, without what tilts it."""
     letter, _ = BARS[name]
     at = {one.of.turned_deg % 360.0: _upright(name, one, tilt) for one in runs if one.of.turned_deg is not None}
@@ -93,7 +94,7 @@ def _bar(name: str, runs: Sequence[Means], tilt: Tilt, said: list[str]) -> Locat
                 name=name, value=found.values[f"E{name}"], u=found.U[f"E{name}"] / COVERAGE, unit="arcsec", how=how
             )
     if runs:
-        said.append(words("S-MODEL-HALF", name=name, need="the table at 0 and at 180 deg"))
+        said.append(Message.of("S-MODEL-HALF", name=name, need="the table at 0 and at 180 deg"))
     return None
 
 

@@ -5,7 +5,7 @@ import { failed, h, s, same, show, turn, write } from "./dom.js";
 import { number, unit, when } from "./figures.js";
 import { unrolled } from "./flankmap.js";
 import { base, chosen, on, state } from "./state.js";
-import { plain, stateOf, t, told } from "./words.js";
+import { message, plain, stateOf, t, told } from "./words.js";
 
 export const model = { open };
 const asked = { run: "", error: "", sizes: {} };
@@ -44,7 +44,7 @@ function drawRun(body, found) {
     for (const one of body.querySelectorAll("button.error")) one.setAttribute("aria-pressed", String(one.textContent === name));
     curveOf(curve, found.errors.find((one) => one.name === name));
   };
-  show(body, h("div", { class: "panel errors" }, h("h2", {}, t("model.errors", { count: rows.filter((one) => one.state === "measured").length, all: rows.length })), table(rows, found, { pick, flank }), found.said.map((one) => h("p", { class: "muted" }, plain(one)))),
+  show(body, h("div", { class: "panel errors" }, h("h2", {}, t("model.errors", { count: rows.filter((one) => one.state === "measured").length, all: rows.length })), table(rows, found, { pick, flank }), found.said.map((one) => h("p", { class: "muted" }, message(one)))),
     h("div", { class: "stack fill", tabindex: 0, role: "region", "aria-label": t("model.flank") }, flank ? flank.panel : h("p", { class: "panel empty" }, told(found.why)), curve, found.tooth && next(found.tooth)));
   pick(rows.some((one) => one.name === asked.error) ? asked.error : rows[0].name);
   flank?.ask();

@@ -11,6 +11,7 @@ from typing import Any
 
 from drivers.clock import Clock
 from drivers.errors import TrueflankError, words
+from drivers.message import Message
 from drivers.types.doubts import Doubt
 from drivers.types.tables import LiveSet
 from gateway.capture.retaking import demand_complete
@@ -68,7 +69,7 @@ class PlanOutcome:
             ],
             "threshold_um": THRESHOLD_UM,
             "advice": self.advice,
-            "said": list(self.model.said),
+            "said": list(map(str, self.model.said)),
         }
 
 
@@ -247,18 +248,18 @@ def _settled(one: Planned, capture: Capture) -> tuple[Doubt, ...]:
     return settled(all_doubts(capture, modulo=one.axis.modulo), one.axis.measure.accept_doubts)
 
 
-def _unproved(done: Sequence[Planned], captures: Sequence[Capture]) -> tuple[str, ...]:
-    """The set-ups whose sense rests on what the site file says, in words."""
+def _unproved(done: Sequence[Planned], captures: Sequence[Capture]) -> tuple[Message, ...]:
+    """The set-ups whose sense rests on what the site file says."""
     names = ", ".join(one.key for one, capture in zip(done, captures, strict=True) if capture.sense is None)
-    return (words("S-MODEL-SENSE", names=names),) if names else ()
+    return (Message.of("S-MODEL-SENSE", names=names),) if names else ()
 
 
-def _left_out(plan: Sequence[Planned], remaining: Sequence[str], opened: Sequence[OpenDoubt]) -> str:
-    """How much of the plan was measured, and what the rest is still worth, in words."""
+def _left_out(plan: Sequence[Planned], remaining: Sequence[str], opened: Sequence[OpenDoubt]) -> Message:
+    """How much of the plan was measured, and what the rest is still worth."""
     able = [one for one in plan if one.measured]
     names = {one.setup.name for one in able if one.key in remaining}
     rest_um = sum(one.change_um**2 for one in opened if one.name in names and not one.measured) ** 0.5
-    return words("S-MODEL-PART", count=len(able) - len(remaining), of=len(able), rest=f"{rest_um:.2f}")
+    return Message.of("S-MODEL-PART", count=len(able) - len(remaining), of=len(able), rest=f"{rest_um:.2f}")
 
 
 def machine_errors(site: SiteFile) -> tuple[str, ...]:

@@ -30,7 +30,7 @@ def errors_of_run(folder: RunFolder, points: int = POINTS) -> ErrorSet:
 
 def error_set(model: ErrorModel, points: int = POINTS) -> ErrorSet:
     """Each fitted motion at equally spaced positions over its domain, and the location errors."""
-    notes = tuple(model.said)
+    notes = tuple(map(str, model.said))
     if model.unknown:
         notes = (*notes, "not measured: " + ", ".join(one.name for one in model.unknown))
     return ErrorSet(

@@ -10,6 +10,7 @@ from typer.testing import CliRunner
 
 from drivers.errors import TrueflankError
 from drivers.exchange.linuxcnc import LinuxCncScrew
+from drivers.message import Message
 from drivers.types.exchange import ReadAs
 from gateway.cli import app
 from gateway.domain.figures import Component
@@ -151,7 +152,10 @@ def test_fitted_errors_stand_at_their_positions_with_what_is_not_known() -> None
         {"centre": 50.0, "scale": 50.0, "degree": 1},
     )
     model = ErrorModel(
-        (line,), (LocationError("B0Z", 6.5, 0.1, "arcsec"),), (Unknown("EZZ", 5.0, "um"),), said=("said",)
+        (line,),
+        (LocationError("B0Z", 6.5, 0.1, "arcsec"),),
+        (Unknown("EZZ", 5.0, "um"),),
+        said=(Message.stored("said"),),
     )
     found = error_set(model, points=3)
     assert list(found.curves[0].positions) == [0.0, 50.0, 100.0]

@@ -126,7 +126,7 @@ def errors() -> ErrorModel:
         ),
         (Unknown("EAZ", 5.0, "arcsec"),),
         dict.fromkeys(known, 0.15),
-        ("EYX: the least-squares slope of +1.80 arcsec was taken off.",),
+        (Message.of("S-MODEL-SLOPE", name="EYX", slope="+1.80"),),
     )
 
 

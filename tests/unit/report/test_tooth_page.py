@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from drivers.message import Message
 from gateway.model.known import ErrorModel, LocationError
 from gateway.report import PartMaterial, ReportMaterial, TableMaterial, ToothMaterial, render
 from gateway.report.drawings import tooth as tooth_drawings
@@ -155,7 +156,7 @@ def hostile(text: str) -> ReportMaterial:
     table = TableMaterial(replace(change, axis=text, new=new))
     skipped = TableMaterial(replace(change, axis=text, new=new, skipped=text))
     tooth = ToothMaterial(
-        ErrorModel((), (LocationError(text, 1.0, 0.1, "arcsec", text),), said=(text,)),
+        ErrorModel((), (LocationError(text, 1.0, 0.1, "arcsec", text),), said=(Message.stored(text),)),
         made,
         replace(closing.tooth().verdict or pytest.fail("no verdict"), words=text),
         (PartMaterial(text, GroundPart(text, SetupValues(), 2, text, text), flank),),

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from drivers.message import Message
 from drivers.units import arcsec_to_rad, mm_to_um
 from gateway.model.known import ErrorModel
 from gateway.model.preset import TWENTY_ONE
@@ -87,9 +88,10 @@ def test_a_flank_follows_the_sizes_that_are_asked_for(tmp_path: Path) -> None:
 
 
 def test_what_is_not_there_is_said(tmp_path: Path) -> None:
-    client, run = asking(tmp_path, replace(closing.errors(), said=("one",)))
+    client, run = asking(tmp_path, replace(closing.errors(), said=(Message.stored("one"),)))
     told = client.get(f"{run}/model").json()
-    assert (told["tooth"], told["why"]["code"], told["said"]) == (None, "E-CLOSE-WORK", ["one"])
+    assert (told["tooth"], told["why"]["code"]) == (None, "E-CLOSE-WORK")
+    assert told["said"] == [Message.stored("one").as_data()]
     (tmp_path / "b").mkdir()
     client, run = asking(tmp_path / "b", closing.errors(), work=WORK)
     for sizes in ("EXC:2.01", "EQQ:1", "EXC", "EXC:nan", "EXC:inf"):
