@@ -21,7 +21,7 @@ HOMES = {
     "measuring": ("ErrorMotion", "Evaluated", "Measured", "evaluate", "fit", "read", "report"),
     "studies": ("Corrected", "Ranking", "Study", "correct", "rank", "study"),
     "surfaces": ("Contact", "Profile", "Surface", "Wheel"),
-    "tooth": ("Flank", "Gear", "Machine", "contact", "flank"),
+    "tooth": ("Flank", "Gear", "Machine", "contact", "flank", "read_flank"),
 }
 """The module of each name."""
 __all__ = [
@@ -58,6 +58,7 @@ __all__ = [
     "rank",
     "read",
     "read_bench",
+    "read_flank",
     "report",
     "study",
     "transmission",

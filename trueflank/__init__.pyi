@@ -33,6 +33,7 @@ from trueflank.tooth import Gear as Gear
 from trueflank.tooth import Machine as Machine
 from trueflank.tooth import contact as contact
 from trueflank.tooth import flank as flank
+from trueflank.tooth import read_flank as read_flank
 
 HOMES: dict[str, tuple[str, ...]]
 __version__: str

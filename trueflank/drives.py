@@ -7,11 +7,10 @@ from dataclasses import dataclass, fields, replace
 from typing import Any
 
 import numpy as np
-from numpy.random import Generator
 
 from drivers.errors import ConfigError
 from drivers.units import deg_to_rad, rad_to_deg
-from gateway.correct.outlook.drive_outlook import drawn_flanks
+from gateway.correct.outlook.drive_outlook import drawn_apart, drawn_flanks
 from gateway.correct.outlook.flank_uncertainty import FlankDoubts
 from gateway.domain.values import FloatArray
 from gateway.errors import ModelError
@@ -304,16 +303,7 @@ def _drawn(parts: list[FlankMap | None], discs: Flank | Sequence[Flank | None] |
         if doubt is not None and not any(_same(doubt, known) for known, _ in draws):
             alone = [part if _of(other, doubt) else None for other, part in zip(each, parts, strict=True)]
             draws.append((doubt, drawn_flanks(alone, doubt.places, doubt.patterns)))
-    if not draws:
-        return parts
-
-    def draw(rng: Generator) -> list[FlankMap | None]:
-        found = list(parts)
-        for _, one in draws:
-            found = [new or old for new, old in zip(one(rng), found, strict=True)]
-        return found
-
-    return draw
+    return drawn_apart(parts, [one for _, one in draws]) if draws else parts
 
 
 def _of(one: Flank | None, doubt: FlankDoubts) -> bool:
@@ -321,7 +311,7 @@ def _of(one: Flank | None, doubt: FlankDoubts) -> bool:
 
 
 def _same(one: FlankDoubts, other: FlankDoubts) -> bool:
-    return one is other or np.array_equal(one.patterns, other.patterns)
+    return one is other or (one.sources == other.sources and np.array_equal(one.patterns, other.patterns))
 
 
 def _map(one: Flank, call: str) -> FlankMap:

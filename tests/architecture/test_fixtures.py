@@ -138,6 +138,10 @@ WHOLLY_LONG = {
     ("test_judge.py", "test_the_work_s_eccentricity_is_kept_out_of_the_tables"): JUDGED,
     ("test_layers.py", "test_no_machine_of_many_gets_worse"): "test_no_machine_gets_worse",
     (
+        "test_match.py",
+        "test_what_is_expected_of_a_pair_is_wider_by_a_worse_inspection",
+    ): "test_the_drawn_flanks_scatter_as_repeated_inspections_do",
+    (
         "test_goal.py",
         "test_a_doubt_of_the_machine_widens_what_is_expected",
     ): "test_the_discs_of_a_drive_are_drawn_by_the_errors_of_their_machine",

@@ -118,6 +118,18 @@ def drawn_flanks(plain: Sequence[FlankMap | None], places: Places, patterns: Flo
     return draw
 
 
+def drawn_apart(plain: Sequence[FlankMap | None], draws: Sequence[Draw]) -> Draw:
+    """Discs that are wrong each for itself: every draw gives those that it knows, None for the others."""
+
+    def draw(rng: Generator) -> list[FlankMap | None]:
+        found = list(plain)
+        for one in draws:
+            found = [new or old for new, old in zip(one(rng), found, strict=True)]
+        return found
+
+    return draw
+
+
 def _others(
     grinding: Grinding,
     grid: FlankGrid,

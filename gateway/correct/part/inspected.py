@@ -15,7 +15,8 @@ from drivers.errors import words
 from drivers.types.gears import GearInspection
 from drivers.types.values import FloatArray
 from drivers.units import UM_PER_MM, mm_to_um, rad_to_arcsec, um_to_mm
-from gateway.correct.part.fitted_places import FittedPlaces, check_points, placed
+from gateway.correct.flank.wheel_places import Places, places_of_grid
+from gateway.correct.part.fitted_places import FittedPlaces, check_points, of_record, placed
 from gateway.domain.values import COVERAGE
 from gateway.gear.cycloid import CycloidGear
 from gateway.gear.flank import FlankGrid, flank_figure, flank_grid
@@ -80,6 +81,31 @@ def inspected_flank(gear: CycloidGear, found: GearInspection, about: About) -> I
         measured_utc=about.measured_utc,
         turned_arcsec=rad_to_arcsec(flank.rotation),
     )
+
+
+def inspection_patterns(
+    gear: CycloidGear, found: InspectedFlank, clamping_um: float = USUAL_CLAMPING_UM
+) -> tuple[Places, FloatArray]:
+    """How the fitted flank of an inspection may be wrong: independent patterns (G, 3, S) of one u each, mm and rad.
+
+    A, B, G of every measured place by the scatter of its points, straight between heights as the flank is fitted; and
+    the clamping's eccentricity, as likely along x as along y. No pattern is one rotation: the datum of angles is free.
+    """
+    told, grid = of_record(gear, found), flank_grid(gear, profile=PROFILE, width=WIDTH)
+    places = places_of_grid(grid)
+    roots = np.linalg.cholesky(told.places.inverses) * told.fit.u
+    columns = []
+    for k in grid.ks:
+        here, rows = np.flatnonzero(told.places.k == k), np.flatnonzero(places.k == k)
+        weights = along_face(told.places.z[here], grid.zs)
+        for number, place in enumerate(here):
+            one = np.zeros((places.k.size, 3, 3))
+            one[rows] = weights[:, number, None, None] * roots[place]
+            columns.append(one)
+    turn = gear.space_angle(places.k)
+    cos, sin, none = np.cos(turn), np.sin(turn), np.zeros_like(turn)
+    moved = np.stack([np.stack([cos, -sin, none], axis=-1), np.stack([sin, cos, none], axis=-1)], axis=-1)
+    return places, np.concatenate([*columns, um_to_mm(clamping_um / COVERAGE) * moved], axis=-1)
 
 
 def check_gear(gear: CycloidGear, found: GearInspection, heights: Heights = "lower-face") -> None:
