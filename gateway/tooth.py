@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Literal
 
@@ -12,6 +12,9 @@ from numpy.typing import NDArray
 from drivers.units import DeviationUnit, arcsec_to_deg, arcsec_to_rad, mm_to_um, rad_to_arcsec, um_to_mm
 
 FloatArray = NDArray[np.float64]
+
+
+WORTH_ARCSEC = 0.1  # of transmission error: what costs less is not worth a set-up
 
 
 @dataclass(frozen=True, slots=True)
@@ -229,11 +232,39 @@ class DriveLimit:
 
 
 @dataclass(frozen=True, slots=True)
+class DriveDoubt:
+    """What not knowing one error costs in the drive: transmission error p-p of one standard uncertainty, arcsec.
+
+    First order; ``measured`` says whether the error was measured.
+    """
+
+    error: str
+    cost_arcsec: float
+    measured: bool
+
+
+def next_for_drive(doubts: Sequence[DriveDoubt]) -> DriveDoubt | None:
+    """The unmeasured error that costs most in the drive; None where none costs as much as `WORTH_ARCSEC`."""
+    left = [one for one in doubts if not one.measured and one.cost_arcsec >= WORTH_ARCSEC]
+    return left[0] if left else None
+
+
+@dataclass(frozen=True, slots=True)
+class DriveForecast:
+    """A drive before any control is asked: figures as it is, with axis tables and with everything; full model."""
+
+    reducer: str
+    datum: str
+    rows: tuple[GoalRow, ...]
+    doubts: tuple[DriveDoubt, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
 class DriveProposal:
     """The drive that discs of the corrected machine will make, predicted and not tested; without friction.
 
     ``rows`` say what each goal costs in the other. Expected transmission error (p-p) and lost motion with standard
-    uncertainty from that many trials; ``limits`` with their verdicts.
+    uncertainty from that many trials; ``limits`` with their verdicts; ``doubts`` by error, the costliest first.
     """
 
     reducer: str
@@ -246,6 +277,7 @@ class DriveProposal:
     lost_motion_u_arcsec: float
     trials: int
     limits: tuple[DriveLimit, ...] = ()
+    doubts: tuple[DriveDoubt, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)

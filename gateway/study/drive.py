@@ -6,7 +6,7 @@ machine as it is, with axis tables and with everything come from the full model.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass
 
@@ -14,6 +14,7 @@ import numpy as np
 
 from drivers.types.values import FloatArray
 from drivers.units import mm_to_um
+from gateway.correct.outlook.drive_outlook import costliest
 from gateway.gear.cycloid import CycloidGear
 from gateway.gear.flank import FlankGrid
 from gateway.gear.grinding import Grinding
@@ -24,7 +25,7 @@ from gateway.reducer.firstorder import MachineTransmission, lost_motion_map, tra
 from gateway.sensitivity.outputs import equal_size
 from gateway.sensitivity.sweep import Screening, screen
 from gateway.study.files import ReducerData
-from gateway.tooth import FlankMap
+from gateway.tooth import DriveDoubt, FlankMap
 
 DRIVE_OUTPUTS = ("transmission", "lost motion")
 
@@ -60,7 +61,8 @@ class DriveAlone:
 class DriveStudy:
     """What a study found of the drive. ``states`` by the names of the flank's: before, with_own, after.
 
-    ``missed_arcsec`` is how far the first order's p-p lies from the full model's, machine as it is.
+    ``missed_arcsec`` is how far the first order's p-p lies from the full model's, machine as it is. ``doubts`` are
+    what not knowing each error better costs, the costliest first.
     """
 
     reducer: records.Reducer
@@ -68,6 +70,7 @@ class DriveStudy:
     ranking: Screening
     states: Mapping[str, Transmission]
     missed_arcsec: float
+    doubts: tuple[DriveDoubt, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -105,8 +108,13 @@ def drive_study(
     r: int,
     seed: int,
     executor: Executor | None = None,
+    columns: Sequence[tuple[ErrorParameter | str, float]] = (),
+    measured: Collection[str] = (),
 ) -> DriveStudy:
-    """Work out the drive of a study; ``states`` are flanks (K, T, Z) in mm by name."""
+    """Work out the drive of a study; ``states`` are flanks (K, T, Z) in mm by name.
+
+    ``columns`` are how the errors may be wrong, one standard uncertainty each; ``measured`` those that were measured.
+    """
     free = without_limit(drive)
     maps = {name: flank_map(grid, e) for name, e in states.items()}
     before = maps["before"]
@@ -126,6 +134,7 @@ def drive_study(
         ranking=screen(DriveOutputs(matrix, here), names, DRIVE_OUTPUTS, r=r, seed=seed, executor=executor),
         states=full,
         missed_arcsec=first - full["before"].loaded[0].peak_to_peak_arcsec,
+        doubts=costliest(drive, grinding, grid, columns, measured),
     )
 
 
@@ -211,6 +220,9 @@ def drive_data(study: DriveStudy) -> dict[str, object]:
             for output in DRIVE_OUTPUTS
         },
         "states": {name: _state(one) for name, one in study.states.items()},
+        "doubts": [
+            {"error": one.error, "cost_arcsec": one.cost_arcsec, "measured": one.measured} for one in study.doubts
+        ],
     }
 
 

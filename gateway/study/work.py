@@ -154,6 +154,8 @@ def study(
             r=r,
             seed=seed,
             executor=executor,
+            columns=ready.columns,
+            measured=() if model is None else model.measured,
         ),
     )
 

@@ -325,6 +325,8 @@ def _size(change: Mapping[str, float], name: str) -> str:
 
 
 def _tell_tooth(outcome: Any) -> None:
+    from gateway.workflow.tooth.sentences import forecast_told
+
     if outcome.forecast is not None:
         one = outcome.forecast
         steps = {
@@ -335,6 +337,8 @@ def _tell_tooth(outcome: Any) -> None:
         figures = {name: f"{value:.2f} +- {u:.2f}" for name, (value, u) in steps.items()}
         sources = {name: f"{size:.2f}" for name, size in one.sources_um.items()}
         say_line(words("S-DAY-FORECAST", **figures, **sources, largest=", ".join(one.largest) or "-"), 0)
+        for line in forecast_told(one.drive):
+            say_line(line, 0)
         rows = [(t.name, t.layer, str(t.points), f"{t.low:+.2f} .. {t.high:+.2f}", t.unit) for t in one.tables]
         show_table("tables that would be proposed", ("table", "layer", "points", "range", "unit"), rows)
     elif outcome.proposal is not None:

@@ -100,6 +100,7 @@ def show_relative(gear: Path, errors: Path, folder: Path, height: float | None =
 def _tell_drive(drive: Any) -> None:
     from drivers.errors import words
     from gateway.study.drive import drive_rows, state_rows
+    from gateway.workflow.tooth.sentences import measure_for_drive
 
     own = spoken().own
     headings = ("error", "constant: transmission", "lost motion", "here: transmission", "lost motion", "rank")
@@ -109,3 +110,5 @@ def _tell_drive(drive: Any) -> None:
     echo(
         words("S-STUDY-DRIVE", name=drive.reducer.name, datum=drive.reducer.datum, missed=f"{drive.missed_arcsec:+.2f}")
     )
+    for line in measure_for_drive(drive.doubts):
+        echo(line)

@@ -10,6 +10,7 @@ from drivers.errors import ConfigError
 from gateway.cli.exits import of_verdicts
 from gateway.cli.files.evaluating import show_verdicts, verdict
 from gateway.cli.show import echo, show_json, show_table
+from gateway.evaluate.behaviour.ordercauses import in_words
 from gateway.workflow.files.drives import SENSES, DriveAnswer, DriveQuestion, evaluate_drives, read_drive
 
 SHOWN_ORDERS = 8
@@ -58,7 +59,7 @@ def _show(found: DriveAnswer) -> None:
     for run in found.figures.running:
         under = "" if run.torque_nm is None else f", {run.torque_nm:.4g} Nm"
         lines = [
-            (f"{one.order}", f"{one.amplitude_arcsec:.3f}", f"{one.phase_deg:.1f}", one.cause or "-")
+            (f"{one.order}", f"{one.amplitude_arcsec:.3f}", f"{one.phase_deg:.1f}", in_words(one.causes) or "-")
             for one in run.orders[:SHOWN_ORDERS]
         ]
         show_table(f"orders {SENSES[run.sense]}{under}", ("order", "amplitude arcsec", "phase deg", "cause"), lines)

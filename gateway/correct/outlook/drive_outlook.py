@@ -7,7 +7,7 @@ draws the flank by how the errors may be wrong and pins, cranks and datum by the
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -18,6 +18,7 @@ from drivers.types.values import FloatArray
 from drivers.units import mm_to_um
 from gateway.correct.flank.noise import FitNoise
 from gateway.correct.flank.wheel_places import Places, places_of_grid
+from gateway.correct.outlook.flank_uncertainty import column_doubts
 from gateway.correct.plan.layers import LayeredCorrection, correct
 from gateway.correct.plan.plan import Plan
 from gateway.domain.values import COVERAGE
@@ -25,11 +26,13 @@ from gateway.evaluate.standards.decision import decide
 from gateway.gear.first_order import judged
 from gateway.gear.flank import FlankGrid, flank_figure
 from gateway.gear.grinding import Grinding
+from gateway.gear.linear import ErrorParameter
 from gateway.reducer.figures import without_limit
+from gateway.reducer.firstorder import transmission_map
 from gateway.reducer.goal import DriveGoal, GoalKind, goal_of
 from gateway.reducer.records import Reducer
 from gateway.reducer.uncertainty import SLICES, Draw, DriveUncertainty, essentials, uncertainty
-from gateway.tooth import DriveLimit, DriveProposal, FlankMap, GoalRow
+from gateway.tooth import DriveDoubt, DriveForecast, DriveLimit, DriveProposal, FlankMap, GoalRow
 
 GOALS: tuple[GoalKind, ...] = ("rms", "transmission", "lost-motion")
 FIGURE = {"transmission_arcsec": "error_arcsec", "lost_motion_arcsec": "lost_motion_arcsec"}
@@ -45,12 +48,14 @@ def drive_proposal(
     found: LayeredCorrection,
     live: Sequence[CompensationTable] = (),
     own: Sequence[CompensationTable] | None = None,
+    doubts: Sequence[DriveDoubt] = (),
     steps: int | None = None,
     seed: int = 1,
     most: int = TRIALS,
 ) -> DriveProposal:
     """What a correction ``found`` for a goal makes of the drive, beside every other goal's tables on the same machine.
 
+    ``doubts`` are those of `costliest`, kept with it.
     ``steps`` per crank turn as in `crank_angles`, ``most`` trials. Raises ModelError E-REDUCER-...
     """
     drive = without_limit(goal.drive)
@@ -77,7 +82,46 @@ def drive_proposal(
         lost_motion_u_arcsec=figures["lost_motion_arcsec"].u,
         trials=expected.trials,
         limits=limits,
+        doubts=tuple(doubts),
     )
+
+
+def drive_forecast(
+    drive: Reducer, machines: Sequence[tuple[str, Grinding]], grid: FlankGrid, doubts: Sequence[DriveDoubt] = ()
+) -> DriveForecast:
+    """The drive of some machines by their names, as their discs come, by the full model."""
+    free = without_limit(drive)
+    rows = tuple(_row(name, free, machine, grid, steps=None) for name, machine in machines)
+    return DriveForecast(drive.name, drive.measured_from(), rows, tuple(doubts))
+
+
+def costliest(
+    drive: Reducer,
+    machine: Grinding,
+    grid: FlankGrid,
+    columns: Sequence[tuple[ErrorParameter | str, float]],
+    measured: Collection[str],
+    *,
+    steps: int | None = None,
+) -> tuple[DriveDoubt, ...]:
+    """What each error's doubt costs in the drive, the costliest first.
+
+    ``columns`` are independent, one standard uncertainty each (mm, rad); those of one error count by the root of the
+    sum of squares of their transmission errors p-p, to first order about the machine's mean drive. What an error makes
+    alike in every space moves the lost motion and costs nothing here.
+    """
+    flank = _flank(machine, grid)
+    found = transmission_map(without_limit(drive), flank, steps=steps)
+    doubt = column_doubts(machine, grid, columns)
+    if not doubt.sources:
+        return ()
+    moved = np.stack([doubt.places.along_normal(one) for one in np.moveaxis(doubt.patterns, -1, 0)], axis=1)
+    sizes = np.ptp(found.rows(moved), axis=0)
+    square: dict[str, float] = {}
+    for name, size in zip(doubt.sources, sizes.tolist(), strict=True):
+        square[name] = square.get(name, 0.0) + size**2
+    order = sorted(square, key=lambda name: -square[name])
+    return tuple(DriveDoubt(name, float(np.sqrt(square[name])), name in measured) for name in order)
 
 
 def expected_drive(

@@ -31,6 +31,7 @@ from drivers.types.drives import DriveRecord
 from drivers.units import deg_to_arcsec, deg_to_rad, rad_to_deg
 from gateway.domain.values import FloatArray
 from gateway.errors import ModelError
+from gateway.evaluate.behaviour.ordercauses import CauseKind, OrderCause
 
 TURN_DEG = 360.0
 FEWEST_STEPS, FEW_PINS, FEW_PINS_STEPS = 24, 24, 96
@@ -72,12 +73,12 @@ class TestedDrive:
 
 @dataclass(frozen=True, slots=True)
 class DriveOrder:
-    """One order per turn of the output: amplitude in arcsec, phase in deg, what causes it by its number, or ""."""
+    """One order per turn of the output: amplitude in arcsec, phase in deg, what may cause it by its number."""
 
     order: int
     amplitude_arcsec: float
     phase_deg: float
-    cause: str
+    causes: tuple[OrderCause, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -318,41 +319,43 @@ def _ordered(run: RunningError, drive: TestedDrive) -> RunningError:
             order=int(n),
             amplitude_arcsec=float(abs(turned[n])),
             phase_deg=float(rad_to_deg(np.asarray(-np.angle(turned[n])))),
-            cause=cause(int(n), drive, count),
+            causes=causes(int(n), drive, count),
         )
         for n in chosen
     )
     return replace(run, error_arcsec=error, orders=orders)
 
 
-def cause(order: int, drive: TestedDrive, readings: int) -> str:
-    """What an order per turn of the output comes from, by number, in words; "" where no part of the drive has it.
+def causes(order: int, drive: TestedDrive, readings: int) -> tuple[OrderCause, ...]:
+    """What an order per turn of the output comes from, by number; nothing where no part of the drive has it.
 
     ``readings`` a turn: what repeats more often than half of them is folded and cannot be told from a low order.
     """
     zp, zc = drive.pins, drive.pins - 1
     waves = range(1, MOST_WAVES + 1)
-    known: list[tuple[float, str]] = [(1.0, "output: once a turn, encoder, flange"), (2.0, "output: twice a turn")]
-    known += [(m * zp, f"disc, {m} a turn" + (" (or cranks)" if m == 1 else "")) for m in waves]
-    known += [(m * zc, f"ring, {m} a turn") for m in waves]
-    known += [(float(zp * zc), "profile of all teeth")]
+    known = [(1.0, OrderCause(CauseKind.OUTPUT)), (2.0, OrderCause(CauseKind.OUTPUT_TWICE))]
+    known += [
+        (float(m * zp), OrderCause(CauseKind.DISC_OR_CRANKS if m == 1 else CauseKind.DISC, (m, 0))) for m in waves
+    ]
+    known += [(float(m * zc), OrderCause(CauseKind.RING, (0, m))) for m in waves]
+    known += [(float(zp * zc), OrderCause(CauseKind.PROFILE))]
     if drive.cranks:
-        known.append((float(drive.cranks), "number of cranks"))
+        known.append((float(drive.cranks), OrderCause(CauseKind.CRANKS)))
     if abs(drive.ratio) != zc:
         against = abs(drive.ratio - 1.0)
-        known += [(against, "sun against planets"), (abs(drive.ratio), "input")]
-        known += [(against * drive.sun_teeth, "teeth of the sun")] if drive.sun_teeth else []
-    found = [words for number, words in known if abs(order - number) < 0.5]
+        known += [(against, OrderCause(CauseKind.AGAINST_PLANETS)), (abs(drive.ratio), OrderCause(CauseKind.INPUT))]
+        known += [(against * drive.sun_teeth, OrderCause(CauseKind.SUN_TEETH))] if drive.sun_teeth else []
+    found = [one for number, one in known if abs(order - number) < 0.5]
     found = found or _mixed(order, drive)
-    folded = [words for number, words in known if number > readings / 2.0 and _folds(number, readings) == order]
-    return "; ".join([*found, *(f"folded: {words}" for words in folded)])
+    folded = [one for number, one in known if number > readings / 2.0 and _folds(number, readings) == order]
+    return (*found, *(replace(one, folded=True) for one in folded))
 
 
-def _mixed(order: int, drive: TestedDrive) -> list[str]:
+def _mixed(order: int, drive: TestedDrive) -> list[OrderCause]:
     """Sums and differences of disc and ring orders, which lost contact makes; the lowest one."""
     span = range(-MOST_WAVES, MOST_WAVES + 1)
     sums = [(abs(i) + abs(j), i, j) for i in span for j in span if i * drive.pins + j * (drive.pins - 1) == order]
-    return [f"disc and ring together ({i} zp {j:+d} zc)" for _, i, j in sorted(sums)[:1]]
+    return [OrderCause(CauseKind.TOGETHER, (i, j)) for _, i, j in sorted(sums)[:1]]
 
 
 def _folds(order: float, readings: int) -> int:

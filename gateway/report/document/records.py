@@ -20,7 +20,7 @@ from gateway.report.material import AxisMaterial, ReportMaterial, TableMaterial,
 from gateway.report.sentences import ABSENT, UNIT, number, shortest, signed
 from gateway.report.tooth.errors import error_rows
 from gateway.report.tooth.rows import TableRow, cure_rows, table_rows
-from gateway.tooth import DriveProposal
+from gateway.tooth import DriveProposal, next_for_drive
 
 TABLE_MM = (89.0, 60.0)
 STEP = re.compile(r"^\d{4}-\d\d-\d\dT(\d\d:\d\d:\d\d)[^ ]* (.*)$", re.DOTALL)
@@ -109,6 +109,9 @@ def drive_annex(drive: DriveProposal | None, t: Tongue) -> tuple[Block, ...]:
         )
         head_limits = (t("figure"), t("value"), "U", t("drive_limit"), t("drive_verdict"))
         found.append(TableBlock(head_limits, judged, "lrrrl", dense=True, wide=(0,)))
+    costly = next_for_drive(drive.doubts)
+    if costly is not None:
+        found.append(Paragraph(t("drive_next", name=costly.error, cost=number(costly.cost_arcsec, 1))))
     return (Whole(tuple(found)),)
 
 

@@ -11,6 +11,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MultipleLocator
 
 from gateway.evaluate.behaviour.drive import DriveFigures
+from gateway.evaluate.behaviour.ordercauses import in_words
 from gateway.report.drawings.curves import NEW, REVERSE, RULE, calm
 from gateway.report.drawings.plots import SIMULATED, png, svg_file
 from gateway.report.drawings.ruler import INK, QUIET, ruled
@@ -63,7 +64,7 @@ def _bars(panel: Axes, found: DriveFigures) -> None:
     """The largest orders of the first sense, each with both senses; the causes are written over them."""
     calm(panel)
     chosen = [one.order for one in found.running[0].orders[:BARS]]
-    names = {one.order: one.cause for run in found.running for one in run.orders}
+    names = {one.order: in_words(one.causes[:1]) for run in found.running for one in run.orders}
     width = 0.8 / len(found.running)
     highest = 0.0
     for place, run in enumerate(found.running):
@@ -73,7 +74,7 @@ def _bars(panel: Axes, found: DriveFigures) -> None:
         panel.bar(at, heights, width=0.9 * width, color=COLOURS[run.sense])
     for k, order in enumerate(chosen):
         tallest = max(run.amplitude(order) for run in found.running)
-        words = names.get(order, "").partition(";")[0]
+        words = names.get(order, "")
         panel.text(k, tallest + 0.03 * highest, words, fontsize=6, rotation=90, ha="center", va="bottom", color=QUIET)
     panel.set_ylim(0.0, 2.3 * highest or 1.0)
     panel.set_xticks(np.arange(len(chosen)), [f"{order}" for order in chosen])

@@ -14,6 +14,7 @@ from matplotlib.patches import Circle
 from drivers.types.drives import DriveRecord
 from drivers.types.values import FloatArray
 from gateway.evaluate.behaviour.drive import DriveFigures
+from gateway.evaluate.behaviour.ordercauses import CauseKind, OrderCause
 from gateway.reducer.figures import Transmission
 from gateway.reducer.pairing import Matching
 from gateway.reducer.records import Reducer
@@ -145,13 +146,13 @@ def bench_sheet(figure: Figure, found: DriveFigures, verdict: str = "") -> None:
             curves.plot(run.angle_deg[order], run.error_arcsec[order], color=colour, lw=0.8, label=text)
         _turn(curves, "transmission error  arcsec")
         numbers = sorted(one.order for one in found.running[0].orders[:BARS])
-        names = {one.order: one.cause for run in found.running for one in run.orders}
+        names = {one.order: _short(one.causes) for run in found.running for one in run.orders}
         wide = 0.8 / len(found.running)
         for place, run in enumerate(found.running):
             shift = (place - 0.5 * (len(found.running) - 1)) * wide
             colour = NEW if run.sense > 0 else RED
             bars.bar(np.arange(len(numbers)) + shift, [run.amplitude(n) for n in numbers], 0.9 * wide, color=colour)
-        _ordered(bars, numbers, {n: names.get(n, "").partition(";")[0].partition(":")[0] for n in numbers})
+        _ordered(bars, numbers, {n: names.get(n, "") for n in numbers})
     if found.loop is not None:
         panel = panels.pop(0)
         panel.plot(found.loop.torque_nm, found.loop.twist_arcsec, ".-", color=NEW, lw=0.9, ms=3)
@@ -163,6 +164,17 @@ def bench_sheet(figure: Figure, found: DriveFigures, verdict: str = "") -> None:
         _calm(panel)
     note = f"{found.drive.pins} pins, ratio {found.drive.ratio:g}{verdict}"
     _headed(figure, "reducer on its test bench, measured", note, 0.085)
+
+
+def _short(causes: Sequence[OrderCause]) -> str:
+    """The likely cause as it fits below a bar."""
+    if not causes:
+        return ""
+    one = causes[0]
+    i, j = one.waves
+    waves = f" x{i or j}" if one.kind in (CauseKind.DISC, CauseKind.DISC_OR_CRANKS, CauseKind.RING) else ""
+    name = "disc" if one.kind is CauseKind.DISC_OR_CRANKS else str(one.kind).partition("-")[0]
+    return ("folded " if one.folded else "") + name + waves
 
 
 def _orders(panel: Axes, found: Transmission) -> None:

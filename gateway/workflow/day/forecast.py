@@ -7,15 +7,18 @@ from typing import Any
 
 from drivers.types.tables import CompensationTable
 from gateway.correct.flank.noise import noise_patterns
+from gateway.correct.outlook.drive_outlook import costliest, drive_forecast
 from gateway.correct.outlook.flank_uncertainty import Shop
 from gateway.correct.outlook.next_setup import doubts
 from gateway.correct.outlook.prediction import Outlook, predict
 from gateway.correct.outlook.worthwhile import worthwhile
 from gateway.correct.plan.layers import LayeredCorrection, correct
 from gateway.correct.plan.plan import AxisGrid, Plan
-from gateway.gear.flank import flank_grid
+from gateway.gear.flank import FlankGrid, flank_grid
 from gateway.gear.grinding import Grinding
 from gateway.model.known import ErrorModel, chain_of_errors
+from gateway.reducer.goal import DriveGoal
+from gateway.tooth import DriveForecast
 from gateway.workflow.tooth.proposal import ToothWork
 
 PROFILE, WIDTH = 11, 5
@@ -41,7 +44,7 @@ class ToothForecast:
     Each by the errors that are known, with its standard uncertainty by all doubts (``_u_um``). ``sources_um``: what of
     that comes from errors not measured, from measured ones and from the process, RMS on the flank; ``largest``: the
     errors not measured that do most. It supposes that no table acted while the files were measured: only the control
-    can tell.
+    can tell. ``drive`` where the gear file names a reducer.
     """
 
     before_um: float
@@ -53,6 +56,7 @@ class ToothForecast:
     sources_um: dict[str, float]
     largest: tuple[str, ...]
     tables: tuple[ForecastTable, ...]
+    drive: DriveForecast | None = None
 
     def as_data(self) -> dict[str, Any]:
         """For --json."""
@@ -91,7 +95,21 @@ def forecast(model: ErrorModel, work: ToothWork, grids: tuple[AxisGrid, ...]) ->
         },
         largest=tuple(name for name in parts if name in gaps)[:LARGEST],
         tables=tuple(_table(one) for one in (*found.own, *found.cross) if any(one.deviations)),
+        drive=None if work.goal is None else _drive(work.goal, grinding, grid, plan=plan, model=model, found=found),
     )
+
+
+def _drive(
+    goal: DriveGoal, grinding: Grinding, grid: FlankGrid, *, plan: Plan, model: ErrorModel, found: LayeredCorrection
+) -> DriveForecast:
+    """The drive of the discs as the machine is, with axis tables and with everything for this goal."""
+    costs = costliest(goal.drive, found.machine, grid, doubts(model, grinding.chain, plan), model.measured)
+    machines = (
+        ("as it is", grinding),
+        ("axis tables", found.machine_with_own),
+        (f"this goal: {goal.kind}", found.machine),
+    )
+    return drive_forecast(goal.drive, machines, grid, costs)
 
 
 def _table(one: CompensationTable) -> ForecastTable:

@@ -22,6 +22,7 @@ from gateway.evaluate.behaviour.drive import (
     evaluate_drive,
     expanded,
 )
+from gateway.evaluate.behaviour.ordercauses import in_words
 from gateway.evaluate.standards.decision import Decision
 from gateway.workflow.doubles import SAID
 from gateway.workflow.files.kindrecords import Drawn, Figure, KindAnswer
@@ -67,7 +68,8 @@ class DriveAnswer:
                     "order": one.order,
                     "amplitude": one.amplitude_arcsec,
                     "phase_deg": one.phase_deg,
-                    "cause": one.cause,
+                    "cause": in_words(one.causes),
+                    "causes": [cause.as_data() for cause in one.causes],
                 }
                 for run in self.figures.running
                 for one in run.orders

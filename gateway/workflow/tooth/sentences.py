@@ -12,7 +12,7 @@ from gateway.correct.outlook.worthwhile import Worthwhile
 from gateway.correct.plan.layers import LayeredCorrection
 from gateway.domain.values import COVERAGE
 from gateway.model.known import ErrorModel
-from gateway.tooth import CureRecord, DriveProposal, ToothProposal
+from gateway.tooth import CureRecord, DriveDoubt, DriveForecast, DriveProposal, ToothProposal, next_for_drive
 
 
 def told(
@@ -54,7 +54,24 @@ def drive_told(drive: DriveProposal | None) -> tuple[str, ...]:
     for one in drive.limits:
         value, limit = f"{one.value_arcsec:.1f} +- {one.U_arcsec:.1f}", f"{one.limit_arcsec:g}"
         said.append(words("S-TOOTH-DRIVE-LIMIT", name=one.name, value=value, limit=limit, verdict=one.verdict))
-    return tuple(said)
+    return (*said, *measure_for_drive(drive.doubts))
+
+
+def forecast_told(drive: DriveForecast | None) -> tuple[str, ...]:
+    """What drives the machine makes before and after its tables, and what to measure for them, in words."""
+    if drive is None:
+        return ()
+    said = [words("S-DAY-DRIVE", name=drive.reducer, datum=drive.datum)]
+    for row in drive.rows:
+        sizes = {"flank": f"{row.flank_um:.2f}", "transmission": f"{row.transmission_arcsec:.1f}"}
+        said.append(words("S-TOOTH-GOAL", name=row.name, lost=f"{row.lost_motion_arcsec:.0f}", **sizes))
+    return (*said, *measure_for_drive(drive.doubts))
+
+
+def measure_for_drive(doubts: Sequence[DriveDoubt]) -> tuple[str, ...]:
+    """The unmeasured error that costs most in the drive, in words; nothing where none is worth it."""
+    one = next_for_drive(doubts)
+    return () if one is None else (words("S-DRIVE-NEXT", name=one.error, cost=f"{one.cost_arcsec:.1f}"),)
 
 
 def measure_better(worst: Dominant | None) -> tuple[str, ...]:

@@ -9,7 +9,7 @@ import pytest
 
 from drivers.units import mm_to_um
 from gateway.correct.flank.noise import FitNoise
-from gateway.correct.outlook.drive_outlook import drive_proposal, expected_drive
+from gateway.correct.outlook.drive_outlook import costliest, drive_proposal, expected_drive
 from gateway.correct.plan.layers import LayeredCorrection, correct
 from gateway.correct.plan.plan import Plan
 from gateway.correct.solve.optimise import optimise
@@ -17,15 +17,18 @@ from gateway.errors import ModelError
 from gateway.gear.first_order import first_order, judged
 from gateway.gear.flank import FlankGrid
 from gateway.gear.grinding import Grinding
+from gateway.gear.linear import ErrorParameter
+from gateway.model.motion import Fourier
 from gateway.reducer import uncertainty
-from gateway.reducer.figures import without_limit
+from gateway.reducer.contact import Assembly
+from gateway.reducer.figures import crank_angles, without_limit
 from gateway.reducer.firstorder import transmission_map
 from gateway.reducer.goal import DriveGoal, GoalKind, flank_target, goal_of
 from gateway.reducer.records import Tolerances, for_gear
 from gateway.reducer.uncertainty import essentials
 from gateway.study.files import ErrorFile, GearFile, validated
 from gateway.study.machine import grid_of, grinding_of, plan_of
-from gateway.tooth import FlankMap
+from gateway.tooth import FlankMap, next_for_drive
 from tests.sizes import few, soak
 
 SMALL = {"rp": 36.0, "rrp": 2.5, "a": 1.5, "zp": 12, "zc": 11, "b": 10.0, "drrp": 0.006}
@@ -127,6 +130,30 @@ def test_a_doubt_of_the_machine_widens_what_is_expected(
     patterns[:, 0, 0] = np.repeat(0.003 * np.cos(2.0 * 2.0 * np.pi * np.arange(11) / 11), 3)
     unsure = expected_drive(sure, found.machine, grid, FitNoise(patterns), steps=24, most=15)
     assert unsure.figures["error_arcsec"].u > 1.0
+
+
+def test_what_an_unmeasured_error_costs_is_the_drive_s_own_error_of_it(
+    small: tuple[Grinding, FlankGrid, Plan, DriveGoal, LayeredCorrection],
+) -> None:
+    grinding, grid, _, goal, _ = small
+    size = 5e-4  # mm
+    wave = Fourier(0.0, (0.0, size), ())
+    clean = replace(grinding, chain=grinding.chain.without_errors())
+    columns = [(ErrorParameter("EXC", wave), 1.0), ("EXX", size), ("EZC", size)]
+    told = costliest(goal.drive, clean, grid, columns, {"EXX"}, steps=24)
+    assert told[0].error == "EXC"
+    assert {one.error: one.measured for one in told} == {"EXC": False, "EXX": True, "EZC": False}
+    # By the full model: how the drive's curve moves where that error is in its discs.
+    wrong = replace(clean, chain=clean.chain.with_errors({"EXC": wave}))
+    alpha, free = crank_angles(goal.drive, 24), without_limit(goal.drive)
+    with_it, without = (
+        Assembly(free, [_map(one, grid)]).solve(alpha, goal.drive.rated_nm).psi for one in (wrong, clean)
+    )
+    moved = float(np.ptp(np.degrees(with_it - without) * 3600.0))
+    assert told[0].cost_arcsec == pytest.approx(moved, rel=0.2)
+    assert {one.error: one.cost_arcsec for one in told}["EZC"] < 1e-6
+    assert next_for_drive(told) == told[0]
+    assert next_for_drive(told[1:]) is None
 
 
 def test_goals_that_cannot_be_are_refused() -> None:

@@ -10,7 +10,8 @@ import pytest
 from drivers.types.drives import DriveRecord
 from gateway.errors import ModelError
 from gateway.evaluate.behaviour.drive import TestedDrive as Drive
-from gateway.evaluate.behaviour.drive import cause, evaluate_drive, expanded
+from gateway.evaluate.behaviour.drive import causes, evaluate_drive, expanded
+from gateway.evaluate.behaviour.ordercauses import CODES, CauseKind, OrderCause, in_words
 
 ARCSEC = 1.0 / 3600.0
 RV = Drive(pins=40, ratio=121.0, rated_torque_nm=400.0, cranks=3, sun_teeth=16, output_encoder_U_arcsec=1.0)
@@ -66,8 +67,8 @@ def test_waves_come_back_with_size_phase_and_cause(drive: Drive, sense: int) -> 
         assert found[order].amplitude_arcsec == pytest.approx(size, abs=1e-6)
         assert found[order].phase_deg == pytest.approx(phase, abs=1e-4)
         assert run.amplitude(order) == pytest.approx(size, abs=1e-6)
-    assert found[zp].cause.startswith("disc, 1 a turn")
-    assert found[zp - 1].cause.startswith("ring, 1 a turn")
+    assert found[zp].causes[0] == OrderCause(CauseKind.DISC_OR_CRANKS, (1, 0))
+    assert found[zp - 1].causes[0] == OrderCause(CauseKind.RING, (0, 1))
     assert run.rms == pytest.approx(np.sqrt((64.0 + 9.0 + 4.0) / 2.0), rel=1e-9)
     dense = waves(np.linspace(0.0, 360.0, 200_001), *parts)
     assert run.peak_to_peak == pytest.approx(np.ptp(dense), rel=0.01)
@@ -133,13 +134,23 @@ def test_one_record_may_hold_both_ways_and_a_loop() -> None:
      (120, "disc, 3"), (121, "input"), (1920, "teeth of the sun"), (1560, "profile"), (41, "together (2 zp -1 zc)")],
 )  # fmt: skip
 def test_orders_are_named_by_their_cause(order: int, words: str) -> None:
-    assert words in cause(order, RV, 5000)
+    assert words in in_words(causes(order, RV, 5000))
+
+
+@pytest.mark.parametrize("language", ["en", "de", "zh"])
+def test_every_kind_of_cause_has_words_in_every_language(language: str) -> None:
+    assert set(CODES) == set(CauseKind)
+    told = {in_words([OrderCause(kind, (2, -1))], language) for kind in CauseKind}
+    told |= {in_words([OrderCause(CauseKind.PROFILE, folded=True)], language)}
+    assert len(told) == len(CauseKind) + 1
+    assert all("{" not in one and "S-ORDER" not in one for one in told)
+    assert language == "en" or not told & {in_words([OrderCause(kind, (2, -1))]) for kind in CauseKind}
 
 
 def test_an_order_beyond_the_readings_is_named_where_it_folds_to() -> None:
     """1560 periods among 936 readings look like 312."""
-    assert "folded: profile" in cause(312, RV, 936)
-    assert cause(307, RV, 5000) == ""
+    assert "folded: profile" in in_words(causes(312, RV, 936))
+    assert causes(307, RV, 5000) == ()
 
 
 def refused(code: str, record: DriveRecord, drive: Drive = RV) -> None:

@@ -7,7 +7,7 @@ import pytest
 from gateway.report.document.content import Heading, Paragraph, TableBlock, Whole
 from gateway.report.document.records import drive_annex
 from gateway.report.document.words import LANGUAGES, Tongue
-from gateway.tooth import DriveLimit, DriveProposal, GoalRow
+from gateway.tooth import DriveDoubt, DriveLimit, DriveProposal, GoalRow
 
 DRIVE = DriveProposal(
     reducer="disc",
@@ -20,6 +20,7 @@ DRIVE = DriveProposal(
     lost_motion_u_arcsec=4.0,
     trials=30,
     limits=(DriveLimit("transmission_arcsec", 38.0, 6.0, 30.0, "fail"),),
+    doubts=(DriveDoubt("ECC", 9.0, True), DriveDoubt("EXC", 8.0, False), DriveDoubt("EYC", 3.0, False)),
 )
 
 
@@ -28,7 +29,10 @@ def test_the_section_says_value_u_and_verdict_in_every_language(language: str) -
     t = Tongue(language)
     (whole,) = drive_annex(DRIVE, t)
     assert isinstance(whole, Whole)
-    heading, said, goals, _, limits = whole.blocks
+    heading, said, goals, _, limits, following = whole.blocks
+    assert isinstance(following, Paragraph)
+    assert "EXC" in following.text
+    assert "8.0" in following.text
     assert isinstance(heading, Heading)
     assert heading.text == t("drive")
     assert isinstance(said, Paragraph)

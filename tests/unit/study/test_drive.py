@@ -68,6 +68,9 @@ def test_rows_data_and_picture_tell_it(found: Study, tmp_path: Path, monkeypatch
     told = json.loads(json.dumps(drive_data(found.drive)))
     assert told["datum"] == "crank-holes"
     assert told["predicted_not_tested"] is True
+    costs = [one["cost_arcsec"] for one in told["doubts"]]
+    assert costs == sorted(costs, reverse=True)
+    assert costs[0] > 0.0
     monkeypatch.setattr(sheet, "DPI", 40)  # the others of the folder are drawn too
     picture = next(path for path in write_pictures(found, tmp_path) if path.stem == "transmission")
     pixels = image.imread(picture)
