@@ -138,6 +138,10 @@ WHOLLY_LONG = {
     ("test_judge.py", "test_the_work_s_eccentricity_is_kept_out_of_the_tables"): JUDGED,
     ("test_layers.py", "test_no_machine_of_many_gets_worse"): "test_no_machine_gets_worse",
     (
+        "test_drive_goal_run.py",
+        "test_a_run_for_the_drive_halves_its_transmission_error_by_truth",
+    ): "test_the_goal_transmission_leaves_at_most_half_of_what_axis_tables_leave",
+    (
         "test_match.py",
         "test_what_is_expected_of_a_pair_is_wider_by_a_worse_inspection",
     ): "test_the_drawn_flanks_scatter_as_repeated_inspections_do",
