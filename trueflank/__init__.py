@@ -17,11 +17,12 @@ from __future__ import annotations
 HOMES = {
     "benches": ("DriveTest", "EvaluatedDrive", "read_bench"),
     "drives": ("Drive", "Matched", "Reducer", "match", "transmission"),
+    "inspected": ("read_flank",),
     "kinematics": ("FrameOf", "RelativeError", "RelativeErrors"),
     "measuring": ("ErrorMotion", "Evaluated", "Measured", "evaluate", "fit", "read", "report"),
     "studies": ("Corrected", "Ranking", "Study", "correct", "rank", "study"),
     "surfaces": ("Contact", "Profile", "Surface", "Wheel"),
-    "tooth": ("Flank", "Gear", "Machine", "contact", "flank", "read_flank"),
+    "tooth": ("Flank", "Gear", "Machine", "contact", "flank"),
 }
 """The module of each name."""
 __all__ = [
@@ -73,6 +74,8 @@ def __getattr__(name: str) -> object:
         from trueflank import benches as module
     elif home == "drives":
         from trueflank import drives as module
+    elif home == "inspected":
+        from trueflank import inspected as module
     elif home == "kinematics":
         from trueflank import kinematics as module
     elif home == "measuring":

@@ -8,6 +8,7 @@ from trueflank.drives import Matched as Matched
 from trueflank.drives import Reducer as Reducer
 from trueflank.drives import match as match
 from trueflank.drives import transmission as transmission
+from trueflank.inspected import read_flank as read_flank
 from trueflank.kinematics import FrameOf as FrameOf
 from trueflank.kinematics import RelativeError as RelativeError
 from trueflank.kinematics import RelativeErrors as RelativeErrors
@@ -33,7 +34,6 @@ from trueflank.tooth import Gear as Gear
 from trueflank.tooth import Machine as Machine
 from trueflank.tooth import contact as contact
 from trueflank.tooth import flank as flank
-from trueflank.tooth import read_flank as read_flank
 
 HOMES: dict[str, tuple[str, ...]]
 __version__: str

@@ -11,6 +11,7 @@ from drivers.errors import ConfigError
 from drivers.types.drives import DriveRecord
 from gateway.domain.values import FloatArray
 from gateway.evaluate.behaviour.drive import DriveFigures
+from gateway.workflow.doubles import SAID
 from gateway.workflow.files.drives import DriveQuestion, evaluate_drives, read_drive
 from trueflank.frames import frame
 from trueflank.given import path_given
@@ -123,7 +124,10 @@ class EvaluatedDrive:
             )  # fmt: skip
         rows = (2 if found.running else 0) + (1 if found.loop is not None else 0)
         verdicts = "".join(f"; {name}: {word}" for name, word in self.verdicts.items())
-        return painted((9.0, 1.0 + 2.3 * rows), lambda figure: bench_sheet(figure, found, verdicts))
+        simulated = SAID in self.notes
+        return painted(
+            (9.0, 1.0 + 2.3 * rows), lambda figure: bench_sheet(figure, found, verdicts, simulated=simulated)
+        )
 
     def __repr__(self) -> str:
         told = ", ".join(f"{name} {value:.2f} {self.units[name]}" for name, value in self.values.items())

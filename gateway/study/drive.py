@@ -134,7 +134,7 @@ def drive_study(
         ranking=screen(DriveOutputs(matrix, here), names, DRIVE_OUTPUTS, r=r, seed=seed, executor=executor),
         states=full,
         missed_arcsec=first - full["before"].loaded[0].peak_to_peak_arcsec,
-        doubts=costliest(drive, grinding, grid, columns, measured),
+        doubts=costliest(drive, grinding, grid, columns=columns, measured=measured),
     )
 
 

@@ -34,6 +34,7 @@ PARSED = {
     "demo": "minutes: tests/release starts it, tests/cell and tests/closing run what it runs",
     "guard": "a run of before: tests/cell/test_grinding.py",
     "init": "asks at a control: tests/unit/cli, tests/contract/test_init.py",
+    "match": "files of several inspected discs: tests/unit/cli/test_match.py",
     "measure": "a machine and its instruments: tests/closing/test_short.py",
     "push": "consent and a machine: tests/push, and the tutorial in tests/release",
     "report": "a run of before: tests/unit/report, and the tutorial in tests/release",

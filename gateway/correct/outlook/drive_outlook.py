@@ -99,9 +99,9 @@ def costliest(
     drive: Reducer,
     machine: Grinding,
     grid: FlankGrid,
+    *,
     columns: Sequence[tuple[ErrorParameter | str, float]],
     measured: Collection[str],
-    *,
     steps: int | None = None,
 ) -> tuple[DriveDoubt, ...]:
     """What each error's doubt costs in the drive, the costliest first.

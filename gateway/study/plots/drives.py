@@ -131,7 +131,7 @@ def readings_of_bench(figure: Figure, record: DriveRecord, source: str) -> None:
     _headed(figure, source, f"{record.input_deg.size} readings of a reducer's test bench", 0.1)
 
 
-def bench_sheet(figure: Figure, found: DriveFigures, verdict: str = "") -> None:
+def bench_sheet(figure: Figure, found: DriveFigures, verdict: str = "", *, simulated: bool = False) -> None:
     """What a record comes to: error over a turn and orders of each sense, and the loop of torque; arcsec, Nm."""
     rows = (2 if found.running else 0) + (1 if found.loop is not None else 0)
     tall = float(figure.get_figheight())
@@ -163,7 +163,7 @@ def bench_sheet(figure: Figure, found: DriveFigures, verdict: str = "") -> None:
         panel.set_title(f"torque loop: {words}", loc="left", fontsize=8.5, color=INK)
         _calm(panel)
     note = f"{found.drive.pins} pins, ratio {found.drive.ratio:g}{verdict}"
-    _headed(figure, "reducer on its test bench, measured", note, 0.085)
+    _headed(figure, f"reducer on its test bench, {'SIMULATED' if simulated else 'measured'}", note, 0.085)
 
 
 def _short(causes: Sequence[OrderCause]) -> str:

@@ -103,7 +103,8 @@ def _drive(
     goal: DriveGoal, grinding: Grinding, grid: FlankGrid, *, plan: Plan, model: ErrorModel, found: LayeredCorrection
 ) -> DriveForecast:
     """The drive of the discs as the machine is, with axis tables and with everything for this goal."""
-    costs = costliest(goal.drive, found.machine, grid, doubts(model, grinding.chain, plan), model.measured)
+    columns = doubts(model, grinding.chain, plan)
+    costs = costliest(goal.drive, found.machine, grid, columns=columns, measured=model.measured)
     machines = (
         ("as it is", grinding),
         ("axis tables", found.machine_with_own),

@@ -248,7 +248,7 @@ class _Task:
     def drive(self, plan: Plan, found: LayeredCorrection, goal: DriveGoal) -> DriveProposal:
         """The drive that the corrected machine's discs make, and what every goal costs in the others."""
         columns = doubts(self.model, self.grinding.chain, plan)
-        costs = costliest(goal.drive, found.machine, self.grid, columns, self.model.measured)
+        costs = costliest(goal.drive, found.machine, self.grid, columns=columns, measured=self.model.measured)
         return drive_proposal(
             self.grinding,
             self.grid,

@@ -140,7 +140,7 @@ def test_what_an_unmeasured_error_costs_is_the_drive_s_own_error_of_it(
     wave = Fourier(0.0, (0.0, size), ())
     clean = replace(grinding, chain=grinding.chain.without_errors())
     columns = [(ErrorParameter("EXC", wave), 1.0), ("EXX", size), ("EZC", size)]
-    told = costliest(goal.drive, clean, grid, columns, {"EXX"}, steps=24)
+    told = costliest(goal.drive, clean, grid, columns=columns, measured={"EXX"}, steps=24)
     assert told[0].error == "EXC"
     assert {one.error: one.measured for one in told} == {"EXC": False, "EXX": True, "EZC": False}
     # By the full model: how the drive's curve moves where that error is in its discs.
