@@ -80,8 +80,10 @@ def chained(parts: Parts, token: int) -> str:
     words = parts[0][1].words
     tables = _tables(parts)
     arrays = [array for one in tables if one is not None for array in one.arrays]
-    counters = looping.COUNTERS if arrays else _ROUND
-    out = [f"DEF INT {backup.VARIABLES}, {counters}, {_WAITED}", *looping.declared(arrays)]
+    plain = any(one is None and len(plan.stops) > 1 for one, (plan, _) in zip(tables, parts, strict=True))
+    counters = [looping.COUNTERS] if arrays else []
+    counters += [_ROUND] if plain or not arrays else []
+    out = [f"DEF INT {', '.join([backup.VARIABLES, *counters, _WAITED])}", *looping.declared(arrays)]
     out += [section("modal states, R words"), *PREPARE]
     out += [f"{words.name(word)}=0" for word in (Word.COUNTER, Word.ECHO, Word.MISMATCHES, Word.RELEASE)]
     out += [f"{words.name(Word.TRANSACTION)}={token}"]

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from drivers.errors import LocalProtocolError
-from drivers.programs import NOBODY, PaperMachine
+from drivers.programs import NOBODY, PaperMachine, Visits
 from drivers.sinumerik.legality import Machine, check
 from drivers.sinumerik.ncprogram import measuring, pushing
 from drivers.sinumerik.ncprogram.backup import Memory, Saving
@@ -66,6 +66,20 @@ def test_cross_tables_of_every_kind_are_legal(purpose: str, two: bool, coupled: 
         given = replace(order, enable=enable, purpose="restore" if purpose == "table" else purpose)
         assert on_paper((given,), settings, machine, NOBODY, "here")
     assert on_paper(DisableOrder(4711, "cross", "X1", 1), settings, machine, NOBODY, "here")
+
+
+@pytest.mark.parametrize("overrun", [5.0, 400.0])
+def test_plans_that_loop_and_one_that_is_written_out_are_legal_together(overrun: float) -> None:
+    """A turn with an overrun of more than a turn cannot be told by tables; beside X its counter was not declared."""
+    turned = [Stop(target, 1, again, 10 * again) for again in range(3) for target in (0.0, 90.0, 180.0)]
+    turn = replace(PLAN, name="TFMEASC", axis="C1", letter="C", unit="deg", rotary=True, stops=tuple(turned))
+    plans = Visits(
+        (replace(PLAN, stops=tuple(Stop(10.0 * at, 1, 0, at) for at in range(5))), replace(turn, overrun=overrun))
+    )
+    machine = PaperMachine(AXES, frozenset({"C1"}), {"X1": 101, "C1": 101}, (30,))
+    (program,) = on_paper(plans, {"security": "None"}, machine, NOBODY, "here")
+    assert "UTARGET" in program.text
+    assert ("UROUND," in program.text) == (overrun > 360.0)
 
 
 def test_files_that_programs_write_are_legal() -> None:
