@@ -13,6 +13,7 @@ from drivers.local.tomlfile import read_toml
 from gateway.siteplan import MOST_POINTS, Name
 
 Number = float
+MOST_APART = 1000.0  # of a disc its smallest length to its pitch circle: less was typed in another unit
 SMALLEST_RP_MM, LARGEST_RP_MM = 1.0, 10_000.0
 Tree = TypeVar("Tree", bound=BaseModel)
 
@@ -42,6 +43,10 @@ class GearData(_Section):
             raise ValueError(
                 f"rp is {self.rp:g}, outside {SMALLEST_RP_MM:g} .. {LARGEST_RP_MM:g} mm: lengths are in mm, not m or um"
             )
+        for name in ("rrp", "a", "b"):
+            one = getattr(self, name)
+            if 0.0 < one < self.rp / MOST_APART or one > self.rp * 10.0:
+                raise ValueError(f"{name} is {one:g} where rp is {self.rp:g} mm: lengths are in mm, not m or um")
         return self
 
 
@@ -124,6 +129,20 @@ class ErrorFunction(_Section):
     q: tuple[float, ...] = Field(default=(), max_length=MOST_POINTS)
     v: tuple[float, ...] = Field(default=(), max_length=MOST_POINTS)
     range: tuple[float, float] | None = Field(default=None, description="lowest and highest position where it is known")
+
+    @model_validator(mode="after")
+    def _of_its_type(self) -> ErrorFunction:
+        """A key of another type would be passed over, and a series without terms be no error at all."""
+        own = {"poly": ("c", "q0", "scale"), "fourier": ("a0", "a", "b", "period"), "pl": ("q", "v", "period")}
+        given = [name for name, field in type(self).model_fields.items() if getattr(self, name) != field.default]
+        foreign = [name for name in given if name not in (*own[self.type], "type", "range")]
+        if foreign:
+            raise ValueError(
+                f'{", ".join(foreign)} of type "{self.type}" means nothing: it takes {", ".join(own[self.type])}'
+            )
+        if self.type == "fourier" and not {"a0", "a", "b"} & self.model_fields_set:
+            raise ValueError("a Fourier series needs a0, a or b")
+        return self
 
 
 class Seeded(_Section):
@@ -221,7 +240,8 @@ def validated(data: Any, kind: type[Tree], where: str) -> Tree:
     try:
         return kind.model_validate(data)
     except ValidationError as error:
-        first = error.errors()[0]
+        # Of the forms that a value may have each says why it is none: our own reason tells the most.
+        first = next((one for one in error.errors() if one["type"] == "value_error"), error.errors()[0])
         key = ".".join(str(part) for part in first["loc"]) or "(file)"
         more = error.error_count() - 1
         raise ConfigError("E-STUDY-VALUE", where, key=shown(key), why=first["msg"], more=more) from error

@@ -86,7 +86,10 @@ def is_angle(name: str) -> bool:
 def motion_in_mm_rad(
     chain: Chain, name: str, value: float | ErrorFunction | tuple[float | ErrorFunction, ...]
 ) -> Motion:
-    """An error in um or arcsec over mm or deg as a motion in mm or rad over mm or rad; several are added up."""
+    """An error in um or arcsec over mm or deg as a motion in mm or rad over mm or rad; several are added up.
+
+    Raises ModelError (E-CHAIN-MOTION-DATA, a series over a linear axis without its period too).
+    """
     if isinstance(value, tuple):
         return Sum(tuple(motion_in_mm_rad(chain, name, one) for one in value))
     axis, _ = chain.error_place(name)
@@ -101,6 +104,8 @@ def motion_in_mm_rad(
         "fourier": {"a0": value.a0 * size, "a": scaled["a"], "b": scaled["b"], **period},
         "pl": {"q": tuple(one * at for one in value.q), "v": scaled["v"], **period},
     }
+    if value.type == "fourier" and value.period is None and chain.axis(axis).kind != "revolute":
+        raise ModelError("E-CHAIN-MOTION-DATA", name, why="a Fourier series over a linear axis needs its period in mm")
     known = {} if value.range is None else {"range": tuple(one * at for one in value.range)}
     turning = chain.axis(axis).kind == "revolute"
     return motion_of({"type": value.type, **data[value.type], **known}, name, name=name, turning=turning)

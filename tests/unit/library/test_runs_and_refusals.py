@@ -109,6 +109,11 @@ MASKED = np.ma.masked_array([0.0, 1.0], [False, True])
         (lambda: tf.Machine().matrix("X", "bed", X=MASKED), "a masked array"),
         (lambda: tf.Machine(seed=1).u("EXX"), "uncertainty"),
         (lambda: tf.Gear.of(rp=0.064, rrp=0.003, a=0.0013, zp=40, zc=39, centre_distance=0.16), "lengths are in mm"),
+        (
+            lambda: tf.Gear.of(rp=64.0, rrp=3.0, a=1.3, zp=40, zc=39, centre_distance=160.0, b=0.012),
+            "lengths are in mm",
+        ),
+        (lambda: tf.Gear.of(rp=64.0, rrp=0.003, a=1.3, zp=40, zc=39, centre_distance=160.0), "lengths are in mm"),
         (lambda: tf.Gear.of(rp=64e3, rrp=3e3, a=1.3e3, zp=40, zc=39, centre_distance=160e3), "lengths are in mm"),
     ],
 )

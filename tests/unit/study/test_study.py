@@ -10,7 +10,8 @@ import pytest
 from matplotlib import image
 from matplotlib.figure import Figure
 
-from drivers.errors import ConfigError
+import trueflank as tf
+from drivers.errors import ConfigError, TrueflankError
 from drivers.units import arcsec_to_rad
 from gateway.cli.files.study import study_command
 from gateway.errors import ModelError, StoreError
@@ -237,3 +238,24 @@ def test_unknown_errors_and_orders_are_refused_by_name() -> None:
     gear = load_gear(EXAMPLES / "gears" / "rv-20e-like.toml")
     with pytest.raises(ModelError, match="E-GEAR-UNDERCUT"):
         gear_of(gear.model_copy(update={"gear": gear.gear.model_copy(update={"rrp": 9.0})}))
+
+
+@pytest.mark.parametrize(
+    ("one", "code", "said"),
+    [
+        ('{ type = "fourier", c = [1.0, 2.0] }', "E-STUDY-VALUE", 'c of type "fourier" means nothing'),
+        ('{ type = "fourier" }', "E-STUDY-VALUE", "needs a0, a or b"),
+        ('{ type = "poly", c = [0.0, 1.0], a0 = 3.0 }', "E-STUDY-VALUE", "a0"),
+        ('{ type = "pl", q = [-300.0, 0.0], v = [0.0, 5.0], scale = 2.0 }', "E-STUDY-VALUE", "scale"),
+        ('{ type = "fourier", a = [1.0] }', "E-CHAIN-MOTION-DATA", "period in mm"),
+    ],
+)
+def test_a_key_that_an_error_has_no_use_for_is_refused_and_so_is_a_wave_without_length(
+    one: str, code: str, said: str, tmp_path: Path
+) -> None:
+    """Each was an error of nothing, or a wave of 6.28 mm, without a word."""
+    (tmp_path / "errors.toml").write_text(f'name = "x"\n[errors]\nEXX = {one}\n', encoding="utf-8")
+    with pytest.raises(TrueflankError) as refused:
+        tf.Machine.load(tmp_path / "errors.toml").relative(X=-160.0, Z=0.0, C=0.0)
+    assert refused.value.code == code
+    assert said in str(refused.value)
