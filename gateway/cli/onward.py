@@ -86,8 +86,12 @@ def after_run(state: str, folder: str, site: str, *, worse: Sequence[str] = ()) 
 
 def after_look(refused_by: Collection[str], folder: str, site: str, options: str) -> str:
     """After a look at a proposal: the push itself, or what removes the reason against it."""
-    found = next((state for state, codes in BY_REFUSAL.items() if codes.intersection(refused_by)), "refused")
-    return step_of(found if refused_by else "free", run=folder, site=site, options=options)
+    return step_of(_state_of(refused_by) if refused_by else "free", run=folder, site=site, options=options)
+
+
+def _state_of(refused_by: Collection[str]) -> str:
+    """What a refusal of a look leaves."""
+    return next((state for state, codes in BY_REFUSAL.items() if codes.intersection(refused_by)), "refused")
 
 
 def after_recovery(findings: Collection[Any], site: str, machine: str, *, apply: bool) -> str:
@@ -103,8 +107,22 @@ def after_recovery(findings: Collection[Any], site: str, machine: str, *, apply:
     return step_of(state, site=site, machine=machine)
 
 
-def after_dry(command: str, place: str, axis: str, machine: str, *, table: str = "") -> str:
-    """After saying what a command would do: the same with consent, of the very same table."""
+def after_dry(
+    command: str,
+    place: str,
+    axis: str,
+    machine: str,
+    *,
+    table: str = "",
+    refused_by: Collection[str] = (),
+    site: object = "",
+) -> str:
+    """After saying what a command would do: the same with consent, of the very same table.
+
+    Where something speaks against it, what removes the reason at this ``site``.
+    """
+    if refused_by:
+        return step_of(_state_of(refused_by), site=site or place)
     only = (f" --axis {axis}" if axis else "") + (f" --table {table}" if table else "")
     return f"{command} {place}{only} --apply --machine {machine}"
 

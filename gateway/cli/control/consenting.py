@@ -79,7 +79,9 @@ def rollback(
     with progress(quiet=as_json, at=(site, path)) as say:
         asked: dict[str, Any] = {"table": axis, "apply": apply, "machine_name": machine, "say": say}
         outcome = run_to_end(_main(lambda clock: roll_back_site(site, path, clock=clock, **asked)), at=path)
-    onward = step_of("recovered", site=path) if apply else after_dry("rollback", place, axis, site.site.name)
+    against = {"refused_by": outcome.data.get("refused_by", ()), "site": path}
+    dry = after_dry("rollback", place, axis, site.site.name, **against)
+    onward = step_of("recovered", site=path) if apply else dry
     show_outcome(outcome, as_json=as_json, points=points, onward=onward)
 
 

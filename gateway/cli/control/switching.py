@@ -42,5 +42,8 @@ def disable(
 
         outcome = run_to_end(main(), at=site)
     off = outcome.data["off"] if not apply else True
-    dry = step_of("pushed", site=site) if off else after_dry("disable", str(site), axis, tree.site.name, table=table)
+    dry = step_of("pushed", site=site)
+    if not off:
+        against = outcome.data["refused_by"]
+        dry = after_dry("disable", str(site), axis, tree.site.name, table=table, refused_by=against)
     show_outcome(outcome, as_json=as_json, onward=f"recover {site}" if apply else dry)

@@ -121,6 +121,7 @@ def _shown(at: Bench, asked: Switch) -> Outcome:
     lines = [_line(asked, carried=carried), *(f"  {reason.words}" for reason in asked.refusals), words("W-DISABLE-DRY")]
     reading, reasons = asked.reading, [reason.words for reason in asked.refusals]
     data: dict[str, Any] = {"table": asked.order.name, "unit": asked.unit, "applied": False, "refusals": reasons}
+    data["refused_by"] = [reason.code for reason in asked.refusals]
     data |= {"enabled": None, "acting": None, "off": None}
     if reading is not None:
         data |= {"enabled": reading.enabled, "acting": reading.acting, "off": reading.off and not carried}

@@ -94,10 +94,12 @@ def context_of(at: Bench, table: CompensationTable) -> PushContext:
 
 async def _shown(at: Bench, found: ConsentSet, undos: Sequence[Sequence[Undo]]) -> Outcome:
     against: dict[str, list[str]] = {}
+    codes: dict[str, None] = {}
     for group in undos:
         for (done, _), asked in zip(group, await ask_undos(group), strict=True):
             for refusal in asked.refusals:
                 against.setdefault(refusal.words, []).append(done.table)
+                codes[refusal.code] = None
     reasons = [f"{', '.join(names)}: {reason}" for reason, names in against.items()]
     seen = _seen(at, found)
     lines = [line for one in seen.values() for line in one.lines]
@@ -105,7 +107,7 @@ async def _shown(at: Bench, found: ConsentSet, undos: Sequence[Sequence[Undo]]) 
     lines += [*_rest(found), words("W-ROLLBACK-DRY")]
     for done in found.tables:
         looked(at, "rollback", table=done.table, undoes=done.transaction)
-    data = {**_data(found), "refusals": reasons, "applied": False}
+    data = {**_data(found), "refusals": reasons, "refused_by": list(codes), "applied": False}
     points = tuple(line for done in found.tables for line in _difference(done))
     return Outcome(state="looked", run_folder="", rows=(), lines=tuple(lines), points=points, data=data)
 

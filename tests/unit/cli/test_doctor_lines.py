@@ -97,6 +97,12 @@ def test_what_a_look_offers_is_the_same_table_and_no_other() -> None:
     )
 
 
+@pytest.mark.parametrize(("code", "leads"), [("E-INT-UNFINISHED", "recover s.toml"), ("E-INT-RESET", "doctor s.toml")])
+def test_a_look_that_something_speaks_against_leads_to_what_removes_it(code: str, leads: str) -> None:
+    """A rollback's look named an unfinished push, and offered the rollback that this one would refuse."""
+    assert after_dry("rollback", "s.toml", "X1", "hall-3", refused_by=(code,), site=Path("s.toml")) == leads
+
+
 def test_the_next_command_is_the_look_and_then_the_push_over_the_road_of_the_site() -> None:
     """Nothing is left for the person to fill in, and what a control without a wire needs stands there."""
     wired, carried = consent("sinumerik-opcua", "M"), consent("sinumerik-offline", "M")
