@@ -81,7 +81,10 @@ class ErrorCsv:
                     raise FileFormatError("E-EXCHANGE-TWICE", where, line=line, key=name)
                 locations[name] = value
             else:
-                key = (name, _word(row, "argument_unit", AXIS_UNITS, where, line))
+                # Over the axis that its name says, and in that axis' unit: else it is another error.
+                _word(row, "argument", {name[2].lower(): name[2]}, where, line)
+                turns: AxisUnit = "deg" if name[2] in "ABC" else "mm"
+                key = (name, _word(row, "argument_unit", {turns: turns}, where, line))
                 points.setdefault(key, []).append((number(row["position"], where, line), value))
         return ErrorSet(tuple(_curve(key, rows, where) for key, rows in points.items()), locations)
 

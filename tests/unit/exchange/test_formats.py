@@ -290,6 +290,8 @@ BAD_ERRORS = {
     "nothing": ("etalon-exchange", "// empty\n", "E-EXCHANGE-COUNT"),
     "no name": ("error-csv", ERRORS_TYPED.replace("EXX", "E"), "E-EXCHANGE-KEY"),
     "no location": ("error-csv", ERRORS_TYPED.replace("B0Z", "EXX"), "E-EXCHANGE-KEY"),
+    "over another axis": ("error-csv", ERRORS_TYPED.replace("EXX,X", "EXX,Z"), "E-EXCHANGE-WORD"),
+    "a length in deg": ("error-csv", ERRORS_TYPED.replace(",mm,", ",deg,"), "E-EXCHANGE-WORD"),
     "a place twice": ("error-csv", ERRORS_TYPED + "B0Z,,,,7.5,arcsec\n", "E-EXCHANGE-TWICE"),
     "values in mm": ("error-csv", ERRORS_TYPED.replace(",um", ",mm"), "E-EXCHANGE-WORD"),
 }
