@@ -108,7 +108,9 @@ def test_every_command_and_option_that_is_shown_exists() -> None:
 
 
 def test_every_page_stands_in_the_handbooks_list_and_every_entry_is_a_page() -> None:
-    listed = re.findall(r": ([\w/-]+\.md)$", _text(ROOT / "mkdocs.yml"), re.MULTILINE)
+    text = _text(ROOT / "mkdocs.yml")
+    assert re.search(r"^nav:\n  - ", text, re.MULTILINE), "the list of pages is a key of its own, or no page is built"
+    listed = re.findall(r": ([\w/-]+\.md)$", text, re.MULTILINE)
     generated = set(reference.GENERATED)
     pages = {page.relative_to(ROOT / "docs").as_posix() for page in (ROOT / "docs").rglob("*.md")}
     assert set(listed) - generated == pages, "mkdocs.yml, nav"
