@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from drivers.errors import ConfigError
 from drivers.units import arcsec_to_rad, deg_to_rad, mm_to_um, rad_to_arcsec, rad_to_deg, um_to_mm
-from gateway.correct.outlook.flank_uncertainty import FlankDoubts, column_doubts, error_doubts
+from gateway.correct.outlook.flank_uncertainty import FlankDoubts
 from gateway.correct.outlook.next_setup import doubts
 from gateway.correct.outlook.prediction import point_u_um, unturned
 from gateway.correct.plan.plan import Plan
@@ -540,10 +540,7 @@ def doubts_of(machine: Machine, gear: Gear) -> FlankDoubts | None:
     """How the machine's errors may be wrong, as patterns of the gear's flank; None where nobody said."""
     if machine.known.model is None and machine.data.uncertainty is None:
         return None
-    ready = prepared(gear.data, machine.data, machine.known.model)
-    if machine.known.model is None:
-        return column_doubts(ready.grinding, ready.grid, ready.columns)
-    return error_doubts(ready.grinding, ready.grid, ready.plan, machine.known.model)
+    return prepared(gear.data, machine.data, machine.known.model).doubt
 
 
 def flank_of(file: GearFile, grid: FlankGrid, e: FloatArray, doubt: FlankDoubts | None = None) -> Flank:

@@ -15,6 +15,7 @@ import numpy as np
 from drivers.types.values import FloatArray
 from drivers.units import mm_to_um
 from gateway.correct.outlook.drive_outlook import costliest
+from gateway.correct.outlook.flank_uncertainty import FlankDoubts
 from gateway.gear.cycloid import CycloidGear
 from gateway.gear.flank import FlankGrid
 from gateway.gear.grinding import Grinding
@@ -108,12 +109,12 @@ def drive_study(
     r: int,
     seed: int,
     executor: Executor | None = None,
-    columns: Sequence[tuple[ErrorParameter | str, float]] = (),
+    doubt: FlankDoubts,
     measured: Collection[str] = (),
 ) -> DriveStudy:
     """Work out the drive of a study; ``states`` are flanks (K, T, Z) in mm by name.
 
-    ``columns`` are how the errors may be wrong, one standard uncertainty each; ``measured`` those that were measured.
+    ``doubt`` is how the errors may be wrong; ``measured`` are those that were measured.
     """
     free = without_limit(drive)
     maps = {name: flank_map(grid, e) for name, e in states.items()}
@@ -134,7 +135,7 @@ def drive_study(
         ranking=screen(DriveOutputs(matrix, here), names, DRIVE_OUTPUTS, r=r, seed=seed, executor=executor),
         states=full,
         missed_arcsec=first - full["before"].loaded[0].peak_to_peak_arcsec,
-        doubts=costliest(drive, grinding, grid, columns=columns, measured=measured),
+        doubts=costliest(drive, grinding, grid, doubt=doubt, measured=measured),
     )
 
 

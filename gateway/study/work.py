@@ -15,6 +15,7 @@ from gateway.correct.flank.flankmodel import FlankModel, flank_model
 from gateway.correct.flank.noise import FitNoise, noise_patterns
 from gateway.correct.flank.tables import with_tables
 from gateway.correct.flank.travel_shapes import shapes_over
+from gateway.correct.outlook.flank_uncertainty import FlankDoubts, column_doubts, error_doubts
 from gateway.correct.outlook.next_setup import doubts
 from gateway.correct.part.fromgear import Visible, visible
 from gateway.correct.plan.layers import LayeredCorrection, correct
@@ -154,7 +155,7 @@ def study(
             r=r,
             seed=seed,
             executor=executor,
-            columns=ready.columns,
+            doubt=ready.doubt,
             measured=() if model is None else model.measured,
         ),
     )
@@ -165,7 +166,8 @@ class Prepared:
     """What every study begins with; ``used`` is the plan with the doubt that run or error file state.
 
     ``columns`` are independent shapes of the errors, one standard uncertainty each (mm, rad): of the run's model what
-    a correction in the run takes too.
+    a correction in the run takes too. ``doubt`` has them as patterns of the flank, with what lies between a run's
+    targets.
     """
 
     grinding: Grinding
@@ -175,6 +177,7 @@ class Prepared:
     used: Plan
     columns: Sequence[tuple[ErrorParameter | str, float]]
     noise: FitNoise
+    doubt: FlankDoubts
     known: bool
 
 
@@ -192,8 +195,17 @@ def prepared(gear_file: GearFile, error_file: ErrorFile, model: ErrorModel | Non
     noise = noise_patterns(grinding, grid, columns)
     known = model is not None or error_file.uncertainty is not None
     used = replace(plan, noise=noise) if known else plan
+    doubt = column_doubts(grinding, grid, columns) if model is None else error_doubts(grinding, grid, plan, model)
     return Prepared(
-        grinding=grinding, grid=grid, names=names, plan=plan, used=used, columns=columns, noise=noise, known=known
+        grinding=grinding,
+        grid=grid,
+        names=names,
+        plan=plan,
+        used=used,
+        columns=columns,
+        noise=noise,
+        doubt=doubt,
+        known=known,
     )
 
 

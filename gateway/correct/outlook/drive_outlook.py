@@ -16,9 +16,8 @@ from numpy.random import Generator
 from drivers.types.tables import CompensationTable
 from drivers.types.values import FloatArray
 from drivers.units import mm_to_um
-from gateway.correct.flank.noise import FitNoise
-from gateway.correct.flank.wheel_places import Places, places_of_grid
-from gateway.correct.outlook.flank_uncertainty import column_doubts
+from gateway.correct.flank.wheel_places import Places
+from gateway.correct.outlook.flank_uncertainty import FlankDoubts
 from gateway.correct.plan.layers import LayeredCorrection, correct
 from gateway.correct.plan.plan import Plan
 from gateway.domain.values import COVERAGE
@@ -26,7 +25,6 @@ from gateway.evaluate.standards.decision import decide
 from gateway.gear.first_order import judged
 from gateway.gear.flank import FlankGrid, flank_figure
 from gateway.gear.grinding import Grinding
-from gateway.gear.linear import ErrorParameter
 from gateway.reducer.figures import without_limit
 from gateway.reducer.firstorder import transmission_map
 from gateway.reducer.goal import DriveGoal, GoalKind, goal_of
@@ -46,6 +44,7 @@ def drive_proposal(
     goal: DriveGoal,
     *,
     found: LayeredCorrection,
+    wrong: FlankDoubts | None = None,
     live: Sequence[CompensationTable] = (),
     own: Sequence[CompensationTable] | None = None,
     doubts: Sequence[DriveDoubt] = (),
@@ -55,7 +54,8 @@ def drive_proposal(
 ) -> DriveProposal:
     """What a correction ``found`` for a goal makes of the drive, beside every other goal's tables on the same machine.
 
-    ``doubts`` are those of `costliest`, kept with it.
+    ``wrong`` is how the machine's errors may be wrong (`error_doubts`); ``doubts`` are those of `costliest`, kept with
+    it.
     ``steps`` per crank turn as in `crank_angles`, ``most`` trials. Raises ModelError E-REDUCER-...
     """
     drive = without_limit(goal.drive)
@@ -68,7 +68,7 @@ def drive_proposal(
             (f"this goal: {goal.kind}", found.machine),
         )
     ]
-    expected = expected_drive(goal, found.machine, grid, plan.noise, steps=steps, seed=seed, most=most)
+    expected = expected_drive(goal, found.machine, grid, wrong, steps=steps, seed=seed, most=most)
     figures = expected.figures
     limits = tuple(_limit(name, limit, expected) for name, limit in goal.limits.items())
     return DriveProposal(
@@ -100,19 +100,18 @@ def costliest(
     machine: Grinding,
     grid: FlankGrid,
     *,
-    columns: Sequence[tuple[ErrorParameter | str, float]],
+    doubt: FlankDoubts,
     measured: Collection[str],
     steps: int | None = None,
 ) -> tuple[DriveDoubt, ...]:
     """What each error's doubt costs in the drive, the costliest first.
 
-    ``columns`` are independent, one standard uncertainty each (mm, rad); those of one error count by the root of the
-    sum of squares of their transmission errors p-p, to first order about the machine's mean drive. What an error makes
+    The patterns of ``doubt`` are independent; those of one error count by the root of the sum of squares of their
+    transmission errors p-p, to first order about the machine's mean drive. What an error makes
     alike in every space moves the lost motion and costs nothing here.
     """
     flank = _flank(machine, grid)
     found = transmission_map(without_limit(drive), flank, steps=steps)
-    doubt = column_doubts(machine, grid, columns)
     if not doubt.sources:
         return ()
     moved = np.stack([doubt.places.along_normal(one) for one in np.moveaxis(doubt.patterns, -1, 0)], axis=1)
@@ -128,19 +127,20 @@ def expected_drive(
     goal: DriveGoal,
     machine: Grinding,
     grid: FlankGrid,
-    noise: FitNoise,
+    doubt: FlankDoubts | None,
     *,
     steps: int | None = None,
     seed: int = 1,
     most: int = TRIALS,
 ) -> DriveUncertainty:
-    """Expected figures with u of the drives that a machine's discs make; all discs of a trial are one machine's."""
+    """Expected figures with u of the drives that a machine's discs make; all discs of a trial are one machine's.
+
+    ``doubt`` is how its errors may be wrong (None: not at all); pins, cranks and datum are drawn as well.
+    """
     drive = without_limit(goal.drive)
-    plain, places = _flank(machine, grid), places_of_grid(grid)
-    patterns = np.zeros((places.k.size, 3, 0)) if noise.patterns is None else noise.patterns
-    return uncertainty(
-        drive, drawn_flanks([plain] * len(drive.discs), places, patterns), steps=steps, seed=seed, most=most
-    )
+    plain = [_flank(machine, grid)] * len(drive.discs)
+    discs = plain if doubt is None else drawn_flanks(plain, doubt.places, doubt.patterns)
+    return uncertainty(drive, discs, steps=steps, seed=seed, most=most)
 
 
 def drawn_flanks(plain: Sequence[FlankMap | None], places: Places, patterns: FloatArray) -> Draw:

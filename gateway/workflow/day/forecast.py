@@ -8,7 +8,7 @@ from typing import Any
 from drivers.types.tables import CompensationTable
 from gateway.correct.flank.noise import noise_patterns
 from gateway.correct.outlook.drive_outlook import costliest, drive_forecast
-from gateway.correct.outlook.flank_uncertainty import Shop
+from gateway.correct.outlook.flank_uncertainty import Shop, error_doubts
 from gateway.correct.outlook.next_setup import doubts
 from gateway.correct.outlook.prediction import Outlook, predict
 from gateway.correct.outlook.worthwhile import worthwhile
@@ -103,8 +103,8 @@ def _drive(
     goal: DriveGoal, grinding: Grinding, grid: FlankGrid, *, plan: Plan, model: ErrorModel, found: LayeredCorrection
 ) -> DriveForecast:
     """The drive of the discs as the machine is, with axis tables and with everything for this goal."""
-    columns = doubts(model, grinding.chain, plan)
-    costs = costliest(goal.drive, found.machine, grid, columns=columns, measured=model.measured)
+    wrong = error_doubts(grinding, grid, plan, model)
+    costs = costliest(goal.drive, found.machine, grid, doubt=wrong, measured=model.measured)
     machines = (
         ("as it is", grinding),
         ("axis tables", found.machine_with_own),

@@ -15,7 +15,7 @@ from gateway.correct.flank.compensability import tangential_cure
 from gateway.correct.flank.noise import noise_patterns
 from gateway.correct.flank.tables import Table
 from gateway.correct.outlook.drive_outlook import costliest, drive_proposal
-from gateway.correct.outlook.flank_uncertainty import Shop
+from gateway.correct.outlook.flank_uncertainty import Shop, error_doubts
 from gateway.correct.outlook.next_setup import Tooth, doubts
 from gateway.correct.outlook.prediction import Outlook, predict
 from gateway.correct.outlook.ranking import cure_errors, rank_errors
@@ -247,14 +247,15 @@ class _Task:
 
     def drive(self, plan: Plan, found: LayeredCorrection, goal: DriveGoal) -> DriveProposal:
         """The drive that the corrected machine's discs make, and what every goal costs in the others."""
-        columns = doubts(self.model, self.grinding.chain, plan)
-        costs = costliest(goal.drive, found.machine, self.grid, columns=columns, measured=self.model.measured)
+        wrong = error_doubts(self.grinding, self.grid, plan, self.model)
+        costs = costliest(goal.drive, found.machine, self.grid, doubt=wrong, measured=self.model.measured)
         return drive_proposal(
             self.grinding,
             self.grid,
             plan=plan,
             goal=goal,
             found=found,
+            wrong=wrong,
             live=self.acted,
             own=self.own,
             doubts=costs,

@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 from drivers.units import mm_to_um
-from gateway.correct.flank.noise import FitNoise
+from gateway.correct.flank.wheel_places import places_of_grid
 from gateway.correct.outlook.drive_outlook import costliest, drive_proposal, expected_drive
+from gateway.correct.outlook.flank_uncertainty import FlankDoubts, column_doubts
 from gateway.correct.plan.layers import LayeredCorrection, correct
 from gateway.correct.plan.plan import Plan
 from gateway.correct.solve.optimise import optimise
@@ -128,7 +129,8 @@ def test_a_doubt_of_the_machine_widens_what_is_expected(
     sure = replace(goal, drive=replace(goal.drive, tolerances=exact))
     patterns = np.zeros((11 * 3, 3, 1))
     patterns[:, 0, 0] = np.repeat(0.003 * np.cos(2.0 * 2.0 * np.pi * np.arange(11) / 11), 3)
-    unsure = expected_drive(sure, found.machine, grid, FitNoise(patterns), steps=24, most=15)
+    doubt = FlankDoubts(places_of_grid(grid), ("EXC",), patterns)
+    unsure = expected_drive(sure, found.machine, grid, doubt, steps=24, most=15)
     assert unsure.figures["error_arcsec"].u > 1.0
 
 
@@ -140,7 +142,8 @@ def test_what_an_unmeasured_error_costs_is_the_drive_s_own_error_of_it(
     wave = Fourier(0.0, (0.0, size), ())
     clean = replace(grinding, chain=grinding.chain.without_errors())
     columns = [(ErrorParameter("EXC", wave), 1.0), ("EXX", size), ("EZC", size)]
-    told = costliest(goal.drive, clean, grid, columns=columns, measured={"EXX"}, steps=24)
+    doubt = column_doubts(clean, grid, columns)
+    told = costliest(goal.drive, clean, grid, doubt=doubt, measured={"EXX"}, steps=24)
     assert told[0].error == "EXC"
     assert {one.error: one.measured for one in told} == {"EXC": False, "EXX": True, "EZC": False}
     # By the full model: how the drive's curve moves where that error is in its discs.

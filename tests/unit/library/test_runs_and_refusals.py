@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -11,16 +12,19 @@ from typer.testing import CliRunner
 
 import trueflank as tf
 from gateway.cli import app
-from gateway.correct.outlook.drive_outlook import expected_drive
+from gateway.correct.outlook.flank_uncertainty import Shop
+from gateway.correct.plan.layers import correct
 from gateway.gear.first_order import judged
 from gateway.gear.flank import flank_figure
 from gateway.gear.grinding import Grinding
 from gateway.model.known import ErrorModel, LocationError, Unknown, chain_of_errors
+from gateway.reducer import figures, uncertainty
 from gateway.reducer.goal import goal_of
 from gateway.store import records
 from gateway.study.machine import gear_of, grid_of
 from gateway.study.work import prepared
 from gateway.tooth import FlankMap
+from gateway.workflow.tooth.proposal import _Task
 from trueflank.drives import _drawn
 
 ROOT = Path(__file__).parents[3]
@@ -202,14 +206,32 @@ def test_the_discs_of_a_drive_are_drawn_by_the_errors_of_their_machine() -> None
 
 
 @pytest.mark.long
-def test_a_drive_s_expected_figures_are_those_that_a_run_states() -> None:
-    drive = tf.Reducer.of(DISC, datum="crank-holes")
-    found = tf.transmission(drive, tf.flank(UNSURE, DISC), steps=24, uncertainty=True)
-    ready = prepared(DISC.data, UNSURE.data)
-    goal = goal_of("transmission", drive.data)
-    told = expected_drive(goal, ready.grinding, ready.grid, ready.noise, steps=24, seed=1, most=80)
+def test_a_drive_s_expected_figures_are_those_that_a_run_states(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(uncertainty, "BLOCK", 2)
+    monkeypatch.setattr(uncertainty, "SHARE", np.inf)  # both stop after the fewest trials
+    monkeypatch.setattr(figures, "FEW_PINS_STEPS", 24)
+    # The fit follows one wave; what its targets did not show is another one in every space.
+    unseen = replace(_fitted("ECC", "deg", 0.0, 360.0, 5.0), residual_rms=4.0)
+    path = tmp_path / "errors.json"
+    path.write_bytes(records.encode(ErrorModel(motions=(unseen,))))
+    machine = tf.Machine.load(path, height_mm=0.0)
+    drive, model = tf.Reducer.of(DISC, datum="crank-holes"), machine.known.model
+    assert model is not None
+    found = tf.transmission(drive, tf.correct(machine, DISC).flank, uncertainty=True)
+    ready = prepared(DISC.data, machine.data, model)
+    correction = correct(ready.grinding, ready.grid, ready.used)
+    task = _Task(ready.grinding, ready.grid, ready.used, model, Shop(), (), (), {}, {})
+    told = task.drive(ready.used, correction, goal_of("transmission", drive.data))
     assert found.u is not None
+    error, lost = (found.u.figures[name] for name in ("error_arcsec", "lost_motion_arcsec"))
     assert found.u.trials == told.trials
-    for name, one in told.figures.items():
-        assert found.u.figures[name].mean == pytest.approx(one.mean, rel=0.02)
-        assert found.u.figures[name].u == pytest.approx(one.u, rel=0.05)
+    assert told.transmission_arcsec == pytest.approx(error.mean, rel=1e-4)
+    assert told.transmission_u_arcsec == pytest.approx(error.u, rel=1e-4)
+    assert told.lost_motion_arcsec == pytest.approx(lost.mean, rel=1e-4)
+    assert told.lost_motion_u_arcsec == pytest.approx(lost.u, rel=1e-4)
+    without = replace(model, motions=(replace(unseen, residual_rms=0.0),))
+    less = replace(task, model=without).drive(ready.used, correction, goal_of("transmission", drive.data))
+    assert less.transmission_arcsec != pytest.approx(told.transmission_arcsec, rel=0.02)
+    assert less.doubts[0].cost_arcsec < 0.01 * told.doubts[0].cost_arcsec
