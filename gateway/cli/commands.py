@@ -168,7 +168,8 @@ def study(
     relative: Annotated[
         bool,
         typer.Option(
-            "--relative", help="The six relative errors of wheel to work alone; drawn into --plots, else here."
+            "--relative",
+            help="The six relative errors of wheel to work alone, without --paper; drawn into --plots, else here.",
         ),
     ] = False,
     paper: Annotated[

@@ -123,6 +123,14 @@ def test_the_command_prints_and_draws_the_relative_errors(tmp_path: Path, monkey
         assert float(np.mean(pixels[..., :3].min(axis=-1) < 0.9)) > 0.005, "something is drawn"
 
 
+def test_the_paper_is_not_asked_with_the_relative_errors_alone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    told = CliRunner().invoke(app, ["study", str(GEAR), str(ERRORS), "--relative", "--paper", "paper"])
+    assert told.exit_code == 2
+    assert "--paper" in told.output
+    assert list(tmp_path.iterdir()) == []
+
+
 @pytest.mark.long
 def test_one_command_makes_the_whole_paper(tmp_path: Path) -> None:
     folder = tmp_path / "paper"
