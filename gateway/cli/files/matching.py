@@ -43,10 +43,12 @@ def match_command(
         show_json(found.as_data())
         return
     heads = ["first", "second", "mark", "angle deg", "transmission arcsec", "lost motion arcsec"]
+    heads += ["backlash arcsec", "stiffness Nm/arcmin"]
     rows = []
     for pair in found.pairs:
         row = [pair.first, pair.second, str(pair.mark), f"{pair.mark_deg:.3f}"]
-        row += [f"{pair.figures.error_arcsec:.2f}", f"{pair.figures.lost_motion_arcsec:.2f}"]
+        row += [f"{pair.figures.error_arcsec:.2f}", f"{pair.figures.lost_motion:.2f}"]
+        row += [f"{pair.figures.backlash:.2f}", f"{pair.figures.stiffness_nm_arcmin:.4g}"]
         if pair.expected is not None:
             row += [
                 f"{one.mean:.2f} ± {one.u:.2f}"

@@ -20,9 +20,10 @@ from gateway.correct.part.inspected import USUAL_CLAMPING_UM, About, inspected_f
 from gateway.errors import ModelError
 from gateway.gear.cycloid import CycloidGear
 from gateway.gear.touched import Heights
+from gateway.reducer.figures import Transmission, transmission, without_limit
 from gateway.reducer.pairing import Matching, Pair, match
 from gateway.reducer.records import Reducer
-from gateway.reducer.uncertainty import Essentials, Expected, essentials, uncertainty
+from gateway.reducer.uncertainty import Expected, uncertainty
 from gateway.store.maps import Value
 from gateway.study.drive import reducer_of
 from gateway.study.files import load_gear
@@ -50,7 +51,7 @@ class MatchedPair:
     second: str
     mark: int
     mark_deg: float
-    figures: Essentials
+    figures: Transmission
     expected: Mapping[str, Expected] | None = None
 
     def as_data(self) -> dict[str, Any]:
@@ -62,7 +63,10 @@ class MatchedPair:
             "mark_deg": self.mark_deg,
             "transmission_arcsec": self.figures.error_arcsec,
             "rms_arcsec": self.figures.rms_arcsec,
-            "lost_motion_arcsec": self.figures.lost_motion_arcsec,
+            "lost_motion_arcsec": self.figures.lost_motion,
+            "backlash_arcsec": self.figures.backlash,
+            "stiffness_nm_arcmin": self.figures.stiffness_nm_arcmin,
+            "interference_um": self.figures.interference_um,
         }
         if self.expected is not None:
             plain["expected"] = {
@@ -181,6 +185,6 @@ def _pair(drive: Reducer, discs: Sequence[InspectedFlank], pair: Pair, how: Disc
         second=parts[1].part,
         mark=pair.mark,
         mark_deg=float(np.mod(angle, 360.0)),
-        figures=essentials(built, plain),
+        figures=transmission(without_limit(built), plain),
         expected=expected,
     )
