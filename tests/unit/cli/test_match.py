@@ -82,7 +82,7 @@ def test_discs_are_paired_as_an_own_search_pairs_them(discs: tuple[Path, list[Pa
     alpha = crank_angles(drive)
 
     def error(i: int, j: int, mark: int) -> float:
-        assembly = Assembly(drive.with_marks((0, mark)), [maps[i], maps[j]])
+        assembly = Assembly(drive.with_marks((0, mark)), [maps[i], maps[j]], slices=3)
         curves = [np.degrees(assembly.solve(alpha, s * drive.rated_nm).psi) * 3600.0 for s in (1.0, -1.0)]
         return float(max(np.ptp(curve) for curve in curves))
 
@@ -94,22 +94,18 @@ def test_discs_are_paired_as_an_own_search_pairs_them(discs: tuple[Path, list[Pa
     assert found["left_over"] == [f"d{n}" for n in {0, 1, 2} - {i, j}]
     assert pair["mark_deg"] == pytest.approx((360.0 * pair["mark"] - 180.0) / GEAR.zc % 360.0)
     assert found["worth_arcsec"] >= 0.0
-    built = Assembly(drive.with_marks((0, pair["mark"])), [maps[i], maps[j]])
+    built = Assembly(drive.with_marks((0, pair["mark"])), [maps[i], maps[j]], slices=3)
 
-    def turned(share: float) -> np.ndarray:
-        """Output angle in arcmin at a share of rated torque, reached from above."""
+    turned: dict[float, float] = {}  # mean output angle in arcsec by share of rated torque, each from the larger one
+    for sense in (1.0, -1.0):
         pose = None
-        for one in (1.0, 0.03, 3e-3, 3e-4):
-            if one >= abs(share):
-                pose = built.solve(alpha, np.sign(share) * one * drive.rated_nm, pose)
-        assert pose is not None
-        return np.degrees(pose.psi) * 60.0
-
-    assert pair["backlash_arcsec"] == pytest.approx(60.0 * np.mean(turned(3e-4) - turned(-3e-4)), rel=1e-3)
-    assert pair["lost_motion_arcsec"] == pytest.approx(60.0 * np.mean(turned(0.03) - turned(-0.03)), rel=1e-3)
-    half = [np.degrees(built.solve(alpha, s * 0.5 * drive.rated_nm).psi) * 60.0 for s in (1.0, -1.0)]
-    slopes = [0.5 * drive.rated_nm / np.mean(s * (turned(s) - one)) for s, one in zip((1.0, -1.0), half, strict=True)]
-    assert pair["stiffness_nm_arcmin"] == pytest.approx(np.mean(slopes), rel=0.02)
+        for share in (1.0, 0.5, 0.03, 3e-3, 3e-4):
+            pose = built.solve(alpha, sense * share * drive.rated_nm, pose)
+            turned[sense * share] = float(np.mean(np.degrees(pose.psi))) * 3600.0
+    assert pair["backlash_arcsec"] == pytest.approx(turned[3e-4] - turned[-3e-4], rel=1e-3)
+    assert pair["lost_motion_arcsec"] == pytest.approx(turned[0.03] - turned[-0.03], rel=1e-3)
+    risen = [sense * (turned[sense] - turned[0.5 * sense]) / 60.0 for sense in (1.0, -1.0)]
+    assert pair["stiffness_nm_arcmin"] == pytest.approx(np.mean(0.5 * drive.rated_nm / np.array(risen)), rel=0.02)
 
 
 def _how() -> DiscFile:
