@@ -63,7 +63,8 @@ class TableChange:
     """One proposed table: the old one as live, the new one merged, and what the axis will then show.
 
     ``predicted`` (m,) mean deviation expected at ``targets`` after the push, with expanded uncertainty
-    ``predicted_U`` (k = 2); of a reversal they are B. ``skipped`` says why nothing is proposed ("" when something is).
+    ``predicted_U`` (k = 2); of a reversal they are B. ``skipped`` says why nothing is proposed (None:
+    something is).
 
     ``axis`` is the output axis. A cross table's change names its table by ``new``: kind, index, input and output axis,
     direction, multiplication; its deviations are d of the output axis, whatever the machine's sign. ``targets``
@@ -81,7 +82,7 @@ class TableChange:
     predicted: FloatArray
     predicted_U: FloatArray
     findings: tuple[TableFinding, ...] = ()
-    skipped: str = ""
+    skipped: Message | None = None
     base: LiveSet | None = None
     chance: Chance | None = None
 

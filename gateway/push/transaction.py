@@ -76,7 +76,7 @@ async def push_tables(wishes: Sequence[Wish], stays: Stays = _alone_is_fine) -> 
     asked = {place: wish for place, wish in enumerate(wishes) if not wish[0].skipped}
     for place, (change, _) in enumerate(wishes):
         if change.skipped:
-            why = (Message.stored(change.skipped),)
+            why = (change.skipped,)
             found[place] = PushRecord(0, change.axis, outcome="skipped", steps=why, backup_path="", reasons=why)
     if asked:
         with foreseen(", ".join(dict.fromkeys(change.axis for change, _ in asked.values()))):

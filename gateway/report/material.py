@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Literal
 
+from drivers.message import Message
 from drivers.types.identity import Identity, MachineIdentity
 from drivers.types.orders import SignProof
 from drivers.types.sensing import Ambient
@@ -77,7 +78,7 @@ class AxisMaterial:
 
     ``axis`` is the controller's name (X1), ``letter`` the axis letter (X), ``unit`` mm or deg; deviations
     are in um or arcsec. ``change`` is that of its own table, ``beside`` what else is corrected on the axis itself: its
-    reversal. ``findings`` say what was found but not corrected, and what becomes of the reversal, in words; ``acting``
+    reversal. ``findings`` say what was found but not corrected, and what becomes of the reversal; ``acting``
     is the short check with every table acting, ``outlook`` what was predicted of it. ``budget`` is what U rests on.
     ``test_before`` and ``test_after`` are the conditions of the two captures by key of `CONDITIONS`; one that is not
     there was not stated.
@@ -97,7 +98,7 @@ class AxisMaterial:
     sign_proof: SignProof | None = None
     sense_proof: SenseProof | None = None
     verdict: AxisVerdict | None = None
-    findings: tuple[str, ...] = ()
+    findings: tuple[Message, ...] = ()
     acting: ActingCheck | None = None
     outlook: AxisOutlook | None = None
     budget: Budget | None = None

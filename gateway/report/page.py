@@ -161,10 +161,10 @@ def _notes(axis: AxisMaterial) -> tuple[str, ...]:
     found += [axis.acting.words] if axis.acting is not None else []
     if axis.change is not None:
         found += (
-            *([axis.change.skipped] if axis.change.skipped else []),
+            *([str(axis.change.skipped)] if axis.change.skipped else []),
             *(str(one.message) for one in axis.change.findings),
         )
-    return tuple(dict.fromkeys((*found, *axis.findings)))
+    return tuple(dict.fromkeys((*found, *map(str, axis.findings))))
 
 
 def environment_rows(axis: AxisMaterial) -> tuple[tuple[str, tuple[str, ...]], ...]:

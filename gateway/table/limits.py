@@ -6,7 +6,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from drivers.errors import Gap, TableError, TooManyPoints, ValueOutOfRange
+from drivers.errors import Gap, TooManyPoints, ValueOutOfRange
 from drivers.limits import Limits
 from drivers.message import Form, Message
 from drivers.terms import spoken
@@ -82,9 +82,14 @@ def judged(code: str, axis: str, **fields: Any) -> TableFinding:
     return TableFinding(Message(code, fields, Form.ERROR, axis), FindingWeight.JUDGED)
 
 
-def told(code: str, axis: str, **fields: str | float) -> str:
-    """A finding in the words of the catalogue."""
-    return str(TableError(code, axis, retryable=False, **fields))
+def reason(code: str, axis: str, **fields: Any) -> Message:
+    """Why an axis gets no table, by code and fields, with what to do."""
+    return Message(code, fields, Form.ERROR, axis)
+
+
+def reasons_of(*several: Message) -> Message:
+    """Several reasons as one; a single one stays as it is."""
+    return several[0] if len(several) == 1 else Message.of("S-COMP-REASONS", reasons=several)
 
 
 def _refuse(code: str, values: FloatArray, at: FloatArray, limit: float, table: CompensationTable, axis: str) -> None:

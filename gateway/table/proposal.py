@@ -10,6 +10,7 @@ import scipy
 
 from drivers.errors import Gap
 from drivers.limits import Limits
+from drivers.message import Message
 from drivers.types.doubts import Doubt
 from drivers.types.tables import CompensationTable, LiveSet
 from drivers.units import DeviationUnit, deviation_unit
@@ -21,7 +22,7 @@ from gateway.model.components import is_periodic, standard_uncertainty, value
 from gateway.table import reasons
 from gateway.table.chances import Chance, Possible, chance_of
 from gateway.table.comparison import acting, effective
-from gateway.table.limits import check, check_points, check_reach, finding, judged, told
+from gateway.table.limits import check, check_points, check_reach, finding, judged, reason
 from gateway.table.merging import held, left_over, merged, travelled
 from gateway.table.projection import Grid
 
@@ -151,12 +152,12 @@ def _why_not(
     instrument: InstrumentU,
     acts: CompensationTable,
     new: CompensationTable,
-) -> str:
+) -> Message | None:
     unit = deviation_unit(axis.unit)
     largest, bound = _significance(axis, component, instrument)
     hidden, taken = _unseen(component, measured), _taken(component, acts, new)
     if largest <= 1.0 and hidden <= max(instrument.constant, COVERAGE * float(np.nanmax(measured.u))):
-        return told("S-COMP-WITHIN-U", axis.name, bound=f"{bound:.2g}", unit=unit)
+        return reason("S-COMP-WITHIN-U", axis.name, bound=f"{bound:.2g}", unit=unit)
     if largest <= 1.0 or reasons.may_harm(hidden, taken):
         chance = chance_for(measured.possible, instrument, acts, new)
         if chance is None or not chance.worth:
@@ -168,7 +169,7 @@ def _why_not(
         # What a grid does to short waves between the targets counts as well.
         before, left = left_over(component, acts, acts), left_over(component, new, acts)
     if left >= before:
-        return told("S-COMP-NO-GAIN", axis.name, before=f"{before:.3g}", after=f"{left:.3g}", unit=unit)
+        return reason("S-COMP-NO-GAIN", axis.name, before=f"{before:.3g}", after=f"{left:.3g}", unit=unit)
     U = _predicted_U(axis, component, measured, instrument)
     return reasons.outweighed(axis.name, unit, means=measured.means, after=after, rest=measured.rest, U=U)
 

@@ -3,26 +3,28 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
+from drivers.message import Form, Message
 from drivers.types.doubts import Doubt
 from drivers.types.tables import CompensationTable, LiveSet
 from drivers.units import DeviationUnit
 from gateway.domain.proposals import TableFinding
 from gateway.domain.values import FloatArray
 from gateway.table.chances import Chance
-from gateway.table.limits import finding, told
+from gateway.table.limits import finding, reason, reasons_of
 
 MOST_UNSEEN = 0.5
 WORTH_SAYING = 0.25
 OUTWEIGHS = 2.0
 
 
-def in_doubt(axis: str, doubts: Sequence[Doubt]) -> str:
-    """Why no table is made of readings that leave a doubt which nobody settled; "" without such."""
-    said = "; ".join(f"{one.code}: {one.text}" for one in doubts if one.blocking)
-    return told("S-DOUBT-TABLE", axis, doubts=said) if said else ""
+def in_doubt(axis: str, doubts: Sequence[Doubt]) -> Message | None:
+    """Why no table is made of readings that leave a doubt which nobody settled; None without such."""
+    said = tuple(replace(one.message, form=Form.REASON, where="") for one in doubts if one.blocking)
+    return reason("S-DOUBT-TABLE", axis, doubts=said) if said else None
 
 
 def accepted(axis: str, doubts: Sequence[Doubt]) -> tuple[TableFinding, ...]:
@@ -34,7 +36,7 @@ def accepted(axis: str, doubts: Sequence[Doubt]) -> tuple[TableFinding, ...]:
     )
 
 
-def other_layer(axis: str, live: LiveSet) -> str:
+def other_layer(axis: str, live: LiveSet) -> Message | None:
     """One by the axis' own position looks like its deviation; by another axis' position it is a constant here.
 
     One of each direction is a reversal: half of it up and half of it down leave the mean of both as it is.
@@ -44,20 +46,19 @@ def other_layer(axis: str, live: LiveSet) -> str:
         for one in live.cross
         if one.enabled and _by_itself(one.table) and any(one.table.deviations)
     ]
-    return told("S-COMP-CROSS-ON", axis, tables=", ".join(acted)) if acted else ""
+    return reason("S-COMP-CROSS-ON", axis, tables=", ".join(acted)) if acted else None
 
 
 def _by_itself(table: CompensationTable) -> bool:
     return table.input_axis == table.output_axis and table.direction == 0
 
 
-def unseen(axis: str, unit: DeviationUnit, hidden: float, taken: float, chance: Chance | None = None) -> str:
+def unseen(axis: str, unit: DeviationUnit, hidden: float, taken: float, chance: Chance | None = None) -> Message:
     """Why ``hidden`` structure (RMS) forbids a table that takes ``taken`` (RMS) away, and what its chances would be."""
-    why = told("S-COMP-HIDDEN", axis, hidden=f"{hidden:.2g}", gain=f"{taken:.2g}", unit=unit)
+    why = reason("S-COMP-HIDDEN", axis, hidden=f"{hidden:.2g}", gain=f"{taken:.2g}", unit=unit)
     if chance is None:
         return why
-    chances = told("S-COMP-CHANCE", axis, unit=unit, **_figures(chance))
-    return f"{why}; {chances}"
+    return reasons_of(why, reason("S-COMP-CHANCE", axis, unit=unit, **_figures(chance)))
 
 
 def by_chance(axis: str, unit: DeviationUnit, hidden: float, chance: Chance) -> TableFinding:
@@ -109,7 +110,9 @@ def one_place(
     return (finding("W-COMP-PLACE", axis, at=f"{at:.4g}", per=per, off=f"{off:.2g}", unit=unit),)
 
 
-def outweighed(axis: str, unit: DeviationUnit, means: FloatArray, after: FloatArray, rest: float, U: FloatArray) -> str:
+def outweighed(
+    axis: str, unit: DeviationUnit, means: FloatArray, after: FloatArray, rest: float, U: FloatArray
+) -> Message | None:
     """Where reversal and scatter (``rest``, RMS) are most of the error, the whole must fall by more than the table's U.
 
     ``means`` and ``after`` (m,) are the means of both directions now and as predicted, ``U`` (m,) of these (k = 2).
@@ -117,6 +120,6 @@ def outweighed(axis: str, unit: DeviationUnit, means: FloatArray, after: FloatAr
     now, then, bound = float(np.nanstd(means)), float(np.nanstd(after)), float(np.sqrt(np.nanmean(U**2)))
     before, left = float(np.hypot(now, rest)), float(np.hypot(then, rest))
     if rest <= OUTWEIGHS * now or before - left > bound:
-        return ""
+        return None
     fields = {"before": f"{before:.3g}", "after": f"{left:.3g}", "U": f"{bound:.2g}", "rest": f"{rest:.3g}"}
-    return told("S-COMP-REVERSAL", axis, **fields, unit=unit)
+    return reason("S-COMP-REVERSAL", axis, **fields, unit=unit)

@@ -17,7 +17,7 @@ from gateway.model.axis import MOTIONS
 from gateway.model.chain import Chain
 from gateway.model.motion import travel_of
 from gateway.table import Grid, project
-from gateway.table.limits import check_reach, told
+from gateway.table.limits import check_reach, reason
 
 SAMPLES = 181
 EDGE = 1e-3  # mm: positions are rounded by so much
@@ -117,7 +117,7 @@ def held_tables(chain: Chain, plan: Plan) -> tuple[str, ...]:
         grid, (low, high) = plan.grid(axis), _covered(chain, axis, plan)
         if low > grid.minimum + EDGE or high < grid.maximum - EDGE:
             ends = {"minimum": f"{grid.minimum:g}", "maximum": f"{grid.maximum:g}"}
-            found.append(told("W-COMP-FLAT", axis, low=f"{low:g}", high=f"{high:g}", unit="mm", **ends))
+            found.append(str(reason("W-COMP-FLAT", axis, low=f"{low:g}", high=f"{high:g}", unit="mm", **ends)))
     return tuple(found)
 
 

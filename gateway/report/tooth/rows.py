@@ -144,5 +144,5 @@ def _table(one: TableMaterial, letters: Mapping[str, str]) -> TableRow:
         unit=new.deviation_unit,
         direction=new.direction,
         outcome=one.push.outcome if one.push is not None else "",
-        skipped=one.change.skipped,
+        skipped=str(one.change.skipped or ""),
     )

@@ -6,7 +6,7 @@ import { array, number, unit, when } from "./figures.js";
 import { record } from "./evaluate.js";
 import { base, chosen, on, state } from "./state.js";
 import { predictedTooth } from "./tooth.js";
-import { plain, stateOf, t, told } from "./words.js";
+import { recorded, stateOf, t, told } from "./words.js";
 
 export const correct = { open };
 const asked = { run: "", change: 0, tooth: false };
@@ -60,7 +60,7 @@ async function drawAll(head, body) {
   if (tooth) return put(...await predictedTooth(run));
   const change = proposal.changes[asked.change];
   const axis = state.plan.axes.find((one) => one.axis === change.new.input_axis) ?? state.plan.axes[0];
-  if (!change.new.deviations.length || change.skipped) return put(h("div", { class: "panel" }, h("p", { class: "empty" }, plain(change.skipped) || t("correct.none"))));
+  if (!change.new.deviations.length || change.skipped) return put(h("div", { class: "panel" }, h("p", { class: "empty" }, recorded(change.skipped) || t("correct.none"))));
   put(h("div", { class: "panel plots" }, tables(change, axis), predicted(change, axis)), h("div", { class: "panel", tabindex: 0, role: "region", "aria-label": t("correct.facts") }, facts(change, axis, proposal)));
 }
 
@@ -102,6 +102,6 @@ function facts(change, axis, proposal) {
     [t("correct.most"), largest(change)], [t("correct.before"), t(change.old_enabled ? "correct.was_on" : "correct.was_off")], [t("correct.made"), when(proposal.created_utc)]];
   const findings = [...change.findings, ...proposal.warnings];
   return [h("h2", {}, t("correct.facts")), h("dl", { class: "facts" }, rows.map(([name, text]) => h("div", {}, h("dt", {}, name), h("dd", {}, text)))),
-    h("h2", {}, t("correct.findings")), findings.length ? h("ul", { class: "findings" }, findings.map((one) => h("li", {}, `▲ ${plain(one)}`))) : h("p", {}, `✔ ${t("correct.clean")}`),
+    h("h2", {}, t("correct.findings")), findings.length ? h("ul", { class: "findings" }, findings.map((one) => h("li", {}, `▲ ${recorded(one.message ?? one)}`))) : h("p", {}, `✔ ${t("correct.clean")}`),
     h("p", { class: "muted" }, t("correct.setup_apart"))];
 }

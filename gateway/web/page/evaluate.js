@@ -5,7 +5,7 @@ import { shown } from "./dialogs.js";
 import { failed, h, same, show, turn } from "./dom.js";
 import { array, number, signed, unit, when } from "./figures.js";
 import { base, chosen, on, state } from "./state.js";
-import { message, plain, stateOf, t, told } from "./words.js";
+import { plain, recorded, stateOf, t, told } from "./words.js";
 
 export const evaluate = { open };
 const asked = { run: "", axis: "", phase: "", standard: "" };
@@ -104,7 +104,7 @@ function table(figures, { evaluation, capture, says }) {
   };
   return [h("h2", {}, figures.standard), h("table", {}, h("thead", {}, h("tr", {}, h("th", {}, t("evaluate.figure")), h("th", { class: "num" }, `[${u}]`), h("th", { class: "num" }, "U (k=2)"), h("th", {}, t("evaluate.limit")), h("th", {}, t("evaluate.verdict")))),
     h("tbody", {}, [...figures.rows].sort((a, b) => rank(a) - rank(b)).map((row) => h("tr", {}, h("th", { scope: "row" }, symbol(row.parameter)), h("td", { class: "num" }, h("button", { class: "number", "data-figure": row.parameter, "aria-label": t("evaluate.behind", { name: row.parameter }), onclick: () => behind(row, { evaluation, capture, u, figures, says }) }, number(row.value))), h("td", { class: "num" }, number(row.U)), h("td", {}, limit(row)), show(verdicts.get(row.parameter), verdict(row)))))),
-  figures.flags.length > 0 && h("details", {}, h("summary", {}, t("evaluate.notes", { count: figures.flags.length })), h("ul", {}, figures.flags.map((one) => h("li", {}, typeof one === "string" ? plain(one) : message(one))))), h("p", { class: "muted" }, plain(figures.rule))];
+  figures.flags.length > 0 && h("details", {}, h("summary", {}, t("evaluate.notes", { count: figures.flags.length })), h("ul", {}, figures.flags.map((one) => h("li", {}, recorded(one))))), h("p", { class: "muted" }, plain(figures.rule))];
 }
 
 // As the standard writes them, the five of both directions first.

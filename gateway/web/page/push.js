@@ -10,7 +10,7 @@ import { lamps } from "./lamps.js";
 import { refresh } from "./live.js";
 import { field } from "./signin.js";
 import { base, changed, chosen, may, on, state } from "./state.js";
-import { capital, plain, say, stateOf, t, told } from "./words.js";
+import { capital, plain, recorded, say, stateOf, t, told } from "./words.js";
 
 export const push = { open };
 const asked = { run: "" };
@@ -48,7 +48,7 @@ async function plan(box) {
   const settled = state.tables?.settled !== false && !state.status.held.length && !state.status.left.length;
   if (same(box, settled, runs.map((one) => [one.run_id, one.state]), run.run_id, busy, may("operator"), agreed && state.approved[run.run_id].by)) return;
   show(box, h("div", { class: "row head" }, h("h2", {}, t("push.plan")), h("label", { class: "inline" }, t("evaluate.run"), h("select", { id: "pick-run", onchange: (event) => { asked.run = event.target.value; plan(box); } }, runs.map((one) => h("option", { value: one.run_id, selected: one === run }, `${when(one.created_utc)} · ${stateOf(one)}`))))),
-    h("ul", { class: `moves${proposal.changes.length > MANY ? " many" : ""}` }, proposal.changes.map((one) => h("li", {}, h("b", {}, nameOf(one)), ` ${plain(one.skipped) || t("push.replaces", { points: one.new.deviations.length, axis: one.axis, most: largest(one), old: t(one.old_enabled ? "correct.was_on" : "correct.was_off") })}`))),
+    h("ul", { class: `moves${proposal.changes.length > MANY ? " many" : ""}` }, proposal.changes.map((one) => h("li", {}, h("b", {}, nameOf(one)), ` ${recorded(one.skipped) || t("push.replaces", { points: one.new.deviations.length, axis: one.axis, most: largest(one), old: t(one.old_enabled ? "correct.was_on" : "correct.was_off") })}`))),
     h("p", {}, t(needed > 1 ? "push.two" : "push.one")),
     h("p", { id: "approved" }, agreed ? `✔ ${t("push.approved_by", { names: state.approved[run.run_id].by.join(", ") })}` : `○ ${t("push.not_approved")}`),
     h("div", { class: "keys start three" },

@@ -78,6 +78,9 @@ export function message({ code, fields, form }) {
   return [say(code, fields), advice].filter(Boolean).join(" → ");
 }
 
+// What a record says: a message, or the sentence that an older version stored ("" for nothing).
+export const recorded = (one) => (one !== null && typeof one === "object" ? message(one) : plain(one));
+
 export function t(key, fields) {
   const text = texts.page[key];
   return text === undefined ? `[${key}]` : filled(text, fields);

@@ -44,4 +44,4 @@ def in_directions(
         grid=Grid(axis.table.minimum, axis.table.maximum, axis.table.step),
         resolution=limits.resolution * deviation_scale(axis.unit),
     )
-    return replace(change, new=new, skipped="", findings=(*change.findings, *said))
+    return replace(change, new=new, skipped=None, findings=(*change.findings, *said))

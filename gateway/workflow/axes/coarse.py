@@ -18,6 +18,7 @@ from gateway.model.components import value
 from gateway.table import Grid, reasons
 from gateway.table.chances import held_by
 from gateway.table.comparison import effective
+from gateway.table.limits import reasons_of
 from gateway.table.proposal import InstrumentU, chance_for
 from gateway.workflow.axes.structure import Structure
 
@@ -59,7 +60,7 @@ def if_worth(change: TableChange, shown: Structure, instrument: InstrumentU) -> 
     if against:
         change = by_its_chances(change, shown, instrument, against)
         against = not_worth_it(shown.capture, change)
-    return replace(change, skipped="; ".join(one.words for one in against)) if against else change
+    return replace(change, skipped=reasons_of(*(one.message for one in against))) if against else change
 
 
 def by_its_chances(

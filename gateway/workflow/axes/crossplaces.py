@@ -7,8 +7,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from drivers.errors import DeviceRefused, words
+from drivers.errors import DeviceRefused
 from drivers.limits import Limits
+from drivers.message import Message
 from drivers.types.abilities import TableLimits
 from drivers.types.tables import CompensationTable, LiveSet, LiveTable
 from drivers.units import deviation_scale
@@ -32,12 +33,12 @@ Rooms = Mapping[int, Mapping[int, int]]
 class Place:
     """Where a table goes: its number and what the control holds there.
 
-    ``reason`` says why nowhere ("": somewhere), ``full`` whether for want of room.
+    ``reason`` says why nowhere (None: somewhere), ``full`` whether for want of room.
     """
 
     index: int
     limits: TableLimits | None
-    reason: str = ""
+    reason: Message | None = None
     full: bool = False
 
 
@@ -140,7 +141,7 @@ class _Search:
     async def place(self, table: CompensationTable, index: int | None, taken: set[int]) -> Place:
         """The number that a table was given, if it holds it; None: nowhere."""
         if self.none:
-            return Place(_beyond(taken), None, words("S-CROSS-NONE", table=table.name))
+            return Place(_beyond(taken), None, Message.of("S-CROSS-NONE", table=table.name))
         limits = None if index is None else await self._limits(table.output_axis, index)
         if index is None or limits is None or limits.reserved_points < len(table.deviations):
             return _nowhere(table, taken, False)
@@ -176,8 +177,8 @@ def _beyond(taken: set[int]) -> int:
 def _nowhere(table: CompensationTable, taken: set[int], unproved: bool) -> Place:
     number = _beyond(taken)
     if unproved:
-        return Place(number, None, words("S-CROSS-UNPROVED", table=table.name, axis=table.output_axis))
-    return Place(number, None, words("S-CROSS-FULL", table=table.name, points=len(table.deviations)), full=True)
+        return Place(number, None, Message.of("S-CROSS-UNPROVED", table=table.name, axis=table.output_axis))
+    return Place(number, None, Message.of("S-CROSS-FULL", table=table.name, points=len(table.deviations)), full=True)
 
 
 def _held(live: Mapping[str, LiveSet]) -> list[CompensationTable]:

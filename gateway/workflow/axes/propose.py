@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from drivers.errors import words
+from drivers.message import Message
 from drivers.types.abilities import Capabilities, TableLimits
 from drivers.types.tables import LiveSet
 from drivers.units import deviation_scale
@@ -131,13 +131,13 @@ def _rest(means: RobustMeans, turned: TableChange | None) -> float:
     return float(np.sqrt(reversal + np.nan_to_num(means.s) ** 2))
 
 
-def size_of(change: TableChange) -> str:
-    """Points, span and direction of the new table in words; of a reversal what acts, what will, and what B is left."""
+def size_of(change: TableChange) -> Message:
+    """Points, span and direction of the new table; of a reversal what acts, what will, and what B is left."""
     unit = change.new.deviation_unit
     if change.new.kind == "reversal":
         was = change.old.deviations[0] if change.old_enabled else 0.0
         left, U = float(np.nanmax(np.abs(change.predicted))), float(np.nanmax(change.predicted_U))
-        return words(
+        return Message.of(
             "W-REVERSAL-SIZE",
             was=f"{was:+.2f}",
             value=f"{change.new.deviations[0]:+.2f}",
@@ -147,7 +147,7 @@ def size_of(change: TableChange) -> str:
         )
     new = change.new
     span = {"low": f"{min(new.deviations):+.2f}", "high": f"{max(new.deviations):+.2f}", "unit": unit}
-    size = words("W-TABLE-SPAN", points=len(new.deviations), **span)
+    size = Message.of("W-TABLE-SPAN", points=len(new.deviations), **span)
     if new.direction == 0:
         return size
-    return words("W-TABLE-ONE-WAY", size=size, axis=new.input_axis, way="+" if new.direction > 0 else "-")
+    return Message.of("W-TABLE-ONE-WAY", size=size, axis=new.input_axis, way="+" if new.direction > 0 else "-")

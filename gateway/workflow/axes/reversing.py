@@ -9,6 +9,7 @@ import numpy as np
 
 from drivers.errors import Gap
 from drivers.limits import ACCESS_LEVEL, Limits
+from drivers.message import Message
 from drivers.types.tables import CompensationTable, LiveSet, LiveTable
 from drivers.types.values import FloatArray
 from drivers.units import DeviationUnit, deviation_scale
@@ -21,7 +22,7 @@ from gateway.domain.values import COVERAGE
 from gateway.model.means import fit_means
 from gateway.table import Grid, effective
 from gateway.table.comparison import acting
-from gateway.table.limits import told
+from gateway.table.limits import reason
 from gateway.table.merging import held
 from gateway.workflow.axes.crossplaces import free_places, placed_change, places_of
 from gateway.workflow.axes.structure import Structure
@@ -71,13 +72,13 @@ def reversal_change(
     seen: SeenReversal,
     able: bool,
     resolution: float,
-    against: str,
+    against: Message | None,
     pair: Sequence[TableChange] = (),
 ) -> TableChange:
     """The change of an axis' constant reversal; ``skipped`` says why there is none.
 
     ``able``: the road takes one and its sign is, or can be, proved; ``resolution`` is the control's, in the axis unit;
-    ``against`` says why none can be pushed here ("": one can);
+    ``against`` says why none can be pushed here (None: one can);
     ``pair`` are the tables, one for each direction, that take what varies with the position: the constant then takes B
     at the reference. ``predicted`` (m,) is B as it will be at the targets with all of them, with ``predicted_U``. What
     lies within its scatter is left alone, and so is what a constant would not make smaller.
@@ -87,12 +88,12 @@ def reversal_change(
     acts = old.table.deviations[0]
     constant = float(held(seen.curve, np.asarray([axis.reference]))[0]) if pair else advice.constant
     wanted = round(float(np.rint((acts + constant) / step)) * step, 9) + 0.0
-    skipped = "" if pair else _why_not(axis.name, unit, advice, able=able)
+    skipped = None if pair else _why_not(axis.name, unit, advice, able=able)
     if not skipped and abs(wanted) > Limits.of(axis.unit).reversal:
         limit = f"{Limits.of(axis.unit).reversal:g}"
-        skipped = told("S-REVERSAL-LARGE", axis.name, wanted=f"{wanted:+.3g}", limit=limit, unit=unit)
+        skipped = reason("S-REVERSAL-LARGE", axis.name, wanted=f"{wanted:+.3g}", limit=limit, unit=unit)
     if not skipped and pair and wanted == acts:
-        skipped = told("S-REVERSAL-PAIR", axis.name)
+        skipped = reason("S-REVERSAL-PAIR", axis.name)
     skipped = skipped or against
     targets = shown.capture.targets
     taken = 0.0 if skipped else wanted - acts
@@ -118,15 +119,15 @@ def by_direction(pair: Sequence[TableChange], at: FloatArray) -> FloatArray:
     return found
 
 
-def _why_not(axis: str, unit: DeviationUnit, advice: ReversalAdvice, *, able: bool) -> str:
+def _why_not(axis: str, unit: DeviationUnit, advice: ReversalAdvice, *, able: bool) -> Message | None:
     sizes = {"B": f"{advice.largest:.2g}", "U": f"{advice.U:.2g}", "mean": f"{advice.mean:+.2g}", "unit": unit}
     if advice.within:
-        return told("S-REVERSAL-WITHIN", axis, **sizes)
+        return reason("S-REVERSAL-WITHIN", axis, **sizes)
     if not able:
-        return told("S-REVERSAL-KIND", axis, **sizes)
+        return reason("S-REVERSAL-KIND", axis, **sizes)
     if advice.constant == 0.0:
-        return told("S-REVERSAL-NO-GAIN", axis, **sizes)
-    return ""
+        return reason("S-REVERSAL-NO-GAIN", axis, **sizes)
+    return None
 
 
 async def reversal_changes(
@@ -143,7 +144,7 @@ async def reversal_changes(
     proved = at.proofs.find(at.machine, "reversal", axis.name) is not None
     against = await _against(at, axis, proved=proved)
     can = at.supervisor.controller.capabilities
-    pair, why = ((), "") if against or not seen.advice.depends else await _pair(at, axis, seen, live, taken)
+    pair, why = ((), None) if against or not seen.advice.depends else await _pair(at, axis, seen, live, taken)
     # Proving its sign takes coming from both sides, so a program.
     able = can.table("reversal") is not None and (proved or can.stops)
     given = (axis, shown, live)
@@ -153,18 +154,18 @@ async def reversal_changes(
     return (turned, *pair)
 
 
-async def _against(at: Bench, axis: AxisSection, *, proved: bool) -> str:
-    """Why a reversal of this axis could not be pushed here, whatever was measured; "" where it could."""
+async def _against(at: Bench, axis: AxisSection, *, proved: bool) -> Message | None:
+    """Why a reversal of this axis could not be pushed here, whatever was measured; None where it could."""
     if not proved and not axis.measure.instrument:
-        return told("S-REVERSAL-PROOF", axis.name)
+        return reason("S-REVERSAL-PROOF", axis.name)
     level = (await at.supervisor.controller.state()).access_level
-    return told("S-REVERSAL-ACCESS", axis.name, level=level, needed=ACCESS_LEVEL) if level > ACCESS_LEVEL else ""
+    return reason("S-REVERSAL-ACCESS", axis.name, level=level, needed=ACCESS_LEVEL) if level > ACCESS_LEVEL else None
 
 
 async def _pair(
     at: Bench, axis: AxisSection, seen: SeenReversal, live: LiveSet, taken: Collection[int]
-) -> tuple[tuple[TableChange, ...], str]:
-    """Both tables, or () and why there are none, in words.
+) -> tuple[tuple[TableChange, ...], Message | None]:
+    """Both tables, or () and why there are none.
 
     The tooth's own cross tables come first: a pair takes what they leave.
     """
@@ -172,21 +173,21 @@ async def _pair(
     cross = can.table("cross")
     provable = can.stops or at.proofs.find(at.machine, "cross", axis.name) is not None
     if cross is None or cross.directions != "tables" or can.table("reversal") is None or not provable:
-        return (), told("S-REVERSAL-PAIR-ROAD", axis.name)
+        return (), reason("S-REVERSAL-PAIR-ROAD", axis.name)
     grid = Grid(axis.table.minimum, axis.table.maximum, axis.table.step)
     try:
         tables = reversal_pair(seen.curve, axis.unit, grid, reference=axis.reference, modulo=axis.modulo)
     except Gap as error:  # fewer targets were read in both directions than in one: the mean may have its table
-        return (), str(error)
+        return (), error.message
     sets = {axis.name: live}
     if len(await free_places(at, axis.name, sets, taken)) < _wanted(at, tables, live):
-        return (), told("S-REVERSAL-PAIR-ROOM", axis.name)
+        return (), reason("S-REVERSAL-PAIR-ROOM", axis.name)
     places = await places_of(at, tables, sets, spoken_for=taken)
     if any(place.reason for place in places):
-        return (), told("S-REVERSAL-PAIR-ROOM", axis.name)
+        return (), reason("S-REVERSAL-PAIR-ROOM", axis.name)
     return tuple(
         placed_change(at, table, place, sets, adds=True) for table, place in zip(tables, places, strict=True)
-    ), ""
+    ), None
 
 
 def _wanted(at: Bench, tables: tuple[CompensationTable, ...], live: LiveSet) -> int:

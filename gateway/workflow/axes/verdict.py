@@ -93,7 +93,7 @@ def judge_measured(
 
 def unmeasured(axis: str, before: Evaluation, change: TableChange, *, pushed: bool) -> AxisVerdict:
     """An axis that was not measured again: nothing was pushed, or there is no instrument to prove it with."""
-    said = words("W-VERDICT-UNPROVED") if pushed else change.skipped or words("W-VERDICT-NOTHING")
+    said = words("W-VERDICT-UNPROVED") if pushed else str(change.skipped or words("W-VERDICT-NOTHING"))
     return AxisVerdict(axis, before.unit, before, before, improved=False, within_prediction=False, words=said)
 
 

@@ -78,5 +78,6 @@ def _wanted(proposal: Proposal, table: str, folder: RunFolder) -> list[TableChan
     named = [change for change in proposal.changes if change.name == table]
     found = named or [change for change in proposal.changes if not change.skipped]
     if not found:
-        raise WriteRefused("E-APPROVE-NOTHING", folder.run_id, why="; ".join(one.skipped for one in proposal.changes))
+        why = tuple(one.skipped for one in proposal.changes if one.skipped)
+        raise WriteRefused("E-APPROVE-NOTHING", folder.run_id, why=why)
     return found

@@ -276,7 +276,7 @@ async def _show(at: Bench, proposal: Proposal, measured: Mapping[str, MeasuredAx
     for change in proposal.changes:
         axis = at.axis(change.axis)
         if change.skipped:
-            refusals[change.name] = [change.skipped]
+            refusals[change.name] = [str(change.skipped)]
             continue
         asked = await _asked(at, change, measured)
         first = words("W-RUN-PROOF-FIRST", axis=axis.name)

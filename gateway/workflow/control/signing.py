@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
-from drivers.errors import words
+from drivers.message import Message
 from gateway.domain.proposals import TableChange, torn
 from gateway.errors import VerifyError
 from gateway.push import PushContext, quiet
@@ -77,12 +77,12 @@ def _without(
 ) -> tuple[TableChange, ...]:
     """The changes without those of a kind and axis that has no proof, and what these take with them."""
     open_ = [one for one in changes if not one.skipped]
-    lost = {one.name: str(unproved[one.axis, one.new.kind]) for one in open_ if (one.axis, one.new.kind) in unproved}
+    lost = {one.name: unproved[one.axis, one.new.kind].message for one in open_ if (one.axis, one.new.kind) in unproved}
     left = [one for one in open_ if one.name not in lost]
     halves = {one.axis for one in open_ if one.name in torn(left, changes)}
     for one in left:
         if one.axis in halves and one.layer == "axis" and one.new.kind != "axis":
-            lost[one.name] = next(str(error) for (axis, _), error in unproved.items() if axis == one.axis)
+            lost[one.name] = next(error.message for (axis, _), error in unproved.items() if axis == one.axis)
     left = [one for one in left if one.name not in lost]
     tables = [one for one in open_ if one.new.kind != "reversal"]
     if any(one.name in lost for one in tables):
@@ -94,22 +94,22 @@ def _without(
         at.say("P-PUSH-WITHOUT", axis=names, reason=reason)
     for one in open_:
         if one.name in lost:
-            left_out(at, one, lost[one.name])
+            left_out(at, one, str(lost[one.name]))
     return tuple(replace(one, skipped=lost.get(one.name, one.skipped)) for one in changes)
 
 
 def _poorer(
-    at: Bench, every: Sequence[TableChange], left: Sequence[TableChange], lost: Mapping[str, str]
-) -> dict[str, str]:
+    at: Bench, every: Sequence[TableChange], left: Sequence[TableChange], lost: Mapping[str, Message]
+) -> dict[str, Message]:
     """Which tables of a tooth go too, and why: those that leave a worse flank once the ``lost`` ones are out."""
     if not left or not at.folder.has(stages.TOOTH):
         return {}
     names = ", ".join(one.name for one in every if one.name in lost)
     tried = tried_on(at, every)
     if tried is None:
-        return {one.name: words("W-PUSH-WITHOUT-UNKNOWN", names=names) for one in left}
+        return {one.name: Message.of("W-PUSH-WITHOUT-UNKNOWN", names=names) for one in left}
     rest = best_rest(tried, every, left)
     figures = {"rest": f"{rest.rms_um:.2f}", "all": f"{rest.all_um:.2f}", "none": f"{rest.none_um:.2f}"}
     at.say("P-PUSH-WITHOUT-FLANK", names=names, **figures)
     go_on = {one.name for one in rest.changes}
-    return {one.name: words("W-PUSH-WITHOUT-WORSE", names=names) for one in left if one.name not in go_on}
+    return {one.name: Message.of("W-PUSH-WITHOUT-WORSE", names=names) for one in left if one.name not in go_on}

@@ -70,7 +70,10 @@ class FromGearOutcome:
     def as_data(self) -> dict[str, Any]:
         """For --json."""
         gear = self.gear
-        tables = [{"name": one.name, "table": one.new.name, "skipped": one.skipped} for one in self.proposal.changes]
+        tables = [
+            {"name": one.name, "table": one.new.name, "skipped": str(one.skipped or "")}
+            for one in self.proposal.changes
+        ]
         figures = {"before_um": gear.before.rms_um, "after_um": gear.after.rms_um, "u_um": gear.u_um}
         said = {"eccentricity_um": list(gear.eccentricity_um), "said": list(gear.said)}
         return {

@@ -10,6 +10,7 @@ from pathlib import Path
 
 from drivers.errors import ConfigError
 from drivers.local.names import shown
+from drivers.message import Message
 from drivers.types.identity import MachineIdentity
 from drivers.types.results import MeasuredSet
 from drivers.units import deviation_unit
@@ -217,7 +218,7 @@ def _axis(name: str, item: MeasuredItem, site: SiteFile | None, accepted: Mappin
         unit=measured.axis_unit,
         capture_before=_capture(name, item.label, measured, done),
         before=result,
-        findings=tuple(dict.fromkeys(notes)),
+        findings=tuple(map(Message.stored, dict.fromkeys(notes))),
         budget=budget,
     )
 

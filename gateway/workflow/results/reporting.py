@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from drivers.message import Message
 from drivers.types.identity import MachineIdentity
 from drivers.types.orders import SignProof
 from gateway.capture.gathered.raw import RawCapture
@@ -234,7 +235,7 @@ def _axis(
         sense_proof=before.sense if before is not None else None,
         verdict=_axis_verdict(verdict, name),
         beside=beside,
-        findings=(*findings, *(f"{one.change.name}: {one.change.skipped or size_of(one.change)}" for one in beside)),
+        findings=(*findings, *(_of_table(one.change) for one in beside)),
         acting=found(folder, stages.acting(name), ActingCheck),
         outlook=_outlook(folder, name),
         budget=budget_of(before) if before is not None else None,
@@ -291,6 +292,10 @@ def _proof(verdict: Verdict | None, axis: str) -> SignProof | None:
     proofs = verdict.proofs if verdict is not None else ()
     own = (proof for proof in proofs if (proof.kind, proof.output_axis) == ("axis", axis))
     return next(own, None)
+
+
+def _of_table(change: TableChange) -> Message:
+    return Message.of("S-TABLE-OF", table=change.name, size=change.skipped or size_of(change))
 
 
 def _axis_verdict(verdict: Verdict | None, axis: str) -> AxisVerdict | None:

@@ -38,7 +38,7 @@ class ToothOutcome:
     def tables(self) -> tuple[tuple[str, str, str], ...]:
         """Each table's name in the proposal, what it is, and its size or why it is none."""
         return tuple(
-            (change.name, f"{spoken().kind(change.new.kind)} {change.new.name}", change.skipped or size_of(change))
+            (change.name, f"{spoken().kind(change.new.kind)} {change.new.name}", str(change.skipped or size_of(change)))
             for change in self.proposal.changes
         )
 
@@ -95,7 +95,7 @@ def _table(change: TableChange) -> dict[str, Any]:
         "low": min(new.deviations),
         "high": max(new.deviations),
         "unit": new.deviation_unit,
-        "skipped": change.skipped,
+        "skipped": str(change.skipped or ""),
         "findings": [str(one.message) for one in change.findings],
     }
 

@@ -223,7 +223,7 @@ class _Task:
         if any(place.full for place in places):
             places = await places_of(at, records, self.live, self._by_gain(able), spoken_for=paired)
         cross = tuple(one for one, place in zip(able, places, strict=True) if not place.reason)
-        return replace(self.plan, cross=cross), tuple(place.reason for place in places if place.reason)
+        return replace(self.plan, cross=cross), tuple(str(place.reason) for place in places if place.reason)
 
     def _by_gain(self, able: tuple[tuple[str, str], ...]) -> tuple[int, ...]:
         """Which tables the flank would miss most, the first one first."""

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from drivers.message import Message
 from drivers.types.identity import MachineIdentity
 from drivers.types.tables import CompensationTable
 from gateway.approve import VALID, Approvals, consent
@@ -48,7 +49,7 @@ def test_the_machines_name_must_be_typed(typed: str) -> None:
 
 def test_nothing_proposed_cannot_be_approved() -> None:
     with pytest.raises(WriteRefused) as caught:
-        approve(skipped="within its uncertainty")
+        approve(skipped=Message.stored("within its uncertainty"))
     assert caught.value.code == "E-APPROVE-NOTHING"
 
 

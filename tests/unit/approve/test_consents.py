@@ -10,6 +10,7 @@ from typing import Any
 import pytest
 
 from drivers.errors import DeadlineExceeded
+from drivers.message import Message
 from drivers.types.identity import MachineIdentity
 from gateway import audit
 from gateway.approve import Approvals, consent
@@ -41,7 +42,9 @@ class At:
         return cls(store, store.create("mill"), **given)
 
 
-SKIPPED = replace(CHANGE, axis="C1", new=replace(CHANGE.new, output_axis="C1"), skipped="within its uncertainty")
+SKIPPED = replace(
+    CHANGE, axis="C1", new=replace(CHANGE.new, output_axis="C1"), skipped=Message.stored("within its uncertainty")
+)
 PROPOSAL = Proposal(MACHINE, (CHANGE, SKIPPED), (), "2026-11-21T10:00:00+00:00")
 
 

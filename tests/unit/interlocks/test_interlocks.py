@@ -11,6 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from drivers.errors import catalogue
+from drivers.message import Message
 from drivers.types.abilities import TableLimits
 from drivers.types.identity import MachineIdentity
 from drivers.types.machine import AxisState, ChannelStatus, MachineState
@@ -114,7 +115,7 @@ RULES: list[tuple[str, PushFacts]] = [
     ("E-INT-NAME", replace(GOOD, typed_name="")),
     ("E-INT-NAME", replace(GOOD, typed_name="Mill")),
     ("E-INT-UNFINISHED", replace(GOOD, unfinished=("tx-000001.jnl",))),
-    ("E-INT-SKIPPED", replace(GOOD, change=replace(CHANGE, skipped="inside U"))),
+    ("E-INT-SKIPPED", replace(GOOD, change=replace(CHANGE, skipped=Message.stored("inside U")))),
     ("E-INT-NOTHING", replace(GOOD, change=replace(CHANGE, old=NEW))),
     ("E-INT-LOST-UPDATE", replace(GOOD, unchanged=False)),
     ("E-INT-NO-PROOF", replace(GOOD, proof=None)),

@@ -109,7 +109,7 @@ def test_numbers_are_unique_and_kept(tmp_path: Path) -> None:
 
 def test_skipped_asks_nothing(tmp_path: Path) -> None:
     at = bench(tmp_path)
-    record = push(at, replace(change_of(at.machine), skipped="inside its uncertainty"))
+    record = push(at, replace(change_of(at.machine), skipped=Message.stored("inside its uncertainty")))
     assert (record.outcome, record.steps) == ("skipped", (Message.stored("inside its uncertainty"),))
     assert at.controller.calls == {}
 

@@ -81,7 +81,7 @@ def axis_material(axis: str, unit: AxisUnit, seed: int = 7) -> AxisMaterial:
             axis, first.unit, first, second, improved=True, within_prediction=True,
             words=f"M from {first.M:.1f} to {second.M:.1f} {first.unit}, as predicted.",
         ),
-        findings=("order 36 is above what 24 targets can see",) if rotary else (),
+        findings=(Message.stored("order 36 is above what 24 targets can see"),) if rotary else (),
     )  # fmt: skip
 
 

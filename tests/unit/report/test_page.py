@@ -108,7 +108,7 @@ def test_same_material_gives_the_same_bytes(document: str, material: ReportMater
 
 
 def _hostile(text: str) -> ReportMaterial:
-    axis = replace(synthetic.axis_material("C1", "deg"), axis=text, letter=text, findings=(text,))
+    axis = replace(synthetic.axis_material("C1", "deg"), axis=text, letter=text, findings=(Message.stored(text),))
     assert axis.change is not None
     assert axis.push is not None
     assert axis.capture_before is not None
@@ -119,7 +119,12 @@ def _hostile(text: str) -> ReportMaterial:
     table = replace(axis.change.new, input_axis=text, output_axis=text)
     axis = replace(
         axis,
-        change=replace(axis.change, new=table, findings=(TableFinding(Message.stored(text)),), skipped=text),
+        change=replace(
+            axis.change,
+            new=table,
+            findings=(TableFinding(Message.stored(text)),),
+            skipped=Message.stored(text),
+        ),
         push=replace(axis.push, steps=(Message.stored(text),), backup_path=text),
         before=replace(axis.before, flags=(Message.stored(text),), standard=text),
         capture_before=replace(
@@ -177,7 +182,7 @@ def test_an_axis_inside_its_uncertainty_says_why_it_was_left_alone() -> None:
     axis = synthetic.axis_material("X1", "mm")
     assert axis.change is not None
     why = "not corrected because the deviation is inside its uncertainty"
-    axis = replace(axis, change=replace(axis.change, skipped=why), verdict=None, push=None, after=None)
+    axis = replace(axis, change=replace(axis.change, skipped=Message.stored(why)), verdict=None, push=None, after=None)
     text = Outline(render(replace(synthetic.material(), outcome="not-pushed", axes=(axis,)))).text
     assert why in text
     assert "not corrected" in text

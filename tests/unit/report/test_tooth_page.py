@@ -154,7 +154,7 @@ def hostile(text: str) -> ReportMaterial:
     change = closing.cross_table("X", "Z", 0).change
     new = replace(change.new, input_axis=text, output_axis=text)
     table = TableMaterial(replace(change, axis=text, new=new))
-    skipped = TableMaterial(replace(change, axis=text, new=new, skipped=text))
+    skipped = TableMaterial(replace(change, axis=text, new=new, skipped=Message.stored(text)))
     tooth = ToothMaterial(
         ErrorModel((), (LocationError(text, 1.0, 0.1, "arcsec", text),), said=(Message.stored(text),)),
         made,

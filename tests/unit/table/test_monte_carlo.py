@@ -16,7 +16,7 @@ SEEDS = range(36)
 @pytest.mark.parametrize("sign", [1, -1])
 def test_rotary_axis_of_the_demo(sign: int) -> None:
     rounds = [turn(little.rotary(seed, sign=sign), seed, rotary=True) for seed in SEEDS]
-    assert all(r.change.skipped == "" for r in rounds)
+    assert all(r.change.skipped is None for r in rounds)
     assert max(r.after / r.before for r in rounds) <= 0.1
     assert max(r.after for r in rounds) <= 1.5
     assert all(r.change.new.deviations[0] == r.change.new.deviations[-1] == 0.0 for r in rounds)
@@ -33,7 +33,7 @@ def test_linear_axes(sign: int) -> None:
 def test_no_error_no_table(rotary: bool) -> None:
     make = little.rotary if rotary else little.linear
     rounds = [turn(make(seed, scale=0.0), seed, rotary=rotary) for seed in SEEDS]
-    assert all(r.change.skipped.startswith("S-COMP-WITHIN-U") for r in rounds)
+    assert all(str(r.change.skipped).startswith("S-COMP-WITHIN-U") for r in rounds)
     assert all(r.after <= r.before for r in rounds)
 
 

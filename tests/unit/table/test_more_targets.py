@@ -59,7 +59,7 @@ def test_without_the_hours_a_table_is_labelled_or_refused_and_never_worse(hours:
     for shape in shapes:
         one = machine(seed, shape, even=bool(seed % 2), hours=hours, size=size).judged()
         worse += one.worse
-        labels |= {one.change.skipped[:13], *(str(finding.message)[:13] for finding in one.change.findings)}
+        labels |= {str(one.change.skipped or "")[:13], *(str(finding.message)[:13] for finding in one.change.findings)}
         assert sum(int(said["minutes"]) for said in one.said if said["count"]) <= 60.0 * hours + 1.0
         assert one.change.skipped or one.gain > 0.0
     assert worse == 0

@@ -26,7 +26,7 @@ def offer(*, hidden: float = 0.0, rest: float = 0.0, size: float = 1.0, cross: b
     fitted = fit_through(AT, size * MEANS, 0.02, name="EXX", axis="X1", axis_unit="mm")
     means = MeasuredMeans(AT, size * MEANS, np.full(AT.size, 0.02), rest, hidden)
     change = propose(axis(rotary=False), fitted, means, known, X, resolution=1e-3, reserved_points=100)
-    return change.skipped or " ".join(str(one.message) for one in change.findings)
+    return str(change.skipped or "") or " ".join(str(one.message) for one in change.findings)
 
 
 def test_below_the_limit_no_hidden_structure_can_make_the_axis_worse() -> None:

@@ -9,9 +9,11 @@ import pytest
 
 from drivers.errors import Gap, TableError, TooManyPoints, ValueOutOfRange
 from drivers.limits import Limits
+from drivers.message import Message, render
 from gateway.domain.figures import Component
 from gateway.domain.proposals import TableChange
 from gateway.model.fit import fit_positioning, fit_through
+from gateway.store.encoding import read_typed, write_typed
 from gateway.table import Grid, MeasuredMeans, check, effective, project, propose
 from gateway.table.limits import check_points
 from gateway.table.proposal import InstrumentU
@@ -123,11 +125,26 @@ def test_least_squares_beats_point_sampling() -> None:
     assert ours < 0.72 * sampled
 
 
+def test_the_reason_against_a_table_is_stored_as_code_and_fields_and_older_sentences_stay_readable() -> None:
+    change = offer(0.2 * np.sin(AT / 60.0), 0.02 * AT, instrument=InstrumentU(0.8))
+    data = write_typed(change, TableChange, "change")
+    assert isinstance(data, dict)
+    assert data["skipped"]["code"] == "S-COMP-WITHIN-U"
+    for kept, meant in (
+        (data["skipped"], change.skipped),
+        ("", None),
+        ("it lies within U", Message.stored("it lies within U")),
+    ):
+        assert read_typed({**data, "skipped": kept}, TableChange, "change", "test").skipped == meant
+
+
 def test_inside_its_uncertainty_nothing_is_corrected() -> None:
     change = offer(0.2 * np.sin(AT / 60.0), 0.02 * AT, instrument=InstrumentU(0.8))
-    assert change.skipped.startswith("S-COMP-WITHIN-U")
+    assert str(change.skipped).startswith("S-COMP-WITHIN-U")
+    assert change.skipped is not None
+    assert "innerhalb ihrer Unsicherheit" in render(change.skipped, "de")
     assert change.new == change.old
-    assert offer(0.2 * np.sin(AT / 60.0), instrument=InstrumentU(0.0)).skipped == ""
+    assert offer(0.2 * np.sin(AT / 60.0), instrument=InstrumentU(0.0)).skipped is None
 
 
 def test_prediction_is_what_the_table_leaves() -> None:

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from drivers.message import Message
 from drivers.types.tables import CompensationTable
 from gateway.domain.proposals import TableChange
 from gateway.workflow.tooth.everything import outlooks, told_of
@@ -22,7 +23,7 @@ def table(index: int, over: str, values: np.ndarray, *, direction: int = 0, own:
     )  # type: ignore[arg-type]  # fmt: skip
 
 
-def change(new: CompensationTable, predicted: np.ndarray, *, skipped: str = "") -> TableChange:
+def change(new: CompensationTable, predicted: np.ndarray, *, skipped: Message | None = None) -> TableChange:
     old = replace(new, deviations=(0.0,) * len(new.deviations))
     at = AT if predicted.size else np.zeros(0)
     return TableChange("C1", old, new, False, "digest", at, predicted, np.full(at.size, 0.5), skipped=skipped)
@@ -35,7 +36,7 @@ def test_a_cross_table_over_the_axis_itself_is_in_its_curve_and_others_only_move
     cross = [
         change(table(1, "C1", wave), np.zeros(0)),
         change(table(2, "Z1", np.array([0.0, 4.0, -2.0])), np.zeros(0)),
-        change(table(3, "X1", np.array([0.0, 9.0])), np.zeros(0), skipped="no room"),
+        change(table(3, "X1", np.array([0.0, 9.0])), np.zeros(0), skipped=Message.stored("no room")),
     ]
     (found,) = outlooks([own], cross)
     assert np.allclose(found.deviation, own.predicted - 5.0 * np.cos(np.radians(3.0 * AT)))

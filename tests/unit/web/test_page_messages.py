@@ -25,6 +25,13 @@ MESSAGES = (
     Message.of("W-PUSH-STOP-BY", by=Moment("2026-01-02T03:04:05+00:00")),
     Message("W-PUSH-STOP-BY", {"by": "a cancel"}, Form.REASON),
     VerifyError("E-PUSH-NOT-RESTORED", "X1", axis="X1", first=Message.of("W-PUSH-TWO-READS")).message,
+    Message.of(
+        "S-COMP-REASONS",
+        reasons=(
+            Message("S-COMP-WITHIN-U", {"bound": "0.5", "unit": "um"}, Form.ERROR, "X1"),
+            Message("S-COMP-CROSS-ON", {"tables": "3"}, Form.ERROR, "X1"),
+        ),
+    ),
     Message.stored("the old table was put back"),
 )
 SCRIPT = """
