@@ -194,13 +194,12 @@ def _in_part(failure: TrueflankError, tables: Sequence[str], back: Sequence[str]
 def _ended(
     at: Bench, found: ConsentSet, records: Mapping[str, PushRecord], seen: Mapping[str, RollbackPreview]
 ) -> Outcome:
-    """Everything asked for is back. One table of several that act together leaves the others on: exit code 9."""
+    """Everything asked for is back. A table of the same consent that stays on: exit code 9."""
     codes = {"committed": "W-ROLLBACK-DONE", "already-applied": "W-ROLLBACK-THERE"}
     lines = [
         words(codes[records[one.table].outcome], table=one.table, acts=seen[one.table].older.words)
         for one in found.tables
     ]
-    left = [one for one in found.rest if one.axis in {done.axis for done in found.tables}]
     data = {**_data(found), "undoes": found.tables[0].transaction, "applied": True, "outcome": "committed"}
     data |= {"transaction": records[found.tables[0].table].transaction}
     data |= {"outcomes": {name: record.outcome for name, record in records.items()}}
@@ -210,7 +209,7 @@ def _ended(
         rows=(),
         lines=(*lines, *_rest(found)),
         data=data,
-        exit_code=WORSE_EXIT if left else 0,
+        exit_code=WORSE_EXIT if found.rest else 0,
     )
     return alarmed(outcome, outcome_alarms(records.values()))
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any, get_args, get_type_hints
 
 import pytest
@@ -24,6 +25,7 @@ from gateway.store import Store
 from gateway.store.encoding import read_typed, write_typed
 from gateway.store.proofs import Proofs
 from gateway.views.pushed import standing_tables
+from gateway.workflow.control.rolling_back import _ended
 from tests.steps import lines
 from tests.unit.push.double import MACHINE, NEW, OLD, PROOF, Bench, Killed, Reaper, bench, change_of, deadline
 from tests.unit.push.test_batches import held_now, machine_of, new, old
@@ -95,6 +97,23 @@ def test_one_table_by_its_name_leaves_the_others_and_says_so(tmp_path: Path) -> 
     assert sorted(one.table for one in left.tables) == ["X1", "X1-cec2", "X1-cec4"]
     assert {record.outcome for record in take_back(at).values()} == {"committed"}
     assert at.machine.own == LiveTable(OLD, enabled=True)
+
+
+@pytest.mark.parametrize(("rest", "code"), [("X1", 9), ("Z1", 9), ("", 0)])
+def test_a_table_of_the_consent_that_stays_on_is_no_success_whatever_axis_it_moves(
+    tmp_path: Path, rest: str, code: int
+) -> None:
+    at = pushed(tmp_path)
+    pushes = every_push(at.context.journals, MACHINE.serial, at.context.meant)
+    found = consent_set(pushes, "X1-cec3")
+    assert found is not None
+    moved = replace(found.rest[0], axis=rest, table=f"{rest}-cec9")
+    found = replace(found, rest=(moved,) if rest else ())
+    seen = previews(pushes, found)
+    run = SimpleNamespace(folder=SimpleNamespace(state="rollback-committed", path=tmp_path))
+    ended = _ended(run, found, take_back(at, "X1-cec3"), seen)  # type: ignore[arg-type]
+    assert ended.exit_code == code
+    assert any("stay on" in line and moved.table in line for line in ended.lines) == bool(rest)
 
 
 @pytest.mark.parametrize("call", ["stage", "activate", "restarted"])
