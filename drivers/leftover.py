@@ -96,8 +96,13 @@ class LeftOver:
 
     @property
     def words(self) -> str:
-        """What is left and what to press, in one line."""
-        return f"{self.code}: {self.said.what}" + (f"; {self.said.hint}" if self.said.hint else "")
+        """Code, what is left and what to press, in one line."""
+        return f"{self.code}: {self.sentence}"
+
+    @property
+    def sentence(self) -> str:
+        """What is left and what to press, as part of another message, which has a code of its own."""
+        return self.said.what + (f"; {self.said.hint}" if self.said.hint else "")
 
     def as_data(self) -> dict[str, object]:
         """The finding as JSON data."""

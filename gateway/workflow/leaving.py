@@ -63,7 +63,7 @@ async def leave(
         left = await withdrawn(supervisor)
         was_stopped = isinstance(why, asyncio.CancelledError)
         if left.kind != "nothing" and (was_stopped or not left.clear):
-            stop.tell(left.words)
+            stop.tell(left.sentence)
             if not was_stopped:  # else the last word of the command says it
                 say("P-LEFT", words=left.words)
         if was_stopped:

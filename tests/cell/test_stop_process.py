@@ -54,7 +54,8 @@ def test_sigterm_in_mid_push_takes_the_release_back_and_says_what_to_press(tmp_p
             said = (out + err).decode()
             assert child.returncode == 143, said
             assert "SIGTERM" in said
-            assert "W-LEFT-ASKED" in said
+            assert "is stopped with a request to end" in said
+            assert "W-LEFT" not in said
             assert "press RESET" in said
             assert [one.kinds[-1] for one in at.journal()] == ["STOPPED"]
             audit = (store_of(at.site, at.path).root / "audit" / "audit-000001.jsonl").read_text()

@@ -30,6 +30,13 @@ def moments(count: int, seed: int) -> list[float]:
     return [RUN_S * (part + rng.random()) / count for part in range(count)]
 
 
+# How the last line names each finding: as a part of E-STOPPED it has no code of its own.
+SENTENCES = {
+    "W-LEFT-ASKED": "is stopped with a request to end",
+    "W-LEFT-FINISHING": "is running with a request to end",
+}
+
+
 async def _stopped_at(at: Shop, moment: Moment, *, alone: bool, off: tuple[float, ...]) -> tuple[str, list[str]]:
     """Stop a run there; ``alone``: whoever stood at the machine has gone. (What it was, what is wrong.)"""
     wrong: list[str] = []
@@ -60,11 +67,11 @@ def _judged(at: Shop, told: str, wrong: list[str]) -> str:
     if at.channel == RESET:
         if any(at.words):
             wrong.append(f"the channel is in reset and R parameters are {at.words}")
-        if "W-LEFT-ASKED" in told or "W-LEFT-FINISHING" in told:
+        if "request to end" in told:
             wrong.append(f"nothing runs, and it says: {told}")
         return "ended"
     wanted = "W-LEFT-FINISHING" if at.channel == ACTIVE else "W-LEFT-ASKED"
-    if wanted not in told:
+    if SENTENCES[wanted] not in told or "W-LEFT" in told:
         wrong.append(f"channel {at.channel}, and it says: {told or 'nothing'}")
     return wanted
 

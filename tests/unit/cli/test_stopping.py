@@ -96,7 +96,7 @@ def test_a_second_asking_does_not_cut_the_leaving_off() -> None:
             with current().leaving():
                 await LoopClock().sleep(12.0)
             done.append("left in order")
-            current().tell("W-LEFT-ENDED: all is as before")
+            current().tell("all is as before")
             raise
 
     found, ended = asked(work(), 1.0, 2.0, 5.0)
