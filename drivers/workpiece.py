@@ -20,6 +20,7 @@ INDEX_OVERRUN_DEG = 5.0
 WHEEL_OVERRUN_MM = 2.0
 # What a wheel's start may be made of: spindle speeds, M and H functions, but none that ends or stops a program.
 _WHEEL_WORD = re.compile(r"(?:S(?:\d=)?\d{1,5}|[MH](?:\d=)?(?!0*(?:0|1|2|17|30)$)\d{1,4})")
+_M_WORD = re.compile(r"M(?:(\d)=)?(\d{1,4})")
 
 
 @dataclass(frozen=True, slots=True)
@@ -160,7 +161,8 @@ def check_plan(plan: GrindPlan) -> None:
     """Refuse what would drive the wheel deeper than a set-up value may, beyond a travel, or not clear of the work.
 
     Raises ConfigError: E-GRIND-VALUE (key, value, low, high), E-GRIND-PLACE (an offset, nothing to place the wheel),
-    E-GRIND-DRESSER (the dresser's axis would move), E-GRIND-STOCK (key, value, least), E-GRIND-TRAVEL, E-GRIND-WHEEL.
+    E-GRIND-DRESSER (the dresser's axis would move), E-GRIND-STOCK (key, value, least), E-GRIND-TRAVEL, E-GRIND-WHEEL,
+    E-GRIND-WHEEL-ON (key, on, off: what starts the wheel is not stopped).
     """
     for key, value, low, high in _limits(plan):
         if not (isfinite(value) and low <= value <= high):
@@ -179,6 +181,26 @@ def check_plan(plan: GrindPlan) -> None:
     for words in (plan.wheel_on, plan.wheel_off):
         if not all(_WHEEL_WORD.fullmatch(word) for word in words.split()):
             raise ConfigError("E-GRIND-WHEEL", plan.name, words=words)
+    if not _stops(plan.wheel_on, plan.wheel_off):
+        raise ConfigError("E-GRIND-WHEEL-ON", plan.name, key="wheel_off", on=plan.wheel_on, off=plan.wheel_off)
+
+
+def _stops(on: str, off: str) -> bool:
+    """Whether the words that stop the wheel can do so: a person takes the part out after them.
+
+    M5 stops each spindle that M3 or M4 starts; an M or H function of the machine's builder is taken as it is. Without
+    its address a word is for the master spindle, whose number only the control knows.
+    """
+    started, stopped = _spindles(on, (3, 4)), _spindles(off, (5,))
+    if _spindles(off, (3, 4)) or (on.split() and not off.split()):
+        return False
+    return all(one in stopped or "" in stopped or (not one and stopped) for one in started)
+
+
+def _spindles(words: str, functions: tuple[int, ...]) -> set[str]:
+    """The spindles that these M functions are for, by number; "" for the master spindle."""
+    found = (_M_WORD.fullmatch(word) for word in words.split())
+    return {one[1] or "" for one in found if one is not None and int(one[2]) in functions}
 
 
 def _check_stock(plan: GrindPlan) -> None:

@@ -14,7 +14,7 @@ from drivers.local.names import shown
 from gateway.config.faults import Fault
 from gateway.config.keyfaults import broken
 from gateway.config.places import held
-from gateway.config.reaching import NO_CONTROL
+from gateway.config.reaching import is_moved
 from gateway.config.rules import (
     LINEAR,
     NEAR,
@@ -169,7 +169,7 @@ def _measured(tree: Mapping[str, Any], site: Any, axis: Any) -> Iterator[Fault]:
     if isinstance(measure.repetitions, int) and measure.repetitions < LEAST_REPETITIONS and measure.file is None:
         yield broken(tree, (*place, "repetitions"), words("W-CFG-REPETITIONS", least=LEAST_REPETITIONS), doubt=True)
     if measure.file is None:
-        if measure.instrument == "" and getattr(site.controller, "driver", "") != NO_CONTROL:
+        if measure.instrument == "" and is_moved(site):
             yield broken(tree, place, words("W-CFG-LIVE-NEEDS"))
         yield from instrument_faults(tree, site, (*place, "instrument"), measure.instrument)
         yield from feed_faults(tree, site, axis)
@@ -177,7 +177,8 @@ def _measured(tree: Mapping[str, Any], site: Any, axis: Any) -> Iterator[Fault]:
     elif measure.file_datum is not None and not within(measure.file_datum, *bounds(axis)):
         low, high = bounds(axis)
         yield broken(tree, (*place, "file_datum"), words("W-CFG-OUTSIDE", low=low, high=high))
-    yield from target_faults(tree, axis, measure.targets, measure.overrun if measure.file is None else 0.0)
+    overrun = measure.overrun if measure.file is None else 0.0
+    yield from target_faults(tree, axis, measure.targets, overrun, moved=is_moved(site))
     low, high = bounds(axis)
     if measure.jog is not None and measure.jog > high - low:
         yield broken(tree, (*place, "jog"), words("W-CFG-JOG", span=high - low))

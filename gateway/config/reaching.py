@@ -55,6 +55,11 @@ def without_control(tree: dict[str, Any]) -> tuple[dict[str, Any], tuple[Fault, 
     return {**tree, "controller": {**given, "url": NO_ADDRESS, "serial": UNKNOWN, "settings": {}}}, faults
 
 
+def is_moved(site: Any) -> bool:
+    """Whether a control moves the axes of a site that may be read in part only."""
+    return bool(getattr(site.controller, "driver", "") != NO_CONTROL)
+
+
 def files_only(site: Any) -> bool:
     """Whether the site names no control at all."""
     return bool(site.controller.driver == NO_CONTROL)

@@ -13,7 +13,7 @@ from gateway.config.keyfaults import broken
 from gateway.config.places import held
 from gateway.config.rules import GEAR_MACHINE, all_named, is_pair, no_such
 
-_R_PARAMETER = re.compile(r"R\d{1,5}")
+R_PARAMETER = re.compile(r"R(\d+)")
 _ROLES = {"infeed": "linear", "stroke": "linear", "index": "rotary"}
 
 
@@ -52,7 +52,7 @@ def _dresser(tree: Mapping[str, Any], site: Any, work: Any) -> Iterator[Fault]:
 
 def _wheel(tree: Mapping[str, Any], site: Any, work: Any) -> Iterator[Fault]:
     """What places the wheel along its axis: no axis that has a role already, and never the dresser's."""
-    if not isinstance(work.wheel_place, str) or not work.wheel_place or _R_PARAMETER.fullmatch(work.wheel_place):
+    if not isinstance(work.wheel_place, str) or not work.wheel_place or R_PARAMETER.fullmatch(work.wheel_place):
         return
     taken = {name: role for role in _ROLES for name in _both(site, getattr(work, role))}
     dressers = {work.dresser, *_both(site, work.dresser)} - {""}

@@ -156,7 +156,8 @@ def set_up(plan: GrindPlan, words: Words) -> dict[int, float]:
     offset = plan.wheel_offset
     if offset is not None and words.setup_number(SetupWord.DRESSING) != offset:
         if offset in out or words.first <= offset < words.first + len(Word):
-            raise ConfigError("E-GRIND-OFFSET", plan.name, number=offset, first=words.first, setup=words.setup)
+            key, first, setup = "wheel_place", words.first, words.setup
+            raise ConfigError("E-GRIND-OFFSET", plan.name, key=key, number=offset, first=first, setup=setup)
         out[offset] = plan.dressing_mm
     return out
 

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from drivers import registry
-from drivers.errors import ConfigError, TrueflankError, words
+from drivers.errors import TrueflankError, words
 from drivers.local.names import shown
 from gateway.config import Fault, SiteReading
 from gateway.config.faults import called
@@ -23,6 +23,7 @@ LOGOS = (".svg", ".png", ".jpg", ".jpeg")
 FILE_ROLES = ("file", "gear-file")
 _OTHERS = stat.S_IRGRP | stat.S_IROTH
 MOST_SECRET = 1 << 16
+_KEYS = {"wheel_offset": "wheel_place"}  # where the plan of a part and [work] differ in a name
 _LITERAL = re.compile(r"^~|\$\w|\$\{|%\w+%")
 """What a shell would replace in a path, and nobody does here."""
 
@@ -191,14 +192,16 @@ def _part(reading: SiteReading, path: Path) -> Iterator[Fault]:
         return
     from gateway.tooth import SetupValues
     from gateway.workflow.part.grinding import gear_of_site, grind_plan
+    from gateway.workflow.programs import programs
 
     try:
         grind_plan(site, gear_of_site(site, path), SetupValues())
+        programs(site, path, ("grind",))
     except ModelError:
         return  # of the gear, which is told beside its file
-    except ConfigError as error:
+    except TrueflankError as error:
         if not error.code.startswith("E-GRIND"):
-            return
+            return  # nothing of the work; a control that runs no programs grinds none
         place: tuple[str, ...] = ("work", _key_of(site, error))
         place = place if held(reading.tree, place) is not None else ("work",)
         if error.code == "E-GRIND-TRAVEL":
@@ -207,7 +210,7 @@ def _part(reading: SiteReading, path: Path) -> Iterator[Fault]:
             yield Fault(place, error.code, dict(error.fields))
 
 
-def _key_of(site: Any, error: ConfigError) -> str:
+def _key_of(site: Any, error: TrueflankError) -> str:
     """The key of [work] that a refusal of the grinding plan is about."""
     if error.code == "E-GRIND-WHEEL":
         return "wheel_on" if error.fields.get("words") == site.work.wheel_on else "wheel_off"
@@ -216,7 +219,10 @@ def _key_of(site: Any, error: ConfigError) -> str:
     if error.code == "E-GRIND-TRAVEL" and error.fields.get("axis") == site.work.wheel_place:
         return "wheel_travel"
     stroke = {one.name for one in site.axes if site.work.stroke in (one.name, one.letter)}
-    return "height_mm" if error.fields.get("axis") in stroke else str(error.fields.get("key", ""))
+    if error.fields.get("axis") in stroke:
+        return "height_mm"
+    key = str(error.fields.get("key", ""))
+    return _KEYS.get(key, key)
 
 
 def _results(tree: Any, site: Any, folder: Path) -> Iterator[Fault]:

@@ -15,6 +15,7 @@ from drivers.terms import spoken
 from drivers.types.machine import ChannelStatus, MachineState
 from drivers.workpiece import GrindAxis, GrindPlan, check_plan
 from gateway.config import AxisSection, SiteFile, WorkSection
+from gateway.config.workfaults import R_PARAMETER
 from gateway.domain.equipment import Equipment
 from gateway.errors import IllegalTransition, WriteRefused
 from gateway.events import RunStarted
@@ -34,7 +35,6 @@ from gateway.workflow.runsite import new_run
 DECIMALS = 6
 TELL_EVERY = 5
 LOOK_S = 0.5
-R_PARAMETER = re.compile(r"R(\d{1,5})")
 _UNSAID = re.compile(r"[^A-Za-z0-9 ()=.,:_/+-]")
 
 

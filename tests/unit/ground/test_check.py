@@ -18,6 +18,7 @@ from gateway.config import Fault, load_site, read_site
 from gateway.config.places import places_in
 
 GEAR = Path(__file__).parents[3] / "examples/gears/rv-40e-like.toml"
+EXAMPLES = Path(__file__).parents[3] / "examples/sites"
 WHOLE = """[site]
 name = "grinder-7"
 
@@ -626,10 +627,64 @@ def test_files_that_are_named_and_missing_are_told(folder: Path) -> None:
     assert "trueflank trust accept" in found[-1].error("f").hint
 
 
-def test_an_overrun_beyond_the_travel_is_a_doubt_and_no_fault(folder: Path) -> None:
+def test_an_overrun_that_a_program_would_drive_beyond_the_travel_is_refused(folder: Path) -> None:
     found = checked(written(folder, changed("[-420.0, 20.0]", "[-402.0, 20.0]")))
+    assert {fault.path[:3] for fault in found.faults} == {("axes", 0, "measure")}
+    assert "reverses at -405" in found.faults[0].error("f").what
+
+
+def test_an_overrun_beyond_the_travel_is_a_doubt_where_no_control_moves_the_axis(folder: Path) -> None:
+    text = (EXAMPLES / "files-only.toml").read_text(encoding="utf-8")
+    assert "travel = [-420.0, 20.0]" in text
+    found = checked(written(folder, text.replace("travel = [-420.0, 20.0]", "travel = [-417.0, 20.0]")))
     assert found.faults == ()
-    assert "reverses at -405" in found.doubts[0].error("f").what
+    assert any("reverses at -420" in one.error("f").what for one in found.doubts)
+
+
+@pytest.mark.parametrize(
+    ("line", "key", "told"),
+    [
+        ('wheel_place = "R80"', "wheel_place", "R80, which the programs use themselves"),
+        ('wheel_place = "R99"', "wheel_place", "R99, which the programs use themselves"),
+        ('wheel_place = "R9999999"', "wheel_place", "9999999"),
+        ('wheel_on = "S1500 M3"', "work", "does not stop"),
+        ('wheel_on = "S1500 M3"\nwheel_off = "M3"', "wheel_off", "does not stop"),
+        ('wheel_on = "S1500 M3"\nwheel_off = "M9"', "wheel_off", "does not stop"),
+        ('wheel_on = "S2=1500 M2=4"\nwheel_off = "M1=5"', "wheel_off", "does not stop"),
+        ('wheel_off = "S1500 M03"', "wheel_off", "does not stop"),
+    ],
+)
+def test_what_no_grinding_program_can_have_is_refused_as_by_the_program(
+    folder: Path, line: str, key: str, told: str
+) -> None:
+    shutil.copy(GEAR, folder / "gear.toml")
+    stroke = STROKE.replace("AT", str([*range(0, 301, 20)]))
+    whole = WHOLE.replace("[[setups]]", f"{stroke}\n[[setups]]") + WORK
+    assert checked(written(folder, whole)).faults == ()
+    path = written(folder, whole + line + "\n")
+    found = checked(path).faults
+    assert [(fault.path[-1], told in fault.error("f").what) for fault in found] == [(key, True)]
+    made = CliRunner().invoke(app, ["program", str(path), "--what", "grind", "-o", str(folder / "programs")])
+    assert isinstance(made.exception, ConfigError)
+    assert told in made.exception.what
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        'wheel_place = "R200"',
+        'wheel_on = "S1500 M3 M8"\nwheel_off = "M05 M9"',
+        'wheel_on = "S1=1500 M1=3"\nwheel_off = "M5"',
+        'wheel_on = "S1500 M3"\nwheel_off = "M1=5"',
+        'wheel_on = "H7"\nwheel_off = "H8"',
+        'wheel_off = "M9"',
+    ],
+)
+def test_what_a_grinding_program_can_have_is_not_refused(folder: Path, line: str) -> None:
+    shutil.copy(GEAR, folder / "gear.toml")
+    stroke = STROKE.replace("AT", str([*range(0, 301, 20)]))
+    found = checked(written(folder, WHOLE.replace("[[setups]]", f"{stroke}\n[[setups]]") + WORK + line + "\n"))
+    assert found.faults == ()
 
 
 @pytest.mark.parametrize(
