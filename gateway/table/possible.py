@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from functools import lru_cache
 from math import log
 
 import numpy as np
@@ -65,49 +64,16 @@ class _Ground:
     turn: float | None
     centre: float
 
-    @property
-    def slope_variance(self) -> float:
-        """That of a straight line through ``centre``; a full turn has none."""
-        return 0.0 if self.turn is not None else self.level * WIDE / self.smooth**2 / 100.0
-
     def covariance(self, a: FloatArray, b: FloatArray) -> FloatArray:
-        found = self.level * (WIDE + _likeness(a, b, self.smooth, self.turn))
-        if self.slope_variance:
-            found += self.slope_variance * np.outer(a - self.centre, b - self.centre)
+        d = a[:, None] - b[None, :]
+        if self.turn is not None:
+            d = self.turn / np.pi * np.sin(np.pi * d / self.turn)
+        found = self.level * (WIDE + np.exp(-0.5 * (d / self.smooth) ** 2))
+        if self.turn is None:
+            found += self.level * WIDE * np.outer(a - self.centre, b - self.centre) / self.smooth**2 / 100.0
         if self.fine_variance:
-            found += self.fine_variance * _likeness(a, b, self.fine, self.turn)
+            found += self.fine_variance * np.exp(-0.5 * (d / self.fine) ** 2)
         return np.asarray(found)
-
-    def drawn(self, q: FloatArray, count: int, rng: np.random.Generator) -> FloatArray:
-        """Curves (count, q) of the prior: level, line, smooth and fine part, each drawn for itself.
-
-        The parts are independent, so their sum has the covariance above. Each needs the root of one kernel of variance
-        1, which all grounds of that length share: a root of every sum was a tenth of the work of a whole run.
-        """
-        normal = rng.standard_normal
-        line = np.sqrt(self.slope_variance) * normal((count, 1)) * (q - self.centre)
-        level = np.sqrt(self.level) * (np.sqrt(WIDE) * normal((count, 1)) + self._part(self.smooth, q, count, rng))
-        fine = np.sqrt(self.fine_variance) * self._part(self.fine, q, count, rng) if self.fine_variance else 0.0
-        return np.asarray(line + level + fine)
-
-    def _part(self, length: float, q: FloatArray, count: int, rng: np.random.Generator) -> FloatArray:
-        root = _unit_root(length, self.turn, q.tobytes())
-        return np.asarray(rng.standard_normal((count, q.size)) @ root.T)
-
-
-def _likeness(a: FloatArray, b: FloatArray, length: float, turn: float | None) -> FloatArray:
-    """The squared-exponential kernel (a, b) of variance 1; along the chord where the axis closes."""
-    d = a[:, None] - b[None, :]
-    if turn is not None:
-        d = turn / np.pi * np.sin(np.pi * d / turn)
-    return np.asarray(np.exp(-0.5 * (d / length) ** 2))
-
-
-@lru_cache(maxsize=16)
-def _unit_root(length: float, turn: float | None, places: bytes) -> FloatArray:
-    """The root of the kernel at places (float64); an axis asks again after each round and for each report."""
-    q = np.frombuffer(places)
-    return _root(_likeness(q, q, length, turn))
 
 
 @dataclass(frozen=True)
@@ -247,11 +213,12 @@ class _Explained:
         """A curve (len, g) of each chosen explanation: a draw from the prior, corrected by what was seen."""
         seen, lattice, n = self._seen, self._seen.lattice, self._seen.at.size
         both = np.concatenate([seen.at, lattice])
-        cross = self._ground.covariance(lattice, seen.at)
+        prior = self._ground.covariance(both, both)
+        root, cross = _root(prior), prior[n:, :n]
         found = []
-        for index, ground in zip(which, self._ground.drawn(both, which.size, rng), strict=True):
+        for index in which:
             shape = self._shape(int(index), both)
-            f = ground + shape @ rng.standard_normal(shape.shape[1])
+            f = root @ rng.standard_normal(both.size) + shape @ rng.standard_normal(shape.shape[1])
             scatter = rng.standard_normal(n) * np.sqrt(self._noise)
             solved = self._against(shape[:n], seen.mean - np.mean(seen.mean) - f[:n] - scatter)
             found.append(f[n:] + cross @ solved + shape[n:] @ (shape[:n].T @ solved))
