@@ -20,6 +20,7 @@ from simulators.cell import Cell
 from simulators.cellfile import CellFile, load_cell
 from simulators.truth import AxisMotion
 from tests.cell.bench import Judged, main_job, short
+from tests.steps import said
 
 During = Callable[[Cell], Awaitable[None]]
 Term = dict[str, Any]
@@ -184,7 +185,7 @@ def test_a_loose_gib_is_told_what_no_table_cures(tmp_path: Path) -> None:
     assert end.judged is not None or end.words.startswith("E-PUSH-NO-PROOF")
     (run_folder,) = (path.parent for path in tmp_path.rglob("run.json"))
     before = RunFolder(run_folder).get(stages.evaluation("X1", "before"), Evaluation)
-    assert any("are reversal and scatter, which the axis table leaves as they are" in flag for flag in before.flags)
+    assert any("are reversal and scatter, which the axis table leaves as they are" in line for line in said(before))
 
 
 LONG: dict[str, tuple[str, Callable[[], CellFile], dict[str, Any]]] = {
