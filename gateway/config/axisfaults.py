@@ -177,8 +177,7 @@ def _measured(tree: Mapping[str, Any], site: Any, axis: Any) -> Iterator[Fault]:
     elif measure.file_datum is not None and not within(measure.file_datum, *bounds(axis)):
         low, high = bounds(axis)
         yield broken(tree, (*place, "file_datum"), words("W-CFG-OUTSIDE", low=low, high=high))
-    overrun = measure.overrun if measure.file is None else 0.0
-    yield from target_faults(tree, axis, measure.targets, overrun, moved=is_moved(site))
+    yield from target_faults(tree, axis, measure.targets, measure.overrun if measure.file is None else 0.0)
     low, high = bounds(axis)
     if measure.jog is not None and measure.jog > high - low:
         yield broken(tree, (*place, "jog"), words("W-CFG-JOG", span=high - low))

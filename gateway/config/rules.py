@@ -123,13 +123,8 @@ def _who(section: Any, known: DriverSettings) -> dict[str, str]:
     return {"instrument": str(section.name), "keys": ", ".join(keys)}
 
 
-def target_faults(
-    tree: Mapping[str, Any], axis: Any, targets: Any, overrun: Any, *, moved: bool = True
-) -> Iterator[Fault]:
-    """Targets beyond what the axis can reach; those that are twice there or no range.
-
-    ``moved``: a control of this site moves the axis there; else an overrun beyond the travel is only a doubt.
-    """
+def target_faults(tree: Mapping[str, Any], axis: Any, targets: Any, overrun: Any) -> Iterator[Fault]:
+    """Targets beyond what the axis can reach; those that are twice there or no range."""
     if not hasattr(targets, "place"):
         return
     low, high = bounds(axis)
@@ -147,7 +142,7 @@ def target_faults(
         if len(targets.positions) == 1:
             yield broken(tree, (*targets.place, "positions"), words("W-CFG-TWO"))
     yield from _order(tree, targets)
-    yield from _overrun(tree, axis, given, overrun, moved=moved)
+    yield from _overrun(tree, axis, given, overrun)
 
 
 def target_positions(targets: Any) -> list[Any]:
@@ -174,12 +169,10 @@ def _order(tree: Mapping[str, Any], targets: Any) -> Iterator[Fault]:
         yield broken(tree, (*targets.place, "positions"), words("W-CFG-RISING"), doubt=True)
 
 
-def _overrun(
-    tree: Mapping[str, Any], axis: Any, given: Mapping[Path, Any], overrun: Any, *, moved: bool
-) -> Iterator[Fault]:
-    """The axis turns beyond its outer targets: refused where that lies outside its travel.
+def _overrun(tree: Mapping[str, Any], axis: Any, given: Mapping[Path, Any], overrun: Any) -> Iterator[Fault]:
+    """The axis turns beyond its outer targets: doubtful where that lies outside its travel.
 
-    A rotary axis of which nothing says whether it turns without end is doubted only: the line may be one not read.
+    A doubt and no fault: who takes a table back or reads files is not kept from it by how the axis is measured.
     """
     low, high = bounds(axis)
     inside = {
@@ -187,11 +180,10 @@ def _overrun(
     }
     if axis.modulo or not inside or not isinstance(overrun, int | float):
         return
-    sure = moved and (axis.kind != "rotary" or held(tree, (*axis.place, "modulo")) is not None)
     for path, ends in ((min(inside, key=inside.__getitem__), -overrun), (max(inside, key=inside.__getitem__), overrun)):
         end = inside[path] + ends
         if not within(end, low, high):
-            yield broken(tree, path, words("W-CFG-OVERRUN", end=end, low=low, high=high), doubt=not sure)
+            yield broken(tree, path, words("W-CFG-OVERRUN", end=end, low=low, high=high), doubt=True)
 
 
 def _positions(targets: Any) -> Iterator[tuple[Path, Any]]:

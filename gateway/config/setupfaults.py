@@ -10,7 +10,6 @@ from drivers.local.names import guess
 from gateway.config.faults import Fault
 from gateway.config.keyfaults import broken
 from gateway.config.places import held
-from gateway.config.reaching import is_moved
 from gateway.config.rules import all_named, bounds, feed_faults, instrument_faults, no_such, target_faults, within
 from gateway.siteplan import LOCATIONS
 
@@ -66,7 +65,7 @@ def _on_axis(tree: Mapping[str, Any], site: Any, setup: Any, axis: Any) -> Itera
         low, high = bounds(axis)
         yield broken(tree, (*setup.place, "datum"), words("W-CFG-OUTSIDE", low=low, high=high))
     overrun = getattr(axis.measure, "overrun", None) if setup.source == "live" else None
-    yield from target_faults(tree, axis, setup.targets, overrun, moved=is_moved(site))
+    yield from target_faults(tree, axis, setup.targets, overrun)
 
 
 def _component(tree: Mapping[str, Any], setup: Any, letter: Any) -> Iterator[Fault]:

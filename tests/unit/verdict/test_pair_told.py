@@ -18,7 +18,7 @@ def test_of_a_pair_each_table_says_when_it_acts(way: int, told: str) -> None:
         CompensationTable("cross", "X1", "X1", 0.0, 20.0, 10.0, values, index=3, direction=way)
         for values in ((0.0, 0.0, 0.0), (0.0, 0.21, -0.4))
     )
-    words = size_of(TableChange("X1", old, new, False, "", NOTHING, NOTHING, NOTHING))
+    words = str(size_of(TableChange("X1", old, new, False, None, NOTHING, NOTHING, NOTHING)))
     assert words.startswith("3 points, -0.40 .. +0.21 µm")
     assert told in words
     assert ("reversal" in words) == bool(way)
