@@ -35,7 +35,7 @@ def shown(
         "refused": bool(refused_by),
         "refused_by": sorted(refused_by),
         "refusals": dict(refusals),
-        "not_corrected": {c.name: c.skipped for c in proposal.changes if c.skipped},
+        "not_corrected": {c.name: str(c.skipped) for c in proposal.changes if c.skipped},
     }
     return Outcome(
         state=folder.state,

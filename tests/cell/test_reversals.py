@@ -8,6 +8,7 @@ from typing import Any
 
 import pytest
 
+from drivers.message import Message
 from simulators.cellfile import CellFile, load_cell
 from tests.cell.bench import main_job, short
 
@@ -31,6 +32,11 @@ def run_on(folder: Path, cell: CellFile, axis: str) -> tuple[Any, dict[str, Any]
     judged = main_job(folder, source, edit=short((axis,), 12, 4))
     report = json.loads(Path(judged.outcome.data["report"]["json"]).read_text(encoding="utf-8"))
     return judged, report["axes"][0]
+
+
+def findings(told: dict[str, Any]) -> list[str]:
+    """What an axis' report found, in English."""
+    return [str(Message.from_data(one)) for one in told["findings"]]
 
 
 @pytest.mark.long
@@ -65,7 +71,7 @@ def test_a_constant_reversal_is_gone_at_and_between_the_targets(
 def test_a_reversal_within_its_scatter_is_left_alone_and_said_to_be(tmp_path: Path) -> None:
     judged, told = run_on(tmp_path, lagging("X1", 0.3, 0.5), "X1")
     assert "S-REVERSAL-WITHIN" in judged.outcome.data["not_corrected"]["X1-reversal"]
-    assert any("X1-reversal" in line for line in told["findings"])
+    assert any("X1-reversal" in line for line in findings(told))
     assert judged.after["X1"]["B"] <= judged.before["X1"]["B"] + 1e-6
 
 
@@ -92,4 +98,4 @@ def test_without_room_for_a_pair_what_depends_on_the_position_stays_and_is_never
     U = told["parameters"]["B"]["after_u"]
     assert judged.after["X1"]["B"] <= 0.6 * judged.before["X1"]["B"]
     assert judged.after["X1"]["B"] <= 1.5 + U + 0.1 * judged.before["X1"]["B"]
-    assert any("B is then 1." in line for line in told["findings"])
+    assert any("B is then 1." in line for line in findings(told))

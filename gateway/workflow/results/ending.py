@@ -75,7 +75,7 @@ def outcome_of(
         "outcome": verdict.outcome if verdict is not None else "not-pushed",
         "axes": {axis: _data(*pair) for axis, pair in evaluations.items()},
         "worse": [one.axis for one in axes if one.worse],
-        "not_corrected": {change.name: change.skipped for change in proposal.changes if change.skipped},
+        "not_corrected": {change.name: str(change.skipped) for change in proposal.changes if change.skipped},
         "warnings": list(proposal.warnings),
         "report": paths.as_data(),
     }
