@@ -15,7 +15,7 @@ As JSON a message is ``{"code": ..., "fields": {...}}``, with "form" and "where"
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from enum import Enum, StrEnum
 from math import isfinite
@@ -139,6 +139,21 @@ def fields_as_data(fields: Mapping[str, object]) -> dict[str, Any]:
 def fields_from_data(data: Mapping[str, Any]) -> dict[str, object]:
     """What `fields_as_data` wrote. Raises ValueError for a field that is none."""
     return {str(key): _from_data(value) for key, value in data.items()}
+
+
+def fixed(value: float | None, decimals: int = 2, *, signed: bool = False) -> Quantity | str:
+    """A number with so many decimals for a text that names its unit; "-" for what does not exist."""
+    return "-" if value is None else Quantity(float(value), decimals=decimals, signed=signed)
+
+
+def digits(value: float | None, count: int = 2, *, signed: bool = False) -> Quantity | str:
+    """A number with so many digits that count, for a text that names its unit; "-" for what does not exist."""
+    return "-" if value is None else Quantity(float(f"{value:.{count}g}"), signed=signed)
+
+
+def prose(messages: Iterable[Message], language: str = ENGLISH, *, plain: bool = False) -> str:
+    """Several sentences, one after another."""
+    return ("" if language == "zh" else " ").join(render(one, language, plain=plain) for one in messages)
 
 
 def joined(messages: tuple[Message, ...], language: str = ENGLISH, *, plain: bool = False) -> str:

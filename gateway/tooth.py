@@ -9,6 +9,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from drivers.message import Message
 from drivers.units import DeviationUnit, arcsec_to_deg, arcsec_to_rad, mm_to_um, rad_to_arcsec, um_to_mm
 
 FloatArray = NDArray[np.float64]
@@ -134,7 +135,7 @@ class InspectedFlank:
     fitted: FlankMap
     rms_u_um: float
     figures: Mapping[str, float] = field(default_factory=dict)
-    said: tuple[str, ...] = ()
+    said: tuple[Message, ...] = ()
     measured_utc: str = ""
     turned_arcsec: float = 0.0
 
@@ -297,9 +298,9 @@ class ToothProposal:
     b_left: float = 0.0
     eccentricity_um: tuple[float, float] = (0.0, 0.0)
     tilt_arcsec: tuple[float, float] = (0.0, 0.0)
-    said: tuple[str, ...] = ()
+    said: tuple[Message, ...] = ()
     axes: tuple[AxisOutlook, ...] = ()
-    background: tuple[str, ...] = ()
+    background: tuple[Message, ...] = ()
     drive: DriveProposal | None = None
 
 
@@ -364,7 +365,7 @@ class GearProposal:
     u_um: float
     eccentricity_um: tuple[float, float] = (0.0, 0.0)
     tilt_arcsec: tuple[float, float] = (0.0, 0.0)
-    said: tuple[str, ...] = ()
+    said: tuple[Message, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -385,7 +386,7 @@ class ToothVerdict:
     u_um: float
     within_prediction: bool
     outcome: Literal["better", "unchanged", "worse", "not-pushed"]
-    words: str
+    words: tuple[Message, ...]
     before_anew_um: float | None = None
     change_um: float | None = None
     change_U_um: float | None = None
@@ -394,4 +395,4 @@ class ToothVerdict:
     clear_U_um: float | None = None
     trial_um: float | None = None
     trial_clear_um: float | None = None
-    taken_back: tuple[str, ...] = ()
+    taken_back: tuple[Message, ...] = ()

@@ -180,7 +180,7 @@ def correct(machine: Machine, gear: Gear) -> Corrected:
         setup=tuple(tell.setup_values(found, grinding)),
         rms_before=mm_to_um(found.before.rms),
         rms_after=mm_to_um(found.checked.rms),
-        findings=tuple(found.said),
+        findings=tuple(map(str, found.said)),
     )
 
 

@@ -73,7 +73,7 @@ class Job:
             self.view,
             state="ended",
             ended_utc=_now(clock),
-            lines=tuple(getattr(outcome, "lines", ())),
+            lines=tuple(map(str, getattr(outcome, "lines", ()))),
             exit_code=int(getattr(outcome, "exit_code", 0)),
             data=data if isinstance(data, dict) else {"items": data},
         )

@@ -71,7 +71,7 @@ class AxisVerdict:
     after: Evaluation
     improved: bool
     within_prediction: bool
-    words: str
+    words: tuple[Message, ...]
     worse: bool = False
 
 
@@ -96,7 +96,7 @@ class ActingCheck:
     M_predicted: float
     M_predicted_U: float
     held: bool | None
-    words: str
+    words: Message
 
 
 @dataclass(frozen=True, slots=True)

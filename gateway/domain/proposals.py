@@ -129,10 +129,10 @@ class Approval:
 
 @dataclass(frozen=True, slots=True)
 class Proposal:
-    """All table changes of a run, for one machine, made from captures named by their hashes; ``warnings`` in words."""
+    """All table changes of a run, for one machine, made from captures named by their hashes."""
 
     machine: MachineIdentity
     changes: tuple[TableChange, ...]
     parents: tuple[str, ...]
     created_utc: str
-    warnings: tuple[str, ...] = ()
+    warnings: tuple[Message, ...] = ()

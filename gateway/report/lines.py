@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 
 from drivers.errors import words
+from drivers.message import prose
 from gateway.domain.outcomes import ActingCheck, AxisVerdict
 from gateway.domain.values import COVERAGE
 from gateway.report.material import ReportMaterial, ToothMaterial
@@ -20,7 +21,7 @@ def axis_lines(verdicts: Iterable[AxisVerdict]) -> tuple[str, ...]:
     """What became of each axis: one line for all that improved as predicted, every word where one did not."""
     found = tuple(verdicts)
     well = ", ".join(one.axis for one in found if _well(one))
-    rest = tuple(f"{one.axis}: {one.words}" for one in found if not _well(one))
+    rest = tuple(f"{one.axis}: {prose(one.words)}" for one in found if not _well(one))
     return (*((words("S-REPORT-AXES", names=well),) if well else ()), *rest)
 
 
@@ -30,13 +31,13 @@ def _well(verdict: AxisVerdict) -> bool:
 
 def details(verdicts: Iterable[AxisVerdict], acting: Iterable[ActingCheck] = ()) -> tuple[str, ...]:
     """What `axis_lines` leaves to the report, and the checks with every table acting that held."""
-    told = [f"{one.axis}: {one.words}" for one in verdicts if _well(one)]
-    return (*told, *(one.words for one in acting if one.held))
+    told = [f"{one.axis}: {prose(one.words)}" for one in verdicts if _well(one)]
+    return (*told, *(str(one.words) for one in acting if one.held))
 
 
 def acting_lines(acting: Iterable[ActingCheck]) -> tuple[str, ...]:
     """What short checks with every table acting said, where that was not as predicted."""
-    return tuple(one.words for one in acting if not one.held)
+    return tuple(str(one.words) for one in acting if not one.held)
 
 
 def tooth_lines(report: ReportMaterial) -> tuple[str, ...]:
@@ -48,7 +49,7 @@ def tooth_lines(report: ReportMaterial) -> tuple[str, ...]:
         return tuple(line for line in (known(error_rows(tooth.errors)) if tooth.errors else "", tooth.advice) if line)
     axes = axis_lines(axis.verdict for axis in report.axes if axis.verdict is not None)
     axes += acting_lines(axis.acting for axis in report.axes if axis.acting is not None)
-    verdict = (tooth.verdict.words,) if tooth.verdict is not None else ()
+    verdict = (prose(tooth.verdict.words),) if tooth.verdict is not None else ()
     return (*axes, *_tables(tooth), *_setup(tooth), *_incurable(tooth), *missing(report), *verdict, figure(tooth))
 
 

@@ -10,6 +10,7 @@ from itertools import zip_longest
 from jinja2 import Environment, PackageLoader, StrictUndefined, Template
 from markupsafe import Markup
 
+from drivers.message import prose
 from drivers.terms import spoken
 from drivers.types.sensing import Ambient
 from gateway.domain.captures import Capture
@@ -76,6 +77,7 @@ def _template() -> Template:
     )
     for name in ("number", "signed", "percent", "when", "shortest", "plain", "micro", "step_line"):
         environment.filters[name] = getattr(sentences, name)
+    environment.filters["prose"] = prose
     environment.globals.update(
         sentences=sentences,
         say=tooth_words,
@@ -158,7 +160,7 @@ def _notes(axis: AxisMaterial) -> tuple[str, ...]:
         found += [f"{side}: {flag}" for flag in item.flags] if item is not None else []
     for name, capture in _captures(axis):
         found += (*sentences.suspects(name, capture), *capture.notes)
-    found += [axis.acting.words] if axis.acting is not None else []
+    found += [str(axis.acting.words)] if axis.acting is not None else []
     if axis.change is not None:
         found += (
             *([str(axis.change.skipped)] if axis.change.skipped else []),

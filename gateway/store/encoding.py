@@ -152,6 +152,8 @@ def _write_tuple(value: Any, hint: Any, path: str) -> object:
 
 
 def _read_tuple(data: Any, hint: Any, path: str, where: str) -> Any:
+    if isinstance(data, str) and get_args(hint) == (Message, Ellipsis):  # sentences that an older version joined
+        return (Message.stored(data),) if data else ()
     if not isinstance(data, list):
         raise TypeError(f"{type(data).__name__} where a list belongs")
     pairs = zip(data, _items(hint, len(data)), strict=True)

@@ -192,7 +192,7 @@ def as_data(study: Study) -> dict[str, Any]:
             {"name": one.product.name, "before_um": mm_to_um(one.before), "after_um": mm_to_um(one.after)}
             for one in study.products
         ],
-        "findings": list(correction.said),
+        "findings": list(map(str, correction.said)),
         **({} if study.drive is None else {"drive": drive_data(study.drive)}),
         "next": [
             {"name": one.name, "change_um": mm_to_um(one.change), "beyond_um": mm_to_um(one.beyond), "share": one.share}

@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from typing import Any
 
-from drivers.errors import words
+from drivers.message import Message
 
 WORSE_EXIT = 9
 LIMIT_EXCEEDED, CANNOT_TELL = 13, 21
@@ -23,7 +23,7 @@ class Outcome:
     state: str
     run_folder: str
     rows: tuple[tuple[str, ...], ...]
-    lines: tuple[str, ...]
+    lines: tuple[str | Message, ...]
     data: dict[str, Any]
     exit_code: int = 0
     title: str = ""
@@ -48,6 +48,6 @@ def alarmed(outcome: Outcome, alarms: tuple[str, ...]) -> Outcome:
     """The outcome of a run that has met alarms: it says them and ends with exit code 9."""
     if not alarms:
         return outcome
-    lines = (*outcome.lines, *(words("W-TABLE-ALARM", alarm=alarm) for alarm in alarms))
+    lines = (*outcome.lines, *(Message.of("W-TABLE-ALARM", alarm=alarm) for alarm in alarms))
     data = {**outcome.data, "alarms": list(alarms)}
     return replace(outcome, lines=lines, data=data, exit_code=outcome.exit_code or WORSE_EXIT)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from drivers.errors import words
+from drivers.message import Message
 from drivers.programs import SelfTested
 from gateway.config import AxisSection
 from gateway.errors import WriteRefused
@@ -29,10 +29,10 @@ def _holds(at: Bench, test: SelfTested) -> bool:
     return test.ok and not test.machine.differences(at.machine)
 
 
-def warnings(at: Bench, names: Iterable[str]) -> tuple[str, ...]:
+def warnings(at: Bench, names: Iterable[str]) -> tuple[Message, ...]:
     """What a proposal for these axes must say, in words; nothing where every one is tested."""
     missing = untested(at, names)
-    return (words("W-RUN-SELF-TEST", axes=", ".join(missing)),) if missing else ()
+    return (Message.of("W-RUN-SELF-TEST", axes=", ".join(missing)),) if missing else ()
 
 
 def demand(at: Bench) -> None:

@@ -41,15 +41,8 @@ LEFT_ON_PAGE = 7
 """Codes named in the scripts of the page."""
 SENTENCES = frozenset(
     {
-        "ActingCheck.words",
-        "AxisVerdict.words",
         "Capture.notes",
         "CorrectionRecord.words",
-        "GearProposal.said",
-        "InspectedFlank.said",
-        "Proposal.warnings",
-        "ToothProposal.said",
-        "ToothVerdict.words",
     }
 )
 """Fields of stored records that still hold sentences."""

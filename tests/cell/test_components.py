@@ -334,7 +334,7 @@ def test_the_guard_says_whether_an_approved_curve_still_holds(tmp_path: Path) ->
         cell.bench.truth = Truth(cell.file, cell.truth.seed, flip=True)
         other = await guarded()
         assert (other.verdict.answer, other.exit_code) == ("re-measure this axis", 20)
-        assert any("harmonic 1 changed" in line for line in other.lines)
+        assert any("harmonic 1 changed" in str(line) for line in other.lines)
         cell.nck.set("$MA_BACKLASH[0,C1]", 0.001, 0)
         with pytest.raises(CaptureError) as caught:
             await guarded()

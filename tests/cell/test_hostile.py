@@ -119,7 +119,7 @@ def run(folder: Path, cell: CellFile, axis: str, count: int, repetitions: int, *
     except TrueflankError as error:
         return End(None, str(error))
     change = RunFolder(Path(judged.outcome.run_folder)).get(stages.PROPOSAL, Proposal).changes[0]
-    told = " ".join(judged.outcome.lines)
+    told = " ".join(map(str, judged.outcome.lines))
     return End(judged, told, float(np.max(change.predicted_U)), tabled=not change.skipped)
 
 

@@ -117,7 +117,7 @@ def test_a_part_is_inspected_and_guards_its_machine(tmp_path: Path, monkeypatch:
         assert found.u_um == pytest.approx(0.2, rel=0.1)
         assert (found.source, found.serial, run.state) == ("gear", "GMM-0031", "inspected")
         assert hands.said[-1] == "P-INSPECTED"
-        assert any("clamping eccentricity" in line for line in found.said)
+        assert any("clamping eccentricity" in line for line in map(str, found.said))
         assert found.figures["F_p"] > found.figures["f_p"] > 0.2
         assert run.get("inspected-after", InspectedFlank).fitted.rms_um == pytest.approx(found.fitted.rms_um, rel=1e-12)
         raw = run.get("inspected-after-raw", inspecting.RawInspection)

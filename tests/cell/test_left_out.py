@@ -73,5 +73,5 @@ def test_a_closing_run_predicts_the_flank_of_what_was_pushed(tmp_path: Path, mon
     assert names
     assert all(name.startswith("C1-") for name in names)
     told = run.get(stages.TOOTH, ToothProposal)
-    assert any(line.startswith(f"{names[0]}: E-PUSH-NO-PROOF") for line in told.said)
+    assert any(line.startswith(f"{names[0]}: E-PUSH-NO-PROOF") for line in map(str, told.said))
     assert "C1" not in {one.axis for one in told.axes}

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from drivers.clock import LoopClock, run_virtual
+from drivers.message import prose
 from gateway.config import load_site
 from gateway.domain.captures import Capture
 from gateway.domain.outcomes import Verdict
@@ -50,7 +51,7 @@ def test_a_run_measures_more_where_its_axis_hides_something(
     assert judged.outcome.data["outcome"] == "better"
     verdict = folder.get(stages.VERDICT, Verdict).axes[0]
     assert verdict.after.targets.size == targets
-    assert "acts as predicted" in verdict.words
+    assert "acts as predicted" in prose(verdict.words)
     assert judged.after[axis]["M"] <= left < judged.before[axis]["M"]
     assert judged.after[axis]["M"] <= float(np.ptp(change.predicted) + 2.0 * np.max(change.predicted_U))
     assert targets == (25 if axis == "C1" else 21) + sum(int(str(fields["count"])) for fields in asked) - unread

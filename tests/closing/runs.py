@@ -15,6 +15,7 @@ import pytest
 
 from drivers.clock import Clock, LoopClock, run_virtual
 from drivers.errors import TrueflankError
+from drivers.message import prose
 from drivers.units import deviation_scale
 from gateway.config import SiteFile, load_site
 from gateway.store import RunFolder
@@ -222,7 +223,7 @@ def judged(done: Closed, blank: MachineResult, *, least: bool = True) -> Machine
         b_left=(tooth.b_left, b_seen(folder, after.work)),
         done_twice=tuple(sorted(code for code in ONCE if done.watched.said.count(code) > most(code, done.cell.file))),
         outcome=verdict.outcome,
-        words=verdict.words,
+        words=prose(verdict.words),
         presses=done.watched.presses,
     )
 

@@ -338,7 +338,7 @@ def _tell_tooth(outcome: Any) -> None:
         sources = {name: f"{size:.2f}" for name, size in one.sources_um.items()}
         say_line(words("S-DAY-FORECAST", **figures, **sources, largest=", ".join(one.largest) or "-"), 0)
         for line in forecast_told(one.drive):
-            say_line(line, 0)
+            say_line(str(line), 0)
         rows = [(t.name, t.layer, str(t.points), f"{t.low:+.2f} .. {t.high:+.2f}", t.unit) for t in one.tables]
         show_table("tables that would be proposed", ("table", "layer", "points", "range", "unit"), rows)
     elif outcome.proposal is not None:

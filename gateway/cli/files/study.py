@@ -70,7 +70,7 @@ def study_command(
     setup = ", ".join(f"{name} {value:+.2f} {unit}" for name, value, unit in tell.setup_rows(found))
     lines = [
         f"set-up values: {setup}",
-        *found.correction.said,
+        *map(str, found.correction.said),
         *tell.floor_lines(found),
         *tell.product_lines(found),
         *tell.visible_lines(found),
@@ -118,4 +118,4 @@ def _tell_drive(drive: Any) -> None:
         words("S-STUDY-DRIVE", name=drive.reducer.name, datum=drive.reducer.datum, missed=f"{drive.missed_arcsec:+.2f}")
     )
     for line in measure_for_drive(drive.doubts):
-        echo(line)
+        echo(str(line))

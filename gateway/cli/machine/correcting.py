@@ -78,7 +78,7 @@ def _tell(found: Any) -> None:
     headings = ("error", "rank", "mu* um", "alone um", "cured by", "left um")
     show_table("errors on the tooth", headings, rows)
     for line in tooth.said:
-        echo(line)
+        echo(str(line))
     echo(f"run folder: {found.run_folder}")
     next_step(f"push {found.run_folder}")
 

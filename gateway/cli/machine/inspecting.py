@@ -114,7 +114,7 @@ def show_lines(outcome: Any, *, as_json: bool) -> None:
         show_json(outcome.as_data())
     else:
         for line in outcome.lines:
-            echo(line)
+            echo(str(line))
     if getattr(outcome, "exit_code", 0):
         raise typer.Exit(outcome.exit_code)
 
@@ -127,7 +127,7 @@ def _run(work: Callable[[Any], Any], at: tuple[Any, Path], *, as_json: bool) -> 
 def _data(found: Any, folder: str, picture: str) -> dict[str, Any]:
     figures = {"rms_um": found.fitted.rms_um, "rms_u_um": found.rms_u_um, "largest_um": found.fitted.largest_um}
     points = {"points": int(found.k.size), "point_u_um": found.u_um, "figures": dict(found.figures)}
-    kept = {"said": list(found.said), "run_folder": folder, "picture": picture}
+    kept = {"said": list(map(str, found.said)), "run_folder": folder, "picture": picture}
     return {"part": found.part, "source": found.source, "serial": found.serial, **figures, **points, **kept}
 
 

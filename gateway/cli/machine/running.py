@@ -134,7 +134,7 @@ def show_outcome(outcome: Any, *, as_json: bool, points: bool = False, onward: s
         for line in outcome.details if voice.now() is voice.Voice.VERBOSE else _counted(outcome.details):
             echo(line)
         for line in outcome.lines:
-            echo(line)
+            echo(str(line))
         if outcome.points and not points:
             echo(words("S-RUN-POINTS"))
         if onward:

@@ -18,7 +18,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from drivers.errors import words
+from drivers.message import Message, fixed
 from drivers.types.tables import CompensationTable
 from drivers.types.values import FloatArray
 from drivers.units import mm_to_um
@@ -144,7 +144,7 @@ class FromGear:
     mounting: WorkMounting
     optimum: Optimum
     visible: Visible
-    said: tuple[str, ...]
+    said: tuple[Message, ...]
 
 
 def correct_from_gear(
@@ -205,36 +205,36 @@ def _constants(grinding: Grinding) -> tuple[str, ...]:
     return tuple(name for name in names if name.startswith("E") or name in LOCATION_NAMES)
 
 
-def _said(seen: Visible, found: Optimum) -> tuple[str, ...]:
+def _said(seen: Visible, found: Optimum) -> tuple[Message, ...]:
     combinations = "; ".join(one.words for one in seen.combinations)
     said = [
-        words("S-CORRECT-VISIBLE", rank=seen.rank, combinations=combinations),
-        words("S-CORRECT-INVISIBLE", names=", ".join(seen.invisible)),
+        Message.of("S-CORRECT-VISIBLE", rank=seen.rank, combinations=combinations),
+        Message.of("S-CORRECT-INVISIBLE", names=", ".join(seen.invisible)),
     ]
     for one in found.omitted:
-        told = {"gain": f"{mm_to_um(one.gain):.3f}", "U": f"{mm_to_um(one.U):.3f}"}
-        idle = words("S-CORRECT-IDLE", name=one.name)
-        said.append(idle if one.idle else words("S-CORRECT-WITHIN-U", name=one.name, **told))
+        told = {"gain": fixed(mm_to_um(one.gain), 3), "U": fixed(mm_to_um(one.U), 3)}
+        idle = Message.of("S-CORRECT-IDLE", name=one.name)
+        said.append(idle if one.idle else Message.of("S-CORRECT-WITHIN-U", name=one.name, **told))
     return tuple(said)
 
 
-def _sat(mounting: WorkMounting) -> tuple[str, ...]:
+def _sat(mounting: WorkMounting) -> tuple[Message, ...]:
     """Where the work sat, if that is worth telling."""
     size = float(np.hypot(mounting.x_mm, mounting.y_mm))
     if size < HARMONIC:
         return ()
-    told = {name: f"{value:+.2f}" for name, value in zip("xy", mounting.eccentricity_um, strict=True)}
-    return (words("S-INSPECT-MOUNTING", size=f"{mm_to_um(size):.2f}", **told),)
+    told = {name: fixed(value, signed=True) for name, value in zip("xy", mounting.eccentricity_um, strict=True)}
+    return (Message.of("S-INSPECT-MOUNTING", size=fixed(mm_to_um(size)), **told),)
 
 
-def _turning(found: Optimum, mounting: WorkMounting) -> tuple[str, ...]:
+def _turning(found: Optimum, mounting: WorkMounting) -> tuple[Message, ...]:
     """Tables that may hold what a bad clamping made, where that was not taken off before."""
     if mounting != WorkMounting():
         return ()
     turning = [one for one in found.tables if one.grid.period is not None and one.grid.out != one.grid.over]
     sizes = {one.grid.name: _first_harmonic(one) for one in turning}
     return tuple(
-        words("S-CORRECT-HARMONIC", name=name, amplitude=f"{mm_to_um(size):.2f}")
+        Message.of("S-CORRECT-HARMONIC", name=name, amplitude=fixed(mm_to_um(size)))
         for name, size in sizes.items()
         if size > HARMONIC
     )

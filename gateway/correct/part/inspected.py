@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from drivers.errors import words
+from drivers.message import Message, digits, fixed
 from drivers.types.gears import GearInspection
 from drivers.types.values import FloatArray
 from drivers.units import UM_PER_MM, mm_to_um, rad_to_arcsec, um_to_mm
@@ -44,7 +44,7 @@ class About:
     measured_utc: str = ""
     clamping_um: float = USUAL_CLAMPING_UM
     heights: Heights = "lower-face"
-    said: tuple[str, ...] = ()
+    said: tuple[Message, ...] = ()
 
 
 def inspected_flank(gear: CycloidGear, found: GearInspection, about: About) -> InspectedFlank:
@@ -77,7 +77,7 @@ def inspected_flank(gear: CycloidGear, found: GearInspection, about: About) -> I
         fitted=FlankMap(grid.thetas, grid.zs, flank.deviation * UM_PER_MM),
         rms_u_um=float(mm_to_um(rms_u)),
         figures=_figures(grid, flank, told),
-        said=(*about.said, *_said(told, seen.shift, about, probe), *found.warnings),
+        said=(*about.said, *_said(told, seen.shift, about, probe), *map(Message.stored, found.warnings)),
         measured_utc=about.measured_utc,
         turned_arcsec=rad_to_arcsec(flank.rotation),
     )
@@ -198,14 +198,14 @@ def _profile_lines(gear: CycloidGear, told: FittedPlaces, rotation: float) -> Fl
     return np.array([[abs(float(value)) for value in _values(one)] for one in traces]).reshape(-1, 3)
 
 
-def _said(told: FittedPlaces, shift: int, about: About, probe: float) -> tuple[str, ...]:
-    said = [words("S-INSPECT-CLAMPING", U=f"{about.clamping_um:g}")]
+def _said(told: FittedPlaces, shift: int, about: About, probe: float) -> tuple[Message, ...]:
+    said = [Message.of("S-INSPECT-CLAMPING", U=digits(about.clamping_um, 6))]
     if told.glitches:
-        said.append(words("S-INSPECT-GLITCHES", count=told.glitches))
+        said.append(Message.of("S-INSPECT-GLITCHES", count=told.glitches))
     if told.beside:
-        said.append(words("S-INSPECT-BESIDE", count=told.beside))
+        said.append(Message.of("S-INSPECT-BESIDE", count=told.beside))
     if shift:
-        said.append(words("S-INSPECT-SHIFT", shift=shift))
+        said.append(Message.of("S-INSPECT-SHIFT", shift=shift))
     if not probe:
-        said.append(words("S-INSPECT-PROBE", u=f"{mm_to_um(told.fit.u):.2f}"))
-    return (*said, words("S-INSPECT-FIGURES"))
+        said.append(Message.of("S-INSPECT-PROBE", u=fixed(mm_to_um(told.fit.u))))
+    return (*said, Message.of("S-INSPECT-FIGURES"))

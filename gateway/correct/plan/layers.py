@@ -13,7 +13,7 @@ from typing import Literal
 
 import numpy as np
 
-from drivers.errors import words
+from drivers.message import Message, Quantity, fixed
 from drivers.types.tables import CompensationTable
 from drivers.units import mm_to_um
 from gateway.correct.flank.flankmodel import setup_tables
@@ -60,7 +60,7 @@ class LayeredCorrection:
     machine: Grinding
     unmoved: Grinding
     axes: tuple[AxisCurve, ...]
-    said: tuple[str, ...]
+    said: tuple[Message, ...]
 
 
 def correct(
@@ -169,23 +169,29 @@ def _set_up(machine: Grinding, setup: SetupValues) -> Grinding:
     return replace(with_tables(machine, zeros), dressing=replace(machine.dressing, offset=offset))
 
 
-def _said(plan: Plan, found: Optimum, own: Sequence[Table]) -> tuple[str, ...]:
+def _sizes(gain: float, U: float) -> dict[str, Quantity | str]:
+    return {"gain": fixed(mm_to_um(gain), 3), "U": fixed(mm_to_um(U), 3)}
+
+
+def _said(plan: Plan, found: Optimum, own: Sequence[Table]) -> tuple[Message, ...]:
     """What was decided without the flank, what was left alone, and why."""
     said = [
-        words("S-CORRECT-IDLE", name=one.name)
+        Message.of("S-CORRECT-IDLE", name=one.name)
         if one.idle
-        else words("S-CORRECT-WITHIN-U", name=one.name, gain=f"{mm_to_um(one.gain):.3f}", U=f"{mm_to_um(one.U):.3f}")
+        else Message.of(
+            "S-CORRECT-WITHIN-U", name=one.name, gain=fixed(mm_to_um(one.gain), 3), U=fixed(mm_to_um(one.U), 3)
+        )
         for one in found.omitted
     ]
     for name, nodes in found.unseen.items():
         if nodes:
-            said.append(words("S-CORRECT-UNSEEN", name=name, count=len(nodes)))
-    said += [words("S-CORRECT-BY-AXIS", name=t.grid.name) for t in own if t.grid.out not in _turning(plan)]
+            said.append(Message.of("S-CORRECT-UNSEEN", name=name, count=len(nodes)))
+    said += [Message.of("S-CORRECT-BY-AXIS", name=t.grid.name) for t in own if t.grid.out not in _turning(plan)]
     outs = [table.grid.out for table in found.tables]
     for out in sorted({one for one in outs if outs.count(one) > 1}):
         shared = ", ".join(table.grid.name for table in found.tables if table.grid.out == out)
-        said.append(words("S-CORRECT-SHARED", names=shared, axis=out))
-    return (*said, words("S-CORRECT-CROSS-TERM"))
+        said.append(Message.of("S-CORRECT-SHARED", names=shared, axis=out))
+    return (*said, Message.of("S-CORRECT-CROSS-TERM"))
 
 
 def _turning(plan: Plan) -> set[str]:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from drivers.message import Message, digits
 from drivers.types.tables import CompensationTable
 from drivers.types.values import FloatArray
 from drivers.units import DeviationUnit, deviation_unit
@@ -108,7 +109,7 @@ def _covered(chain: Chain, axis: str, plan: Plan) -> tuple[float, float]:
     return low, high
 
 
-def held_tables(chain: Chain, plan: Plan) -> tuple[str, ...]:
+def held_tables(chain: Chain, plan: Plan) -> tuple[Message, ...]:
     """Where axis tables reach beyond what is known of their axis, in words."""
     found = []
     for axis in plan.own:
@@ -116,8 +117,9 @@ def held_tables(chain: Chain, plan: Plan) -> tuple[str, ...]:
             continue
         grid, (low, high) = plan.grid(axis), _covered(chain, axis, plan)
         if low > grid.minimum + EDGE or high < grid.maximum - EDGE:
-            ends = {"minimum": f"{grid.minimum:g}", "maximum": f"{grid.maximum:g}"}
-            found.append(str(reason("W-COMP-FLAT", axis, low=f"{low:g}", high=f"{high:g}", unit="mm", **ends)))
+            ends = {"minimum": digits(grid.minimum, 6), "maximum": digits(grid.maximum, 6)}
+            ends |= {"low": digits(low, 6), "high": digits(high, 6)}
+            found.append(reason("W-COMP-FLAT", axis, unit="mm", **ends))
     return tuple(found)
 
 

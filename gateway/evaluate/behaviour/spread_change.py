@@ -14,7 +14,7 @@ from typing import Literal
 
 import numpy as np
 
-from drivers.errors import words
+from drivers.message import Message, digits, fixed
 from drivers.units import DeviationUnit
 from gateway.domain.captures import Capture
 from gateway.domain.values import FloatArray
@@ -40,14 +40,14 @@ class SpreadChange:
     unit: DeviationUnit
 
     @property
-    def words(self) -> str:
-        """What is to be said of it; "" where R did not grow."""
+    def words(self) -> tuple[Message, ...]:
+        """What is to be said of it; nothing where R did not grow."""
         if self.after <= (1.0 + WORTH) * self.before:
-            return ""
-        sizes = {"before": f"{self.before:.2g}", "after": f"{self.after:.2g}", "unit": self.unit}
-        percent = f"{100.0 * (self.after / self.before - 1.0):.0f}" if self.before > 0.0 else "-"
-        test = {"F": f"{self.quotient:.2f}", "limit": f"{self.limit:.2f}"}
-        return words(_SAID[self.why], percent=percent, **sizes, **test)
+            return ()
+        sizes = {"before": digits(self.before), "after": digits(self.after), "unit": self.unit}
+        percent = fixed(100.0 * (self.after / self.before - 1.0) if self.before > 0.0 else None, 0)
+        test = {"F": fixed(self.quotient), "limit": fixed(self.limit)}
+        return (Message.of(_SAID[self.why], percent=percent, **sizes, **test),)
 
 
 _SAID: dict[Why, str] = {

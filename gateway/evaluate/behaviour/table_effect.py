@@ -13,7 +13,7 @@ from typing import Literal
 
 import numpy as np
 
-from drivers.errors import words
+from drivers.message import Message, digits, fixed
 from drivers.types.values import FloatArray
 
 Kind = Literal["as-predicted", "not-active", "wrong-sign", "doubled", "partly", "something-else", "cannot-tell"]
@@ -58,21 +58,21 @@ class TableEffect:
         return self.residual > self.U
 
     @property
-    def words(self) -> str:
-        """The finding as people read it."""
-        told = words(
+    def words(self) -> tuple[Message, ...]:
+        """The finding, sentence by sentence."""
+        told = Message.of(
             _WORDS[self.kind],
-            slope=f"{self.slope:+.2f}",
-            U=f"{self.U:.2g}",
-            effect=f"{self.effect:.2g}",
-            residual=f"{self.residual:.2g}",
-            percent=f"{-100.0 * self.slope:.0f}",
+            slope=fixed(self.slope, signed=True),
+            U=digits(self.U),
+            effect=digits(self.effect),
+            residual=digits(self.residual),
+            percent=fixed(-100.0 * self.slope, 0),
             unit=self.unit,
         )
-        if self.unexplained and self.kind not in ("something-else", "cannot-tell"):
-            left = {"residual": f"{self.residual:.2g}", "U": f"{self.U:.2g}", "unit": self.unit}
-            told += " " + words("W-WHY-BESIDES", **left)
-        return told
+        if not self.unexplained or self.kind in ("something-else", "cannot-tell"):
+            return (told,)
+        left = {"residual": digits(self.residual), "U": digits(self.U), "unit": self.unit}
+        return (told, Message.of("W-WHY-BESIDES", **left))
 
 
 def why(before: FloatArray, after: FloatArray, effect: FloatArray, U: FloatArray, unit: str = "") -> TableEffect:

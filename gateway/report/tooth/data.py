@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+from drivers.message import prose
 from gateway.domain.values import COVERAGE
 from gateway.report.material import ReportMaterial, TableMaterial, ToothMaterial
 from gateway.report.missing import missing
@@ -18,9 +19,9 @@ from gateway.report.tooth.sentences import FIGURE, sentence
 def summary(report: ReportMaterial) -> Mapping[str, object]:
     """The answer in few figures: outcome, words, the tooth's figure, what is missing."""
     tooth = report.tooth
-    words = [axis.verdict.words for axis in report.axes if axis.verdict is not None]
+    words = [prose(axis.verdict.words) for axis in report.axes if axis.verdict is not None]
     if tooth is not None and tooth.verdict is not None:
-        words = [tooth.verdict.words, *words]
+        words = [prose(tooth.verdict.words), *words]
     return {
         "outcome": report.outcome,
         "words": [sentence(report), *words],

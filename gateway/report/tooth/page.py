@@ -104,9 +104,9 @@ def by_reason(cures: Sequence[CureRow]) -> tuple[tuple[CureRow, ...], ...]:
 def said(tooth: ToothMaterial) -> tuple[tuple[str, tuple[str, ...]], ...]:
     """What errors, proposal and inspections say of themselves: (of what, sentences), each sentence of parts once."""
     found = {"Errors": tuple(map(str, tooth.errors.said)) if tooth.errors is not None else ()}
-    found["Proposal"] = tooth.proposal.said if tooth.proposal is not None else ()
-    found["Proposal from the part"] = tooth.from_gear.said if tooth.from_gear is not None else ()
-    parts = [(one.part, line) for one in tooth.parts if one.flank is not None for line in one.flank.said]
+    found["Proposal"] = tuple(map(str, tooth.proposal.said)) if tooth.proposal is not None else ()
+    found["Proposal from the part"] = tuple(map(str, tooth.from_gear.said)) if tooth.from_gear is not None else ()
+    parts = [(one.part, str(line)) for one in tooth.parts if one.flank is not None for line in one.flank.said]
     for line in dict.fromkeys(line for _, line in parts):
         names = "Inspection of " + ", ".join(f"“{name}”" for name, same in parts if same == line)
         found[names] = (*found.get(names, ()), line)

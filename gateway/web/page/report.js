@@ -8,7 +8,7 @@ import { limits, level, line, plot } from "./charts.js";
 import { base, changed, chosen, may, on, state } from "./state.js";
 import { verifiedTooth } from "./tooth.js";
 import { trends } from "./trends.js";
-import { plain, stateOf, t, told } from "./words.js";
+import { prose, stateOf, t, told } from "./words.js";
 
 export const report = { open };
 const asked = { run: "", axis: "", tooth: false };
@@ -43,7 +43,7 @@ async function drawAll(head, body) {
   const [before, after] = [await kept(run, "before"), await kept(run, "after")];
   const verdict = run.stages.includes("verdict") ? await record(run.run_id, "verdict") : null;
   const own = verdict?.axes.find((one) => one.axis === asked.axis);
-  put(h("div", { class: "panel plots" }, verdict && band(verdict), compared(before, after)), h("div", { class: "panel", tabindex: 0, role: "region", "aria-label": t("frame.report") }, figures(before, after), own && h("p", { class: "verdict-words" }, plain(own.words)), h("h2", {}, t("report.other")), await other(run, runs, before)));
+  put(h("div", { class: "panel plots" }, verdict && band(verdict), compared(before, after)), h("div", { class: "panel", tabindex: 0, role: "region", "aria-label": t("frame.report") }, figures(before, after), own && h("p", { class: "verdict-words" }, prose(own.words)), h("h2", {}, t("report.other")), await other(run, runs, before)));
 }
 
 async function kept(run, phase) {

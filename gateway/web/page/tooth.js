@@ -3,7 +3,7 @@ import { record } from "./evaluate.js";
 import { unrolled } from "./flankmap.js";
 import { h } from "./dom.js";
 import { array, number, signed } from "./figures.js";
-import { plain, t } from "./words.js";
+import { prose, recorded, t } from "./words.js";
 
 const flat = (map) => array(map.deviation_um).flat(2);
 const rms = (map) => Math.sqrt(flat(map).reduce((sum, one) => sum + one * one, 0) / flat(map).length);
@@ -20,7 +20,7 @@ function maps(named) {
 }
 
 const rows = (every) => h("dl", { class: "facts" }, every.map(([name, text]) => h("div", {}, h("dt", {}, name), h("dd", {}, text))));
-const lines = (said) => said.length > 0 && h("ul", { class: "lines" }, said.map((one) => h("li", {}, plain(one))));
+const lines = (said) => said.length > 0 && h("ul", { class: "lines" }, said.map((one) => h("li", {}, recorded(one))));
 
 export async function predictedTooth(run) {
   const { prediction, setup, eccentricity_um: off, tilt_arcsec: tilt, said } = await record(run.run_id, "tooth");
@@ -38,5 +38,5 @@ export async function verifiedTooth(run) {
   const figures = [...new Set(found.flatMap((one) => Object.keys(one.figures)))];
   return [h("div", { class: "panel plots" }, maps(found.map((one, at) => [parts[at], t(`phase.${parts[at]}`), one.fitted]))),
     h("div", { class: "panel", tabindex: 0, role: "region", "aria-label": t("tooth.flank") }, h("table", {}, h("thead", {}, h("tr", {}, h("th", {}, "[µm]"), parts.map((one) => h("th", { class: "num" }, t(`phase.${one}`))))),
-      h("tbody", {}, figures.map((name) => h("tr", {}, h("th", { scope: "row" }, name), found.map((one) => h("td", { class: "num" }, number(one.figures[name]))))))), verdict && h("p", { class: "verdict-words" }, plain(verdict.words)))];
+      h("tbody", {}, figures.map((name) => h("tr", {}, h("th", { scope: "row" }, name), found.map((one) => h("td", { class: "num" }, number(one.figures[name]))))))), verdict && h("p", { class: "verdict-words" }, prose(verdict.words)))];
 }

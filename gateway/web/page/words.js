@@ -81,6 +81,9 @@ export function message({ code, fields, form }) {
 // What a record says: a message, or the sentence that an older version stored ("" for nothing).
 export const recorded = (one) => (one !== null && typeof one === "object" ? message(one) : plain(one));
 
+// Several sentences of a record, one after another.
+export const prose = (said) => (Array.isArray(said) ? said.map(message).join(tongue() === "zh" ? "" : " ") : recorded(said));
+
 export function t(key, fields) {
   const text = texts.page[key];
   return text === undefined ? `[${key}]` : filled(text, fields);

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from drivers.errors import words
+from drivers.message import Message, fixed
 from drivers.types.stops import StopPlan
 from drivers.types.values import FloatArray
 from gateway.capture.corrected import from_live
@@ -145,7 +145,7 @@ def judge_acting(
     figures = dict(zip(("M", "U", "predicted", "predicted_U"), sizes, strict=True))
     code = "W-ACTING-OTHER" if held is None else "W-ACTING-HELD" if held else "W-ACTING-MISSED"
     off = float(np.max(np.abs(measured - predicted), initial=0.0))
-    numbers = {name: f"{value:.2f}" for name, value in (figures | {"alone": outlook.M_alone, "off": off}).items()}
+    numbers = {name: fixed(value) for name, value in (figures | {"alone": outlook.M_alone, "off": off}).items()}
     return ActingCheck(
         axis=outlook.axis,
         unit=outlook.unit,
@@ -158,7 +158,7 @@ def judge_acting(
         M_predicted=figures["predicted"],
         M_predicted_U=figures["predicted_U"],
         held=held,
-        words=words(code, **told | numbers),
+        words=Message.of(code, **told | numbers),
     )
 
 

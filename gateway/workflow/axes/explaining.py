@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from drivers.errors import words
+from drivers.message import Message, digits
 from drivers.types.tables import LiveTable
 from drivers.types.values import FloatArray
 from drivers.units import DeviationUnit
@@ -77,15 +77,16 @@ class Checked:
         return self.grown or (not self.held and may_harm(self.seen, self.taken))
 
     @property
-    def words(self) -> str:
-        """The finding as people read it."""
-        sizes = {"before": f"{self.before:.2g}", "after": f"{self.after:.2g}", "count": self.count, "unit": self.unit}
+    def words(self) -> tuple[Message, ...]:
+        """The finding, sentence by sentence."""
+        sizes = {"before": digits(self.before), "after": digits(self.after), "count": self.count, "unit": self.unit}
         if self.held:
-            return words("W-VERDICT-BETWEEN-HELD", **sizes)
+            return (Message.of("W-VERDICT-BETWEEN-HELD", **sizes),)
         if self.grown:
-            return words("W-VERDICT-BETWEEN-WORSE", **sizes)
-        told = words("W-VERDICT-BETWEEN-MISSED", **sizes, seen=f"{self.seen:.2g}", allowed=f"{self.allowed:.2g}")
-        return f"{told} " + words("W-VERDICT-BETWEEN-HARM", taken=f"{self.taken:.2g}") if self.worse else told
+            return (Message.of("W-VERDICT-BETWEEN-WORSE", **sizes),)
+        off = {"seen": digits(self.seen), "allowed": digits(self.allowed)}
+        told = Message.of("W-VERDICT-BETWEEN-MISSED", **sizes, **off)
+        return (told, Message.of("W-VERDICT-BETWEEN-HARM", taken=digits(self.taken))) if self.worse else (told,)
 
 
 def check_between(change: TableChange, after: Capture) -> Checked | None:

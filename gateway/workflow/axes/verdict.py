@@ -6,7 +6,7 @@ from typing import Literal
 
 import numpy as np
 
-from drivers.errors import words
+from drivers.message import Message, digits, fixed
 from drivers.types.orders import SignProof
 from drivers.types.values import FloatArray
 from gateway.domain.figures import Evaluation
@@ -53,15 +53,15 @@ def judge_axis(
     B = _smaller(before, after, "B") if turned is not None else 0
     by: Literal["M", "B"] = "B" if turned is not None and (not tabled or B < 0 or (B > 0 and size <= 0)) else "M"
     size = -1 if min(size, B) < 0 else max(size, B)
-    said = _verdict(size, by, before, after=after) + " " + words("W-VERDICT-HELD" if held else "W-VERDICT-MISSED")
+    said = [*_verdict(size, by, before, after=after), Message.of("W-VERDICT-HELD" if held else "W-VERDICT-MISSED")]
     if tabled:
         effect = explain(change, mean_of_both(before), mean_of_both(after), _U_of_change(before, after))
-        said += f" {effect.words}" if effect.kind not in _NO_REASON[size] else ""
-    said += f" {checked.words}" if checked is not None else ""
-    said += f" {_reversal(before, after, worse=B < 0)}" if turned is not None else ""
+        said += effect.words if effect.kind not in _NO_REASON[size] else ()
+    said += checked.words if checked is not None else ()
+    said += [_reversal(before, after, worse=B < 0)] if turned is not None else []
     said += _over_travel(after)
-    said += f" {spread.words}" if spread is not None and spread.words else ""
-    said += " " + words("W-VERDICT-RESTORE", axis=axis) if size < 0 else ""
+    said += spread.words if spread is not None else ()
+    said += [Message.of("W-VERDICT-RESTORE", axis=axis)] if size < 0 else []
     return AxisVerdict(
         axis=axis,
         unit=before.unit,
@@ -69,7 +69,7 @@ def judge_axis(
         after=after,
         improved=size > 0,
         within_prediction=held,
-        words=said,
+        words=tuple(said),
         worse=size < 0,
     )
 
@@ -93,8 +93,8 @@ def judge_measured(
 
 def unmeasured(axis: str, before: Evaluation, change: TableChange, *, pushed: bool) -> AxisVerdict:
     """An axis that was not measured again: nothing was pushed, or there is no instrument to prove it with."""
-    said = words("W-VERDICT-UNPROVED") if pushed else str(change.skipped or words("W-VERDICT-NOTHING"))
-    return AxisVerdict(axis, before.unit, before, before, improved=False, within_prediction=False, words=said)
+    said = Message.of("W-VERDICT-UNPROVED") if pushed else change.skipped or Message.of("W-VERDICT-NOTHING")
+    return AxisVerdict(axis, before.unit, before, before, improved=False, within_prediction=False, words=(said,))
 
 
 def judge(axes: tuple[AxisVerdict, ...], pushes: tuple[PushRecord, ...], proofs: tuple[SignProof, ...]) -> Verdict:
@@ -111,35 +111,31 @@ def mean_of_both(evaluation: Evaluation) -> FloatArray:
     return repetitions.mean_of_both(evaluation.mean_up, evaluation.mean_down)
 
 
-def _verdict(size: int, by: Literal["M", "B"], before: Evaluation, after: Evaluation) -> str:
+def _verdict(size: int, by: Literal["M", "B"], before: Evaluation, after: Evaluation) -> tuple[Message, Message]:
     """The verdict in one sentence, then the figure that it rests on."""
     was, is_now = getattr(before, by), getattr(after, by)
-    figures = {"figure": by, "before": _number(was), "after": _number(is_now), "U": _number(_doubt(before, after, by))}
-    return words(_SIZES[size]) + " " + words("W-VERDICT-FIGURES", **figures, unit=before.unit)
+    figures = {"figure": by, "before": fixed(was), "after": fixed(is_now), "U": fixed(_doubt(before, after, by))}
+    return Message.of(_SIZES[size]), Message.of("W-VERDICT-FIGURES", **figures, unit=before.unit)
 
 
-def _number(value: float | None) -> str:
-    return "-" if value is None else f"{value:.2f}"
-
-
-def _over_travel(after: Evaluation) -> str:
+def _over_travel(after: Evaluation) -> tuple[Message, ...]:
     """What is to be expected between the targets too, where something tells."""
     if after.M_travel is None:
-        return ""
-    sizes = {"M": f"{after.M_travel:.2g}", "U": f"{after.U['M_travel']:.2g}", "unit": after.unit}
-    return " " + words("W-VERDICT-TRAVEL", **sizes)
+        return ()
+    sizes = {"M": digits(after.M_travel), "U": digits(after.U["M_travel"]), "unit": after.unit}
+    return (Message.of("W-VERDICT-TRAVEL", **sizes),)
 
 
-def _reversal(before: Evaluation, after: Evaluation, *, worse: bool) -> str:
+def _reversal(before: Evaluation, after: Evaluation, *, worse: bool) -> Message:
     """B, R and A before and after, and what of A scatter alone leaves."""
     figures = {
-        f"{name}_{when}": "-" if value is None else f"{value:.2f}"
+        f"{name}_{when}": fixed(value)
         for when, one in (("before", before), ("after", after))
         for name, value in (("B", one.B), ("R", one.R), ("A", one.A))
     }
     U, left = after.U.get("B", float("nan")), scatter_alone(after)
     code = "W-VERDICT-REVERSAL-WORSE" if worse else "W-VERDICT-REVERSAL"
-    return words(code, **figures, B_U=f"{U:.2f}", scatter="-" if left is None else f"{left:.2f}", unit=after.unit)
+    return Message.of(code, **figures, B_U=fixed(U), scatter=fixed(left), unit=after.unit)
 
 
 def _smaller(before: Evaluation, after: Evaluation, name: Literal["M", "B"]) -> int:

@@ -10,6 +10,7 @@ from typing import Any
 
 from drivers.clock import Clock
 from drivers.errors import TrueflankError, words
+from drivers.message import Message
 from drivers.terms import spoken
 from drivers.types.tables import CompensationTable
 from drivers.types.values import Sense
@@ -197,7 +198,7 @@ def _ended(
     """Everything asked for is back. A table of the same consent that stays on: exit code 9."""
     codes = {"committed": "W-ROLLBACK-DONE", "already-applied": "W-ROLLBACK-THERE"}
     lines = [
-        words(codes[records[one.table].outcome], table=one.table, acts=seen[one.table].older.words)
+        Message.of(codes[records[one.table].outcome], table=one.table, acts=seen[one.table].older.words)
         for one in found.tables
     ]
     data = {**_data(found), "undoes": found.tables[0].transaction, "applied": True, "outcome": "committed"}

@@ -8,7 +8,8 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
 from drivers.clock import Clock
-from drivers.errors import ConfigError, TrueflankError, words
+from drivers.errors import ConfigError, TrueflankError
+from drivers.message import Message
 from gateway import audit
 from gateway.config import SiteFile
 from gateway.correct.part.setupvalues import setup_from_part
@@ -158,8 +159,9 @@ class _Loop:
         tell(at, audit.note(at.store.root, "close-goes-back", clock=at.clock, serial=at.machine.serial, details=told))
         done = await take_back_run(at)
         if done is not None:
-            said = " ".join((judged.words, words("W-CLOSE-TAKEN-BACK"), *done.lines))
-            record = replace(judged, words=said, taken_back=tuple(done.lines))
+            lines = tuple(one if isinstance(one, Message) else Message.stored(one) for one in done.lines)
+            said = (*judged.words, Message.of("W-CLOSE-TAKEN-BACK"), *lines)
+            record = replace(judged, words=said, taken_back=lines)
             at.folder.put(stages.TOOTH_VERDICT, record, at.folder.parents(stages.TOOTH_VERDICT))
 
     def _expected(self, before: InspectedFlank, tooth: ToothProposal) -> SetupValues:

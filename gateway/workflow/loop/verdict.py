@@ -60,7 +60,8 @@ def _details(paths: ReportPaths, tooth: ToothProposal) -> dict[str, Any]:
 def _tooth(judged: ToothVerdict | None) -> dict[str, Any]:
     if judged is None:
         return {"tooth": None}
-    return {"tooth": {key: value for key, value in asdict(judged).items() if key != "words"}}
+    told = {key: value for key, value in asdict(judged).items() if key != "words"}
+    return {"tooth": told | {"taken_back": list(map(str, judged.taken_back))}}
 
 
 def _agreement(folder: RunFolder) -> dict[str, Any]:

@@ -12,6 +12,7 @@ import numpy as np
 
 from drivers.clock import Clock
 from drivers.errors import TrueflankError, words
+from drivers.message import Message
 from drivers.types.tables import CompensationTable, LiveSet
 from drivers.types.values import FloatArray
 from drivers.units import UM_PER_MM
@@ -75,7 +76,7 @@ class FromGearOutcome:
             for one in self.proposal.changes
         ]
         figures = {"before_um": gear.before.rms_um, "after_um": gear.after.rms_um, "u_um": gear.u_um}
-        said = {"eccentricity_um": list(gear.eccentricity_um), "said": list(gear.said)}
+        said = {"eccentricity_um": list(gear.eccentricity_um), "said": list(map(str, gear.said))}
         return {
             "part": gear.part,
             "setup": asdict(gear.setup),
@@ -142,10 +143,10 @@ async def _proposed(at: Bench, flank: InspectedFlank, run: RunFolder) -> FromGea
     return FromGearOutcome(gear, proposal, str(at.folder.path))
 
 
-def _same_tables(run: RunFolder, part: str, live: Mapping[str, LiveSet]) -> tuple[str, ...]:
+def _same_tables(run: RunFolder, part: str, live: Mapping[str, LiveSet]) -> tuple[Message, ...]:
     """Refuse tables that have changed since the part was ground; a word where nobody knows."""
     if not run.has(stages.ground(part)):
-        return (words("S-INSPECT-ANY-TABLES"),)
+        return (Message.of("S-INSPECT-ANY-TABLES"),)
     acted = run.get(stages.ground(part), GroundPart).live
     other = [name for name, one in live.items() if acted.get(name, one.digest) != one.digest]
     if other:
@@ -153,8 +154,8 @@ def _same_tables(run: RunFolder, part: str, live: Mapping[str, LiveSet]) -> tupl
     return ()
 
 
-def _nothing(changes: Sequence[TableChange]) -> tuple[str, ...]:
-    return () if changes else (words("S-INSPECT-NO-CROSS"),)
+def _nothing(changes: Sequence[TableChange]) -> tuple[Message, ...]:
+    return () if changes else (Message.of("S-INSPECT-NO-CROSS"),)
 
 
 def from_flank(

@@ -11,7 +11,8 @@ from pathlib import Path
 import numpy as np
 
 from drivers.clock import Clock
-from drivers.errors import ConfigError, DeviceRefused, TrueflankError, words
+from drivers.errors import ConfigError, DeviceRefused, TrueflankError
+from drivers.message import Message, fixed
 from drivers.ports.instruments import GearInspector
 from drivers.types.gears import ClampedPart, GearInspection, GearPlan, InspectedGear
 from gateway.config import SiteFile
@@ -184,7 +185,9 @@ def inspect_file(
     if not isinstance(read.content, GearInspection):
         raise ConfigError("E-INSPECT-FILE", str(file.path))
     clamping = work.inspection_clamping_um
-    about = About(part, file.path.name, clamping_um=clamping, heights=file.heights, said=read.notes)
+    about = About(
+        part, file.path.name, clamping_um=clamping, heights=file.heights, said=tuple(map(Message.stored, read.notes))
+    )
     return _kept(folder, RawInspection(file=read.content), gear, about, say)
 
 
@@ -277,11 +280,11 @@ def _told(say: Say, part: str, number: int, total: int) -> Callable[[str, int, i
     return told
 
 
-def _said(plans: tuple[InspectedGear, ...]) -> tuple[str, ...]:
+def _said(plans: tuple[InspectedGear, ...]) -> tuple[Message, ...]:
     part, warm = plans[-1].part, plans[-1].temperature_degc
-    said = [words("S-INSPECT-PART", number=part.part, clamping=part.clamping or "-")] if part.part else []
+    said = [Message.of("S-INSPECT-PART", number=part.part, clamping=part.clamping or "-")] if part.part else []
     if warm is not None and abs(warm - 20.0) > WARM_K:
-        said.append(words("S-INSPECT-WARM", degc=f"{warm:.2f}"))
+        said.append(Message.of("S-INSPECT-WARM", degc=fixed(warm)))
     return tuple(said)
 
 
@@ -294,6 +297,6 @@ def _kept(folder: RunFolder, raw: RawInspection, gear: CycloidGear, about: About
     if folder.has(stages.ground(about.part)):  # of parts made elsewhere nobody knows in which order
         found = replace(found, said=(*found.said, *running_words(found.fitted, gear)))
     folder.put(stages.inspected(about.part), found, tuple(parents))
-    told = {"rms": f"{found.fitted.rms_um:.2f}", "u": f"{found.rms_u_um:.2f}", "points": found.k.size}
+    told = {"rms": fixed(found.fitted.rms_um), "u": fixed(found.rms_u_um), "points": found.k.size}
     say("P-INSPECTED", part=about.part, **told)
     return found

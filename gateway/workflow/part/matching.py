@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from drivers.errors import ConfigError, words
+from drivers.message import Message
 from drivers.types.gears import GearInspection
 from gateway.correct.outlook.drive_outlook import drawn_apart, drawn_flanks
 from gateway.correct.part.inspected import USUAL_CLAMPING_UM, About, inspected_flank, inspection_patterns
@@ -105,7 +106,12 @@ class MatchOutcome:
             "datum": self.drive.datum,
             "predicted_not_tested": True,
             "discs": [
-                {"name": one.part, "rms_um": one.fitted.rms_um, "rms_u_um": one.rms_u_um, "said": list(one.said)}
+                {
+                    "name": one.part,
+                    "rms_um": one.fitted.rms_um,
+                    "rms_u_um": one.rms_u_um,
+                    "said": [*map(str, one.said)],
+                }
                 for one in self.discs
             ],
             "pairs": [one.as_data() for one in self.pairs],
@@ -129,7 +135,13 @@ def disc_of_file(path: Path, gear: CycloidGear, how: DiscFile) -> InspectedFlank
     read = read_file(path, How(columns=how.columns, gear=True))
     if not isinstance(read.content, GearInspection):
         raise ConfigError("E-INSPECT-FILE", str(path))
-    about = About(path.stem, path.name, clamping_um=how.clamping_um, heights=how.heights, said=read.notes)
+    about = About(
+        path.stem,
+        path.name,
+        clamping_um=how.clamping_um,
+        heights=how.heights,
+        said=tuple(map(Message.stored, read.notes)),
+    )
     return inspected_flank(gear, read.content, about)
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from drivers.errors import words
+from drivers.message import Message, Quantity, fixed
 from gateway.evaluate.uncertainty.budget import coverage_factor
 from gateway.gear.cycloid import CycloidGear
 from gateway.gear.running import Running, depth_running, index_running
@@ -13,11 +13,11 @@ CONFIDENCE = 0.997
 LEAST_UM = 0.1  # on the flank; what is smaller is nobody's business
 
 
-def running_words(flank: FlankMap, gear: CycloidGear) -> tuple[str, ...]:
+def running_words(flank: FlankMap, gear: CycloidGear) -> tuple[Message, ...]:
     """What of a flank ran on from the first space ground (0) to the last; nothing where that is not sure."""
     depth, index = depth_running(flank, gear), index_running(flank, gear)
     found = (("S-INSPECT-DEPTH-RUNS", depth, 2), ("S-INSPECT-INDEX-RUNS", index, 1))
-    return tuple(words(code, **_figures(one, digits)) for code, one, digits in found if sure(one))
+    return tuple(Message.of(code, **_figures(one, digits)) for code, one, digits in found if sure(one))
 
 
 def expanded(one: Running) -> float:
@@ -30,5 +30,9 @@ def sure(one: Running) -> bool:
     return abs(one.value) > expanded(one) and one.flank_um > LEAST_UM
 
 
-def _figures(one: Running, digits: int) -> dict[str, str]:
-    return {"value": f"{one.value:+.{digits}f}", "U": f"{expanded(one):.{digits}f}", "flank": f"{one.flank_um:.2f}"}
+def _figures(one: Running, digits: int) -> dict[str, Quantity | str]:
+    return {
+        "value": fixed(one.value, digits, signed=True),
+        "U": fixed(expanded(one), digits),
+        "flank": fixed(one.flank_um),
+    }

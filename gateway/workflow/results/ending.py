@@ -52,7 +52,8 @@ def details_of(material: ReportMaterial) -> tuple[str, ...]:
     axes = material.axes
     acting = (one.acting for one in axes if one.acting is not None)
     background = material.tooth.proposal.background if material.tooth and material.tooth.proposal else ()
-    return (*details((one.verdict for one in axes if one.verdict is not None), acting), *background)
+    told = details((one.verdict for one in axes if one.verdict is not None), acting)
+    return (*told, *map(str, background))
 
 
 AGAIN, ONCE = "before and after (ISO 230-2:2014)", "as measured (ISO 230-2:2014)"
@@ -68,7 +69,7 @@ def outcome_of(
 ) -> Outcome:
     """Gather what a run's end shows."""
     lines = [f"{change.name}: {change.skipped}" for change in proposal.changes if change.skipped]
-    lines += axis_lines(verdict.axes) if verdict is not None else proposal.warnings
+    lines += axis_lines(verdict.axes) if verdict is not None else map(str, proposal.warnings)
     lines += [f"run folder: {run_folder}", f"report: {paths.html}"]
     axes = verdict.axes if verdict is not None else ()
     data = {
@@ -76,7 +77,7 @@ def outcome_of(
         "axes": {axis: _data(*pair) for axis, pair in evaluations.items()},
         "worse": [one.axis for one in axes if one.worse],
         "not_corrected": {change.name: str(change.skipped) for change in proposal.changes if change.skipped},
-        "warnings": list(proposal.warnings),
+        "warnings": list(map(str, proposal.warnings)),
         "report": paths.as_data(),
     }
     return Outcome(

@@ -80,7 +80,7 @@ class ToothOutcome:
                 for one in tooth.axes
             ],
             "drive": None if tooth.drive is None else asdict(tooth.drive),
-            "said": list(tooth.said),
+            "said": list(map(str, tooth.said)),
         }
 
 

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from drivers.errors import words
+from drivers.message import Message, fixed
 from drivers.types.tables import factors_of
 from gateway.domain.proposals import TableChange
 from gateway.table.comparison import taken_by_cross
@@ -23,14 +23,14 @@ def outlooks(own: Sequence[TableChange], cross: Sequence[TableChange]) -> tuple[
     return tuple(_outlook(one, [other for other in proposed if other.axis == one.axis]) for one in tables)
 
 
-def told_of(found: Sequence[AxisOutlook]) -> Iterator[str]:
+def told_of(found: Sequence[AxisOutlook]) -> Iterator[Message]:
     """What cross tables make of an axis, in words; nothing of an axis that none acts on."""
     for one in found:
-        fields = {"axis": one.axis, "M": f"{one.M:.2f}", "U": f"{one.M_U:.2f}", "unit": one.unit}
+        fields = {"axis": one.axis, "M": fixed(one.M), "U": fixed(one.M_U), "unit": one.unit}
         if one.spoilt:
-            yield words("S-TOOTH-AXIS-ACTING", alone=f"{one.M_alone:.2f}", **fields)
+            yield Message.of("S-TOOTH-AXIS-ACTING", alone=fixed(one.M_alone), **fields)
         for name, size in one.moved_by.items():
-            yield words("S-TOOTH-AXIS-MOVED", other=name, size=f"{size:.2f}", **fields)
+            yield Message.of("S-TOOTH-AXIS-MOVED", other=name, size=fixed(size), **fields)
 
 
 def _outlook(own: TableChange, tables: Sequence[TableChange]) -> AxisOutlook:

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from drivers.errors import words
+from drivers.message import Message, fixed
 from drivers.types.values import FloatArray
 from drivers.units import arcsec_to_rad, mm_to_um
 from gateway.config import WorkSection
@@ -17,7 +17,7 @@ from gateway.evaluate.behaviour.approach_scatter import approach_of
 
 def ground_one_way(
     axis: str, capture: Capture, work: WorkSection | None, own: Sequence[TableChange], *, lever_mm: FloatArray
-) -> tuple[str, ...]:
+) -> tuple[Message, ...]:
     """What the reversal of the index ``axis`` makes on the flank; nothing where it was come to from one side only.
 
     ``own`` are the changes of the axis layer, ``lever_mm`` what a turn of 1 rad moves each flank point by along its
@@ -33,4 +33,4 @@ def ground_one_way(
     )
     code = "S-TOOTH-ONE-WAY-PAIR" if paired else "S-TOOTH-ONE-WAY"
     moved = float(mm_to_um(varies * np.sqrt(np.mean(np.square(lever_mm)))))
-    return (words(code, axis=axis, way="+" if work.index_sense > 0 else "-", moved=f"{moved:.2f}"),)
+    return (Message.of(code, axis=axis, way="+" if work.index_sense > 0 else "-", moved=fixed(moved)),)

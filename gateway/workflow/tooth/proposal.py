@@ -8,7 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
-from drivers.errors import ConfigError, words
+from drivers.errors import ConfigError
+from drivers.message import Message, fixed
 from drivers.types.tables import CompensationTable, LiveSet
 from gateway.config import SiteFile
 from gateway.correct.flank.compensability import tangential_cure
@@ -135,7 +136,7 @@ async def propose_tooth(
         eccentricity_um=found.moved.eccentricity_um,
         tilt_arcsec=found.moved.tilt_arcsec,
     )
-    looked = (words("W-PART-LOOK", **against),) if against else ()
+    looked = (Message.of("W-PART-LOOK", **against),) if against else ()
     left = (*looked, *nowhere, *(task.alone(plan, outlook) if nowhere else ()), *_left_alone(own), *doubted(chosen))
     worst = dominant(task.grinding, task.grid, model, outlook.flank)
     needed = (*told(tooth, model, found=found, gains=gains, left_alone=left), *measure_better(worst))
@@ -153,7 +154,7 @@ async def propose_tooth(
 
 def _labelled(change: TableChange, gains: Outlook) -> TableChange:
     """A cross table whose gain is likely but not certain: a second person is asked."""
-    figures = {"gain": f"{gains.gain_um:.2f}", "u": f"{gains.gain_u_um:.2f}", "worse": f"{100.0 * gains.worse:.0f}"}
+    figures = {"gain": fixed(gains.gain_um), "u": fixed(gains.gain_u_um), "worse": fixed(100.0 * gains.worse, 0)}
     return replace(change, findings=(*change.findings, finding("W-TOOTH-CHANCE", change.name, **figures)))
 
 
@@ -164,8 +165,8 @@ def _looked_at(change: TableChange, against: Mapping[str, str]) -> TableChange:
     return replace(change, findings=(*change.findings, finding("W-PART-LOOK", change.name, **against)))
 
 
-def _left_alone(own: Sequence[TableChange]) -> tuple[str, ...]:
-    return tuple(f"{change.name}: {change.skipped}" for change in own if change.skipped)
+def _left_alone(own: Sequence[TableChange]) -> tuple[Message, ...]:
+    return tuple(Message.of("S-TABLE-WHY", name=change.name, why=change.skipped) for change in own if change.skipped)
 
 
 @dataclass(frozen=True)
@@ -212,7 +213,7 @@ class _Task:
             {letter: name for name, letter in letters.items()},
         )
 
-    async def placed(self, at: Bench, paired: Sequence[int]) -> tuple[Plan, tuple[str, ...]]:
+    async def placed(self, at: Bench, paired: Sequence[int]) -> tuple[Plan, tuple[Message, ...]]:
         """The plan with the cross tables that have room beside the ``paired`` numbers, and why the others have none."""
         chain = self.grinding.chain
         able = tuple(one for one in CROSS if self.names.get(one[0]) in self.live and self.plan.has(one[1]))
@@ -223,7 +224,7 @@ class _Task:
         if any(place.full for place in places):
             places = await places_of(at, records, self.live, self._by_gain(able), spoken_for=paired)
         cross = tuple(one for one, place in zip(able, places, strict=True) if not place.reason)
-        return replace(self.plan, cross=cross), tuple(str(place.reason) for place in places if place.reason)
+        return replace(self.plan, cross=cross), tuple(place.reason for place in places if place.reason)
 
     def _by_gain(self, able: tuple[tuple[str, str], ...]) -> tuple[int, ...]:
         """Which tables the flank would miss most, the first one first."""
@@ -236,13 +237,13 @@ class _Task:
         found = correct(self.grinding, self.grid, plan=plan, live=self.acted, own=self.own)
         return float(found.optimum.best.rms)
 
-    def alone(self, plan: Plan, outlook: Outlook) -> tuple[str, ...]:
+    def alone(self, plan: Plan, outlook: Outlook) -> tuple[Message, ...]:
         """What stays on the flank where the control has no place for any cross table, and what these would leave."""
         if plan.cross:
             return ()
         _, could = self.one(self.plan)
         return (
-            words("S-TOOTH-ALONE", left=f"{outlook.flank.after.rms_um:.2f}", least=f"{could.flank.after.rms_um:.2f}"),
+            Message.of("S-TOOTH-ALONE", left=fixed(outlook.flank.after.rms_um), least=fixed(could.flank.after.rms_um)),
         )
 
     def drive(self, plan: Plan, found: LayeredCorrection, goal: DriveGoal) -> DriveProposal:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
-from drivers.errors import words
+from drivers.message import Message, digits, fixed
 from gateway.correct.outlook.next_setup import THRESHOLD_UM
 from gateway.correct.outlook.prediction import Outlook
 from gateway.correct.outlook.too_coarse import Dominant
@@ -16,8 +16,8 @@ from gateway.tooth import CureRecord, DriveDoubt, DriveForecast, DriveProposal, 
 
 
 def told(
-    tooth: ToothProposal, model: ErrorModel, found: LayeredCorrection, gains: Outlook, left_alone: Sequence[str]
-) -> tuple[str, ...]:
+    tooth: ToothProposal, model: ErrorModel, found: LayeredCorrection, gains: Outlook, left_alone: Sequence[Message]
+) -> tuple[Message, ...]:
     """What people need, in words.
 
     ``gains`` is the outlook of the cross tables, proposed or not, ``left_alone`` what was said before.
@@ -25,97 +25,100 @@ def told(
     return (*left_alone, *_gain(found, gains), *_mechanical(tooth), *_unknown(tooth, model), *_work(tooth))
 
 
-def explained(tooth: ToothProposal, model: ErrorModel, found: LayeredCorrection) -> tuple[str, ...]:
+def explained(tooth: ToothProposal, model: ErrorModel, found: LayeredCorrection) -> tuple[Message, ...]:
     """What explains the proposal and asks nothing of anybody, in words."""
     said = [*found.said]
     if not _beyond(tooth):
-        said.append(words("S-TOOTH-ALL-CURED", limit=f"{THRESHOLD_UM:g}"))
-    said.append(words("S-TOOTH-B-LEFT", share=f"{100.0 * tooth.b_left:.0f}"))
+        said.append(Message.of("S-TOOTH-ALL-CURED", limit=digits(THRESHOLD_UM, 6)))
+    said.append(Message.of("S-TOOTH-B-LEFT", share=fixed(100.0 * tooth.b_left, 0)))
     sizes = _sizes(tooth, model)
     if sizes and max(sizes.values()) <= THRESHOLD_UM:
-        said.append(words("S-TOOTH-UNKNOWN-NONE", count=len(sizes), limit=f"{THRESHOLD_UM:g}"))
+        said.append(Message.of("S-TOOTH-UNKNOWN-NONE", count=len(sizes), limit=digits(THRESHOLD_UM, 6)))
     return tuple(said)
 
 
-def drive_told(drive: DriveProposal | None) -> tuple[str, ...]:
+def drive_told(drive: DriveProposal | None) -> tuple[Message, ...]:
     """What drives the corrected machine will make, what each goal costs, and the verdicts on their limits, in words."""
     if drive is None:
         return ()
     figures = {
-        "transmission": f"{drive.transmission_arcsec:.1f}",
-        "u": f"{drive.transmission_u_arcsec:.1f}",
-        "lost": f"{drive.lost_motion_arcsec:.0f}",
-        "lost_u": f"{drive.lost_motion_u_arcsec:.0f}",
+        "transmission": fixed(drive.transmission_arcsec, 1),
+        "u": fixed(drive.transmission_u_arcsec, 1),
+        "lost": fixed(drive.lost_motion_arcsec, 0),
+        "lost_u": fixed(drive.lost_motion_u_arcsec, 0),
     }
-    said = [words("S-TOOTH-DRIVE", name=drive.reducer, datum=drive.datum, **figures)]
+    said = [Message.of("S-TOOTH-DRIVE", name=drive.reducer, datum=drive.datum, **figures)]
     for row in drive.rows:
-        sizes = {"flank": f"{row.flank_um:.2f}", "transmission": f"{row.transmission_arcsec:.1f}"}
-        said.append(words("S-TOOTH-GOAL", name=row.name, lost=f"{row.lost_motion_arcsec:.0f}", **sizes))
+        sizes = {"flank": fixed(row.flank_um), "transmission": fixed(row.transmission_arcsec, 1)}
+        said.append(Message.of("S-TOOTH-GOAL", name=row.name, lost=fixed(row.lost_motion_arcsec, 0), **sizes))
     for one in drive.limits:
-        value, limit = f"{one.value_arcsec:.1f} +- {one.U_arcsec:.1f}", f"{one.limit_arcsec:g}"
-        said.append(words("S-TOOTH-DRIVE-LIMIT", name=one.name, value=value, limit=limit, verdict=one.verdict))
+        value, limit = (
+            Message.of("S-VALUE-U", value=fixed(one.value_arcsec, 1), U=fixed(one.U_arcsec, 1)),
+            digits(one.limit_arcsec, 6),
+        )
+        said.append(Message.of("S-TOOTH-DRIVE-LIMIT", name=one.name, value=value, limit=limit, verdict=one.verdict))
     return (*said, *measure_for_drive(drive.doubts))
 
 
-def forecast_told(drive: DriveForecast | None) -> tuple[str, ...]:
+def forecast_told(drive: DriveForecast | None) -> tuple[Message, ...]:
     """What drives the machine makes before and after its tables, and what to measure for them, in words."""
     if drive is None:
         return ()
-    said = [words("S-DAY-DRIVE", name=drive.reducer, datum=drive.datum)]
+    said = [Message.of("S-DAY-DRIVE", name=drive.reducer, datum=drive.datum)]
     for row in drive.rows:
-        sizes = {"flank": f"{row.flank_um:.2f}", "transmission": f"{row.transmission_arcsec:.1f}"}
-        said.append(words("S-TOOTH-GOAL", name=row.name, lost=f"{row.lost_motion_arcsec:.0f}", **sizes))
+        sizes = {"flank": fixed(row.flank_um), "transmission": fixed(row.transmission_arcsec, 1)}
+        said.append(Message.of("S-TOOTH-GOAL", name=row.name, lost=fixed(row.lost_motion_arcsec, 0), **sizes))
     return (*said, *measure_for_drive(drive.doubts))
 
 
-def measure_for_drive(doubts: Sequence[DriveDoubt]) -> tuple[str, ...]:
+def measure_for_drive(doubts: Sequence[DriveDoubt]) -> tuple[Message, ...]:
     """The unmeasured error that costs most in the drive, in words; nothing where none is worth it."""
     one = next_for_drive(doubts)
-    return () if one is None else (words("S-DRIVE-NEXT", name=one.error, cost=f"{one.cost_arcsec:.1f}"),)
+    return () if one is None else (Message.of("S-DRIVE-NEXT", name=one.error, cost=fixed(one.cost_arcsec, 1)),)
 
 
-def measure_better(worst: Dominant | None) -> tuple[str, ...]:
+def measure_better(worst: Dominant | None) -> tuple[Message, ...]:
     """Which measured error makes most of the doubt, and where to measure it at which step; nothing where none does."""
     if worst is None:
         return ()
-    sizes = {"name": worst.name, "part": f"{worst.part_um:.2f}", "u": f"{worst.u_um:.2f}"}
+    sizes = {"name": worst.name, "part": fixed(worst.part_um), "u": fixed(worst.u_um)}
     if worst.window is None:
-        return (words("S-TOOTH-DOMINANT", **sizes),)
+        return (Message.of("S-TOOTH-DOMINANT", **sizes),)
     at = worst.window
-    places = {"first": f"{at.first:.1f}", "last": f"{at.last:.1f}", "step": f"{at.step:.3g}", "unit": at.unit}
-    return (words("S-TOOTH-COARSE", **sizes, **places, left=f"{at.left_um:.2f}"),)
+    places = {"first": fixed(at.first, 1), "last": fixed(at.last, 1), "step": digits(at.step, 3), "unit": at.unit}
+    return (Message.of("S-TOOTH-COARSE", **sizes, **places, left=fixed(at.left_um)),)
 
 
-def doubted(chosen: Worthwhile) -> tuple[str, ...]:
+def doubted(chosen: Worthwhile) -> tuple[Message, ...]:
     """Which cross tables stay away because the flank may get worse with them, in words."""
     whole = chosen.whole
-    figures = {"gain": f"{whole.gain_um:.2f}", "U": f"{COVERAGE * whole.gain_u_um:.2f}"}
-    worse = f"{100.0 * whole.worse:.0f}"
+    figures = {"gain": fixed(whole.gain_um), "U": fixed(COVERAGE * whole.gain_u_um)}
+    worse = fixed(100.0 * whole.worse, 0)
     names = ", ".join(chosen.left_out)
-    return (words("S-TOOTH-DOUBTED", names=names, worse=worse, **figures),) if names else ()
+    return (Message.of("S-TOOTH-DOUBTED", names=names, worse=worse, **figures),) if names else ()
 
 
-def _gain(found: LayeredCorrection, gains: Outlook) -> Iterator[str]:
-    figures = {"gain": f"{gains.gain_um:.2f}", "U": f"{COVERAGE * gains.gain_u_um:.2f}"}
+def _gain(found: LayeredCorrection, gains: Outlook) -> Iterator[Message]:
+    figures = {"gain": fixed(gains.gain_um), "U": fixed(COVERAGE * gains.gain_u_um)}
     if found.optimum.tables:
-        yield words("S-TOOTH-GAIN", **figures)
+        yield Message.of("S-TOOTH-GAIN", **figures)
     elif not gains.worth:
-        yield words("S-TOOTH-NO-GAIN", **figures)
+        yield Message.of("S-TOOTH-NO-GAIN", **figures)
 
 
-def _mechanical(tooth: ToothProposal) -> Iterator[str]:
+def _mechanical(tooth: ToothProposal) -> Iterator[Message]:
     for one in _beyond(tooth):
-        yield words("S-TOOTH-MECHANICAL", name=one.error, rms=f"{one.rms_um:.2f}", left=f"{one.floor_um:.2f}")
+        yield Message.of("S-TOOTH-MECHANICAL", name=one.error, rms=fixed(one.rms_um), left=fixed(one.floor_um))
 
 
 def _beyond(tooth: ToothProposal) -> list[CureRecord]:
     return [one for one in tooth.cures if one.floor_um > THRESHOLD_UM]
 
 
-def _unknown(tooth: ToothProposal, model: ErrorModel) -> Iterator[str]:
+def _unknown(tooth: ToothProposal, model: ErrorModel) -> Iterator[Message]:
     for name, size in sorted(_sizes(tooth, model).items(), key=lambda item: -item[1]):
         if size > THRESHOLD_UM:
-            yield words("S-TOOTH-UNKNOWN", name=name, u=f"{size:.2f}")
+            yield Message.of("S-TOOTH-UNKNOWN", name=name, u=fixed(size))
 
 
 def _sizes(tooth: ToothProposal, model: ErrorModel) -> dict[str, float]:
@@ -123,7 +126,13 @@ def _sizes(tooth: ToothProposal, model: ErrorModel) -> dict[str, float]:
     return {one.name: tooth.prediction.parts_um.get(one.name, 0.0) for one in model.unknown}
 
 
-def _work(tooth: ToothProposal) -> Iterator[str]:
+def _work(tooth: ToothProposal) -> Iterator[Message]:
     (x, y), (a, b) = tooth.eccentricity_um, tooth.tilt_arcsec
     if x or y or a or b:
-        yield words("S-TOOTH-MOUNTING", x=f"{x:+.1f}", y=f"{y:+.1f}", a=f"{a:+.1f}", b=f"{b:+.1f}")
+        yield Message.of(
+            "S-TOOTH-MOUNTING",
+            x=fixed(x, 1, signed=True),
+            y=fixed(y, 1, signed=True),
+            a=fixed(a, 1, signed=True),
+            b=fixed(b, 1, signed=True),
+        )

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 from math import hypot
 
-from drivers.errors import words
+from drivers.message import Message, digits, fixed
 from gateway.config import WorkSection
 from gateway.correct.outlook.flank_uncertainty import Shop
 from gateway.domain.captures import Capture
@@ -26,7 +26,7 @@ def _with_drift(shop: Shop, captures: Mapping[str, Capture], grinding: Grinding)
     )
 
 
-def drifting(shop: Shop, work: WorkSection | None) -> tuple[str, ...]:
+def drifting(shop: Shop, work: WorkSection | None) -> tuple[Message, ...]:
     """Where a drift was seen that is larger than the site file's, in words."""
     said = _said_of(work)
     pairs = (
@@ -34,21 +34,21 @@ def drifting(shop: Shop, work: WorkSection | None) -> tuple[str, ...]:
         ("index", shop.drift_arcsec_per_h, said.drift_arcsec_per_h, "arcsec"),
     )
     return tuple(
-        words("S-TOOTH-DRIFT", what=what, seen=f"{seen:.1f}", said=f"{told:g}", unit=unit)
+        Message.of("S-TOOTH-DRIFT", what=what, seen=fixed(seen, 1), said=digits(told, 6), unit=unit)
         for what, seen, told, unit in pairs
         if seen > told
     )
 
 
-def noisy(measured: Mapping[str, MeasuredAxis]) -> tuple[str, ...]:
+def noisy(measured: Mapping[str, MeasuredAxis]) -> tuple[Message, ...]:
     """Where the instrument at rest scatters more than its readings' own windows show, in words."""
     captures = {name: item.capture for name, item in measured.items() if item.capture.rest_count}
     return tuple(
-        words(
+        Message.of(
             "S-TOOTH-NOISE",
             axis=name,
-            noise=f"{one.rest_u:.2g}",
-            axis_own=f"{approach_of(one).scatter:.2g}",
+            noise=digits(one.rest_u),
+            axis_own=digits(approach_of(one).scatter),
             unit=one.unit,
         )
         for name, one in captures.items()

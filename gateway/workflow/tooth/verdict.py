@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from drivers.errors import words
+from drivers.message import Message, fixed
 from gateway.domain.values import COVERAGE
 from gateway.gear.cycloid import CycloidGear
 from gateway.gear.setright import reground, set_right
@@ -37,18 +37,22 @@ def judge_tooth(
     missed = float(np.sqrt(np.mean((after.fitted.deviation_um - prediction.after.deviation_um) ** 2)))
     held = missed <= COVERAGE * float(np.hypot(prediction.u_um, after.rms_u_um))
     figures = {
-        "before": f"{before.fitted.rms_um:.2f}",
-        "fair": f"{fair:.2f}",
-        "after": f"{after.fitted.rms_um:.2f}",
-        "predicted": f"{prediction.rms_um:.2f}",
-        "u": f"{prediction.u_um:.2f}",
+        "before": fixed(before.fitted.rms_um),
+        "fair": fixed(fair),
+        "after": fixed(after.fitted.rms_um),
+        "predicted": fixed(prediction.rms_um),
+        "u": fixed(prediction.u_um),
     }
-    said = words(_SAID[change.outcome], **figures) + " " + words("W-TOOTH-HELD" if held else "W-TOOTH-MISSED")
-    said += _curved(fair, first) + _changed(first, last, change)
     off, rest = eccentric_share(after.fitted, gear)
-    said += " " + words("W-TOOTH-ECCENTRIC", off=f"{off:.2f}", rest=f"{rest:.2f}")
     tried = FlankSize.of(trial.fitted, trial, gear) if trial is not None else None
-    said += _tried(tried, last) if tried is not None else ""
+    said = (
+        Message.of(_SAID[change.outcome], **figures),
+        Message.of("W-TOOTH-HELD" if held else "W-TOOTH-MISSED"),
+        *_curved(fair, first),
+        _changed(first, last, change),
+        Message.of("W-TOOTH-ECCENTRIC", off=fixed(off), rest=fixed(rest)),
+        *(_tried(tried, last) if tried is not None else ()),
+    )
     return ToothVerdict(
         before_um=before.fitted.rms_um,
         before_set_right_um=fair,
@@ -69,26 +73,26 @@ def judge_tooth(
     )
 
 
-def _curved(fair: float, first: FlankSize) -> str:
+def _curved(fair: float, first: FlankSize) -> tuple[Message, ...]:
     """Where the part before stood so far off its zero that the profile's curvature shows."""
     if fair - first.rms <= LEAST_UM:
-        return ""
-    return " " + words("W-TOOTH-CURVED", fair=f"{fair:.2f}", anew=f"{first.rms:.2f}")
+        return ()
+    return (Message.of("W-TOOTH-CURVED", fair=fixed(fair), anew=fixed(first.rms)),)
 
 
-def _changed(first: FlankSize, last: FlankSize, change: FlankChange) -> str:
-    whole = {"change": f"{change.whole:+.2f}", "U": f"{change.whole_U:.2f}"}
-    clear = {"first": f"{first.clear:.2f}", "last": f"{last.clear:.2f}", "clear_U": f"{change.clear_U:.2f}"}
-    return " " + words("W-TOOTH-CHANGE", **whole, **clear)
+def _changed(first: FlankSize, last: FlankSize, change: FlankChange) -> Message:
+    whole = {"change": fixed(change.whole, signed=True), "U": fixed(change.whole_U)}
+    clear = {"first": fixed(first.clear), "last": fixed(last.clear), "clear_U": fixed(change.clear_U)}
+    return Message.of("W-TOOTH-CHANGE", **whole, **clear)
 
 
-def _tried(trial: FlankSize, last: FlankSize) -> str:
+def _tried(trial: FlankSize, last: FlankSize) -> tuple[Message, ...]:
     """Why the last part is not as good as the trial part before it; nothing where it is."""
     if last.rms <= trial.rms:
-        return ""
+        return ()
     change = FlankChange.of(trial, last)
     code = "W-TOOTH-TRIAL-SAME" if change.outcome == "unchanged" else "W-TOOTH-TRIAL-WORSE"
     if change.outcome == "worse" and change.clear <= change.clear_U:
         code = "W-TOOTH-TRIAL-CLAMPED"
-    sizes = {"trial": f"{trial.rms:.2f}", "after": f"{last.rms:.2f}", "U": f"{change.whole_U:.2f}"}
-    return " " + words(code, **sizes, first=f"{trial.clear:.2f}", last=f"{last.clear:.2f}")
+    sizes = {"trial": fixed(trial.rms), "after": fixed(last.rms), "U": fixed(change.whole_U)}
+    return (Message.of(code, **sizes, first=fixed(trial.clear), last=fixed(last.clear)),)

@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from drivers.errors import words
+from drivers.message import Message, fixed
 from gateway.correct.outlook.prediction import flank_map
 from gateway.domain.outcomes import PushRecord
 from gateway.domain.proposals import Proposal, TableChange
@@ -93,14 +93,16 @@ def predict_without(at: Bench, proposal: Proposal) -> None:
     if tried is None:
         return
     tooth = revised(at.folder.get(stages.TOOTH, ToothProposal), tried, every, acting)
-    why = tuple(f"{one.name}: {step}" for one in missing for step in _reasons(at.folder, one))
+    why = tuple(
+        Message.of("S-TABLE-WHY", name=one.name, why=why) for one in missing for why in _reasons(at.folder, one)
+    )
     at.folder.put(stages.TOOTH, replace(tooth, said=(*why, *tooth.said)), at.folder.parents(stages.TOOTH))
 
 
-def _reasons(folder: RunFolder, change: TableChange) -> tuple[str, ...]:
+def _reasons(folder: RunFolder, change: TableChange) -> tuple[Message, ...]:
     """Why a table of the run was not pushed, as its record has it."""
     stage = stages.push(change.name)
-    return tuple(map(str, folder.get(stage, PushRecord).reasons)) if folder.has(stage) else ()
+    return folder.get(stage, PushRecord).reasons if folder.has(stage) else ()
 
 
 def revised(
@@ -114,8 +116,8 @@ def revised(
     told = tooth.prediction
     found = _moved(told, now.deviation_um - was.deviation_um)
     alone = told.with_own.deviation_um + tried.flank(own[0]).deviation_um - tried.flank(own[1]).deviation_um
-    figures = {"rest": f"{found.rms_um:.2f}", "all": f"{told.rms_um:.2f}"}
-    said = words("S-TOOTH-WITHOUT", names=", ".join(one.name for one in missing), **figures)
+    figures = {"rest": fixed(found.rms_um), "all": fixed(told.rms_um)}
+    said = Message.of("S-TOOTH-WITHOUT", names=", ".join(one.name for one in missing), **figures)
     axes = {one.axis for one in missing}
     return replace(
         tooth,

@@ -7,6 +7,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
+from drivers.message import prose
 from gateway.gear.cycloid import CycloidGear
 from gateway.gear.flank import FlankGrid, flank_grid
 from gateway.gear.setright import set_right
@@ -51,14 +52,14 @@ def test_the_flank_before_counts_with_its_set_up_values_right(after: float, outc
     assert verdict.outcome == outcome
     assert verdict.before_um > 5.0 > verdict.before_set_right_um == pytest.approx(made(wave(2.0)).rms_um)
     assert verdict.within_prediction
-    assert f"{verdict.after_um:.2f} µm" in verdict.words
+    assert f"{verdict.after_um:.2f} µm" in prose(verdict.words)
 
 
 def test_a_flank_elsewhere_than_predicted_is_said_even_when_it_is_better() -> None:
     before, end = made(wave(4.0)), made(wave(1.0))
     verdict = judge_tooth(inspected(before), inspected(end), predicted(made(wave(0.0)), 0.1), GEAR)
     assert (verdict.outcome, verdict.within_prediction) == ("better", False)
-    assert "does not agree with the prediction" in verdict.words
+    assert "does not agree with the prediction" in prose(verdict.words)
 
 
 def eccentric(size: float) -> Callable[[FlankGrid], FloatArray]:
@@ -122,7 +123,7 @@ def test_unchanged_hides_no_gain_that_no_clamping_can_make() -> None:
     assert abs(verdict.change_um) < verdict.change_U_um
     assert verdict.outcome == "better"
     assert verdict.before_clear_um == pytest.approx(made(wave(0.5)).rms_um, rel=0.02)
-    assert f"from {verdict.before_clear_um:.2f} to {verdict.after_clear_um:.2f} µm" in verdict.words
+    assert f"from {verdict.before_clear_um:.2f} to {verdict.after_clear_um:.2f} µm" in prose(verdict.words)
 
 
 @pytest.mark.parametrize(
@@ -137,6 +138,6 @@ def test_unchanged_hides_no_gain_that_no_clamping_can_make() -> None:
 def test_a_trial_part_that_was_better_is_explained(last: Callable[[FlankGrid], FloatArray], said: str) -> None:
     before, trial = inspected(made(wave(2.0)), 0.3, POINTS), inspected(made(wave(0.2)), 0.3, POINTS)
     verdict = judge_tooth(before, inspected(made(last), 0.3, POINTS), predicted(trial.fitted), gear=GEAR, trial=trial)
-    assert said in verdict.words
-    assert ("The trial part had" in verdict.words) == bool(said)
+    assert said in prose(verdict.words)
+    assert ("The trial part had" in prose(verdict.words)) == bool(said)
     assert verdict.trial_um == pytest.approx(trial.fitted.rms_um)

@@ -127,7 +127,7 @@ def test_an_eccentric_clamping_stays_within_what_it_is_said_to_be() -> None:
     moved = rms(far.fitted.deviation_um - plain.fitted.deviation_um)
     assert 0.1 < moved < plain.rms_u_um
     assert plain.rms_u_um > 2.0 * far.rms_u_um
-    assert any("(within 0.5 µm" in line for line in plain.said)
+    assert any("(within 0.5 µm" in line for line in map(str, plain.said))
 
 
 def test_glitches_and_points_that_tell_nothing_are_left_out_and_counted() -> None:
@@ -148,9 +148,9 @@ def test_glitches_and_points_that_tell_nothing_are_left_out_and_counted() -> Non
     found = inspected_flank(RV40E, both, ABOUT)
     plain = inspected_flank(RV40E, given, ABOUT)
     assert found.k.size == plain.k.size - wild.size
-    assert "outliers excluded: 4" in found.said
-    assert any(line.startswith("points excluded") and line.endswith(": 8") for line in found.said)
-    assert any("the probing uncertainty is not stated" in line for line in found.said)
+    assert "outliers excluded: 4" in map(str, found.said)
+    assert any(line.startswith("points excluded") and line.endswith(": 8") for line in map(str, found.said))
+    assert any("the probing uncertainty is not stated" in line for line in map(str, found.said))
     assert np.max(np.abs(found.fitted.deviation_um - plain.fitted.deviation_um)) < 0.3
     assert found.u_um == pytest.approx(NOISE_UM, rel=0.05)
     noisy = given.points_mm.copy()
@@ -195,7 +195,7 @@ def test_what_is_no_inspection_of_this_gear_is_refused(given: GearInspection, co
 def test_numbers_may_begin_elsewhere_and_another_gear_is_told_by_one_height() -> None:
     given = measured(5)
     found = inspected_flank(RV40E, replace(given, space=np.mod(given.space + 1, 39)), ABOUT)
-    assert any("space 0 is space 38" in line for line in found.said)
+    assert any("space 0 is space 38" in line for line in map(str, found.said))
     check_gear(RV40E, without(np.isclose(Z, HEIGHTS[0])))
     with pytest.raises(TrueflankError, match="E-INSPECT-GEAR"):
         check_gear(RV40E, other_gear())
@@ -233,8 +233,8 @@ def test_gears_alone_guard_the_machine() -> None:
     assert guard_flanks(approved, now, RV40E, 2.0).answer == "still valid"
     deeper = guard_flanks(approved, moved(now, -4.0), RV40E, 2.0)
     assert deeper.answer == "re-measure this axis"
-    assert any("infeed (A), all spaces changed by -4.0" in line for line in deeper.said)
+    assert any("infeed (A), all spaces changed by -4.0" in line for line in map(str, deeper.said))
     for other in (measured(7, HEIGHTS, 11), measured(7, (-4.5, 0.3, 4.2)), measured(7, (-4.5, -1.7, 0.9, 4.2))):
         verdict = guard_flanks(approved, inspected_flank(RV40E, other, ABOUT), RV40E, 2.0)
         assert verdict.answer == "cannot tell"
-        assert any("same points" in line for line in verdict.said)
+        assert any("same points" in line for line in map(str, verdict.said))

@@ -42,8 +42,8 @@ def test_the_corrected_machine_grinds_what_was_predicted(seed: int) -> None:
     assert {one.name for one in found.own} == {"X(X)", "Z(Z)", "C(C)"}
     for curve in found.axes:
         assert np.ptp(curve.own_layer) < 0.25 * np.ptp(curve.before)
-    assert any("determined from the axis alone" in line for line in found.said)
-    assert any("interaction" in line for line in found.said)
+    assert any("determined from the axis alone" in line for line in map(str, found.said))
+    assert any("interaction" in line for line in map(str, found.said))
 
 
 def test_another_build_of_machine_gets_its_own_signs() -> None:
@@ -143,10 +143,10 @@ def test_a_measured_gear_gives_back_what_the_machine_did(seed: int) -> None:
     assert np.sqrt(np.mean(pull**2)) == pytest.approx(1.0, abs=0.15)
     found = correct_from_gear(grinding, points, noisy, PLAN)  # type: ignore[arg-type]
     assert found.visible.rank in (4, 8)
-    assert any("EXX" in line and "combinations" in line for line in found.said)
-    assert any("EZZ" in line and "no gear shows" in line for line in found.said)
+    assert any("EXX" in line and "combinations" in line for line in map(str, found.said))
+    assert any("EZZ" in line and "no gear shows" in line for line in map(str, found.said))
     sat = mounting_of(grinding, places_of_points(grid.gear, *points))
-    assert any("off centre" in line for line in found.said) == (np.hypot(sat.x_mm, sat.y_mm) > 5e-4)
+    assert any("off centre" in line for line in map(str, found.said)) == (np.hypot(sat.x_mm, sat.y_mm) > 5e-4)
     assert found.mounting.values == pytest.approx(sat.values, abs=2e-4)
     assert found.optimum.after.rms < 0.2 * found.optimum.before.rms
     # Judged by the truth, not by the readings.
@@ -162,7 +162,7 @@ def test_a_gear_without_its_mounting_taken_off_warns_of_what_turns() -> None:
     points = tuple(np.broadcast_to(part, grid.shape) for part in (grid.k, grid.theta, grid.z))
     found = correct_from_gear(grinding, points, e, replace(PLAN, mounting=False), u=2e-4)  # type: ignore[arg-type]
     assert found.mounting == WorkMounting()
-    assert any("once per turn" in line for line in found.said)
+    assert any("once per turn" in line for line in map(str, found.said))
 
 
 def test_what_a_live_table_does_is_no_mounting() -> None:

@@ -51,7 +51,7 @@ def test_the_error_is_named_and_its_window_cures_it(wave_mm: float) -> None:
     assert found.name == "EXZ"
     assert found.window is not None
     (told,) = measure_better(found)
-    assert f"step = {found.window.step:.3g} (mm)" in told
+    assert f"step = {found.window.step:.3g} (mm)" in str(told)
     assert found.window.first < HEIGHT - RV40E.b / 2.0 < HEIGHT + RV40E.b / 2.0 < found.window.last
     window = np.arange(found.window.first, found.window.last + 0.1, found.window.step)
     beside = COARSE[np.abs(COARSE - HEIGHT) > np.ptp(window) / 2.0 + 1.0]
@@ -69,4 +69,4 @@ def test_noise_is_not_cured_by_targets() -> None:
     _, found = judged(model_of(np.arange(100.0, 200.1, 2.5), 200.0, 1.0))
     assert found is not None
     assert (found.name, found.window) == ("EXZ", None)
-    assert "more repetitions" in measure_better(found)[0]
+    assert "more repetitions" in str(measure_better(found)[0])

@@ -50,7 +50,7 @@ def test_a_day_forecasts_the_drive_and_names_what_costs_it_most(
     rows = {row.name: row.transmission_arcsec for row in found.drive.rows}
     assert rows["this goal: transmission"] < rows["as it is"]
     assert found.drive.doubts[0].error == "EXC"
-    lines = forecast_told(found.drive)
+    lines = list(map(str, forecast_told(found.drive)))
     assert "measure EXC next" in lines[-1]
     assert "without friction" in lines[0]
     assert found.as_data()["drive"]["doubts"][0]["cost_arcsec"] == found.drive.doubts[0].cost_arcsec

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from drivers.message import prose
 from gateway.gear.cycloid import CycloidGear
 from gateway.gear.flank import flank_grid
 from gateway.gear.running import depth_running, index_running
@@ -69,7 +70,7 @@ def test_wear_and_heat_are_found_beside_a_pitch_error(name: str) -> None:
     assert index.value == pytest.approx(course[-1] - course[0], abs=expanded(index))
     assert sure(depth)
     assert sure(index)
-    said = " ".join(running_words(flank, gear))
+    said = prose(running_words(flank, gear))
     assert f"{index.value:+.1f} arcsec" in said
     assert f"{depth.value:+.2f} µm" in said
 

@@ -113,7 +113,7 @@ def test_a_table_of_the_consent_that_stays_on_is_no_success_whatever_axis_it_mov
     run = SimpleNamespace(folder=SimpleNamespace(state="rollback-committed", path=tmp_path))
     ended = _ended(run, found, take_back(at, "X1-cec3"), seen)  # type: ignore[arg-type]
     assert ended.exit_code == code
-    assert any("stay on" in line and moved.table in line for line in ended.lines) == bool(rest)
+    assert any("stay on" in line and moved.table in line for line in map(str, ended.lines)) == bool(rest)
 
 
 @pytest.mark.parametrize("call", ["stage", "activate", "restarted"])

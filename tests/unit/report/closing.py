@@ -78,7 +78,7 @@ def inspected(part: str, flank: FlankMap) -> InspectedFlank:
         part, "gear inspection machine P 26", "P26-118", k, t, z, flank.deviation_um.ravel(), 0.2,
         np.repeat(GRID.ks, Z), np.tile(flank.z_mm, K), G, G, flank, 0.08,
         {name: size * rms for name, size in zip(names, sizes, strict=True)},
-        ("How far this inspection clamped off centre cannot be told from the part's own eccentricity.",),
+        (Message.stored("How far this inspection clamped off centre cannot be told from the part's eccentricity."),),
         "2026-03-02T14:10:00+00:00",
     )  # fmt: skip
 
@@ -158,7 +158,7 @@ def proposal() -> ToothProposal:
     return ToothProposal(
         SetupValues(-4.0, 0.0, -1.5), prediction,
         tuple(CureRecord(name, rms, by, floor) for name, (rms, by, floor) in CURES.items()), tuple(ranks), 0.46,
-        (0.0, 0.0), (0.0, 0.0), ("Z(Z) is not seen by the flank: the axis decided it.",),
+        (0.0, 0.0), (0.0, 0.0), (Message.stored("Z(Z) is not seen by the flank: the axis decided it."),),
     )  # fmt: skip
 
 
@@ -186,7 +186,7 @@ def tooth() -> ToothMaterial:
         errors(), proposal(),
         ToothVerdict(
             ground.rms_um, fair.rms_um, after.rms_um, 0.21, 0.16, within_prediction=True, outcome="better",
-            words=f"The flank got better: RMS {fair.rms_um:.2f} um became {after.rms_um:.2f} um.",
+            words=(Message.stored(f"The flank got better: RMS {fair.rms_um:.2f} um became {after.rms_um:.2f} um."),),
         ),
         (
             part("before", first, ground, 8),

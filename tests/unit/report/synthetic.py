@@ -79,7 +79,7 @@ def axis_material(axis: str, unit: AxisUnit, seed: int = 7) -> AxisMaterial:
         sense_proof=SenseProof("laser", axis, -1, 0.99987, (9.9987,)),
         verdict=AxisVerdict(
             axis, first.unit, first, second, improved=True, within_prediction=True,
-            words=f"M from {first.M:.1f} to {second.M:.1f} {first.unit}, as predicted.",
+            words=(Message.stored(f"M from {first.M:.1f} to {second.M:.1f} {first.unit}, as predicted."),),
         ),
         findings=(Message.stored("order 36 is above what 24 targets can see"),) if rotary else (),
     )  # fmt: skip

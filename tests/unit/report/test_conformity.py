@@ -285,8 +285,8 @@ def test_the_end_of_a_closing_run_says_every_verdict_and_ends_with_its_code(
     fill(run)
     done = closed(run, load_site(path))
     assert done.exit_code == code
-    assert any(line.startswith("X1 A ") and line.endswith(f"as left): {word}") for line in done.lines)
-    assert done.lines[-1].startswith("tooth: ")
+    assert any(line.startswith("X1 A ") and line.endswith(f"as left): {word}") for line in map(str, done.lines))
+    assert str(done.lines[-1]).startswith("tooth: ")
     assert done.data["conformity"][0]["verdict"] == word.lower()
     worse = conforming(replace(done, exit_code=9), judged(load_site(path), material_of(run)))
     assert worse.exit_code == 9

@@ -9,7 +9,7 @@ from html.parser import HTMLParser
 import numpy as np
 import pytest
 
-from drivers.message import Message
+from drivers.message import Message, prose
 from drivers.types.identity import Identity, MachineIdentity
 from drivers.types.sensing import Ambient
 from gateway.domain.proposals import TableFinding
@@ -77,7 +77,7 @@ def test_every_fact_of_the_run_is_on_the_page(document: str, material: ReportMat
     assert [item for item in wanted if item not in text] == []
     for axis in material.axes:
         assert axis.verdict is not None
-        assert axis.verdict.words.replace(" um", " µm") in text
+        assert prose(axis.verdict.words).replace(" um", " µm") in text
         assert axis.before is not None
         assert axis.after is not None
         assert f"{axis.before.M:.2f}" in text
@@ -131,7 +131,7 @@ def _hostile(text: str) -> ReportMaterial:
             capture, component=text, notes=(text,), source=text, started_utc=text, ended_utc=text,
             corrections=replace(capture.corrections, air=text, details={text: 1.0}),
         ),
-        verdict=replace(axis.verdict, words=text),
+        verdict=replace(axis.verdict, words=(Message.stored(text),)),
         sense_proof=replace(axis.sense_proof, instrument=text),
         components=tuple(replace(part, name=text, basis=text) for part in axis.components),
     )  # fmt: skip

@@ -12,6 +12,7 @@ from matplotlib.collections import QuadMesh
 from matplotlib.figure import Figure
 from matplotlib.image import AxesImage
 
+from drivers.message import Message, prose
 from drivers.types.values import FloatArray
 from gateway.model.preset import TWENTY_ONE
 from gateway.report import ReportMaterial, ToothMaterial, as_json
@@ -71,7 +72,7 @@ def test_the_summary_is_the_verdicts_and_the_change_its_own(material: ReportMate
     change = 100.0 * (verdict.after_um - verdict.before_set_right_um) / verdict.before_set_right_um
     assert tooth["change_pct"] == pytest.approx(change, rel=1e-12)
     assert data["summary"]["outcome"] == data["outcome"] == "better"
-    assert verdict.words in data["summary"]["words"]
+    assert prose(verdict.words) in data["summary"]["words"]
     assert data["summary"]["missing"] == []
 
 
@@ -261,9 +262,9 @@ def test_axes_that_improved_as_predicted_share_one_line_and_the_others_keep_ever
     told = axis_lines((well, replace(well, axis="C1"), other))
     assert told == (
         f"{well.axis}, C1: improved by more than the uncertainty, as predicted at every target (k = 3)",
-        f"{other.axis}: {other.words}",
+        f"{other.axis}: {prose(other.words)}",
     )
-    assert details((well, other)) == (f"{well.axis}: {well.words}",)
+    assert details((well, other)) == (f"{well.axis}: {prose(well.words)}",)
 
 
 def test_the_last_line_is_the_tooths_figure(material: ReportMaterial) -> None:
@@ -290,7 +291,9 @@ def test_a_part_that_asks_for_tables_by_itself_shows_what_they_would_do() -> Non
     flank = part.parts[0].flank
     assert flank is not None
     after = replace(flank.fitted, deviation_um=0.1 * flank.fitted.deviation_um)
-    asks = GearProposal("customer 7", SetupValues(1.0, 2.0, 3.0), flank.fitted, after, 0.05, said=("X(Z) only",))
+    asks = GearProposal(
+        "customer 7", SetupValues(1.0, 2.0, 3.0), flank.fitted, after, 0.05, said=(Message.stored("X(Z) only"),)
+    )
     found = states(replace(part, from_gear=asks))
     assert [(one.key, round(one.rms / found[0].rms, 6)) for one in found] == [("part", 1.0), ("predicted", 0.1)]
     assert 2.0 * asks.u_um == found[1].U

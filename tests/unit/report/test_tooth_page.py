@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from drivers.message import Message
+from drivers.message import Message, prose
 from gateway.model.known import ErrorModel, LocationError
 from gateway.report import PartMaterial, ReportMaterial, TableMaterial, ToothMaterial, render
 from gateway.report.drawings import tooth as tooth_drawings
@@ -66,7 +66,7 @@ def test_the_verdict_and_the_tooths_figure_come_first(document: str, material: R
     assert tooth.verdict is not None
     verdict, text = tooth.verdict, Outline(document).text
     wanted = [
-        verdict.words.replace(" um", " µm"),
+        prose(verdict.words).replace(" um", " µm"),
         f"{number(verdict.before_set_right_um)} µm",
         f"{number(verdict.after_um)} µm",
         "0.21 ± 0.08 µm",
@@ -142,14 +142,15 @@ def _small(text: str) -> FlankMap:
 
 def hostile(text: str) -> ReportMaterial:
     """Small material in which every name that comes from outside is this text."""
-    flank = replace(closing.inspected(text, _small(text)), source=text, serial=text, figures={text: 1.0}, said=(text,))
+    flank = replace(closing.inspected(text, _small(text)), source=text, serial=text, figures={text: 1.0})
+    flank = replace(flank, said=(Message.stored(text),))
     old = closing.proposal()
     made = replace(
         old,
         prediction=replace(old.prediction, before=_small(text), with_own=_small(text), after=_small(text)),
         cures=(replace(old.cures[0], error=text, by=f"{text} in part"),),
         ranking=(replace(old.ranking[0], error=text),),
-        said=(text,),
+        said=(Message.stored(text),),
     )
     change = closing.cross_table("X", "Z", 0).change
     new = replace(change.new, input_axis=text, output_axis=text)
@@ -158,7 +159,7 @@ def hostile(text: str) -> ReportMaterial:
     tooth = ToothMaterial(
         ErrorModel((), (LocationError(text, 1.0, 0.1, "arcsec", text),), said=(Message.stored(text),)),
         made,
-        replace(closing.tooth().verdict or pytest.fail("no verdict"), words=text),
+        replace(closing.tooth().verdict or pytest.fail("no verdict"), words=(Message.stored(text),)),
         (PartMaterial(text, GroundPart(text, SetupValues(), 2, text, text), flank),),
         (table, skipped),
         gear_name=text,

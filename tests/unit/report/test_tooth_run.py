@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
+from drivers.message import prose
 from gateway.cli import app
 from gateway.domain.outcomes import Verdict
 from gateway.domain.proposals import Proposal
@@ -108,7 +109,7 @@ def test_a_whole_closing_run_comes_out_of_its_folder_as_it_went_in(run: RunFolde
     named = ["flank-maps.png", "flank-charts.png", "tooth-before-after.png", "ranking.png", "errors.png"]
     assert [path.name for path in paths.pictures] == named
     assert all(path.read_bytes().startswith(b"\x89PNG") for path in (paths.picture, *paths.pictures))
-    assert tooth.verdict.words.replace(" um", " µm") in paths.html.read_text()
+    assert prose(tooth.verdict.words).replace(" um", " µm") in paths.html.read_text()
     figure = f"{tooth.verdict.before_set_right_um:.2f} µm -> {tooth.verdict.after_um:.2f} µm"
     assert lines_of(material_of(run))[-1] == (
         f"tooth: flank RMS {figure} (predicted 0.21 +- 0.08 µm, k = 2), set-up values not counted"

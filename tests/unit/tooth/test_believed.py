@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from drivers.clock import LoopClock
+from drivers.message import Message, prose
 from gateway import audit
 from gateway.capture.cycles import visits
 from gateway.config import SiteFile
@@ -59,7 +60,7 @@ def test_the_larger_of_the_site_file_and_what_was_seen_counts_and_is_said() -> N
     assert (fast.drift_um_per_h, fast.drift_arcsec_per_h) == (2.0, 0.5)
     assert slow.drift_um_per_h == 0.3
     (told,) = drifting(fast, WORK)
-    assert "infeed drifted by 2.0 µm per hour" in told
+    assert "infeed drifted by 2.0 µm per hour" in str(told)
     assert drifting(slow, WORK) == ()
 
 
@@ -122,7 +123,14 @@ def test_a_flank_that_became_worse_takes_the_tables_back_unless_told_not_to(
     store = Store(tmp_path)
     folder = store.create("grinder")
     verdict = ToothVerdict(
-        1.0, 0.8, 7.5, predicted_um=0.4, u_um=0.2, within_prediction=False, outcome=outcome, words="W"
+        1.0,
+        0.8,
+        7.5,
+        predicted_um=0.4,
+        u_um=0.2,
+        within_prediction=False,
+        outcome=outcome,
+        words=(Message.stored("W"),),
     )
 
     async def take_back(at: Any) -> Any:
@@ -154,8 +162,8 @@ def test_a_flank_that_became_worse_takes_the_tables_back_unless_told_not_to(
     asyncio.run(run())
     stored = folder.get(stages.TOOTH_VERDICT, ToothVerdict)
     assert (len(asked), folder.state) == (taken, outcome)
-    assert stored.taken_back == ("X1: the old one acts",) * taken
-    assert ("X1: the old one acts" in stored.words) == bool(taken)
+    assert tuple(map(str, stored.taken_back)) == ("X1: the old one acts",) * taken
+    assert ("X1: the old one acts" in prose(stored.words)) == bool(taken)
     assert said[0] == ("P-CLOSE-BACK" if back else "P-CLOSE-BACK-NOT")
     assert ("P-CLOSE-STAYS" in said) == (outcome == "worse" and not back)
     actions = [one["action"] for one in audit.entries(store.root)]

@@ -73,7 +73,7 @@ def test_a_proposal_says_what_is_expected_what_each_goal_costs_and_the_verdict()
         trials=30,
         limits=(DriveLimit("transmission_arcsec", 38.2, 12.2, 30.0, "not decidable"),),
     )
-    expected, first, mine, verdict = drive_told(drive)
+    expected, first, mine, verdict = map(str, drive_told(drive))
     assert "38.2" in expected
     assert "predicted, not tested" in expected
     assert "0.08" in first

@@ -45,7 +45,7 @@ def test_a_cross_table_over_the_axis_itself_is_in_its_curve_and_others_only_move
     assert found.M_alone < 1.0
     assert found.M > 9.0
     assert dict(found.moved_by) == {"Z1": 6.0}
-    first, second = told_of([found])
+    first, second = map(str, told_of([found]))
     assert "on purpose" in first
     assert f"{found.M:.2f}" in first
     assert "6.00" in second

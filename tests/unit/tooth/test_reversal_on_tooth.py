@@ -70,8 +70,8 @@ def test_what_varies_marks_the_flank_by_what_is_said(none: np.ndarray) -> None:
     assert len(said) == 1
     moved = rms(marked - none)
     assert moved > 0.05
-    assert float(re.findall(r"makes ([0-9.]+)", said[0])[0]) == pytest.approx(moved, abs=0.01)
-    assert "in the direction -," in said[0]
+    assert float(re.findall(r"makes ([0-9.]+)", str(said[0]))[0]) == pytest.approx(moved, abs=0.01)
+    assert "in the direction -," in str(said[0])
     one_sided = replace(capture, deviations=capture.deviations * np.array([1.0, np.nan]))
     assert ground_one_way("C1", one_sided, WORK, (), lever_mm=at.lever) == ()
 

@@ -153,7 +153,7 @@ def test_the_prediction_becomes_that_of_the_tables_that_were_pushed() -> None:
     doubt = 0.5**2 - whole.rms_um**2
     assert found.prediction.rms_um == pytest.approx((wanted.rms_um**2 + max(doubt, 0.0)) ** 0.5)
     assert found.prediction.with_own.deviation_um == pytest.approx(plain.deviation_um)
-    assert "not pushed" in found.said[0]
+    assert "not pushed" in str(found.said[0])
     grid = flank_grid(DISC, profile=PROFILE, width=WIDTH)
     assert whole.deviation_um.shape == grid.shape
     assert set_right(whole, DISC).rms_um == pytest.approx(whole.rms_um, rel=1e-6)
@@ -193,6 +193,6 @@ def test_the_stored_prediction_is_revised_once_and_says_why() -> None:
     )
     without.predict_without(said.bench, proposal)
     found = folder[stages.TOOTH]
-    assert found.said[0] == f"{lost.name}: E-PUSH-NO-PROOF: too small"
+    assert str(found.said[0]) == f"{lost.name}: E-PUSH-NO-PROOF: too small"
     wanted = TRIED.right([one for one in changes if one.name != lost.name])
     assert found.prediction.after.deviation_um == pytest.approx(wanted.deviation_um, abs=1e-9)

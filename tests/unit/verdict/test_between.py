@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from drivers.message import prose
 from drivers.types.sensing import Ambient
 from gateway.domain.captures import Between, Capture
 from gateway.domain.outcomes import AxisVerdict, PushRecord
@@ -57,22 +58,22 @@ def comb(size: float) -> Truth:
 def test_a_good_table_is_confirmed_between_the_targets() -> None:
     good = verdict(as_the_table)
     assert (good.improved, good.worse, good.within_prediction) == (True, False, True)
-    assert "Positions between the targets, not measured before, confirm it (6)" in good.words
+    assert "Positions between the targets, not measured before, confirm it (6)" in prose(good.words)
     assert judge((good,), (PUSH,), ()).outcome == "better"
 
 
 def test_a_little_more_than_stated_between_them_is_said() -> None:
     little = verdict(comb(3.0))
     assert (little.improved, little.worse, little.within_prediction) == (True, False, False)
-    assert "The prediction did not hold between the targets" in little.words
+    assert "The prediction did not hold between the targets" in prose(little.words)
 
 
 @pytest.mark.parametrize("machine", [comb(14.0), lambda q: as_the_table(q) * np.cos(np.pi * q / 15.0) ** 2])
 def test_a_table_that_only_the_targets_agree_with_makes_the_axis_worse(machine: Truth) -> None:
     bad = verdict(machine)
     assert (bad.improved, bad.worse) == (False, True)
-    assert "The axis became worse" in bad.words
-    assert "trueflank rollback SITE --axis C1" in bad.words
+    assert "The axis became worse" in prose(bad.words)
+    assert "trueflank rollback SITE --axis C1" in prose(bad.words)
     assert judge((bad,), (PUSH,), ()).outcome == "worse"
 
 

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from drivers.message import prose
 from drivers.types.tables import CompensationTable
 from gateway.domain.figures import Evaluation
 from gateway.domain.proposals import TableChange
@@ -29,7 +30,7 @@ CHANGE = TableChange("C1", OLD, NEW, True, "base", TARGETS, np.zeros(24), np.ful
 )
 def test_what_the_new_table_did_over_the_old(slope: float, said: str) -> None:
     before = SHAPE + np.random.default_rng(5).normal(scale=0.2, size=24)
-    assert said in explain(CHANGE, before, before + slope * SHAPE + 0.7).words
+    assert said in str(explain(CHANGE, before, before + slope * SHAPE + 0.7).words[0])
 
 
 def test_an_old_table_that_was_off_took_nothing_away() -> None:
@@ -59,12 +60,12 @@ def test_one_verdict_in_one_sentence_and_no_reason_against_it(slope: float, U: f
         return evaluate(TARGETS, x, "arcsec", budget=Budget(device=U))
 
     told = judge_axis("C1", figures(SHAPE), figures(SHAPE + slope * SHAPE), replace(CHANGE, predicted_U=np.full(24, U)))
-    verdict, *reasons = told.words.split(". ")
+    verdict, *reasons = prose(told.words).split(". ")
     improved, same = "improved by more than" in verdict, "did not change by more than" in verdict
     assert [improved, same, "became worse" in verdict].count(True) == 1
     assert improved == told.improved
     assert told.worse == ("became worse" in verdict)
-    assert f"M {np.ptp(SHAPE):.2f} -> {np.ptp(SHAPE) * abs(1.0 + slope):.2f} arcsec" in told.words
+    assert f"M {np.ptp(SHAPE):.2f} -> {np.ptp(SHAPE) * abs(1.0 + slope):.2f} arcsec" in prose(told.words)
     against = {
         True: ("cannot be determined", "is not active", "wrong sign"),
         False: ("cannot be determined",) if told.worse else (),

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from drivers.message import prose
 from drivers.types.values import FloatArray
 from gateway.evaluate.behaviour.table_effect import APART, TableEffect, why
 
@@ -38,7 +39,7 @@ def test_never_a_wrong_verdict_where_the_hypotheses_are_too_near(seed: int) -> N
         slope = float(rng.choice([*TRUTHS.values(), -0.5, 0.5, 3.0]))
         found = _trial(rng, rng.uniform(0.05, 0.999) * APART, slope)
         assert found.kind == "cannot-tell"
-        assert "cannot be determined" in found.words
+        assert "cannot be determined" in prose(found.words)
 
 
 @pytest.mark.parametrize("seed", [1, pytest.param(2, marks=pytest.mark.soak)])
@@ -67,14 +68,14 @@ def test_never_another_hypothesis_even_when_the_error_looks_like_the_table(slope
 def test_the_words_say_what_to_do() -> None:
     d = np.array([0.0, 8.0, -3.0, 5.0, 12.0, -6.0])
     U = np.full(6, 0.8)
-    said = {kind: why(d, d + slope * d, d, U, "arcsec").words for kind, slope in TRUTHS.items()}
+    said = {kind: prose(why(d, d + slope * d, d, U, "arcsec").words) for kind, slope in TRUTHS.items()}
     assert "acts as predicted" in said["as-predicted"]
     assert "not active" in said["not-active"]
     assert "wrong sign" in said["wrong-sign"]
     assert "acts twice" in said["doubled"]
     half = why(d, d - 0.5 * d, d, U, "arcsec")
     assert half.kind == "partly"
-    assert "50 %" in half.words
+    assert "50 %" in prose(half.words)
     for slope in (0.5, -3.0, 2.0):
         assert why(d, d + slope * d, d, U).kind == "something-else"
 
@@ -87,10 +88,10 @@ def test_what_the_table_does_not_explain_is_said() -> None:
     other = (other - other.mean()) / other.std() * np.std(d)
     little = why(d, d - d + 0.2 * other, d, U, "um")
     assert little.kind == "as-predicted"
-    assert "not explained" in little.words
+    assert "not explained" in prose(little.words)
     much = why(d, d - d + 1.5 * other, d, U, "um")
     assert much.kind == "something-else"
-    assert "not explained" in much.words
+    assert "not explained" in prose(much.words)
     assert not why(d, d - d, d, U, "um").unexplained
 
 
