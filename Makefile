@@ -8,7 +8,7 @@ export OPENBLAS_NUM_THREADS := 1
 # Tests start many processes: each would compile the whole source again.
 export PYTHONDONTWRITEBYTECODE :=
 
-.PHONY: demo test tests slowest check rules types long soak families attacks interop kernel services browser bench clean \
+.PHONY: demo test fast structure tests slowest check rules types long soak families attacks interop kernel services browser bench clean \
 	lock package sbom vulnerabilities bundle docs
 
 demo: $(VENV)/installed
@@ -21,6 +21,18 @@ test: rules
 QUICK := not soak and not interop and not long and not services and not browser and not release
 tests: $(VENV)/developed
 	$(BIN)/python -m pytest -q -n $(WORKERS) --dist worksteal -m "$(QUICK)"
+
+# Rules, types and unit tests of one package while it is changed: make fast PACKAGE=gateway/interlocks
+PACKAGE ?= gateway/interlocks
+fast: $(VENV)/developed
+	$(BIN)/ruff check $(PACKAGE)
+	$(BIN)/lint-imports > /dev/null || $(BIN)/lint-imports
+	$(BIN)/mypy $(PACKAGE)
+	$(BIN)/python -m pytest -q -m "$(QUICK)" $(or $(wildcard tests/unit/$(notdir $(PACKAGE))),$(error no tests/unit/$(notdir $(PACKAGE))))
+
+# What of the source can be counted, and what one push executes: before and after a restructuring.
+structure: $(VENV)/developed
+	$(BIN)/python -m benchmarks.structure
 
 # The same tests, and what they cost: the ten slowest, sums by file and by folder, in processor time. `make slowest
 # WHICH=long` for those of `make long`.

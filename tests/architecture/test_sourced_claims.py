@@ -14,7 +14,7 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[2]
-PAGES = [*sorted((ROOT / "docs").glob("*.md")), ROOT / "README.md"]
+PAGES = [*sorted((ROOT / "docs").rglob("*.md")), ROOT / "README.md"]
 CLAIM = re.compile(
     r"\b(?:MD|SD)\d{5}\b"
     r"|\b[Aa]larm \d{4,5}\b"
