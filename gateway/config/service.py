@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from ipaddress import ip_address
 from pathlib import Path
 
 from pydantic import Field, field_validator, model_validator
@@ -57,6 +58,9 @@ class ServiceSection(Section):
         default=None, description="TLS certificate (PEM), relative to the site file; needed beyond this computer"
     )
     key: Path | None = Field(default=None, description="its private key (PEM), for its owner alone")
+    proxies: tuple[str, ...] = Field(
+        default=(), max_length=8, description="addresses of reverse proxies that end TLS and say who asks through them"
+    )
     signout_min: Number = Field(default=15.0, ge=1, le=720.0, description="minutes without a request that sign out")
     index_url_file: Path | None = Field(
         default=None, description="file with the address of a database for many gateways; else one with the runs"
@@ -81,6 +85,16 @@ class ServiceSection(Section):
             if _HOST.fullmatch(host) is None:
                 raise ValueError(words("W-CFG-HOSTNAME", host=host))
         return hosts
+
+    @field_validator("proxies")
+    @classmethod
+    def _addresses(cls, proxies: tuple[str, ...]) -> tuple[str, ...]:
+        for proxy in proxies:
+            try:
+                ip_address(proxy)
+            except ValueError as error:
+                raise ValueError(words("W-CFG-PROXY-ADDRESS", address=proxy)) from error
+        return proxies
 
     @model_validator(mode="after")
     def _both(self) -> ServiceSection:

@@ -17,7 +17,7 @@ from gateway.daemon.served import either, software
 from gateway.daemon.serving import together
 from gateway.store.logbook import LogBook
 from gateway.users import Sessions, UserAccounts
-from gateway.web import Making, Service, SiteMaking, at_the_door, create_app
+from gateway.web import Making, Service, SiteMaking, create_app
 
 
 async def begin(
@@ -45,7 +45,7 @@ async def begin(
         service = Service(
             {}, doors=doors, clock=clock, health=lambda: {"status": "ok"}, note=note, software=software(), making=making
         )
-        server = server_of(create_app(service), None, None, at_the_door(doors.asks))
+        server = server_of(create_app(service), None, None)
         url = url_of(listener, secure=False)
         port = int(listener.getsockname()[1])
         until = either(stop, making.made)

@@ -27,7 +27,7 @@ from gateway.daemon.notify import Notifier, keep_telling
 from gateway.daemon.served import ServedPlace, Serving, either, software
 from gateway.store.logbook import LogBook
 from gateway.users import Sessions, UserAccounts
-from gateway.web import Service, at_the_door, create_app
+from gateway.web import Service, create_app
 
 LATER_S = 3.0
 
@@ -59,11 +59,14 @@ async def serve(
         book = LogBook(first.store.root, clock.utc)
         held.enter_context(logged_into(book))
         certificate, key = _tls(first)
+        proxies = first.site.service.proxies
         secure = certificate is not None
         listener = held.enter_context(listener_on(host, port, secure=secure))
         places = _places(sites, clock)
-        service = service_of(places, clock, accounts or UserAccounts(first.store.root), sessions, secure=secure)
-        server = server_of(create_app(service), certificate, key, at_the_door(service.doors.asks))
+        service = service_of(
+            places, clock, accounts or UserAccounts(first.store.root), sessions, secure=secure or bool(proxies)
+        )
+        server = server_of(create_app(service), certificate, key, proxies)
         broker = Broker(Lending(places), clock)
         async with broker.open(roots):
             url = url_of(listener, secure=secure, name=next(iter(first.site.service.hosts), ""))

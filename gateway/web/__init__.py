@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from gateway.web.app import API_VERSION, create_app
-from gateway.web.gate import at_the_door
 from gateway.web.ports import Doorkeeping, Making, ServedSite, Service, SiteMaking, Work
 
 __all__ = [
@@ -14,6 +13,5 @@ __all__ = [
     "Service",
     "SiteMaking",
     "Work",
-    "at_the_door",
     "create_app",
 ]

@@ -12,7 +12,7 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from starlette.exceptions import HTTPException
 from starlette.responses import HTMLResponse, JSONResponse, Response
 
-from drivers.errors import ConfigError, DeadlineExceeded, OtherCertificate, TrueflankError
+from drivers.errors import ConfigError, OtherCertificate, TrueflankError
 from gateway.errors import (
     BusyError,
     InvalidRequest,
@@ -28,7 +28,7 @@ from gateway.report.sentences import visible, when
 from gateway.users import Person
 from gateway.views import StatusView
 from gateway.web import beginning, commanding, finding, metrics, reading, showing, signing
-from gateway.web.doors import needs, service_of, site_of
+from gateway.web.doors import known_of, needs, service_of, site_of
 from gateway.web.gate import Gate
 from gateway.web.ports import Service
 
@@ -59,7 +59,7 @@ def create_app(service: Service) -> FastAPI:
     """The application of a service. Answers that are not what was asked carry an error record as JSON."""
     app = routed()
     app.state.service = service
-    app.add_middleware(Gate)
+    app.add_middleware(Gate, known=known_of)
     app.add_exception_handler(TrueflankError, _ours)
     app.add_exception_handler(RequestValidationError, _unfit)
     app.add_exception_handler(HTTPException, _theirs)
@@ -148,8 +148,6 @@ def _status(error: TrueflankError) -> int:
 async def _ours(_request: Request, error: Exception) -> Response:
     if not isinstance(error, TrueflankError):
         raise error
-    if isinstance(error, DeadlineExceeded) and error.where == "web":
-        raise error  # the gate answers a body that does not come
     code = _status(error)
     headers = {"www-authenticate": "Bearer"} if code == 401 else {}
     return JSONResponse(error.as_record(), code, headers)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import secrets
 from collections.abc import Awaitable, Callable
 
@@ -11,9 +12,9 @@ from starlette.requests import HTTPConnection
 
 from drivers.local.names import person_key
 from gateway.audit import os_user
-from gateway.errors import NotFound, NotSignedIn, SignInRefused, TooManyTries
+from gateway.errors import NotFound, NotSignedIn, SignInRefused, StoreError, TooManyTries
 from gateway.users import ROLES, Person, Session, UserRole
-from gateway.web.gate import is_same_origin, is_token
+from gateway.web.gate import is_same_origin, is_token, network_of
 from gateway.web.ports import ServedSite, Service
 
 COOKIE = "trueflank-session"
@@ -57,15 +58,29 @@ def person_of(request: Request) -> Person:
 
 
 def _bearer(request: Request, header: str) -> Person:
+    person = _bearing(request, header)
+    if person is None:
+        raise NotSignedIn("E-WEB-TOKEN", "web")
+    return person
+
+
+def _bearing(request: HTTPConnection, header: str) -> Person | None:
     doors = service_of(request).doors
     if is_token(header, doors.terminal):
         # Who can read the state folder is at this computer and may do there what its command line does.
         return Person(os_user(), frozenset(ROLES) - {"approver"}, "terminal")
     scheme, _, token = header.partition(" ")
-    person = doors.accounts.by_token(token.strip()) if scheme.lower() == "bearer" and token.strip() else None
-    if person is None:
-        raise NotSignedIn("E-WEB-TOKEN", "web")
-    return person
+    return doors.accounts.by_token(token.strip()) if scheme.lower() == "bearer" and token.strip() else None
+
+
+def known_of(request: HTTPConnection) -> Person | None:
+    """Who is signed in with a request, whatever it may do then; None for a stranger. Keeps no session open."""
+    if header := request.headers.get("authorization", ""):
+        with contextlib.suppress(StoreError):  # the route says so, to those whom it concerns
+            return _bearing(request, header)
+        return None
+    session = session_of(request, touch=False)
+    return session.person if session is not None else None
 
 
 def _signed_in(request: Request, *, harmless: bool) -> Person:
@@ -99,7 +114,7 @@ async def proved(request: Request, name: str, *, password: str = "", pin: str = 
     Raises SignInRefused (E-USER-WAIT, E-USER-SECRET).
     """
     doors = service_of(request).doors
-    address, known = address_of(request), request.cookies.get(BROWSER, "")
+    address, known = network_of(request), request.cookies.get(BROWSER, "")
     keys = [f"address {address}", f"name {person_key(name)} at {address}"]
     if known and doors.browsers.knows(known, name):
         keys = [f"browser {known}"]
@@ -113,8 +128,3 @@ async def proved(request: Request, name: str, *, password: str = "", pin: str = 
     for key in keys:
         doors.tries.forget(key)
     return person
-
-
-def address_of(request: HTTPConnection) -> str:
-    """Where a request comes from; "" where that is not known."""
-    return request.client.host if request.client is not None else ""

@@ -4,24 +4,35 @@ from __future__ import annotations
 
 import re
 import secrets
+from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
-from functools import cache
-from http import HTTPStatus
-from typing import Any
+from dataclasses import dataclass
+from functools import lru_cache
+from ipaddress import ip_network
+from typing import Any, Literal
 
 from starlette.datastructures import Headers, MutableHeaders
-from starlette.responses import JSONResponse
+from starlette.requests import HTTPConnection
+from starlette.responses import JSONResponse, Response
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from drivers.clock import Clock
 from drivers.errors import DeadlineExceeded, TrueflankError
-from gateway.users import Tries
+from drivers.local.names import person_key
+from gateway.users import Person, Tries
 
 HOST = re.compile(r"(127\.0\.0\.1|localhost|\[::1\])(:[0-9]{1,5})?", re.IGNORECASE)
 PORT = re.compile(r":[0-9]{1,5}$")
 MOST_BYTES = 1 << 16
-MOST_INSIDE = 64
 BODY_S = 10.0
+Rank = Literal["stranger", "person", "urgent"]
+PLACES: Mapping[Rank, int] = {"stranger": 32, "person": 64, "urgent": 16}
+"""How many requests of each kind are at work at once."""
+MOST_UNFINISHED: Mapping[Rank, int] = {"stranger": 4, "person": 16, "urgent": 4}
+"""How many bodies an address, or a person who is signed in, may leave unfinished at once."""
+ALL, MOST_OF_STRANGERS = "all strangers", 256
+URGENT = re.compile(r"/api/v1/sites/[^/]+/(stop|commands/(disable|recover))")
+"""What ends or undoes something at the machine."""
 
 # Nothing here needs inline scripts or styles; a stored report has its style inside and no script at all.
 PAGE_POLICY = "default-src 'self'; base-uri 'none'; object-src 'none'; form-action 'none'; frame-ancestors 'none'"
@@ -43,104 +54,155 @@ _ALWAYS = {
 class Gate:
     """ASGI middleware before everything else; the service behind the application says what is allowed.
 
-    It refuses foreign Host names (400), large bodies (413), slow bodies (408), an address that asks too often (429) and
-    more requests at once than can be served (503); health alone is never crowded out. It adds the security headers.
+    It refuses foreign Host names (400), large bodies (413), slow bodies (408), who asks too often or leaves too many
+    bodies unfinished (429) and more requests at once than can be served (503); health alone is never refused. A
+    request counts as one at work when its body is there. Strangers count by address, people who are signed in by
+    name, and the stop, the disabling and the recovery of those who may do that have places and a budget that nothing
+    else takes. It adds the security headers.
+
+    ``known`` tells who is signed in, None for a stranger.
     """
 
-    def __init__(self, app: ASGIApp) -> None:
-        self._app = app
-        self._inside = 0
+    def __init__(self, app: ASGIApp, known: Callable[[HTTPConnection], Person | None]) -> None:
+        self._app, self._known = app, known
+        self._inside: Counter[Rank] = Counter()
+        self._unfinished: Counter[str] = Counter()
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         if scope["type"] != "http":
             await self._app(scope, receive, send)
             return
-        started = False
 
         async def guarded(message: Message) -> None:
-            nonlocal started
             if message["type"] == "http.response.start":
-                started = True
                 _harden(MutableHeaders(scope=message), secure=scope["scheme"] == "https")
             await send(message)
 
-        service = scope["app"].state.service
-        refusal = self._refusal(scope, service.doors.hosts, service.doors.asks)
-        if refusal is not None:
+        service, headers = scope["app"].state.service, Headers(scope=scope)
+        if (refusal := _unfit(headers, service.doors.hosts)) is not None:
             await refusal(scope, receive, guarded)
             return
-        self._inside += 1
-        try:
-            await self._app(scope, _in_time(receive, service.clock), guarded)
-        except DeadlineExceeded:
-            if not started:
-                await _answer("E-WEB-SLOW", 408, seconds=f"{BODY_S:g}")(scope, receive, guarded)
-        finally:
-            self._inside -= 1
-
-    def _refusal(self, scope: Scope, hosts: Sequence[str], asks: Tries) -> JSONResponse | None:
-        headers = Headers(scope=scope)
-        host = headers.get("host", "")
-        if not is_own_host(host, frozenset(name.lower() for name in hosts)):
-            # Another name that leads here is how a foreign page reaches a local server (DNS rebinding).
-            return _answer("E-WEB-HOST", 400, host=host[:100])
-        if "transfer-encoding" in headers or not _is_small(headers.get("content-length", "0")):
-            return _answer("E-WEB-SIZE", 413, limit=MOST_BYTES)
         if scope["path"] == "/healthz":
+            await self._app(scope, receive, guarded)
+            return
+        caller = _caller_of(HTTPConnection(scope), self._known)
+        body: Receive | Response | None = _often(service.doors.asks, caller) or receive
+        if not isinstance(body, Response) and headers.get("content-length", "0").strip("0"):
+            body = await self._whole(receive, caller, service.clock)
+        if body is None:
+            return  # the caller has left before it had asked
+        if not isinstance(body, Response) and self._inside[caller.rank] >= PLACES[caller.rank]:
+            body = _answer("E-WEB-CROWDED", 503, {"retry-after": "1"})
+        if isinstance(body, Response):
+            await body(scope, receive, guarded)
+            return
+        self._inside[caller.rank] += 1
+        try:
+            await self._app(scope, body, guarded)
+        finally:
+            self._inside[caller.rank] -= 1
+
+    async def _whole(self, receive: Receive, caller: Caller, clock: Clock) -> Receive | Response | None:
+        """The body of a request as soon as all of it is there; what to answer instead; None: the caller has left."""
+        most = MOST_UNFINISHED[caller.rank]
+        strangers = caller.rank == "stranger"
+        if self._unfinished[caller.key] >= most or (strangers and self._unfinished[ALL] >= MOST_OF_STRANGERS):
+            return _answer("E-WEB-UNFINISHED", 429, {"retry-after": str(int(BODY_S))}, most=most)
+        counted = (caller.key, ALL) if strangers else (caller.key,)
+        self._unfinished.update(counted)
+        try:
+            async with clock.deadline(BODY_S, "web"):
+                data = await _read(receive)
+        except DeadlineExceeded:
+            return _answer("E-WEB-SLOW", 408, seconds=f"{BODY_S:g}")
+        finally:
+            self._unfinished.subtract(counted)
+            if not self._unfinished[caller.key]:
+                del self._unfinished[caller.key]
+        return None if data is None else _told(data, receive)
+
+
+@dataclass(frozen=True, slots=True)
+class Caller:
+    """Whose budgets a request counts in, and which places it takes."""
+
+    key: str
+    rank: Rank
+
+
+def _caller_of(asked: HTTPConnection, known: Callable[[HTTPConnection], Person | None]) -> Caller:
+    person = known(asked)
+    if person is None:
+        return Caller(f"address {network_of(asked)}", "stranger")
+    if URGENT.fullmatch(asked.url.path) and (person.may("operator") or person.may("service")):
+        return Caller(f"urgent {person_key(person.name)}", "urgent")
+    return Caller(f"person {person_key(person.name)}", "person")
+
+
+def address_of(asked: HTTPConnection) -> str:
+    """Where a request comes from; "" where that is not known."""
+    return asked.client.host if asked.client is not None else ""
+
+
+def network_of(asked: HTTPConnection) -> str:
+    """The address that budgets are kept by: of IPv6 the first 64 bits, which one subscriber has whole."""
+    address = address_of(asked)
+    try:
+        return str(ip_network(f"{address}/64", strict=False)) if ":" in address else address
+    except ValueError:
+        return address
+
+
+def _unfit(headers: Headers, hosts: Sequence[str]) -> Response | None:
+    host = headers.get("host", "")
+    if not is_own_host(host, frozenset(name.lower() for name in hosts)):
+        # Another name that leads here is how a foreign page reaches a local server (DNS rebinding).
+        return _answer("E-WEB-HOST", 400, host=host[:100])
+    if "transfer-encoding" in headers or not _is_small(headers.get("content-length", "0")):
+        return _answer("E-WEB-SIZE", 413, limit=MOST_BYTES)
+    return None
+
+
+def _often(asks: Tries, caller: Caller) -> Response | None:
+    if (wait := asks.wait_s(caller.key)) > 0.0:
+        seconds = int(wait) + 1
+        return _answer("E-WEB-OFTEN", 429, {"retry-after": str(seconds)}, seconds=seconds)
+    asks.count(caller.key)
+    return None
+
+
+async def _read(receive: Receive) -> bytes | None:
+    """All of a body, which the server holds to its stated length; None where the caller has left."""
+    data = bytearray()
+    while True:
+        message = await receive()
+        if message["type"] != "http.request":
             return None
-        address = str((scope.get("client") or ("",))[0])
-        if (wait := asks.wait_s(address)) > 0.0:
-            return _too_often(int(wait) + 1)
-        asks.count(address)
-        return _crowded() if self._inside >= MOST_INSIDE else None
+        data += message.get("body", b"")
+        if not message.get("more_body", False):
+            return bytes(data)
 
 
-def _in_time(receive: Receive, clock: Clock) -> Receive:
-    """The body must be there soon; what comes after it is only that the caller has left."""
-    until, whole = clock.now() + BODY_S, False
+def _told(data: bytes, receive: Receive) -> Receive:
+    """Gives a body that has been read once more; what comes after it is only that the caller has left."""
+    ahead = [data]
 
     async def received() -> Message:
-        nonlocal whole
-        if whole:
-            return await receive()
-        async with clock.deadline(max(until - clock.now(), 0.01), "web"):
-            message = await receive()
-        whole = not message.get("more_body", False)
-        return message
+        return {"type": "http.request", "body": ahead.pop(), "more_body": False} if ahead else await receive()
 
     return received
 
 
-def at_the_door(asks: Tries) -> Callable[[str, int], bytes]:
-    """What an address that asks too often, or finds too many waiting, is told before its request is read; b"": none."""
-
-    def refused(address: str, waiting: int) -> bytes:
-        if (wait := asks.wait_s(address)) > 0.0:
-            return _as_bytes(int(wait) + 1)
-        return _as_bytes(0) if waiting >= MOST_INSIDE else b""
-
-    return refused
+def _answer(code: str, status: int, headers: dict[str, str] | None = None, /, **fields: Any) -> Response:
+    # What a refused request still holds is not read: the next one has a connection of its own.
+    more = {"connection": "close", **(headers or {})}
+    return Response(_record(code, tuple(fields.items())), status, more, "application/json")
 
 
-def _too_often(seconds: int) -> JSONResponse:
-    return _answer("E-WEB-OFTEN", 429, {"retry-after": str(seconds)}, seconds=seconds)
-
-
-def _crowded() -> JSONResponse:
-    return _answer("E-WEB-CROWDED", 503, {"retry-after": "1"})
-
-
-@cache
-def _as_bytes(seconds: int) -> bytes:
-    answer = _too_often(seconds) if seconds else _crowded()
-    _harden(answer.headers, secure=False)
-    begin = f"HTTP/1.1 {answer.status_code} {HTTPStatus(answer.status_code).phrase}".encode()
-    head = [begin, b"connection: close"]
-    return b"\r\n".join((*head, *(name + b": " + value for name, value in answer.raw_headers), b"", bytes(answer.body)))
-
-
-def _answer(code: str, status: int, headers: dict[str, str] | None = None, /, **fields: Any) -> JSONResponse:
-    return JSONResponse(TrueflankError(code, "web", **fields).as_record(), status, headers)
+@lru_cache(maxsize=128)
+def _record(code: str, fields: tuple[tuple[str, Any], ...]) -> bytes:
+    """A refusal's record as JSON: in a crowd it is asked for a thousand times."""
+    return bytes(JSONResponse(TrueflankError(code, "web", **dict(fields)).as_record()).body)
 
 
 def _harden(headers: MutableHeaders, *, secure: bool) -> None:

@@ -12,8 +12,8 @@ from starlette.responses import JSONResponse, Response
 from gateway.errors import NotSignedIn, RecordNotFound, SignInRefused, TooManyTries
 from gateway.users import ROLES, Person, Session, UserAccount
 from gateway.web.bodies import FirstStart, Plain, SignIn, UserBody
-from gateway.web.doors import BROWSER, COOKIE, address_of, needs, proved, service_of, session_of
-from gateway.web.gate import is_same_origin
+from gateway.web.doors import BROWSER, COOKIE, needs, proved, service_of, session_of
+from gateway.web.gate import address_of, is_same_origin
 
 BROWSER_S = 90 * 24 * 3600
 open_routes = APIRouter(prefix="/api/v1", tags=["signing in"])

@@ -36,7 +36,7 @@ from gateway.broker.notice import noticed
 from gateway.broker.token import token_of
 from gateway.config import SiteFile
 from gateway.config.sections import ServiceSection
-from gateway.daemon import RunStarter, Serving, listening, serve
+from gateway.daemon import RunStarter, Serving, serve
 from gateway.daemon.desk import Desk, interrupt, unless
 from gateway.domain.outcomes import AxisVerdict, Verdict
 from gateway.errors import BusyError, StoreError
@@ -483,27 +483,6 @@ def test_eight_streams_get_the_picture_first_then_every_word_and_end_with_the_da
     assert {kinds[0] for kinds in heard} == {"picture"}
 
 
-def test_a_head_that_does_not_come_is_closed_and_health_answers_meanwhile(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(listening, "HEAD_S", 0.5)
-
-    async def body(client: httpx.AsyncClient, _stop: asyncio.Event) -> None:
-        where = (client.base_url.host, client.base_url.port)
-        halves = [await asyncio.open_connection(*where) for _one in range(100)]
-        for number, (_reader, writer) in enumerate(halves):
-            writer.write(b"GET /he" if number % 2 else b"POST /api/v1/login HTTP/1.1\r\nContent-Length: 9\r\n")
-        assert (await client.get("/healthz")).status_code == 200
-        answers = await asyncio.gather(*(client.get("/healthz") for _one in range(50)))
-        assert {one.status_code for one in answers} == {200}
-        for reader, writer in halves:
-            with contextlib.suppress(ConnectionError):
-                assert await reader.read() == b""
-            writer.close()
-
-    assert served(tmp_path, body) < 3.0
-
-
 def test_a_second_daemon_on_the_same_store_is_refused_with_the_pid(tmp_path: Path) -> None:
     async def body(_client: httpx.AsyncClient, stop: asyncio.Event) -> None:
         with pytest.raises(BusyError) as caught:
@@ -568,22 +547,6 @@ def test_with_a_certificate_it_is_served_over_tls_alone_and_its_cookie_is_secure
         await daemon
 
     asyncio.run(main())
-
-
-def test_over_tls_a_handshake_that_does_not_come_is_ended(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(listening, "HEAD_S", 0.5)
-
-    async def body(client: httpx.AsyncClient, _stop: asyncio.Event) -> None:
-        halves = [await asyncio.open_connection("127.0.0.1", client.base_url.port) for _one in range(20)]
-        for _reader, writer in halves[::2]:
-            writer.write(b"\x16\x03\x01")
-        assert (await client.get("/healthz")).status_code == 200
-        for reader, writer in halves:
-            with contextlib.suppress(ConnectionError):
-                assert await reader.read() == b""
-            writer.close()
-
-    assert served(tmp_path, body, site=SECURE, trust=certificate(tmp_path)) < 3.0
 
 
 async def test_a_certificate_that_cannot_be_used_is_a_message(tmp_path: Path) -> None:

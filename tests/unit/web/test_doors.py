@@ -2,25 +2,18 @@
 
 from __future__ import annotations
 
-import asyncio
-import contextlib
 import json
-import socket
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 import pytest
 from fastapi.routing import APIRoute
 
-from drivers.clock import LoopClock
-from gateway.daemon.listening import AT_ONCE, Entrance, InTurn, server_of
 from gateway.store import Store
-from gateway.users import ROLES, Tries, UserRole
+from gateway.users import ROLES, UserRole
 from gateway.web import app as application
-from gateway.web import at_the_door, works
-from gateway.web.gate import MOST_INSIDE
+from gateway.web import works
 from tests.unit.web.client import Client
 from tests.unit.web.services import PASSWORD, PIN, TOKEN, Offered, offered
 from tests.unit.web.test_daemon import SITE
@@ -298,7 +291,7 @@ def test_what_is_no_body_is_a_clean_refusal(offer: Offered, content: bytes) -> N
 def test_who_asks_too_often_waits_but_health_answers(offer: Offered) -> None:
     client = Client(offer.app)
     for _ask in range(600):
-        offer.service.doors.asks.count("127.0.0.1")
+        offer.service.doors.asks.count("address 127.0.0.1")
     assert client.get("/api/v1/sites").status_code == 429
     assert client.get("/healthz").status_code == 200
     offer.time.s = 11.0
@@ -321,113 +314,3 @@ def test_the_described_routes_are_those_that_are_shipped(offer: Offered) -> None
     shipped = json.loads((Path(__file__).parents[3] / "docs" / "openapi.json").read_text(encoding="utf-8"))
     assert offer.app.openapi() == shipped, "write it anew: trueflank schema --api > docs/openapi.json"
     assert shipped["info"]["version"] == application.API_VERSION
-
-
-def test_a_crowd_is_told_at_the_door_with_the_same_headers_and_health_is_always_answered() -> None:
-    asks = Tries(lambda: 100.0, 1, 10.0)
-    refused = at_the_door(asks)
-    assert refused("10.0.0.7", MOST_INSIDE - 1) == b""
-    assert refused("10.0.0.7", MOST_INSIDE).startswith(b"HTTP/1.1 503 Service Unavailable\r\n")
-    asks.count("10.0.0.7")
-    head, _, body = refused("10.0.0.7", 0).partition(b"\r\n\r\n")
-    lines = head.decode("ascii").split("\r\n")
-    assert lines[0] == "HTTP/1.1 429 Too Many Requests"
-    told = dict(line.split(": ", 1) for line in lines[1:])
-    assert (told["connection"], int(told["content-length"]), told["retry-after"]) == ("close", len(body), "11")
-    assert told["x-frame-options"] == "DENY"
-    assert json.loads(body)["code"] == "E-WEB-OFTEN"
-    asked = {
-        b"GET /api/v1/me HTTP/1.1\r\n\r\n": True,
-        b"POST /api/v1/me HTTP/1.1\r\n\r\n": False,
-        b"GET /healthz HTTP/1.1\r\n\r\n": False,
-        b"GET /api/v1/me HT": False,
-    }
-    assert {data: bool(InTurn(refused).answer(data, "10.0.0.7")) for data in asked} == asked
-
-
-def test_a_turn_of_the_loop_takes_few_callers_and_refuses_a_crowd_without_a_connection() -> None:
-    """What callers sent before they were let in decides; who has sent nothing yet is let in."""
-    asked = [b"GET /crowd HTTP/1.1\r\n\r\n"] * (2 * AT_ONCE) + [b"", b"GET /healthz HTTP/1.1\r\n\r\n"]
-    with contextlib.ExitStack() as stack:
-        entrance = stack.enter_context(Entrance(socket.AF_INET, socket.SOCK_STREAM))
-        entrance.bind(("127.0.0.1", 0))
-        entrance.listen(4 * AT_ONCE)
-        entrance.setblocking(False)
-        entrance.answer = lambda data, _address: b"no" if data.startswith(b"GET /crowd") else b""
-        callers = [stack.enter_context(socket.create_connection(entrance.getsockname())) for _one in asked]
-        for caller, data in zip(callers, asked, strict=True):
-            caller.sendall(data)
-        for _turn in range(2):
-            with pytest.raises(BlockingIOError):
-                entrance.accept()
-        assert [caller.recv(10) for caller in callers[: 2 * AT_ONCE]] == [b"no"] * (2 * AT_ONCE)
-        for caller in callers[2 * AT_ONCE :]:
-            assert stack.enter_context(entrance.accept()[0]).getpeername() == caller.getsockname()
-        with pytest.raises(BlockingIOError):
-            entrance.accept()
-
-
-def test_requests_are_begun_one_in_a_turn_of_the_loop_and_health_never_waits() -> None:
-    begun: list[bytes] = []
-    soon: list[Callable[[], None]] = []
-
-    class Caller:
-        loop = SimpleNamespace(call_soon=soon.append)
-        begin = staticmethod(begun.append)
-
-    waiting = InTurn(lambda _address, number: b"full" if number >= 3 else b"")
-    for number in range(3):
-        assert waiting.answer(b"GET / HTTP/1.1\r\n\r\n", "") == b""
-        waiting.enter(Caller(), b"%d" % number)  # type: ignore[arg-type]
-    assert waiting.answer(b"GET / HTTP/1.1\r\n\r\n", "") == b"full"
-    assert waiting.answer(b"GET /healthz HTTP/1.1\r\n\r\n", "") == b""
-    for number in range(3):
-        assert len(soon) == 1
-        soon.pop()()
-        assert begun == [b"0", b"1", b"2"][: number + 1]
-    assert not soon
-    assert waiting.answer(b"GET / HTTP/1.1\r\n\r\n", "") == b""
-
-
-class Wire(asyncio.Transport):
-    """The other end of a connection: what was written, and whether it was closed."""
-
-    def __init__(self) -> None:
-        super().__init__({"peername": ("10.0.0.7", 1), "sockname": ("127.0.0.1", 80)})
-        self.told, self.closed = b"", False
-
-    def write(self, data: bytes | bytearray | memoryview) -> None:
-        self.told += bytes(data)
-
-    def close(self) -> None:
-        self.closed = True
-
-    def is_closing(self) -> bool:
-        return self.closed
-
-    def pause_reading(self) -> None:
-        pass
-
-    def resume_reading(self) -> None:
-        pass
-
-
-async def test_a_request_that_waits_for_its_turn_is_no_idle_connection() -> None:
-    """A computer too busy for seconds found both due at once, and closed on the caller without an answer."""
-
-    async def app(_scope: object, _receive: object, send: Any) -> None:
-        await send({"type": "http.response.start", "status": 200, "headers": [(b"content-length", b"0")]})
-        await send({"type": "http.response.body", "body": b""})
-
-    server, wire = server_of(app, None, None, lambda _address, _number: b""), Wire()
-    config = server.config
-    one: Any = config.http_protocol_class(config=config, server_state=server.server_state, app_state={})  # type: ignore[call-arg]
-    one.connection_made(wire)
-    for asked in range(1, 3):
-        one.data_received(b"GET / HTTP/1.1\r\nHost: x\r\n\r\n")
-        if one.timeout_keep_alive_task is not None:
-            one.timeout_keep_alive_handler()
-        while wire.told.count(b"200 OK") < asked:
-            assert not wire.closed
-            await LoopClock().sleep(0.0)
-    one.connection_lost(None)
