@@ -12,10 +12,12 @@ MARKS = (
     (codecs.BOM_UTF16_BE, "utf-16"),
 )
 SAMPLE, MOSTLY = 400, 0.7
+MOST_LINES, LONGEST_LINE = 2_000_000, 1 << 20
 
 
 def decode(data: bytes, codepage: str, where: str) -> str:
-    """Text of a file that names no encoding. Raises FileFormatError (E-FILE-ENCODING)."""
+    """Text of a file that names no encoding. Raises FileFormatError (E-FILE-ENCODING, E-FILE-LINES)."""
+    _bear(data, where)
     told = _told(data)
     if told:
         return _decode(data, told, where)
@@ -23,6 +25,14 @@ def decode(data: bytes, codepage: str, where: str) -> str:
         return data.decode("utf-8")
     except UnicodeDecodeError:
         return _decode(data, codepage, where)
+
+
+def _bear(data: bytes, where: str) -> None:
+    """Lines that nobody's software writes are refused before anything looks into them."""
+    mark = b"\n" if b"\n" in data else b"\r"
+    longest = len(data) > LONGEST_LINE and max(map(len, data.split(mark))) if data.count(mark) <= MOST_LINES else 0
+    if data.count(mark) > MOST_LINES or longest > LONGEST_LINE:
+        raise FileFormatError("E-FILE-LINES", where, most=MOST_LINES, longest=LONGEST_LINE)
 
 
 def beginning(data: bytes, codepage: str) -> str:

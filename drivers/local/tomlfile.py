@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import stat
 import tomllib
 from collections.abc import Iterator
@@ -13,6 +14,9 @@ from drivers.errors import words
 from drivers.local.names import shown
 
 MOST_BYTES = 1 << 20
+MOST_KEYS, MOST_PARTS = 5_000, 32
+"""How many keys and headings a file may have, and a key parts: what judges them takes its time for each."""
+_HEAD = re.compile(r"\s*\[{1,2}\s*[\w\"'][^,=]*\]")
 _MARK = b"\xef\xbb\xbf"
 _WIDEST = (b"\xff\xfe\0\0", b"\0\0\xfe\xff")
 _WIDE = (b"\xff\xfe", b"\xfe\xff")
@@ -65,6 +69,7 @@ def _every_second(data: bytes) -> bool:
 
 def parse_toml(text: str) -> dict[str, Any]:
     """The tree of a text. Raises ValueError, for brackets nested beyond reason and infinite numbers too."""
+    bear(text)
     try:
         tree = tomllib.loads(text)
         for path, value in no_numbers(tree):
@@ -72,6 +77,22 @@ def parse_toml(text: str) -> dict[str, Any]:
     except RecursionError as error:
         raise ValueError(words("W-TOML-DEEP")) from error
     return tree
+
+
+def bear(text: str) -> None:
+    """Raises ValueError for a text with more keys, or a key of more parts, than anybody writes."""
+    keys = 0
+    for line in text.split("\n"):
+        if line.lstrip().startswith("#"):
+            continue
+        key, equals, _value = line.partition("=")
+        if not equals and (head := _HEAD.match(line)):
+            key, equals = head[0], "="
+        keys += line.count("=") or bool(equals)
+        if equals and "," not in key and key.count(".") >= MOST_PARTS:
+            raise ValueError(words("W-TOML-PARTS", limit=MOST_PARTS))
+    if keys > MOST_KEYS:
+        raise ValueError(words("W-TOML-KEYS", limit=MOST_KEYS))
 
 
 def no_numbers(value: Any, path: tuple[str | int, ...] = ()) -> Iterator[tuple[tuple[str | int, ...], object]]:

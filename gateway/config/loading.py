@@ -11,7 +11,7 @@ from typing import Any
 from drivers import registry
 from drivers.errors import ConfigError, words
 from drivers.local.names import guess, shown
-from drivers.local.tomlfile import decoded, no_numbers, read_bounded
+from drivers.local.tomlfile import bear, decoded, no_numbers, read_bounded
 from gateway.config.faults import Fault, SiteFaults
 from gateway.config.judging import rule_faults
 from gateway.config.keyfaults import LISTS, broken, key_faults
@@ -65,6 +65,10 @@ def site_of(tree: dict[str, Any], where: str) -> SiteFile:
 def read_site(path: Path) -> SiteReading:
     """Everything that the text of a site file tells. Raises ConfigError (E-CFG-READ, E-CFG-ENCODING)."""
     text = _text(path)
+    try:
+        bear(text)
+    except ValueError as error:
+        return _nothing((Fault((), "E-CFG-TOML", {"why": str(error), "meant": ""}),), "")
     try:
         tree, broken_lines, text_read = read_tree(text, LISTS)
     except RecursionError:

@@ -1,5 +1,7 @@
 """Watches a folder: a file that has stopped growing is handed on once, whatever its name, however often we start.
 
+Small files come first, so that nobody waits behind a large one.
+
 Stopped growing: size and time of change have not changed for ``settle_s`` of the clock, nor while it was read.
 """
 
@@ -18,6 +20,8 @@ from gateway.watch.journal import WatchJournal
 from gateway.watch.listing import FolderListing, SeenFile
 
 REFUSED = "refused "
+LARGEST_BYTES = 2 << 30
+"""Larger files are not read at all, not even for their hash."""
 # Takes a file of this content (path, sha256) and returns the run that holds it.
 Take = Callable[[Path, str], str]
 
@@ -80,7 +84,7 @@ class Watcher:
                 self._say("P-WATCH-FOLDER", why=error.what)
             return None
         self._folder_said = ""
-        return tuple(one for one in found if self._matters(one))
+        return tuple(sorted((one for one in found if self._matters(one)), key=lambda one: (one.size, one.name)))
 
     def _matters(self, seen: SeenFile) -> bool:
         ending = Path(seen.name).suffix.lower()
@@ -97,6 +101,11 @@ class Watcher:
             self._tell(state, "P-WATCH-LINK", name=_shown(seen.name))
             return 0
         if now_s - state.since_s < self._settle_s:
+            return 0
+        if seen.size > LARGEST_BYTES:
+            state.done = True
+            error = FileFormatError("E-WATCH-LARGE", _shown(seen.name), bytes=seen.size, limit=LARGEST_BYTES)
+            self._tell(state, "P-WATCH-FAILED", name=_shown(seen.name), why=str(error))
             return 0
         return self._hand_on(seen, state, now_s)
 

@@ -222,3 +222,12 @@ async def test_a_file_that_may_not_be_written_is_known_without_writing(keys: Pat
         assert ("W-DOC-FILES", "ok") in [(line.code, line.outcome) for line in await doctor(on)]
         on.nck.set_access_level(7)
         assert ("files", "wrong", "E-UA-LEVEL") in bad(await doctor(on))
+
+
+@pytest.mark.parametrize("told", [True, False])
+async def test_a_size_of_requests_that_the_server_does_not_state_is_found_and_told(keys: Path, told: bool) -> None:
+    async with on_stage(folder=keys) as on:
+        on.server.manners.most_read, on.server.manners.tells_limits = 10, told
+        lines = await doctor(on)
+        found = [one.fields["most"] for one in lines if one.code == "W-DOC-REQUEST-SIZE"]
+        assert found == [] if told else 1 <= int(found[0]) <= 10

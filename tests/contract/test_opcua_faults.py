@@ -174,15 +174,32 @@ async def test_fault_50_no_more_nodes_in_one_request_than_the_server_takes(keys:
         await device.open(5.0)
         assert len((await device.state()).axes) == 3
         values = [(path, float(place)) for place, path in enumerate(R)]
-        if told or most >= len(R):
-            await device._session.write(values, 5.0)
-            assert [on.nck.get(f"R[{90 + place}]") for place in range(6)] == [0.0, 1.0, 2.0, 3.0, 4.0, 5.0]
-        else:
-            before = on.server.requests.services["write"]
-            error = await refused(device._session.write(values, 5.0), "E-UA-LIMIT")
-            assert error.fields["status"] == "BadTooManyOperations"
-            assert on.server.requests.services["write"] == before + 1
-            assert not on.server.requests.written
+        refusals = on.server.requests.services["read"]
+        await device._session.write(values, 5.0)  # what reads have found holds for writes
+        assert [on.nck.get(f"R[{90 + place}]") for place in range(6)] == [0.0, 1.0, 2.0, 3.0, 4.0, 5.0]
+        found = device._session.found_limit
+        assert found is None if told or most == 100 else 1 <= found <= most
+        await device.close()
+        await device.open(5.0)
+        begun = on.server.requests.services["read"]
+        await device.state()
+        again = on.server.requests.services["read"] - begun
+        assert device._session.found_limit == found, "remembered over a new login"
+        assert again <= refusals, "no size is tried a second time"
+        await device.close()
+
+
+async def test_a_write_that_no_read_has_found_a_limit_for_is_refused_whole_and_not_repeated(keys: Path) -> None:
+    async with on_stage(folder=keys) as on:
+        device = on.driver()
+        await device.open(5.0)
+        on.server.manners.most_write, on.server.manners.tells_limits = 5, False
+        values = [(path, float(place)) for place, path in enumerate(R)]
+        before = on.server.requests.services["write"]
+        error = await refused(device._session.write(values, 5.0), "E-UA-LIMIT")
+        assert error.fields["status"] == "BadTooManyOperations"
+        assert on.server.requests.services["write"] == before + 1
+        assert not on.server.requests.written
         await device.close()
 
 

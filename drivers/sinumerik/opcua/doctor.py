@@ -64,6 +64,8 @@ class UaDoctor:
                     where=self.name,
                 )
             )
+            if (most := self._session.found_limit) is not None:
+                lines.append(fine("W-DOC-REQUEST-SIZE", "variables", most=most))
         finally:
             await self._session.close()
         return tuple(lines)

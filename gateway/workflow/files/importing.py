@@ -6,6 +6,7 @@ import hashlib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from datetime import datetime
+from functools import partial
 from pathlib import Path
 
 from drivers.errors import FileFormatError, FileUnreadable
@@ -20,6 +21,7 @@ from gateway.say import Say, silence
 from gateway.store import Maps, RunFolder, Store
 from gateway.store.disk import disk_errors
 from gateway.store.rawstream import RawRecorder, StreamFacts, open_stream
+from gateway.watch.apart import apart
 from gateway.watch.journal import WatchJournal
 from gateway.watch.listing import Folder
 from gateway.watch.watcher import Watcher
@@ -205,6 +207,13 @@ def _stream(folder: RunFolder, content: Recording) -> None:
     folder.adopt(*folder.path.glob(f"{DYNAMIC}.*"))
 
 
+def taken(path: Path, sha256: str, *, site: SiteFile, root: Path, now: datetime) -> str:
+    """The runs that hold a file of a watched folder, imported by today's date. Raises as `import_file`."""
+    how = How(machine=site.site.name)
+    found = import_file(path, Store(root), how, None, at=Compared(site, utc=lambda: now), expected=sha256)
+    return ", ".join(one.run_id for one in found)
+
+
 def watcher_of(
     site: SiteFile,
     site_path: Path,
@@ -221,9 +230,8 @@ def watcher_of(
     store = store_of(site, site_path)
 
     def take(path: Path, sha256: str) -> str:
-        how = How(machine=site.site.name)
-        found = import_file(path, store, how, None, at=Compared(site, utc=utc), expected=sha256)
-        return ", ".join(one.run_id for one in found)
+        work = partial(taken, path, sha256, site=site, root=store.root, now=utc())
+        return apart(work, where=str(path))
 
     wanted = {f".{name}" for name in (*endings(), *OTHER_ENDINGS)} - {".gear-csv", ".md"}
     return Watcher(Folder(folder), WatchJournal(store.root), take, wanted, settle_s=settle_s, say=say)

@@ -39,6 +39,7 @@ class UaSession(UaConnection):
         super().__init__(url, clock, where)
         self._index = 0
         self._limits = ServerLimits()
+        self._found = requests.ANY
         self._spaces: tuple[int, ...] = (0,)
         self._methods: dict[str, tuple[Any, Any]] = {}
         self._writing: Secrets | None = None
@@ -52,6 +53,11 @@ class UaSession(UaConnection):
     def methods(self) -> frozenset[str]:
         """Methods found under either parent."""
         return frozenset(self._methods)
+
+    @property
+    def found_limit(self) -> int | None:
+        """How many nodes a request may name, as found by refusals; None where the server refused none for that."""
+        return self._found if self._found < requests.ANY else None
 
     # ---- opening and closing ------------------------------------------------------------------------
 
@@ -101,7 +107,7 @@ class UaSession(UaConnection):
             raise UnsupportedDevice("E-UA-NAMESPACE", self._where, wanted=nodes.NAMESPACE_URI, found=", ".join(uris))
         self._index = uris.index(nodes.NAMESPACE_URI)
         self._spaces = (0, *(place for place, uri in enumerate(uris) if uri in nodes.ALARM_SPACES))
-        self._limits = await requests.limits(client)
+        self._limits = (await requests.limits(client)).within(self._found)
         self._methods = {}
         for parent in nodes.METHODS:
             owner = node_id(parent, self._index)
@@ -150,7 +156,10 @@ class UaSession(UaConnection):
         return requests.text_of(found)
 
     async def _read(self, wanted: list[Any], what: str, timeout_s: float, *, timed: bool) -> list[Any]:
-        """Reads may be repeated: a server that finds a batch too long gets it in halves."""
+        """Reads may be repeated: a server that finds a batch too long gets it in halves.
+
+        What it took then is remembered, over logins too, and holds for writes, which must not be tried.
+        """
         while True:
             most = min(self._limits.read, len(wanted))
             try:
@@ -160,7 +169,8 @@ class UaSession(UaConnection):
             except DeviceRefused as error:
                 if error.fields.get("status") != _TOO_MANY or most == 1:
                     raise
-                self._limits = ServerLimits(max(most // 2, 1), self._limits.write)
+                self._found = max(most // 2, 1)
+                self._limits = self._limits.within(self._found)
         self._check_count(len(wanted), len(found))
         return found
 

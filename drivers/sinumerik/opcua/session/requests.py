@@ -53,6 +53,10 @@ class ServerLimits:
     read: int = ANY
     write: int = ANY
 
+    def within(self, most: int) -> ServerLimits:
+        """Neither more than these nor than ``most``."""
+        return ServerLimits(min(self.read, most), min(self.write, most))
+
 
 @dataclass(frozen=True, slots=True)
 class AlarmEvent:
