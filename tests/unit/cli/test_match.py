@@ -15,7 +15,6 @@ from drivers.errors import TrueflankError
 from gateway.cli import app
 from gateway.correct.part.inspected import inspection_patterns
 from gateway.gear.cycloid import CycloidGear
-from gateway.reducer import figures
 from gateway.reducer.contact import Assembly
 from gateway.reducer.figures import crank_angles
 from gateway.study.drive import reducer_of
@@ -23,6 +22,7 @@ from gateway.study.files import load_gear
 from gateway.tooth import InspectedFlank
 from gateway.workflow.part.matching import DiscFile, read_disc
 from simulators.cell.site import section
+from tests.unit.reducer.drives import coarse
 
 DATA = {"rp": 36.0, "rrp": 2.5, "a": 1.5, "zp": 12, "zc": 11, "b": 10.0, "drrp": 0.006}
 GEAR = CycloidGear(**DATA)  # type: ignore[arg-type]
@@ -60,8 +60,8 @@ def called(*words: object) -> Result:
 
 @pytest.fixture(autouse=True)
 def _coarse(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A quarter of the crank angles: both searches take the same."""
-    monkeypatch.setattr(figures, "FEW_PINS_STEPS", 24)
+    """An eighth of the crank angles: both searches take the same."""
+    coarse(monkeypatch)
 
 
 @pytest.fixture(scope="module")
@@ -89,7 +89,7 @@ def test_discs_are_paired_as_an_own_search_pairs_them(discs: tuple[Path, list[Pa
     (pair,) = found["pairs"]
     i, j = (int(pair[name][1:]) for name in ("first", "second"))
     assert pair["transmission_arcsec"] == pytest.approx(error(i, j, pair["mark"]), rel=0.02)
-    others = [error(a, b, m) for a in range(3) for b in range(3) if a != b for m in (0, 5)]
+    others = [error(a, b, m) for a in range(3) for b in range(a + 1, 3) for m in (0, 5)]
     assert pair["transmission_arcsec"] <= 1.1 * min(others)
     assert found["left_over"] == [f"d{n}" for n in {0, 1, 2} - {i, j}]
     assert pair["mark_deg"] == pytest.approx((360.0 * pair["mark"] - 180.0) / GEAR.zc % 360.0)
@@ -116,7 +116,7 @@ def _how() -> DiscFile:
 def test_the_drawn_flanks_scatter_as_repeated_inspections_do(tmp_path: Path) -> None:
     gear, depth = gear_file(tmp_path), np.zeros(GEAR.zc)
     found: list[InspectedFlank] = [
-        read_disc(disc(tmp_path / f"r{n}.csv", depth, 100 + n), gear, _how()) for n in range(60)
+        read_disc(disc(tmp_path / f"r{n}.csv", depth, 100 + n), gear, _how()) for n in range(24)
     ]
     places, patterns = inspection_patterns(GEAR, found[0], clamping_um=0.0)
     spread = np.einsum("gis,gjs->gij", patterns, patterns)

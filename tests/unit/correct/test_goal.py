@@ -31,6 +31,7 @@ from gateway.study.files import ErrorFile, GearFile, validated
 from gateway.study.machine import grid_of, grinding_of, plan_of
 from gateway.tooth import FlankMap, next_for_drive
 from tests.sizes import few, soak
+from tests.unit.reducer.drives import COARSE, coarse
 
 SMALL = {"rp": 36.0, "rrp": 2.5, "a": 1.5, "zp": 12, "zc": 11, "b": 10.0, "drrp": 0.006}
 LARGE = {"rp": 64.0, "rrp": 3.0, "a": 1.3, "zp": 40, "zc": 39, "b": 10.0}
@@ -60,7 +61,7 @@ def _map(machine: Grinding, grid: FlankGrid) -> FlankMap:
 
 def _error(goal: DriveGoal, machine: Grinding, grid: FlankGrid) -> float:
     parts = [_map(machine, grid)] * len(goal.drive.discs)
-    return essentials(without_limit(goal.drive), parts, steps=24).error_arcsec
+    return essentials(without_limit(goal.drive), parts).error_arcsec
 
 
 MACHINES = [
@@ -78,11 +79,19 @@ def test_the_goal_transmission_leaves_at_most_half_of_what_axis_tables_leave(see
     assert found.checked.rms < found.with_own.rms
 
 
+@pytest.fixture(autouse=True)
+def _coarse(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
+    if "gear" not in request.fixturenames or request.getfixturevalue("gear") is not LARGE:
+        coarse(monkeypatch)
+
+
 @pytest.fixture(scope="module")
 def small() -> tuple[Grinding, FlankGrid, Plan, DriveGoal, LayeredCorrection]:
     grinding, grid, plan, goal = _machine(2, SMALL)
     goal = replace(goal, drive=replace(goal.drive, discs=goal.drive.discs[:1]))
-    return grinding, grid, plan, goal, correct(grinding, grid, replace(plan, goal=goal))
+    with pytest.MonkeyPatch.context() as patch:
+        coarse(patch)
+        return grinding, grid, plan, goal, correct(grinding, grid, replace(plan, goal=goal))
 
 
 def test_each_goal_is_best_in_its_own_figure_and_the_flank_s_costs_the_drive(
@@ -90,7 +99,7 @@ def test_each_goal_is_best_in_its_own_figure_and_the_flank_s_costs_the_drive(
 ) -> None:
     monkeypatch.setattr(uncertainty, "BLOCK", 1)
     grinding, grid, plan, goal, found = small
-    told = drive_proposal(grinding, grid, plan=plan, goal=goal, found=found, steps=24, most=3)
+    told = drive_proposal(grinding, grid, plan=plan, goal=goal, found=found, steps=COARSE, most=3)
     rows = {row.name: row for row in told.rows}
     mine = rows["this goal: transmission"]
     assert mine.transmission_arcsec <= min(row.transmission_arcsec for row in told.rows) + 1e-9
@@ -130,7 +139,7 @@ def test_a_doubt_of_the_machine_widens_what_is_expected(
     patterns = np.zeros((11 * 3, 3, 1))
     patterns[:, 0, 0] = np.repeat(0.003 * np.cos(2.0 * 2.0 * np.pi * np.arange(11) / 11), 3)
     doubt = FlankDoubts(places_of_grid(grid), ("EXC",), patterns)
-    unsure = expected_drive(sure, found.machine, grid, doubt, steps=24, most=15)
+    unsure = expected_drive(sure, found.machine, grid, doubt, steps=COARSE, most=15)
     assert unsure.figures["error_arcsec"].u > 1.0
 
 
@@ -143,12 +152,12 @@ def test_what_an_unmeasured_error_costs_is_the_drive_s_own_error_of_it(
     clean = replace(grinding, chain=grinding.chain.without_errors())
     columns = [(ErrorParameter("EXC", wave), 1.0), ("EXX", size), ("EZC", size)]
     doubt = column_doubts(clean, grid, columns)
-    told = costliest(goal.drive, clean, grid, doubt=doubt, measured={"EXX"}, steps=24)
+    told = costliest(goal.drive, clean, grid, doubt=doubt, measured={"EXX"}, steps=COARSE)
     assert told[0].error == "EXC"
     assert {one.error: one.measured for one in told} == {"EXC": False, "EXX": True, "EZC": False}
     # By the full model: how the drive's curve moves where that error is in its discs.
     wrong = replace(clean, chain=clean.chain.with_errors({"EXC": wave}))
-    alpha, free = crank_angles(goal.drive, 24), without_limit(goal.drive)
+    alpha, free = crank_angles(goal.drive, COARSE), without_limit(goal.drive)
     with_it, without = (
         Assembly(free, [_map(one, grid)]).solve(alpha, goal.drive.rated_nm).psi for one in (wrong, clean)
     )

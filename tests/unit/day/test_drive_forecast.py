@@ -13,12 +13,12 @@ from gateway.cli.files.day import _tell_tooth
 from gateway.correct.plan.plan import AxisGrid
 from gateway.gear.cycloid import CycloidGear
 from gateway.model.known import ErrorModel, Unknown
-from gateway.reducer import figures
 from gateway.reducer.goal import goal_of
 from gateway.reducer.records import DiscPlace, for_gear
 from gateway.workflow.day.forecast import forecast
 from gateway.workflow.tooth.proposal import ToothWork
 from gateway.workflow.tooth.sentences import forecast_told
+from tests.unit.reducer.drives import coarse
 
 GEAR = CycloidGear(rp=36.0, rrp=2.5, a=1.5, zp=12, zc=11, b=10.0, drrp=0.006)
 GRIDS = (
@@ -44,7 +44,7 @@ def _model() -> ErrorModel:
 def test_a_day_forecasts_the_drive_and_names_what_costs_it_most(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr(figures, "FEW_PINS_STEPS", 24)
+    coarse(monkeypatch)
     found = forecast(_model(), _work(), GRIDS)
     assert found.drive is not None
     rows = {row.name: row.transmission_arcsec for row in found.drive.rows}

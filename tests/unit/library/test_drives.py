@@ -12,8 +12,14 @@ from gateway.reducer.figures import transmission
 from gateway.reducer.records import for_gear
 from gateway.study.machine import gear_of
 from gateway.tooth import FlankMap
+from tests.unit.reducer.drives import COARSE, coarse
 
 GEAR = tf.Gear.of(rp=36.0, rrp=2.5, a=1.5, zp=12, zc=11, b=10.0, centre_distance=120.0)
+
+
+@pytest.fixture(autouse=True)
+def _coarse(monkeypatch: pytest.MonkeyPatch) -> None:
+    coarse(monkeypatch)
 
 
 @pytest.fixture(scope="module")
@@ -23,16 +29,16 @@ def part() -> tf.Flank:
 
 def test_the_library_s_drive_is_the_full_model_s(part: tf.Flank) -> None:
     drive = tf.Reducer.of(GEAR, datum="bore")
-    found = tf.transmission(drive, part, steps=24)
+    found = tf.transmission(drive, part, steps=COARSE)
     plain = transmission(
         for_gear(gear_of(GEAR.data), "bore"),
         [FlankMap(np.deg2rad(part.angle), part.height, part.deviation)] * 2,
-        steps=24,
+        steps=COARSE,
     )
     assert found.error == pytest.approx(plain.error_arcsec, rel=1e-9)
     told = json.loads(json.dumps(found.to_dict()))
     assert told["lost_motion_arcsec"] == found.lost_motion
-    assert found.curve(-1).shape == (24 * 11,)
+    assert found.curve(-1).shape == (COARSE * 11,)
     assert "without friction" in repr(found)
 
 
@@ -59,6 +65,6 @@ def test_what_is_no_part_or_datum_is_refused(part: tf.Flank) -> None:
 
 def test_two_discs_are_matched_in_their_best_position(part: tf.Flank) -> None:
     other = tf.flank(tf.Machine({"ECC": {"type": "fourier", "a": [3.0]}}), GEAR)
-    found = tf.match(tf.Reducer.of(GEAR, datum="bore"), [part, other], marks=[1, 6], steps=24)
+    found = tf.match(tf.Reducer.of(GEAR, datum="bore"), [part, other], marks=[1, 6], steps=COARSE)
     assert len(found.pairs) == 1
     assert found.to_dict()["worth_arcsec"] >= 0.0

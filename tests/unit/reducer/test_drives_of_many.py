@@ -17,9 +17,14 @@ from gateway.reducer.pairing import match
 from gateway.reducer.records import DiscPlace, Pins, Tolerances, for_gear
 from gateway.reducer.uncertainty import drawn_drive, uncertainty
 from gateway.tooth import FlankMap
-from tests.unit.reducer.drives import ARCSEC, flank, wave
+from tests.unit.reducer.drives import ARCSEC, COARSE, coarse, flank, wave
 
 TINY = CycloidGear(rp=36.0, rrp=2.5, a=1.5, zp=12, zc=11, b=10.0, drrp=0.006)
+
+
+@pytest.fixture(autouse=True)
+def _coarse(monkeypatch: pytest.MonkeyPatch) -> None:
+    coarse(monkeypatch)
 
 
 def test_scatter_of_pins_and_cranks_widens_and_raises_the_error_that_is_expected(
@@ -28,9 +33,9 @@ def test_scatter_of_pins_and_cranks_widens_and_raises_the_error_that_is_expected
     monkeypatch.setattr(trials, "BLOCK", 2)
     drive = replace(for_gear(TINY, "crank-holes"), discs=(DiscPlace(),))
     part = wave(TINY, 2)
-    usual = uncertainty(drive, [part], steps=24, most=6)
+    usual = uncertainty(drive, [part], steps=COARSE, most=6)
     error = usual.figures["error_arcsec"]
-    given = Assembly(drive, [part]).solve(crank_angles(drive, 24), drive.rated_nm).psi
+    given = Assembly(drive, [part]).solve(crank_angles(drive, COARSE), drive.rated_nm).psi
     assert error.u > 0.0
     assert error.low < error.mean < error.high
     assert error.mean > np.ptp(given) * ARCSEC
@@ -74,8 +79,8 @@ def test_four_discs_are_paired_as_the_best_of_all_pairings_by_the_full_model() -
     drive, discs = for_gear(TINY, "crank-holes"), _discs(4)
     drive = replace(drive, output=replace(drive.output, stiffness_n_mm=inf, clearance_um=0.0))  # rigid: solved at once
     marks = [6]
-    found = match(drive, discs, marks=marks, steps=24)
-    alpha = crank_angles(drive, 24)
+    found = match(drive, discs, marks=marks, steps=COARSE)
+    alpha = crank_angles(drive, COARSE)
 
     def error(i: int, j: int) -> float:
         drives = [(drive.with_marks((0, m)), pair) for m in marks for pair in ((i, j), (j, i))]
@@ -94,7 +99,7 @@ def test_four_discs_are_paired_as_the_best_of_all_pairings_by_the_full_model() -
 
 def test_of_three_discs_one_is_left_over_and_bad_requests_are_refused() -> None:
     drive, discs = for_gear(TINY, "crank-holes"), _discs(3)
-    found = match(drive, discs, steps=24)
+    found = match(drive, discs, steps=COARSE)
     assert len(found.pairs) == 1
     assert len(found.left_over) == 1
     with pytest.raises(ModelError, match="E-REDUCER-MATCH"):

@@ -22,7 +22,8 @@ from tests.unit.reducer.drives import flank
 
 SHARES = (-1.0, 3e-4, 0.03, 1.0)
 ANGLES = 10
-BY_SEED = 8
+BLOCKS = [[8 * n + s for s in half] for n in range(25) for half in ((0, 5, 2, 7), (4, 1, 6, 3))]
+"""Seeds of one drive of each shipped kind, two of them with either law of contact."""
 
 
 def _disc(drive: Reducer, rng: np.random.Generator) -> FlankMap:
@@ -64,9 +65,9 @@ def drawn(seed: int) -> tuple[Reducer, list[FlankMap]]:
     return drive.with_marks(marks), [_disc(drive, rng) for _ in range(discs)]
 
 
-@pytest.mark.parametrize("block", few(range(200 // BY_SEED)))
-def test_plausible_drives_come_to_rest_at_any_torque(block: int) -> None:
-    for seed in range(BY_SEED * block, BY_SEED * (block + 1)):
+@pytest.mark.parametrize("seeds", few(BLOCKS))
+def test_plausible_drives_come_to_rest_at_any_torque(seeds: list[int]) -> None:
+    for seed in seeds:
         drive, discs = drawn(seed)
         built = Assembly(drive, discs, slices=3)
         alpha = np.linspace(0.0, 2.0 * np.pi * drive.gear.zc, ANGLES, endpoint=False)

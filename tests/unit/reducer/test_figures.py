@@ -15,7 +15,7 @@ from gateway.reducer.figures import Transmission, cause, transmission
 from gateway.reducer.records import SHIPPED, Contact, Cranks, DiscPlace, FirstStage, Pins, for_gear, place_at, shipped
 from gateway.tooth import FlankMap
 from tests.sizes import few
-from tests.unit.reducer.drives import ARCSEC, flank, forty, wave
+from tests.unit.reducer.drives import ARCSEC, COARSE, coarse, flank, forty, wave
 
 SMALL = CycloidGear(rp=36.0, rrp=2.5, a=1.5, zp=12, zc=11, b=10.0, drrp=0.005)
 
@@ -24,7 +24,7 @@ SMALL = CycloidGear(rp=36.0, rrp=2.5, a=1.5, zp=12, zc=11, b=10.0, drrp=0.005)
 def figures(request: pytest.FixtureRequest) -> Transmission:
     small = for_gear(SMALL, "crank-holes")
     drive = small if request.param == "small" else shipped(request.param, "crank-holes")
-    return transmission(drive, [wave(drive.gear, 2)] * 2, steps=24)
+    return transmission(drive, [wave(drive.gear, 2)] * 2, steps=24, slices=3)
 
 
 def test_a_pattern_twice_round_both_discs_is_the_drive_s_largest_order(figures: Transmission) -> None:
@@ -72,7 +72,7 @@ def test_every_shipped_drive_turns_about_as_catalogues_say() -> None:
 
 
 def test_a_plain_cycloid_drive_with_output_pins_is_solved_too() -> None:
-    found = transmission(shipped("cycloid-like", "bore"), [None], steps=24)
+    found = transmission(shipped("cycloid-like", "bore"), [None], steps=24, slices=3)
     assert found.crank_rad.size == 24 * 17
     assert found.lost_motion > found.backlash > 0.0
     assert found.loaded[0].peak_to_peak_arcsec > 0.0
@@ -80,7 +80,7 @@ def test_a_plain_cycloid_drive_with_output_pins_is_solved_too() -> None:
 
 def test_the_first_stage_adds_its_wave_over_zp() -> None:
     drive = replace(for_gear(SMALL, None), first_stage=FirstStage(105.0, 60.0), discs=(DiscPlace(),))
-    found = transmission(drive, [None], steps=24)
+    found = transmission(drive, [None], steps=24, slices=3)
     assert found.loaded[0].amplitudes_arcsec()[104] == pytest.approx(60.0 / (12.0 + 12.0 / 104.0), rel=0.003)
     assert found.orders()[0].cause == "input"
 
@@ -109,10 +109,11 @@ def test_what_24_steps_cannot_show_is_called_folded() -> None:
     assert cause(forty(), 312) == "ring:8"
 
 
-def test_both_senses_differ_and_each_is_shown() -> None:
+def test_both_senses_differ_and_each_is_shown(monkeypatch: pytest.MonkeyPatch) -> None:
+    coarse(monkeypatch)
     drive = replace(for_gear(SMALL, "bore"), discs=(DiscPlace(),))
     rng = np.random.default_rng(1)
-    found = transmission(drive, [flank(drive.gear, B=rng.normal(size=(11, 1, 1)))], steps=24)
+    found = transmission(drive, [flank(drive.gear, B=rng.normal(size=(11, 1, 1)))], steps=COARSE)
     forward, backward = found.loaded
     assert forward.torque_nm == -backward.torque_nm == drive.rated_nm
     assert found.error_arcsec == max(forward.peak_to_peak_arcsec, backward.peak_to_peak_arcsec)
@@ -137,9 +138,10 @@ def test_a_drive_without_room_for_its_parts_is_refused() -> None:
     _refused("E-REDUCER-CLEARANCE", forty, drp=0.003)
 
 
-def test_discs_with_more_surplus_than_assembly_squeezes_are_refused() -> None:
+def test_discs_with_more_surplus_than_assembly_squeezes_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    coarse(monkeypatch)
     drive = replace(for_gear(SMALL, "bore"), discs=(DiscPlace(),))
-    error = _refused("E-REDUCER-ASSEMBLY", transmission, drive, [flank(drive.gear, A=30.0)], steps=24)
+    error = _refused("E-REDUCER-ASSEMBLY", transmission, drive, [flank(drive.gear, A=30.0)], steps=COARSE)
     assert float(str(error.fields["interference"])) > 3.0
 
 

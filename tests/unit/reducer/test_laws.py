@@ -60,9 +60,9 @@ def test_a_turn_of_all_spaces_turns_the_output_back_and_does_nothing_else() -> N
 def test_teeth_displaced_against_the_crank_holes_show_at_order_zp() -> None:
     drive = forty()
     k = np.arange(39)[:, None, None] * 2.0 * pi / 39
-    psi = Assembly(drive, [flank(drive.gear, A=np.cos(k), B=-np.sin(k))]).solve(crank(24), 400.0).psi
+    psi = Assembly(drive, [flank(drive.gear, A=np.cos(k), B=-np.sin(k))]).solve(crank(12), 400.0).psi
     assert order(psi, 40) == pytest.approx(1e-3 / LEVER * 1.09 * ARCSEC, rel=0.03)
-    assert max(order(psi, n) for n in range(1, 400) if n != 40) < 0.05 * order(psi, 40)
+    assert max(order(psi, n) for n in range(1, 230) if n != 40) < 0.05 * order(psi, 40)
 
 
 def test_a_thick_pin_pushes_once_a_crank_turn_with_one_disc_and_twice_with_two() -> None:
@@ -93,17 +93,17 @@ def test_two_equal_discs_cancel_as_their_marks_say(mark: int, m: int, left: floa
     """Mark 1: as near aligned as teeth allow; 20: the same part turned by 180 deg."""
     one, two = forty(), forty(2, marks=(0, mark))
     part = wave(one.gear, m)
-    alone = order(Assembly(one, [part]).solve(crank(24), 300.0).psi, 40 * m)
-    both = order(Assembly(two, [part, part]).solve(crank(24), 600.0).psi, 40 * m)
+    alone = order(Assembly(one, [part]).solve(crank(12), 300.0).psi, 40 * m)
+    both = order(Assembly(two, [part, part]).solve(crank(12), 600.0).psi, 40 * m)
     assert (both <= left * alone) if left < 0.5 else (both >= left * alone)
 
 
 @pytest.mark.parametrize("m", few([3, 1]))
 def test_odd_ring_patterns_cancel_between_two_discs_whatever_their_marks(m: int) -> None:
     ring = tuple(np.cos(2.0 * pi * m * np.arange(40) / 40))
-    alone = order(Assembly(forty(radius_um=ring), [None]).solve(crank(24), 300.0).psi, 39 * m)
+    alone = order(Assembly(forty(radius_um=ring), [None]).solve(crank(12), 300.0).psi, 39 * m)
     two = forty(2, marks=(3, 17), radius_um=ring)
-    assert order(Assembly(two, [None, None]).solve(crank(24), 600.0).psi, 39 * m) < 0.02 * alone
+    assert order(Assembly(two, [None, None]).solve(crank(12), 600.0).psi, 39 * m) < 0.02 * alone
 
 
 def test_the_mirrored_drive_answers_the_reversed_torque_with_the_mirrored_curve() -> None:

@@ -99,7 +99,7 @@ def test_a_thick_pin_shows_once_a_turn_of_the_crank_and_nowhere_else() -> None:
     thick = np.zeros(12)
     thick[3] = 1.0
     found = [
-        Mechanism(reducer(SMALL, flanks(SMALL), ring=Ring.of(SMALL, one))).rest(turn(SMALL, 16), 30.0).error_rad
+        Mechanism(reducer(SMALL, flanks(SMALL), ring=Ring.of(SMALL, one))).rest(turn(SMALL, 12), 30.0).error_rad
         for one in (thick, np.zeros(12))
     ]
     seen = orders(found[0] - found[1])
@@ -110,7 +110,7 @@ def test_a_thick_pin_shows_once_a_turn_of_the_crank_and_nowhere_else() -> None:
 
 def test_run_out_of_a_disc_shows_at_the_order_of_the_pins() -> None:
     wave = 3.0 * np.cos(2.0 * np.pi * np.arange(SMALL.zc) / SMALL.zc)
-    found = Mechanism(reducer(SMALL, flanks(SMALL, wave))).rest(turn(SMALL, 24), 30.0)
+    found = Mechanism(reducer(SMALL, flanks(SMALL, wave))).rest(turn(SMALL, 12), 30.0)
     seen = orders(found.error_rad)
     assert seen[SMALL.zp] > 1.0
     assert np.argmax(seen[1:]) + 1 == SMALL.zp
@@ -120,10 +120,10 @@ def test_run_out_of_a_disc_shows_at_the_order_of_the_pins() -> None:
 def test_two_discs_cancel_once_a_turn_errors_only_where_their_marks_are_near_each_other() -> None:
     wave = 3.0 * np.cos(2.0 * np.pi * np.arange(SMALL.zc) / SMALL.zc)
     one = flanks(SMALL, wave, all_um=0.0)
-    alone = orders(Mechanism(reducer(SMALL, one)).rest(turn(SMALL, 24), 30.0).error_rad)[SMALL.zp]
+    alone = orders(Mechanism(reducer(SMALL, one)).rest(turn(SMALL, 12), 30.0).error_rad)[SMALL.zp]
     seen = []
     for mark in (0, SMALL.zc // 2 + 1):
-        pair = Mechanism(reducer(SMALL, one, one, places=(0, mark))).rest(turn(SMALL, 24), 60.0)
+        pair = Mechanism(reducer(SMALL, one, one, places=(0, mark))).rest(turn(SMALL, 12), 60.0)
         seen.append(orders(pair.error_rad)[SMALL.zp])
     assert seen[0] < 0.2 * alone  # left: about pi/(2 zc)
     assert seen[1] == pytest.approx(alone, rel=0.05)

@@ -11,14 +11,14 @@ from matplotlib import image
 
 from drivers.errors import ConfigError
 from gateway.errors import ModelError
-from gateway.reducer import figures
 from gateway.reducer.contact import Assembly
 from gateway.study.drive import drive_data, drive_rows, flank_map, reducer_of, state_rows
 from gateway.study.files import ErrorFile, GearFile, validated
 from gateway.study.machine import gear_of
-from gateway.study.pictures import write_pictures
+from gateway.study.pictures import draw, write_pictures
 from gateway.study.plots import sheet
 from gateway.study.work import Study, study
+from tests.unit.reducer.drives import coarse
 
 GEAR = {
     "name": "twelve pins",
@@ -36,7 +36,7 @@ ERRORS = {
 @pytest.fixture(scope="module")
 def found() -> Study:
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(figures, "FEW_PINS_STEPS", 24)  # coarser: what is judged here are the study's own ways
+        coarse(patch)  # what is judged here are the study's own ways
         return study(validated(GEAR, GearFile, "gear"), validated(ERRORS, ErrorFile, "errors"), r=2)
 
 
@@ -71,7 +71,9 @@ def test_rows_data_and_picture_tell_it(found: Study, tmp_path: Path, monkeypatch
     costs = [one["cost_arcsec"] for one in told["doubts"]]
     assert costs == sorted(costs, reverse=True)
     assert costs[0] > 0.0
-    monkeypatch.setattr(sheet, "DPI", 40)  # the others of the folder are drawn too
+    monkeypatch.setattr(sheet, "DPI", 40)
+    for other in ("one_at_a_time", "flank_maps", "ranking", "pitch", "axes_before_after"):
+        monkeypatch.setattr(draw, other, lambda figure, *_: figure.clear())  # judged in tests of their own
     picture = next(path for path in write_pictures(found, tmp_path) if path.stem == "transmission")
     pixels = image.imread(picture)
     assert np.std(pixels[..., :3]) > 0.05
