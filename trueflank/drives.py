@@ -17,7 +17,7 @@ from gateway.errors import ModelError
 from gateway.reducer import records
 from gateway.reducer.figures import Transmission
 from gateway.reducer.figures import transmission as worked
-from gateway.reducer.pairing import Matching
+from gateway.reducer.pairing import Matching, Pair
 from gateway.reducer.pairing import match as matched
 from gateway.reducer.uncertainty import Draw, DriveUncertainty
 from gateway.reducer.uncertainty import uncertainty as drawn
@@ -229,16 +229,17 @@ class Matched:
     def pairs(self) -> list[dict[str, Any]]:
         """A dictionary a pair: ``first``, ``second``, ``mark`` of the second, ``error_arcsec``, ``first_order_arcsec``.
 
-        ``error_arcsec`` is the full model's, peak to peak; the first order chose the pair.
+        ``error_arcsec`` is the full model's, peak to peak; the first order chose the pair. ``assembles`` is False where
+        the parts have more surplus (``interference_um``) than assembly may squeeze (``limit_um``).
         """
-        return [_plain(pair) for pair in self.found.pairs]
+        return [_pair(pair) for pair in self.found.pairs]
 
     def to_dict(self) -> dict[str, Any]:
         """Plain data."""
         f = self.found
         return {
             "pairs": self.pairs,
-            "as_they_come": [_plain(pair) for pair in f.as_they_come],
+            "as_they_come": [_pair(pair) for pair in f.as_they_come],
             "left_over": list(f.left_over),
             "mean_arcsec": f.mean_arcsec,
             "as_they_come_arcsec": f.as_they_come_arcsec,
@@ -258,9 +259,10 @@ class Matched:
 
     def __repr__(self) -> str:
         f = self.found
+        tight = sum(not pair.assembles for pair in f.pairs)
         return (
             f"Matched({len(f.pairs)} drives: mean error {f.mean_arcsec:.1f} arcsec, {f.as_they_come_arcsec:.1f} as the "
-            f"discs come; pairing is worth {f.worth_arcsec:.1f})"
+            f"discs come; pairing is worth {f.worth_arcsec:.1f}{f'; {tight} cannot be assembled' if tight else ''})"
         )
 
 
@@ -281,6 +283,10 @@ def match(
     _reducer_given(reducer, "match")
     parts = [_map(one, "match") for one in discs]
     return Matched(matched(reducer.data, parts, marks=marks, torque_nm=torque_nm, steps=steps))
+
+
+def _pair(pair: Pair) -> dict[str, Any]:
+    return {**_plain(pair), "assembles": pair.assembles}
 
 
 def _parts(drive: records.Reducer, discs: Flank | Sequence[Flank | None] | None, call: str) -> list[FlankMap | None]:

@@ -9,6 +9,7 @@ import typer
 
 from drivers.terms import spoken
 from gateway.cli.machine.dayplan import show_day_of_run
+from gateway.cli.modes import only
 from gateway.cli.options import (
     ApplyOption,
     AxesOption,
@@ -39,6 +40,7 @@ def run(
 ) -> None:
     """Measure every axis, propose tables; with --apply push them, measure again and prove it."""
     if plan:
+        only("run --plan")
         show_day_of_run(site, tuple(axis or ()), apply=apply, as_json=as_json)
         return
     from gateway.approve import risking
@@ -212,11 +214,13 @@ def schema(
 ) -> None:
     """Print the site file's JSON schema, the settings of every driver among it."""
     if api:
+        only("schema --api")
         from gateway.web.document import described
 
         show_json(described())
         return
     if states:
+        only("schema --states")
         from gateway.push.records.phases import in_markdown
 
         echo(in_markdown().rstrip())
@@ -225,6 +229,7 @@ def schema(
     from gateway.config.reference import schema as site_schema
 
     if as_page:
+        only("schema --page")
         echo(page().rstrip())
     else:
         show_json(site_schema())

@@ -16,6 +16,7 @@ from typer.models import CommandInfo
 
 from drivers.errors import UnsupportedDevice
 from gateway.cli import voice
+from gateway.cli.modes import running
 from gateway.cli.show import begun_with
 
 Entry = Mapping[str, Any]
@@ -68,14 +69,15 @@ class OneCommand(TyperCommand):
         Where one fact of the machine is another than it was, a person is asked, and it begins again.
         """
         begun_with(ctx.params)
-        try:
-            return super().invoke(ctx)
-        except UnsupportedDevice as error:
-            from gateway.cli.control.recognised import answered
+        with running(ctx):
+            try:
+                return super().invoke(ctx)
+            except UnsupportedDevice as error:
+                from gateway.cli.control.recognised import answered
 
-            if not answered(error, ctx.params):
-                raise
-        return super().invoke(ctx)
+                if not answered(error, ctx.params):
+                    raise
+            return super().invoke(ctx)
 
     def format_epilog(self, _ctx: Any, formatter: Any) -> None:
         """The examples, one a line as they are typed."""

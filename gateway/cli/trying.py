@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+from gateway.cli.modes import only
 from gateway.cli.options import JsonOption, SpeedOption, named, road_of
 
 
@@ -60,6 +61,7 @@ def simulate(
     from gateway.cli.demonstration import CellAsked, list_cells, run_cell
 
     if listed:
+        only("simulate --list")
         list_cells()
         return
     run_cell(CellAsked(cell, site, speed, seed, plan=plan or filed, filed=filed, road=road, name=name))

@@ -205,13 +205,10 @@ def transmission(
         full = assembly.solve(alpha, sense * torque)
         rising += _stiffness(assembly, alpha, full, sense * torque)
         loaded.append(full)
-        pose = full
-        for share in LADDER:
-            pose = assembly.solve(alpha, sense * share * drive.rated_nm, pose)
-            if share == LOST_MOTION:
-                soft.append(pose)
-        free.append(pose)
-    squeezed = mm_to_um(max(float(pose.approach.max()) for pose in free))
+        down = unloading(assembly, alpha, full, sense)
+        soft.append(down[0])
+        free.append(down[-1])
+    squeezed = squeezed_um(free)
     if squeezed > drive.interference_um:
         limit = f"{drive.interference_um:g}"
         raise ModelError("E-REDUCER-ASSEMBLY", drive.name, interference=f"{squeezed:.1f}", limit=limit)
@@ -232,6 +229,20 @@ def transmission(
         pressure_mpa=loaded[0].pressure.max(axis=(1, 2)),
         interference_um=squeezed,
     )
+
+
+def unloading(assembly: Assembly, alpha: FloatArray, full: Pose, sense: float) -> tuple[Pose, ...]:
+    """From the pose under load down to none, at each share of `LADDER` of rated torque, each from the one before."""
+    found, pose = [], full
+    for share in LADDER:
+        pose = assembly.solve(alpha, sense * share * assembly.drive.rated_nm, pose)
+        found.append(pose)
+    return tuple(found)
+
+
+def squeezed_um(free: Sequence[Pose]) -> float:
+    """The largest surplus, um, that parts squeeze at no load: what `Reducer.interference_um` limits."""
+    return mm_to_um(max(float(pose.approach.max()) for pose in free))
 
 
 def without_limit(drive: Reducer) -> Reducer:

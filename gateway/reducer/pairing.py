@@ -5,7 +5,8 @@ transmission error is the peak to peak of two curves' sum. Turning a disc by one
 space. The best place and mark of each pair is its cost; which pairs together cost least is a perfect matching among N
 discs, solved exactly as a 0-1 programme (one variable a pair, each disc in one pair at most, as many pairs as there
 can be; scipy's HiGHS). The pairs chosen and the pairs "as they come" are then stated by the full model. Where those
-say that pairing gains nothing, the discs stay as they come.
+say that pairing gains nothing, the discs stay as they come. Discs whose surplus is more than assembly may squeeze are
+paired all the same, for the others' sake, and their pair says so.
 """
 
 from __future__ import annotations
@@ -20,6 +21,7 @@ from drivers.types.values import FloatArray
 from drivers.units import rad_to_arcsec
 from gateway.errors import ModelError
 from gateway.reducer.contact import Assembly
+from gateway.reducer.figures import squeezed_um, unloading
 from gateway.reducer.firstorder import TransmissionMap, transmission_map
 from gateway.reducer.records import Reducer
 from gateway.tooth import FlankMap
@@ -32,7 +34,8 @@ PAIR = 2
 class Pair:
     """Two discs by their numbers, in the places and the tooth position of the second; errors in arcsec, peak to peak.
 
-    ``first_order_arcsec`` chose the pair, ``error_arcsec`` is the full model's.
+    ``first_order_arcsec`` chose the pair, ``error_arcsec`` is the full model's. ``interference_um`` is the largest
+    surplus that its parts squeeze at no load, ``limit_um`` what assembly may squeeze.
     """
 
     first: int
@@ -40,6 +43,13 @@ class Pair:
     mark: int
     first_order_arcsec: float
     error_arcsec: float
+    interference_um: float
+    limit_um: float
+
+    @property
+    def assembles(self) -> bool:
+        """Whether the two can be built in at all; a pair that cannot be is stated, not hidden."""
+        return self.interference_um <= self.limit_um
 
 
 @dataclass(frozen=True, slots=True)
@@ -149,8 +159,17 @@ def _stated(found: TransmissionMap, flanks: Sequence[FlankMap], who: tuple[int, 
     drive = found.drive.with_marks((found.drive.discs[0].mark, mark))
     assembly = Assembly(drive, [flanks[i], flanks[j]])
     alpha = found.crank_rad
-    error = max(float(np.ptp(rad_to_arcsec(assembly.solve(alpha, s * found.torque_nm).psi))) for s in (1.0, -1.0))
-    return Pair(first=i, second=j, mark=mark, first_order_arcsec=first_order, error_arcsec=error)
+    loaded = [(sense, assembly.solve(alpha, sense * found.torque_nm)) for sense in (1.0, -1.0)]
+    free = [unloading(assembly, alpha, pose, sense)[-1] for sense, pose in loaded]
+    return Pair(
+        first=i,
+        second=j,
+        mark=mark,
+        first_order_arcsec=first_order,
+        error_arcsec=max(float(np.ptp(rad_to_arcsec(pose.psi))) for _, pose in loaded),
+        interference_um=squeezed_um(free),
+        limit_um=drive.interference_um,
+    )
 
 
 def _left(pairs: Sequence[Pair], count: int) -> tuple[int, ...]:

@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from drivers.errors import ConfigError
+from gateway.cli.modes import only
 from gateway.cli.options import (
     AcceptOption,
     AskOption,
@@ -88,11 +89,13 @@ def evaluate(
     from gateway.cli.files.evaluating import Crew, EvaluationOptions, evaluate_files, limits_of, list_standards
 
     if standard == "list":
+        only("evaluate --standard list")
         list_standards(as_json=as_json)
         return
+    if kind != "positioning" and site is not None:  # its tolerances: ignored, they would be taken for a pass
+        raise ConfigError("E-CLI-SITE-KIND", "--site", kind=kind)
+    only(f"evaluate --kind {kind}")
     if kind != "positioning":
-        if site is not None:  # its tolerances are of positioning: ignored, they would be taken for a pass
-            raise ConfigError("E-CLI-SITE-KIND", "--site", kind=kind)
         if kind == "transmission":
             from gateway.cli.files.transmission import DriveOptions, evaluate_transmission
             from gateway.workflow.files.columnwords import columns_of

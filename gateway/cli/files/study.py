@@ -5,9 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-import typer
-
 from drivers.terms import spoken
+from gateway.cli.modes import only
 from gateway.cli.show import echo, show_json, show_table
 
 
@@ -32,12 +31,8 @@ def study_command(
     from gateway.study.workers import workers as open_workers
     from gateway.workflow.tooth.known import known_machine
 
-    if relative and paper is not None:
-        raise typer.BadParameter(
-            "--relative shows the six relative errors alone; draw them into --plots, or leave --relative out",
-            param_hint="--relative, --paper",
-        )
     if relative:
+        only("study --relative")
         show_relative(gear, errors, plots or Path(), height, as_json=as_json)
         return
     gear_file, known, chosen = load_gear(gear), known_machine(errors, height), the_order(order)

@@ -8,6 +8,7 @@ from typing import Annotated, Any
 import typer
 
 from gateway.cli.machine.inspecting import HeightsOption, correct_gear
+from gateway.cli.modes import only
 from gateway.cli.onward import next_step
 from gateway.cli.options import JsonOption, SiteArgument, named, open_run
 from gateway.cli.screen.telling import progress
@@ -34,6 +35,7 @@ def correct_command(
     if gear:
         correct_gear(site, gear, part, heights, as_json=as_json)
     else:
+        only("correct --run")
         _from_run(site, run, as_json=as_json)
 
 

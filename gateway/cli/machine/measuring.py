@@ -8,6 +8,7 @@ from typing import Annotated, Any
 import typer
 
 from gateway.cli.machine.inspecting import FileOption, HeightsOption, guard_gear, show_lines
+from gateway.cli.modes import only
 from gateway.cli.onward import next_step
 from gateway.cli.options import JsonOption, SiteArgument, named, open_run
 from gateway.cli.screen.telling import progress
@@ -32,6 +33,8 @@ def measure_command(
     from gateway.workflow.results.reporting import write_report
     from gateway.workflow.runsite import store_of
 
+    if plan:
+        only("measure --plan")
     tree = load_site(site)
     if plan:
         _show_plan(tree, as_json=as_json)
@@ -73,6 +76,7 @@ def guard_command(
     if gear:
         guard_gear(site, run, part=part, file=file, heights=heights, limit_um=limit, as_json=as_json)
         return
+    only("guard --axis")
     _guard_axis(site, run, axis, limit, as_json=as_json)
 
 

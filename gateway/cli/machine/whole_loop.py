@@ -13,6 +13,7 @@ from drivers.clock import Clock, LoopClock
 from drivers.errors import ConfigError
 from gateway.cli.machine.dayplan import show_day_of_closing
 from gateway.cli.machine.running import onward_of, show_outcome
+from gateway.cli.modes import only
 from gateway.cli.options import ApplyOption, JsonOption, MachineOption, PlanOption, RiskOption, SiteArgument, open_run
 from gateway.cli.screen.stages import Stages, Work
 from gateway.cli.screen.telling import progress
@@ -37,9 +38,8 @@ def close_command(
     as_json: JsonOption = False,
 ) -> None:
     """Measure all errors, propose tables for the tooth; with --apply grind, push, grind again and prove it."""
-    if plan and resume:
-        raise typer.BadParameter("--plan shows a whole day: leave --resume away", param_hint="--resume")
     if plan:
+        only("close --plan")
         show_day_of_closing(site, apply=apply, as_json=as_json)
         return
     from gateway.approve import risking

@@ -53,6 +53,7 @@ class MatchedPair:
     mark: int
     mark_deg: float
     figures: Transmission
+    assembles: bool
     expected: Mapping[str, Expected] | None = None
 
     def as_data(self) -> dict[str, Any]:
@@ -68,6 +69,7 @@ class MatchedPair:
             "backlash_arcsec": self.figures.backlash,
             "stiffness_nm_arcmin": self.figures.stiffness_nm_arcmin,
             "interference_um": self.figures.interference_um,
+            "assembles": self.assembles,
         }
         if self.expected is not None:
             plain["expected"] = {
@@ -88,7 +90,7 @@ class MatchOutcome:
 
     @property
     def lines(self) -> tuple[str, ...]:
-        """What pairing is worth, who is left over, what is not in the figures."""
+        """What pairing is worth, who is left over, which pairs cannot be built, what is not in the figures."""
         found = self.matching
         figures = {"worth": found.worth_arcsec, "mean": found.mean_arcsec, "come": found.as_they_come_arcsec}
         shown = {name: f"{value:.2f}" for name, value in figures.items()}
@@ -96,6 +98,18 @@ class MatchOutcome:
         return (
             words("S-MATCH-WORTH", name=self.drive.name, datum=self.drive.measured_from(), **shown),
             *((words("S-MATCH-LEFT", names=left),) if left else ()),
+            *(
+                words(
+                    "W-MATCH-TIGHT",
+                    first=pair.first,
+                    second=pair.second,
+                    mark=pair.mark,
+                    interference=f"{pair.figures.interference_um:.1f}",
+                    limit=f"{self.drive.interference_um:g}",
+                )
+                for pair in self.pairs
+                if not pair.assembles
+            ),
         )
 
     def as_data(self) -> dict[str, Any]:
@@ -198,5 +212,6 @@ def _pair(drive: Reducer, discs: Sequence[InspectedFlank], pair: Pair, how: Disc
         mark=pair.mark,
         mark_deg=float(np.mod(angle, 360.0)),
         figures=transmission(without_limit(built), plain),
+        assembles=pair.assembles,
         expected=expected,
     )

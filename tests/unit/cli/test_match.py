@@ -166,6 +166,30 @@ def test_the_screen_says_pairs_worth_and_what_is_left_out(discs: tuple[Path, lis
     assert "d0" in told.output
 
 
+def test_a_pair_that_cannot_be_assembled_is_named_with_its_surplus_by_command_and_library(tmp_path: Path) -> None:
+    """6 um of clearance, 3 um that assembly may squeeze: spaces 15 um too narrow all round leave surplus, 1 um none."""
+    gear, files = gear_file(tmp_path), []
+    for name, depth in (("wide", 0.0), ("wide2", 1.0), ("narrow", 15.0), ("narrow2", 15.0)):
+        files.append(disc(tmp_path / f"{name}.csv", np.full(GEAR.zc, depth), 7))
+    said = " ".join(called(gear, *files[2:], "--mark", 0, *WORDS).output.split())
+    assert "narrow with narrow2 in position 0 cannot be assembled" in said
+    assert "may squeeze 3 µm" in said
+    (pair,) = json.loads(called(gear, *files[2:], "--mark", 0, *WORDS, "--json").output)["pairs"]
+    assert pair["assembles"] is False
+    assert 5.0 < pair["interference_um"] < 15.0 - 6.0 + 1.0
+    assert "cannot be assembled" not in called(gear, *files[:2], "--mark", 0, *WORDS).output
+    gear_given = tf.Gear.load(gear)
+    parts = [tf.read_flank(path, gear_given, columns=dict(_how().columns or {})) for path in files]
+    drive = tf.Reducer.of(gear_given, datum="crank-holes")
+    tight, loose = (tf.match(drive, two, marks=[0]) for two in (parts[2:], parts[:2]))
+    assert tight.pairs[0]["assembles"] is False
+    assert tight.pairs[0]["interference_um"] == pytest.approx(pair["interference_um"], rel=0.1)
+    assert "1 cannot be assembled" in repr(tight)
+    assert loose.pairs[0]["assembles"] is True
+    allowed = tf.match(drive.but(interference_um=20.0), parts[2:], marks=[0])
+    assert allowed.pairs[0]["assembles"] is True
+
+
 @pytest.mark.parametrize(
     ("make", "code"),
     [
