@@ -17,17 +17,13 @@ from tests.unit.reducer.drives import COARSE, coarse
 GEAR = tf.Gear.of(rp=36.0, rrp=2.5, a=1.5, zp=12, zc=11, b=10.0, centre_distance=120.0)
 
 
-@pytest.fixture(autouse=True)
-def _coarse(monkeypatch: pytest.MonkeyPatch) -> None:
-    coarse(monkeypatch)
-
-
 @pytest.fixture(scope="module")
 def part() -> tf.Flank:
     return tf.flank(tf.Machine({"EXC": 0.5, "ECC": {"type": "fourier", "a": [0.0, 3.0]}}), GEAR)
 
 
-def test_the_library_s_drive_is_the_full_model_s(part: tf.Flank) -> None:
+def test_the_library_s_drive_is_the_full_model_s(part: tf.Flank, monkeypatch: pytest.MonkeyPatch) -> None:
+    coarse(monkeypatch)
     drive = tf.Reducer.of(GEAR, datum="bore")
     found = tf.transmission(drive, part, steps=COARSE)
     plain = transmission(
@@ -63,7 +59,8 @@ def test_what_is_no_part_or_datum_is_refused(part: tf.Flank) -> None:
         tf.transmission(tf.Reducer.shipped("RV-40E-like", datum="bore"), part)
 
 
-def test_two_discs_are_matched_in_their_best_position(part: tf.Flank) -> None:
+def test_two_discs_are_matched_in_their_best_position(part: tf.Flank, monkeypatch: pytest.MonkeyPatch) -> None:
+    coarse(monkeypatch)
     other = tf.flank(tf.Machine({"ECC": {"type": "fourier", "a": [3.0]}}), GEAR)
     found = tf.match(tf.Reducer.of(GEAR, datum="bore"), [part, other], marks=[1, 6], steps=COARSE)
     assert len(found.pairs) == 1
