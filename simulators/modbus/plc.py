@@ -7,7 +7,7 @@ import dataclasses
 from collections.abc import Callable, Coroutine, Sequence
 from typing import Any
 
-from drivers.clock import Clock
+from drivers.clock import Clock, LoopClock
 from simulators.modbus import registers as r
 from simulators.modbus.access import NckAccess
 from simulators.modbus.commands import SELECT, PlcCommands
@@ -31,7 +31,10 @@ class Plc:
     def __init__(self, nck: Nck, clock: Clock, settings: PlcSettings) -> None:
         self.settings = settings
         self.memory = Retentive()
-        self.release = PlcRelease(clock)
+        # What a PC has to do in time counts in seconds of the PC, however fast the machine is simulated: at sixty times
+        # its speed a session of 5 s of the machine would end while a busy PC takes a breath.
+        self._pc = LoopClock()
+        self.release = PlcRelease(self._pc)
         self.on_power_cut: Callable[[], None] = lambda: None
         self.on_session: Callable[[], None] = lambda: None
         self._clock = clock
@@ -59,7 +62,7 @@ class Plc:
         self._state = self._taken = 0
         self._job: tuple[asyncio.Task[None], Work] | None = None
         self._evaluating = False
-        self._started_s = self._beat_s = now_s
+        self._started_s, self._beat_s = now_s, 0.0
 
     def power_on(self) -> None:
         """Start the program; what is retentive is there again."""
@@ -150,7 +153,7 @@ class Plc:
     def open_session(self, number: int) -> None:
         """A session begins, and the watch over register 15 with it."""
         self.session = number
-        self._beat_s = self.now()
+        self._beat_s = self._pc.now()
         self.release.begin(number)
         self._spawn(self._watch(number))
         self.on_session()
@@ -163,11 +166,11 @@ class Plc:
 
     async def _watch(self, number: int) -> None:
         while self.session == number:
-            left = self._beat_s + self.settings.session_s - self.now()
+            left = self._beat_s + self.settings.session_s - self._pc.now()
             if left <= NO_TIME_S:
                 self._lose_session()
                 return
-            await self._clock.sleep(left)
+            await self._pc.sleep(left)
 
     def _lose_session(self) -> None:
         self._end_job()
@@ -201,7 +204,7 @@ class Plc:
 
     def _accept(self, address: int, values: Sequence[int], number: int | None) -> None:
         if address == r.PC_HEARTBEAT and values[0] != self.image.words[r.PC_HEARTBEAT]:
-            self._beat_s = self.now()
+            self._beat_s = self._pc.now()
         self.image.put(address, values)
         fresh = number != self._taken or self.settings.redo_repeats
         if number is not None and fresh and not self._evaluating:

@@ -1,4 +1,7 @@
-"""The release at the panel: it counts if given after command 1 of the session, and for a quarter of an hour."""
+"""The release at the panel: it counts if given after command 1 of the session, and for a quarter of an hour.
+
+A person and a PC share that quarter of an hour: it passes by their clock, not by that of a machine simulated faster.
+"""
 
 from __future__ import annotations
 

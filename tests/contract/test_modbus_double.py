@@ -11,7 +11,9 @@ import pytest
 
 from drivers.clock import LoopClock
 from drivers.transport import open_transport
+from simulators.modbus import serving
 from tests.contract.mailbox_master import FAILED, Desk, Master, at_desk, crc16, crc32, many, words
+from tests.unit.nck.bench import Bench
 
 DOCUMENT = Path(__file__).parents[2] / "docs" / "plc-mailbox-reference.md"
 X1 = {18: 1, 19: 1}
@@ -316,6 +318,29 @@ async def test_the_session_lives_by_its_heartbeat() -> None:
         assert await master.command(6, X1) == (13, 0)
         assert await master.command(1, {19: 78}) == (0, 0)
         assert await master.command(3, {**X1, 28: 3, 30: 1}, [0, 0], step=10, maximum=20) == (2, 5)
+
+
+async def test_a_fast_machine_leaves_the_pc_its_own_seconds_for_session_and_release() -> None:
+    """The machine sixty times as fast: a beat every second of the PC keeps its session, and the release counts on."""
+    bench, pc = Bench(), LoopClock()
+    await bench.nck.start()
+    await bench.warm_up()
+    async with serving(bench.nck, LoopClock(60.0), {}, "memory://plc") as station:
+        station.plc.on_session = station.plc.release.give
+        master = Master(await open_transport(station.url, pc, 5.0), False, 1, False)
+        await master.open(77)
+        for _ in range(30):  # half an hour of the machine
+            await pc.sleep(1.0)
+            await master.beat()
+        assert (await master.read(14, 1)) == [77]
+        assert station.plc.release.left_s == 900 - 30
+        await pc.sleep(4.5)
+        assert (await master.read(14, 1)) == [77]
+        await pc.sleep(1.0)
+        head = await master.read(0, 15)
+        assert (head[7], head[14]) == (13, 0)
+        await master.wire.close()
+    await bench.nck.stop()
 
 
 async def test_a_busy_plc_takes_abort_and_close_only() -> None:
