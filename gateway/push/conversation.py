@@ -112,19 +112,6 @@ async def read_all(contexts: Sequence[PushContext]) -> tuple[LiveSet, ...]:
     return await first.controller.live_tables_of(questions_of(contexts), first.say)
 
 
-def plan_of(
-    context: PushContext,
-    name: str,
-    stops: tuple[Stop, ...],
-    setup: str = "",
-    cross_table: int | None = None,
-    reversal: CompensationTable | None = None,
-) -> StopPlan:
-    """A motion program of the table's input axis that shows and saves what acts on the output axis."""
-    along = along_of(context)
-    return plan_along(along, name, stops, setup=setup, cross_table=cross_table, reversal=reversal)
-
-
 @dataclass(frozen=True, slots=True)
 class Along:
     """What a plan needs of its axes: the one that ``moved``, the ``output`` of the table, and how fast axes may go."""
@@ -148,7 +135,7 @@ def plan_along(
     cross_table: int | None = None,
     reversal: CompensationTable | None = None,
 ) -> StopPlan:
-    """As `plan_of`; pure."""
+    """A motion program of the table's input axis that shows and saves what acts on the output axis; pure."""
     axis, output = along.moved, along.output
     feed = min(axis.feed, along.places.feed(axis.unit))
     return StopPlan(

@@ -23,7 +23,6 @@ LOGOS = (".svg", ".png", ".jpg", ".jpeg")
 FILE_ROLES = ("file", "gear-file")
 _OTHERS = stat.S_IRGRP | stat.S_IROTH
 MOST_SECRET = 1 << 16
-_KEYS = {"wheel_offset": "wheel_place"}  # where the plan of a part and [work] differ in a name
 _LITERAL = re.compile(r"^~|\$\w|\$\{|%\w+%")
 """What a shell would replace in a path, and nobody does here."""
 
@@ -221,8 +220,7 @@ def _key_of(site: Any, error: TrueflankError) -> str:
     stroke = {one.name for one in site.axes if site.work.stroke in (one.name, one.letter)}
     if error.fields.get("axis") in stroke:
         return "height_mm"
-    key = str(error.fields.get("key", ""))
-    return _KEYS.get(key, key)
+    return str(error.fields.get("key", ""))
 
 
 def _results(tree: Any, site: Any, folder: Path) -> Iterator[Fault]:

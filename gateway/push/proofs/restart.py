@@ -60,7 +60,7 @@ async def differences(work: Work, peak: float, reading: Reading, setup: str) -> 
     )
 
     told = {"axis": context.axis.name, "count": TIMES, "zero": zero, "position": peak}
-    plan = conversation.plan_of(context, "TFSIGN", stops=stops, setup=setup)
+    plan = conversation.plan_along(conversation.along_of(context), "TFSIGN", stops, setup=setup)
     async with reading() as read_stop:
 
         async def read(stop: Stop, _reached: StopReached) -> None:

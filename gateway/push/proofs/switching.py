@@ -66,7 +66,8 @@ def plan_of(work: Work, peak: float) -> StopPlan:
     trial = table if table.kind == "reversal" else None
     cross = table.index if table.kind == "cross" else None
     stops = stops_of(context, table, peak)
-    return conversation.plan_of(context, "TFSIGN", stops=stops, cross_table=cross, reversal=trial)
+    along = conversation.along_of(context)
+    return conversation.plan_along(along, "TFSIGN", stops, cross_table=cross, reversal=trial)
 
 
 async def switched(work: Work, peak: float, reading: Reading, again: Again, follows: Sequence[StopPlan]) -> Steps:

@@ -82,7 +82,14 @@ def grind_plan(site: SiteFile, gear_file: GearFile, setup: SetupValues, part: st
         wheel_mm=work.wheel_mm,
         wheel_offset=wheel if isinstance(wheel, int) else None,
     )
-    check_plan(plan)
+    try:
+        check_plan(plan)
+    except ConfigError as error:
+        if error.fields.get("key") != "wheel_offset":
+            raise
+        # Of a plan's names the only one that [work] has not.
+        limits = {end: f"R{error.fields[end]}" for end in ("low", "high")}
+        raise ConfigError(error.code, site.site.name, key="wheel_place", value=work.wheel_place, **limits) from None
     return plan
 
 

@@ -643,7 +643,11 @@ def test_an_overrun_beyond_the_travel_is_a_doubt_that_keeps_nobody_from_other_co
     [
         ('wheel_place = "R80"', "wheel_place", "R80, which the programs use themselves"),
         ('wheel_place = "R99"', "wheel_place", "R99, which the programs use themselves"),
-        ('wheel_place = "R9999999"', "wheel_place", "9999999"),
+        (
+            'wheel_place = "R9999999"',
+            "wheel_place",
+            "wheel_place = R9999999 of the test part is not a number from R0",
+        ),
         ('wheel_on = "S1500 M3"', "work", "does not stop"),
         ('wheel_on = "S1500 M3"\nwheel_off = "M3"', "wheel_off", "does not stop"),
         ('wheel_on = "S1500 M3"\nwheel_off = "M9"', "wheel_off", "does not stop"),
