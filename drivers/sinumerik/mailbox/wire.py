@@ -42,6 +42,7 @@ _BUSY_REPLIES = 5.0
 _BUSY_PAUSE_S = 0.02
 _SILENCE_S = 0.05
 _READ_BYTES = 4096
+_TORN = 3  # bytes at the end of our question that an adapter may lose
 
 
 @dataclass(frozen=True, slots=True)
@@ -193,6 +194,17 @@ class ModbusCodec:
             return self._buffer[2:3] != bytes([2 * self._asked.count]) or bool(self._echoes)
         return len(self._buffer) < _LENGTHS[WRITE] or not self._is_sound(self._buffer[: _LENGTHS[WRITE]])
 
+    def _may_answer(self) -> bool:
+        """Whether the head is that of an answer to a read."""
+        asked = self._asked
+        return asked is not None and self._buffer[:3] == bytes([self._unit, READ, 2 * asked.count & 0xFF])
+
+    def _is_torn_echo(self) -> bool:
+        """Whether these bytes are our own question without its first byte or its last ones, as an adapter that switches
+        over late or early gives it back; asked only of what is no answer."""
+        ends = (self._sent[:-lost] for lost in range(1, _TORN + 1))
+        return bool(self._sent) and any(self._buffer.startswith(piece) for piece in (self._sent[1:], *ends))
+
     @staticmethod
     def _is_sound(frame: bytes | bytearray) -> bool:
         return bool(FramerRTU.check_CRC(bytes(frame[:-2]), int.from_bytes(frame[-2:], "big")))
@@ -208,6 +220,8 @@ class ModbusCodec:
         if len(self._buffer) < 3:
             return None, 0
         unit, function = self._buffer[0], self._buffer[1]
+        if (unit != self._unit or function == READ) and not self._may_answer() and self._is_torn_echo():
+            return self._wrong("E-MODBUS-LOCAL-ECHO"), len(self._buffer)
         if unit != self._unit:
             return self._wrong("E-MODBUS-UNIT"), len(self._buffer)
         if function == READ and self._buffer[2] != 2 * self._asked.count:

@@ -60,10 +60,13 @@ def names(*uses: Use) -> tuple[str, ...]:
 
 
 def held(answer: object) -> frozenset[str]:
-    """Rights as one text or as a list of texts, spelled as this table does: the manuals show names only."""
-    parts: Sequence[object] = answer if isinstance(answer, list) else [answer or ""]
-    given = (name for part in parts for name in re.split(r"[;,\s]+", str(part)) if name)
-    return frozenset(_SPELLED.get(name.casefold(), name) for name in given)
+    """Rights as one text or as a list of texts, spelled as this table does: the manuals show names only.
+
+    Neither what stands between names nor upper case, "_" and "-" in them matter.
+    """
+    parts: Sequence[object] = answer if isinstance(answer, list | tuple) else [answer or ""]
+    given = (name for part in parts for name in re.findall(r"[A-Za-z][\w-]*", str(part)))
+    return frozenset(_SPELLED.get(re.sub(r"[_-]", "", name).casefold(), name) for name in given)
 
 
 def missing(rights: Iterable[str], version: Version | None, *uses: Use) -> tuple[tuple[str, ...], tuple[str, ...]]:

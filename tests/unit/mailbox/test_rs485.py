@@ -67,6 +67,15 @@ def test_echo_and_answer_glued_and_one_that_comes_byte_by_byte_are_told_too() ->
     assert replies(one, PLAIN, b"own" + ANSWERS[one])[0].problem == "E-MODBUS-LOCAL-ECHO"
 
 
+@pytest.mark.parametrize("adapter", [PLAIN, BOTH])
+@pytest.mark.parametrize("lost", [1, 2, 3])
+def test_an_echo_without_its_first_or_last_bytes_is_no_other_device(adapter: Adapter, lost: int) -> None:
+    """As of an adapter that switches over too late or early: the words name it, no other unit and no wrong length."""
+    own, answer = ModbusCodec(1, "rtu").send(ASKED), ANSWERS[ASKED]
+    for line in (own[1:], own[1:] + answer, own[:-lost] + answer):
+        assert replies(ASKED, adapter, line)[0].problem == "E-MODBUS-LOCAL-ECHO"
+
+
 def test_an_honest_line_is_read_as_before() -> None:
     for question, answer in ANSWERS.items():
         for cut in range(len(answer)):

@@ -70,3 +70,11 @@ def test_what_a_person_is_told_lists_the_table(language: str) -> None:
     assert set(NAME.findall(texts["E-UA-RIGHTS"]["do"])) == WHOLE
     assert set(NAME.findall(texts["W-DOC-RIGHTS-UNKNOWN"]["do"])) == WHOLE
     assert set(NAME.findall(texts["P-INIT-USER"]["do"])) == EVERY
+
+
+@pytest.mark.parametrize(
+    "answer",
+    ["FS_READ;fs-write", "FsRead|FsWrite", '["FsRead","FsWrite"]', ("FSREAD ", "fswrite\n"), "FsRead=1; FsWrite=1"],
+)
+def test_what_stands_between_and_in_names_of_rights_does_not_matter(answer: object) -> None:
+    assert held(answer) == {"FsRead", "FsWrite"}
