@@ -14,6 +14,7 @@ from gateway.config.places import held
 from gateway.config.rules import GEAR_MACHINE, all_named, is_pair, no_such
 
 R_PARAMETER = re.compile(r"R(\d+)")
+_LIKE_R = re.compile(r"[Rr][\s.,=_-]*\d+([.,]\d+)?")
 _ROLES = {"infeed": "linear", "stroke": "linear", "index": "rotary"}
 
 
@@ -61,6 +62,9 @@ def _wheel(tree: Mapping[str, Any], site: Any, work: Any) -> Iterator[Fault]:
         yield broken(tree, (*work.place, "wheel_place"), words("W-CFG-WHEEL-DRESSER", axis=work.wheel_place))
     elif work.wheel_place in taken:
         yield broken(tree, (*work.place, "wheel_place"), words("W-CFG-ROLE-TAKEN", role=taken[work.wheel_place]))
+    elif not known and (meant := _meant(site, work.wheel_place)):
+        said = {"given": work.wheel_place, "meant": meant}
+        yield broken(tree, (*work.place, "wheel_place"), words("W-CFG-WHEEL-SPELLED", **said))
     elif not known:
         letters = {axis.letter: axis.name for axis in site.axes if isinstance(axis.letter, str)}
         if isinstance(work.dresser, str) and work.dresser:
@@ -69,6 +73,17 @@ def _wheel(tree: Mapping[str, Any], site: Any, work: Any) -> Iterator[Fault]:
             place = "wheel_letter" if "wheel_letter" in held(tree, work.place) else "wheel_place"
             said = {"letter": work.wheel_letter, "axis": letters[work.wheel_letter]}
             yield broken(tree, (*work.place, place), words("W-CFG-WHEEL-LETTER", **said))
+
+
+def _meant(site: Any, given: str) -> str:
+    """What a name that is neither axis nor R parameter is spelled like; "" for an axis that is not in the site file.
+
+    Taken for such an axis, "r200" would make a program that moves it.
+    """
+    names = (name for axis in site.axes for name in (axis.name, axis.letter) if isinstance(name, str))
+    alike = next((name for name in names if name.casefold() == given.strip().casefold()), "")
+    number = re.search(r"\d+", given)
+    return alike or (f"R{number[0]}" if _LIKE_R.fullmatch(given) and number else "")
 
 
 def _both(site: Any, wanted: Any) -> tuple[str, ...]:
