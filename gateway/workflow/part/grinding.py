@@ -88,8 +88,9 @@ def grind_plan(site: SiteFile, gear_file: GearFile, setup: SetupValues, part: st
         if error.fields.get("key") != "wheel_offset":
             raise
         # Of a plan's names the only one that [work] has not.
-        limits = {end: f"R{error.fields[end]}" for end in ("low", "high")}
-        raise ConfigError(error.code, site.site.name, key="wheel_place", value=work.wheel_place, **limits) from None
+        low, high = (f"R{error.fields[end]}" for end in ("low", "high"))
+        told = {"key": "wheel_place", "value": work.wheel_place, "low": low, "high": high}
+        raise ConfigError(error.code, site.site.name, retryable=False, **told) from None
     return plan
 
 
