@@ -470,7 +470,7 @@ table = { minimum = 0.0, maximum = 300.0, step = 20.0 }
             "150.0",
             '150.0\nwheel_place = "R200.5"',
             "wheel_place",
-            "neither an axis of the site file nor an R parameter",
+            "neither an axis of the site file nor a parameter",
         ),
         ("150.0", '150.0\nwheel_place = "x1"', "wheel_place", "write X1 if that is meant"),
         ("150.0", '150.0\nwheel_place = "Z1"', "wheel_place", "stroke axis already"),
