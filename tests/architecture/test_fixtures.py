@@ -140,7 +140,7 @@ WHOLLY_LONG = {
     (
         "test_drive_goal_measured.py",
         "test_a_measured_machine_s_drive_has_half_the_error_that_axis_tables_leave_or_what_was_predicted",
-    ),
+    ): "test_the_goal_transmission_leaves_at_most_half_of_what_axis_tables_leave",
     (
         "test_drive_goal_run.py",
         "test_a_run_for_the_drive_halves_its_transmission_error_by_truth",
