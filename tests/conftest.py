@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import contextlib
 import functools
 import gc
+import importlib
 import inspect
 import itertools
 import os
@@ -25,6 +27,7 @@ settings.load_profile("trueflank")
 
 MEMORY, ROOM_BYTES = Path("/dev/shm"), 4 << 30
 RSA_PAIRS = 6
+HERE = Path(__file__).parent
 
 
 def _write_to_memory() -> None:
@@ -58,6 +61,22 @@ def pytest_collection() -> Generator[None, object, object]:
         gc.collect()
         gc.freeze()
         gc.set_threshold(20_000, 10, 10)
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_collectstart(collector: pytest.Collector) -> None:
+    """Each worker imports its share of all test files first: by then the others have compiled theirs.
+
+    Rewriting the asserts of all files takes twenty seconds of a processor, and every worker collects all of them. What
+    fails here fails again, and is said, where the file is collected.
+    """
+    worker = getattr(collector.config, "workerinput", None)
+    if worker is None or not isinstance(collector, pytest.Session) or collector.config.args != ["tests"]:
+        return
+    files = sorted(HERE.rglob("test_*.py"))
+    for file in files[int(worker["workerid"].removeprefix("gw")) :: worker["workercount"]]:
+        with contextlib.suppress(BaseException):
+            importlib.import_module(".".join(file.relative_to(HERE.parent).with_suffix("").parts))
 
 
 @pytest.hookimpl(tryfirst=True)

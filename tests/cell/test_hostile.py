@@ -170,6 +170,7 @@ def test_measured_without_check_stops_it_is_found_after_the_push(tmp_path: Path)
     never_silently_worse(end, "C1")
 
 
+@pytest.mark.long
 def test_cec_left_on_is_not_built_into_the_axis_own_table(tmp_path: Path) -> None:
     end = run(tmp_path, load_cell("demo"), "C1", 9, 3, during=cec_by_itself())
     assert not end.tabled

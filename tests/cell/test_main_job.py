@@ -112,7 +112,7 @@ def test_the_whole_demo(tmp_path: Path) -> None:
     ("axis", "ending", "keys"),
     [
         ("C1", "rta", {"file_datum": 0.0, "file_unit": "mrad"}),
-        ("X1", "rtl", {"file_datum": -400.0}),
+        soak(("X1", "rtl", {"file_datum": -400.0})),
     ],
 )
 def test_a_result_file_takes_the_place_of_a_live_capture(

@@ -80,6 +80,7 @@ def test_a_broken_reading_is_taken_again_on_the_machine(tmp_path: Path, monkeypa
     assert judge(found) == []
 
 
+@pytest.mark.long
 def test_two_broken_readings_that_agree_do_not_outvote_the_good_one(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

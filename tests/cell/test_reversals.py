@@ -11,6 +11,7 @@ import pytest
 from drivers.message import Message
 from simulators.cellfile import CellFile, load_cell
 from tests.cell.bench import main_job, short
+from tests.sizes import soak
 
 
 def lagging(axis: str, B: float, scatter: float = 0.0, tilt: float = 0.0) -> CellFile:
@@ -44,13 +45,13 @@ def findings(told: dict[str, Any]) -> list[str]:
 @pytest.mark.parametrize(
     ("axis", "B", "scatter"),
     [
-        ("X1", -0.5, 0.0),
-        ("X1", 0.9, 0.0),
+        soak(("X1", -0.5, 0.0)),
+        soak(("X1", 0.9, 0.0)),
         ("X1", -2.2, 0.1),
-        ("X1", 8.0, 0.0),
-        ("Z1", -3.5, 0.1),
+        soak(("X1", 8.0, 0.0)),
+        soak(("Z1", -3.5, 0.1)),
         ("Z1", 5.5, 0.0),
-        ("C1", -0.6, 0.0),
+        soak(("C1", -0.6, 0.0)),
         ("C1", 2.0, 0.1),
     ],
 )
@@ -77,7 +78,7 @@ def test_a_reversal_within_its_scatter_is_left_alone_and_said_to_be(tmp_path: Pa
 
 @pytest.mark.long
 @pytest.mark.timeout(900)
-@pytest.mark.parametrize(("axis", "B", "tilt"), [("X1", -3.0, 1.5), ("C1", 1.5, -1.0)])
+@pytest.mark.parametrize(("axis", "B", "tilt"), [("X1", -3.0, 1.5), soak(("C1", 1.5, -1.0))])
 def test_what_depends_on_the_position_goes_into_a_pair_of_tables(
     tmp_path: Path, axis: str, B: float, tilt: float
 ) -> None:

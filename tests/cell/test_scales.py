@@ -73,8 +73,9 @@ def test_a_control_that_takes_the_step_in_another_way_is_refused(tmp_path: Path,
     assert caught.value.code == "E-CAP-APPLIED"
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
-    ("site_level", "code", "why"), few([(3, "E-PUSH-REFUSED", "E-INT-ACCESS"), (7, "E-PUSH-HELD-ON", "E-NC-LEVEL")])
+    ("site_level", "code", "why"), [(3, "E-PUSH-REFUSED", "E-INT-ACCESS"), (7, "E-PUSH-HELD-ON", "E-NC-LEVEL")]
 )
 def test_switches_that_only_the_service_may_write_are_refused_with_the_reason(
     tmp_path: Path, site_level: int, code: str, why: str

@@ -70,7 +70,7 @@ def test_seeded_machines_with_one_reversed_optic_and_honest_ones(tmp_path: Path,
     assert [(one.error, one.how) for one in wrong.found.explanations] == [(error, "reversed")]
 
 
-@pytest.mark.long
+@pytest.mark.soak
 @pytest.mark.timeout(1800)
 async def test_a_whole_run_with_a_reversed_indicator_writes_nothing(tmp_path: Path) -> None:
     """Live set-up by set-up for what C does, the operator mounts one indicator the wrong way round."""

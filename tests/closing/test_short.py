@@ -82,6 +82,7 @@ def test_a_short_plan_ends_at_the_floor_of_its_machine(tmp_path: Path, name: str
     assert audit.standing(tmp_path / "runs", file.machine.serial).alarms == {}
 
 
+@pytest.mark.long
 async def test_a_plan_from_files_ends_with_a_proposal_for_the_tooth(tmp_path: Path) -> None:
     """The smaller one of the same loop: nothing is mounted, ground or written without `apply`."""
     clock = LoopClock()

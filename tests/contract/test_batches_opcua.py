@@ -12,6 +12,7 @@ from drivers.contract.subject import held_in
 from drivers.types.orders import DisableOrder, PushBatch, PushOrder
 from drivers.types.tables import CompensationTable
 from tests.contract.opcua_stage import SPEC, Stage, on_stage
+from tests.sizes import few, long
 
 MANY = replace(SPEC, cec_points=(10,) * 4)
 GRIDS: dict[str, tuple[float, float, float]] = {
@@ -74,7 +75,7 @@ async def on_now(on: Stage, batch: PushBatch) -> list[bool | None]:
     return [(await on.device.switch_reading(place)).enabled for place in places]
 
 
-@pytest.mark.parametrize("count", [1, 3, 7])
+@pytest.mark.parametrize("count", few([3, 1, 7]))
 async def test_one_program_loads_all_and_one_restart_puts_all_to_work(keys: Path, count: int) -> None:
     async with on_stage(MANY, folder=keys) as on:
         batch = BATCH[:count]
@@ -96,7 +97,7 @@ async def test_one_program_loads_all_and_one_restart_puts_all_to_work(keys: Path
         )
 
 
-@pytest.mark.parametrize("kept", [(0,), (1,), (0, 2), (1, 2)])
+@pytest.mark.parametrize("kept", [(0, 2), (0,), long(((1,),)), long(((1, 2),))])
 async def test_only_what_was_released_is_switched_on(keys: Path, kept: tuple[int, ...]) -> None:
     async with on_stage(MANY, folder=keys) as on:
         batch = BATCH[:3]
@@ -117,7 +118,7 @@ async def test_cross_tables_of_one_axis_are_switched_by_themselves(keys: Path) -
         assert [bool(one) for one in switches] == [False, True]
 
 
-@pytest.mark.parametrize("count", [1, 3, 7])
+@pytest.mark.parametrize("count", few([3, 1, 7]))
 async def test_a_reset_between_the_halves_leaves_all_off(keys: Path, count: int) -> None:
     async with on_stage(MANY, folder=keys) as on:
         batch = BATCH[:count]
@@ -142,7 +143,7 @@ async def test_a_table_changed_between_the_halves_keeps_all_off_that_are_release
         assert await on_now(on, batch) == [not released, False, not released]
 
 
-@pytest.mark.parametrize("word", [0.0, 8.0, 9.0, -1.0])
+@pytest.mark.parametrize("word", few([8.0, 0.0, 9.0, -1.0], 2))
 async def test_a_release_that_names_no_table_of_the_batch_switches_nothing(keys: Path, word: float) -> None:
     async with on_stage(MANY, folder=keys) as on:
         batch = BATCH[:3]

@@ -21,6 +21,7 @@ from drivers.types.tables import CompensationTable
 from drivers.units import wrap_deg
 from drivers.workpiece import GrindAxis, GrindPlan
 from tests.contract.opcua_stage import ORDER, SPEC, TABLE_C, Stage, on_stage, plan
+from tests.sizes import few
 
 PART = GrindPlan(
     name="TFGRIND_C1",
@@ -317,7 +318,7 @@ async def test_a_table_changed_between_the_halves_stays_disabled(keys: Path, nam
         assert not on.enabled
 
 
-@pytest.mark.parametrize("number", [83 + 10, 94, 95, 87, 90])
+@pytest.mark.parametrize("number", few([83 + 10, 94, 95, 87, 90], 2))
 async def test_words_changed_between_the_halves_stay_disabled(keys: Path, number: int) -> None:
     async with on_stage(folder=keys) as on:
         await on.loaded(ORDER)

@@ -102,7 +102,7 @@ async def test_a_layer_goes_by_one_program_and_one_restart(keys: Path, tmp_path:
         assert not unfinished(tmp_path / "journal", identity_of(on).serial)
 
 
-@pytest.mark.parametrize("stays", [True, False])
+@pytest.mark.parametrize("stays", few([True, False]))
 async def test_a_wrong_table_goes_back_alone_or_with_its_layer(keys: Path, tmp_path: Path, stays: bool) -> None:
     async with on_stage(MANY, folder=keys) as on:
         asked = await wishes(on, tmp_path, 3)

@@ -93,7 +93,7 @@ async def _later(here: World, hand: Any) -> None:
 # ---- the machine does something of its own ----------------------------------------------------------
 
 
-@pytest.mark.parametrize("command", ALL_COMMANDS)
+@pytest.mark.parametrize("command", few(ALL_COMMANDS, 2))
 def test_fault_89_a_mode_changed_at_any_command_never_leaves_half_a_table_on(tmp_path: Path, command: str) -> None:
     def mda(here: World) -> None:
         here.nck.channel_reset()
@@ -106,7 +106,7 @@ def test_fault_89_a_mode_changed_at_any_command_never_leaves_half_a_table_on(tmp
     assert story.as_before or story.off or story.as_wanted
 
 
-@pytest.mark.parametrize("block", [30, 84, 88, 120, 200])
+@pytest.mark.parametrize("block", few([84, 30, 88, 120, 200]))
 def test_fault_89_a_mode_changed_at_a_block_of_the_program(tmp_path: Path, keys: Path, block: int) -> None:
     found = _at_block(tmp_path, keys, block, lambda here: here.nck.change_mode_by_hand())
     assert found.wrong == []
@@ -152,7 +152,7 @@ async def _push_over_opcua(here: UaWorld, root: Path, block: int, deed: Any, fou
     judge(here.oracle, found, said, context)
 
 
-@pytest.mark.parametrize("command", TRANSFER)
+@pytest.mark.parametrize("command", few(TRANSFER, 2))
 def test_fault_90_an_axis_that_sets_off_stops_the_push(tmp_path: Path, command: str) -> None:
     def sets_off(here: World) -> None:
         here.nck.set_mode("JOG")
@@ -163,7 +163,7 @@ def test_fault_90_an_axis_that_sets_off_stops_the_push(tmp_path: Path, command: 
     assert story.as_before or story.off or story.as_wanted
 
 
-@pytest.mark.parametrize("command", TRANSFER)
+@pytest.mark.parametrize("command", few(TRANSFER, 2))
 def test_fault_90_a_program_that_is_started_stops_the_push(tmp_path: Path, command: str) -> None:
     def starts(here: World) -> None:
         here.nck.files.write("/_N_MPF_DIR/_N_OTHER_MPF", b"G4 F6\nM30\n")
@@ -176,7 +176,7 @@ def test_fault_90_a_program_that_is_started_stops_the_push(tmp_path: Path, comma
 
 
 @pytest.mark.parametrize("strict", [False, True], ids=["at once", "after reset"])
-@pytest.mark.parametrize("command", ALL_COMMANDS)
+@pytest.mark.parametrize("command", few(ALL_COMMANDS, 2))
 def test_fault_91_an_nck_reset_at_any_command(tmp_path: Path, command: str, strict: bool) -> None:
     story = sound(told(at(command, lambda here: here.nck.nck_reset(), scene=Scene(strict=strict)), tmp_path))
     assert story.outcome in (*NOT_THERE, "raised E-MBX-TIME") or story.outcome.startswith("raised")
@@ -184,7 +184,7 @@ def test_fault_91_an_nck_reset_at_any_command(tmp_path: Path, command: str, stri
 
 
 @pytest.mark.parametrize("strict", [False, True], ids=["at once", "after reset"])
-@pytest.mark.parametrize("points", few((1, 5, 10, 11, 2, 3, 4, 6, 7, 8, 9), 4))
+@pytest.mark.parametrize("points", few((5, 11, 1, 10, 2, 3, 4, 6, 7, 8, 9), 2))
 def test_fault_92_the_mains_cut_at_each_point_never_let_half_a_table_act(
     tmp_path: Path, points: int, strict: bool
 ) -> None:
@@ -223,7 +223,7 @@ def test_fault_94_too_little_table_memory_is_refused_and_never_enlarged(
     assert (story.writes, story.asked.get("BEGIN", 0)) == (0, 0)
 
 
-@pytest.mark.parametrize("command", ALL_COMMANDS)
+@pytest.mark.parametrize("command", few(ALL_COMMANDS, 2))
 def test_fault_95_the_key_turned_back_at_any_command(tmp_path: Path, command: str) -> None:
     plan = at(command, lambda here: here.station.plc.turn_key_back(), mend=lambda here: here.nck.set_access_level(2))
     story = sound(told(plan, tmp_path))
@@ -248,7 +248,7 @@ def test_fault_96_a_table_changed_since_it_was_measured_is_left_alone(tmp_path: 
     assert (story.outcome, story.writes, story.asked) == ("refused", 0, {})
 
 
-@pytest.mark.parametrize("command", ["MARKER", "DISABLE", "BEGIN"])
+@pytest.mark.parametrize("command", few(["DISABLE", "MARKER", "BEGIN"]))
 def test_fault_96_a_second_writer_before_each_command_is_never_overwritten_unseen(tmp_path: Path, command: str) -> None:
     """The old table is off, so that the control does not protect it."""
     story = told(at(command, other_points, scene=Scene(old_on=False), recover=False), tmp_path)
@@ -257,7 +257,7 @@ def test_fault_96_a_second_writer_before_each_command_is_never_overwritten_unsee
     assert story.restores <= 1
 
 
-@pytest.mark.parametrize("command", ["DISABLE", "BEGIN", "CHUNK"])
+@pytest.mark.parametrize("command", few(["BEGIN", "DISABLE", "CHUNK"]))
 def test_fault_97_who_else_writes_is_not_fought(tmp_path: Path, command: str) -> None:
     """A PLC program that keeps writing one register: the table never gets in, and only one restore is tried."""
     plan = at(command, lambda here: here.station.plc.change(overwrites=((40, 77),)))
@@ -309,7 +309,7 @@ def test_fault_101_another_machine_is_refused(tmp_path: Path) -> None:
         assert (story.outcome, story.writes, story.asked) == ("refused", 0, {})
 
 
-@pytest.mark.parametrize("command", ALL_COMMANDS)
+@pytest.mark.parametrize("command", few(ALL_COMMANDS, 2))
 def test_fault_101_another_machine_behind_the_wire_in_the_middle(tmp_path: Path, command: str) -> None:
     def swapped(here: World) -> None:
         here.nck.spec = replace(here.nck.spec, serial="SN-9")
@@ -322,7 +322,7 @@ def test_fault_101_another_machine_behind_the_wire_in_the_middle(tmp_path: Path,
     assert story.as_before or story.off or story.as_wanted
 
 
-@pytest.mark.parametrize("number", [300504, 3000])
+@pytest.mark.parametrize("number", few([300504, 3000]))
 def test_fault_102_an_alarm_refuses_and_stops(tmp_path: Path, number: int) -> None:
     def alarm(here: World) -> None:
         here.nck.drive_alarm(number, "something is wrong")
@@ -352,7 +352,7 @@ def test_fault_103_an_axis_without_reference(tmp_path: Path) -> None:
     assert later.outcome in NOT_THERE
 
 
-@pytest.mark.parametrize("place", [-75.0, -40.0, 12.0, 54.0, 88.0])
+@pytest.mark.parametrize("place", few([-75.0, 54.0, -40.0, 12.0, 88.0], 2))
 def test_fault_104_switching_never_moves_the_axis_by_more_than_a_micrometre(tmp_path: Path, place: float) -> None:
     def away(here: World) -> None:
         here.nck.set_mode("JOG")
@@ -386,7 +386,7 @@ def test_fault_107_a_marker_that_is_not_ours_refuses(tmp_path: Path) -> None:
     assert (story.outcome, story.asked, story.marker) == ("refused", {}, 1)
 
 
-@pytest.mark.parametrize("command", TRANSFER)
+@pytest.mark.parametrize("command", few(TRANSFER, 2))
 def test_fault_107_a_second_pc_in_the_middle(tmp_path: Path, command: str) -> None:
     def intrudes(here: World) -> None:
         here.station.plc.change(second_master=here.station.plc._taken + 1)

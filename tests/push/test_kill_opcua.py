@@ -22,7 +22,7 @@ from tests import attacks
 from tests.push.judging import Played, ended, judge, settle
 from tests.push.uaworld import UaWorld, never_loaded, ua_change, ua_context, ua_world
 from tests.push.world import OLD
-from tests.sizes import few
+from tests.sizes import few, long, soak
 
 pytestmark = pytest.mark.attack
 
@@ -99,7 +99,7 @@ def steps(tmp_path_factory: pytest.TempPathFactory, keys: Path) -> list[str]:
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="a process that is killed here is ended by a signal")
-@pytest.mark.parametrize("shard", few(range(SHARDS)))
+@pytest.mark.parametrize("shard", few(range(SHARDS), more=6))
 def test_killed_in_a_fresh_process(tmp_path: Path, keys: Path, steps: list[str], shard: int) -> None:
     points = random.Random(4).sample(range(len(steps)), SHARDS * EACH)[shard::SHARDS]
     found = [killed(tmp_path / str(point), keys, point, point % 2 == 0) for point in points]
@@ -224,7 +224,7 @@ def sweep(blocks: Sequence[int], keys: Path, root: Path, old: LiveTable, killed:
     return Counter(f"{one.outcome}, {one.recovered.strip()}" for one in found)
 
 
-@pytest.mark.parametrize("every", few([4, 1]))
+@pytest.mark.parametrize("every", [12, long(4), soak(1)])
 def test_the_mains_cut_at_every_block_that_leaves_half_a_table(
     tmp_path: Path, keys: Path, halves: tuple[list[int], int], every: int
 ) -> None:

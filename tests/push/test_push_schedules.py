@@ -41,7 +41,7 @@ def play(seeds: range, folder: Path) -> Counter[str]:
     return found
 
 
-@pytest.mark.parametrize("shard", few(range(SHARDS)))
+@pytest.mark.parametrize("shard", few(range(SHARDS), more=6))
 def test_seeded_faults_on_the_mailbox(tmp_path: Path, shard: int) -> None:
     size = MODBUS // SHARDS
     found = play(range(shard * size, (shard + 1) * size), tmp_path)

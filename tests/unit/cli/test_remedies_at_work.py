@@ -20,6 +20,7 @@ from gateway.cli import app
 from gateway.cli.demonstration import CellAsked, cell_process
 from gateway.store import Store
 from gateway.workflow import stages
+from tests.sizes import few
 from tests.unit.cli.test_import_export import AXIS, captured
 from tests.unit.day.test_day import site
 
@@ -168,7 +169,10 @@ AT_WORK: dict[str, Callable[[], None]] = {
 """What provokes each code and follows its remedy; one of them may follow several."""
 
 
-@pytest.mark.parametrize("work", sorted(set(AT_WORK.values()), key=lambda one: one.__name__))
+WORKS = sorted(set(AT_WORK.values()), key=lambda one: (one is a_cell, one.__name__))
+
+
+@pytest.mark.parametrize("work", few(WORKS, len(WORKS) - 1))
 def test_following_what_is_printed_ends_the_trouble_at_work(
     work: Callable[[], None], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

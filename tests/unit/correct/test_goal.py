@@ -65,7 +65,7 @@ def _error(goal: DriveGoal, machine: Grinding, grid: FlankGrid) -> float:
 
 
 MACHINES = [
-    *few([(1, SMALL), *((seed, LARGE) for seed in range(1, 7))]),
+    *few([(1, SMALL), *((seed, LARGE) for seed in range(1, 7))], more=2),
     *(soak((seed, LARGE)) for seed in range(7, 21)),
 ]
 

@@ -17,7 +17,7 @@ from drivers.files.csvmap import parse_csv
 from drivers.files.readings import Reading, Readings
 from drivers.files.workbook import workbook_text
 from drivers.types.results import MeasuredSet
-from tests.sizes import soak
+from tests.sizes import long, soak
 
 # What one of a unit is in mm or deg, from the definitions and not from the reader.
 LENGTHS = {"mm": 1.0, "um": 1e-3, "nm": 1e-6, "inch": 25.4, "m": 1e3}
@@ -186,7 +186,7 @@ def same(found: MeasuredSet, case: Case) -> None:
 
 
 @pytest.mark.timeout(3600)
-@pytest.mark.parametrize("count", [1400, soak(70_000)])
+@pytest.mark.parametrize("count", [350, long(1400), soak(70_000)])
 def test_one_measurement_in_every_form_gives_the_same_figures(count: int) -> None:
     chance = random.Random(count)
     layouts = set()
@@ -232,7 +232,7 @@ def spoilt(case: Case, chance: random.Random) -> tuple[str, set[tuple[int, int, 
 
 
 @pytest.mark.timeout(3600)
-@pytest.mark.parametrize("count", [600, soak(30_000)])
+@pytest.mark.parametrize("count", [200, long(600), soak(30_000)])
 def test_one_foreign_fact_never_gives_other_figures(count: int) -> None:
     chance = random.Random(count + 1)
     outcomes: dict[str, set[str]] = {}

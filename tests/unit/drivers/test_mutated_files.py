@@ -23,7 +23,7 @@ from drivers.files.rtx import RtxHead, read_head
 from drivers.local.letters import decode
 from drivers.types.gears import GearInspection
 from drivers.types.results import MeasuredSet
-from tests.sizes import soak
+from tests.sizes import long, soak
 from tests.unit.drivers.mutations import Score, run
 
 COUNT = 100_000
@@ -173,7 +173,7 @@ PARSERS: dict[str, tuple[list[bytes], Callable[[bytes], object], Callable[[bytes
 }
 
 
-@pytest.mark.parametrize("count", [COUNT // 10, soak(COUNT)])
+@pytest.mark.parametrize("count", [COUNT // 50, long(COUNT // 10), soak(COUNT)])
 @pytest.mark.parametrize("name", sorted(PARSERS))
 def test_a_damaged_file_is_refused_or_means_what_its_rewrite_means(name: str, count: int) -> None:
     bases, read, check = PARSERS[name]

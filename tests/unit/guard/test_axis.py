@@ -10,6 +10,7 @@ from gateway.guard import Approved, Check, GuardVerdict, guard_axis
 from gateway.guard.verdict import SIGMAS, margin_factor
 from gateway.model.components import value
 from gateway.model.fit import fit_positioning
+from tests.sizes import few
 
 TARGETS = np.linspace(0.0, 315.0, 8)
 LIMIT = 2.0
@@ -52,7 +53,7 @@ def answer(rng: np.random.Generator, curve: Component, change: np.ndarray, sigma
     return guard_axis(Approved(curve), Check(TARGETS, means + rng.normal(0.0, 5.0), u, float(freedom)), LIMIT)
 
 
-@pytest.mark.parametrize("readings", [None, 3], ids=["sigma known", "sigma of 3 repetitions"])
+@pytest.mark.parametrize("readings", few([3, None]), ids=["sigma of 3 repetitions", "sigma known"])
 def test_two_thousand_checks_with_noise_are_never_wrong_where_it_can_be_told(readings: int | None) -> None:
     """Separation above 4 U (8 sigma): the right word every time; inside it: no reassurance beyond the limit."""
     rng = np.random.default_rng(61)

@@ -156,7 +156,7 @@ def run_batch(seed: int, count: int) -> None:
     assert found["ended"] > count // 20
 
 
-@pytest.mark.parametrize("seed", few(range(SHARES), 2))
+@pytest.mark.parametrize("seed", few(range(SHARES), more=5))
 def test_damaged_programs_end_or_alarm_within_their_steps(seed: int) -> None:
     run_batch(seed, PROGRAMS // SHARES)
 

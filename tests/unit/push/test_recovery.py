@@ -102,7 +102,7 @@ def expected(machine: Machine, old: LiveTable, kinds: tuple[str, ...]) -> str:
             (LiveTable(NEVER, enabled=False), "presses reset", True),
             (LiveTable(NEVER, enabled=False), "presses start", True),
         ],
-        3,
+        2,
     ),
 )
 def test_killed_at_every_step(
@@ -153,7 +153,7 @@ def recovered(root: Path, machine: Machine, old: LiveTable) -> str:
     return finding.code
 
 
-@pytest.mark.parametrize("step", range(0, 60, 3))
+@pytest.mark.parametrize("step", few(sorted(range(0, 60, 3), key=lambda step: step % 4), 8))
 def test_killed_again_during_recovery(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, step: int) -> None:
     here, _ = killed(tmp_path, 40, OLD_ON, monkeypatch, False)
     here.machine.nck_reset()

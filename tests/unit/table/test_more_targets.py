@@ -35,7 +35,7 @@ def good(one: Judged, left: float) -> None:
 
 
 @pytest.mark.parametrize(("extra", "keys", "left"), few(SCREWS, 2))
-@pytest.mark.parametrize("seed", few(range(8), 1))
+@pytest.mark.parametrize("seed", few(range(8), 1, 2))
 def test_screw_and_guide_get_as_good_as_their_grid_can_hold(
     extra: Callable[[int], Curve], keys: dict[str, Any], left: float, seed: int
 ) -> None:
@@ -43,7 +43,7 @@ def test_screw_and_guide_get_as_good_as_their_grid_can_hold(
 
 
 @pytest.mark.parametrize(("order", "step", "left"), few(WORMS, 2))
-@pytest.mark.parametrize("seed", few(range(8), 1))
+@pytest.mark.parametrize("seed", few(range(8), 1, 2))
 def test_worm_orders_are_told_apart_and_held_where_the_grid_can(
     order: int, step: float, left: float, seed: int
 ) -> None:
@@ -51,7 +51,7 @@ def test_worm_orders_are_told_apart_and_held_where_the_grid_can(
 
 
 @pytest.mark.parametrize("hours", few([0.0, 0.12]))
-@pytest.mark.parametrize("seed", few(range(12), 1))
+@pytest.mark.parametrize("seed", few(range(12), 1, 3))
 @pytest.mark.parametrize("size", few([0.3, 0.05], 1))
 def test_without_the_hours_a_table_is_labelled_or_refused_and_never_worse(hours: float, seed: int, size: float) -> None:
     shapes = (wave(8.0, 4.0), wave(10.0, 4.0), sag(40.0 + 53.0 * seed % 320.0, 30.0, 8.0))
