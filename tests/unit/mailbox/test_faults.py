@@ -27,6 +27,7 @@ from drivers.sinumerik.mailbox.device import SinumerikModbus
 from drivers.sinumerik.mailbox.settings import ModbusSettings
 from drivers.sinumerik.mailbox.wire import ModbusCodec, ModbusWire, Question
 from drivers.types.orders import PushOrder
+from tests.sizes import few
 from tests.unit.mailbox.desk import VALUES, at_rogue, driver, order_for, push, table
 from tests.unit.mailbox.rogue import Asked, Lie, Rogue, crc16, serving
 
@@ -635,7 +636,7 @@ def _bent_push(seed: int, framer: str) -> bool:
     return through
 
 
-@pytest.mark.parametrize("framer", ["tcp", "rtu"])
+@pytest.mark.parametrize("framer", few(["tcp", "rtu"]))
 def test_a_wrong_bit_in_a_right_frame_never_enables_a_wrong_table(framer: str) -> None:
     ended = [_bent_push(seed, framer) for seed in range(60)]
     assert any(ended)
@@ -643,7 +644,7 @@ def test_a_wrong_bit_in_a_right_frame_never_enables_a_wrong_table(framer: str) -
 
 
 @pytest.mark.soak
-@pytest.mark.parametrize("framer", ["tcp", "rtu"])
+@pytest.mark.parametrize("framer", few(["tcp", "rtu"]))
 def test_a_wrong_bit_never_enables_a_wrong_table_many_times(framer: str) -> None:
     assert not all(_bent_push(seed, framer) for seed in range(1000, 2500))
 

@@ -349,7 +349,7 @@ def test_a_proof_that_cannot_be_put_back_is_held(tmp_path: Path) -> None:
 
 
 @ROADS
-@SIGNS
+@pytest.mark.parametrize("sign", few([-1, 1]))
 def test_killed_at_every_call_and_recovered(tmp_path: Path, by_hand: bool, sign: int) -> None:
     seen: set[str] = set()
     neighbour = LiveTable(stored(FLAT, sign), True)
