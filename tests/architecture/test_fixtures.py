@@ -65,6 +65,26 @@ WHOLLY_LONG = {
     ): "test_a_wave_that_looks_like_the_first_harmonic_is_refused_before_anything_is_written",
     (
         "test_hostile.py",
+        "test_cec_left_on_is_not_built_into_the_axis_own_table",
+    ): "tests/unit/table/test_reasons.py",
+    (
+        "test_scales.py",
+        "test_switches_that_only_the_service_may_write_are_refused_with_the_reason",
+    ): "tests/push/test_refusals_on_the_wire.py",
+    (
+        "test_retakes.py",
+        "test_two_broken_readings_that_agree_do_not_outvote_the_good_one",
+    ): "test_a_broken_reading_is_taken_again_on_the_machine",
+    (
+        "test_short.py",
+        "test_a_plan_from_files_ends_with_a_proposal_for_the_tooth",
+    ): "test_what_is_proposed_to_a_machine_of_a_family_makes_it_better",
+    (
+        "test_records.py",
+        "test_round_trip_of_more_values",
+    ): "test_round_trip",
+    (
+        "test_hostile.py",
         "test_measured_without_check_stops_it_is_found_after_the_push",
     ): "test_a_wave_that_looks_like_the_first_harmonic_is_refused_before_anything_is_written",
     (
@@ -74,10 +94,6 @@ WHOLLY_LONG = {
     (
         "test_part_asked.py",
         "test_reversed_optics_end_a_run_before_its_tables_and_measured_anew_it_goes_on",
-    ): "tests/unit/correct/test_agreement.py",
-    (
-        "test_part_asked.py",
-        "test_a_whole_run_with_a_reversed_indicator_writes_nothing",
     ): "tests/unit/correct/test_agreement.py",
     (
         "test_part_asked.py",
