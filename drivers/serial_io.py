@@ -250,7 +250,8 @@ class SerialTransport:
             self._port.write(data)
         except serial.SerialTimeoutException as error:
             raise TransportError("E-LINK-WRITE", self._url, timeout_s=WRITE_S) from error
-        except (serial.SerialException, OSError) as error:
+        except (serial.SerialException, OSError, ValueError) as error:
+            # ValueError: the thread that reads has closed the port meanwhile, and its file number is -1.
             raise TransportError("E-LINK-CLOSED", self._url, why=str(error)) from error
 
     async def _in_thread(self, work: Callable[..., None], *arguments: object) -> None:

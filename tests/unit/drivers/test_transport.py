@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import asyncio
+import select
 import socket
 
 import pytest
 
 from drivers.clock import LoopClock
 from drivers.errors import ConfigError, DeadlineExceeded, TransportError
+from drivers.serial_io import SerialTransport
 from drivers.transport import BentTransport, ByteTransport, listen_memory, open_transport, serve
 from drivers.transport.memory import PIPE_BYTES
 from tests.unit.drivers.loops import run_clean
@@ -150,6 +152,26 @@ def test_urls_that_cannot_be_served(url: str) -> None:
         else:
             with pytest.raises(ConfigError, match="E-LINK-URL"):
                 await serve(url, echo, LoopClock())
+
+    run_clean(main, virtual=False)
+
+
+def test_a_port_that_its_reader_closes_under_a_write_is_told_as_closed(monkeypatch: pytest.MonkeyPatch) -> None:
+    async def main() -> None:
+        clock = LoopClock()
+        listener = await serve("socket://127.0.0.1:0", echo, clock)
+        wire = await open_transport(listener.url, clock, 5.0)
+        assert isinstance(wire, SerialTransport)
+
+        def closed(data: bytes) -> None:
+            select.select([], [-1], [], 0.0)
+
+        with monkeypatch.context() as patch:
+            patch.setattr(wire._port, "write", closed)
+            with pytest.raises(TransportError, match="E-LINK-CLOSED"):
+                await wire.write(b"x")
+        await wire.close()
+        await listener.close()
 
     run_clean(main, virtual=False)
 
