@@ -25,6 +25,7 @@ def consent(
     now_utc: datetime,
     run_id: str = "",
     given: Iterable[Approval] = (),
+    kept_by: tuple[str, ...] = (),
 ) -> Approval:
     """One person's approval of one change on one machine, from now for ten minutes.
 
@@ -51,4 +52,5 @@ def consent(
         given_utc=since,
         expires_utc=until,
         run_id=run_id,
+        kept_by=kept_by,
     )

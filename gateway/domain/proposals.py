@@ -115,7 +115,8 @@ class Approval:
     """One person's consent to one plan: ``plan_hash`` from `gateway.push.plan_hash`, bound to base and machine.
 
     ``actor`` is who gave it; ``serial`` the machine; it holds from ``given_utc`` until ``expires_utc`` (ISO 8601
-    with offset). ``run_id`` is the run whose proposal was approved.
+    with offset). ``run_id`` is the run whose proposal was approved. ``kept_by`` are those who made the
+    approver's account or gave it a secret within seven days before: their pushes it does not approve.
     """
 
     actor: str
@@ -125,6 +126,7 @@ class Approval:
     given_utc: str
     expires_utc: str
     run_id: str = ""
+    kept_by: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)

@@ -134,6 +134,8 @@ def _problem(facts: PushFacts, approval: Approval) -> Iterator[Refusal]:
         yield from no("E-INT-APPROVAL-EXPIRED", actor=approval.actor, given=approval.given_utc, **_times(approval))
     elif person_key(approval.actor) == person_key(facts.request.actor):
         yield from no("E-INT-APPROVAL-SAME-PERSON", actor=approval.actor)
+    elif person_key(facts.request.actor) in map(person_key, approval.kept_by):
+        yield from no("E-INT-APPROVAL-OWN-ACCOUNT", actor=approval.actor, by=facts.request.actor)
 
 
 def _times(approval: Approval) -> dict[str, object]:

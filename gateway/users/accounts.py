@@ -7,6 +7,7 @@ import os
 import secrets
 from collections.abc import Sequence
 from dataclasses import asdict, replace
+from datetime import datetime
 from pathlib import Path
 from typing import Any
 
@@ -49,7 +50,7 @@ class UserAccounts:
             return ()
         try:
             kept = json.loads(data)
-            return tuple(UserAccount(**{**one, "roles": tuple(one["roles"])}) for one in kept["users"])
+            return tuple(_account(one) for one in kept["users"])
         except (ValueError, TypeError, KeyError) as error:
             raise CorruptRecord("E-USER-FILE", str(self._path), why=str(error)) from error
 
@@ -67,8 +68,11 @@ class UserAccounts:
         password: str = "",
         pin: str = "",
         known: UserAccount | None = None,
+        by: tuple[str, datetime] | None = None,
     ) -> UserAccount:
         """Make an account, or change one: what is left empty of a known one stays, its name as it was spelled.
+
+        ``by`` is who does it and when: for seven days that person's pushes cannot be approved by this account.
 
         A new password ends the program's token. The last account with the role service keeps it. Raises StoreError
         (E-USER-NAME, E-USER-ROLE, E-USER-PASSWORD, E-USER-PIN, E-USER-LAST, E-STORE-DISK).
@@ -81,7 +85,10 @@ class UserAccounts:
             password=self._hasher.hashed(password) if password else known.password if known else "",
             pin=self._hasher.hashed(pin) if pin else known.pin if known else "",
             token=known.token if known and not password else "",
+            keepers=known.keepers if known else (),
         )
+        if by is not None and (known is None or password or pin):
+            account = replace(account, keepers=account.kept_again(*by))
         every = self.all()
         left = [one for one in every if one.name != name] + [account]
         if _administered(every) and not _administered(left):
@@ -104,14 +111,18 @@ class UserAccounts:
         self._write(left)
         return True
 
-    def give_token(self, name: str) -> str:
-        """A new token for a program that acts as this account, shown once and kept as a hash. Raises StoreError."""
+    def give_token(self, name: str, by: tuple[str, datetime] | None = None) -> str:
+        """A new token for a program that acts as this account, shown once and kept as a hash; ``by`` as in `put`.
+
+        Raises StoreError (E-USER-NONE, E-STORE-DISK).
+        """
         known = self.find(name)
         if known is None:
             raise RecordNotFound("E-USER-NONE", str(self._path), name=shown(name))
         token = secrets.token_urlsafe(32)
         digest = token_digest(token)
-        self._write([replace(one, token=digest) if one.name == known.name else one for one in self.all()])
+        given = replace(known, token=digest, keepers=known.kept_again(*by) if by else known.keepers)
+        self._write([given if one.name == known.name else one for one in self.all()])
         return token
 
     def by_secret(self, name: str, *, password: str = "", pin: str = "") -> Person:
@@ -162,6 +173,11 @@ class UserAccounts:
             finally:
                 temporary.unlink(missing_ok=True)
             sync_folder(self._path.parent)
+
+
+def _account(kept: dict[str, Any]) -> UserAccount:
+    keepers = tuple((str(who), datetime.fromisoformat(when).isoformat()) for who, when in kept.get("keepers", ()))
+    return UserAccount(**{**kept, "roles": tuple(kept["roles"]), "keepers": keepers})
 
 
 def _administered(accounts: Sequence[UserAccount]) -> bool:

@@ -193,8 +193,11 @@ async def approve(request: Request, site: str, run: str, person: Anybody, body: 
         person = await proved(request, body.by.name, password=body.by.password, pin=body.by.pin)
     if not person.may("approver"):
         raise SignInRefused("E-WEB-ROLE", "web", name=person.name, roles="approver")
+    service = service_of(request)
+    account = service.doors.accounts.find(person.name)
+    kept_by = account.kept_by(service.clock.utc()) if account is not None else ()
     asked = {"table": body.table, "typed_name": body.machine, "actor": person.name}
-    made = await works.approved(run_of(at, run), service_of(request).clock, **asked)
+    made = await works.approved(run_of(at, run), service.clock, **asked, kept_by=kept_by)
     return [{"plan_hash": one.plan_hash, "by": one.actor, "expires_utc": one.expires_utc} for one in made]
 
 

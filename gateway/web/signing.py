@@ -112,7 +112,8 @@ async def put_user(request: Request, person: ServiceRole, name: str, body: UserB
     doors = service_of(request).doors
     known = doors.accounts.find(name)
     secret = {"password": body.password, "pin": body.pin}
-    account = await run_in_threadpool(doors.accounts.put, name, tuple(body.roles), **secret, known=known)
+    by = (person.name, service_of(request).clock.utc())
+    account = await run_in_threadpool(doors.accounts.put, name, tuple(body.roles), **secret, known=known, by=by)
     doors.sessions.end_of(name)
     service_of(request).note("user-changed" if known else "user-made", actor=person.name, details=_details(account))
     return _shown(account)
@@ -136,6 +137,7 @@ async def remove_user(request: Request, person: ServiceRole, name: str) -> dict[
 @routes.post("/users/{name}/token")
 async def give_token(request: Request, person: ServiceRole, name: str, _body: Plain | None = None) -> dict[str, Any]:
     """A new token for a program that acts as this account; it is shown this once."""
-    token = service_of(request).doors.accounts.give_token(name)
+    service = service_of(request)
+    token = service.doors.accounts.give_token(name, (person.name, service.clock.utc()))
     service_of(request).note("user-token", actor=person.name, details={"name": name})
     return {"name": name, "token": token}

@@ -131,9 +131,11 @@ def self_test(at: ServedSite, clock: Clock, axis: str) -> Work:
     return work
 
 
-async def approved(folder: RunFolder, clock: Clock, *, table: str, typed_name: str, actor: str) -> tuple[Approval, ...]:
+async def approved(
+    folder: RunFolder, clock: Clock, *, table: str, typed_name: str, actor: str, kept_by: tuple[str, ...]
+) -> tuple[Approval, ...]:
     """Consent, as on the command line: the same single-use record."""
-    return await approve_plan(folder, table=table, typed_name=typed_name, clock=clock, actor=actor)
+    return await approve_plan(folder, table=table, typed_name=typed_name, clock=clock, actor=actor, kept_by=kept_by)
 
 
 def reported(folder: RunFolder) -> ReportPaths:

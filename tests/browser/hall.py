@@ -8,6 +8,7 @@ import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from datetime import datetime, timedelta
 from pathlib import Path
 from typing import IO, Any
 
@@ -60,6 +61,15 @@ class Hall:
     def token(self) -> str:
         """What the service wrote for its first start."""
         return first_token_path(self.store.root).read_text(encoding="ascii").strip()
+
+    def week_passes(self) -> None:
+        """Accounts made today count as made eight days ago: their approvals count for who made them, too."""
+        path = self.store.root / "service" / "users.json"
+        kept = json.loads(path.read_text(encoding="ascii"))
+        for one in kept["users"]:
+            then = [(who, datetime.fromisoformat(when) - timedelta(days=8)) for who, when in one["keepers"]]
+            one["keepers"] = [[who, when.isoformat()] for who, when in then]
+        path.write_text(json.dumps(kept), encoding="ascii")
 
     def do(self, order: str | dict[str, Any]) -> dict[str, Any]:
         """What a person does at the machine, or the judge's order; its answer."""

@@ -151,6 +151,7 @@ def _corrects(anna: Person, at: Hall) -> None:
     """As the page says it in turn: measure, let a second person agree, write; then every number is the record's."""
     anna.sees("#now", "Measure the axes")
     _invites(anna, "bob")
+    at.week_passes()
     anna.go("capture")
     assert anna.done(anna.give("#measure-axes"))["error"] is None
     anna.sees("#now", "Correct")

@@ -49,7 +49,7 @@ def _day(at: Hall, browser: Browser) -> None:
     anna = Person(page, at, "anna")
     looked_at(anna, "day-01-sign-in")
     anna.first()
-    _connected(anna, page)
+    _connected(anna, page, at)
     _measured(anna, page, at)
     _evaluated(anna, page, at)
     _corrected(anna, page, at)
@@ -60,7 +60,7 @@ def _day(at: Hall, browser: Browser) -> None:
     assert wrong == []
 
 
-def _connected(anna: Person, page: Page) -> None:
+def _connected(anna: Person, page: Page, at: Hall) -> None:
     anna.go("connect")
     for name, roles in (("bob", {"approver"}), ("carl", {"operator"})):
         page.locator("main details summary").click()
@@ -72,6 +72,7 @@ def _connected(anna: Person, page: Page) -> None:
             form.locator(f"[name={role}]").set_checked(role in roles)
         form.locator("button").click()
         page.locator("td b", has_text=name).wait_for()
+    at.week_passes()
     assert anna.done(anna.give("#doctor"))["exit_code"] == 5, "the self-test is missing, and is said"
     anna.sees("ul.checks li.bad .fix", "Self-test")
     looked_at(anna, "day-02-connect")

@@ -28,9 +28,11 @@ async def show_plan(folder: RunFolder, *, table: str = "", clock: Clock, say: Sa
 
 
 async def approve_plan(
-    folder: RunFolder, *, table: str, typed_name: str, clock: Clock, actor: str = ""
+    folder: RunFolder, *, table: str, typed_name: str, clock: Clock, actor: str = "", kept_by: tuple[str, ...] = ()
 ) -> tuple[Approval, ...]:
     """Approve the proposed tables of a run, or the one named by its name, as ``actor`` (who acts).
+
+    ``kept_by`` are those who may know that person's secret: `Approval.kept_by`.
 
     Each approval holds ten minutes, for this plan on this machine, for one push. Raises WriteRefused (E-APPROVE-...)
     with nothing approved, ConfigError (E-RUN-AXIS), CorruptRecord (E-AUDIT-BROKEN), StoreError.
@@ -51,6 +53,7 @@ async def approve_plan(
             now_utc=clock.utc(),
             run_id=folder.run_id,
             given=kept.unused(),
+            kept_by=kept_by,
         )
         for change in _wanted(proposal, table, folder)
     ]

@@ -176,6 +176,7 @@ MORE: list[tuple[str, PushFacts]] = [
     ("E-INT-APPROVAL-EXPIRED", approved(given_utc=(NOW + timedelta(hours=1)).isoformat())),
     ("E-INT-APPROVAL-EXPIRED", approved(expires_utc="soon")),
     ("E-INT-APPROVAL-SAME-PERSON", approved(actor="first")),
+    ("E-INT-APPROVAL-OWN-ACCOUNT", approved(kept_by=("other", "FIRST"))),
     ("E-INT-APPROVAL-OTHER-PLAN", approved(plan_hash="0" * 64)),
     ("E-INT-APPROVAL-OTHER-PLAN", approved(base_digest="other")),
     ("E-INT-APPROVAL-OTHER-PLAN", approved(serial="SN-2")),

@@ -239,7 +239,7 @@ def test_a_second_person_approves_over_the_firsts_session_and_leaves_it(
     assert client.post(where, json={"machine": "hall-3", "by": by}).json()["code"] == "E-WEB-ROLE"
     assert client.post(where, json={"machine": "hall-3", "by": {"name": "carl", "pin": "999999"}}).status_code == 401
     assert client.post(where, json={"machine": "hall-3", "by": {"name": "carl", "pin": PIN}}).status_code == 201
-    assert asked == [{"table": "", "typed_name": "hall-3", "actor": "carl"}]
+    assert asked == [{"table": "", "typed_name": "hall-3", "actor": "carl", "kept_by": ()}]
     assert client.get("/api/v1/me").json()["name"] == "bert"
 
 

@@ -16,6 +16,7 @@ from gateway.daemon.hub import MOST_LISTENERS, MOST_OF_ONE, Hub
 from gateway.errors import BusyError, LastAdministrator
 from gateway.users import RefusedSignIns
 from gateway.users.refusals import MOST_KEPT
+from gateway.web import works
 from tests.unit.web.client import Client
 from tests.unit.web.services import PASSWORD, PIN, Offered, offered
 from tests.unit.web.test_daemon import SITE
@@ -145,3 +146,40 @@ async def test_one_viewer_does_not_take_the_operators_stream() -> None:
     hub.join("olga", operates=True)
     with pytest.raises(BusyError):
         hub.join("one-more", operates=True)
+
+
+def test_who_gave_an_account_its_secret_is_kept_for_seven_days(offer: Offered) -> None:
+    accounts = offer.service.doors.accounts
+    begun = datetime(2026, 3, 2, 8, 0, tzinfo=UTC)
+    accounts.put("carl", ("approver",), password=PASSWORD, by=("root", begun))
+    accounts.put("carl", ("approver", "viewer"), known=accounts.find("carl"), by=("vera", begun))
+    carl = accounts.find("carl")
+    assert carl is not None
+    assert carl.kept_by(begun) == ("root",), "roles alone give nobody the secret"
+    assert carl.kept_by(begun + timedelta(days=7, seconds=-1)) == ("root",)
+    assert carl.kept_by(begun + timedelta(days=7)) == ()
+    later = begun + timedelta(days=6)
+    accounts.give_token("carl", ("olga", later))
+    accounts.put("carl", ("approver",), pin=PIN, known=accounts.find("carl"), by=("sam", later))
+    carl = accounts.find("carl")
+    assert carl is not None
+    assert carl.kept_by(later) == ("root", "olga", "sam")
+    assert carl.kept_by(begun + timedelta(days=8)) == ("olga", "sam")
+
+
+def test_an_approval_names_who_may_know_the_approvers_secret(offer: Offered, monkeypatch: pytest.MonkeyPatch) -> None:
+    given: list[tuple[str, ...]] = []
+
+    async def approve(_folder: object, _clock: object, *, kept_by: tuple[str, ...], **_asked: str) -> tuple[()]:
+        given.append(kept_by)
+        return ()
+
+    monkeypatch.setattr(works, "approved", approve)
+    run = offer.at.store.create("hall-3").run_id
+    service = Client(offer.app, headers=offer.signed_in("service", name="root"))
+    body = {"roles": ["approver"], "password": PASSWORD, "pin": PIN}
+    assert service.request("PUT", "/api/v1/users/carl", json=body).status_code == 200
+    operator = Client(offer.app, headers=offer.signed_in("operator", name="bert"))
+    asked = {"machine": "hall-3", "by": {"name": "carl", "pin": PIN}}
+    assert operator.post(f"/api/v1/sites/hall-3/runs/{run}/approve", json=asked).status_code == 201
+    assert given == [("root",)]
