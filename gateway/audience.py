@@ -118,6 +118,7 @@ DETAIL = (
     "P-PUSH-STEP",
     "P-SIGN-PROVED",
     "P-STOPPED-PUSH",
+    "P-TABLE-STATE",
     "P-WATCH-SAME",
 )
 KINDS = {

@@ -189,6 +189,19 @@ class PushPhaseChanged(Event):
 
 @dataclass(frozen=True, slots=True)
 class TableStateChanged(Event):
+    """What is true of a table in the control has changed while a push is at work.
+
+    ``axis`` is the table as in a `PushPhaseChanged`, ``state`` the value of a `gateway.push.records.phases.TableNow`.
+    """
+
+    code: ClassVar[str] = "P-TABLE-STATE"
+    axis: str = ""
+    state: str = ""
+    said: Message | str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class PushEnded(Event):
     """A push of these tables ended; ``outcome`` as in a `PushRecord`."""
 
     code: ClassVar[str] = "P-PUSH-END"

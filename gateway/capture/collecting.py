@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from drivers.message import Message, Quantity
 from drivers.ports.instruments import Instrument, TypedInstrument
 from drivers.types.sensing import Ambient
 from drivers.types.stops import Stop
@@ -68,7 +69,7 @@ class Collection:
         self.counts: list[int] = []
         self.ambients: list[Ambient] = []
         self.ambient_times: list[float] = []
-        self.notes: list[str] = []
+        self.notes: list[Message] = []
         self.datum: FirstReading | None = None
         # How often to read at rest, where the datum was taken.
         self.stands = 0
@@ -193,10 +194,10 @@ class Collection:
         index, repetition, approach = cell
         return Stop(float(self.targets[index]), 1 if approach == 0 else -1, repetition, index)
 
-    def told(self, cell: tuple[int, int, int]) -> str:
-        """A cell in words."""
+    def told(self, cell: tuple[int, int, int]) -> dict[str, object]:
+        """A cell as fields of a message."""
         index, repetition, approach = cell
-        return f"{self.targets[index]:g}{'+-'[approach]} repetition {repetition + 1}"
+        return {"place": f"{self.targets[index]:g}{'+-'[approach]}", "repetition": repetition + 1}
 
     def deviations(self) -> FloatArray:
         """What was read less its target, (m, n, 2) in the axis unit, but for a constant: to compare repetitions by."""
@@ -225,9 +226,10 @@ class Collection:
                 found += [(int(i), j, 0 if approach == 1 else 1) for j in every if j < self.times.shape[1]]
         return found
 
-    def size(self, change: float) -> str:
-        """A change of `deviations` in words."""
-        return f"{change * deviation_scale(self._axis.unit):+.3g} {deviation_unit(self._axis.unit)}"
+    def size(self, change: float) -> Quantity:
+        """A change of `deviations` with its unit."""
+        value = float(f"{change * deviation_scale(self._axis.unit):.3g}")
+        return Quantity(value, deviation_unit(self._axis.unit), signed=True)
 
     def level(self, cell: tuple[int, int, int], shift: float) -> None:
         """Take a shift of the combined quantity off a reading that is there."""

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from drivers.message import Message, fixed
 from drivers.types.results import MeasuredSet
 from drivers.types.sensing import Ambient
 from drivers.types.tables import LiveSet
@@ -44,7 +45,7 @@ def from_live(axis: AxisSection, raw: RawCapture, proof: SenseProof, already: Co
     targets, deviations, times, between = _parted(raw, deviations)
     first = ~np.isin(targets, raw.targets[list(raw.added)])
     steady = steadiness(times[first], deviations[first], deviation_unit(axis.unit))
-    lost = (f"{raw.lost_samples} samples lost by the instrument",) if raw.lost_samples else ()
+    lost = (Message.of("S-CAP-LOST", count=raw.lost_samples),) if raw.lost_samples else ()
     capture = Capture(
         axis=axis.name,
         component=axis.measure.component,
@@ -90,7 +91,7 @@ def _parted(raw: RawCapture, deviations: FloatArray) -> tuple[FloatArray, FloatA
     return raw.targets[kept], deviations[kept], raw.time_s[kept], between
 
 
-def _alignment_doubt(axis: AxisSection, targets: FloatArray, deviations: FloatArray) -> tuple[str, ...]:
+def _alignment_doubt(axis: AxisSection, targets: FloatArray, deviations: FloatArray) -> tuple[Message, ...]:
     """A steep mean line may be the beam's angle to the travel (cosine error): said, never corrected."""
     if axis.kind != "linear" or len(targets) < 2:
         return ()
@@ -101,7 +102,7 @@ def _alignment_doubt(axis: AxisSection, targets: FloatArray, deviations: FloatAr
     slope = 1000.0 * float(np.polyfit(targets[known], mean[known], 1)[0])
     if abs(slope) <= STEEP_UM_PER_M:
         return ()
-    return (f"the mean line rises {slope:.0f} um/m: check the beam's alignment, air and material readings",)
+    return (Message.of("S-CAP-STEEP", slope=fixed(slope, 0)),)
 
 
 def _fractions(raw: RawCapture) -> FloatArray:
@@ -181,8 +182,8 @@ def from_file(axis: AxisSection, measured: MeasuredSet, live: LiveSet | None, so
         started_utc=measured.header.get("Date", ""),
         ended_utc="",
         notes=(
-            *measured.warnings,
-            *(("tables taken as live during the file's measurement are those found now",) if live is not None else ()),
+            *map(Message.stored, measured.warnings),
+            *((Message.of("S-CAP-FILE-TABLES"),) if live is not None else ()),
             *warmth_said(live, targets),
         ),
         doubts=measured.doubts,

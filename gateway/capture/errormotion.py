@@ -13,6 +13,7 @@ from typing import Literal, Self
 import numpy as np
 
 from drivers.errors import ConfigError
+from drivers.message import Message, Quantity
 from drivers.ports.instruments import Instrument
 from drivers.types.sensing import Ambient, SampleBlock
 from drivers.types.stops import Stop
@@ -163,9 +164,9 @@ class ErrorCollection(Collection):
         cell = stop.label, stop.repetition, 0 if stop.approach == 1 else 1
         return self.combined(self.values[cell]), self._unit
 
-    def size(self, change: float) -> str:
-        """A change of `deviations` in words."""
-        return f"{change:+.3g} {self._unit}"
+    def size(self, change: float) -> Quantity:
+        """A change of `deviations` with its unit."""
+        return Quantity(float(f"{change:.3g}"), self._unit, signed=True)
 
     def admit(self, air: Ambient, instrument: Instrument) -> None:
         """Any air will do."""
@@ -218,11 +219,11 @@ def error_capture(
 
     ``proved`` is how the sense that the site file says was proved.
     """
-    told = "a known step proved it" if proved is not None else "no jog can prove it"
+    told = Message.of("S-CAP-WAY-PROVED" if proved is not None else "S-CAP-WAY", sense=f"{sense:+d}")
     values = rig.factor * raw.values[..., rig.column]
     deviations = values if absolute else values - values[0, 0, 0]
     reading_u = float(np.sqrt(np.nanmean(raw.window_sigma**2) / max(raw.window_count, 1))) * abs(rig.factor)
-    lost = (f"{raw.lost_samples} samples lost by the instrument",) if raw.lost_samples else ()
+    lost = (Message.of("S-CAP-LOST", count=raw.lost_samples),) if raw.lost_samples else ()
     capture = Capture(
         axis=rig.axis.name,
         component=rig.axis.measure.component,
@@ -240,7 +241,7 @@ def error_capture(
         started_utc=raw.started_utc,
         ended_utc=raw.ended_utc,
         notes=(
-            *(*lost, *raw.notes, f"direction as the site file says it (sense {sense:+d}): {told}"),
+            *(*lost, *raw.notes, told),
             *warmth_said(raw.live, raw.targets),
         ),
         cycle=rig.axis.measure.cycle,

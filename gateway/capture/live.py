@@ -12,6 +12,7 @@ from dataclasses import replace
 import numpy as np
 
 from drivers.errors import BeamObstructed, TrueflankError
+from drivers.message import Message
 from drivers.ports.instruments import Instrument, Recounting, RotaryCalibrator, TypedInstrument
 from drivers.types.machine import ChannelStatus
 from drivers.types.stops import Stop, StopPlan, StopReached
@@ -95,7 +96,7 @@ async def _so_far(visits: Visits, started: str) -> RawCapture:
     found.ambient_times.append(readings.latest_s)
     live = await rig.controller.saved_tables(rig.axis.name)
     ended = rig.clock.utc().isoformat(timespec="seconds")
-    events = tuple(f"the instrument said: {event}" for event in dict.fromkeys(readings.events))
+    events = tuple(Message.of("S-CAP-SAID", event=event) for event in dict.fromkeys(readings.events))
     raw = raw_capture(
         found,
         found.targets,
@@ -140,7 +141,7 @@ class Visits:
         except (Unstable, BeamObstructed):
             await self._program_ended()
         self.found, told = wide.end()
-        self.found.notes.append(told)
+        self.found.notes.extend(told)
         await self._out_of_line_again(wide.plan)
         return self.found
 
@@ -170,7 +171,7 @@ class Visits:
             if not missing:
                 return
             self.rig.say("P-CAP-RETAKE", axis=plan.axis, count=len(missing), round=number)
-            self.found.notes.append(f"readings that had not settled were measured again: {len(missing)}")
+            self.found.notes.append(Message.of("S-CAP-UNSETTLED", count=len(missing)))
             await self._through(replace(again, stops=missing), last_round=number == rounds)
 
     async def _through(self, plan: StopPlan, *, last_round: bool) -> None:
@@ -276,4 +277,4 @@ class Visits:
             await self.rig.instrument.set_datum()
         self.readings.datum()
         self.found.set_anew(stop, await self.readings.settled(self.rig.window))
-        self.found.notes.append(f"the beam was lost after {self._taken} readings, and a new datum was set")
+        self.found.notes.append(Message.of("S-CAP-NEW-DATUM", count=self._taken))

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from drivers.message import Message
 from drivers.types.stops import Stop
 from drivers.types.values import FloatArray
 from gateway.capture.collecting import Collection
@@ -75,8 +76,8 @@ class Retake:
         for stop in self.stops:
             found.times[_cell(stop)] = np.nan
 
-    def end(self, found: Collection) -> str:
-        """Put what was taken into its passes and all else back as it was; what was done, in words."""
+    def end(self, found: Collection) -> Message:
+        """Put what was taken into its passes and all else back as it was; what was done."""
         again, there = found.deviations(), np.isfinite(found.times)
         values, sigmas = found.values.copy(), found.sigmas.copy()
         found.values[:], found.times[:], found.sigmas[:] = self.values, self.times, self.sigmas
@@ -88,10 +89,11 @@ class Retake:
             before = found.deviations()[cell]
             found.values[cell], found.sigmas[cell] = values[cell], sigmas[cell]
             found.level(cell, float(np.median([again[one] - self.level[one] for one in beside])))
-            done.append(f"{found.told(cell)} ({found.size(before - found.deviations()[cell])} off)")
-        more = f" and {len(done) - NAMED} more" if len(done) > NAMED else ""
-        what = ", ".join(done[:NAMED]) + more if done else "none of them settled"
-        return f"outliers among the repetitions were measured again ({len(self.cells)}): {what}"
+            change = found.size(before - found.deviations()[cell])
+            done.append(Message.of("S-CAP-AGAIN-ONE", change=change, **found.told(cell)))
+        more = [Message.of("S-CAP-AGAIN-MORE", count=len(done) - NAMED)] if len(done) > NAMED else []
+        what = (*done[:NAMED], *more) or Message.of("S-CAP-AGAIN-NONE")
+        return Message.of("S-CAP-AGAIN", count=len(self.cells), what=what)
 
     def _beside(self) -> np.ndarray[tuple[int, ...], np.dtype[np.bool_]]:
         """Where the neighbours on the way are, (m, n, 2)."""

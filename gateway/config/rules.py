@@ -9,6 +9,7 @@ from typing import Any
 from drivers import registry
 from drivers.errors import words
 from drivers.local.names import guess
+from drivers.message import Message
 from drivers.settings import SPEED_KEYS, DriverSettings
 from gateway.config.faults import Fault
 from gateway.config.keyfaults import broken
@@ -91,8 +92,8 @@ def feed_faults(
             yield broken(tree, place, told)
 
 
-def unchecked_feed(site: Any, axis: Any, instrument: str = "") -> tuple[str, ...]:
-    """In words, that nobody knows whether the axis' instrument follows its feed; () where that was checked.
+def unchecked_feed(site: Any, axis: Any, instrument: str = "") -> tuple[Message, ...]:
+    """That nobody knows whether the axis' instrument follows its feed; () where that was checked.
 
     ``instrument`` is that of a set-up with one of its own.
     """
@@ -103,8 +104,8 @@ def unchecked_feed(site: Any, axis: Any, instrument: str = "") -> tuple[str, ...
         known = _counter(one) if one.name == name else None
         if known is not None and known.counts_motion:
             limit = known.followed_feed_mm_min if linear else known.followed_feed_deg_min
-            told = words("W-CFG-FRINGES-OPEN", unit=unit, feed=feed, **_who(one, known))
-            found += [f"{axis.name}: {told}"] if limit is None else []
+            told = Message.of("W-CFG-FRINGES-OPEN", unit=unit, feed=feed, **_who(one, known))
+            found += [Message.of("S-TABLE-WHY", name=axis.name, why=told)] if limit is None else []
     return tuple(found)
 
 

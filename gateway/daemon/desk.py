@@ -202,7 +202,9 @@ class Desk:
         def say(code: str, /, **fields: object) -> None:
             job.heard(code, fields)
             if self.run is not None:
-                self.run = replace(told(self.run, code, fields), run_id=job.view.run_id, steps=job.view.steps)
+                now = job.view
+                self.run = told(self.run, code, fields)
+                self.run = replace(self.run, run_id=now.run_id, steps=now.steps, tables=now.tables)
             self._hear(code, fields)
 
         return await job.work(say)

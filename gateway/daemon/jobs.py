@@ -9,7 +9,7 @@ from pathlib import PurePath
 
 from drivers.clock import Clock
 from drivers.errors import TrueflankError, words
-from gateway.events import DevicesOpened, PushPhaseChanged, RunStarted, received
+from gateway.events import DevicesOpened, PushPhaseChanged, RunStarted, TableStateChanged, received
 from gateway.say import Say
 from gateway.stopping import TERMINATED, StopAsked, Stopped
 from gateway.views import JobView
@@ -63,6 +63,8 @@ class Job:
         elif isinstance(event, PushPhaseChanged):
             step = (event.axis, str(event.step))
             self.view = replace(self.view, steps=(*self.view.steps, step)[-MOST_STEPS:])
+        elif isinstance(event, TableStateChanged):
+            self.view = replace(self.view, tables=tuple({**dict(self.view.tables), event.axis: event.state}.items()))
         self.view = replace(self.view, words=words(code, **fields))
 
     def done(self, outcome: object, clock: Clock) -> None:

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Literal
 
+from drivers.message import Message
 from drivers.types.doubts import Doubt
 from drivers.types.sensing import Ambient
 from drivers.types.tables import LiveSet
@@ -16,11 +17,11 @@ from gateway.domain.values import FloatArray, component_unit
 
 @dataclass(frozen=True, slots=True)
 class CorrectionRecord:
-    """One step done to readings: what, by whom, in words, with which coefficients; ``undone`` takes it back."""
+    """One step done to readings: by whom, in which words, with which coefficients; ``undone`` takes it back."""
 
     step: str
     by: str
-    words: str
+    words: Message
     coefficients: Mapping[str, float] = field(default_factory=dict)
     undone: bool = False
 
@@ -99,7 +100,7 @@ class Capture:
     source: str = "live"
     started_utc: str = ""
     ended_utc: str = ""
-    notes: tuple[str, ...] = ()
+    notes: tuple[Message, ...] = ()
     cycle: Literal["standard", "pendulum", "pilgrim"] = "standard"
     between: Between | None = None
     unsteady_u: float = 0.0

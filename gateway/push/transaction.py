@@ -17,7 +17,7 @@ from drivers.types.tables import LiveSet
 from gateway.domain.outcomes import PushRecord
 from gateway.domain.proposals import TableChange
 from gateway.errors import StoreError, VerifyError
-from gateway.events import TableStateChanged
+from gateway.events import PushEnded
 from gateway.interlocks import MAX_JUMP, Refusal
 from gateway.interlocks.facts import no
 from gateway.push import conversation
@@ -112,7 +112,7 @@ async def _all_of(
         ended = await _push(works, stays)
         for outcome in dict.fromkeys(ended[work] for work in works):
             names = ", ".join(work.change.name for work in works if ended[work] == outcome)
-            TableStateChanged(names, outcome).tell(tasks[0].context.say)
+            PushEnded(names, outcome).tell(tasks[0].context.say)
         return tuple(work.record(ended[work], told=True) for work in works)
 
 

@@ -17,13 +17,13 @@ from drivers.types.tables import CompensationTable, LiveSet, LiveTable
 from gateway.domain.outcomes import PushRecord
 from gateway.domain.proposals import TableChange
 from gateway.errors import BusyError, StoreError, VerifyError
-from gateway.events import PushPhaseChanged, TableStateChanged
+from gateway.events import PushEnded, PushPhaseChanged, TableStateChanged
 from gateway.push.compare import tolerance
 from gateway.push.context import PushContext
 from gateway.push.records import journal, numbering
 from gateway.push.records.phases import NOTHING_NOTED, PushEvent, PushState
 from gateway.push.records.replaying import foretold, replaying
-from gateway.push.records.steps import noted_step, step_message
+from gateway.push.records.steps import noted_step, step_message, table_message
 from gateway.push.unexpected import foreseen
 from gateway.stopping import current
 
@@ -139,9 +139,12 @@ class Work:
 
     def noted(self, event: PushEvent, facts: Mapping[str, object]) -> None:
         """Tell what the journal holds by now."""
+        known = self.state.table if self.last is not None else None
         self.last, self.state = event, self.state.after(event, facts)
         self.steps.append(noted_step(event, self._utc(), facts))
         PushPhaseChanged(self.name, event, step_message(event)).tell(self.context.say)
+        if (now := self.state.table) is not known:
+            TableStateChanged(self.name, now, table_message(now)).tell(self.context.say)
 
     def stopped(self) -> None:
         """Somebody ended us from outside: where it stands, on the disk before anything else is done."""
@@ -241,7 +244,7 @@ class Work:
     def record(self, outcome: Outcome, *, told: bool = False) -> PushRecord:
         """What happened, for the run folder; said to people unless that was ``told`` of several tables at once."""
         if not told:
-            TableStateChanged(self.change.name, outcome).tell(self.context.say)
+            PushEnded(self.change.name, outcome).tell(self.context.say)
         steps = tuple(self.steps)
         return PushRecord(
             self.whole.number,

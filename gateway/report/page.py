@@ -159,7 +159,7 @@ def _notes(axis: AxisMaterial) -> tuple[str, ...]:
     for side, item in (("Before", axis.before), ("After", axis.after)):
         found += [f"{side}: {flag}" for flag in item.flags] if item is not None else []
     for name, capture in _captures(axis):
-        found += (*sentences.suspects(name, capture), *capture.notes)
+        found += (*sentences.suspects(name, capture), *map(str, capture.notes))
     found += [str(axis.acting.words)] if axis.acting is not None else []
     if axis.change is not None:
         found += (

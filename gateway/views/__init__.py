@@ -70,7 +70,7 @@ class RunView:
     """The run at work: ``stage`` is the measuring program or step, ``done`` of ``total`` its stops.
 
     ``ask`` is what a person must do now, as code, fields and words, and ``moves`` what will move then, each as such;
-    ``steps`` are axis and kind of each step of a push.
+    ``steps`` are axis and kind of each step of a push, ``tables`` each table with its state by now.
     """
 
     run_id: str
@@ -84,6 +84,7 @@ class RunView:
     who: str = ""
     ask: Mapping[str, object] | None = None
     steps: tuple[tuple[str, str], ...] = ()
+    tables: tuple[tuple[str, str], ...] = ()
     moves: tuple[Mapping[str, object], ...] = ()
 
     @property
@@ -97,7 +98,7 @@ class JobView:
     """One command as the daemon knows it: ``state`` is running, ended, failed or stopped.
 
     ``lines`` are what a terminal would show at its end, ``data`` the same as data, ``exit_code`` that of a terminal.
-    ``steps`` are those of a push so far, axis and step of its journal.
+    ``steps`` are those of a push so far, axis and step of its journal; ``tables`` what is true of each table by now.
     """
 
     job: int
@@ -113,6 +114,7 @@ class JobView:
     data: Mapping[str, object] | None = None
     error: Mapping[str, object] | None = None
     steps: tuple[tuple[str, str], ...] = ()
+    tables: tuple[tuple[str, str], ...] = ()
 
 
 @dataclass(frozen=True, slots=True)

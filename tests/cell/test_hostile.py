@@ -220,5 +220,5 @@ def test_a_jump_is_named_and_does_no_harm(tmp_path: Path, at_s: float) -> None:
     end = run(tmp_path, load_cell("demo"), "X1", 21, 4, during=jump(3.0, at_s))
     assert end.judged is not None
     capture = RunFolder(Path(end.judged.outcome.run_folder)).get(stages.capture("X1", "before"), Capture)
-    assert any("jump by +" in note for note in capture.notes)
+    assert any("jump by +" in note for note in map(str, capture.notes))
     assert end.judged.after["X1"]["M"] <= 2.0

@@ -46,7 +46,9 @@ def test_a_run_measures_more_where_its_axis_hides_something(
     asked = [fields for code, fields in judged.said if code == "P-MORE-TARGETS"]
     capture = folder.get(stages.capture(axis, "before"), Capture)
     targets = capture.targets.size
-    unread = sum(int(count) for count in re.findall(r"(\d+) more could not be read", "\n".join(capture.notes)))
+    unread = sum(
+        int(count) for count in re.findall(r"(\d+) more could not be read", "\n".join(map(str, capture.notes)))
+    )
     print(judged.before, judged.after, targets, asked, unread)
     assert judged.outcome.data["outcome"] == "better"
     verdict = folder.get(stages.VERDICT, Verdict).axes[0]

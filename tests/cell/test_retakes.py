@@ -67,7 +67,7 @@ def judge(found: dict[str, Capture]) -> list[str]:
     wrong = []
     for key, one in found.items():
         apart = one.deviations - np.nanmedian(one.deviations, axis=1, keepdims=True)
-        taken = any("outlier" in note for note in one.notes)
+        taken = any("outlier" in note for note in map(str, one.notes))
         print(key, f"{np.nanmax(np.abs(apart)):.2f}", one.suspects, one.notes)
         if one.suspects or np.nanmax(np.abs(apart)) > OFF / 2.0 or not taken:
             wrong.append(key)

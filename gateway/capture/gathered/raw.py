@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from drivers.message import Message
 from drivers.types.sensing import Ambient
 from drivers.types.tables import LiveSet
 from drivers.types.values import FloatArray
@@ -35,7 +36,7 @@ class RawCapture:
     started_utc: str
     ended_utc: str
     lost_samples: int
-    notes: tuple[str, ...] = ()
+    notes: tuple[Message, ...] = ()
     checks: tuple[int, ...] = ()
     added: tuple[int, ...] = ()
     standing: tuple[float, ...] = ()

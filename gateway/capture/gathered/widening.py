@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from drivers.message import Message
 from drivers.types.stops import StopPlan
 from drivers.types.values import FloatArray
 from gateway.capture.collecting import READ, Collection
@@ -45,8 +46,8 @@ class Widening:
         plan = plan_through(axis, wide.targets, np.union1d(added, anchors))
         return cls(found, wide, added, anchors=anchors, plan=plan)
 
-    def end(self) -> tuple[Collection, str]:
-        """The collection with every new target that is whole, levelled, and what was done in words."""
+    def end(self) -> tuple[Collection, tuple[Message, ...]]:
+        """The collection with every new target that is whole, levelled, and what was done."""
         again = self.found.deviations()
         whole = np.asarray(np.isfinite(again).all(axis=(1, 2)))
         self._as_it_was()
@@ -56,9 +57,10 @@ class Widening:
         else:
             kept = kept[:0]
         lost = np.setdiff1d(self.added, kept)
-        told = f"targets added where the axis has structure between the others: {kept.size}"
-        more = f"; {lost.size} more could not be read and were left out" if lost.size else ""
-        return (self.found.without(lost) if lost.size else self.found), told + more
+        told = Message.of("S-CAP-ADDED", count=kept.size)
+        if not lost.size:
+            return self.found, (told,)
+        return self.found.without(lost), (told, Message.of("S-CAP-ADDED-LOST", count=lost.size))
 
     def _as_it_was(self) -> None:
         """Put the readings of the anchors back: their second visit only tells how far the zero has moved."""

@@ -15,6 +15,7 @@ from gateway.events import (
     PushPhaseChanged,
     RunStarted,
     SignProofStarted,
+    TableStateChanged,
     received,
 )
 
@@ -95,9 +96,9 @@ class Scene:
             self._begun(code, fields, now, apart=isinstance(event, APART))
         elif isinstance(event, PushPhaseChanged):
             self._for_table(event)
-        elif kind is Audience.DETAIL:
+        elif kind is Audience.DETAIL and not isinstance(event, TableStateChanged):  # its step says it already
             self.within = words(code, **fields)
-        else:
+        elif kind is not Audience.DETAIL:
             self._answered()
 
     def _for_table(self, event: PushPhaseChanged) -> None:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from drivers.errors import words
+from drivers.message import Message, digits, fixed
 from drivers.units import DeviationUnit
 from gateway.domain.values import FloatArray
 
@@ -41,7 +41,7 @@ class Steadiness:
     jump: float
     jump_at_s: float
     u: float
-    said: tuple[str, ...]
+    said: tuple[Message, ...]
     per_h: float = 0.0
 
 
@@ -80,12 +80,12 @@ def steadiness(times_s: ArrayLike, deviations: ArrayLike, unit: DeviationUnit) -
     )
 
 
-def _said(drift: float, drift_u: float, jump: float, at_s: float, unit: DeviationUnit) -> tuple[str, ...]:
-    told: tuple[str, ...] = ()
+def _said(drift: float, drift_u: float, jump: float, at_s: float, unit: DeviationUnit) -> tuple[Message, ...]:
+    told: tuple[Message, ...] = ()
     if jump:
-        told += (words("W-STEADY-JUMP", jump=f"{jump:+.2g}", at_s=f"{at_s:.0f}", unit=unit),)
+        told += (Message.of("W-STEADY-JUMP", jump=digits(jump, signed=True), at_s=fixed(at_s, 0), unit=unit),)
     if abs(drift) > max(2.0 * SMALL, CLEAR * drift_u):
-        told += (words("W-STEADY-DRIFT", drift=f"{drift:+.2g}", unit=unit),)
+        told += (Message.of("W-STEADY-DRIFT", drift=digits(drift, signed=True), unit=unit),)
     return told
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Literal, get_args
 
+from drivers.message import Message
 from drivers.types.values import CompensatedFor
 from gateway.domain.captures import CorrectionRecord, Corrections
 from gateway.errors import ModelError
@@ -17,7 +18,7 @@ _SUMMARISED = ("air", "expansion", "dead_path", "drift")
 
 def begin(already: CompensatedFor) -> Corrections:
     """The record of readings as an instrument or file delivers them."""
-    by_instrument = "by the instrument"
+    by_instrument = Message.of("S-CORR-INSTRUMENT")
     done: dict[CompensatedFor, tuple[Step, ...]] = {
         "nothing": (),
         "air": ("air",),
@@ -29,13 +30,15 @@ def begin(already: CompensatedFor) -> Corrections:
     return record
 
 
-def applied(record: Corrections, step: Step, words: str, by: str = GATEWAY, /, **coefficients: float) -> Corrections:
+def applied(
+    record: Corrections, step: Step, words: Message, by: str = GATEWAY, /, **coefficients: float
+) -> Corrections:
     """The record with one more step; raises ModelError (E-EVAL-TWICE) when it stands already."""
     refuse_twice(record, step, words)
     return _with(record, step, words, by, coefficients)
 
 
-def undone(record: Corrections, step: Step, words: str, by: str = GATEWAY, /, **coefficients: float) -> Corrections:
+def undone(record: Corrections, step: Step, words: Message, by: str = GATEWAY, /, **coefficients: float) -> Corrections:
     """The record with a step of the instrument taken back, so that a better one may follow.
 
     Raises ModelError (E-EVAL-UNDO) when the step does not stand, or is no step of the instrument's: what this
@@ -47,7 +50,7 @@ def undone(record: Corrections, step: Step, words: str, by: str = GATEWAY, /, **
     return _with(record, step, words, by, coefficients, undo=True)
 
 
-def refuse_twice(record: Corrections, step: Step, words: str) -> None:
+def refuse_twice(record: Corrections, step: Step, words: Message) -> None:
     """Raise ModelError (E-EVAL-TWICE) when this step stands already."""
     done = standing(record, step)
     if done != NONE:
@@ -59,7 +62,7 @@ def standing(record: Corrections, step: Step) -> str:
     if step in _SUMMARISED:
         return str(getattr(record, step))
     last = _last(record, step)
-    return NONE if last is None or last.undone else last.words
+    return NONE if last is None or last.undone else str(last.words)
 
 
 def told(record: Corrections) -> tuple[str, ...]:
@@ -85,13 +88,13 @@ def _owner(record: Corrections, step: Step) -> str:
 
 
 def _with(
-    record: Corrections, step: Step, words: str, by: str, coefficients: dict[str, float], *, undo: bool = False
+    record: Corrections, step: Step, words: Message, by: str, coefficients: dict[str, float], *, undo: bool = False
 ) -> Corrections:
     numbers = {name: float(value) for name, value in coefficients.items()}
     item = CorrectionRecord(step=step, by=by, words=words, coefficients=numbers, undone=undo)
     details = {**record.details, **{f"{step}{'.undone' if undo else ''}.{name}": v for name, v in numbers.items()}}
     changed = replace(record, details=details, chain=(*record.chain, item))
-    return _with_step(changed, step, NONE if undo else words)
+    return _with_step(changed, step, NONE if undo else str(words))
 
 
 def _with_step(record: Corrections, step: Step, words: str) -> Corrections:

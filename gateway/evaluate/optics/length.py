@@ -9,6 +9,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
+from drivers.message import Message, digits
 from drivers.types.sensing import Ambient
 from drivers.types.values import CompensatedFor
 from drivers.units import mm_to_um
@@ -120,7 +121,7 @@ def linear_deviations(
     if already == "nothing" or setup.dead_path_mm:
         n, n_datum = index_course(start, end, fraction, setup.equation)
         if already == "nothing":
-            words = f"{setup.equation}, by the gateway"
+            words = Message.of("S-CORR-AIR", equation=setup.equation)
             done = applied(done, "air", words, n_start=n_datum, n_end=_last(n))
             reading = geometric_mm(reading, n)
         reading, done = _less_dead_path(reading, setup, n, n_datum, done)
@@ -155,7 +156,7 @@ def expansion_corrected(
 def _less_dead_path(
     reading: FloatArray, setup: LinearSetup, n: FloatArray, n_datum: float, done: Corrections
 ) -> tuple[FloatArray, Corrections]:
-    words = f"D = {setup.dead_path_mm:g} mm, by the gateway"
+    words = Message.of("S-CORR-DEAD-PATH", length=digits(setup.dead_path_mm, 6))
     done = applied(done, "dead_path", words, D_mm=setup.dead_path_mm)
     away = dead_path_corrected(setup.beam * reading, setup.dead_path_mm, n_datum, n)
     return setup.beam * away, done
@@ -169,7 +170,7 @@ def _to_20(
     fraction: ArrayLike,
     done: Corrections,
 ) -> tuple[FloatArray, Corrections]:
-    words = f"{expansion_ppm_per_k:g} ppm/K to 20 degC, by the gateway"
+    words = Message.of("S-CORR-20", expansion=digits(expansion_ppm_per_k, 6))
     refuse_twice(done, "expansion", words)
     material = material_course(start, end, fraction)
     done = applied(

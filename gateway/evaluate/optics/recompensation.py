@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
+from drivers.message import Message, digits
 from drivers.types.results import MeasuredSet
 from drivers.types.sensing import Ambient
 from drivers.units import PA_PER_HPA, mm_to_um, um_to_mm
@@ -91,7 +92,7 @@ def recompensate(
 
 
 def _undo(record: Corrections, was: Compensation, half: tuple[float, float]) -> Corrections:
-    words = "the instrument's own, undone by the gateway"
+    words = Message.of("S-CORR-UNDONE")
     done = undone(record, "air", words, start_um=half[0], end_um=half[1])
     if was.expansion_ppm_per_k is None:
         return done
@@ -99,10 +100,11 @@ def _undo(record: Corrections, was: Compensation, half: tuple[float, float]) -> 
 
 
 def _apply(record: Corrections, now: Compensation, half: tuple[float, float]) -> Corrections:
-    done = applied(record, "air", f"{now.equation}, again by the gateway", start_um=half[0], end_um=half[1])
+    again = Message.of("S-CORR-AIR-AGAIN", equation=now.equation)
+    done = applied(record, "air", again, start_um=half[0], end_um=half[1])
     if now.expansion_ppm_per_k is None:
         return done
-    words = f"{now.expansion_ppm_per_k:g} ppm/K to 20 degC, again by the gateway"
+    words = Message.of("S-CORR-20-AGAIN", expansion=digits(now.expansion_ppm_per_k, 6))
     return applied(done, "expansion", words, ppm_per_k=now.expansion_ppm_per_k)
 
 

@@ -107,6 +107,20 @@ class Switch(StrEnum):
     OLD = "the table from before is live again, read back"
 
 
+class TableNow(StrEnum):
+    """What may be said of a table while its push is at work, and after it; never more than was read."""
+
+    BEGUN = "begun"  # the table from before acts
+    WRITING = "writing"  # an order was announced, its outcome not read
+    WRITTEN = "written"  # read back equal, not on yet
+    ON = "on"
+    OFF = "off"
+    NEW = "new"  # ended: the table that was wanted
+    OLD = "old"  # ended: the table from before is back
+    UNTOUCHED = "untouched"  # ended: nothing was written
+    UNKNOWN = "unknown"  # on, or not known to be off
+
+
 @dataclass(frozen=True, slots=True)
 class Transition:
     """An event, the phases that it may follow, and where it leads; None: phase or switch stay as they were."""
@@ -187,6 +201,14 @@ class PushState:
     phase: PushPhase = PushPhase.NOTHING
     switch: Switch = Switch.UNTOUCHED
 
+    @property
+    def table(self) -> TableNow:
+        """What may be said of the table."""
+        known = _TABLE.get(self.phase)
+        if known is TableNow.ON and self.switch is Switch.OFF:
+            return TableNow.OFF
+        return known or _LEFT[self.switch]
+
     def after(self, event: PushEvent, facts: Mapping[str, Any]) -> PushState:
         """The state that an event leads to. Raises IllegalTransition (E-PUSH-TRANSITION) where it may not follow."""
         if self.phase not in _OF[event].sources:
@@ -202,6 +224,23 @@ class PushState:
         return PushState(one.target or self.phase, switch or self.switch)
 
 
+_TABLE: Mapping[PushPhase, TableNow] = {
+    **dict.fromkeys((_P.NOTHING, _P.PREPARED, _P.READ), TableNow.BEGUN),
+    **dict.fromkeys((_P.LOADING, _P.ENABLING, _P.SWITCHING_OFF), TableNow.WRITING),
+    **dict.fromkeys((_P.ROLLING_BACK, _P.RECOVERING), TableNow.WRITING),
+    _P.LOADED: TableNow.WRITTEN,
+    **dict.fromkeys((_P.ENABLED, _P.ACTIVE, _P.PROVED, _P.MEASURED), TableNow.ON),
+    _P.COMMITTED: TableNow.NEW,
+    _P.ROLLED_BACK: TableNow.OLD,
+}
+_LEFT: Mapping[Switch, TableNow] = {
+    Switch.UNTOUCHED: TableNow.UNTOUCHED,
+    Switch.OFF: TableNow.OFF,
+    Switch.NEW: TableNow.NEW,
+    Switch.OLD: TableNow.OLD,
+    Switch.ON: TableNow.UNKNOWN,
+    Switch.UNKNOWN: TableNow.UNKNOWN,
+}
 NOTHING_NOTED = PushState()
 
 

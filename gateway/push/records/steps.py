@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from drivers.message import Message, Moment
+from gateway.push.records.phases import TableNow
 
 SAID: Mapping[str, str] = {
     "LEASED": "W-STEP-LEASED",
@@ -38,10 +39,28 @@ SAID: Mapping[str, str] = {
 }
 
 
+_STANDS: Mapping[TableNow, str] = {
+    TableNow.BEGUN: "W-TABLE-IS-BEGUN",
+    TableNow.WRITING: "W-TABLE-IS-WRITING",
+    TableNow.WRITTEN: "W-TABLE-IS-WRITTEN",
+    TableNow.ON: "W-TABLE-IS-ON",
+    TableNow.OFF: "W-TABLE-IS-OFF",
+    TableNow.NEW: "W-TABLE-IS-NEW",
+    TableNow.OLD: "W-TABLE-IS-OLD",
+    TableNow.UNTOUCHED: "W-TABLE-IS-UNTOUCHED",
+    TableNow.UNKNOWN: "W-TABLE-IS-UNKNOWN",
+}
+
+
 def step_message(kind: str) -> Message:
     """The step of a journal entry, e.g. "old table backed up" of BACKUP; an unknown kind in plain letters."""
     code = SAID.get(kind)
     return Message.of(code) if code else Message.stored(kind.lower().replace("_", " "))
+
+
+def table_message(state: TableNow) -> Message:
+    """What is true of a table in a state, e.g. "written and read back, not on yet"."""
+    return Message.of(_STANDS[state])
 
 
 def noted_step(kind: str, utc: str, facts: Mapping[str, Any]) -> Message:

@@ -7,7 +7,7 @@ import { languages } from "./signin.js";
 import { screens } from "./screens.js";
 import { hush, quiet } from "./sounds.js";
 import { base, changed, may, on, state } from "./state.js";
-import { sentence, surelyOn } from "./sentence.js";
+import { atWork, sentence, surelyOn, writing } from "./sentence.js";
 import { plain, t, told } from "./words.js";
 
 export function build({ again, load }) {
@@ -61,7 +61,7 @@ function drawTop({ machine: place, told: chips, menu: person }, more) {
   const status = state.status;
   if (!same(place, state.site, state.sites, state.tables?.serial)) show(place, machine(more), h("small", {}, state.tables?.serial ?? ""));
   if (!same(person, state.me.name)) show(person, menu(more));
-  if (same(chips, status?.state, status?.devices, status?.control, status?.held, status?.alarms, state.tables?.tables?.map((one) => [one.id, one.acts]), state.armed, state.offline)) return;
+  if (same(chips, status?.state, status?.run?.tables, status?.devices, status?.control, status?.held, status?.alarms, state.tables?.tables?.map((one) => [one.id, one.acts]), state.armed, state.offline)) return;
   const control = status.devices.find((one) => one.name === "controller") ?? status.devices[0];
   show(chips,
     status.simulated && h("strong", { class: "chip simulated" }, t("frame.simulated")),
@@ -102,6 +102,7 @@ function tables() {
 }
 
 function held() {
+  if (writing()) return h("strong", { class: "chip", id: "writing", role: "status" }, `▶ ${t("frame.writing")}: ${atWork().map(([name, acts]) => `${name} ${t(`push.table_${acts}`)}`).join(", ")}`);
   const loud = state.status.held.some((one) => one.loud);
   if (!state.status.held.length) return null;
   return h("strong", { class: `chip ${loud ? "bad" : "attention"}`, role: "alert" }, `✖ ${t(!loud ? "frame.held" : state.status.held.some((one) => one.loud && surelyOn(one)) ? "frame.held_on" : "frame.held_maybe")}`);

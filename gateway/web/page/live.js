@@ -81,8 +81,9 @@ function said(data) {
   if (data.kind !== "detail") state.waiting = null;
   if (data.event === "PushPhaseChanged") state.steps = [...state.steps, [data.fields.axis, data.fields.step]];
   if (data.event === "BeamLost") loss();
-  // Which table acts has changed, long before the command ends.
-  if (data.event === "TableStateChanged") again();
+  // What is true of a table has changed, long before the command ends.
+  if (data.event === "TableStateChanged" && state.status?.run) state.status.run.tables = [...(state.status.run.tables ?? []).filter(([name]) => name !== data.fields.axis), [data.fields.axis, data.fields.state]];
+  if (["TableStateChanged", "PushEnded"].includes(data.event)) again();
   changed("frame", "said");
 }
 

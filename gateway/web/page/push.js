@@ -5,7 +5,7 @@ import { largest, nameOf, proposals } from "./correct.js";
 import { record } from "./evaluate.js";
 import { failed, h, same, show } from "./dom.js";
 import { when } from "./figures.js";
-import { heldWords } from "./sentence.js";
+import { heldWords, writing } from "./sentence.js";
 import { lamps } from "./lamps.js";
 import { refresh } from "./live.js";
 import { field } from "./signin.js";
@@ -125,7 +125,7 @@ function steps(box) {
 function back(box) {
   const tables = state.tables?.tables ?? [];
   const whole = state.tables?.rollback ?? { back: [], stays: [] };
-  const held = state.status.held;
+  const held = writing() ? [] : state.status.held;
   // What a program of ours left in the control is put right by the same key as a push that did not end.
   const open_ = held.length > 0 || state.status.left.length > 0;
   const halfway = held.some((one) => one.back);

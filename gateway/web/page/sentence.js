@@ -2,6 +2,11 @@
 import { state } from "./state.js";
 import { capital, plain, say, t, told, toldApart } from "./words.js";
 
+// A push that is at work has not been held: its tables are told as they stand.
+const AT_WORK = ["begun", "writing", "written", "on"];
+export const atWork = () => (state.status?.run?.tables ?? []).filter(([, acts]) => AT_WORK.includes(acts));
+export const writing = () => atWork().length > 0;
+
 export function sentence() {
   const found = chosen();
   return { ...found, head: capital(found.head) };
@@ -13,7 +18,8 @@ function chosen() {
   if (state.replaced) return { loud: "attention", head: t("frame.replaced") };
   if (state.offline) return { loud: "attention", head: t("frame.offline"), more: toldApart({ code: "OFFLINE" })[1] };
   if (status.run && state.beam === "lost" && !mounts(ask)) return { loud: "bad", head: t("now.beam"), more: ask ? capital(say(ask.code, ask.fields, 0, ask.words)) : newest() };
-  if (status.run && ask) return { loud: "ask", head: capital(say(ask.code, ask.fields, 0, ask.words)), more: moving() || (held ? heldWords(held) : "") };
+  if (status.run && ask) return { loud: "ask", head: capital(say(ask.code, ask.fields, 0, ask.words)), more: moving() || (held && !writing() ? heldWords(held) : "") };
+  if (status.run && writing()) return { loud: "", head: t("now.writing"), more: newest() };
   // Whoever recovers a held push is asked to press: that stands above what is wrong until then.
   if (held) return { loud: "bad", head: t(surelyOn(held) ? "now.held_on" : "now.held_maybe"), more: heldWords(held) };
   if (status.run && stuckFor()) return { loud: "attention", head: t("now.stuck"), more: t("capture.waits", { what: plain(state.waiting.missing) }) };

@@ -39,7 +39,7 @@ def on_its_line(capture: Capture, axis: AxisSection, site: SiteFile, folder: Run
         unsteady_u=float(np.hypot(capture.unsteady_u, np.max(lever.u(capture.targets), initial=0.0))),
         line_mm=offset,
         lever_u=lever.open_u,
-        notes=(*capture.notes, *map(str, lever.estimated(capture.targets))),
+        notes=(*capture.notes, *lever.estimated(capture.targets)),
     )
 
 

@@ -122,7 +122,7 @@ def measured_of(capture: Capture, folder: RunFolder) -> MeasuredSet:
         compensated_for=_compensated(capture.corrections),
         expansion_ppm_per_k=capture.corrections.details.get("expansion.ppm_per_k"),
         header=header,
-        warnings=capture.notes,
+        warnings=tuple(map(str, capture.notes)),
     )
 
 

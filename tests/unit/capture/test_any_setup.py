@@ -68,7 +68,7 @@ def test_one_reading_out_of_line_in_any_set_up_at_any_repetition_ends_nothing(co
         number = (2 * repetition + way) * TARGETS + (2 * repetition + way) % TARGETS
         found = mounted((number,), component, unit, used, kind)
         assert found.suspects == ()
-        assert any("outlier" in note for note in found.notes)
+        assert any("outlier" in note for note in map(str, found.notes))
         assert np.abs(found.deviations - np.median(found.deviations, axis=1, keepdims=True)).max() < OFF_UM / 4.0
         demand_complete(found)
 

@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 
 from drivers.clock import Clock, LoopClock, run_virtual
 from drivers.errors import BeamObstructed, DeviceRefused, UnsupportedDevice
+from drivers.message import Message
 from drivers.types.sensing import Ambient, SampleBlock
 from drivers.units import wrap_deg
 from gateway.capture.corrected import from_live
@@ -69,7 +70,7 @@ def test_fault_22_and_24_what_the_instrument_says_of_its_signal_stays_with_the_c
 
     raw = run_virtual(main)
     word = {22: "low_signal", 24: "unstable"}[number]
-    assert any(word in note for note in captured(raw).notes)
+    assert any(word in note for note in map(str, captured(raw).notes))
     assert worst_um(raw) < 0.05
 
 
@@ -144,7 +145,7 @@ def test_fault_27_the_wavelength_is_compensated_once_by_whoever_says_so() -> Non
     assert by_us / span * 1000.0 == pytest.approx(271.3, abs=1.0)  # ppm of Edlen at 20 degC, 1013.25 hPa, 50 %
     assert rise("air+material") == pytest.approx(rise("air"), abs=1e-6)  # material stands at 20 degC
     with pytest.raises(ModelError, match="E-EVAL-TWICE"):
-        applied(begin("air"), "air", "once more")
+        applied(begin("air"), "air", Message.stored("once more"))
 
 
 def test_fault_28_a_clock_that_starts_anew_is_no_time_before_time_and_costs_a_new_datum() -> None:
@@ -286,8 +287,8 @@ def test_fault_34_a_beam_at_an_angle_is_said_and_never_corrected() -> None:
 
     raw, straight = run(AXIS, aslant)[0], run(AXIS)[0]
     crooked, good = captured(raw, "air+material"), captured(straight, "air+material")
-    assert any("alignment" in note for note in crooked.notes)
-    assert not any("alignment" in note for note in good.notes)
+    assert any("alignment" in note for note in map(str, crooked.notes))
+    assert not any("alignment" in note for note in map(str, good.notes))
     span = float(raw.targets[-1] - raw.targets[0])
     short = float(np.mean((crooked.deviations - good.deviations)[-1]))
     assert short == pytest.approx(-1000.0 * span * angle**2 / 2.0, rel=0.02)  # still in the numbers

@@ -181,7 +181,7 @@ def test_fault_21_a_lost_beam_costs_a_new_datum_and_no_reading() -> None:
     assert said.count("P-CAP-BEAM") == 1
     assert machine.aborted
     assert machine.setups[-1] == "TRUEFLANK SETUP EXX ON X"  # the operator's act, not ours
-    assert "a new datum was set" in raw.notes[0]
+    assert "a new datum was set" in str(raw.notes[0])
 
 
 def test_fault_21_without_recovery_the_capture_ends() -> None:
@@ -197,7 +197,7 @@ def test_a_reading_that_did_not_settle_is_taken_again_at_the_end() -> None:
     assert worst_um(raw) < 0.05
     assert said.count("P-CAP-UNSETTLED") >= 1
     assert "P-CAP-RETAKE" in said
-    assert "measured again" in raw.notes[0]
+    assert "measured again" in str(raw.notes[0])
 
 
 def test_what_never_settles_ends_with_the_condition_that_is_missing() -> None:

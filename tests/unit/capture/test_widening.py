@@ -62,7 +62,7 @@ def test_new_targets_stand_among_the_others_and_cost_what_was_said() -> None:
     assert capture.between.targets.tolist() == [-45.0]
     assert [float(raw.targets[i]) for i in raw.added] == PLACES.tolist()
     assert np.max(np.abs(off(capture))) < 0.03
-    assert any(note.startswith("targets added") and ": 4" in note for note in capture.notes)
+    assert any(note.startswith("targets added") and ": 4" in note for note in map(str, capture.notes))
     said = cost_s(AXIS, PLACES.size, float(np.ptp(capture.targets)))
     assert 0.6 * took_s < said < 1.5 * took_s
 
@@ -79,7 +79,7 @@ def test_a_new_target_that_does_not_settle_is_left_out_and_the_capture_stands() 
     assert 8.5 not in capture.targets
     assert np.isfinite(capture.deviations).all()
     assert len(raw.added) == 3
-    assert any("could not be read" in note for note in capture.notes)
+    assert any("could not be read" in note for note in map(str, capture.notes))
 
 
 @pytest.mark.parametrize("hours", [0.0, 0.01, 0.2, 3.0])

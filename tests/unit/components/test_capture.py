@@ -84,7 +84,7 @@ def test_every_reading_belongs_to_its_own_stop_with_the_sense_declared(factor: f
     wanted = factor * (straight_um(raw.targets) - straight_um(raw.targets)[0])
     assert np.max(np.abs(capture.deviations - wanted[:, None, None])) < 0.05
     assert capture.unit == "um"
-    assert any("no jog can prove it" in note for note in capture.notes)
+    assert any("no jog can prove it" in note for note in map(str, capture.notes))
     assert (proof.optics, proof.unit, len(proof.evidence)) == ("straightness", "um", 3)
 
 
@@ -137,7 +137,7 @@ def test_a_lost_beam_goes_on_from_the_datum() -> None:
     _, raw, capture = run(reading(), break_beam)
     wanted = straight_um(raw.targets) - straight_um(raw.targets)[0]
     assert np.max(np.abs(capture.deviations - wanted[:, None, None])) < 0.1
-    assert any("the beam was lost" in note for note in capture.notes)
+    assert any("the beam was lost" in note for note in map(str, capture.notes))
 
 
 def test_a_wrong_mounting_is_caught_before_the_first_target() -> None:
@@ -262,4 +262,4 @@ def test_a_known_step_proves_the_sense_and_refuses_optics_that_face_the_wrong_wa
     assert proof.sense is not None
     assert (proof.sense.sense, proof.sense.scale) == (1, pytest.approx(1.0, abs=0.01))
     assert capture.sense == proof.sense
-    assert any("a known step proved it" in note for note in capture.notes)
+    assert any("a known step proved it" in note for note in map(str, capture.notes))

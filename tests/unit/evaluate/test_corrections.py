@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from drivers.message import Message
 from drivers.types.results import MeasuredSet
 from drivers.types.sensing import Ambient
 from gateway.domain.captures import Corrections
@@ -21,7 +22,7 @@ AT = np.array([0.0, 250.0, 500.0, 1000.0])
 
 
 def test_the_chain_says_what_by_whom_and_with_which_coefficients() -> None:
-    record = applied(begin("air"), "expansion", "11.7 ppm/K, by the gateway", ppm_per_k=11.7)
+    record = applied(begin("air"), "expansion", Message.stored("11.7 ppm/K, by the gateway"), ppm_per_k=11.7)
     assert [(item.step, item.by) for item in record.chain] == [("air", "instrument"), ("expansion", "gateway")]
     assert record.chain[1].coefficients == {"ppm_per_k": 11.7}
     assert record.details["expansion.ppm_per_k"] == 11.7
@@ -30,29 +31,29 @@ def test_the_chain_says_what_by_whom_and_with_which_coefficients() -> None:
 
 @pytest.mark.parametrize("step", ["air", "expansion", "dead_path", "drift", "cosine", "abbe", "closure"])
 def test_no_step_is_done_twice(step: corrections.Step) -> None:
-    once = applied(begin("nothing"), step, "once", x=1.0)
+    once = applied(begin("nothing"), step, Message.stored("once"), x=1.0)
     with pytest.raises(ModelError, match="E-EVAL-TWICE") as caught:
-        applied(once, step, "again", x=1.0)
+        applied(once, step, Message.stored("again"), x=1.0)
     assert "once" in caught.value.what
     assert standing(once, step) == "once"
 
 
 def test_only_the_instruments_own_step_can_be_taken_back_and_once() -> None:
-    back = undone(begin("air"), "air", "undone")
+    back = undone(begin("air"), "air", Message.stored("undone"))
     assert standing(back, "air") == "none"
-    for wrong in (back, begin("nothing"), applied(begin("nothing"), "air", "edlen, by the gateway")):
+    for wrong in (back, begin("nothing"), applied(begin("nothing"), "air", Message.stored("edlen, by the gateway"))):
         with pytest.raises(ModelError, match="E-EVAL-UNDO"):
-            undone(wrong, "air", "undone")
-    assert standing(applied(back, "air", "ciddor"), "air") == "ciddor"
+            undone(wrong, "air", Message.stored("undone"))
+    assert standing(applied(back, "air", Message.stored("ciddor")), "air") == "ciddor"
 
 
 def test_records_stored_before_there_was_a_chain_are_still_refused_and_undone() -> None:
     old = Corrections("by the instrument", "edlen, by the gateway", "none", "none")
     with pytest.raises(ModelError, match="E-EVAL-TWICE"):
-        applied(old, "air", "again")
-    assert standing(undone(old, "air", "undone"), "air") == "none"
+        applied(old, "air", Message.stored("again"))
+    assert standing(undone(old, "air", Message.stored("undone")), "air") == "none"
     with pytest.raises(ModelError, match="E-EVAL-UNDO"):
-        undone(old, "expansion", "undone")
+        undone(old, "expansion", Message.stored("undone"))
 
 
 def real(factor: str = "0.31641096 0.31641067", **changes: object) -> MeasuredSet:

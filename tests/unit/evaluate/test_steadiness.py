@@ -25,7 +25,7 @@ def test_a_jump_is_found_with_its_moment_and_size() -> None:
         abs(one.jump - 3.0) < 0.4 and abs(one.jump_at_s - at) < 20.0 for one, at in zip(found, moments, strict=True)
     ]
     assert sum(hits) >= 36
-    assert "jump by +3" in found[hits.index(True)].said[0]
+    assert "jump by +3" in str(found[hits.index(True)].said[0])
 
 
 @pytest.mark.parametrize(("cycle", "harm"), [("standard", 0.02), ("pilgrim", 0.15), ("pendulum", 0.6)])
@@ -33,7 +33,7 @@ def test_drift_is_found_and_does_harm_where_places_are_not_revisited(cycle: Cycl
     """Linear drift drops out of the mean of up and down over all targets; target by target it looks like position."""
     found = captured(7, cycle=cycle, disturbed=lambda t: 20.0 * t / 3600.0).steady()
     assert found.drift == pytest.approx(4.0, abs=max(0.6, 3.0 * found.drift_u))
-    assert any("drifted" in told for told in found.said)
+    assert any("drifted" in told for told in map(str, found.said))
     assert found.u < 0.02 if cycle == "standard" else found.u > harm
 
 

@@ -128,7 +128,7 @@ def _hostile(text: str) -> ReportMaterial:
         push=replace(axis.push, steps=(Message.stored(text),), backup_path=text),
         before=replace(axis.before, flags=(Message.stored(text),), standard=text),
         capture_before=replace(
-            capture, component=text, notes=(text,), source=text, started_utc=text, ended_utc=text,
+            capture, component=text, notes=(Message.stored(text),), source=text, started_utc=text, ended_utc=text,
             corrections=replace(capture.corrections, air=text, details={text: 1.0}),
         ),
         verdict=replace(axis.verdict, words=(Message.stored(text),)),

@@ -780,7 +780,7 @@ def test_stored_runs_newest_first_with_result_and_report(tmp_path: Path) -> None
     assert axis.verdict is not None
     first.put(
         "verdict",
-        Verdict((AxisVerdict("X1", "um", *(axis.verdict.before, axis.verdict.after), True, True, "b"),), "better"),
+        Verdict((AxisVerdict("X1", "um", *(axis.verdict.before, axis.verdict.after), True, True, ()),), "better"),
     )
     first.write_text("report.html", "<p>r</p>")
     (broken.path / "run.json").write_text("{", encoding="ascii")

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from drivers.message import Form, Message, Moment, Quantity, render
+from drivers.message import Form, Message, Moment, Quantity, digits, fixed, render
 from gateway.errors import VerifyError
 from gateway.web.showing import _words
 
@@ -22,6 +22,7 @@ MESSAGES = (
     Message.of("W-PUSH-REST-LOST", name="X1"),
     Message.of("W-PUSH-STOP-BY", by=Message.of("W-PUSH-STOP-BY", by=("X1", Quantity(1.5, "um")))),
     Message.of("W-PUSH-STOP-BY", by=(READS, Message.of("W-PUSH-ALREADY"))),
+    Message.of("W-VERDICT-FIGURES", figure="M", before=fixed(12.345), after=fixed(0.5), U=digits(0.1234), unit="um"),
     Message.of("W-PUSH-STOP-BY", by=Moment("2026-01-02T03:04:05+00:00")),
     Message("W-PUSH-STOP-BY", {"by": "a cancel"}, Form.REASON),
     VerifyError("E-PUSH-NOT-RESTORED", "X1", axis="X1", first=Message.of("W-PUSH-TWO-READS")).message,
@@ -77,3 +78,51 @@ def _codes(data: object) -> set[str]:
         own = {str(data["code"])} if "code" in data else set()
         return own.union(*map(_codes, data.values()))
     return set().union(*map(_codes, data)) if isinstance(data, list) else set()
+
+
+AT_WORK = """
+globalThis.document = { documentElement: { lang: "en" } };
+globalThis.localStorage = { getItem: () => null, setItem: () => undefined };
+const headers = { get: () => "application/json" };
+const [, page, texts, pictures] = process.argv;
+globalThis.fetch = async () => ({ ok: true, status: 200, headers, json: async () => JSON.parse(texts) });
+const { speak } = await import(`${page}/words.js`);
+const { state } = await import(`${page}/state.js`);
+const { sentence, writing } = await import(`${page}/sentence.js`);
+await speak("en");
+console.log(JSON.stringify(JSON.parse(pictures).map((status) => {
+  Object.assign(state, { status, said: [{ code: "", words: "X1" }] });
+  return [writing(), sentence().head];
+})));
+"""
+
+
+@pytest.mark.parametrize(
+    ("tables", "at_work"),
+    [
+        ([], False),
+        ([["X1", "begun"]], True),
+        ([["X1", "new"], ["C1", "writing"]], True),
+        ([["X1", "on"]], True),
+        ([["X1", "new"]], False),
+        ([["X1", "unknown"]], False),
+        ([["X1", "off"]], False),
+    ],
+)
+def test_a_push_at_work_is_called_so_and_not_held(tmp_path: Path, tables: list[list[str]], at_work: bool) -> None:
+    node = shutil.which("node")
+    if node is None:
+        pytest.skip("NOT RUN: this system has no node")
+    for name in ("words.js", "retold.js", "figures.js", "api.js", "state.js", "sentence.js"):
+        shutil.copy(PAGE / name, tmp_path / name)
+    (tmp_path / "package.json").write_text('{"type": "module"}')
+    texts = _words("en") | {"codes": {}, "english": {}}
+    held = [{"loud": True, "code": "", "fields": {"phase": "still-on"}, "words": "X1 may be on", "back": []}]
+    run = {"kind": "push", "tables": tables, "words": "push"}
+    picture = {"run": run, "held": held, "left": [], "devices": [], "alarms": [], "last_runs": [], "trouble": None}
+    told = [node, "--input-type=module", "-e", AT_WORK, str(tmp_path), json.dumps(texts), json.dumps([picture])]
+    done = subprocess.run(told, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    ((writes, head),) = json.loads(done.stdout)
+    assert (writes, head.startswith("Push in progress")) == (at_work, at_work)
+    assert at_work or "nobody stands for" in head

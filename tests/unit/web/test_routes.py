@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 
 import pytest
 
 from drivers.errors import DeviceRefused, catalogue
+from drivers.message import Message
 from gateway.domain.identity import KnownFact
-from gateway.domain.outcomes import AxisVerdict, Verdict
+from gateway.domain.outcomes import Verdict
 from gateway.report import render
 from gateway.store import Store
 from gateway.store.identities import IdentityBook
@@ -167,7 +168,7 @@ def test_records_are_served_as_they_are_stored(client: Callable[..., Client], tm
     run = Store(tmp_path).create("hall-3")
     axis = axis_material("X1", "mm")
     assert axis.verdict is not None
-    verdict = Verdict((AxisVerdict("X1", "um", axis.verdict.before, axis.verdict.after, True, True, "b"),), "better")
+    verdict = Verdict((replace(axis.verdict, words=(Message.stored("b"),)),), "better")
     digest = run.put("verdict", verdict)
     told = client().get(f"{RUNS}/{run.run_id}/stages/verdict").json()
     assert (told["sha256"], told["type"]) == (digest, "Verdict")

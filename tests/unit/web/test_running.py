@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import asyncio
 from typing import Any
 
+from gateway.daemon.jobs import Job
 from gateway.daemon.running import MOST_MOVES, fresh, told
+from gateway.stopping import StopAsked
 from gateway.views import JobView, RunView
 
 X_GOES = ("P-MOVE-TO", {"axis": "X", "start": "0", "end": "100", "unit": "mm", "feed": "500"})
@@ -39,3 +42,17 @@ def test_what_moves_at_the_next_press_is_not_what_moved_at_this_one() -> None:
     run = _seen(X_GOES, PRESS, ("P-STOP", stop))
     assert (run.ask, run.moves) == (None, ())
     assert len(_seen(*[X_GOES] * (MOST_MOVES + 5)).moves) == MOST_MOVES
+
+
+def test_a_page_that_comes_later_knows_what_is_true_of_each_table() -> None:
+    async def nothing(_say: object) -> None:
+        """No work."""
+
+    async def heard() -> tuple[tuple[str, str], ...]:
+        view = JobView(job=1, kind="push", who="anna", state="running", run_id="", started_utc="")
+        job = Job(nothing, view, StopAsked())
+        for axis, state in (("X1", "begun"), ("C1", "begun"), ("X1", "writing"), ("X1", "written")):
+            job.heard("P-TABLE-STATE", {"axis": axis, "state": state, "said": ""})
+        return job.view.tables
+
+    assert asyncio.run(heard()) == (("X1", "written"), ("C1", "begun"))

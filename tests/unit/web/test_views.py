@@ -55,7 +55,7 @@ def test_table_has_five_lines_an_axis_and_dashes_for_nothing() -> None:
     assert axis.before is not None
     assert axis.after is not None
     before, after = replace(axis.before, E=20.0, M=None), replace(axis.after, E=5.0)
-    verdict = Verdict((AxisVerdict("X1", "um", before, after, True, True, "better"),), "better")
+    verdict = Verdict((AxisVerdict("X1", "um", before, after, True, True, ()),), "better")
     rows = axis_table(verdict)
     assert [row.parameter for row in rows] == ["E", "R", "B", "A", "M", "M_travel"]
     assert (rows[0].axis, rows[0].before, rows[0].after, rows[0].unit, rows[0].change) == (
