@@ -131,7 +131,7 @@ _SPELLINGS = {
     "arcmin": "arc min, arcminutes, arcminute, 角分",
     "mdeg": "millideg, millidegree, millidegrees, m°",
     "rad": "radian, radians",
-    "urad": "microrad, microradian, microradians",
+    "urad": "microrad, microradian, microradians, um/m, µm/m, µrad, μm/m",
     "mrad": "millirad, milliradian, milliradians",
 }
 _NAMES = {word: unit for unit, words in _SPELLINGS.items() for word in words.split(", ")}

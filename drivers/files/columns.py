@@ -28,8 +28,9 @@ class ColumnMap:
     one way only. ``passes``: every column from the reading on, to ``last`` (0: the end), is a pass; "alternate" forward
     and reverse in turn, "halves" all forward ones first, or one way only. ``sense`` -1 turns the readings' sign,
     ``factor`` multiplies them (1: they contain what their file says of a scale; 0: nothing was said).
-    ``skip`` lines stand before the rows. ``sheet`` of a workbook; ``beside``: the file of the other direction, in the
-    same folder; ``confirmed``: a person has looked at readings that seem impossible, and they are right.
+    ``skip`` lines stand before the rows; -1: all that hold none. ``sheet`` of a workbook; ``beside``: the file of the
+    other direction, in the same folder; ``confirmed``: a person has looked at readings that seem impossible, and
+    they are right.
     """
 
     target: int = 0
@@ -47,7 +48,7 @@ class ColumnMap:
     datum: float = 0.0
     sense: int = 1
     factor: float = 0.0
-    skip: int = 1
+    skip: int = -1
     separator: str = ""
     decimal_comma: bool = False
     sheet: str = ""
@@ -133,6 +134,6 @@ class ColumnMap:
             ("reading_unit", self.reading_unit in ("", *READING_UNITS), units),
             ("sense", self.sense in (1, -1), "must be 1 or -1"),
             ("factor", self.factor >= 0.0, "must be more than 0; sense=-1 turns the sign"),
-            ("skip", self.skip >= 0, "must be 0 or more"),
+            ("skip", self.skip >= -1, "must be 0 or more"),
             ("separator", len(self.separator) <= 1, "must be one character, or empty: as the lines show, else blanks"),
         )

@@ -21,12 +21,12 @@ from drivers.files.numbers import decimal, like_number, missing, whole
 from drivers.files.readings import Reading, Readings, Rows
 from drivers.files.signature import signature_of
 from drivers.files.tables.heading import table_heading
-from drivers.files.tables.headwords import DIRECTIONS
+from drivers.files.tables.headwords import DIRECTIONS, head_cell
 from drivers.files.tables.indexed import indexed, is_indexed
 from drivers.files.tables.layout import NONE, Layout, layout, no_heading, understood_as
 from drivers.files.tables.order import by_order, by_steps, counted
 from drivers.files.tables.plain import MOST_REPETITIONS, plain_table
-from drivers.files.tables.sheet import Row, Sheet, declared_sheet, heading_of, sheets_of
+from drivers.files.tables.sheet import Row, Sheet, declared_sheet, heading_of, lines_before, sheets_of
 from drivers.files.tables.statements import Concern, lines_above, lines_around, remarks
 from drivers.files.text import end_doubts, other_texts, plain_minus, read_bytes
 from drivers.files.workbook import is_workbook, workbook_text
@@ -40,6 +40,7 @@ from drivers.units import (
     deviation_scale,
     deviation_unit,
     typed_unit,
+    unit_named,
 )
 
 ONE_WAY = ("runs", "up", "down")
@@ -114,10 +115,25 @@ class CsvFormat:
         if is_workbook(path, data):
             yield workbook_text(data, self._said, str(path))
             return
-        text = plain_minus(decode(data, self._codepage, str(path)))
+        yield from self._likely(data, str(path))
+
+    def _likely(self, data: bytes, where: str) -> Iterator[str]:
+        """The text by each code page that it may have, one in which its heading is understood before the others."""
+        first = plain_minus(decode(data, self._codepage, where))
+        others = tuple(map(plain_minus, other_texts(data)))
         del data  # a large file is not held twice
-        yield text
-        yield from map(plain_minus, other_texts(read_bytes(path)))
+        every = (first, *others)
+        best = next((text for text in every if self._named(text)), first) if others else first
+        yield best
+        yield from (text for text in every if text is not best)
+
+    def _named(self, text: str) -> bool:
+        """Whether a heading names the targets, or the units of the declared columns."""
+        if table_heading(text) is not None:
+            return True
+        heads = _declared(text, self._said).heads if self._said.whole else ()
+        wanted = (self._said.target - 1, self._said.reading - 1)
+        return bool(heads) and max(wanted) < len(heads) and all(unit_named(head_cell(heads[at]).unit) for at in wanted)
 
     def signature(self, path: Path) -> str:
         """What tables of the same layout have in common, "" for one without a heading. Raises FileFormatError."""
@@ -131,7 +147,7 @@ class CsvFormat:
         data = read_bytes(path)
         if is_workbook(path, data):
             return table_heading(workbook_text(data, self._said, str(path), any_sheet=True))
-        return table_heading(plain_minus(decode(data, self._codepage, str(path))))
+        return table_heading(next(self._likely(data, str(path))))
 
     def text(self, measured: MeasuredSet) -> str:
         """A measured set as a table that `read` understands and a spreadsheet does not take for formulas."""
@@ -179,7 +195,7 @@ def readings_of(text: str, said: ColumnMap, where: str, *, mixed: bool = False) 
             _found(chosen, sheet, said, where, columns, mixed=mixed), lines_above(text, sheet.at), said, where
         )
     if said.whole:
-        sheets: tuple[Sheet, ...] = (declared_sheet(text, said.skip, said.separator, said.needed),)
+        sheets: tuple[Sheet, ...] = (_declared(text, said),)
     else:
         sheets = sheets_of(text, lambda heads: understood_as(heads, said), where)
     if not sheets:
@@ -192,6 +208,14 @@ def readings_of(text: str, said: ColumnMap, where: str, *, mixed: bool = False) 
     if len(parts) == 1:
         return parts[0]
     return _joined(parts[0], parts[1], where)
+
+
+def _declared(text: str, said: ColumnMap) -> Sheet:
+    """The table of declared columns, behind whatever a program wrote above it."""
+    skip = said.skip
+    if skip < 0:
+        skip = lines_before(text, said.separator, said.needed, target=said.target, reading=said.reading)
+    return declared_sheet(text, skip, said.separator, said.needed)
 
 
 def _of_sheet(sheet: Sheet, said: ColumnMap, where: str, text: str, *, mixed: bool) -> Found:

@@ -23,7 +23,7 @@ ROOT = Path(__file__).parents[2]
 DOCS = ROOT / "docs"
 README = ROOT / "README.md"
 BLOCK = re.compile(r"^```(\w*)\n(.*?)^```", re.DOTALL | re.MULTILINE)
-ALONE = ("check", "commands", "convert", "diff", "evaluate", "explain", "lint", "program", "schema")
+ALONE = ("check", "commands", "convert", "diff", "evaluate", "explain", "import", "lint", "program", "schema")
 """Commands that need neither a machine nor minutes of computing: run here, in the order of each page."""
 AT_A_CELL = ("accept", "check", "conform", "doctor", "recover", "self-test", "trust")
 """Commands that look at a control: run at a simulated one, over its wires, in the long tests."""
@@ -107,6 +107,14 @@ def _bench_record() -> str:
     return "\n".join((*head, "time_s,input_deg,output_deg,torque_Nm,temperature_degC", *rows, ""))
 
 
+def _six_channels() -> str:
+    """Two runs both ways of an instrument that reads six motions at once."""
+    heads = "Position (mm);Linear (um);Straightness Y (um);Straightness Z (um);Pitch (urad);Yaw (urad);Roll (urad)"
+    ways = [(run, way) for run in (1, 2) for way in "+-"]
+    rows = [f"{50 * k};{k};{k * k};{-k};{k};{2 * k};{run};{way};{run}" for run, way in ways for k in range(5)]
+    return "\n".join((f"{heads};Direction;Run", *rows, ""))
+
+
 @pytest.fixture
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A place with the files that the handbook's commands name; its site file is that of `docs/connecting.md`."""
@@ -128,6 +136,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     turn = [f"{at},{way},{run},{0.01 * at + 0.01 * run}" for run in (1, 2) for way in "+-" for at in range(0, 361, 45)]
     text = "\n".join(("target_deg,direction,repetition,deviation_arcsec", *turn, ""))
     (tmp_path / "C.csv").write_text(text, encoding="utf-8")
+    (tmp_path / "six.csv").write_text(_six_channels(), encoding="utf-8")
     (tmp_path / "record.csv").write_text(_bench_record(), encoding="utf-8")
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("TRUEFLANK_PASSWORD", "x")

@@ -27,6 +27,7 @@ from drivers.units import READING_UNITS
 
 MARKS = (";", "\t", "|", ",")
 MOST_LINES, MOST_WORDS, LONGEST_WORD = 100, 40, 200
+MOST_PREAMBLE = 1000
 MOST_TABLES, MOST_TITLES, MOST_HEADS = 2, 2, 3
 FEWEST_TURNED = 2  # targets in a heading, before a table counts as turned over
 _BREAK = re.compile(r"\r\n|\n|\r")
@@ -122,6 +123,29 @@ def sheets_of(text: str, understands: Understands, where: str) -> tuple[Sheet, .
         if len(found) > MOST_TABLES or {one.way for one in found} != {"up", "down"}:
             raise FileFormatError("E-FILE-CSV-SECOND", where, line=sheet.at)
     return tuple(found)
+
+
+def lines_before(text: str, separator: str, needed: int, *, target: int, reading: int) -> int:
+    """How many lines stand above the first row: the first with ``needed`` cells and a number as its target.
+
+    ``target`` and ``reading`` are columns from 1. A line directly above it with a number as its reading is a row whose
+    target cannot be read, no heading: it counts, so that whoever reads it refuses it. 1 where no line is such a row.
+    """
+    before: tuple[int, list[str]] = (0, [])
+    for at, line in enumerate(_BREAK.split(text, MOST_PREAMBLE)[:MOST_PREAMBLE], start=1):
+        if not line.strip() or _passed_over(line):
+            continue
+        mark = separator or next((one for one in MARKS if one in line), "")
+        row = cells(line, mark)
+        if not separator and mark == "," and len(row) < needed:
+            row = line.split()
+        if len(row) < needed:
+            continue
+        if like_number(row[target - 1]):
+            near = before[0] == at - 1 and before[1]
+            return before[0] - 1 if near and like_number(before[1][reading - 1]) else at - 1
+        before = (at, row)
+    return 1
 
 
 def declared_sheet(text: str, skip: int, separator: str, needed: int) -> Sheet:

@@ -43,7 +43,7 @@ def evaluate(
         str,
         typer.Option(
             help="positioning, straightness, angular, squareness, parallelism, reversal, axis-location, rotary-motion, "
-            "harmonics, transmission."
+            "harmonics, six-dof, transmission."
         ),
     ] = "positioning",
     angle: Annotated[
@@ -53,6 +53,9 @@ def evaluate(
     artefact: Annotated[float, typer.Option(help="Squareness: the square's own angle minus 90 deg, arcsec.")] = 0.0,
     motion: Annotated[str, typer.Option(help="Rotary motion: radial, axial, rotating or tilt.")] = "radial",
     distance: Annotated[float, typer.Option(min=0, help="Tilt: distance of the two sensors, mm.")] = 0.0,
+    offset: Annotated[
+        str, typer.Option(help="Six-dof: point of interest from the measured point, x,y,z in mm.")
+    ] = "0,0,0",
     order: Annotated[list[int] | None, typer.Option(help="Harmonics: this order. May be repeated.")] = None,
     pins: Annotated[int | None, typer.Option(min=4, help="Transmission: number of pins.", show_default=False)] = None,
     ratio: Annotated[
@@ -110,7 +113,7 @@ def evaluate(
             )
             wanted = DriveOptions(drive, plot, limits_of(limit or ()))
             raise typer.Exit(evaluate_transmission(files or [], wanted, as_json=as_json))
-        from gateway.cli.files.geometry import KindOptions, evaluate_kinds
+        from gateway.cli.files.geometry import KindOptions, evaluate_kinds, point_of
         from gateway.workflow.files.kindrecords import KindQuestion
 
         question = KindQuestion(
@@ -121,6 +124,7 @@ def evaluate(
             artefact_arcsec=artefact,
             distance_mm=distance,
             motion=motion,
+            offset_mm=point_of(offset),
         )
         options = KindOptions(
             kind=kind,

@@ -16,7 +16,7 @@ from gateway.cli.show import echo, show_json, show_table
 from gateway.workflow.files.kindrecords import KindAnswer, KindQuestion, MeasuredFile
 
 ALONG = ("positioning", "reversal")
-MIXED = ("angular", "rotary-motion")
+MIXED = ("angular", "rotary-motion", "six-dof")
 """Kinds whose readings are no deviation along their own axis: angles over mm, lengths over deg."""
 SHOWN = {"um": "µm", "urad": "µrad"}
 
@@ -35,6 +35,16 @@ class KindOptions:
     accepted: Mapping[str, str] = field(default_factory=dict)
     columns: tuple[str, ...] = ()
     compared: Any = None
+
+
+def point_of(text: str) -> tuple[float, float, float]:
+    """An offset in mm from "x,y,z". Raises ConfigError (E-CLI-OFFSET)."""
+    cells = text.replace(";", ",").split(",")
+    try:
+        x, y, z = (float(cell) for cell in cells)
+    except ValueError:
+        raise ConfigError("E-CLI-OFFSET", "--offset", text=text) from None
+    return x, y, z
 
 
 def evaluate_kinds(files: Sequence[Path], asked: KindOptions, *, as_json: bool) -> int:

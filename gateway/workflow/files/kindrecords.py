@@ -29,7 +29,8 @@ class MeasuredFile:
 class KindQuestion:
     """What the files cannot say: machine axis, which angle, plane of a squareness, harmonics, sensors' distance.
 
-    ``artefact_arcsec`` is the square's own angle less 90 deg; ``distance_mm`` between two sensors of a tilt.
+    ``artefact_arcsec`` is the square's own angle less 90 deg; ``distance_mm`` between two sensors of a tilt;
+    ``offset_mm`` of a point from what an instrument with six channels measured.
     """
 
     axis: str = ""
@@ -39,6 +40,7 @@ class KindQuestion:
     artefact_arcsec: float = 0.0
     distance_mm: float = 0.0
     motion: str = "radial"
+    offset_mm: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
 
 @dataclass(frozen=True, slots=True)

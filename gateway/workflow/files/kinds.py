@@ -17,6 +17,7 @@ KINDS: Mapping[str, Evaluate] = {
     "angular": linearkinds.angular,
     "squareness": linearkinds.square,
     "parallelism": linearkinds.parallelism,
+    "six-dof": linearkinds.six_dof,
     "reversal": linearkinds.reversal,
     "axis-location": rotarykinds.axis_location,
     "rotary-motion": rotarykinds.motion,

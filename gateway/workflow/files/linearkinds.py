@@ -5,6 +5,7 @@ Each calls the function that a run calls; here only files become arrays and resu
 
 from __future__ import annotations
 
+from collections import Counter
 from typing import cast
 
 import numpy as np
@@ -13,6 +14,7 @@ from drivers.units import DeviationUnit, arcsec_to_rad, mm_to_um, rad_to_arcsec,
 from gateway.domain.values import COVERAGE
 from gateway.errors import ModelError
 from gateway.evaluate.geometry.angular import COMPONENTS, Kind, angular_motion
+from gateway.evaluate.geometry.six_motions import motions_of_axis, point_error, six_motions
 from gateway.evaluate.geometry.squareness import Plane, SquarenessRuns, from_runs, of_plane, reversed_square
 from gateway.evaluate.geometry.straightness import Reference, StraightnessRun, straightness
 from gateway.evaluate.standards import iso230_2
@@ -190,6 +192,51 @@ def parallelism(files: Files, _asked: KindQuestion) -> KindAnswer:
         axes=POSITION_UM,
         notes=SCATTER_ONLY,
         fitted=True,
+    )
+
+
+def six_dof(files: Files, asked: KindQuestion) -> KindAnswer:
+    """Six motions of one axis with the covariance of their scatter, and the error of a point beside the beam."""
+    count_of("six-dof", files, "six motions of one axis: a table of them, or six files")
+    sets = {one.label.split()[-1]: one.measured for one in files}
+    axis = asked.axis or Counter(name[-1] for name in sets if name[-1] in "XYZ").most_common(1)[0][0]
+    targets = [one.targets for name, one in sets.items() if name in motions_of_axis(axis)]
+    if any(one.shape != targets[0].shape or not np.array_equal(one, targets[0]) for one in targets):
+        raise ModelError("E-SIX-SHAPE", "six-dof", shapes="targets differ")
+    first = targets[0] if targets else np.empty(0)
+    found = six_motions(axis, first, {name: one.deviations for name, one in sets.items()})
+    names, u, shared = motions_of_axis(axis), found.u(), found.correlation()
+    figures = []
+    for k, name in enumerate(names):
+        unit = "um" if name[1] in "XYZ" else "arcsec"
+        across = name[1] in "XYZ" and name[1] != axis
+        value = straightness(found.targets, found.means[:, k], "lsq").value if across else np.ptp(found.means[:, k])
+        U = None if u is None else COVERAGE * float(np.sqrt(2.0) * u[:, k].max())
+        figures.append(Figure(f"{name} {'straightness' if across else 'range'}", float(value), unit, U))
+    at = point_error(found, asked.offset_mm)
+    for place, letter in enumerate("XYZ"):
+        U = None if at.U is None else float(np.sqrt(2.0) * at.U[:, place].max())
+        figures.append(Figure(f"point along {letter} range", float(np.ptp(at.error[:, place])), "um", U))
+    where = ", ".join(f"{one:g}" for one in asked.offset_mm)
+    notes = [f"the point stands at ({where}) mm from the measured point of the carriage"]
+    if shared is not None and at.U is not None and at.U_independent is not None:
+        pairs = [(abs(shared[a, b]), a, b) for a in range(len(names)) for b in range(a)]
+        _, a, b = max(pairs)
+        notes.append(f"largest correlation of scatter: {names[b]} and {names[a]} {shared[a, b]:+.2f}")
+        apart = ", ".join(
+            f"{letter} {np.sqrt(2.0) * at.U_independent[:, k].max():.3f}" for k, letter in enumerate("XYZ")
+        )
+        notes.append(f"U of the point's range with independent channels would be {apart} um")
+    lost = sum(int((~np.isfinite(sets[name].deviations)).sum()) for name in names)
+    notes += [f"{lost} readings are missing; the channels read at the same stops count"] if lost else []
+    curves = tuple(Drawn(f"point {letter}", found.targets, at.error[:, k]) for k, letter in enumerate("XYZ"))
+    return KindAnswer(
+        kind="six-dof",
+        standard="ISO 230-1:2012",
+        figures=tuple(figures),
+        curves=curves,
+        axes=POSITION_UM,
+        notes=(*notes, *SCATTER_ONLY),
     )
 
 

@@ -14,17 +14,17 @@ from drivers.errors import ConfigError, FileFormatError
 from drivers.local.names import shown
 from drivers.recordings import Recording
 from drivers.types.gears import GearInspection
-from drivers.types.results import MeasuredSet
+from drivers.types.results import MeasuredSet, TableHeading
 from gateway.store import Maps
 from gateway.store.maps import Value
 from gateway.workflow.files.columnwords import ASKS
-from gateway.workflow.files.motions import TableMotions, motions_of
+from gateway.workflow.files.motions import OWN, TableMotions, instrument_of, motions_of, senses_in
 
 ROLES = ("file", "dynamic-file", "gear-file")
 OTHER_ENDINGS = {"xml": "gde", **dict.fromkeys(("txt", "dat", "tsv", "md", "xlsx", "xls"), "csv")}
 NEED_UNIT = ("rta", "rtx")
 WHOLE, READINGS = {"target"}, {"deviation", "measured", "increment", "length"}
-ONCE = ("confirmed", "beside", "factor")
+ONCE = ("confirmed", "beside", "factor", "axis", "instrument")
 """Words about one file only: they are never remembered for others."""
 Content = MeasuredSet | Recording | GearInspection
 
@@ -142,6 +142,11 @@ BESIDE = "S-READ-COLUMNS"
 """Said of one column of a table; of several motions the table itself says what no motion takes."""
 
 
+def _of_table(key: str) -> bool:
+    """Whether a word says something of a table's motions, and nothing of a column."""
+    return key in OWN or bool(senses_in({key: 1}))
+
+
 class _Asker:
     """One file, what is said about it, and the memory of what was said before."""
 
@@ -184,7 +189,17 @@ class _Asker:
         keys = [f"{name} {signature}"] if signature else []
         self._forget("columns", keys)
         said, notes = self._said_columns(name, keys)
-        table = self._motions(factory, said) if name == "csv" else TableMotions()
+        table = TableMotions()
+        if name == "csv":
+            heading = factory().heading(self._path)
+            said, more = self._senses(heading, said)
+            notes += more
+            table = self._motions(heading, said)
+            said = (
+                {key: value for key, value in said.items() if not _of_table(key)}
+                if said and not table.motions
+                else said
+            )
         left = (f"columns not read: {', '.join(map(shown, table.left_out))}",) if table.left_out else ()
         if table.motions:
             found = self._each(name, factory, table)
@@ -201,8 +216,23 @@ class _Asker:
             raise ConfigError(ASKS[error.code], str(self._path), **fields) from error
         return (Read(content, name, (*notes, *self._kept(said, keys), *left)),)
 
-    def _motions(self, factory: Any, said: Mapping[str, Value] | None) -> TableMotions:
-        heading = factory().heading(self._path)
+    def _senses(
+        self, heading: TableHeading | None, said: Mapping[str, Value] | None
+    ) -> tuple[Mapping[str, Value] | None, list[str]]:
+        """What is said, with the ways in which this instrument's channels count as they were said before."""
+        name = instrument_of(heading, said)
+        keys = [f"instrument {name}"] if name else []
+        self._forget("senses", keys)
+        now = senses_in(self._how.columns)
+        found = self._maps.find("senses", keys[0]) if keys and self._maps is not None else None
+        before = dict(found.said) if found is not None else {}
+        if keys and now:
+            return {**before, **(said or {})}, self._keep("senses", keys[0], {**before, **now})
+        words = ", ".join(f"{key}={value}" for key, value in before.items())
+        notes = [f"senses of instrument {name} as declared on {found.utc}: {words}"] if found is not None else []
+        return ({**before, **(said or {})} if said or before else said), notes
+
+    def _motions(self, heading: TableHeading | None, said: Mapping[str, Value] | None) -> TableMotions:
         axis = heading.said.get("Axis", "").strip().upper()[:1] if heading is not None else ""
         return motions_of(heading, said, axis, str(self._path))
 

@@ -118,7 +118,8 @@ def test_words_of_the_field_name_the_motions_where_the_file_names_the_axis() -> 
         "Yaw (arcsec)",
     )
     table(Path("x.csv"), heads, values, more="Axis: X\n")
-    found = told("import", "x.csv")
+    senses = [word for name in SIX[1:] for word in ("--column", f"{name}_sense=1")]
+    found = told("import", "x.csv", *senses)
     assert [one["component"] for one in found] == list(SIX)
     np.testing.assert_allclose(stored(found[4]).deviations, values[4])
     assert [one["component"] for one in told("import", "x.csv", "--motion", "ebx")] == ["EBX"]
