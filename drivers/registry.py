@@ -92,6 +92,8 @@ _OWN = (
     DriverSpec("gear-csv", "gear-file", "drivers.files.gear:GearCsvFormat"),
     DriverSpec("gde", "gear-file", "drivers.files.gde:GdeFormat"),
     DriverSpec("drive-csv", "drive-file", "drivers.files.drives:DriveCsvFormat"),
+    DriverSpec("circle-csv", "circle-file", "drivers.files.circles:CircleCsvFormat"),
+    DriverSpec("b5r", "circle-file", "drivers.files.circles:B5rFormat"),
     DriverSpec("sinumerik-terms", "terms", "drivers.sinumerik.terms:SINUMERIK"),
     DriverSpec("linuxcnc-terms", "terms", "drivers.linuxcnc.terms:LINUXCNC"),
     DriverSpec("sinumerik-tables", "table-file", "drivers.sinumerik.tablefile.format:TableFiles"),

@@ -137,6 +137,9 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     text = "\n".join(("target_deg,direction,repetition,deviation_arcsec", *turn, ""))
     (tmp_path / "C.csv").write_text(text, encoding="utf-8")
     (tmp_path / "six.csv").write_text(_six_channels(), encoding="utf-8")
+    circle = [f"{at % 360},{150 + 0.002 * (at % 7)}" for at in range(400)]
+    text = "\n".join(("# Radius mm,150", "angle_deg,radius_mm", *circle, ""))
+    (tmp_path / "circle.csv").write_text(text, encoding="utf-8")
     (tmp_path / "record.csv").write_text(_bench_record(), encoding="utf-8")
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("TRUEFLANK_PASSWORD", "x")

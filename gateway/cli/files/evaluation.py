@@ -43,7 +43,7 @@ def evaluate(
         str,
         typer.Option(
             help="positioning, straightness, angular, squareness, parallelism, reversal, axis-location, rotary-motion, "
-            "harmonics, six-dof, transmission."
+            "harmonics, six-dof, transmission, ballbar."
         ),
     ] = "positioning",
     angle: Annotated[
@@ -113,6 +113,12 @@ def evaluate(
             )
             wanted = DriveOptions(drive, plot, limits_of(limit or ()))
             raise typer.Exit(evaluate_transmission(files or [], wanted, as_json=as_json))
+        if kind == "ballbar":
+            from gateway.cli.files.ballbar import CircleOptions, evaluate_ballbar_files
+            from gateway.workflow.files.columnwords import columns_of
+
+            circle = CircleOptions(columns_of(column or ()), plot, limits_of(limit or ()))
+            raise typer.Exit(evaluate_ballbar_files(files or [], circle, as_json=as_json))
         from gateway.cli.files.geometry import KindOptions, evaluate_kinds, point_of
         from gateway.workflow.files.kindrecords import KindQuestion
 

@@ -70,7 +70,7 @@ def evaluate_kinds(files: Sequence[Path], asked: KindOptions, *, as_json: bool) 
     if as_json:
         show_json(answer.as_data() | {"verdicts": [verdict(one) for one, _ in decided], "doubts": as_data(doubts)})
     else:
-        _show(answer, [*told(doubts), *(warning for one in read for warning in one.measured.warnings)])
+        show_answer(answer, [*told(doubts), *(warning for one in read for warning in one.measured.warnings)])
         for place, (one, unit) in enumerate(decided, 1):
             show_verdicts([verdict(one)], unit, rule=place == len(decided))
         if asked.plot is not None:
@@ -104,7 +104,8 @@ def _measured(path: Path, asked: KindOptions) -> tuple[MeasuredFile, ...]:
     return tuple(MeasuredFile(Path(label).name, measured) for label, measured in content)
 
 
-def _show(answer: KindAnswer, warnings: Sequence[str]) -> None:
+def show_answer(answer: KindAnswer, warnings: Sequence[str]) -> None:
+    """Print figures with their U, then notes."""
     rows = [
         (one.name, f"{one.value:.3f}", "-" if one.U is None else f"{one.U:.3f}", SHOWN.get(one.unit, one.unit))
         for one in answer.figures

@@ -96,7 +96,7 @@ def six_motions(axis: str, targets: FloatArray, readings: Mapping[str, FloatArra
         told = ", ".join(f"{name} {'x'.join(map(str, one))}" for name, one in shapes.items())
         raise ModelError("E-SIX-SHAPE", "six-dof", shapes=told)
     every = np.stack([readings[name] for name in names], axis=-1)
-    there = np.isfinite(every)
+    there = np.asarray(np.isfinite(every))
     count = there.sum(axis=1)
     sums = np.where(there, every, 0.0).sum(axis=1)
     way = np.divide(sums, count, out=np.full_like(sums, np.nan), where=count > 0)
@@ -105,7 +105,7 @@ def six_motions(axis: str, targets: FloatArray, readings: Mapping[str, FloatArra
     if lost:
         i, k = lost[0]
         raise ModelError("E-SIX-LOST", "six-dof", motion=names[k], target=f"{targets[i]:g}", count=len(lost))
-    whole = there.all(axis=-1)
+    whole = np.asarray(there.all(axis=-1))
     free = int(np.maximum(whole.sum(axis=1) - 1, 0).sum())
     covariance = None
     if free > 0:

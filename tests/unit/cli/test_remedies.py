@@ -224,6 +224,13 @@ TWO = table(
     *("target_mm,deviation_um", *(f"{at},0.{at}" for at in (10, 20, 30))),
 )
 MOTIONS = table("target_mm,EXX [um],EYX [um]", *(f"{10 * at},0.{at},0.{2 * at}" for at in range(4)))
+CHANNELS = table(
+    "target_mm,Linear [um],Straightness Y [um],Pitch [urad]", *(f"{10 * at},0.{at},0.{2 * at},{at}" for at in range(4))
+)
+SIX = table(
+    "target_mm,EXX [um],EYX [um],EZX [um],EAX [urad],EBX [urad],ECX [urad]",
+    *(f"{10 * at},0.{at},0.{2 * at},{at},1,2,{3 * at}" for at in range(4)),
+)
 TO_EEC = "convert f.csv --to eec --axis X1 --reference 0 --datum 0=0 -o out.spf"
 DATUM = {"E-CLI-DATUM": add("--reference", "0", "--datum", "0=0")}
 LIST: Answer = lambda _typed, _error: ["evaluate", "--standard", "list"]  # noqa: E731 - the printed command itself
@@ -351,6 +358,30 @@ REMEDIES: Mapping[str, Remedy] = {
             )
         },
         {"f.csv": MOTIONS.replace(" [um]", "")},
+    ),
+    "E-IMPORT-MOTION-AXIS": Remedy(
+        "import --json f.csv",
+        {
+            "E-IMPORT-MOTION-AXIS": add("--column", "axis=X"),
+            "E-IMPORT-MOTION-SENSE": add("--column", "EYX_sense=1", "--column", "EBX_sense=-1"),
+        },
+        {"f.csv": CHANNELS},
+    ),
+    "E-IMPORT-MOTION-SENSE": Remedy(
+        "import --json f.csv --column axis=X",
+        {"E-IMPORT-MOTION-SENSE": add("--column", "EYX_sense=1", "--column", "EBX_sense=-1")},
+        {"f.csv": CHANNELS},
+    ),
+    "E-IMPORT-MOTION-WHICH": Remedy(
+        "import --json f.csv --column axis=Z",
+        {"E-IMPORT-MOTION-WHICH": add("--column", "EZZ=2", "--column", "EYZ=3", "--column", "EAZ=4")},
+        {"f.csv": CHANNELS},
+    ),
+    "E-CLI-OFFSET": Remedy(
+        "evaluate f.csv --kind six-dof --offset 1,2",
+        {"E-CLI-OFFSET": instead("1,2", "0,120,-35")},
+        {"f.csv": SIX},
+        ("--offset",),
     ),
     "E-IMPORT-SEVERAL": Remedy(
         TO_EEC,
