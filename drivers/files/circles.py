@@ -119,14 +119,10 @@ class CircleCsvFormat:
     def read(self, path: Path) -> CircleRecord:
         """Read a file. Raises FileFormatError with line and reason, ConfigError (E-FILE-MAP)."""
         data = read_bytes(path)
-        texts = [decode(data, self._codepage, str(path)), *other_texts(data)]
-        for text in texts[:-1]:
-            try:
-                return parse_circle(plain_minus(text), self._columns, str(path))
-            except FileFormatError as error:
-                if error.code != "E-CIRCLE-HEADING":
-                    raise
-        return parse_circle(plain_minus(texts[-1]), self._columns, str(path))
+        texts = map(plain_minus, (decode(data, self._codepage, str(path)), *other_texts(data)))
+        every = tuple(texts)
+        named = (text for text in every if _heading(_lines(text)[1], self._columns) is not None)
+        return parse_circle(next(named, every[0]), self._columns, str(path))
 
 
 class B5rFormat:
@@ -178,9 +174,8 @@ def parse_circle(text: str, said: CircleColumns, where: str) -> CircleRecord:
     Raises FileFormatError (E-CIRCLE-HEADING: no radius or no angle; E-CIRCLE-UNIT; E-CIRCLE-STATED: radius or feed
     is needed and not stated; E-CIRCLE-SENSE; E-CIRCLE-SIZE: deviations that no machine has; E-FILE-LINE; E-FILE-ROWS).
     """
-    lines = [(at, line) for at, line in enumerate(_BREAK.split(text), start=1) if line.strip()]
-    stated = _stated([line for _, line in lines if line.lstrip().startswith("#")], said, where)
-    rows = [(at, line) for at, line in lines if not line.lstrip().startswith("#")]
+    comments, rows = _lines(text)
+    stated = _stated(comments, said, where)
     begun = _heading(rows, said)
     if begun is None:
         raise FileFormatError("E-CIRCLE-HEADING", where, found=(rows[0][1][:100] if rows else "-"))
@@ -213,6 +208,13 @@ def parse_circle(text: str, said: CircleColumns, where: str) -> CircleRecord:
         header={"Columns": ", ".join(f"{one.role}={one.at + 1}" for one in columns)},
         warnings=warnings,
     )
+
+
+def _lines(text: str) -> tuple[list[str], list[tuple[int, str]]]:
+    """Comment lines, and the others with their numbers; blank ones left out."""
+    lines = [(at, line) for at, line in enumerate(_BREAK.split(text), start=1) if line.strip()]
+    comments = [line for _, line in lines if line.lstrip().startswith("#")]
+    return comments, [(at, line) for at, line in lines if not line.lstrip().startswith("#")]
 
 
 def _stated(comments: Sequence[str], said: CircleColumns, where: str) -> dict[str, Any]:

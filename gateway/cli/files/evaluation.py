@@ -51,6 +51,13 @@ def evaluate(
     ] = "",
     plane: Annotated[str, typer.Option(help="Squareness: XY, XZ or YZ.")] = "XY",
     artefact: Annotated[float, typer.Option(help="Squareness: the square's own angle minus 90 deg, arcsec.")] = 0.0,
+    senses: Annotated[
+        str,
+        typer.Option(
+            help="Squareness: way each reading counts up, in or out of the square, and in-corner or out-corner where "
+            "positions grow towards its corner: in,out. Parallelism: same or opposite side."
+        ),
+    ] = "",
     motion: Annotated[str, typer.Option(help="Rotary motion: radial, axial, rotating or tilt.")] = "radial",
     distance: Annotated[float, typer.Option(min=0, help="Tilt: distance of the two sensors, mm.")] = 0.0,
     offset: Annotated[
@@ -131,6 +138,7 @@ def evaluate(
             distance_mm=distance,
             motion=motion,
             offset_mm=point_of(offset),
+            senses=tuple(one.strip().lower() for one in senses.split(",") if one.strip()),
         )
         options = KindOptions(
             kind=kind,

@@ -1,4 +1,16 @@
-"""Squareness of two axes from straightness runs against a square, or from face diagonals (ISO 230-1, -6)."""
+"""Squareness of two axes from straightness runs against a square, or from face diagonals (ISO 230-1, -6).
+
+Each arm of an optical or mechanical square is a straight line; a run along an axis reads the distance from it. With
+both readings counted *up towards the inside* of the square and positions counted away from its corner, slopes b1, b2:
+
+    angle between the positive axes - 90 deg = (angle of the square - 90 deg) - (b1 + b2)
+
+A reading that counts up away from the inside turns the sign of its slope, and so does a position that grows towards
+the corner. A maker's rule "90 deg + theta2 - theta1 + error of the square" is the case in which the first reading
+counts inwards and the second outwards (HP 5528A user's guide, section 21: the same numbers give -5.2 arcsec by it, and
++2.0 arcsec where both count inwards). No file tells the senses, so they are asked. The reference line is stated:
+minimum zone, least squares and end points are all allowed by ISO 230-1, and differ by what the axes are not straight.
+"""
 
 from __future__ import annotations
 
@@ -9,7 +21,7 @@ from typing import Literal
 
 from drivers.units import rad_to_arcsec
 from gateway.errors import ModelError
-from gateway.evaluate.geometry.straightness import StraightnessRun
+from gateway.evaluate.geometry.straightness import Reference, StraightnessRun, straightness
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,6 +41,31 @@ def from_runs(along_x: StraightnessRun, along_y: StraightnessRun, artefact_rad: 
     """
     (slope_x, u_x), (slope_y, u_y) = along_x.direction(), along_y.direction()
     return SquarenessRuns(slope_x, slope_y, artefact_rad - (slope_x + slope_y), hypot(u_x, u_y))
+
+
+Counting = Literal["in", "out", "in-corner", "out-corner"]
+COUNTINGS: Mapping[str, int] = {"in": 1, "out": -1, "in-corner": -1, "out-corner": 1}
+"""Sign of a slope: the reading counts up to the inside or outside; -corner: positions grow towards the corner."""
+
+
+def above_90(first: StraightnessRun, second: StraightnessRun, line: Reference, artefact_rad: float = 0.0) -> float:
+    """Angle between the positive axes less 90 deg, rad, by another reference line; both readings counted inwards.
+
+    Raises ModelError (E-EVAL-LINE).
+    """
+    slopes = (straightness(one.positions, one.deviations, line).slope for one in (first, second))
+    return artefact_rad - sum(slopes)
+
+
+def in_words(plane: str, above_90_arcsec: float) -> str:
+    """The squareness of a plane as a sentence that no convention of signs can turn."""
+    first, second = plane[0], plane[1]
+    if above_90_arcsec == 0.0:
+        return f"+{first} and +{second} stand at 90 deg"
+    larger = above_90_arcsec > 0.0
+    word, side = ("larger", "-") if larger else ("smaller", "+")
+    size = f"{abs(above_90_arcsec):.2f} arcsec"
+    return f"the angle between +{first} and +{second} is {word} than 90 deg by {size}: {second} leans to {side}{first}"
 
 
 @dataclass(frozen=True, slots=True)

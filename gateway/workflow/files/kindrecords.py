@@ -30,7 +30,8 @@ class KindQuestion:
     """What the files cannot say: machine axis, which angle, plane of a squareness, harmonics, sensors' distance.
 
     ``artefact_arcsec`` is the square's own angle less 90 deg; ``distance_mm`` between two sensors of a tilt;
-    ``offset_mm`` of a point from what an instrument with six channels measured.
+    ``offset_mm`` of a point from what an instrument with six channels measured. ``senses`` say which way the readings
+    count: of a squareness one of `COUNTINGS` a file, of a parallelism "same" or "opposite".
     """
 
     axis: str = ""
@@ -41,6 +42,7 @@ class KindQuestion:
     distance_mm: float = 0.0
     motion: str = "radial"
     offset_mm: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    senses: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,6 +6,7 @@ Each calls the function that a run calls; here only files become arrays and resu
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Mapping
 from typing import cast
 
 import numpy as np
@@ -15,7 +16,16 @@ from gateway.domain.values import COVERAGE
 from gateway.errors import ModelError
 from gateway.evaluate.geometry.angular import COMPONENTS, Kind, angular_motion
 from gateway.evaluate.geometry.six_motions import motions_of_axis, point_error, six_motions
-from gateway.evaluate.geometry.squareness import Plane, SquarenessRuns, from_runs, of_plane, reversed_square
+from gateway.evaluate.geometry.squareness import (
+    COUNTINGS,
+    Plane,
+    SquarenessRuns,
+    above_90,
+    from_runs,
+    in_words,
+    of_plane,
+    reversed_square,
+)
 from gateway.evaluate.geometry.straightness import Reference, StraightnessRun, straightness
 from gateway.evaluate.standards import iso230_2
 from gateway.evaluate.uncertainty.budget import measured_budget
@@ -132,7 +142,9 @@ def square(files: Files, asked: KindQuestion) -> KindAnswer:
     )
     unit_of("squareness", files, "um")
     artefact = float(arcsec_to_rad(asked.artefact_arcsec))
-    pairs = [from_runs(_run(one), _run(other), artefact) for one, other in zip(files[::2], files[1::2], strict=True)]
+    signs = _countings(files, asked)
+    runs = [_run(one, sign) for one, sign in zip(files, signs, strict=True)]
+    pairs = [from_runs(one, other, artefact) for one, other in zip(runs[::2], runs[1::2], strict=True)]
     above, u, notes = _told(pairs)
     found = of_plane(cast(Plane, asked.plane), above)
     figure = Figure(found.name, found.value_arcsec, "arcsec", COVERAGE * float(rad_to_arcsec(u)))
@@ -140,12 +152,35 @@ def square(files: Files, asked: KindQuestion) -> KindAnswer:
     return KindAnswer(
         kind="squareness",
         standard="ISO 230-1:2012",
-        figures=(figure, *_slopes(pairs)),
+        figures=(figure, *_by_other_lines(runs, asked, artefact), *_slopes(pairs)),
         curves=curves,
         axes=POSITION_UM,
-        notes=(*notes, *SCATTER_ONLY),
+        notes=(in_words(asked.plane, float(rad_to_arcsec(above))), LSQ, *notes, *SCATTER_ONLY),
         fitted=True,
     )
+
+
+LSQ = "reference lines: least squares; the other figures are by the line that they name"
+OTHER_LINES: Mapping[Reference, str] = {"end-point": "by end points", "minimum-zone": "by minimum zone"}
+
+
+def _countings(files: Files, asked: KindQuestion) -> list[int]:
+    """Sign of each file's slope, by what a person said of its reading. Raises ModelError (E-KIND-SENSES)."""
+    said = asked.senses * 2 if len(files) == 4 and len(asked.senses) == 2 else asked.senses
+    if len(said) != len(files) or not set(said) <= set(COUNTINGS):
+        names = ", ".join(one.label for one in files)
+        raise ModelError("E-KIND-SENSES", "squareness", files=names, given=",".join(asked.senses) or "-")
+    return [COUNTINGS[one] for one in said]
+
+
+def _by_other_lines(runs: list[StraightnessRun], asked: KindQuestion, artefact: float) -> tuple[Figure, ...]:
+    """The squareness by the other lines of ISO 230-1; of a reversed square the mean of both pairs."""
+    found = []
+    for line, words in OTHER_LINES.items():
+        each = [above_90(one, other, line, artefact) for one, other in zip(runs[::2], runs[1::2], strict=True)]
+        named = of_plane(cast(Plane, asked.plane), float(np.mean(each)))
+        found.append(Figure(f"{named.name} {words}", named.value_arcsec, "arcsec"))
+    return tuple(found)
 
 
 def _told(pairs: list[SquarenessRuns]) -> tuple[float, float, tuple[str, ...]]:
@@ -165,17 +200,23 @@ def _slopes(pairs: list[SquarenessRuns]) -> tuple[Figure, ...]:
     return tuple(found)
 
 
-def _run(one: MeasuredFile) -> StraightnessRun:
-    """A file as a straightness run in mm; without repeats its uncertainty comes from what the line leaves."""
+def _run(one: MeasuredFile, sign: int = 1) -> StraightnessRun:
+    """A file as a straightness run in mm, by the ``sign`` of its reading; without repeats u is what the line leaves."""
     at, mean, u = means(one.measured)
-    return StraightnessRun(at, um_to_mm(mean), None if np.isnan(u).any() else um_to_mm(u))
+    return StraightnessRun(at, sign * um_to_mm(mean), None if np.isnan(u).any() else um_to_mm(u))
 
 
-def parallelism(files: Files, _asked: KindQuestion) -> KindAnswer:
-    """How two straightness runs along one axis diverge, from their least-squares lines."""
+SAME: Mapping[str, int] = {"same": 1, "opposite": -1}
+
+
+def parallelism(files: Files, asked: KindQuestion) -> KindAnswer:
+    """How two straightness runs along one axis diverge, from their least-squares lines; their readings' sides said."""
     count_of("parallelism", files, "two", (2,))
     unit_of("parallelism", files, "um")
-    (first, u_first), (second, u_second) = (_run(one).direction() for one in files)
+    if len(asked.senses) != 1 or asked.senses[0] not in SAME:
+        raise ModelError("E-KIND-SIDES", "parallelism", given=",".join(asked.senses) or "-")
+    signs = (1, SAME[asked.senses[0]])
+    (first, u_first), (second, u_second) = (_run(one, sign).direction() for one, sign in zip(files, signs, strict=True))
     apart = first - second
     U = COVERAGE * float(np.hypot(u_first, u_second))
     length = float(np.ptp(files[0].measured.targets))

@@ -65,6 +65,7 @@ def table(
 
 @pytest.fixture(autouse=True)
 def _folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Each test's circles lie in a folder of its own."""
     monkeypatch.chdir(tmp_path)
 
 

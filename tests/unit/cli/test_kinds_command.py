@@ -61,15 +61,47 @@ def test_squareness_and_its_reversal(tmp_path: Path) -> None:
         return table(tmp_path / name, "mm", "um", PLACES, lambda x, way, turn: slope_urad * 1e-3 * x)
 
     first, second = run("x.csv", -20.0), run("y.csv", -10.0)
-    assert answer(first, second, "--kind", "squareness")["EC0Y"] == pytest.approx(30e-6 / ARCSEC)
-    assert answer(first, second, "--kind", "squareness", "--plane", "XZ")["EB0Z"] == pytest.approx(-30e-6 / ARCSEC)
+    assert answer(first, second, "--kind", "squareness", "--senses", "in,in")["EC0Y"] == pytest.approx(30e-6 / ARCSEC)
+    assert answer(first, second, "--kind", "squareness", "--plane", "XZ", "--senses", "in,in")["EB0Z"] == pytest.approx(
+        -30e-6 / ARCSEC
+    )
     # the square's own +8 urad shows in the first pair with one sign, turned over with the other
     reversed_pair = run("xr.csv", -28.0), run("yr.csv", -18.0)
-    both = answer(first, second, *reversed_pair, "--kind", "squareness")
+    both = answer(first, second, *reversed_pair, "--kind", "squareness", "--senses", "in,in")
     assert both["EC0Y"] == pytest.approx(38e-6 / ARCSEC)
-    apart = answer(first, second, "--kind", "parallelism")
+    apart = answer(first, second, "--kind", "parallelism", "--senses", "same")
     assert apart["parallelism"] == pytest.approx(-10e-6 / ARCSEC)
     assert apart["over 400 mm"] == pytest.approx(4.0)
+
+
+FIRST = (-0.3, 0.9, 1.5, 2.5, 2.9, 3.6, 4.2, 5.1, 5.9, 7.2)
+SECOND = (-0.5, -1.2, -2.5, -3.8, -4.0, -4.8, -5.9, -6.2, -7.4, -8.8)
+
+
+def test_the_printed_example_of_a_maker_by_its_senses_and_by_others(tmp_path: Path) -> None:
+    # HP 5528A user's guide, section 21: readings in um at 0 to 0.9 m and 0 to 0.45 m, optical square without error.
+    def run(name: str, step: int, readings: tuple[float, ...]) -> Path:
+        rows = [f"{step * at},+,1,{value}" for at, value in enumerate(readings)]
+        (tmp_path / name).write_text("\n".join(("target_mm,direction,repetition,deviation_um", *rows, "")))
+        return tmp_path / name
+
+    pair = run("x.csv", 100, FIRST), run("z.csv", 50, SECOND)
+    assert refused(*pair, "--kind", "squareness") == "E-KIND-SENSES"
+    assert refused(*pair, "--kind", "squareness", "--senses", "in") == "E-KIND-SENSES"
+    assert refused(*pair, "--kind", "parallelism") == "E-KIND-SIDES"
+    maker = answer(*pair, "--kind", "squareness", "--senses", "in,out")
+    assert maker["EC0Y"] == pytest.approx(-5.17, abs=0.01)  # printed -5.2
+    assert maker["EC0Y by end points"] == pytest.approx(-5.52, abs=0.01)  # printed -5.5
+    assert answer(*pair, "--kind", "squareness", "--senses", "in,in")["EC0Y"] == pytest.approx(2.01, abs=0.01)
+    # A travel towards the corner turns the slope once more; the square's own angle adds.
+    turned = answer(*pair, "--kind", "squareness", "--senses", "in,in-corner", "--artefact", "1.5")
+    assert turned["EC0Y"] == pytest.approx(-5.17 + 1.5, abs=0.01)
+    told = RUNNER.invoke(
+        app, ["evaluate", *map(str, pair), "--kind", "squareness", "--plane", "XZ", "--senses", "in,in"]
+    )
+    assert "the angle between +X and +Z is larger than 90 deg by 2.01 arcsec: Z leans to -X" in " ".join(
+        told.output.split()
+    )
 
 
 def test_angles_over_millimetres(tmp_path: Path) -> None:

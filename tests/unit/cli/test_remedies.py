@@ -393,8 +393,23 @@ REMEDIES: Mapping[str, Remedy] = {
     ),
     "E-KIND-FILES": Remedy(
         "evaluate f.csv --kind squareness",
-        {"E-KIND-FILES": lambda _typed, _error: ["evaluate", "f.csv", "f.csv", "--kind", "squareness"]},
+        {
+            "E-KIND-FILES": lambda _typed, _error: ["evaluate", "f.csv", "f.csv", "--kind", "squareness"],
+            "E-KIND-SENSES": add("--senses", "in,out"),
+        },
         {"f.csv": LINE},
+    ),
+    "E-KIND-SENSES": Remedy(
+        "evaluate f.csv f.csv --kind squareness",
+        {"E-KIND-SENSES": add("--senses", "in,out")},
+        {"f.csv": LINE},
+        ("--senses",),
+    ),
+    "E-KIND-SIDES": Remedy(
+        "evaluate f.csv f.csv --kind parallelism",
+        {"E-KIND-SIDES": add("--senses", "same")},
+        {"f.csv": LINE},
+        ("--senses",),
     ),
     "E-KIND-UNIT": Remedy(
         "evaluate f.csv --kind angular --axis X --angle pitch",
