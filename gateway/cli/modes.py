@@ -19,8 +19,9 @@ _POSITIONING = ("standard", "air", "expansion", "material_degc", "seed", "site",
 _KINDS: dict[str, tuple[str, ...]] = {
     "straightness": (),
     "angular": ("angle",),
-    "squareness": ("plane", "artefact"),
-    "parallelism": (),
+    "squareness": ("plane", "artefact", "senses"),
+    "parallelism": ("senses",),
+    "six-dof": ("offset",),
     "reversal": (),
     "axis-location": (),
     "rotary-motion": ("motion", "distance"),
@@ -40,6 +41,7 @@ TAKEN: dict[str, tuple[str, ...]] = {
     "evaluate --standard list": ("standard",),
     "evaluate --kind positioning": (*_GEOMETRY, *_POSITIONING),
     "evaluate --kind transmission": (*_FILES, "pins", "ratio", "rated_torque", "encoder_u"),
+    "evaluate --kind ballbar": _FILES,
     **{f"evaluate --kind {name}": (*_GEOMETRY, *own) for name, own in _KINDS.items()},
 }
 ALWAYS = ("as_json", "_quiet", "_verbose", "help")
