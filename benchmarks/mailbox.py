@@ -24,9 +24,9 @@ from drivers.sinumerik.mailbox.settings import ModbusSettings
 from drivers.sinumerik.mailbox.wire import ModbusWire
 from drivers.types.orders import PushOrder, SignProof
 from drivers.types.tables import CompensationTable
-from simulators.modbus import serving
-from simulators.nck.control import AxisSpec, Nck
-from simulators.nck.spec import NckSpec
+from simulators.modbus.station import running_station
+from simulators.nck.control import Nck
+from simulators.nck.spec import AxisSpec, NckSpec
 
 POINTS = 801
 RUNS = 3
@@ -129,7 +129,7 @@ async def plc(scan_s: float) -> AsyncIterator[str]:
     while not nck.axis_state("X1").referenced:
         await clock.sleep(0.05)
     nck.set_mode("AUTO")
-    async with serving(nck, clock, {"scan_s": scan_s, "points_a_scan": POINTS}) as station:
+    async with running_station(nck, clock, {"scan_s": scan_s, "points_a_scan": POINTS}) as station:
         station.plc.on_session = station.plc.release.give  # a person at the panel
         yield station.url
     await nck.stop()

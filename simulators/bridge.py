@@ -6,7 +6,7 @@ import asyncio
 from collections.abc import Awaitable, Callable, Mapping
 from itertools import pairwise
 from math import isfinite
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
@@ -45,11 +45,13 @@ from drivers.clock import Clock
 from drivers.errors import TransportError
 from drivers.transport import ByteTransport
 from drivers.types.sensing import Ambient
-from simulators.instrument_wire import Around, Outlet
-from simulators.optics import OpticsBench, RotaryReader, Turns
+from simulators.instrument_server import InstrumentServer, WireWrapper
+from simulators.optics.calibrator import CalibratorSamples, RotaryReader
+from simulators.optics.mountings import OpticsBench
+from simulators.optics.sensors import SensorReader, SensorReadings
 
 Answer = Callable[[Mapping[str, Any]], Awaitable[Any]]
-CHANNELS = ("device_deg", "laser_deg")
+CALIBRATOR_CHANNELS = ("device_deg", "laser_deg")
 TURN_LIMIT_DEG = 9000.0
 EMPTY_PCT = 5.0
 
@@ -60,11 +62,11 @@ class BridgeRefused(Exception):
         self.code = code
 
 
-class BridgeAnswerer(Outlet):
+class BridgeServer(InstrumentServer):
     """Serves one calibrator to one client at a time."""
 
     def __init__(
-        self, reader: RotaryReader, bench: OpticsBench, clock: Clock, block_s: float, around: Around | None = None
+        self, reader: RotaryReader, bench: OpticsBench, clock: Clock, block_s: float, around: WireWrapper | None = None
     ) -> None:
         super().__init__(clock, block_s, around)
         self.reader = reader
@@ -132,7 +134,7 @@ class BridgeAnswerer(Outlet):
             model=spec.model,
             serial=self.serial,
             firmware="1.0",
-            channels=CHANNELS,
+            channels=CALIBRATOR_CHANNELS,
             sample_rate_hz=spec.sample_hz,
             notices=notices,
             framings=(JSON, BINARY),
@@ -213,7 +215,7 @@ class BridgeAnswerer(Outlet):
             except TransportError:
                 await peer.close()
 
-    def _told(self, turns: Turns, sequence: int) -> list[Message]:
+    def _told(self, turns: CalibratorSamples, sequence: int) -> list[Message]:
         """The samples as one line, or as a frame for each stretch with or without the beam."""
         if self._framing == JSON:
             return [self._notification(turns, sequence)]
@@ -227,7 +229,7 @@ class BridgeAnswerer(Outlet):
             told.append(SampleFrame(sequence + start, at_s, step, values[start:end], valid=valid))
         return told
 
-    def _notification(self, turns: Turns, sequence: int) -> Notification:
+    def _notification(self, turns: CalibratorSamples, sequence: int) -> Notification:
         values = {"device_deg": np.round(turns.device_deg, 8), "laser_deg": np.round(turns.laser_deg, 8)}
         samples = BridgeSamples(
             sequence=sequence,
@@ -239,9 +241,96 @@ class BridgeAnswerer(Outlet):
         )
         return Notification(SAMPLES, samples.as_object())
 
-    def _events(self, turns: Turns) -> tuple[Event, ...]:
+    def _events(self, turns: CalibratorSamples) -> tuple[Event, ...]:
         before, self._beam = self._beam, bool(turns.beam[-1])
         if turns.beam.all():
             return () if before else (Event("datum", float(turns.time_s[0])),)
         lost_at = float(turns.time_s[int(np.argmin(turns.beam))])
         return (Event("beam_obstructed", lost_at),) if before else ()
+
+
+# A straightness or angle instrument behind a bridge: one channel, streamed while a client wants it.
+
+SENSOR_CHANNELS = {"straightness": "deviation_um", "angle": "angle_arcsec"}
+
+
+class SensorServer(BridgeServer):
+    """Serves one instrument to one client; it samples only while it streams."""
+
+    def __init__(
+        self, sensor: SensorReader, bench: OpticsBench, clock: Clock, block_s: float, around: WireWrapper | None = None
+    ) -> None:
+        super().__init__(cast(Any, sensor), bench, clock, block_s, around)
+        self.sensor = sensor
+        self._channel = SENSOR_CHANNELS[sensor.spec.kind]
+        self._wanted = asyncio.Event()
+
+    def _answers(self) -> Mapping[str, Answer]:
+        known = super()._answers()
+        return {name: known[name] for name in (IDENTIFY, START, STOP, DATUM, ENVIRONMENT, OPTICS)}
+
+    async def _identify(self, _params: Mapping[str, Any]) -> Any:
+        spec = self.sensor.spec
+        notices = ("simulated instrument: its readings are computed from the cell's truth",)
+        return BridgeIdentity(
+            kind=spec.kind,
+            maker="trueflank",
+            model=spec.model,
+            serial=self.serial,
+            firmware="1.0",
+            channels=(self._channel,),
+            sample_rate_hz=spec.sample_hz,
+            notices=notices,
+            framings=(JSON, BINARY),
+        ).as_object()
+
+    async def _start(self, params: Mapping[str, Any]) -> Any:
+        if not self._wanted.is_set():
+            self.sensor.skip_to(self._clock.now())
+        answer = await super()._start(params)
+        self._wanted.set()
+        return answer
+
+    async def _datum(self, params: Mapping[str, Any]) -> Any:
+        if not self._wanted.is_set():
+            self.sensor.skip_to(self._clock.now() - self._block_s)
+        return await super()._datum(params)
+
+    async def _optics(self, _params: Mapping[str, Any]) -> Any:
+        return {"kind": self.sensor.told(self._bench.mounted(self.sensor.spec.name))}
+
+    async def _produce(self) -> None:
+        while True:
+            await self._wanted.wait()
+            await self._clock.sleep(self._block_s)
+            if self._sequence is None or self._peer is None:
+                self._wanted.clear()
+            else:
+                await self._pump()
+
+    def _told(self, turns: Any, sequence: int) -> list[Message]:
+        """The samples as one line, or as a frame for each stretch with or without light."""
+        readings = cast(SensorReadings, turns)
+        step, values = 1.0 / self.sensor.spec.sample_hz, np.round(readings.value, 6)
+        if self._framing == JSON:
+            return [self._line(readings, sequence, step)]
+        events = self._events(turns)
+        told: list[Message] = [Notification(EVENTS, events_as_object(events))] if events else []
+        edges = [0, *(np.flatnonzero(np.diff(readings.beam)) + 1).tolist(), len(values)]
+        for start, end in pairwise(edges):
+            at_s, valid = float(readings.time_s[start]), bool(readings.beam[start])
+            told.append(SampleFrame(sequence + start, at_s, step, values[start:end, None], valid=valid))
+        return told
+
+    def _line(self, readings: SensorReadings, sequence: int, step: float) -> Notification:
+        values = {self._channel: np.round(readings.value, 6)}
+        events = self._events(cast(Any, readings))
+        samples = BridgeSamples(
+            sequence=sequence,
+            t0_s=float(readings.time_s[0]),
+            dt_s=step,
+            values=values,
+            valid=readings.beam,
+            events=events,
+        )
+        return Notification(SAMPLES, samples.as_object())

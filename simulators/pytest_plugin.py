@@ -159,7 +159,7 @@ class FaultBox:
     """What the fixture `trueflank_faults` gives: the list of faults, and a cell that has some of them."""
 
     def __init__(self, starter: CellStarter) -> None:
-        from simulators.faultlist import named_faults  # noqa: PLC0415 - pytest loads this file on every run
+        from simulators.faults import named_faults  # noqa: PLC0415 - pytest loads this file on every run
 
         self._starter = starter
         self.known = {one.name: one.meaning for one in named_faults().values()}
@@ -177,9 +177,9 @@ class FaultBox:
         Raises ValueError for a name or a value that does not exist.
         """
         from simulators.cellfile import load_cell  # noqa: PLC0415
-        from simulators.faultlist import faulty  # noqa: PLC0415
+        from simulators.faults import with_faults  # noqa: PLC0415
 
-        cell_file, more, manners = faulty(load_cell(source), faults, wire)
+        cell_file, more, manners = with_faults(load_cell(source), faults, wire)
 
         async def whole(cell: Any) -> T:
             for name, value in manners.items():

@@ -24,19 +24,20 @@ from drivers.umd.codec import (
     VELOCITY,
     encode_rows,
 )
-from simulators.instrument_wire import Around, Outlet
-from simulators.optics import Counts, LaserCounter, OpticsBench
+from simulators.instrument_server import InstrumentServer, WireWrapper
+from simulators.optics.interferometer import CounterSamples, LaserCounter
+from simulators.optics.mountings import OpticsBench
 
 IntArray = NDArray[np.int64]
 CYCLE = 32
 BANNER = b"uMD2 homodyne (simulated)\r\n"
 
 
-class UmdAnswerer(Outlet):
+class UmdServer(InstrumentServer):
     """Serves one laser counter. Nothing is dropped: a slow reader makes the blocks longer, not fewer."""
 
     def __init__(
-        self, counter: LaserCounter, bench: OpticsBench, clock: Clock, block_s: float, around: Around | None = None
+        self, counter: LaserCounter, bench: OpticsBench, clock: Clock, block_s: float, around: WireWrapper | None = None
     ) -> None:
         super().__init__(clock, block_s, around)
         self.counter = counter
@@ -84,7 +85,7 @@ class UmdAnswerer(Outlet):
             except TransportError:
                 await peer.close()
 
-    def rows(self, counts: Counts) -> IntArray:
+    def rows(self, counts: CounterSamples) -> IntArray:
         """The lines of these samples as integers (n, 8): displacement, velocity, sequence and slow values."""
         rows = np.zeros((len(counts.sequence), 8), dtype=np.int64)
         rows[:, DISPLACEMENT[0]] = counts.counts

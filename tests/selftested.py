@@ -17,7 +17,7 @@ from gateway.config import load_site
 from gateway.store.selftests import SelfTestBook
 from gateway.workflow.runsite import store_of
 from simulators.cell import Cell
-from simulators.cellfile import CellFile, load_cell, sampled_at_most
+from simulators.cellfile import CellFile, limit_sample_rate, load_cell
 
 DAY = "2026-11-20"
 # As the demo's machine: a thousand lines a second of a counter are a quarter of a run's work and change nothing judged.
@@ -50,7 +50,7 @@ def _of(file: CellFile) -> Iterator[SelfTested]:
 @contextlib.asynccontextmanager
 async def cell_running(source: str | Path | CellFile, *given: Any, **options: Any) -> AsyncIterator[Cell]:
     """As `simulators.cell.cell_running`, at a site whose control has passed the self-test; `MOST_HZ` at most."""
-    slower = sampled_at_most(source if isinstance(source, CellFile) else load_cell(source), MOST_HZ)
+    slower = limit_sample_rate(source if isinstance(source, CellFile) else load_cell(source), MOST_HZ)
     async with simulators.cell.cell_running(slower, *given, **options) as cell:
         keep(cell.site_path, cell.file)
         yield cell

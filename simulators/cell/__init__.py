@@ -12,27 +12,24 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drivers.clock import Clock, LoopClock
-from simulators.cell.builder import build
-from simulators.cell.control import CellNck, ControlPanel, live_deviation, spec_of
-from simulators.cell.instruments import Instruments
-from simulators.cell.mailboxpanel import MailboxPanel
-from simulators.cell.results import CapturePc
-from simulators.cell.roads import Roads
-from simulators.cell.shopfloor import Shopfloor
+from simulators.cell.capture_pc import CapturePc
+from simulators.cell.connections import ControlConnections, Instruments
+from simulators.cell.control import CellNck, ControlPanel, live_deviation, load_builder_tables, spec_of
 from simulators.cell.site import gear_text, site_text
-from simulators.cellfile import CellAxis, CellFile, load_cell, with_roads
+from simulators.cell.workplace import MailboxPanel, ShopFloor
+from simulators.cellfile import CellAxis, CellFile, load_cell, with_connections
 from simulators.faults import FaultPlan
-from simulators.grinding import WorkPiece
-from simulators.instrument_wire import Outlet
-from simulators.modbus import PlcStation
+from simulators.grinding.workpiece import WorkPiece
+from simulators.instrument_server import InstrumentServer
+from simulators.modbus.station import PlcStation
 from simulators.operator import Operator
-from simulators.optics import OpticsBench
+from simulators.optics.mountings import OpticsBench
 from simulators.truth import Truth
 
 __all__ = ["Cell", "cell_running"]
 
 FloatArray = NDArray[np.float64]
-Wires = Literal["tcp", "memory"]
+WireKind = Literal["tcp", "memory"]
 _numbers = itertools.count(1)
 
 
@@ -54,7 +51,7 @@ class Cell:
         *,
         seed: int | None = None,
         flip: bool = False,
-        wires: Wires = "tcp",
+        wires: WireKind = "tcp",
         block_s: float = 0.25,
         faults: dict[str, FaultPlan] | None = None,
         site_path: Path | None = None,
@@ -62,7 +59,7 @@ class Cell:
         modbus: dict[str, Any] | None = None,
         paced: bool = False,
     ) -> None:
-        self.file = with_roads(source if isinstance(source, CellFile) else load_cell(source), road, modbus or {})
+        self.file = with_connections(source if isinstance(source, CellFile) else load_cell(source), road, modbus or {})
         self.clock = clock
         self.truth = Truth(self.file, seed, flip=flip)
         self.site_path = site_path or folder / "site.toml"
@@ -70,7 +67,7 @@ class Cell:
         self.panel = ControlPanel(self.nck)
         self.bench = OpticsBench(self.truth, self.nck)
         parameter = self.file.wheel.parameter
-        self.shop = Shopfloor(
+        self.shop = ShopFloor(
             self.file, self.bench, clock, lambda: 0.0 if parameter is None else self.nck.core.r[parameter]
         )
         self._folder = folder
@@ -81,7 +78,7 @@ class Cell:
         ).all()
         self._urls: dict[str, str] = {}
         memory = f"cell-{self._number}" if wires == "memory" else ""
-        self.roads = Roads(
+        self.roads = ControlConnections(
             file=self.file,
             nck=self.nck,
             clock=clock,
@@ -122,7 +119,7 @@ class Cell:
 
     async def _power_up(self) -> None:
         """The machine as one finds it on a working day: what its builder loaded acts, referenced, in AUTO."""
-        build(self.nck, self.file, self.truth.seed)
+        load_builder_tables(self.nck, self.file, self.truth.seed)
         await self.nck.start()
         for axis in self.file.axes:
             if axis.backlash:
@@ -207,7 +204,7 @@ class Cell:
         else:
             self.nck.power_cycle()
 
-    def outlet(self, name: str) -> Outlet:
+    def outlet(self, name: str) -> InstrumentServer:
         """An instrument's wire, or that of the PLC by the name "plc"."""
         return self.plc if name == "plc" and self.plc is not None else self.instruments[name]
 

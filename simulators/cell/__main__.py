@@ -23,12 +23,11 @@ from drivers.clock import HostedTimeLoop, LoopClock
 from drivers.errors import TransportError, TrueflankError
 from drivers.transport import ByteTransport, serve
 from simulators.cell import Cell
-from simulators.cell.console import WORDS, order_of
-from simulators.cell.filed import write_filed_site
-from simulators.cell.judge import Judge
-from simulators.cell.pace import PacedLoop
-from simulators.cell.panelpage import panel_served, url_of
-from simulators.cellfile import listed, load_cell, sampled_at_most, with_site
+from simulators.cell.backdoor import BackDoor
+from simulators.cell.console import WORDS, panel_url, parse_order, serve_panel
+from simulators.cell.paced_loop import PacedLoop
+from simulators.cell.setup_files import write_site_of_files
+from simulators.cellfile import limit_sample_rate, list_cells, load_cell, with_site
 
 BLOCK_WALL_S = 0.002
 # As fast as kept up, nobody watches blocks come, and each costs all processes a turn. Of this length one block holds
@@ -91,7 +90,7 @@ async def run(options: argparse.Namespace) -> None:
     asked |= {"name": options.name} if options.name else {}
     file = with_site(load_cell(options.cell), patience_s=PATIENCE_S, **asked)
     cell = Cell(
-        file if options.speed else sampled_at_most(file, KEPT_UP_HZ),
+        file if options.speed else limit_sample_rate(file, KEPT_UP_HZ),
         site.parent,
         clock,
         seed=options.seed,
@@ -102,15 +101,15 @@ async def run(options: argparse.Namespace) -> None:
         road=options.road,
         modbus=plc_settings(options),
     )
-    judge = Judge(cell)
+    judge = BackDoor(cell)
     try:
         await cell.start()
         if options.filed:
-            write_filed_site(cell, site)
+            write_site_of_files(cell, site)
         door = await serve("tcp://127.0.0.1:0", lambda wire: _visit(judge, wire), LoopClock())
-        panel = await panel_served(cell, functools.partial(answered, judge)) if options.panel else None
+        panel = await serve_panel(cell, functools.partial(answered, judge)) if options.panel else None
         try:
-            more = {"panel": url_of(panel)} if panel else {}
+            more = {"panel": panel_url(panel)} if panel else {}
             with _kept_up():
                 _tell(_ready(site, door.url, options, site.with_suffix(".cell.json")) | more)
                 await _until_told(options, judge)
@@ -152,7 +151,7 @@ def _remember(cell: Cell, path: Path) -> None:
         path.write_text(json.dumps(figures, indent=1) + "\n", encoding="utf-8")
 
 
-async def _until_told(options: argparse.Namespace, judge: Judge) -> None:
+async def _until_told(options: argparse.Namespace, judge: BackDoor) -> None:
     lines: asyncio.Queue[bytes | None] = asyncio.Queue()
     if not options.ignore_stdin:
         _listen_stdin(asyncio.get_running_loop(), lines.put_nowait)
@@ -165,16 +164,16 @@ async def _until_told(options: argparse.Namespace, judge: Judge) -> None:
         over.set()
 
 
-async def _answer_all(lines: asyncio.Queue[bytes | None], judge: Judge) -> None:
+async def _answer_all(lines: asyncio.Queue[bytes | None], judge: BackDoor) -> None:
     while (line := await lines.get()) is not None:
         if line.strip():
             _tell(await answered(judge, line))
 
 
-async def answered(judge: Judge, line: bytes) -> dict[str, Any]:
+async def answered(judge: BackDoor, line: bytes) -> dict[str, Any]:
     """What a line says: a key, an order, or a question; {"error": ...} when it is none of them."""
     typed = line.decode("utf-8", "replace").strip()
-    order = order_of(typed)
+    order = parse_order(typed)
     if order is not None:
         pressed = {"pressed": order["key"]} if order.get("set") == "press" else {}
         return {**await judge.answer(order), **pressed}
@@ -219,7 +218,7 @@ def _watch(
     threading.Thread(target=look, daemon=True, name="stop file").start()
 
 
-async def _visit(judge: Judge, wire: ByteTransport) -> None:
+async def _visit(judge: BackDoor, wire: ByteTransport) -> None:
     """One judge on the loopback port: a JSON object a line, an answer a line."""
     pending = b""
     while True:
@@ -234,7 +233,7 @@ def main() -> int:
     """Entry point: 0 when told to end, the error's own exit code otherwise."""
     options = arguments()
     if options.list:
-        _tell(listed())
+        _tell(list_cells())
         return 0
     try:
         shared = functools.partial(HostedTimeLoop, options.speed or None)

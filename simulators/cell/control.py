@@ -1,4 +1,4 @@
-"""The NCK double of a cell: made from the cell file, and seen as the operator's panel and as the truth."""
+"""The machine's builder: puts the tables of the cell file into the control before it is first switched on."""
 
 from __future__ import annotations
 
@@ -11,10 +11,69 @@ from numpy.typing import NDArray
 from drivers.clock import Clock
 from drivers.errors import ConfigError
 from drivers.units import deviation_scale
-from simulators.cellfile import CellFile
-from simulators.nck.control import AxisSpec, Nck, NckRefusal, NckSpec
+from simulators.cellfile import CellAxis, CellFile
+from simulators.cellfile.curves import LoadedAxisTable, LoadedCrossTable, LoadedTable
+from simulators.nck.control import Nck
+from simulators.nck.spec import AxisSpec, NckRefusal, NckSpec
 from simulators.nck.switches import OPEN
-from simulators.truth import Truth, generator
+from simulators.truth import Truth
+from simulators.truth.curves import curve, generator
+
+MAKER = 0
+DECIMALS = 6
+
+
+def load_builder_tables(nck: Nck, cell: CellFile, seed: int) -> None:
+    """Load every table that the cell file names, and switch on what it says is on. Raises NckRefusal."""
+    for axis in cell.axes:
+        if axis.loaded is not None:
+            _own(nck, axis, axis.loaded, seed)
+    for number, cross in enumerate(cell.machine.cross):
+        _cross(nck, cell, number, cross=cross, seed=seed)
+
+
+def _own(nck: Nck, axis: CellAxis, table: LoadedAxisTable, seed: int) -> None:
+    tail = f"{axis.encoder},{axis.name}"
+    for place, value in _points(table, axis, axis, seed).items():
+        nck.set(f"$AA_ENC_COMP[{axis.encoder},{place},{axis.name}]", value, MAKER)
+    for part, number in _grid(table).items():
+        nck.set(f"$AA_ENC_COMP_{part}[{tail}]", number, MAKER)
+    nck.set(f"$AA_ENC_COMP_IS_MODULO[{tail}]", table.modulo, MAKER)
+    nck.set(f"$MA_ENC_COMP_ENABLE[{tail}]", table.enabled, MAKER)
+
+
+def _cross(nck: Nck, cell: CellFile, number: int, *, cross: LoadedCrossTable, seed: int) -> None:
+    source, output = cell.axis(cross.input), cell.axis(cross.output)
+    nck.set(f"$MA_CEC_ENABLE[{output.name}]", False, MAKER)
+    for place, value in _points(cross, source, output, seed).items():
+        nck.set(f"$AN_CEC[{number},{place}]", value, MAKER)
+    for part, figure in _grid(cross).items():
+        nck.set(f"$AN_CEC_{part}[{number}]", figure, MAKER)
+    nck.set(f"$AN_CEC_INPUT_AXIS[{number}]", source.name, MAKER)
+    nck.set(f"$AN_CEC_OUTPUT_AXIS[{number}]", output.name, MAKER)
+    nck.set(f"$AN_CEC_DIRECTION[{number}]", cross.direction, MAKER)
+    nck.set(f"$SN_CEC_TABLE_ENABLE[{number}]", cross.enabled, MAKER)
+    on = any(one.enabled and one.output == cross.output for one in cell.machine.cross[: number + 1])
+    nck.set(f"$MA_CEC_ENABLE[{output.name}]", on, MAKER)
+
+
+def _points(table: LoadedTable, source: CellAxis, output: CellAxis, seed: int) -> dict[int, float]:
+    """Values in mm or deg of the output axis, by point, without the gaps."""
+    count = int((table.maximum - table.minimum) / table.step + 1e-9) + 1
+    places = table.minimum + table.step * np.arange(count, dtype=np.float64)
+    name = f"loaded {output.name} {source.name}"
+    drawn = curve(table.values, source.travel, rotary=source.kind == "rotary", seed=seed, name=name, redraw=False)(
+        places
+    )
+    scale = deviation_scale("deg" if output.kind == "rotary" else "mm")
+    return {k: round(float(v) / scale, DECIMALS) for k, v in enumerate(drawn) if k not in table.gaps}
+
+
+def _grid(table: LoadedTable) -> dict[str, float]:
+    return {"STEP": table.step, "MIN": table.minimum, "MAX": table.maximum}
+
+
+# The NCK double of a cell: made from the cell file, and seen as the operator's panel and as the truth.
 
 FloatArray = NDArray[np.float64]
 
@@ -52,14 +111,14 @@ def spec_of(cell: CellFile, seed: int) -> NckSpec:
         "cec_points": machine.cec_points,
         "dresser": next((axis.name for axis in cell.axes if axis.letter == cell.wheel.dresser), ""),
     }
-    chosen = {name: _chosen(cell, seed, name, value) for name, value in machine.switches.items()}
+    chosen = {name: _chosen_switches(cell, seed, name, value) for name, value in machine.switches.items()}
     try:
         return NckSpec(**(known | chosen))
     except ValueError as error:
         raise ConfigError("E-CELL-VALUE", cell.name, key="machine.switches", why=str(error)) from error
 
 
-def _chosen(cell: CellFile, seed: int, name: str, value: Any) -> Any:
+def _chosen_switches(cell: CellFile, seed: int, name: str, value: Any) -> Any:
     """A switch of the NCK as the cell file has it; "seed" draws an open one. Raises ConfigError (E-CELL-VALUE)."""
     key = f"machine.switches.{name}"
     if name not in {entry.name for entry in fields(NckSpec)}:
@@ -184,6 +243,6 @@ def live_deviation(
     return (encoder - wanted) * scale + truth.deviation(spec.name, encoder, direction, t)
 
 
-def with_serial(nck: CellNck, serial: str) -> None:
+def with_serial_number(nck: CellNck, serial: str) -> None:
     """Make the control answer with another serial number, as after an exchanged card."""
     nck.spec = replace(nck.spec, card_exchanged=serial)

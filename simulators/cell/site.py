@@ -6,8 +6,8 @@ from collections.abc import Mapping
 from dataclasses import fields
 from typing import Any
 
-from simulators.cellfile import CellAxis, CellFile, Part, Setup
-from simulators.cellfile.part import InspectionMachine
+from simulators.cellfile import CellAxis, CellFile
+from simulators.cellfile.equipment import InspectionMachine, Part, Setup
 from simulators.nck.spec import NckSpec
 
 _BOOT_S = next(one.default for one in fields(NckSpec) if one.name == "boot_s")

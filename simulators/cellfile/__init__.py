@@ -1,4 +1,4 @@
-"""Cell file -> validated tree: everything a simulated cell is made of, and nothing it measures."""
+"""A cell file that says only how its machine differs from another cell."""
 
 from __future__ import annotations
 
@@ -13,18 +13,47 @@ from pydantic import Field, ValidationError, model_validator
 from drivers.errors import ConfigError
 from drivers.local.names import shown
 from drivers.local.tomlfile import parse_toml, read_toml
-from simulators.cellfile.instruments import Calibrator, Instrument, Laser, Noise, Outliers, Sensor, Setup
-from simulators.cellfile.likeness import changed
-from simulators.cellfile.part import InspectionMachine, Part, Wheel
-from simulators.cellfile.terms import CellSection, DriftSection, LoadedAxis, LoadedCross, Name, Terms
+from simulators.cellfile.curves import CellSection, DriftSection, LoadedAxisTable, LoadedCrossTable, Name, Terms
+from simulators.cellfile.equipment import (
+    Calibrator,
+    InspectionMachine,
+    Instrument,
+    Laser,
+    Noise,
+    Outliers,
+    Part,
+    Sensor,
+    Setup,
+    Wheel,
+)
+
+LISTS_BY_NAME = ("axes", "instruments")
+
+
+def apply_changes(base: Mapping[str, Any], tree: Mapping[str, Any]) -> dict[str, Any]:
+    """``base`` with what ``tree`` says: tables part by part, axes and instruments by their names, all else replaced."""
+    return {**base, **{key: _merge_value(key, base.get(key), value) for key, value in tree.items()}}
+
+
+def _merge_value(key: str, old: Any, new: Any) -> Any:
+    if isinstance(old, dict) and isinstance(new, dict):
+        return apply_changes(old, new)
+    if key not in LISTS_BY_NAME or not isinstance(old, list) or not isinstance(new, list):
+        return new
+    by_name = {one.get("name"): one for one in new}
+    kept = [apply_changes(one, by_name.pop(one.get("name"), {})) for one in old]
+    return [*kept, *by_name.values()]
+
+
+# Cell file -> validated tree: everything a simulated cell is made of, and nothing it measures.
 
 __all__ = [
     "Calibrator",
     "CellAxis",
     "CellFile",
     "CellMachine",
+    "ClimateQuantity",
     "ClimateSection",
-    "Course",
     "DriftSection",
     "HysteresisSection",
     "InspectionMachine",
@@ -36,17 +65,17 @@ __all__ = [
     "Part",
     "Sensor",
     "Setup",
-    "SitePart",
+    "SiteSection",
     "TruthSection",
     "Wheel",
     "load_cell",
-    "packaged",
+    "packaged_cells",
+    "with_connections",
     "with_plan",
-    "with_roads",
 ]
 
 
-Reserved = Annotated[int, Field(ge=0, le=5000)]
+ReservedPoints = Annotated[int, Field(ge=0, le=5000)]
 """Interpolation points an 840D may reserve."""
 
 
@@ -75,10 +104,10 @@ class CellAxis(CellSection):
     modulo: bool = False
     max_velocity: float = Field(default=10000.0, gt=0)
     servo_time_s: float = Field(default=0.05, gt=0)
-    eec_points: tuple[Reserved, Reserved] = (0, 0)
+    eec_points: tuple[ReservedPoints, ReservedPoints] = (0, 0)
     encoder: Literal[0, 1] = 0
     number: int = Field(default=0, ge=0, le=31)
-    loaded: LoadedAxis | None = None
+    loaded: LoadedAxisTable | None = None
     absolute_encoder: bool = False
     backlash: float = 0.0
     reversal: Terms = ()
@@ -116,7 +145,7 @@ class TruthSection(CellSection):
         return self
 
 
-class Course(CellSection):
+class ClimateQuantity(CellSection):
     """How a quantity of the surroundings runs: start, drift an hour, a slow wave, and its sensor's error.
 
     A drift goes one way for half a day and then back, at most 12 h of it from the start.
@@ -132,10 +161,10 @@ class Course(CellSection):
 class ClimateSection(CellSection):
     """Air and material around the machine."""
 
-    air_degc: Course = Course(start=20.0)
-    pressure_hpa: Course = Course(start=1013.25)
-    humidity_pct: Course = Course(start=50.0)
-    material_degc: Course = Course(start=20.0)
+    air_degc: ClimateQuantity = ClimateQuantity(start=20.0)
+    pressure_hpa: ClimateQuantity = ClimateQuantity(start=1013.25)
+    humidity_pct: ClimateQuantity = ClimateQuantity(start=50.0)
+    material_degc: ClimateQuantity = ClimateQuantity(start=20.0)
 
 
 class OperatorSection(CellSection):
@@ -164,20 +193,20 @@ class CellMachine(CellSection):
     nck_version: str = "V4.94 + SP1"
     access_level: int = Field(default=2, ge=0, le=7)
     cec_sign: Literal["seed", 1, -1] = "seed"
-    cec_points: tuple[Reserved, ...] = Field(default=(), max_length=62)
-    cross: tuple[LoadedCross, ...] = Field(default=(), max_length=62)
+    cec_points: tuple[ReservedPoints, ...] = Field(default=(), max_length=62)
+    cross: tuple[LoadedCrossTable, ...] = Field(default=(), max_length=62)
     switches: dict[str, Any] = Field(
         default_factory=dict,
         description='any other field of the NCK double (simulators.nck.switches); an open one may say "seed"',
     )
     opcua: dict[str, Any] = Field(default_factory=dict, description="settings of the OPC UA server")
-    modbus: dict[str, Any] = Field(default_factory=dict, description="simulators.modbus.switches.PlcSettings")
+    modbus: dict[str, Any] = Field(default_factory=dict, description="simulators.modbus.settings.PlcSettings")
     roads: tuple[Literal["opcua", "modbus", "carried"], ...] = Field(
         default=("opcua",), min_length=1, description="ways into the control; the site file has the first"
     )
 
 
-class SitePart(CellSection):
+class SiteSection(CellSection):
     """What the printed site file says beyond axes and instruments."""
 
     name: Name = "demo-grinder"
@@ -208,7 +237,7 @@ class CellFile(CellSection):
     part: Part | None = None
     wheel: Wheel = Wheel()
     operator: OperatorSection = OperatorSection()
-    site: SitePart = SitePart()
+    site: SiteSection = SiteSection()
 
     @model_validator(mode="after")
     def _joined(self) -> CellFile:
@@ -231,7 +260,7 @@ class CellFile(CellSection):
 
 def load_cell(source: str | Path) -> CellFile:
     """Read a cell: a packaged name ("demo") or a TOML file. Raises ConfigError (E-CELL-READ, E-CELL-VALUE)."""
-    tree = _tree(source)
+    tree = _read_tree(source)
     try:
         return CellFile.model_validate(tree)
     except ValidationError as error:
@@ -240,7 +269,7 @@ def load_cell(source: str | Path) -> CellFile:
         raise ConfigError("E-CELL-VALUE", str(source), key=shown(key), why=first["msg"]) from error
 
 
-def with_roads(cell: CellFile, road: str, modbus: Mapping[str, Any]) -> CellFile:
+def with_connections(cell: CellFile, road: str, modbus: Mapping[str, Any]) -> CellFile:
     """The cell with another way in ("opcua", "modbus", "both"; "" as it is) and these settings of its PLC."""
     roads = {"": cell.machine.roads, "both": ("opcua", "modbus")}.get(road, (road,))
     settings = {**cell.machine.modbus, **modbus}
@@ -258,7 +287,7 @@ def with_site(cell: CellFile, **asked: Any) -> CellFile:
     return cell.model_copy(update={"site": cell.site.model_copy(update=asked)})
 
 
-def sampled_at_most(cell: CellFile, hz: float) -> CellFile:
+def limit_sample_rate(cell: CellFile, hz: float) -> CellFile:
     """The cell with instruments that take no more samples than so many a second."""
     slower = tuple(
         one if isinstance(one, InspectionMachine) else one.model_copy(update={"sample_hz": min(one.sample_hz, hz)})
@@ -267,10 +296,10 @@ def sampled_at_most(cell: CellFile, hz: float) -> CellFile:
     return cell.model_copy(update={"instruments": slower})
 
 
-def listed() -> dict[str, str]:
+def list_cells() -> dict[str, str]:
     """Every cell that comes with us, and the first sentence of its file."""
     folder = resources.files("simulators").joinpath("cells")
-    texts = {name: folder.joinpath(f"{name}.toml").read_text(encoding="utf-8") for name in packaged()}
+    texts = {name: folder.joinpath(f"{name}.toml").read_text(encoding="utf-8") for name in packaged_cells()}
     return {name: _first_sentence(text) for name, text in texts.items()}
 
 
@@ -279,16 +308,16 @@ def _first_sentence(text: str) -> str:
     return " ".join(line.lstrip("# ") for line in lines).partition(". ")[0].rstrip(".")
 
 
-def packaged() -> tuple[str, ...]:
+def packaged_cells() -> tuple[str, ...]:
     """Names of the cells that come with us."""
     folder = resources.files("simulators").joinpath("cells")
     return tuple(sorted(entry.name[:-5] for entry in folder.iterdir() if entry.name.endswith(".toml")))
 
 
-def _tree(source: str | Path) -> dict[str, Any]:
+def _read_tree(source: str | Path) -> dict[str, Any]:
     """A cell file as a tree; with ``like`` it says only what differs from another cell that comes with us."""
     try:
-        if str(source) in packaged():
+        if str(source) in packaged_cells():
             inside = resources.files("simulators").joinpath("cells", f"{source}.toml")
             tree = parse_toml(inside.read_text(encoding="utf-8"))
         else:
@@ -296,10 +325,10 @@ def _tree(source: str | Path) -> dict[str, Any]:
     except (OSError, ValueError) as error:
         raise ConfigError("E-CELL-READ", str(source), why=str(error)) from error
     like = tree.pop("like", "")
-    return changed(_tree(_known(like, source)), tree) if like else tree
+    return apply_changes(_read_tree(_packaged_base(like, source)), tree) if like else tree
 
 
-def _known(like: Any, source: str | Path) -> str:
-    if like in packaged() and like != str(source):
+def _packaged_base(like: Any, source: str | Path) -> str:
+    if like in packaged_cells() and like != str(source):
         return str(like)
-    raise ConfigError("E-CELL-VALUE", str(source), key="like", why=f"is one of {', '.join(packaged())}")
+    raise ConfigError("E-CELL-VALUE", str(source), key="like", why=f"is one of {', '.join(packaged_cells())}")

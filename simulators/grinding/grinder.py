@@ -1,32 +1,109 @@
-"""Follows the machine's true poses and cuts the clamped work wherever the wheel's body is in it.
-
-No mark in a program says that the wheel cuts: what counts is where the wheel is. While it is in the work the
-encoder positions are sampled closely (a quarter of a millimetre of stroke apart), sent through the machine's true
-error motions, and kept as passes of the wheel through single spaces.
-"""
+"""Which moments of a motion to look at, and where one pass of the wheel ends and the next begins."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
-from simulators.cellfile.part import Part, Wheel
-from simulators.grinding.entry import Poses
-from simulators.grinding.lobes import Lobes
-from simulators.grinding.rotation_axis import on_axis
-from simulators.grinding.sampling import LOOK_S, closely, passes
-from simulators.grinding.wheel import WheelBody
-from simulators.grinding.work import ARCSEC, UM, Pass, WorkPiece, clamped
+from simulators.cellfile.equipment import Part, Wheel
+from simulators.grinding.workpiece import (
+    ARCSEC,
+    UM,
+    CycloidDisc,
+    GrindingPass,
+    Poses,
+    WheelBody,
+    WorkPiece,
+    draw_clamping,
+)
 from simulators.optics.mountings import AxisWatcher, OpticsBench
-from simulators.truth import AxisMotion
-from simulators.truth.chain import Pose, still
+from simulators.truth import Truth
+from simulators.truth.kinematics import AxisMotion, Pose, fixed_pose
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
+LOOK_S = 0.04
+STEP_MM = 0.25
+SHORTEST_S = 0.0005
+STILL_MM = 1e-6
+OVERSAMPLING = 1.2
+
+
+def refine_times(times: FloatArray, x: FloatArray, z: FloatArray, near: BoolArray) -> tuple[FloatArray, BoolArray]:
+    """The coarse moments, and between those near the work as many as a quarter of a millimetre of way asks for.
+
+    ``x``, ``z`` and ``near`` may go on beyond ``times``. Returns (n,) times and which lie where the wheel is near.
+    """
+    wide = near.copy()
+    wide[:-1] |= near[1:]
+    wide[1:] |= near[:-1]
+    ways = np.maximum(np.abs(np.diff(x)), np.abs(np.diff(z)))
+    pieces, marks = [times[:1]], [near[:1]]
+    for place, (first, last) in enumerate(pairwise(times.tolist())):
+        inside = bool(wide[place] and wide[place + 1])
+        most = max(int((last - first) / SHORTEST_S), 1)
+        count = min(int(np.ceil(OVERSAMPLING * ways[place] / STEP_MM)) + 1, most) if inside else 1
+        pieces.append(np.linspace(first, last, count + 1)[1:])
+        marks.append(np.full(count, inside))
+    return np.concatenate(pieces), np.concatenate(marks)
+
+
+def split_passes(times: FloatArray, z: FloatArray, spaces: NDArray[np.int_]) -> list[slice]:
+    """Stretches in which the wheel goes one way through one space without a gap in time."""
+    way = _stroke_signs(np.diff(z))
+    turned = np.zeros(len(z), dtype=np.bool_)
+    turned[1:] = (spaces[1:] != spaces[:-1]) | (np.diff(times) > 1.5 * LOOK_S)
+    turned[1:-1] |= way[1:] != way[:-1]
+    edges = [0, *np.flatnonzero(turned).tolist(), len(z)]
+    return [slice(low, high) for low, high in pairwise(edges)]
+
+
+def _stroke_signs(moved: FloatArray) -> FloatArray:
+    """+1 or -1 for each step; a stroke that stands still goes on as it went before."""
+    way = np.sign(np.where(np.abs(moved) > STILL_MM, moved, 0.0))
+    known = np.flatnonzero(way)
+    if not len(known):
+        return way
+    last = np.searchsorted(known, np.arange(len(way)), side="right") - 1
+    return np.asarray(way[known[np.maximum(last, 0)]])
+
+
+# Where the axis stands about which the table turns: what a fixture is dialled in to, seen in the table's frame.
+#
+# The once-per-turn radial motion that turns along with the table is no motion of the axis: it says where the axis
+# lies in the table (ISO 230-7 calls it the eccentricity of whatever is measured). A dial gauge at a part on the table
+# shows it, and whoever mounts a fixture takes it out; so does a tilt that turns along.
+
+STEPS = 720
+
+
+def rotation_axis_frame(truth: Truth, height_mm: float) -> Pose:
+    """The frame in the table whose z axis is the axis of rotation, at this height above the table's origin."""
+    x, y = (UM * value for value in _turning_component(truth, "EXC", "EYC"))
+    a, b = (ARCSEC * value for value in _turning_component(truth, "EAC", "EBC"))
+    return fixed_pose((-x - height_mm * b, -y + height_mm * a, height_mm), (-a, -b, 0.0))
+
+
+def _turning_component(truth: Truth, first: str, second: str) -> tuple[float, float]:
+    """The part of a pair of stator-frame motions that turns along with the table, as a vector of the table."""
+    places = 360.0 / STEPS * np.arange(STEPS, dtype=np.float64)
+    turn = np.deg2rad(places)
+    x, y = truth.motion(first, places), truth.motion(second, places)
+    along = np.cos(turn) * x + np.sin(turn) * y, np.cos(turn) * y - np.sin(turn) * x
+    return float(np.mean(along[0])), float(np.mean(along[1]))
+
+
+# Follows the machine's true poses and cuts the clamped work wherever the wheel's body is in it.
+#
+# No mark in a program says that the wheel cuts: what counts is where the wheel is. While it is in the work the
+# encoder positions are sampled closely (a quarter of a millimetre of stroke apart), sent through the machine's true
+# error motions, and kept as passes of the wheel through single spaces.
+
 LONGEST_LOOK_S = 6.0  # what drifts is taken to stand still so long
-BEYOND_MM = 0.1
+MARGIN_MM = 0.1
 MOST_DRESSED_MM = 1.0
 
 
@@ -40,12 +117,12 @@ class Grinder:
         self._bench = bench
         self._part = part
         self._wheel = wheel
-        self._lobes = Lobes(part.gear)
+        self._lobes = CycloidDisc(part.gear)
         distance = part.grinding.centre_distance_mm
         self._body = WheelBody(self._lobes, distance, wheel.radius_um * UM)
         self._worn = [self._body]
         tilt = (wheel.tilt_arcsec[0] * ARCSEC, 0.0, wheel.tilt_arcsec[1] * ARCSEC)
-        self._seat = still((wheel.offset_um[0] * UM, wheel.offset_um[1] * UM, wheel.offset_um[2] * UM), tilt)
+        self._seat = fixed_pose((wheel.offset_um[0] * UM, wheel.offset_um[1] * UM, wheel.offset_um[2] * UM), tilt)
         self._watcher = AxisWatcher(bench)
         self._dressed_mm = dressed_mm
         self._offset_mm = 0.0
@@ -62,8 +139,8 @@ class Grinder:
             self._offset_mm = offset
         self._count += 1
         seed, height = self._bench.truth.seed, self._part.grinding.height_mm
-        off = clamped(self._part.clamping, seed, f"blank {self._count}")
-        drawn = on_axis(self._bench.truth, height).then(off)
+        off = draw_clamping(self._part.clamping, seed, f"blank {self._count}")
+        drawn = rotation_axis_frame(self._bench.truth, height).then(off)
         self.work = WorkPiece(self._part, self._count, seat or drawn)
         self._watcher = AxisWatcher(self._bench)
         self._now = now_s
@@ -118,19 +195,19 @@ class Grinder:
             coarse = coarse[:clear]
         if len(coarse) < 2:
             return start
-        self._follow(work, *closely(coarse, x, z, near))
+        self._follow(work, *refine_times(coarse, x, z, near))
         return float(coarse[-1])
 
     def _follow(self, work: WorkPiece, times: FloatArray, inside: BoolArray) -> None:
         motions = self._watcher.motions("XZC", times)
         if not inside.any():
             return
-        close = {letter: _picked(motion, inside) for letter, motion in motions.items()}
+        close = {letter: _select_samples(motion, inside) for letter, motion in motions.items()}
         self._cut(work, times[inside], close, float(times[inside].mean()))
 
     def _near(self, work: WorkPiece, x: FloatArray, z: FloatArray) -> BoolArray:
         """Where the wheel's body can reach the stock of the blank, by nominal places (n,) mm."""
-        stock = work.spec.grinding.stock_um * UM + BEYOND_MM
+        stock = work.spec.grinding.stock_um * UM + MARGIN_MM
         reach = np.sqrt(2.0 * self._body.largest_mm * stock)
         deep = -x < self._part.grinding.centre_distance_mm + stock
         height = work.spec.grinding.height_mm
@@ -143,11 +220,11 @@ class Grinder:
         towards = np.arctan2(poses.origin[:, 1], poses.origin[:, 0])
         spaces = np.mod(np.rint(towards / pitch), work.spec.gear.zc).astype(int)
         swell = work.spec.expansion_ppm_per_k * 1e-6 * (truth.climate.true(t).material_degc - 20.0)
-        for stretch in passes(times, poses.origin[:, 2], spaces):
+        for stretch in split_passes(times, poses.origin[:, 2], spaces):
             space = int(spaces[stretch.start])
             place = work.place_of(space)
             cut = poses.part(stretch).moved(self._wheel.wear_side_um * UM * place)
-            work.cut(Pass(space, self._worn_body(place), cut, swell))
+            work.cut(GrindingPass(space, self._worn_body(place), cut, swell))
 
     def _worn_body(self, place: int) -> WheelBody:
         """The wheel after so many spaces since it was dressed."""
@@ -176,6 +253,6 @@ class Grinder:
         return self._bench.machine.encoder(name, times)[0]
 
 
-def _picked(motion: AxisMotion, which: BoolArray) -> AxisMotion:
+def _select_samples(motion: AxisMotion, which: BoolArray) -> AxisMotion:
     parts = (motion.position, motion.direction, motion.windup, motion.scatter)
     return AxisMotion(*(part if len(part) == 1 else part[which] for part in parts))

@@ -1,20 +1,17 @@
-"""The mailbox's commands: number, check sum, session and order first, then the command's own work."""
+"""Commands 2, 3, 4 and 7: a table comes in by chunks, goes into the NCK as a whole, and is read back from there."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 
 from simulators.modbus import registers as r
-from simulators.modbus.access import NckAccess
-from simulators.modbus.checks import Checks
-from simulators.modbus.loading import Loading
-from simulators.modbus.plcstate import PlcDesk, Work
-from simulators.modbus.registers import PlcCommand
-from simulators.modbus.switching import LOOK_S, PlcSwitching
-from simulators.modbus.target import (
+from simulators.modbus.registers import (
     BACKLASH_KIND,
     CEC,
+    DIFFERS,
     EEC,
+    LENGTH,
     NCK_REFUSED,
     NO_CRC,
     NO_SESSION,
@@ -22,12 +19,296 @@ from simulators.modbus.target import (
     NOT_RELEASED,
     OUT_OF_ORDER,
     RANGE,
-    TAKEN,
+    SESSION_TAKEN,
     TEMPERATURE,
+    TIME_OVER,
+    TOO_MANY,
     UNKNOWN,
+    PlcCommand,
     PlcFault,
-    Target,
+    TableAddress,
+    TableParameters,
 )
+from simulators.modbus.state import CommandChecks, CommandSteps, PlcPowerCut, PlcState, TableLoad
+from simulators.modbus.table_access import TableAccess
+
+PARAMETERS_DIFFER = 65535
+
+
+class TableLoading:
+    """Loads and reads tables."""
+
+    def __init__(self, desk: PlcState, access: TableAccess, checks: CommandChecks) -> None:
+        self._desk = desk
+        self._access = access
+        self._checks = checks
+
+    def begin(self, command: PlcCommand) -> CommandSteps:
+        """Command 2."""
+        target = self._checks.target(command, (EEC, CEC, BACKLASH_KIND))
+        self._checks.check_parameters(command, target)
+        self._checks.check_machine()
+        self._checks.check_off(target)
+        reserved = self._access.reserved(target)
+        if command[r.TOTAL] > reserved:
+            raise PlcFault(TOO_MANY, reserved)
+        self._desk.memory.half.add(target.table)
+        self._desk.backlash.pop(target.table, None)
+        self._desk.load = TableLoad(command, target)
+        yield from ()
+
+    def chunk(self, command: PlcCommand) -> CommandSteps:
+        """Command 3."""
+        load = self._checks.check_load(command)
+        first, count, stored = command[r.FIRST], command[r.COUNT], len(load.values)
+        fits = first == stored and 1 <= count <= r.MOST_POINTS and first + count <= command[r.TOTAL]
+        if not fits and not self._desk.settings.accepts_wrong_length:
+            raise PlcFault(LENGTH, stored)
+        self._checks.check_machine()
+        self._checks.check_off(load.target)
+        yield self._desk.settings.scan_s
+        self._take(load, command, min(count, r.MOST_POINTS))
+
+    def _take(self, load: TableLoad, command: PlcCommand, count: int) -> None:
+        settings, words = self._desk.settings, command.data[: 2 * count]
+        low_first = settings.low_first != settings.swap_data_words
+        first = len(load.values)
+        load.words += words
+        load.values += [r.dint_of(words[2 * k], words[2 * k + 1], low_first) for k in range(count)]
+        if settings.lose_points:
+            load.lost |= set(range(max(first, first + count - settings.lose_points), first + count))
+
+    def verify(self, command: PlcCommand) -> CommandSteps:
+        """Command 4."""
+        load = self._checks.check_load(command)
+        total, stored = command[r.TOTAL], len(load.values)
+        if stored != total and not self._desk.settings.accepts_wrong_length:
+            raise PlcFault(LENGTH, stored)
+        self._checks.check_machine()
+        self._checks.check_off(load.target)
+        if load.target.kind == BACKLASH_KIND:
+            self._desk.backlash[load.target.table] = load.values[0]  # written when it is switched on
+            self._loaded(load)
+            return
+        wanted = _parameters_of(command, load.target)
+        first = self._desk.settings.parameters_first
+        if first:
+            self._access.put_parameters(load.target, wanted)
+        yield from self._put_points(load)
+        if not first:
+            self._access.put_parameters(load.target, wanted)
+        yield self._desk.settings.scan_s
+        if not self._desk.settings.careless:
+            yield from self._compare(load, wanted)
+        self._loaded(load)
+
+    def _loaded(self, load: TableLoad) -> None:
+        self._desk.memory.half.discard(load.target.table)
+        self._desk.load = None
+        self._desk.loads_done += 1
+
+    def _put_points(self, load: TableLoad) -> CommandSteps:
+        """Every point and zeros above them, so many in a cycle."""
+        settings, reserved = self._desk.settings, self._access.reserved(load.target)
+        values = (load.values + [0] * reserved)[:reserved]
+        for place, value in enumerate(values):
+            if place not in load.lost:
+                self._access.put_point(load.target, place, self._coarse(value), float32=settings.float32_values)
+            if place + 1 == self._desk.settings.power_cut_after:
+                raise PlcPowerCut
+            if place % settings.points_a_scan == settings.points_a_scan - 1:
+                yield settings.scan_s
+
+    def _coarse(self, value: int) -> int:
+        quantum = self._desk.settings.quantum_points
+        return round(value / quantum) * quantum if quantum else value
+
+    def _compare(self, load: TableLoad, wanted: TableParameters) -> CommandSteps:
+        """Read back from the NCK and compare. Raises PlcFault (10)."""
+        a_scan, reserved = self._desk.settings.points_a_scan, self._access.reserved(load.target)
+        values = (load.values + [0] * reserved)[:reserved]
+        for first in range(0, reserved, a_scan):
+            sent = values[first : first + a_scan]
+            found = self._access.points(load.target, first, len(sent))
+            for place, (old, new) in enumerate(zip(sent, found, strict=True), start=first):
+                if self._coarse(old) != new and place not in load.lost:
+                    raise PlcFault(DIFFERS, place)
+            yield self._desk.settings.scan_s
+        if self._access.parameters(load.target) != wanted:
+            raise PlcFault(DIFFERS, PARAMETERS_DIFFER)
+
+    def read_back(self, command: PlcCommand) -> CommandSteps:
+        """Command 7."""
+        target = self._checks.target(command, (EEC, CEC, BACKLASH_KIND, TEMPERATURE))
+        first, count = command[r.FIRST], command[r.COUNT]
+        if not 1 <= count <= r.MOST_POINTS:
+            raise PlcFault(LENGTH)
+        if not self._access.ready:
+            raise PlcFault(NOT_IN_RESET)
+        reserved = self._access.reserved(target)
+        if first + count > reserved:
+            raise PlcFault(TOO_MANY, reserved)
+        yield self._desk.settings.scan_s
+        self._put_read_back(command, self._access.points(target, first, count))
+
+    def _put_read_back(self, command: PlcCommand, values: list[int]) -> None:
+        image = self._desk.image
+        for place in range(r.MOST_POINTS):
+            image.put_dint(r.READ_BACK + 2 * place, values[place] if place < len(values) else 0)
+        crc = r.crc_of(command.head + tuple(image.words[r.READ_BACK : r.READ_BACK_CRC]))
+        image.put_dint(r.READ_BACK_CRC, crc ^ self._desk.settings.wrong_read_back_crc)
+
+
+def _parameters_of(command: PlcCommand, target: TableAddress) -> TableParameters:
+    own = target.kind == EEC
+    return TableParameters(
+        flags=command[r.FLAGS],
+        minimum=command.minimum,
+        step=command.step,
+        maximum=command.maximum,
+        input_axis=target.index if own else command[r.INPUT],
+        output_axis=target.index if own else command[r.OUTPUT],
+        factor=command[r.FACTOR],
+    )
+
+
+# Commands 5 and 6: tables are switched on after a person's confirm at the panel, or off; several in one command.
+
+AXIS_ALONE, TABLE_ALONE, ANYHOW = 1 << 4, 1 << 5, 1 << 6
+LOOK_S = 0.1
+
+
+@dataclass(frozen=True, slots=True)
+class SwitchEntry:
+    """One table of a command: which, and how its switches are set."""
+
+    target: TableAddress
+    flags: int
+
+    @property
+    def bits(self) -> int:
+        """The switches that this entry sets (register 366)."""
+        if self.target.kind != CEC:
+            return 1 if self.target.kind == EEC else 8
+        return 2 if self.flags & AXIS_ALONE else 4 if self.flags & TABLE_ALONE else 6
+
+
+class PlcSwitching:
+    """Switches tables."""
+
+    def __init__(self, desk: PlcState, access: TableAccess, checks: CommandChecks) -> None:
+        self._desk = desk
+        self._access = access
+        self._checks = checks
+
+    def entries(self, command: PlcCommand) -> tuple[SwitchEntry, ...]:
+        """The tables of commands 5 and 6, all of them looked at. Raises PlcFault (3; 9 with the entry; 4)."""
+        count = command[r.COUNT]
+        if not 1 <= count <= r.MOST_ENTRIES:
+            raise PlcFault(LENGTH)
+        return tuple(self._entry(command, place) for place in range(count))
+
+    def _entry(self, command: PlcCommand, place: int) -> SwitchEntry:
+        at = r.ENTRY * place
+        kind, index, encoder, axis, flags = command.data[at : at + r.ENTRY]
+        target = TableAddress(kind, index, encoder, axis)
+        if kind not in (EEC, CEC, BACKLASH_KIND):
+            raise PlcFault(UNKNOWN, place + 1)
+        try:
+            self._access.check(target)
+        except PlcFault as fault:
+            raise PlcFault(fault.code, place + 1) from fault
+        if kind != CEC and axis != index:
+            raise PlcFault(RANGE, r.DATA + at + 3)
+        allowed = (0, AXIS_ALONE, TABLE_ALONE) if kind == CEC else (0,)
+        if flags not in allowed:
+            raise PlcFault(RANGE, r.DATA + at + 4)
+        return SwitchEntry(target, flags)
+
+    def activate(self, command: PlcCommand) -> CommandSteps:
+        """Command 5."""
+        entries = self.entries(command)
+        if command[r.FLAGS]:
+            raise PlcFault(RANGE, r.FLAGS)
+        self._check_activation(entries)
+        yield from self._confirmed()
+        if self._desk.settings.key_back:
+            self._desk.turn_key_back()
+        self._check_activation(entries)
+        yield from self._switched(entries, on=True)
+        if self._desk.settings.enables_twice_s > 0.0:
+            self._desk.do_again(entries[-1].target)
+
+    def _check_activation(self, entries: tuple[SwitchEntry, ...]) -> None:
+        self._checks.check_machine(no_alarm=True)
+        for place, entry in enumerate(entries, start=1):
+            table = entry.target.table
+            waiting = entry.target.kind != BACKLASH_KIND or table in self._desk.backlash
+            if table in self._desk.memory.half or not waiting:
+                raise PlcFault(DIFFERS, place)
+
+    def _confirmed(self) -> CommandSteps:
+        """Wait for the button at the panel. Raises PlcFault (12)."""
+        desk = self._desk
+        end = desk.now() + desk.settings.confirm_s
+        desk.confirmed, desk.waiting = False, True
+        try:
+            while not desk.confirmed:
+                if desk.now() >= end:
+                    raise PlcFault(TIME_OVER)
+                yield LOOK_S
+        finally:
+            desk.waiting = False
+
+    def disable(self, command: PlcCommand) -> CommandSteps:
+        """Command 6; a person confirms where a program is at work or an axis moves."""
+        entries = self.entries(command)
+        if command[r.FLAGS] & ~ANYHOW:
+            raise PlcFault(RANGE, r.FLAGS)
+        self._check_release()
+        if not self._access.ready:
+            raise PlcFault(NOT_IN_RESET, self._access.first_alarm)
+        if not (self._access.in_reset and self._access.standstill):
+            if not command[r.FLAGS]:
+                self._checks.check_rest()
+            yield from self._confirmed()
+            self._check_release()
+            if not self._access.ready:
+                raise PlcFault(NOT_IN_RESET, self._access.first_alarm)
+        if self._desk.settings.lies_about_disable:
+            self._desk.lied |= {entry.target.table for entry in entries}
+            return
+        yield from self._switched(entries, on=False)
+
+    def _check_release(self) -> None:
+        if not self._desk.release.stands:
+            raise PlcFault(NOT_RELEASED)
+
+    def _switched(self, entries: tuple[SwitchEntry, ...], *, on: bool) -> CommandSteps:
+        """Each in its turn, then NEWCONF, then each is looked at."""
+        for entry in entries:
+            if entry.target.kind == BACKLASH_KIND:
+                self._access.set_backlash(entry.target, self._backlash(entry) if on else 0)
+            else:
+                alone, table = bool(entry.flags & AXIS_ALONE), bool(entry.flags & TABLE_ALONE)
+                self._access.switch(entry.target, on=on, axis_alone=alone, table_alone=table)
+        self._access.let_act()
+        yield self._desk.settings.scan_s
+        self._desk.lied -= {entry.target.table for entry in entries}
+        for entry in entries:
+            if not self._stands_so(entry, on):
+                raise PlcFault(NCK_REFUSED)
+
+    def _backlash(self, entry: SwitchEntry) -> int:
+        return self._desk.backlash[entry.target.table] + self._desk.settings.other_backlash
+
+    def _stands_so(self, entry: SwitchEntry, on: bool) -> bool:
+        if entry.target.kind == BACKLASH_KIND:
+            return self._access.backlash(entry.target) == (self._backlash(entry) if on else 0)
+        return self._access.switches(entry.target) & entry.bits == (entry.bits if on else 0)
+
+
+# The mailbox's commands: number, check sum, session and order first, then the command's own work.
 
 OPEN, BEGIN, CHUNK, VERIFY, ACTIVATE, DISABLE, READ_BACK, ABORT, CLOSE, SET_MARKER, SELECT = range(1, 12)
 SELECTING = frozenset({BEGIN, CHUNK, VERIFY, READ_BACK, SELECT})
@@ -39,13 +320,13 @@ _ALARM = 700016  # a user alarm of the PLC
 class PlcCommands:
     """Checks and does commands at one desk."""
 
-    def __init__(self, desk: PlcDesk, access: NckAccess) -> None:
+    def __init__(self, desk: PlcState, access: TableAccess) -> None:
         self._desk = desk
         self._access = access
-        self.checks = Checks(desk, access)
-        loading = Loading(desk, access, self.checks)
+        self.checks = CommandChecks(desk, access)
+        loading = TableLoading(desk, access, self.checks)
         self._switching = switching = PlcSwitching(desk, access, self.checks)
-        self._works: dict[int, Callable[[PlcCommand], Work]] = {
+        self._works: dict[int, Callable[[PlcCommand], CommandSteps]] = {
             OPEN: self._open,
             BEGIN: loading.begin,
             CHUNK: loading.chunk,
@@ -59,7 +340,7 @@ class PlcCommands:
             SELECT: self._select,
         }
 
-    def work(self, command: PlcCommand, expected: int, *, busy: bool) -> Work:
+    def work(self, command: PlcCommand, expected: int, *, busy: bool) -> CommandSteps:
         """One command with all its checks; ``busy``: another one was under way."""
         code = command[r.COMMAND]
         if command[r.NUMBER] != expected:
@@ -74,7 +355,7 @@ class PlcCommands:
         yield from self._troubled(code)
         yield from self._works[code](command)
 
-    def selected_by(self, command: PlcCommand) -> Target | None:
+    def selected_by(self, command: PlcCommand) -> TableAddress | None:
         """What a command that was done selects: the table that it named, the last one of several, or nothing."""
         code = command[r.COMMAND]
         if code in (ACTIVATE, DISABLE):
@@ -91,11 +372,11 @@ class PlcCommands:
     def _check_session(self, code: int) -> None:
         session = self._desk.session
         if code == OPEN and session:
-            raise PlcFault(TAKEN, session)
+            raise PlcFault(SESSION_TAKEN, session)
         if code not in _WITHOUT_SESSION and not session:
             raise PlcFault(NO_SESSION)
 
-    def _troubled(self, code: int) -> Work:
+    def _troubled(self, code: int) -> CommandSteps:
         settings = self._desk.settings
         if settings.alarm_during == code:
             self._access.nck.drive_alarm(_ALARM, "PLC: coolant level low")
@@ -110,21 +391,21 @@ class PlcCommands:
 
     # -- session, marker, selection ----------------------------------------------------------------
 
-    def _open(self, command: PlcCommand) -> Work:
+    def _open(self, command: PlcCommand) -> CommandSteps:
         if not command[r.INDEX]:
             raise PlcFault(RANGE, r.INDEX)
         self._desk.open_session(command[r.INDEX])
         yield from ()
 
-    def _abort(self, _command: PlcCommand) -> Work:
+    def _abort(self, _command: PlcCommand) -> CommandSteps:
         self._desk.load = None
         yield from ()
 
-    def _close(self, _command: PlcCommand) -> Work:
+    def _close(self, _command: PlcCommand) -> CommandSteps:
         self._desk.close_session()
         yield from ()
 
-    def _set_marker(self, command: PlcCommand) -> Work:
+    def _set_marker(self, command: PlcCommand) -> CommandSteps:
         state = command.data[8]
         if state > 3:
             raise PlcFault(RANGE, r.DATA + 8)
@@ -135,7 +416,7 @@ class PlcCommands:
         self._desk.memory.marker_head = command.data[9:13]
         yield from ()
 
-    def _select(self, command: PlcCommand) -> Work:
+    def _select(self, command: PlcCommand) -> CommandSteps:
         self.checks.target(command, (EEC, CEC, BACKLASH_KIND, TEMPERATURE))
         if not self._access.ready:
             raise PlcFault(NOT_IN_RESET)

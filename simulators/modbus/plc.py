@@ -1,4 +1,4 @@
-"""The PLC program: process image, command numbers, session, heart-beats and the one command under way."""
+"""What the PLC shows of the machine: status word and the registers that follow the NCK and the selected table."""
 
 from __future__ import annotations
 
@@ -9,17 +9,121 @@ from typing import Any
 
 from drivers.clock import Clock, LoopClock
 from simulators.modbus import registers as r
-from simulators.modbus.access import NckAccess
 from simulators.modbus.commands import SELECT, PlcCommands
-from simulators.modbus.pdu import DEVICE_FAILURE, ILLEGAL_ADDRESS, PduRefused, Unanswered
-from simulators.modbus.picture import BUSY, DONE, FAILED, STALE, WAITING, PlcPicture
-from simulators.modbus.plcstate import Load, PlcPowerCut, Retentive, Work
-from simulators.modbus.registers import Image, PlcCommand
-from simulators.modbus.release import PlcRelease
-from simulators.modbus.switches import PlcSettings
-from simulators.modbus.target import CEC, EEC, NO_SESSION, PlcFault, Target
+from simulators.modbus.frames import DEVICE_FAILURE, ILLEGAL_ADDRESS, NoAnswer, PduRefused
+from simulators.modbus.registers import (
+    BACKLASH_KIND,
+    CEC,
+    EEC,
+    NO_SESSION,
+    PlcCommand,
+    PlcFault,
+    ProcessImage,
+    TableAddress,
+)
+from simulators.modbus.settings import PlcSettings
+from simulators.modbus.state import CommandSteps, PlcPowerCut, PlcRelease, RetentiveMemory, TableLoad
+from simulators.modbus.table_access import TableAccess
 from simulators.nck.control import Nck
-from simulators.nck.whims import Forgotten
+from simulators.nck.fault_injection import ForgottenMemory
+
+READY, BUSY, DONE, FAILED, IN_RESET, STANDSTILL, REFERENCED, RELEASED = (1 << bit for bit in range(8))
+ALARM, EEC_ON, CEC_ON, MAY_WRITE, WAITING, STALE = (1 << bit for bit in range(8, 14))
+_MODES = {"JOG": 0, "MDA": 1, "AUTO": 2}
+_NEEDED = READY | IN_RESET | STANDSTILL | RELEASED
+
+
+class StatusRegisters:
+    """Fills registers from the NCK. ``switches`` and ``is_off`` speak of a table as the PLC wants it seen."""
+
+    def __init__(
+        self, access: TableAccess, switches: Callable[[TableAddress], int], is_off: Callable[[TableAddress], bool]
+    ) -> None:
+        self._access = access
+        self._switches = switches
+        self._is_off = is_off
+
+    def machine_bits(self, released: bool) -> int:
+        """Bits 0 and 4..8 of the status word."""
+        access = self._access
+        facts = (
+            (access.ready, READY),
+            (access.in_reset, IN_RESET),
+            (access.standstill, STANDSTILL),
+            (access.referenced, REFERENCED),
+            (released, RELEASED),
+            (bool(access.first_alarm), ALARM),
+        )
+        return sum(bit for holds, bit in facts if holds)
+
+    def table_bits(self, target: TableAddress | None, bits: int) -> int:
+        """Bits 9..11; ``bits`` are the machine's."""
+        if target is None:
+            return 0
+        switches = self._switches(target)
+        found = EEC_ON if switches & 1 else 0
+        if target.kind == CEC and switches & 2 and switches & 4:
+            found |= CEC_ON
+        may = target.kind in (EEC, CEC, BACKLASH_KIND) and bits & _NEEDED == _NEEDED and self._is_off(target)
+        return found | (MAY_WRITE if may else 0)
+
+    def show_machine(self, image: r.ProcessImage) -> None:
+        """Registers that need no selection."""
+        access, nck = self._access, self._access.nck
+        image.words[r.UNITS] = int(bool(nck.get("$MN_SCALING_SYSTEM_IS_METRIC")))
+        image.words[r.LEVEL] = nck.access_level
+        image.put(r.SERIAL, r.text_words(nck.spec.told[0], 16))
+        image.put(r.NCK_VERSION, r.text_words(nck.spec.told[1], 8))
+        image.put(r.AXES, (max(access.axes), access.tables))
+        image.put_dint(r.ALARM, access.first_alarm)
+        image.words[r.MODE] = _MODES.get(nck.mode, 255)
+        image.put_dint(r.AXIS_MAP, sum(1 << (number - 1) for number in access.axes))
+
+    def show_selection(self, image: r.ProcessImage, target: TableAddress | None) -> None:
+        """Registers of the selected axis and table; all 0 while nothing is selected."""
+        for first, behind in (
+            (r.POSITION, r.UNITS),
+            (r.AXIS_NAME, r.MARKER),
+            (r.SELECTED, r.ALARM),
+            (r.ENCODERS, r.SIZE),
+        ):
+            image.put(first, [0] * (behind - first))
+        if target is None:
+            return
+        self._show_axis(image, target)
+        if target.kind in (EEC, CEC):
+            self._show_table(image, target)
+
+    def _show_axis(self, image: r.ProcessImage, target: TableAddress) -> None:
+        access, axis = self._access, target.axis
+        spec, view = access.axis(axis), access.nck.axis_state(access.axis(axis).name)
+        eec = access.value(f"$VA_ENC{target.encoder + 1}_COMP_VAL[", axis)
+        cec = access.value("$VA_CEC_COMP_VAL[", axis)
+        image.put_dint(r.POSITION, access.value("$VA_IM[", axis, position=True))
+        image.put_dint(r.ACTING, {EEC: eec, CEC: cec}.get(target.kind, 0))
+        image.put(r.AXIS_NAME, r.text_words(spec.name, 8))
+        image.put(r.SELECTED, (target.kind, target.index, target.encoder, axis))
+        referenced = access.referenced_by(axis, target.encoder)
+        acting = (access.acts_by(axis, encoder) for encoder in (0, 1))
+        facts = (spec.rotary, spec.modulo, referenced, view.aa_stat == 4, access.stands(axis), *acting)
+        image.words[r.AXIS_BITS] = sum(1 << bit for bit, holds in enumerate(facts) if holds)
+        image.words[r.SWITCHES] = self._switches(target)
+        image.put_dint(r.EEC_ACTING, eec)
+        image.put_dint(r.CEC_ACTING, cec)
+        image.put_dint(r.BACKLASH, access.backlash(target))
+        image.words[r.ENCODERS] = access.encoders(axis)
+        image.put_dint(r.BACKLASH_FACTOR, access.backlash_factor(axis))
+
+    def _show_table(self, image: r.ProcessImage, target: TableAddress) -> None:
+        found = self._access.parameters(target)
+        image.words[r.TABLE_FLAGS] = found.flags
+        for place, value in enumerate((found.minimum, found.step, found.maximum)):
+            image.put_dint(r.TABLE_FLAGS + 1 + 2 * place, value)
+        image.put(r.SWITCHES - 3, (found.input_axis, found.output_axis, found.factor))
+        image.put_dint(r.WEIGHT, self._access.weight(target))
+
+
+# The PLC program: process image, command numbers, session, heart-beats and the one command under way.
 
 # Less than this is rounding: a clock might not move at all in it.
 NO_TIME_S = 1e-6
@@ -30,7 +134,7 @@ class Plc:
 
     def __init__(self, nck: Nck, clock: Clock, settings: PlcSettings) -> None:
         self.settings = settings
-        self.memory = Retentive()
+        self.memory = RetentiveMemory()
         # What a PC has to do in time counts in seconds of the PC, however fast the machine is simulated: at sixty times
         # its speed a session of 5 s of the machine would end while a busy PC takes a breath.
         self._pc = LoopClock()
@@ -39,8 +143,8 @@ class Plc:
         self.on_session: Callable[[], None] = lambda: None
         self._clock = clock
         self.nck = nck
-        self._access = NckAccess(nck, settings.write_level)
-        self._picture = PlcPicture(self._access, self.switches, self.is_off)
+        self._access = TableAccess(nck, settings.write_level)
+        self._picture = StatusRegisters(self._access, self.switches, self.is_off)
         self._commands = PlcCommands(self, self._access)
         self._tasks: set[asyncio.Task[None]] = set()
         self._failure: BaseException | None = None
@@ -51,23 +155,23 @@ class Plc:
 
     def _begin_life(self, now_s: float) -> None:
         """Everything as after a PLC start."""
-        self.image = Image(self.settings.low_first)
+        self.image = ProcessImage(self.settings.low_first)
         self.session = 0
-        self.load: Load | None = None
+        self.load: TableLoad | None = None
         self.waiting = self.confirmed = False
         self.lied: set[tuple[int, int, int]] = set()
         self.backlash: dict[tuple[int, int, int], int] = {}
         self.release.begin(0)
-        self._selected: Target | None = None
+        self._selected: TableAddress | None = None
         self._state = self._taken = 0
-        self._job: tuple[asyncio.Task[None], Work] | None = None
+        self._job: tuple[asyncio.Task[None], CommandSteps] | None = None
         self._evaluating = False
         self._started_s, self._beat_s = now_s, 0.0
 
     def power_on(self) -> None:
         """Start the program; what is retentive is there again."""
         if not self.settings.retentive:
-            self.memory = Retentive()
+            self.memory = RetentiveMemory()
         self._begin_life(self._clock.now())
         self.powered = True
 
@@ -121,29 +225,29 @@ class Plc:
         """Seconds of the PLC's clock."""
         return self._clock.now()
 
-    def switches(self, target: Target) -> int:
+    def switches(self, target: TableAddress) -> int:
         """The switch bits as the PLC shows them."""
         bits = self._access.switches(target)
         return bits & ~{EEC: 1, CEC: 6}.get(target.kind, 8) if target.table in self.lied else bits
 
-    def is_off(self, target: Target) -> bool:
+    def is_off(self, target: TableAddress) -> bool:
         """Whether the PLC takes the table for off."""
         return target.table in self.lied or self._access.is_off(target)
 
-    def forget(self, what: Forgotten) -> None:
+    def forget(self, what: ForgottenMemory) -> None:
         """What was kept is lost: words of the PLC, or points or switches of the control."""
         if what == "words":
             self.nck.core.whim("forget words")
-            self.memory = Retentive()
+            self.memory = RetentiveMemory()
             self.close_session()
         else:
             self.nck.forget(what)
 
-    def do_again(self, target: Target) -> None:
+    def do_again(self, target: TableAddress) -> None:
         """`PlcSettings.enables_twice_s`."""
         self._spawn(self._enable_again(target))
 
-    async def _enable_again(self, target: Target) -> None:
+    async def _enable_again(self, target: TableAddress) -> None:
         await self._clock.sleep(self.settings.enables_twice_s)
         if not self.nck.booting:
             self.nck.core.whim("enable")
@@ -199,7 +303,7 @@ class Plc:
         if number is not None and self._is_late(address, values):
             self._late_done = True
             self._spawn(self._write_late(address, values, number))
-            raise Unanswered
+            raise NoAnswer
         self._accept(address, values, number)
 
     def _accept(self, address: int, values: Sequence[int], number: int | None) -> None:
@@ -245,7 +349,7 @@ class Plc:
         self._job = (self._spawn(self._run(command, work)), work)
         self._foreign()
 
-    async def _run(self, command: PlcCommand, work: Work) -> None:
+    async def _run(self, command: PlcCommand, work: CommandSteps) -> None:
         try:
             for pause_s in work:
                 await self._clock.sleep(pause_s)

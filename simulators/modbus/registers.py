@@ -49,7 +49,7 @@ def crc_of(words: Sequence[int]) -> int:
     return zlib.crc32(struct.pack(f">{len(words)}H", *words))
 
 
-class Image:
+class ProcessImage:
     """The process image: 388 words; everything the PLC program reads or sets goes through here."""
 
     def __init__(self, low_first: bool) -> None:
@@ -85,7 +85,7 @@ class PlcCommand:
     maximum: int
 
     @classmethod
-    def of(cls, image: Image) -> PlcCommand:
+    def of(cls, image: ProcessImage) -> PlcCommand:
         """Take a command out of the image."""
         head, data = tuple(image.words[COMMAND:CRC]), tuple(image.words[DATA:DATA_END])
         crc = image.dint(CRC) & 0xFFFFFFFF
@@ -99,3 +99,49 @@ class PlcCommand:
         """Address of the first register of 18-28 and 31-33 that differs, or None."""
         same = (*range(KIND, TOTAL + 1), *range(INPUT, FACTOR + 1))
         return next((address for address in same if self[address] != other[address]), None)
+
+
+# What a command speaks of: kinds, one table, its parameters, and the codes it may end with.
+
+EEC, CEC, BACKLASH_KIND, TEMPERATURE = 1, 2, 3, 4
+NO_CRC, OUT_OF_ORDER, LENGTH, RANGE, NOT_RELEASED, NOT_IN_RESET, PROTECTED, TOO_MANY, UNKNOWN = range(1, 10)
+DIFFERS, NCK_REFUSED, TIME_OVER, NO_SESSION, SESSION_TAKEN = range(10, 15)
+
+INEXPRESSIBLE = 1 << 15
+
+
+class PlcFault(Exception):
+    """A command ends with this error code and detail."""
+
+    def __init__(self, code: int, detail: int = 0) -> None:
+        super().__init__(code, detail)
+        self.code = code
+        self.detail = detail
+
+
+@dataclass(frozen=True, slots=True)
+class TableAddress:
+    """One table or set of data: kind, axis number or table t, encoder, and the axis it is looked at by."""
+
+    kind: int
+    index: int
+    encoder: int
+    axis: int
+
+    @property
+    def table(self) -> tuple[int, int, int]:
+        """What identifies the table itself."""
+        return (self.kind, self.index, self.encoder if self.kind != CEC else 0)
+
+
+@dataclass(frozen=True, slots=True)
+class TableParameters:
+    """A table's parameters in mailbox units; ``flags`` as register 356, axes by number (0: none yet)."""
+
+    flags: int
+    minimum: int
+    step: int
+    maximum: int
+    input_axis: int
+    output_axis: int
+    factor: int

@@ -10,11 +10,10 @@ from typing import Any
 from drivers.clock import Clock, LoopClock
 from drivers.errors import TransportError
 from drivers.transport import ByteTransport, open_transport
-from simulators.instrument_wire import Around, Outlet
-from simulators.modbus.frames import BrokenFrame, Framing, Mbap, ModbusFrame, Rtu
-from simulators.modbus.pdu import Unanswered, answer
+from simulators.instrument_server import InstrumentServer, WireWrapper
+from simulators.modbus.frames import BrokenFrame, Framing, Mbap, ModbusFrame, NoAnswer, Rtu, answer_pdu
 from simulators.modbus.plc import Plc
-from simulators.modbus.switches import PlcSettings
+from simulators.modbus.settings import PlcSettings
 from simulators.nck.control import Nck
 
 READ_BYTES = 4096
@@ -26,10 +25,10 @@ OPEN_S = 10.0
 _BOOT_LOOK_S = 0.1
 
 
-class PlcStation(Outlet):
+class PlcStation(InstrumentServer):
     """One PLC, one wire. `around` may put faults around each connection; `silent` answers nothing."""
 
-    def __init__(self, plc: Plc, clock: Clock, around: Around | None = None) -> None:
+    def __init__(self, plc: Plc, clock: Clock, around: WireWrapper | None = None) -> None:
         super().__init__(clock, 1.0, around)
         self.plc = plc
         self.served = 0
@@ -130,8 +129,8 @@ class PlcStation(Outlet):
                 return None
             return ModbusFrame(frame.unit, bytes((frame.pdu[0] | 0x80, GATEWAY_TARGET_FAILED)), frame.transaction)
         try:
-            return ModbusFrame(frame.unit, answer(frame.pdu, self.plc), frame.transaction)
-        except Unanswered:
+            return ModbusFrame(frame.unit, answer_pdu(frame.pdu, self.plc), frame.transaction)
+        except NoAnswer:
             return None
 
 
@@ -142,17 +141,17 @@ async def _ended(task: asyncio.Task[None] | None) -> None:
             await task
 
 
-def station_of(nck: Nck, clock: Clock, settings: Mapping[str, Any], around: Around | None = None) -> PlcStation:
+def make_station(nck: Nck, clock: Clock, settings: Mapping[str, Any], around: WireWrapper | None = None) -> PlcStation:
     """A station with a PLC of its own. Raises ConfigError for unknown settings."""
     return PlcStation(Plc(nck, clock, PlcSettings.of(settings)), clock, around)
 
 
 @contextlib.asynccontextmanager
-async def serving(
+async def running_station(
     nck: Nck, clock: Clock, settings: Mapping[str, Any] | None = None, url: str = "tcp://127.0.0.1:0"
 ) -> AsyncIterator[PlcStation]:
     """A station for the length of a block; reach it by its ``url``."""
-    station = station_of(nck, clock, settings or {})
+    station = make_station(nck, clock, settings or {})
     try:
         await station.start(url)
         yield station

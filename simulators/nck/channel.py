@@ -7,11 +7,11 @@ from collections.abc import Callable
 from typing import Literal
 
 from simulators.nck.language.syntax import NcSyntaxError
-from simulators.nck.machine.alarms import AlarmList
 from simulators.nck.machine.core import Core
-from simulators.nck.machine.files import FileSystem, canonical
+from simulators.nck.machine.data import AlarmList
+from simulators.nck.machine.files import FileSystem, canonical_path
 from simulators.nck.program.block import Modal
-from simulators.nck.program.interpreter import BrokenOff, Interpreter, PowerCut
+from simulators.nck.program.interpreter import Interpreter, PowerCut, ProgramAborted
 from simulators.nck.program.variables import Variables
 from simulators.nck.spec import NckRefusal
 
@@ -96,7 +96,7 @@ class Channel:
             return 2
         if self.status != RESET:
             return 3
-        self.selected = canonical(path)
+        self.selected = canonical_path(path)
         self._line = 0
         return 0
 
@@ -191,7 +191,7 @@ class Channel:
         except PowerCut:
             self._finish()
             self._power_cut()
-        except BrokenOff:
+        except ProgramAborted:
             return
         else:
             self._finish()

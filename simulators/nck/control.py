@@ -1,4 +1,4 @@
-"""The NCK double: its life, the operator's panel, the PLC's signals and writes from outside, under one roof."""
+"""What a person at the panel, a bus or an instrument can see of the control."""
 
 from __future__ import annotations
 
@@ -7,21 +7,113 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from drivers.clock import Clock
-from simulators.nck import whims
-from simulators.nck.channel import ACTIVE, Mode
-from simulators.nck.display import Display
+from simulators.nck import fault_injection
+from simulators.nck.channel import ACTIVE, Channel, Mode
+from simulators.nck.fault_injection import BlockEvents
 from simulators.nck.language.parser import parse
-from simulators.nck.machine import static
-from simulators.nck.machine.alarms import Alarm
+from simulators.nck.machine import core
 from simulators.nck.machine.axis import AxisView
-from simulators.nck.machine.data_table import ENC_STATE, IS_METRIC
+from simulators.nck.machine.core import Core
+from simulators.nck.machine.data import ENC_STATE, IS_METRIC, Alarm
+from simulators.nck.machine.files import FileSystem
 from simulators.nck.program import inifile
-from simulators.nck.program.blockevents import BlockEvents
 from simulators.nck.program.inifile import IniReport
-from simulators.nck.program.variables import split_name
+from simulators.nck.program.variables import Variables, split_name
 from simulators.nck.spec import AxisSpec, NckRefusal, NckSpec
 from simulators.nck.values import Value
+
+Array = NDArray[np.float64]
+
+
+class Display:
+    """The control as it shows itself; nothing here changes it."""
+
+    def __init__(
+        self, spec: NckSpec, clock: Clock, power_cut: Callable[[], None], at_block: Callable[[int], None]
+    ) -> None:
+        self.spec = spec
+        self.core = Core(spec, clock)
+        self.variables = Variables(self.core)
+        self.channel = Channel(self.core, self.variables, power_cut, at_block)
+        self.booting = False
+
+    @property
+    def channel_status(self) -> int:
+        """0 reset, 1 active, 2 interrupted."""
+        return self.channel.status
+
+    @property
+    def program_status(self) -> int:
+        """1 interrupted, 2 stopped, 3 running, 5 aborted (also after a program's end)."""
+        return self.channel.program_status
+
+    @property
+    def program_line(self) -> int:
+        """Source line under execution, from 1; 0 in reset."""
+        return self.channel.line
+
+    @property
+    def program_name(self) -> str:
+        """Name of the program under execution, else of the one selected."""
+        return self.channel.program_name
+
+    @property
+    def selected(self) -> str:
+        """Path of the selected program, or ""."""
+        return self.channel.selected
+
+    @property
+    def mode(self) -> Mode:
+        """AUTO, JOG or MDA."""
+        return self.channel.mode
+
+    @property
+    def message(self) -> str:
+        """The part program's MSG text."""
+        return self.channel.message
+
+    @property
+    def files(self) -> FileSystem:
+        """The file system."""
+        return self.channel.files
+
+    @property
+    def alarms(self) -> tuple[Alarm, ...]:
+        """Alarms standing, oldest first."""
+        return self.core.alarms.standing
+
+    @property
+    def access_level(self) -> int:
+        """Protection level active, 0..7; smaller has more rights."""
+        return self.core.access_level
+
+    def axis_state(self, name: str) -> AxisView:
+        """An axis now, by machine name, AXn or letter. Raises NckRefusal 12550."""
+        return self.core.view(self.core.axis(name).index)
+
+    def axis_stat(self, name: str) -> int:
+        """``$AA_STAT`` of an axis now: what `axis_state` says of it, without the rest. Raises NckRefusal 12550."""
+        return self.core.axis(name).state(self.core.clock.now())
+
+    def encoder(self, axis: str, times: Array) -> tuple[Array, Array]:
+        """Place of the axis in terms of encoder 1 (mm or deg, turns unlimited) and sign of last travel.
+
+        At clock times in the past up to now; about the last 90 s are kept. Raises NckRefusal 12550.
+        """
+        found = self.core.axis(axis)
+        wanted = np.asarray(times, dtype=np.float64)
+        return found.encoders(wanted), found.directions(wanted)
+
+    def get(self, name: str) -> Value:
+        """A variable by its NC name. Raises NckRefusal 12550, 17020, 17030."""
+        return self.variables.read(*split_name(name))
+
+
+# The NCK double: its life, the operator's panel, the PLC's signals and writes from outside, under one roof.
 
 __all__ = ["Alarm", "AxisSpec", "AxisView", "Nck", "NckRefusal", "NckSpec"]
 
@@ -95,11 +187,11 @@ class Nck(Display):
 
     def static_memory(self) -> dict[str, Any]:
         """What survives power off; fit for JSON."""
-        return static.saved(self.core, self.files, self.selected)
+        return core.save_static_memory(self.core, self.files, self.selected)
 
     def restore_static_memory(self, content: dict[str, Any]) -> None:
         """Before `start`: what another object's `static_memory` gave. Raises ValueError."""
-        self.channel.selected = static.restore(content, self.core, self.files)
+        self.channel.selected = core.restore_static_memory(content, self.core, self.files)
 
     def select(self, path: str, channel: int = 1) -> int:
         """Select a program: 0 ok, 1 no such channel, 2 not found, 3 channel not in reset, 4 refused."""
@@ -225,11 +317,11 @@ class Nck(Display):
 
     def enable_by_itself(self) -> None:
         """For tests: the control switches on every table that was ever loaded."""
-        whims.enable_all(self.core)
+        fault_injection.enable_all(self.core)
 
-    def forget(self, what: whims.Forgotten) -> None:
+    def forget(self, what: fault_injection.ForgottenMemory) -> None:
         """For tests: the control loses R parameters, points or switches."""
-        whims.forget(self.core, what)
+        fault_injection.forget(self.core, what)
 
     # -- inside ------------------------------------------------------------------------------------
 
@@ -242,7 +334,7 @@ class Nck(Display):
     async def _enable_again(self, name: str, index: tuple[int, ...]) -> None:
         await self._clock.sleep(self.core.spec.enables_again_s)
         if not self.booting:
-            whims.enable_again(self.core, name, index)
+            fault_injection.enable_again(self.core, name, index)
 
     def _at_block(self, block: int) -> None:
         self.events.at(block)

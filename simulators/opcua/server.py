@@ -22,12 +22,18 @@ from drivers.errors import ConfigError
 from drivers.sinumerik.opcua.session import nodes
 from drivers.sinumerik.opcua.session.certificates import KeyPair, load, own_key_pair, private_key
 from simulators.nck.control import Nck
-from simulators.opcua.filenodes import ServedFiles
-from simulators.opcua.manners import Manners, Requests
-from simulators.opcua.methods import COPY_METHODS, FILE_METHODS, MAX_FILE, SIGNATURES, Methods, MethodSignature
-from simulators.opcua.space import Space
-from simulators.opcua.users import accounts_of
-from simulators.opcua.wire import Accounts, SinumerikInternalServer
+from simulators.opcua.address_space import VariableSpace, make_accounts
+from simulators.opcua.methods import (
+    COPY_METHODS,
+    FILE_METHODS,
+    MAX_FILE,
+    SIGNATURES,
+    Methods,
+    MethodSignature,
+    ServedFiles,
+)
+from simulators.opcua.quirks import RequestCounters, ServerQuirks
+from simulators.opcua.sessions import Accounts, SinumerikInternalServer
 
 APPLICATION_URI = "urn:sinumerik:opcua:server"
 _POLICIES = {
@@ -38,7 +44,7 @@ _POLICIES = {
 
 
 @functools.cache
-def _scratch() -> Path:
+def _temporary_folder() -> Path:
     """Where servers without a folder of their own have their certificate, one for all of this process."""
     made = tempfile.TemporaryDirectory(prefix="sinumerik-")
     atexit.register(made.cleanup)
@@ -122,15 +128,15 @@ class SinumerikServer:
         self.url = ""
         self.certificate = Path()
         self._server: Server | None = None
-        self.manners = Manners()
+        self.manners = ServerQuirks()
         set_up = self.settings
         methods = Methods(
             nck, set_up.file_write_level, set_up.largest_copy, set_up.copy_refusal, select_right=set_up.select_right
         )
         files = ServedFiles(nck, set_up.file_write_level, self.manners)
         self._core = SinumerikInternalServer(
-            accounts=Accounts(accounts_of(set_up.users)),
-            space=Space(nck, self.manners.starts),
+            accounts=Accounts(make_accounts(set_up.users)),
+            space=VariableSpace(nck, self.manners.starts),
             methods=methods,
             files=files,
             clock=clock,
@@ -141,7 +147,7 @@ class SinumerikServer:
         self._core.max_session_timeout_ms = round(set_up.session_timeout_s * 1000.0)
 
     @property
-    def requests(self) -> Requests:
+    def requests(self) -> RequestCounters:
         """What clients have asked for so far."""
         return self._core.requests
 
@@ -186,7 +192,7 @@ class SinumerikServer:
             transport.abort()
 
     def _key_pair(self) -> KeyPair:
-        folder = Path(self.settings.folder) if self.settings.folder else _scratch()
+        folder = Path(self.settings.folder) if self.settings.folder else _temporary_folder()
         return own_key_pair(folder, "server", APPLICATION_URI, "127.0.0.1", server=True)
 
     def _validator(self) -> Any:
@@ -239,7 +245,7 @@ class SinumerikServer:
 
 
 @contextlib.asynccontextmanager
-async def serving(nck: Nck, clock: Clock, settings: ServerSettings | Mapping[str, Any] | None = None) -> Any:
+async def running_server(nck: Nck, clock: Clock, settings: ServerSettings | Mapping[str, Any] | None = None) -> Any:
     """A server for the length of a block."""
     server = SinumerikServer(nck, clock, settings)
     await server.start()

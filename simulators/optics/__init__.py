@@ -1,12 +1,13 @@
 """What each instrument would read: poses, beams and the physics of interferometers."""
 
-from simulators.optics.calibrator import RotaryReader, Turns
-from simulators.optics.laser import Counts, LaserCounter
+from simulators.optics.calibrator import CalibratorSamples, RotaryReader
+from simulators.optics.interferometer import CounterSamples, LaserCounter
 from simulators.optics.mountings import MotionSource, Mounting, OpticsBench
-from simulators.optics.sensor import SensorReader, SensorReadings
+from simulators.optics.sensors import SensorReader, SensorReadings
 
 __all__ = [
-    "Counts",
+    "CalibratorSamples",
+    "CounterSamples",
     "LaserCounter",
     "MotionSource",
     "Mounting",
@@ -14,5 +15,4 @@ __all__ = [
     "RotaryReader",
     "SensorReader",
     "SensorReadings",
-    "Turns",
 ]

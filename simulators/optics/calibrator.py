@@ -7,12 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from simulators.cellfile import Calibrator
-from simulators.optics.mountings import AxisWatcher, Mounting, OpticsBench, letters_of
-from simulators.optics.stops import Stops
-from simulators.truth import AxisMotion, generator
-from simulators.truth.drift import drifted_s
-from simulators.truth.terms import curve
+from simulators.cellfile.equipment import Calibrator
+from simulators.optics.mountings import AxisWatcher, Mounting, OpticsBench, StopNoise, letters_of
+from simulators.truth.climate import drift_time_s
+from simulators.truth.curves import curve, generator
+from simulators.truth.kinematics import AxisMotion
 
 FloatArray = NDArray[np.float64]
 ARCSEC_DEG = 1.0 / 3600.0
@@ -20,7 +19,7 @@ ECCENTRIC_ARCSEC_PER_MM = 0.5
 
 
 @dataclass(frozen=True, slots=True)
-class Turns:
+class CalibratorSamples:
     """A stretch of calibrator samples, each (n,): clock time in s, device and laser in deg, beam there."""
 
     time_s: FloatArray
@@ -50,7 +49,7 @@ class RotaryReader:
         )
         self._watcher = AxisWatcher(bench)
         self._mounting: Mounting | None = None
-        self._stops: Stops | None = None
+        self._stops: StopNoise | None = None
         self._stop = 0
         self._axis_zero: float | None = None
         self._device = 0.0
@@ -93,7 +92,7 @@ class RotaryReader:
         """What the device's own encoder says where it truly stands at these angles, deg."""
         return device - self._own_error(device)
 
-    def read(self, until: float) -> Turns:
+    def read(self, until: float) -> CalibratorSamples:
         """All samples from the last asked for up to clock time `until` (s)."""
         sequence = np.arange(self._next, max(int(until * self.spec.sample_hz) + 1, self._next))
         self._next += len(sequence)
@@ -102,7 +101,7 @@ class RotaryReader:
         if mounting is not self._mounting:
             self._remount(mounting)
         if not len(times):
-            return Turns(times, times, times, np.zeros(0, dtype=np.bool_))
+            return CalibratorSamples(times, times, times, np.zeros(0, dtype=np.bool_))
         if mounting is None:
             return self._unmounted(times)
         return self._mounted(mounting, times)
@@ -114,19 +113,19 @@ class RotaryReader:
         if mounting is not None:
             every = self._bench.stops_of_run(mounting.setup.axis)
             name = f"{self.spec.name} {mounting.number}"
-            self._stops = Stops(self.spec.noise, every, self._bench.truth.seed, name)
+            self._stops = StopNoise(self.spec.noise, every, self._bench.truth.seed, name)
             self._stop, self.mode, self._remainder = 0, "track", 0.0
 
-    def _unmounted(self, times: FloatArray) -> Turns:
+    def _unmounted(self, times: FloatArray) -> CalibratorSamples:
         device = np.full(len(times), float(self.encoder(np.asarray([self._device]))[0]))
-        return Turns(times, device, np.zeros(len(times)), np.zeros(len(times), dtype=np.bool_))
+        return CalibratorSamples(times, device, np.zeros(len(times)), np.zeros(len(times), dtype=np.bool_))
 
-    def _mounted(self, mounting: Mounting, times: FloatArray) -> Turns:
+    def _mounted(self, mounting: Mounting, times: FloatArray) -> CalibratorSamples:
         axis, motion = self._axis(mounting, times)
         offsets = self._offsets(motion, len(times))
         device = self._follow(axis, len(times))
         laser, beam = self._laser(mounting, axis + device, offsets, times)
-        return Turns(times, self.encoder(device), laser, beam)
+        return CalibratorSamples(times, self.encoder(device), laser, beam)
 
     def _axis(self, mounting: Mounting, times: FloatArray) -> tuple[FloatArray, AxisMotion]:
         """How far the device's seat has really turned in space since it was mounted, (n,) deg."""
@@ -157,7 +156,7 @@ class RotaryReader:
         if np.all(np.abs(np.diff(goal, prepend=self._device)) <= reach):
             device = goal
         else:
-            device = _limited(goal, self._device, reach)
+            device = _limit_rate(goal, self._device, reach)
         self._device = float(device[-1])
         return device
 
@@ -168,7 +167,7 @@ class RotaryReader:
             theta = np.zeros_like(theta)  # no angular reflector: nothing to follow
         beam = self._beam(theta)
         ratio = np.clip(np.sin(np.deg2rad(theta)) * (1.0 + self.spec.spacing_error), -1.0, 1.0)
-        drift = self.spec.noise.drift_per_h * drifted_s(times) / 3600.0
+        drift = self.spec.noise.drift_per_h * drift_time_s(times) / 3600.0
         noise = offsets + drift + self._rng.normal(0.0, self.spec.noise.sample, len(times))
         return self.sense * (np.rad2deg(np.arcsin(ratio)) + noise * ARCSEC_DEG), beam
 
@@ -180,7 +179,7 @@ class RotaryReader:
         return ~lost
 
 
-def _limited(goal: FloatArray, start: float, reach: float) -> FloatArray:
+def _limit_rate(goal: FloatArray, start: float, reach: float) -> FloatArray:
     device, place = np.empty(len(goal)), start
     for index, wanted in enumerate(goal.tolist()):
         place += min(reach, max(-reach, wanted - place))

@@ -9,8 +9,7 @@ import sys
 from pathlib import Path
 
 from drivers.errors import ConfigError, TrueflankError
-from simulators.reducer.bench import Bench
-from simulators.reducer.benchfile import BenchFile, flanks_of, load_bench, packaged_benches
+from simulators.reducer.bench import Bench, BenchFile, flanks_of, load_bench, packaged_benches
 from simulators.reducer.parts import Flanks
 
 TESTS = ("all", "running", "hysteresis")

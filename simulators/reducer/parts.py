@@ -15,8 +15,8 @@ import scipy
 from numpy.typing import ArrayLike, NDArray
 
 from drivers.errors import ConfigError
-from simulators.cellfile.part import Gear
-from simulators.grinding import Lobes, WorkPiece
+from simulators.cellfile.equipment import Gear
+from simulators.grinding.workpiece import CycloidDisc, WorkPiece
 
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
@@ -206,7 +206,7 @@ class RealCurve:
 
         It goes on over each tip from the last profile point of a space to the first one of the next.
         """
-        lobes = Lobes(gear)
+        lobes = CycloidDisc(gear)
         t = lobes.even(2 * each + 1, 1.0)[1::2]
         pitch = 2.0 * lobes.half
         spaces = pitch * np.arange(-1, gear.zc + 1)
@@ -229,7 +229,7 @@ class RealCurve:
         return np.asarray(space * self.each + np.clip(place, 0, self.each - 1), dtype=np.int64) % self.points.shape[1]
 
 
-def equal_discs(gear: Gear, flanks: Sequence[Flanks], places: Sequence[int] | None = None) -> tuple[Disc, ...]:
+def have_equal_discs(gear: Gear, flanks: Sequence[Flanks], places: Sequence[int] | None = None) -> tuple[Disc, ...]:
     """Discs on eccentrics spread evenly over a turn; ``places`` chooses each mark among `marks` (None: the first)."""
     phases = 2.0 * np.pi * np.arange(len(flanks)) / len(flanks)
     chosen = places or [0] * len(flanks)

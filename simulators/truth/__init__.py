@@ -7,13 +7,22 @@ from typing import TypeVar
 
 import numpy as np
 
-from simulators.cellfile import CellAxis, CellFile, DriftSection
-from simulators.cellfile.terms import Terms
-from simulators.truth.chain import BED, FloatArray, Pose, rotation, slide, still, table
-from simulators.truth.climate import Climate, Weather
-from simulators.truth.drift import drifted, drifted_s
-from simulators.truth.motion import AxisMotion, Hysteresis, Scatter
-from simulators.truth.terms import Curve, curve, generator
+from simulators.cellfile import CellAxis, CellFile
+from simulators.cellfile.curves import DriftSection, Terms
+from simulators.truth.climate import Climate, Weather, drift_time_s, drift_value
+from simulators.truth.curves import Curve, curve, generator
+from simulators.truth.kinematics import (
+    BED,
+    AxisMotion,
+    FloatArray,
+    Hysteresis,
+    Pose,
+    Scatter,
+    fixed_pose,
+    rotation,
+    slide_pose,
+    table_pose,
+)
 
 __all__ = ["AxisMotion", "Climate", "Hysteresis", "Scatter", "Truth", "Weather", "generator"]
 
@@ -95,7 +104,7 @@ class Truth:
         return self._location.get(name, 0.0) + moved
 
     def _drifted(self, drift: DriftSection, t: float) -> float:
-        return drifted(drift, t, self.climate.true(t).material_degc)
+        return drift_value(drift, t, self.climate.true(t).material_degc)
 
     def reversal(self, letter: str, motion: AxisMotion) -> FloatArray:
         """Half of B with the sense of travel, um or arcsec: + approach B/2, - approach -B/2."""
@@ -119,7 +128,7 @@ class Truth:
     def along(self, letter: str, motion: AxisMotion, t: float) -> FloatArray:
         """The axis' own deviation (EXX, EZZ, ECC, ...) with reversal and drift, um or arcsec."""
         axis = self._axes[letter]
-        drift = axis.drift_per_h * drifted_s(t) / 3600.0 + self._drifted(axis.drift, t)
+        drift = axis.drift_per_h * drift_time_s(t) / 3600.0 + self._drifted(axis.drift, t)
         own = self.motion(f"E{letter}{letter}", motion.position) + self.reversal(letter, motion)
         return own + self.sign * drift + motion.scatter
 
@@ -147,7 +156,7 @@ class Truth:
         found = self._directions.get(angles + ideal)
         if found is None:
             found = np.asarray(rotation(np.asarray(angles)[:, None])[0] @ np.asarray(ideal))
-            self._directions = _few(self._directions) | {angles + ideal: found}
+            self._directions = _bounded(self._directions) | {angles + ideal: found}
         return found
 
     def frames(self, motions: Mapping[str, AxisMotion], t: float) -> dict[str, Pose]:
@@ -157,11 +166,11 @@ class Truth:
             if letter in motions:
                 shift, tilt = self._six(letter, motions[letter], t)
                 q = self._expanded(letter, motions[letter].position, t)
-                frames[letter] = slide(q, self._direction(letter, ideal, t), shift, tilt)
+                frames[letter] = slide_pose(q, self._direction(letter, ideal, t), shift, tilt)
         if "C" in motions:
             shift, tilt = self._six("C", motions["C"], t)
             turned = np.deg2rad(motions["C"].position)
-            frames["C"] = table(turned, frames["X"].then(self._seat(t)), shift, tilt)
+            frames["C"] = table_pose(turned, frames["X"].then(self._seat(t)), shift, tilt)
         return frames
 
     def _seat(self, t: float) -> Pose:
@@ -169,11 +178,11 @@ class Truth:
         tilt = tuple(self.location(f"{name}0C", t) * ARCSEC for name in "ABC")
         found = self._seats.get(shift + tilt)
         if found is None:
-            found = still((shift[0], shift[1], shift[2]), (tilt[0], tilt[1], tilt[2]))
-            self._seats = _few(self._seats) | {shift + tilt: found}
+            found = fixed_pose((shift[0], shift[1], shift[2]), (tilt[0], tilt[1], tilt[2]))
+            self._seats = _bounded(self._seats) | {shift + tilt: found}
         return found
 
 
-def _few(known: dict[tuple[float, ...], Kept]) -> dict[tuple[float, ...], Kept]:
+def _bounded(known: dict[tuple[float, ...], Kept]) -> dict[tuple[float, ...], Kept]:
     """The same, or nothing of it where errors that move would fill it."""
     return known if len(known) < MOST_KEPT else {}

@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from simulators.faultlist import named_faults
+from simulators.faults import named_faults
 from simulators.pytest_plugin import FaultBox
 
 

@@ -15,7 +15,7 @@ ROOT = Path(__file__).parents[2]
 TOPS = ("gateway", "drivers", "simulators", "trueflank")
 MOST = 4
 BODIES = ("body", "orelse", "finalbody", "handlers", "cases")
-FOREIGN = {"add_method", "SinumerikSession", "clamped"}
+FOREIGN = {"add_method", "SinumerikSession", "draw_clamping"}
 """Signatures that are not ours (asyncua's), and one that takes any number of names."""
 LEFT = {}
 """Rooms that still call with more, and how often at most: these numbers only shrink."""

@@ -28,8 +28,8 @@ from gateway.workflow.errors21.setups import planned
 from gateway.workflow.loop.run import run_site
 from gateway.workflow.runsite import store_of
 from simulators.cell import Cell
-from simulators.cell.filed import write_filed_site
-from simulators.cell.judge import Judge
+from simulators.cell.backdoor import BackDoor
+from simulators.cell.setup_files import write_site_of_files
 from simulators.cell.site import section
 from simulators.cellfile import load_cell, with_plan
 from simulators.truth import Truth
@@ -81,7 +81,7 @@ def on_cell(
 
 async def truth_of(cell: Cell, name: str, at: np.ndarray) -> np.ndarray:
     """The true motion without its least-squares line, zero at the reference, as the model tells it."""
-    answer = await Judge(cell).answer({"ask": "motion", "name": name, "positions": at.tolist()})
+    answer = await BackDoor(cell).answer({"ask": "motion", "name": name, "positions": at.tolist()})
     true = np.asarray(answer["motion"])
     if name[1] in "XYZ" and name[1] != name[2]:
         true = true - np.polyval(np.polyfit(at, true, 1), at)
@@ -142,10 +142,10 @@ def test_a_plan_is_walked_stopped_and_resumed_and_every_component_identified(tmp
         cell.nck.set("$MA_BACKLASH[0,X1]", 0.001, 0)
         assert await refused(first.run_folder) == "E-SETUP-TABLES"
         cell.nck.set("$MA_BACKLASH[0,X1]", 0.0, 0)
-        await Judge(cell).answer({"set": "serial", "value": "another"})
+        await BackDoor(cell).answer({"set": "serial", "value": "another"})
         other = site.model_copy(update={"controller": site.controller.model_copy(update={"serial": "another"})})
         assert await refused(first.run_folder, other) == "E-SETUP-MACHINE"
-        await Judge(cell).answer({"set": "serial", "value": site.controller.serial})
+        await BackDoor(cell).answer({"set": "serial", "value": site.controller.serial})
 
         before = len(cell.operator.log)
         second = await measured((), first.run_folder)
@@ -296,12 +296,12 @@ def test_all_21_are_told_from_tables_as_well_as_live(tmp_path: Path) -> None:
     """Nothing is mounted; where X stood along the bars is told by `park`; what is not chosen stays live."""
 
     async def story(cell: Cell, live: SiteFile, clock: LoopClock) -> None:
-        part = load_site(write_filed_site(cell, tmp_path / "part.toml", ("EYX", "B0Z-R")))
+        part = load_site(write_site_of_files(cell, tmp_path / "part.toml", ("EYX", "B0Z-R")))
         assert {one.component for one in part.setups if one.source == "file"} == {"EYX", "B0Z-R"}
         assert len(part.setups) == len(live.setups)
         with pytest.raises(ConfigError, match="E-CELL-SETUP"):
-            write_filed_site(cell, tmp_path / "none.toml", ("EYY",))
-        path = write_filed_site(cell, tmp_path / "filed.toml")
+            write_site_of_files(cell, tmp_path / "none.toml", ("EYY",))
+        path = write_site_of_files(cell, tmp_path / "filed.toml")
         site = load_site(path)
         found = await measure_site(site, path, clock=clock, say=silence)
         assert (found.state, found.model.unknown) == ("measured", ())

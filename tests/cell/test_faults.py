@@ -14,8 +14,8 @@ from drivers.errors import ConfigError, DeviceError, TableError, TransportError,
 from gateway.errors import Incomplete, VerifyError, WriteRefused
 from gateway.supervisor import DevicesFailed
 from simulators.cell import Cell
-from simulators.cell.control import with_serial
-from simulators.cell.judge import Judge
+from simulators.cell.backdoor import BackDoor
+from simulators.cell.control import with_serial_number
 from tests.cell.bench import main_job, short
 from tests.sizes import few
 
@@ -33,7 +33,7 @@ class Watched:
 
     async def tables(self) -> Any:
         assert self.cell is not None
-        return await Judge(self.cell).answer({"ask": "tables"})
+        return await BackDoor(self.cell).answer({"ask": "tables"})
 
 
 def _fails(tmp_path: Path, expected: type[TrueflankError], text: str, **options: Any) -> TrueflankError:
@@ -125,14 +125,14 @@ def test_the_login_refused(tmp_path: Path) -> None:
 
 
 def test_another_machine_behind_the_same_address(tmp_path: Path) -> None:
-    _fails(tmp_path, DeviceError, "E-SUP-IDENTITY", prepare=lambda cell: with_serial(cell.nck, "YK7350B-9999"))
+    _fails(tmp_path, DeviceError, "E-SUP-IDENTITY", prepare=lambda cell: with_serial_number(cell.nck, "YK7350B-9999"))
 
 
 @pytest.mark.long
 def test_the_machine_exchanged_between_capture_and_push(tmp_path: Path) -> None:
     def heard(cell: Cell, code: str, _fields: dict[str, object]) -> None:
         if code == "P-PROPOSED":
-            with_serial(cell.nck, "YK7350B-9999")
+            with_serial_number(cell.nck, "YK7350B-9999")
 
     _fails(tmp_path, WriteRefused, "serial", heard=heard)
 

@@ -32,7 +32,7 @@ from gateway.workflow.outcome import Outcome
 from gateway.workflow.runsite import store_of
 from gateway.workflow.showing import narrowed
 from simulators.cell import Cell
-from simulators.cell.judge import Judge
+from simulators.cell.backdoor import BackDoor
 from tests.cell.bench import short
 from tests.selftested import cell_running
 
@@ -98,12 +98,12 @@ class Story:
             {"set": "mode", "value": "AUTO"},
         ]
         for order in orders:
-            assert await Judge(self.cell).answer(order) == {"done": True}, order
+            assert await BackDoor(self.cell).answer(order) == {"done": True}, order
             await self.clock.sleep(120.0 if order["set"] == "nck_reset" else 0.0)
         await self.clock.sleep(60.0)  # no NC START is taken before every axis is referenced
 
     async def tables(self) -> Any:
-        return await Judge(self.cell).answer({"ask": "tables"})
+        return await BackDoor(self.cell).answer({"ask": "tables"})
 
 
 def told(tmp_path: Path, story: Callable[[Story], Any]) -> Any:

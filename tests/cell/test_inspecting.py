@@ -24,8 +24,8 @@ from gateway.workflow.part.inspecting import inspect_site
 from gateway.workflow.runsite import store_of
 from simulators.cell import Cell
 from simulators.cellfile import CellFile, load_cell, with_plan
-from simulators.grinding import WorkPiece
-from simulators.sensing import GearAnswerer
+from simulators.grinding.workpiece import WorkPiece
+from simulators.inspection import GearInspectionServer
 from simulators.truth import Truth
 from tests.cell.test_components import few
 from tests.selftested import cell_running
@@ -125,7 +125,7 @@ def test_a_part_is_inspected_and_guards_its_machine(tmp_path: Path, monkeypatch:
         assert await hands.refused(run) == "E-INSPECT-SAME"
 
         answerer = cell.instruments["gear"]
-        assert isinstance(answerer, GearAnswerer)
+        assert isinstance(answerer, GearInspectionServer)
         gear = answerer.machine
         gear.change(wrong_part=True)
         cell.shop.put(part_of(cell.truth))

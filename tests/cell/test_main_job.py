@@ -12,7 +12,7 @@ from gateway.errors import WriteRefused
 from gateway.store import RunFolder
 from gateway.workflow import stages
 from simulators.cell import Cell
-from simulators.cell.judge import Judge
+from simulators.cell.backdoor import BackDoor
 from tests.cell.bench import Judged, main_job, short
 from tests.sizes import long, soak
 
@@ -73,7 +73,7 @@ def test_other_machines_are_never_made_worse(
     tmp_path: Path, seed: int, flip: bool, axes: tuple[str, ...], senses: dict[str, int]
 ) -> None:
     async def during(cell: Cell) -> None:
-        assert (await Judge(cell).answer({"ask": "senses"}))["instruments"] == senses
+        assert (await BackDoor(cell).answer({"ask": "senses"}))["instruments"] == senses
 
     edit = short(axes, 10, 4)
     _never_worse(main_job(tmp_path, seed=seed, flip=flip, during=during, edit=edit))

@@ -13,8 +13,8 @@ from drivers.errors import ConfigError, TransportError
 from drivers.transport import open_transport
 from simulators.cell import Cell
 from simulators.cell.__main__ import arguments, plc_settings
-from simulators.cell.judge import Judge
-from simulators.cellfile import load_cell, with_roads
+from simulators.cell.backdoor import BackDoor
+from simulators.cellfile import load_cell, with_connections
 from simulators.pytest_plugin import CellStarter
 from tests.contract.mailbox_master import Master
 
@@ -138,7 +138,7 @@ def test_an_operator_may_refuse(trueflank_cell: CellStarter) -> None:
 
 def test_the_judge_knows_the_plc(trueflank_cell: CellStarter) -> None:
     async def main(cell: Cell) -> None:
-        judge = Judge(cell)
+        judge = BackDoor(cell)
         master = await master_at(cell)
         await master.open(77)
         assert (await judge.answer({"ask": "plc"}))["session"] == 77
@@ -158,7 +158,7 @@ def test_the_judge_knows_the_plc(trueflank_cell: CellStarter) -> None:
         await master.wire.close()
 
     async def opcua_only(cell: Cell) -> None:
-        assert "no PLC mailbox" in (await Judge(cell).answer({"ask": "plc"}))["error"]
+        assert "no PLC mailbox" in (await BackDoor(cell).answer({"ask": "plc"}))["error"]
 
     trueflank_cell.in_memory(main, "zero", road="modbus")
     trueflank_cell.in_memory(opcua_only, "zero")
@@ -183,7 +183,7 @@ def test_the_command_line_says_how_the_plc_is_wired() -> None:
 
 def test_wrong_plc_settings_are_refused_before_anything_starts(tmp_path: Path) -> None:
     async def main() -> None:
-        Cell(with_roads(load_cell("zero"), "modbus", {"swop_words": True}), tmp_path, LoopClock())
+        Cell(with_connections(load_cell("zero"), "modbus", {"swop_words": True}), tmp_path, LoopClock())
 
     with pytest.raises(ConfigError, match="swop_words"):
         run_virtual(main)

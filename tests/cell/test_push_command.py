@@ -18,7 +18,7 @@ from gateway.workflow.control.pushing import push_run
 from gateway.workflow.control.selftesting import self_test_site
 from gateway.workflow.loop.run import run_site
 from simulators.cell import cell_running
-from simulators.cell.judge import Judge
+from simulators.cell.backdoor import BackDoor
 from tests.cell.bench import short
 
 
@@ -33,7 +33,7 @@ def test_a_proposal_is_shown_then_pushed(tmp_path: Path) -> None:
         async with cell_running("demo", tmp_path / "cell", clock, wires="memory", block_s=1.0, seed=3) as cell:
             path = cell.site_path
             path.write_text(short(("C1",), 9, 3)(path.read_text(encoding="utf-8")), encoding="utf-8")
-            site, judge = load_site(path), Judge(cell)
+            site, judge = load_site(path), BackDoor(cell)
             with pytest.raises(WriteRefused, match="E-RUN-SELF-TEST"):
                 await run_site(site, path, apply=True, machine_name=site.site.name, clock=clock, say=silence)
             made = await run_site(site, path, apply=False, machine_name="", clock=clock, say=silence)

@@ -14,7 +14,7 @@ from gateway.store import RunFolder, Store
 from gateway.workflow import stages
 from gateway.workflow.errors21.components import PlanOutcome, measure_site
 from simulators.cell import Cell
-from simulators.optics import stops
+from simulators.optics import mountings
 from tests.cell.test_components import few, on_cell
 
 OFF = 3.0  # um or arcsec: thirty times what readings of the demo scatter
@@ -22,7 +22,7 @@ JOG, COUNT = 3, 6
 KINDS = ("EXX", "ECC", "EYX", "EAX", "EXC", "B0Z", "A0C", "EBC")
 
 
-class Broken(stops.Stops):
+class Broken(mountings.StopNoise):
     """The stop with this number reads what is not there; every mounting begins anew with number 0."""
 
     at = frozenset[int]()
@@ -43,8 +43,8 @@ def measured(
 ) -> dict[str, Capture]:
     """These set-ups of the demo cell with readings broken at these stops."""
     patch.setattr(Broken, "at", at)
-    for module in ("sensor", "laser", "calibrator"):
-        patch.setattr(f"simulators.optics.{module}.Stops", Broken, raising=False)
+    for module in ("sensors", "interferometer", "calibrator"):
+        patch.setattr(f"simulators.optics.{module}.StopNoise", Broken, raising=False)
     found: dict[str, Capture] = {}
 
     async def story(cell: Cell, site: SiteFile, clock: LoopClock) -> None:

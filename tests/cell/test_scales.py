@@ -14,7 +14,7 @@ from gateway.workflow.control.rolling_back import roll_back_site
 from gateway.workflow.loop.run import run_site
 from simulators.cell import Cell
 from simulators.cellfile import CellFile, load_cell
-from simulators.cellfile.terms import LoadedAxis
+from simulators.cellfile.curves import LoadedAxisTable
 from tests.cell.bench import main_job, short
 from tests.selftested import cell_running
 from tests.sizes import few
@@ -28,7 +28,7 @@ CURVE = {"kind": "polynomial", "coefficients": [0.0, 4.0, 3.0], "center": -130.0
 def scales(uneven_step: str = "floor", **machine: Any) -> CellFile:
     """The cell with a table of X that ends in the measured range, and other keys of its control."""
     file = load_cell("scales")
-    loaded = LoadedAxis.model_validate(UNEVEN | {"values": [CURVE]})
+    loaded = LoadedAxisTable.model_validate(UNEVEN | {"values": [CURVE]})
     axes = tuple(one.model_copy(update={"loaded": loaded}) if one.name == "X1" else one for one in file.axes)
     switches = {**file.machine.switches, "uneven_step": uneven_step, **machine.pop("switches", {})}
     changed = file.machine.model_copy(update={"switches": switches, **machine})

@@ -38,7 +38,7 @@ from gateway.workflow.runsite import new_run
 from gateway.workflow.tooth.correcting import ToothOutcome, correct_site
 from simulators.cell import Cell
 from simulators.cellfile import load_cell, with_plan
-from simulators.grinding.rotation_axis import on_axis
+from simulators.grinding.grinder import rotation_axis_frame
 from simulators.truth import Truth
 from tests.cell.fitted import read
 from tests.selftested import cell_running
@@ -88,7 +88,7 @@ def ground_flank(
         size = 1.0 / 3600.0 if out == "C" else 1e-3
         return lambda at: -size * sum(np.interp(_into(at, one), one.positions, one.deviations) for one in mine)
 
-    true = on_axis(truth, part.grinding.height_mm)
+    true = rotation_axis_frame(truth, part.grinding.height_mm)
     seat = replace(true, origin=true.origin + 1e-3 * np.array([[*off_um, 0.0]]))
     work = ground(truth, part, seat, corrections={out: added(out) for out in "XZC"}, **set_up)
     spaces = np.arange(float(part.gear.zc))

@@ -13,11 +13,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from simulators.cellfile.part import Part
-from simulators.grinding import Lobes, WorkPiece
-from simulators.grinding.rotation_axis import on_axis
+from simulators.cellfile.equipment import Part
+from simulators.grinding.grinder import rotation_axis_frame
+from simulators.grinding.workpiece import CycloidDisc, WorkPiece
 from simulators.truth import Truth
-from simulators.truth.chain import Pose
+from simulators.truth.kinematics import Pose
 from tests.closing.tables import Grid, Layout, Table, fitted
 from tests.unit.simulators.planned_run import ground
 
@@ -75,7 +75,7 @@ class Places:
 
 def places(part: Part, *, profile: int = 11, width: int = 5) -> Places:
     """Where a part is judged: `profile` points on each flank of every space, at `width` heights."""
-    lobes = Lobes(part.gear)
+    lobes = CycloidDisc(part.gear)
     cells = (np.arange(profile) + 0.5) / profile * SHARE * float(lobes.length(np.asarray([lobes.half]))[0])
     fine = np.linspace(-lobes.half, lobes.half, 20001)
     t = np.interp(np.concatenate((-cells[::-1], cells)), lobes.length(fine), fine)
@@ -84,7 +84,7 @@ def places(part: Part, *, profile: int = 11, width: int = 5) -> Places:
 
 def places_at(part: Part, t: FloatArray, z: FloatArray) -> Places:
     """These profile angles (T,) and heights (Z,) of every space of a part."""
-    point, normal = Lobes(part.gear).profile(t)
+    point, normal = CycloidDisc(part.gear).profile(t)
     lever = (np.conj(point) * normal).imag
     return Places(np.arange(float(part.gear.zc)), t, z, normal.real, normal.imag, lever)
 
@@ -177,7 +177,7 @@ class Machine:
 
     def centred(self) -> Machine:
         """The same with its work true to the axis of rotation, as a patient person would clamp it."""
-        return replace(self, seat=on_axis(self.truth, self.part.grinding.height_mm))
+        return replace(self, seat=rotation_axis_frame(self.truth, self.part.grinding.height_mm))
 
 
 def corrections(tables: Sequence[Table]) -> dict[str, Any]:

@@ -25,8 +25,9 @@ from gateway.workflow.loop.tooth_loop import close_site
 from gateway.workflow.tooth.agreement import BEFORE
 from gateway.workflow.tooth.proposal import work_of
 from simulators.cell import Cell
-from simulators.cell.filed import write_filed_site
-from simulators.cellfile import CellFile, InspectionMachine
+from simulators.cell.setup_files import write_site_of_files
+from simulators.cellfile import CellFile
+from simulators.cellfile.equipment import InspectionMachine
 from simulators.inspection import GearMachine
 from simulators.truth import Truth
 from tests.closing.reckoned import BLOCK_S
@@ -75,7 +76,7 @@ async def asked(
     """
     clock = LoopClock()
     async with cell_running(file, folder, clock, wires="memory", block_s=BLOCK_S) as cell:
-        path = write_filed_site(cell, cell.site_path)
+        path = write_site_of_files(cell, cell.site_path)
         site = load_site(path)
         run = RunFolder(Path((await measure_site(site, path, clock=clock, say=silence)).run_folder))
         live = {

@@ -24,9 +24,9 @@ from gateway.workflow import stages
 from gateway.workflow.loop import tooth_loop
 from gateway.workflow.loop.tooth_loop import close_site
 from gateway.workflow.outcome import Outcome
-from simulators.cell.filed import write_filed_site
+from simulators.cell.setup_files import write_site_of_files
 from simulators.cellfile import CellFile
-from simulators.grinding.rotation_axis import on_axis
+from simulators.grinding.grinder import rotation_axis_frame
 from simulators.truth import Truth
 from tests.closing.judge import places_at, rms
 from tests.selftested import cell_running
@@ -58,7 +58,7 @@ async def tried(file: CellFile, folder: Path, *, report: bool = True) -> Tried:
     """
     clock = LoopClock()
     async with cell_running(file, folder, clock, wires="memory", block_s=1.0) as cell:
-        path = write_filed_site(cell, cell.site_path)
+        path = write_site_of_files(cell, cell.site_path)
         with nullcontext() if report else patch.object(tooth_loop, "closed", _unreported):
             done = await close_site(load_site(path), path, apply=False, machine_name="", clock=clock, say=silence)
     run = RunFolder(Path(done.run_folder))
@@ -74,7 +74,7 @@ def _judged(truth: Truth, tables: Sequence[CompensationTable], tooth: ToothPropo
     part, said = truth.cell.part, tooth.prediction
     assert part is not None
     at = places_at(part, said.after.theta_rad, said.after.z_mm)
-    seat = on_axis(truth, part.grinding.height_mm)
+    seat = rotation_axis_frame(truth, part.grinding.height_mm)
     first = at.set_right(at.flank(ground(truth, part, seat)))
     last = at.set_right(at.flank(ground(truth, part, seat, corrections=corrections(tables))))
     missed = rms(last - at.set_right(at.turned_off(said.after.deviation_um)))

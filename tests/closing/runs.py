@@ -25,9 +25,9 @@ from gateway.workflow.loop.tooth_loop import AFTER, close_site
 from gateway.workflow.outcome import Outcome
 from gateway.workflow.tooth.agreement import BEFORE
 from simulators.cell import Cell
-from simulators.cell.filed import write_filed_site
+from simulators.cell.setup_files import write_site_of_files
 from simulators.cellfile import CellFile
-from simulators.grinding import WorkPiece
+from simulators.grinding.workpiece import WorkPiece
 from simulators.nck.machine import compensation as table
 from tests.closing.identified import Curve, FloatArray, identified
 from tests.closing.judge import CROSS, OWN, Machine, b_left_on, floor, kept_floor, places, places_at, rms
@@ -148,7 +148,7 @@ def quick(cell: Cell, text: str) -> str:
     """Every set-up as a file that the cell's bench wrote, and few targets where a push is judged on the axis."""
     path = cell.site_path
     path.write_text(text, encoding="utf-8")
-    write_filed_site(cell, path)
+    write_site_of_files(cell, path)
     axes, rest = path.read_text(encoding="utf-8").split("[[setups]]", 1)
     for dense, sparse in (("count = 21", "count = 9"), ("count = 25", "count = 13"), ("s = 5", "s = 3")):
         axes = axes.replace(dense, sparse)

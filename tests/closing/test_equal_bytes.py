@@ -20,7 +20,7 @@ from drivers.clock import LoopClock, run_virtual
 from gateway.config import load_site
 from gateway.say import silence
 from gateway.workflow.loop.tooth_loop import close_site
-from simulators.cell.filed import write_filed_site
+from simulators.cell.setup_files import write_site_of_files
 from simulators.cellfile import load_cell, with_plan
 from tests.closing.reckoned import BLOCK_S
 from tests.selftested import cell_running
@@ -57,7 +57,7 @@ async def proposal(folder: Path, port: int) -> None:
     machine = file.machine.model_copy(update={"opcua": {**file.machine.opcua, "port": port}})
     file = file.model_copy(update={"machine": machine})
     async with cell_running(file, folder, clock, wires="memory", block_s=BLOCK_S) as cell:
-        path = write_filed_site(cell, cell.site_path, {one.component for one in cell.file.setups} - {"EXX"})
+        path = write_site_of_files(cell, cell.site_path, {one.component for one in cell.file.setups} - {"EXX"})
         await close_site(load_site(path), path, apply=False, machine_name="", clock=clock, say=silence)
 
 

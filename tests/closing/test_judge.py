@@ -13,9 +13,9 @@ from gateway.correct.flank.compensability import tangential_cure
 from gateway.gear.cycloid import CycloidGear
 from gateway.gear.flank import flank_figure, flank_grid
 from simulators.cellfile import CellFile, load_cell
-from simulators.cellfile.part import Clamping, Part
-from simulators.grinding import clamped
-from simulators.grinding.rotation_axis import on_axis
+from simulators.cellfile.equipment import Clamping, Part
+from simulators.grinding.grinder import rotation_axis_frame
+from simulators.grinding.workpiece import draw_clamping
 from simulators.truth import Truth
 from tests.closing.judge import Floor, Machine, Values, b_left, b_left_on, floor, kept_floor, places, rms
 from tests.closing.machines import ANGULAR_ARCSEC, GEARS, LINEAR_UM, gear_of, machine, written
@@ -39,7 +39,7 @@ def with_errors(**errors: Any) -> Machine:
     cell = CellFile.model_validate(plain_cell(truth=truth, part=part, axes=axes))
     known = Truth(cell)
     assert cell.part is not None
-    return Machine(known, cell.part, on_axis(known, 150.0))
+    return Machine(known, cell.part, rotation_axis_frame(known, 150.0))
 
 
 def wave(order: int, amplitude: float, phase: float = 0.0) -> list[dict[str, Any]]:
@@ -50,7 +50,7 @@ def seeded(seed: int) -> Machine:
     cell = machine(seed)
     truth = Truth(cell)
     assert cell.part is not None
-    seat = on_axis(truth, 150.0).then(clamped(cell.part.clamping, cell.seed, "blank 3"))
+    seat = rotation_axis_frame(truth, 150.0).then(draw_clamping(cell.part.clamping, cell.seed, "blank 3"))
     return Machine(truth, cell.part, seat, start_s=20000.0)
 
 
@@ -136,7 +136,7 @@ def test_a_table_as_steep_as_it_may_be_holds_the_floor_up() -> None:
 @pytest.mark.long
 def test_the_work_s_eccentricity_is_kept_out_of_the_tables() -> None:
     true = with_errors()
-    off = replace(true, seat=true.seat.then(clamped(Clamping(eccentric_um=0.3), 5, "blank")))
+    off = replace(true, seat=true.seat.then(draw_clamping(Clamping(eccentric_um=0.3), 5, "blank")))
     runout = rms(off.places.set_right(off.flank(Values())))
     assert 0.08 < runout < 0.3
     assert floor(off, GRIDS).rms_um < 0.15 * runout
@@ -174,7 +174,7 @@ def test_a_seeded_machine_has_every_error_of_its_class(seed: int) -> None:
     assert max(size for name, size in sizes.items() if name[1] in "XYZ") < 1.2 * LINEAR_UM
     assert max(size for name, size in sizes.items() if name[1] in "ABC") < 1.2 * ANGULAR_ARCSEC
     assert all(0.0 < abs(truth.location(name)) <= 10.0 for name in ("B0Z", "A0C", "B0C", "X0C", "Y0C"))
-    origin = on_axis(truth, 150.0).origin[0]
+    origin = rotation_axis_frame(truth, 150.0).origin[0]
     assert np.hypot(*origin[:2]) < 1e-4  # nothing that turns along with the table
     assert cell.part is not None
     assert cell.part.name == gear_of(seed)

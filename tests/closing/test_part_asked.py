@@ -13,8 +13,8 @@ from gateway.tooth import ToothVerdict
 from gateway.workflow import stages
 from gateway.workflow.tooth import proposal
 from simulators.cell import Cell
-from simulators.cell.filed import write_filed_site, write_setup_file
-from simulators.cell.judge import Judge
+from simulators.cell.backdoor import BackDoor
+from simulators.cell.setup_files import write_setup_file, write_site_of_files
 from simulators.cellfile import load_cell, with_plan
 from tests.closing.machines import machine
 from tests.closing.parts import Asked, asked, turned
@@ -78,12 +78,12 @@ async def test_a_whole_run_with_a_reversed_indicator_writes_nothing(tmp_path: Pa
     file = with_plan(load_cell("demo"))
     async with cell_running(file, tmp_path, clock, wires="memory", block_s=BLOCK_S) as cell:
         cell.operator.change(mounts_reversed=("EXC",))
-        tables = await Judge(cell).answer({"ask": "tables"})
+        tables = await BackDoor(cell).answer({"ask": "tables"})
         with pytest.raises(TrueflankError) as caught:
             await closed(cell, clock, live_index)
         assert (caught.value.code, caught.value.exit_code) == ("E-PART-APART", 6)
         assert "EXC-C1" in str(caught.value)
-        assert await Judge(cell).answer({"ask": "tables"}) == tables
+        assert await BackDoor(cell).answer({"ask": "tables"}) == tables
 
 
 @pytest.mark.long
@@ -96,7 +96,7 @@ async def test_a_flank_that_became_worse_takes_all_tables_of_the_run_back(
     clock = LoopClock()
     file = turned(with_plan(load_cell("demo")), "EXC")
     async with cell_running(file, tmp_path, clock, wires="memory", block_s=BLOCK_S) as cell:
-        before = await Judge(cell).answer({"ask": "tables"})
+        before = await BackDoor(cell).answer({"ask": "tables"})
         done = await closed(cell, clock, quick)
         verdict = done.folder.get(stages.TOOTH_VERDICT, ToothVerdict)
         assert (verdict.outcome, done.folder.state) == ("worse", "worse")
@@ -105,7 +105,7 @@ async def test_a_flank_that_became_worse_takes_all_tables_of_the_run_back(
             "P-CLOSE-BACK",
             "P-CLOSE-GOING-BACK",
         ]
-        after = await Judge(cell).answer({"ask": "tables"})
+        after = await BackDoor(cell).answer({"ask": "tables"})
         switched = {axis: table["enabled"] for axis, table in after["tables"].items()}
         assert switched == {axis: table["enabled"] for axis, table in before["tables"].items()}
         actions = [entry["action"] for entry in audit.entries(tmp_path / "runs")]
@@ -118,5 +118,5 @@ def live_index(cell: Cell, text: str) -> str:
     path = cell.site_path
     path.write_text(text, encoding="utf-8")
     every = {setup.component for setup in cell.file.setups}
-    write_filed_site(cell, path, every - {"EXC"})
+    write_site_of_files(cell, path, every - {"EXC"})
     return path.read_text(encoding="utf-8")

@@ -14,8 +14,8 @@ import pytest
 from gateway.store import RunFolder
 from gateway.tooth import ToothProposal
 from gateway.workflow import stages
-from simulators.grinding import clamped
-from simulators.grinding.rotation_axis import on_axis
+from simulators.grinding.grinder import rotation_axis_frame
+from simulators.grinding.workpiece import draw_clamping
 from simulators.pytest_plugin import CellStarter, WireCell
 from simulators.truth import Truth
 from tests.closing.judge import SHARE, Machine, Places, kept_floor, places, rms
@@ -60,7 +60,9 @@ def test_a_machine_over_its_wires_ends_at_its_floor(seed: int, trueflank_cell: C
     at = places(file.part)
     after = rms(true_flank(cell, at))
     number = int(cell.ask("part")["ground"]["number"])
-    seat = on_axis(truth, file.part.grinding.height_mm).then(clamped(file.part.clamping, file.seed, f"blank {number}"))
+    seat = rotation_axis_frame(truth, file.part.grinding.height_mm).then(
+        draw_clamping(file.part.clamping, file.seed, f"blank {number}")
+    )
     judged = Machine(truth, file.part, seat, float(cell.ask("status")["clock_s"]))
     floor_um = kept_floor(judged, grids_of(cell.site)).rms_um
     folder = RunFolder(Path(told["run_folder"]))

@@ -15,8 +15,8 @@ from gateway.tooth import ToothProposal
 from gateway.workflow import stages
 from gateway.workflow.loop.tooth_loop import close_site
 from simulators.cell import Cell
-from simulators.cell.filed import write_filed_site
-from simulators.cell.judge import Judge
+from simulators.cell.backdoor import BackDoor
+from simulators.cell.setup_files import write_site_of_files
 from simulators.cellfile import CellFile, load_cell, with_plan
 from tests.closing.machines import machine
 from tests.closing.presses import by_kind
@@ -45,7 +45,7 @@ def short(cell: Cell, text: str) -> str:
     path.write_text(
         text.replace("count = 11", "count = 21").replace("repetitions = 2", "repetitions = 5"), encoding="utf-8"
     )
-    write_filed_site(cell, path, {setup.component for setup in cell.file.setups} - LIVE)
+    write_site_of_files(cell, path, {setup.component for setup in cell.file.setups} - LIVE)
     axes, rest = path.read_text(encoding="utf-8").split("[[setups]]", 1)
     few = axes.replace("count = 21", "count = 11").replace("repetitions = 5", "repetitions = 4")
     return f"{few}[[setups]]{rest}"
@@ -87,13 +87,13 @@ async def test_a_plan_from_files_ends_with_a_proposal_for_the_tooth(tmp_path: Pa
     """The smaller one of the same loop: nothing is mounted, ground or written without `apply`."""
     clock = LoopClock()
     async with cell_running(with_plan(load_cell("demo")), tmp_path, clock, wires="memory", block_s=BLOCK_S) as cell:
-        path = write_filed_site(cell, cell.site_path)
-        tables = await Judge(cell).answer({"ask": "tables"})
+        path = write_site_of_files(cell, cell.site_path)
+        tables = await BackDoor(cell).answer({"ask": "tables"})
         done = await close_site(load_site(path), path, apply=False, machine_name="", clock=clock, say=silence)
         folder = RunFolder(Path(done.run_folder))
         tooth = folder.get(stages.TOOTH, ToothProposal)
         assert tooth.prediction.after.rms_um < 0.5 * tooth.prediction.before.rms_um
         assert stages.PROPOSAL in folder.stages
-        assert await Judge(cell).answer({"ask": "tables"}) == tables
+        assert await BackDoor(cell).answer({"ask": "tables"}) == tables
         assert not [line for line in cell.operator.log if line.startswith(("mounted", "clamped"))]
         assert cell.shop.ground is None

@@ -5,14 +5,12 @@ from __future__ import annotations
 from simulators.nck.channel import Channel
 from simulators.nck.control import Nck
 from simulators.nck.machine import files
-from simulators.nck.machine.memory import TableMemory
+from simulators.nck.machine.compensation import TableMemory
 from simulators.nck.program import names
-from simulators.nck.program.scope import Variable
-from simulators.opcua.filenodes import ServedFiles
-from simulators.opcua.methods import Methods
+from simulators.nck.program.procedures import Variable
+from simulators.opcua.address_space import Account, VariableSpace
+from simulators.opcua.methods import Methods, ServedFiles
 from simulators.opcua.sessions import SinumerikSession
-from simulators.opcua.space import Space
-from simulators.opcua.users import Account
 from tests.conform.seeds import (
     Leniency,
     any_count,
@@ -53,7 +51,7 @@ LENIENCIES = (
     Leniency("rights of machine data", frozenset({"right-to-machine-datum"}), wrapped(Account, "may", may_all)),
     Leniency("type of a written value", frozenset({"write-r-type"}), wrapped(SinumerikSession, "_store", typed)),
     Leniency("time stamp of a write", frozenset({"write-r-stamped"}), wrapped(SinumerikSession, "_store", stamped)),
-    Leniency("length of a block", frozenset({"write-r-block"}), wrapped(Space, "write", any_length)),
+    Leniency("length of a block", frozenset({"write-r-block"}), wrapped(VariableSpace, "write", any_length)),
     Leniency(
         "write-protected variables",
         frozenset(
@@ -67,7 +65,7 @@ LENIENCIES = (
                 "write-datum-own",
             }
         ),
-        refusal_is(Space, "write", None),
+        refusal_is(VariableSpace, "write", None),
     ),
     Leniency(
         "arguments' types", frozenset({"send-type", "fetch-type", "select-type"}), wrapped(Methods, "call", any_type)
@@ -124,7 +122,7 @@ LENIENCIES = (
     rule("CHARACTER", "character"),
     Leniency("root of a negative number", frozenset({"root-of-negative"}), root),
     Leniency("elements behind an array", frozenset({"array-index"}), refusal_is(Variable, "write", None)),
-    Leniency("jump to nowhere", frozenset({"label-by-text"}), refusal_is(names.Names, "jump", None)),
+    Leniency("jump to nowhere", frozenset({"label-by-text"}), refusal_is(names.NameResolver, "jump", None)),
     Leniency("deleting what is not there", frozenset({"delete-missing"}), state_ok("remove", files.NO_FILE)),
     Leniency("writing nowhere", frozenset({"write-nowhere"}), state_ok("append", files.NO_PATH)),
     Leniency("reading what is not there", frozenset({"read-missing"}), reads_missing),

@@ -12,13 +12,13 @@ from drivers.sinumerik.opcua.session import nodes
 from simulators.nck.channel import Channel
 from simulators.nck.machine import files
 from simulators.nck.machine.files import FileSystem
-from simulators.nck.program import functions, gate, procedures, variables
-from simulators.nck.program.table_variables import TableVariables
+from simulators.nck.program import expressions as functions
+from simulators.nck.program import names, procedures, variables
+from simulators.nck.program.variables import TableVariables
 from simulators.nck.spec import NckRefusal
 from simulators.opcua import methods
+from simulators.opcua.address_space import Account, StatusRefused
 from simulators.opcua.methods import Methods
-from simulators.opcua.space import Refused
-from simulators.opcua.users import Account
 
 Patch = pytest.MonkeyPatch
 
@@ -36,13 +36,13 @@ def rule(code: str, *named: str) -> Leniency:
     """The gate forgets one rule of the language; whatever stands behind it may still stop the program, otherwise."""
 
     def seed(patch: Patch) -> None:
-        checked = gate.check
+        checked = names.check
 
         def lenient(*given: Any) -> Any:
             return tuple(one for one in checked(*given) if one.code != f"E-LEGAL-{code}")
 
-        patch.setattr(gate, "check", lenient)
-        gate._found.cache_clear()
+        patch.setattr(names, "check", lenient)
+        names._first_violation.cache_clear()
 
     return Leniency(f"rule {code}", frozenset(named), seed)
 
@@ -58,7 +58,7 @@ def refusal_is(
         def lenient(*given: Any, **more: Any) -> Any:
             try:
                 return strict(*given, **more)
-            except (NckRefusal, Refused):
+            except (NckRefusal, StatusRefused):
                 if when(*given):
                     return value
                 raise
@@ -157,7 +157,7 @@ def opens_by_zero(strict: Any) -> Any:
 
 def unlimited(side: str) -> Callable[[Patch], None]:
     def seed(patch: Patch) -> None:
-        strict = variables.checked
+        strict = variables.check_value
 
         def lenient(spec: Any, name: str, value: Any) -> Any:
             if spec.kind == "real" and (value > spec.high if side == "high" else value < spec.low):
@@ -170,7 +170,7 @@ def unlimited(side: str) -> Callable[[Patch], None]:
 
 
 def bool_of_two(patch: Patch) -> None:
-    strict = variables.checked
+    strict = variables.check_value
     patch.setattr(
         variables,
         "checked",
@@ -195,7 +195,7 @@ def clamped(patch: Patch) -> None:
 
 
 def divides(patch: Patch) -> None:
-    strict = functions.calculated
+    strict = functions.apply_operator
     from simulators.nck.program import expressions
 
     def lenient(operator: str, left: Any, right: Any) -> Any:

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from drivers.probes import ProbedSession, differences
-from simulators.nck.program import gate
+from simulators.nck.program import names
 from tests.conform.leniencies import LENIENCIES, Leniency
 from tests.conform.sessions import of_control, of_double
 
@@ -33,7 +33,7 @@ def control(tmp_path_factory: pytest.TempPathFactory) -> ProbedSession:
 def lenient() -> Iterator[pytest.MonkeyPatch]:
     with pytest.MonkeyPatch.context() as patch:
         yield patch
-    gate._found.cache_clear()
+    names._first_violation.cache_clear()
 
 
 @pytest.mark.long

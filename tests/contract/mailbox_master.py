@@ -11,7 +11,7 @@ from typing import Any
 from drivers.clock import LoopClock
 from drivers.errors import DeadlineExceeded
 from drivers.transport import ByteTransport, open_transport
-from simulators.modbus import PlcStation, serving
+from simulators.modbus import PlcStation, running_station
 from tests.unit.nck.bench import Bench
 
 BUSY, DONE, FAILED = 2, 4, 8
@@ -245,7 +245,7 @@ async def at_desk(
     await bench.nck.start()
     try:
         await bench.warm_up()
-        async with serving(bench.nck, bench.clock, settings, url) as station:
+        async with running_station(bench.nck, bench.clock, settings, url) as station:
             station.plc.on_session = station.plc.release.give
             wire = await open_transport(station.url, LoopClock(), 5.0)
             low_first = settings.get("word_order") == "low-first"

@@ -13,8 +13,8 @@ import numpy as np
 from drivers.sinumerik.mailbox.device import SinumerikModbus
 from drivers.types.orders import PushOrder, SignProof
 from drivers.types.tables import CompensationTable, LiveSet
-from simulators.modbus import PlcStation, serving
-from simulators.nck.control import AxisSpec
+from simulators.modbus.station import PlcStation, running_station
+from simulators.nck.spec import AxisSpec
 from tests.batches import sets_of
 from tests.unit.nck.bench import Bench
 
@@ -124,7 +124,7 @@ async def on_stage(
     await bench.nck.start()
     try:
         await bench.warm_up()
-        async with serving(bench.nck, bench.clock, plc, url) as station:
+        async with running_station(bench.nck, bench.clock, plc, url) as station:
             stage = Stage(bench, station, None)  # type: ignore[arg-type]
             station.plc.on_session = station.plc.release.give
             stage.device = stage.other(**(driver or {}))

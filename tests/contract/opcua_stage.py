@@ -16,7 +16,7 @@ from drivers.types.stops import Stop, StopPlan, StopReached
 from drivers.types.tables import CompensationTable, LiveSet
 from simulators.nck.control import Nck
 from simulators.nck.spec import AxisSpec, NckSpec
-from simulators.opcua import SinumerikServer
+from simulators.opcua.server import SinumerikServer
 from tests.batches import sets_of
 
 AXES = (

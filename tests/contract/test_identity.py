@@ -29,10 +29,10 @@ from gateway.report.document.whole import document
 from gateway.report.particulars import Particulars
 from gateway.supervisor import Supervisor
 from gateway.workflow.recognising import Recognising, known_of
-from simulators.faultlist import named_faults
+from simulators.faults import named_faults
 from simulators.nck.control import Nck
 from simulators.nck.spec import AxisSpec, NckSpec
-from simulators.opcua import SinumerikServer
+from simulators.opcua.server import SinumerikServer
 from tests.offline.world import offline_world
 from tests.unit.report.synthetic import material
 

@@ -19,7 +19,7 @@ from gateway.cli import app
 from gateway.config import load_site
 from gateway.report.document.whole import document
 from gateway.workflow.recognising import known_of
-from simulators.modbus import serving
+from simulators.modbus.station import running_station
 from simulators.nck.control import Nck
 from simulators.nck.spec import AxisSpec, NckSpec
 from tests.contract.linuxcnc_stage import on_stage
@@ -106,7 +106,7 @@ async def mailbox(folder: Path) -> AsyncIterator[Scene]:
         nck.spec = replace(nck.spec, software_updated="V4.95")
 
     try:
-        async with serving(nck, clock) as station:
+        async with running_station(nck, clock) as station:
             site = site_at(folder, station.home, facts, driver="sinumerik-modbus", settings="", axis="X1")
             yield Scene(site, facts, one, two)
     finally:

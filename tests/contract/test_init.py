@@ -15,7 +15,7 @@ from gateway.cli.begin.checking import against_control, checked
 from gateway.cli.begin.surveying import surveyed
 from simulators.nck.control import Nck
 from simulators.nck.spec import AxisSpec, NckSpec
-from simulators.opcua import SinumerikServer
+from simulators.opcua.server import SinumerikServer
 
 PASSWORD = "fivefold-77"
 FIVE = NckSpec(

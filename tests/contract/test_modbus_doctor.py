@@ -11,7 +11,7 @@ import pytest
 from drivers.checks import CheckLine, Wanted, WantedAxis
 from drivers.clock import LoopClock, run_virtual
 from drivers.sinumerik.mailbox.doctor import ModbusDoctor
-from simulators.modbus import serving
+from simulators.modbus.station import running_station
 from simulators.nck.control import Nck
 from simulators.nck.spec import NckSpec
 from tests.contract.opcua_stage import SPEC
@@ -34,7 +34,7 @@ def lines_of(
         clock = LoopClock()
         nck = Nck(spec, clock)
         await nck.start()
-        async with serving(nck, clock, plc or {}, url) as station:
+        async with running_station(nck, clock, plc or {}, url) as station:
             writes: list[Sequence[int]] = []
             station.plc.write = lambda _address, values: writes.append(values)  # type: ignore[method-assign]
             if prepare == "pulled":

@@ -11,7 +11,7 @@ import pytest
 
 from drivers.clock import LoopClock
 from drivers.transport import open_transport
-from simulators.modbus import serving
+from simulators.modbus.station import running_station
 from tests.contract.mailbox_master import FAILED, Desk, Master, at_desk, crc16, crc32, many, words
 from tests.unit.nck.bench import Bench
 
@@ -40,7 +40,7 @@ def worked_exchange() -> list[tuple[str, int, list[int]]]:
 
 
 async def test_the_worked_exchange_passes_as_printed() -> None:
-    from simulators.nck.control import AxisSpec
+    from simulators.nck.spec import AxisSpec
 
     axes = (AxisSpec("X1", "X", travel=(-300.0, 700.0), eec_points=(801, 0)),)
 
@@ -325,7 +325,7 @@ async def test_a_fast_machine_leaves_the_pc_its_own_seconds_for_session_and_rele
     bench, pc = Bench(), LoopClock()
     await bench.nck.start()
     await bench.warm_up()
-    async with serving(bench.nck, LoopClock(60.0), {}, "memory://plc") as station:
+    async with running_station(bench.nck, LoopClock(60.0), {}, "memory://plc") as station:
         station.plc.on_session = station.plc.release.give
         master = Master(await open_transport(station.url, pc, 5.0), False, 1, False)
         await master.open(77)

@@ -13,7 +13,7 @@ from asyncua import ua
 from asyncua.client.client import Client
 
 from drivers.sinumerik.opcua.session import nodes
-from simulators.opcua.manners import STARTING
+from simulators.opcua.quirks import STARTING_STATUSES
 from tests.contract.opcua_stage import AXES, SPEC, Stage, on_stage
 
 X, Z, C = AXES
@@ -138,7 +138,7 @@ async def test_a_control_that_starts_again_tells_it_by_a_bad_status(keys: Path) 
         first, *starting, last = [status for _, _, status in at.heard.told]
         assert (first, last) == ("Good", "Good")
         assert starting
-        assert set(starting) <= set(STARTING["source"])
+        assert set(starting) <= set(STARTING_STATUSES["source"])
 
 
 async def test_no_more_samples_a_second_than_the_control_has(keys: Path) -> None:

@@ -19,8 +19,8 @@ from drivers.sinumerik.opcua.session import login, nodes
 from drivers.sinumerik.opcua.session.client import UaSession
 from drivers.sinumerik.opcua.session.secrets import Secrets
 from drivers.types.stops import Stop
-from simulators.opcua import SinumerikServer
-from simulators.opcua.space import Space
+from simulators.opcua.address_space import VariableSpace
+from simulators.opcua.server import SinumerikServer
 from tests.contract.opcua_stage import Stage, on_stage, plan
 
 R = [nodes.r_parameter(90 + place) for place in range(6)]
@@ -310,13 +310,13 @@ async def test_fault_59_a_block_of_the_wrong_length_is_not_taken(
     keys: Path, monkeypatch: pytest.MonkeyPatch, change: Callable[[list[Any]], list[Any]]
 ) -> None:
     async with on_stage(folder=keys) as on:
-        whole = Space._values
+        whole = VariableSpace._values
 
-        def wrong(self: Space, address: Any) -> list[Any]:
+        def wrong(self: VariableSpace, address: Any) -> list[Any]:
             values = whole(self, address)
             return change(values) if address.name == "R" and address.last is not None else values
 
-        monkeypatch.setattr(Space, "_values", wrong)
+        monkeypatch.setattr(VariableSpace, "_values", wrong)
         await refused(on.device._dialogue.look(), "E-UA-VALUE", "E-UA-PROTOCOL")
 
 

@@ -19,7 +19,7 @@ from drivers.sinumerik.opcua.session.families import FAMILIES, family
 from drivers.sinumerik.opcua.session.requests import code_name
 from drivers.sinumerik.opcua.session.status import is_not_yet, refusal
 from drivers.sinumerik.opcua.trust import UaTrust
-from simulators.opcua.manners import STARTING
+from simulators.opcua.quirks import STARTING_STATUSES
 from tests.contract.opcua_stage import ORDER, Stage, on_stage
 from tests.contract.test_opcua_doctor import WANTED
 from tests.contract.test_opcua_trust import USER, copied, refused, reissued
@@ -53,8 +53,8 @@ def test_only_rights_and_absent_nodes_are_final_while_a_control_restarts() -> No
     final = {name for name in NAMES if name != "Good" and not is_not_yet(refusal(name, "840D", "read", "node"))}
     assert {family(name) for name in final} == {"rights", "login", "absent"}
     assert "BadWaitingForInitialData" not in final
-    assert {name for names in STARTING.values() for name in names} & final == set()
-    assert len(STARTING["any"]) > 150
+    assert {name for names in STARTING_STATUSES.values() for name in names} & final == set()
+    assert len(STARTING_STATUSES["any"]) > 150
 
 
 def test_the_low_half_of_a_code_is_no_part_of_its_name() -> None:
@@ -63,7 +63,7 @@ def test_the_low_half_of_a_code_is_no_part_of_its_name() -> None:
 
 @pytest.mark.parametrize(
     ("starting", "seed"),
-    few([("any", 1), ("session", 1), *((kind, seed) for kind in STARTING for seed in range(2, 9))], 2, 8),
+    few([("any", 1), ("session", 1), *((kind, seed) for kind in STARTING_STATUSES for seed in range(2, 9))], 2, 8),
 )
 async def test_any_status_of_a_restarting_control_is_waited_through(keys: Path, starting: str, seed: int) -> None:
     async with on_stage(folder=keys) as on:

@@ -32,8 +32,7 @@ from gateway.config.loading import load_site
 from gateway.store.selftests import SelfTestBook
 from gateway.workflow.runsite import store_of
 from simulators.nck.control import Nck
-from simulators.opcua import SinumerikServer
-from simulators.opcua.server import APPLICATION_URI
+from simulators.opcua.server import APPLICATION_URI, SinumerikServer
 from tests.contract.opcua_stage import SPEC, Stage, on_stage
 from tests.contract.test_opcua_doctor import WANTED
 from tests.selftested import passed

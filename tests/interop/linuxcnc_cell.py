@@ -19,11 +19,13 @@ from typing import Any
 import numpy as np
 
 from drivers.clock import LoopClock
-from simulators.bridge import BridgeAnswerer
+from simulators.bridge import BridgeServer
 from simulators.cellfile import CellFile
-from simulators.optics import LaserCounter, OpticsBench, RotaryReader
+from simulators.optics.calibrator import RotaryReader
+from simulators.optics.interferometer import LaserCounter
+from simulators.optics.mountings import OpticsBench
 from simulators.truth import Truth
-from simulators.umd import UmdAnswerer
+from simulators.umd import UmdServer
 from tests.interop.linuxcnc_host import ROOT, TOKEN, Host
 
 EXAMPLE = ROOT / "examples" / "sites" / "linuxcnc-mill.toml"
@@ -83,8 +85,8 @@ async def instruments(host: Host) -> AsyncIterator[tuple[str, str]]:
     bench = OpticsBench(Truth(CellFile.model_validate(CELL)), plant)
     for setup in bench.cell.setups:
         bench.mount(setup)
-    laser = UmdAnswerer(LaserCounter(bench.cell.instruments[0], bench), bench, plant, BLOCK_S)
-    calibrator = BridgeAnswerer(RotaryReader(bench.cell.instruments[1], bench), bench, plant, BLOCK_S)
+    laser = UmdServer(LaserCounter(bench.cell.instruments[0], bench), bench, plant, BLOCK_S)
+    calibrator = BridgeServer(RotaryReader(bench.cell.instruments[1], bench), bench, plant, BLOCK_S)
     watching = asyncio.get_running_loop().create_task(plant.watch())
     try:
         yield await laser.start("socket://127.0.0.1:0"), await calibrator.start("tcp://127.0.0.1:0")

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from drivers.clock import LoopClock
-from simulators.modbus.pdu import PduRefused, Unanswered
+from simulators.modbus.frames import NoAnswer, PduRefused
 from simulators.modbus.plc import Plc
 from tests.interop.peers import HERE, ended, needed, program
 
@@ -54,7 +54,7 @@ class LibmodbusServer:
             self._plc.write(address, rest)
         except PduRefused as refused:
             return f"E {refused.code}"
-        except Unanswered:
+        except NoAnswer:
             return "N"
         return "0"
 

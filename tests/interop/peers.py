@@ -23,9 +23,8 @@ from drivers.errors import DeadlineExceeded
 from drivers.sinumerik.opcua.session import nodes
 from drivers.sinumerik.opcua.session.certificates import load, own_key_pair
 from simulators.nck.control import Nck
+from simulators.opcua.address_space import ANONYMOUS, StatusRefused, VariableSpace, make_accounts
 from simulators.opcua.methods import SIGNATURES, Methods
-from simulators.opcua.space import Refused, Space
-from simulators.opcua.users import ANONYMOUS, accounts_of
 
 HERE = Path(__file__).parent
 URI = "urn:interop:server"
@@ -117,8 +116,8 @@ class PeerServer:
 
     def __init__(self, stack: str, nck: Nck, users: dict[str, str]) -> None:
         self._stack = stack
-        self._space, self._methods = Space(nck), Methods(nck, 4)
-        self._accounts = accounts_of(users)
+        self._space, self._methods = VariableSpace(nck), Methods(nck, 4)
+        self._accounts = make_accounts(users)
         self._users = users
         self._nck = nck
         self.url = ""
@@ -184,7 +183,7 @@ class PeerServer:
             account = self._accounts.get(question["user"], ANONYMOUS)
             try:
                 answer["value"] = self._answer(question, account)
-            except Refused as refused:
+            except StatusRefused as refused:
                 answer["status"] = refused.status
             self._say(answer)
 

@@ -12,7 +12,7 @@ from drivers.carried import PieceOfWork, ToCarry, carrying
 from drivers.clock import LoopClock
 from drivers.types.orders import TableQuestion
 from drivers.types.tables import LiveSet
-from simulators.operator.porter import NOTHING_DONE, Porter
+from simulators.operator import SHEET_NOT_DONE, OfflineOperator
 from tests.offline.world import OfflineWorld, offline_world
 from tests.push.world import OLD
 from tests.sizes import few
@@ -187,9 +187,9 @@ async def test_another_machine_refuses_the_program_and_its_files_are_no_answer(t
         await introduced(world)
         async with offline_world(clock, tmp_path / "other", serial="ST-OTHER") as other:
             before = list(other.nck.core.memory.eec[0, 0].points)
-            porter = Porter(other.nck, clock, world.folder)
+            porter = OfflineOperator(other.nck, clock, world.folder)
             await porter.goes()
-            assert any(NOTHING_DONE in text for text in porter.read)
+            assert any(SHEET_NOT_DONE in text for text in porter.read)
             assert list(other.nck.core.memory.eec[0, 0].points) == before
         waits = await asked(world)
         assert isinstance(waits, ToCarry)
@@ -203,7 +203,7 @@ async def test_a_program_runs_once(tmp_path: Path) -> None:
         await world.porter.goes()
         world.porter.read.clear()
         await world.porter.runs("TFMEAS_X1.MPF")
-        assert any(NOTHING_DONE in text for text in world.porter.read)
+        assert any(SHEET_NOT_DONE in text for text in world.porter.read)
         world.porter.brings()
         assert isinstance(await asked(world), LiveSet)
 

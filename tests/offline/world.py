@@ -12,9 +12,9 @@ from drivers.clock import Clock
 from drivers.sinumerik.offline.device import SinumerikOffline
 from drivers.types.tables import CompensationTable, LiveTable
 from simulators.nck.control import Nck
-from simulators.nck.machine.data_table import ENC_ENABLE
+from simulators.nck.machine.data import ENC_ENABLE
 from simulators.nck.spec import NckSpec
-from simulators.operator.porter import Porter
+from simulators.operator import OfflineOperator
 from tests.placed import placed
 from tests.push.oracle import Oracle, content_of
 from tests.push.uaworld import X_SPEC, Z_SPEC
@@ -29,7 +29,7 @@ class OfflineWorld:
 
     def __init__(self, nck: Nck, clock: Clock, folder: Path, old: LiveTable, new: CompensationTable) -> None:
         self.nck, self.clock, self.folder, self.new = nck, clock, folder, new
-        self.porter = Porter(nck, clock, folder)
+        self.porter = OfflineOperator(nck, clock, folder)
         self.oracle = Oracle(nck, old, new)
 
     def driver(self) -> SinumerikOffline:

@@ -14,9 +14,9 @@ import numpy as np
 
 from drivers.types.tables import CompensationTable, LiveTable
 from simulators.nck.control import Nck
-from simulators.nck.machine.data_table import CEC_ENABLE, ENC_ENABLE
-from simulators.nck.machine.memory import CecTable
-from simulators.nck.whims import SWITCHES
+from simulators.nck.fault_injection import TABLE_SWITCHES
+from simulators.nck.machine.compensation import CecTable
+from simulators.nck.machine.data import CEC_ENABLE, ENC_ENABLE
 
 # Values are kept to a nanometre or 1e-7 deg: below half of that a value is the same.
 LAST_PLACE = {"mm": 1e-6, "deg": 1e-7}
@@ -97,7 +97,7 @@ class Oracle:
             if plain.startswith("$"):
                 self.writes += 1
             found = writes(plain, indices, value, level, **more)
-            if plain in SWITCHES and value and not self.foreign:
+            if plain in TABLE_SWITCHES and value and not self.foreign:
                 self._check_switching_on()
             self.look(f"{plain}{list(indices)} = {value}")
             return found

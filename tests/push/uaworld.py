@@ -21,9 +21,9 @@ from gateway.domain.proposals import TableChange
 from gateway.push import PushContext
 from gateway.push.compare import table_in
 from simulators.nck.control import Nck
-from simulators.nck.machine.data_table import CEC_ENABLE, ENC_ENABLE
+from simulators.nck.machine.data import CEC_ENABLE, ENC_ENABLE
 from simulators.nck.spec import AxisSpec, NckSpec
-from simulators.opcua import SinumerikServer
+from simulators.opcua.server import SinumerikServer
 from tests.placed import PLACES, placed
 from tests.push.oracle import Oracle, content_of
 from tests.push.world import NAME, NEW, NOTHING, OLD, POINTS, Folder, Scene

@@ -23,10 +23,11 @@ from gateway.axes import AxisRecord
 from gateway.domain.proposals import TableChange
 from gateway.push import PushContext
 from gateway.push.compare import table_in
-from simulators.instrument_wire import Around
-from simulators.modbus import PlcStation, station_of
-from simulators.nck.control import AxisSpec, Nck, NckSpec
-from simulators.nck.machine.data_table import CEC_ENABLE, ENC_ENABLE
+from simulators.instrument_server import WireWrapper
+from simulators.modbus.station import PlcStation, make_station
+from simulators.nck.control import Nck
+from simulators.nck.machine.data import CEC_ENABLE, ENC_ENABLE
+from simulators.nck.spec import AxisSpec, NckSpec
 from tests.placed import PLACES, placed
 from tests.push.oracle import Oracle, content_of
 from tests.signed import signed
@@ -192,7 +193,7 @@ def driver_settings(scene: Scene) -> dict[str, Any]:
 
 
 @contextlib.asynccontextmanager
-async def world(scene: Scene, clock: Clock | None = None, around: Around | None = None) -> AsyncIterator[World]:
+async def world(scene: Scene, clock: Clock | None = None, around: WireWrapper | None = None) -> AsyncIterator[World]:
     """A machine that is switched on, referenced, in AUTO, with the old table live."""
     clock = clock or LoopClock()
     nck = Nck(_spec(scene), clock)
@@ -200,7 +201,7 @@ async def world(scene: Scene, clock: Clock | None = None, around: Around | None 
     await nck.start()
     _switch(nck, scene)
     try:
-        station = station_of(nck, clock, {"scan_s": 0.01, **scene.plc}, around)
+        station = make_station(nck, clock, {"scan_s": 0.01, **scene.plc}, around)
         try:
             station.plc.on_session = station.plc.release.give
             await station.start(URL)

@@ -8,17 +8,24 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from drivers.clock import Clock
-from simulators.nck.machine.alarms import AlarmList
 from simulators.nck.machine.axis import AxisView, MachineAxis
-from simulators.nck.machine.compensation import Curve, shifted
-from simulators.nck.machine.data_table import CEC_ENABLE, CEC_POINTS, EEC_POINTS, ENC_ENABLE, ENC_STATE
-from simulators.nck.machine.machine_data import MachineData
-from simulators.nck.machine.memory import Table, TableMemory
+from simulators.nck.machine.compensation import Curve, Table, TableMemory, shift_curve
+from simulators.nck.machine.data import (
+    CEC_ENABLE,
+    CEC_POINTS,
+    EEC_POINTS,
+    ENC_ENABLE,
+    ENC_STATE,
+    AlarmList,
+    MachineData,
+)
+from simulators.nck.machine.files import FileSystem
 from simulators.nck.machine.setpoints import Setpoints
 from simulators.nck.spec import NckRefusal, NckSpec
 
@@ -251,7 +258,7 @@ class Core:
         # One object for one state: the axis compares what acts by identity.
         key = (index, encoder, enabled)
         if key not in self._shifted:
-            self._shifted[key] = shifted(self._eec[index, encoder] if enabled else None, offset)
+            self._shifted[key] = shift_curve(self._eec[index, encoder] if enabled else None, offset)
         return self._shifted[key]
 
     def select_encoder(self, index: int, encoder: int) -> bool:
@@ -299,3 +306,40 @@ class Core:
     def view(self, index: int) -> AxisView:
         """An axis as it is now."""
         return self.axes[index].view(self.clock.now(), self.cec_value(index), self.data.unit(index))
+
+
+# Static memory: what survives power off, as plain values that go into a file and back.
+#
+# Tables, machine and setting data, R parameters, global user data and program files survive; references of
+# incremental encoders, the mode and the program under execution do not.
+
+FORMAT = 1
+
+
+def save_static_memory(core: Core, files: FileSystem, selected: str) -> dict[str, Any]:
+    """The content of static memory; fit for JSON."""
+    return {
+        "format": FORMAT,
+        "axes": [axis.name for axis in core.spec.axes],
+        "data": core.data.saved(),
+        "tables": core.memory.saved(),
+        "r": list(core.r),
+        "gud": {name: list(values) for name, values in core.gud.items()},
+        "files": files.saved(),
+        "selected": selected,
+    }
+
+
+def restore_static_memory(content: dict[str, Any], core: Core, files: FileSystem) -> str:
+    """Fill static memory before the control is switched on; returns the selected program.
+
+    Raises ValueError for the memory of another control or another format.
+    """
+    if content.get("format") != FORMAT or content.get("axes") != [axis.name for axis in core.spec.axes]:
+        raise ValueError("this static memory belongs to another control")
+    core.data.restore(content["data"])
+    core.memory.restore(content["tables"])
+    core.r[:] = content["r"]
+    core.gud.update({name: list(values) for name, values in content["gud"].items()})
+    files.restore(content["files"])
+    return str(content["selected"])

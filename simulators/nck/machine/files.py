@@ -30,7 +30,7 @@ class _File:
     size: int = 0
 
 
-def canonical(path: str) -> str:
+def canonical_path(path: str) -> str:
     """A path as the control keeps it: upper case, with its leading slash."""
     return "/" + "/".join(part for part in path.strip().upper().split("/") if part)
 
@@ -43,7 +43,7 @@ def program_path(name: str, directory: str) -> str:
         last = "_N_" + last
     if not last.endswith(("_MPF", "_SPF", "_WPF", "_INI")):
         last += "_MPF"
-    return canonical(f"{folder}/{last}") if slash else f"{directory}/{last}"
+    return canonical_path(f"{folder}/{last}") if slash else f"{directory}/{last}"
 
 
 def _bytes_of(file: _File) -> bytes:
@@ -87,7 +87,7 @@ class FileSystem:
 
     def exists(self, path: str) -> bool:
         """Whether the file is there."""
-        return canonical(path) in self._files
+        return canonical_path(path) in self._files
 
     @property
     def routines(self) -> frozenset[str]:
@@ -101,8 +101,8 @@ class FileSystem:
     def read(self, path: str) -> bytes:
         """The whole file. Raises NcFileMissing, or NckRefusal while the control forbids reading."""
         file = self._found(path)
-        self._reading(canonical(path))
-        return self._former.get(canonical(path)) or _bytes_of(file)
+        self._reading(canonical_path(path))
+        return self._former.get(canonical_path(path)) or _bytes_of(file)
 
     def text(self, path: str) -> str:
         """The whole file for the interpreter. Raises NcFileMissing."""
@@ -110,7 +110,7 @@ class FileSystem:
 
     def write(self, path: str, data: bytes) -> None:
         """Create or replace a file. Raises NckRefusal: bad path, memory, or the file is being executed."""
-        path = canonical(path)
+        path = canonical_path(path)
         state = self.state_of_path(path)
         if state != OK:
             raise NckRefusal(0, f"no file can be stored at {path} (state {state})")
@@ -126,13 +126,13 @@ class FileSystem:
     def delete(self, path: str) -> None:
         """Delete a file. Raises NcFileMissing, or NckRefusal when it is being executed."""
         self._found(path)
-        self._changing(canonical(path))
-        self._keep_former(canonical(path))
-        self._used -= self._files.pop(canonical(path)).size
+        self._changing(canonical_path(path))
+        self._keep_former(canonical_path(path))
+        self._used -= self._files.pop(canonical_path(path)).size
 
     def list(self, directory: str) -> list[str]:
         """Names of files and workpiece directories in a directory, sorted."""
-        front = canonical(directory) + "/"
+        front = canonical_path(directory) + "/"
         found = {path[len(front) :].partition("/")[0] for path in self._files if path.startswith(front)}
         if front == "/":
             found |= {root[1:] for root in _ROOTS}
@@ -206,7 +206,7 @@ class FileSystem:
         return path not in self._files and len(self._files) >= self._max_count
 
     def _found(self, path: str) -> _File:
-        file = self._files.get(canonical(path))
+        file = self._files.get(canonical_path(path))
         if file is None:
             raise NcFileMissing(path)
         return file

@@ -11,13 +11,9 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from simulators.nck.machine.alarms import AlarmList
-from simulators.nck.machine.axis import MachineAxis
-from simulators.nck.machine.backlash import TakeUp
-from simulators.nck.machine.compensation import CrossTable, cross_path, cross_sum, follow
-from simulators.nck.machine.data_table import CEC_ENABLE, INCH_MM
-from simulators.nck.machine.machine_data import MachineData
-from simulators.nck.machine.memory import CecTable
+from simulators.nck.machine.axis import MachineAxis, TakeUp
+from simulators.nck.machine.compensation import CecTable, CrossTable, cross_path, cross_sum, follow
+from simulators.nck.machine.data import CEC_ENABLE, INCH_MM, AlarmList, MachineData
 from simulators.nck.spec import NckSpec
 
 Array = NDArray[np.float64]

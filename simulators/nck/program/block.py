@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 from simulators.nck.machine.axis import COARSE, FINE
 from simulators.nck.machine.core import Core
-from simulators.nck.machine.data_table import INCH_MM
+from simulators.nck.machine.data import INCH_MM
 from simulators.nck.spec import AxisSpec, NckRefusal
 
 POSITION_MODES = frozenset({"AC", "IC", "DC", "ACP", "ACN"})
@@ -91,7 +91,7 @@ class Modal:
 
 
 @dataclass(frozen=True, slots=True)
-class Deed:
+class BlockAction:
     """What a block leaves for the machine to do in time.
 
     ``targets``: axis index -> end point; ``rate`` units/min, None rapid; ``window``: wait until within it;
@@ -181,7 +181,7 @@ class BlockWords:
         name = {0: "M0", 1: "M1", 2: "M30", 30: "M30", 17: "M17"}.get(int(value), "")
         self._ending = name or self._ending
 
-    def finish(self) -> Deed | None:
+    def finish(self) -> BlockAction | None:
         """The block's deed.
 
         Raises NckRefusal: 10860, 14800 (feed), 10720 (travel), 10750 (G41 without tool), 14404 (an axis of a
@@ -189,13 +189,13 @@ class BlockWords:
         """
         if self._framing:
             self._frame()
-            return Deed(ending=self._ending) if self._ending else None
+            return BlockAction(ending=self._ending) if self._ending else None
         if self._dwell:
             return self._dwelling()
         if self._feed is not None:
             self._modal.feed = self._feed
         if not self._targets:
-            return Deed(ending=self._ending) if self._ending else None
+            return BlockAction(ending=self._ending) if self._ending else None
         self._possible()
         self._stands_still()
         targets = {index: self._end_point(index, *word) for index, word in self._targets.items()}
@@ -204,7 +204,7 @@ class BlockWords:
         self._modal.planned.update(targets)
         rate = None if self._modal.rapid else self._checked_feed()
         exact = self._modal.exact or self._exact_once or self._modal.rapid or bool(self._ending)
-        return Deed(targets, rate, window=self._modal.window if exact else None, ending=self._ending)
+        return BlockAction(targets, rate, window=self._modal.window if exact else None, ending=self._ending)
 
     def _possible(self) -> None:
         """What a program before may have left, under which a single axis does not go to its place."""
@@ -240,12 +240,12 @@ class BlockWords:
     def _inch(self) -> bool:
         return self._core.data.inch if self._modal.inch is None else self._modal.inch
 
-    def _dwelling(self) -> Deed:
+    def _dwelling(self) -> BlockAction:
         if self._targets or self._feed is None:
             raise NckRefusal(12110, "G4 stands with F and without axes")
         if self._feed < 0.0:
             raise NckRefusal(12160, "dwell time below zero")
-        return Deed(dwell_s=self._feed, ending=self._ending)
+        return BlockAction(dwell_s=self._feed, ending=self._ending)
 
     def _checked_feed(self) -> float:
         feed = self._modal.feed

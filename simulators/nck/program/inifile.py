@@ -12,7 +12,7 @@ import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from simulators.nck.language.grammar import parse_block
+from simulators.nck.language.parser import parse_block
 from simulators.nck.language.syntax import (
     Address,
     Assign,

@@ -1,30 +1,56 @@
-"""What names mean to the running program: local variables, R, ``$`` variables, axes, calls."""
+"""The double's first gate: what the printed rules of the language refuse is not run.
+
+The judge (`drivers.sinumerik.legality`) knows neither this double nor those who write programs for it, and it is all
+that the double shares with them: so the double cannot be more lenient than the manuals again.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import lru_cache
 from typing import Protocol
 
-from simulators.nck.language.parser import outline
-from simulators.nck.language.syntax import Expression, Indexed, Jump, Name
+from drivers.sinumerik.legality import Finding, Machine, check
+from simulators.nck.language.parser import outline_program
+from simulators.nck.language.syntax import Call, Define, Expression, Indexed, Jump, Name, NcSyntaxError, Proc, ValueList
 from simulators.nck.machine.core import Core
 from simulators.nck.machine.files import program_path
 from simulators.nck.program.block import TRANSFORMATIONS, BlockWords, Modal, is_silent
-from simulators.nck.program.expressions import R_NAME, Evaluate, compiled
-from simulators.nck.program.gate import admit
-from simulators.nck.program.procedures import PROCEDURES, Host, message_of
-from simulators.nck.program.program_data import ProgramData
-from simulators.nck.program.scope import Frame
-from simulators.nck.program.statements import Given, Step
-from simulators.nck.program.variables import Variables, split_name
-from simulators.nck.spec import NckRefusal
-from simulators.nck.values import AxisName, Value, converted
+from simulators.nck.program.expressions import FUNCTIONS, R_NAME, Evaluate, compile_expression
+from simulators.nck.program.procedures import PROCEDURES, Frame, Host, Variable, message_text
+from simulators.nck.program.statements import Arguments, Step
+from simulators.nck.program.variables import ProgramData, Variables, split_name
+from simulators.nck.spec import NckRefusal, NckSpec
+from simulators.nck.values import TEXT_MAX, AxisName, Value, convert, to_int
+
+SYNTAX = 12080
+
+
+def check_legality(spec: NckSpec, path: str, text: str, routines: frozenset[str]) -> None:
+    """Judge a program before its first block; ``routines`` are names of other programs of the control.
+
+    Raises NcSyntaxError (alarm 12080) with the line of the first rule that is broken.
+    """
+    if not spec.judges_programs:
+        return
+    axes = frozenset(name.upper() for axis in spec.axes for name in (axis.name, axis.letter))
+    found = _first_violation(text, path.rpartition("/")[2], axes, routines)
+    if found:
+        raise NcSyntaxError(max(found[0].line, 1), f"{found[0].code}: {found[0].what}", SYNTAX)
+
+
+@lru_cache(maxsize=32)
+def _first_violation(text: str, name: str, axes: frozenset[str], routines: frozenset[str]) -> tuple[Finding, ...]:
+    return check(text, name, Machine(axes, routines))
+
+
+# What names mean to the running program: local variables, R, ``$`` variables, axes, calls.
 
 _DEPTH = 16
 _TYPE_NUMBERS = {"BOOL": 1, "CHAR": 2, "INT": 3, "REAL": 4, "STRING": 5, "AXIS": 6}
 
 
-class Panel(Host, Protocol):
+class ControlPort(Host, Protocol):
     """What the interpreter asks of the control."""
 
     def goes_on(self, run: object) -> bool:
@@ -44,10 +70,10 @@ class Panel(Host, Protocol):
         ...
 
 
-class Names:
+class NameResolver:
     """The levels of a running program and everything a block can refer to by name."""
 
-    def __init__(self, core: Core, variables: Variables, panel: Panel, path: str, modal: Modal) -> None:
+    def __init__(self, core: Core, variables: Variables, panel: ControlPort, path: str, modal: Modal) -> None:
         self._core = core
         self._variables = variables
         self._panel = panel
@@ -65,8 +91,8 @@ class Names:
         if len(self._frames) >= _DEPTH:
             raise NckRefusal(12540, "subprograms nested too deeply")
         text = self._panel.files.text(path)
-        admit(self._core.spec, path, text, self._panel.files.routines)
-        program = outline(text)
+        check_legality(self._core.spec, path, text, self._panel.files.routines)
+        program = outline_program(text)
         self._steps[path] = {}
         frame = Frame(program, path, arguments=arguments)
         self._frames.append(frame)
@@ -138,7 +164,7 @@ class Names:
             values = values[:1] * room
         if len(values) > room:
             raise NckRefusal(12260, "too many initial values")
-        local.values[begin : begin + len(values)] = [converted(local.kind, one, local.length) for one in values]
+        local.values[begin : begin + len(values)] = [convert(local.kind, one, local.length) for one in values]
 
     def is_local(self, name: str) -> bool:
         """Whether a local variable of that name exists."""
@@ -190,7 +216,7 @@ class Names:
             self._call(name, ())
         return ""
 
-    def procedure(self, name: str, arguments: tuple[Expression, ...], given: Given) -> None:
+    def procedure(self, name: str, arguments: tuple[Expression, ...], given: Arguments) -> None:
         """A call that stands alone."""
         frame = self._frames[-1]
         if name in TRANSFORMATIONS:
@@ -199,7 +225,7 @@ class Names:
         work = PROCEDURES.get(name)
         values = [self._passed(frame, node, value) for node, value in zip(arguments, given, strict=True)]
         if name == "MSG":
-            self.said = message_of(values)
+            self.said = message_text(values)
             return
         if work is not None:
             work(
@@ -228,7 +254,7 @@ class Names:
         elif isinstance(node, Name) and (found := R_NAME.fullmatch(node.name)):
             self._variables.write("R", (int(found[1]),), value, self._core.access_level, program=True)
         elif isinstance(node, Indexed) and (node.name == "R" or node.name in frame.variables):
-            places = tuple(compiled(index)(self) for index in node.indices)
+            places = tuple(compile_expression(index)(self) for index in node.indices)
             self.assign(node.name, places, value)
         else:
             raise NckRefusal(12300, "call-by-reference parameter must be a variable")
@@ -255,3 +281,67 @@ class Names:
     def partner(self) -> int:
         """The line this line's structure leads to."""
         return self._frames[-1].program.partner[self._line]
+
+
+# DEF and PROC: a program's own variables, their initial values, and its parameters.
+
+_RESERVED = frozenset({"R", "POS", "POSA", "AX", "MSG", "TRUE", "FALSE", *FUNCTIONS, *PROCEDURES})
+
+
+class DeclaringResolver(NameResolver):
+    """Names, and how a program adds its own."""
+
+    def define(self, node: Define) -> None:
+        """DEF. Raises NckRefusal 14500 after the first executable block."""
+        frame = self._frames[-1]
+        if frame.begun:
+            raise NckRefusal(14500, "illegal DEF or PROC statement: stands behind executable blocks")
+        length = to_int(compile_expression(node.length)(self)) if node.length is not None else TEXT_MAX
+        if not 1 <= length <= TEXT_MAX:
+            raise NckRefusal(12160, "string length lies beyond the value range")
+        for item in node.variables:
+            self._check_free(item.name)
+            sizes = tuple(to_int(compile_expression(size)(self)) for size in item.dimensions)
+            frame.define(item.name, node.kind, length, sizes)
+            if item.initial is not None:
+                self._initialise(item.name, item.initial)
+
+    def _initialise(self, name: str, node: Expression) -> None:
+        if isinstance(node, ValueList):
+            self.fill(name, (), [compile_expression(item)(self) for item in node.items], repeat=False)
+        elif isinstance(node, Call) and node.name in ("SET", "REP"):
+            values = [compile_expression(item)(self) for item in node.arguments]
+            self.fill(name, (), values, repeat=node.name == "REP")
+        elif self._frames[-1].variables[name].dimensions:
+            self.fill(name, (), [compile_expression(node)(self)], repeat=True)
+        else:
+            self.assign(name, (), compile_expression(node)(self))
+
+    def _check_free(self, name: str) -> None:
+        taken = self._core.axis_index(name) is not None or name in _RESERVED or R_NAME.fullmatch(name)
+        address = len(name) == 1 and name in "DFGHLMST"
+        if taken or address or len(name) > 31:
+            raise NckRefusal(12170, f"name {name} already defined")
+
+    def enter(self, node: Proc) -> None:
+        """PROC: bind the parameters. Raises NckRefusal 12340."""
+        frame = self._frames[-1]
+        if frame.begun:
+            raise NckRefusal(14500, "illegal DEF or PROC statement: stands behind executable blocks")
+        if len(frame.arguments) > len(node.parameters):
+            raise NckRefusal(12340, f"number of parameters of {node.name} too high")
+        for place, parameter in enumerate(node.parameters):
+            self._check_free(parameter.name)
+            variable = frame.define(parameter.name, parameter.kind, TEXT_MAX, ())
+            self._bind(frame, place, variable, parameter.default)
+            setter = frame.setters[place] if place < len(frame.setters) else None
+            if parameter.by_reference:
+                if setter is None:
+                    raise NckRefusal(12300, f"call-by-reference parameter {parameter.name} missing")
+                frame.returns[parameter.name] = setter
+
+    def _bind(self, frame: Frame, place: int, variable: Variable, default: Expression | None) -> None:
+        if place < len(frame.arguments):
+            variable.write((), frame.arguments[place])
+        elif default is not None:
+            variable.write((), compile_expression(default)(self))

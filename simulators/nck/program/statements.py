@@ -25,12 +25,12 @@ from simulators.nck.language.syntax import (
     Procedure,
     ValueList,
 )
-from simulators.nck.program.block import POSITION_MODES, BlockWords, Deed
-from simulators.nck.program.expressions import R_NAME, Evaluate, Scope, compiled
+from simulators.nck.program.block import POSITION_MODES, BlockAction, BlockWords
+from simulators.nck.program.expressions import R_NAME, Evaluate, Scope, compile_expression
 from simulators.nck.spec import NckRefusal
-from simulators.nck.values import Value, compared, number, truth
+from simulators.nck.values import Value, compare, to_bool, to_number
 
-Given = tuple[Evaluate, ...]
+Arguments = tuple[Evaluate, ...]
 
 
 class Runner(Scope, Protocol):
@@ -68,7 +68,7 @@ class Runner(Scope, Protocol):
         """A bare word: NEWCONF, RET, a subprogram. Returns the ending it means, if any."""
         ...
 
-    def procedure(self, name: str, arguments: tuple[Expression, ...], given: Given) -> None:
+    def procedure(self, name: str, arguments: tuple[Expression, ...], given: Arguments) -> None:
         """A call that stands alone."""
         ...
 
@@ -85,13 +85,13 @@ class Runner(Scope, Protocol):
         ...
 
 
-Step = Callable[[Runner], Deed | None]
+Step = Callable[[Runner], BlockAction | None]
 _Act = Callable[[Runner, BlockWords], None]
 
 _NO_ACT = frozenset({"REPEAT", "LOOP", "ENDIF"})
 
 
-def prepared(block: Block, head: Block | None = None) -> Step:
+def prepare_block(block: Block, head: Block | None = None) -> Step:
     """The closure of a block; ``head`` is the block an ENDFOR belongs to.
 
     Raises NckRefusal for what can be seen without running.
@@ -124,26 +124,26 @@ def _control(block: Control) -> Step:
         return lambda runner: runner.go(runner.partner() + 1)
     if keyword in _NO_ACT or block.condition is None:
         return lambda _runner: None
-    condition = compiled(block.condition)
+    condition = compile_expression(block.condition)
     if keyword == "UNTIL":
-        return lambda runner: None if truth(condition(runner)) else runner.go(runner.partner())
-    return lambda runner: None if truth(condition(runner)) else runner.go(runner.partner() + 1)
+        return lambda runner: None if to_bool(condition(runner)) else runner.go(runner.partner())
+    return lambda runner: None if to_bool(condition(runner)) else runner.go(runner.partner() + 1)
 
 
-def _counter(block: Block | None) -> tuple[str, Given, Evaluate, Evaluate]:
+def _counter(block: Block | None) -> tuple[str, Arguments, Evaluate, Evaluate]:
     if not isinstance(block, Control) or not (block.target and block.start and block.condition):
         raise NckRefusal(12640, "ENDFOR without FOR")
     name, indices = _target(block.target)
-    return name, indices, compiled(block.start), compiled(block.condition)
+    return name, indices, compile_expression(block.start), compile_expression(block.condition)
 
 
 def _for(block: Control) -> Step:
     name, indices, start, end = _counter(block)
 
-    def step(runner: Runner) -> Deed | None:
+    def step(runner: Runner) -> BlockAction | None:
         places = tuple([index(runner) for index in indices])
         runner.assign(name, places, start(runner))
-        if compared(">", number(runner.variable(name, places)), number(end(runner))):
+        if compare(">", to_number(runner.variable(name, places)), to_number(end(runner))):
             runner.go(runner.partner() + 1)
         return None
 
@@ -153,10 +153,10 @@ def _for(block: Control) -> Step:
 def _end_for(head: Block | None) -> Step:
     name, indices, _, end = _counter(head)
 
-    def step(runner: Runner) -> Deed | None:
+    def step(runner: Runner) -> BlockAction | None:
         places = tuple([index(runner) for index in indices])
-        runner.assign(name, places, number(runner.variable(name, places)) + 1)
-        if compared("<=", number(runner.variable(name, places)), number(end(runner))):
+        runner.assign(name, places, to_number(runner.variable(name, places)) + 1)
+        if compare("<=", to_number(runner.variable(name, places)), to_number(end(runner))):
             runner.go(runner.partner() + 1)
         return None
 
@@ -164,16 +164,16 @@ def _end_for(head: Block | None) -> Step:
 
 
 def _if_jump(block: IfJump) -> Step:
-    condition, jump = compiled(block.condition), block.jump
-    return lambda runner: runner.jump(jump) if truth(condition(runner)) else None
+    condition, jump = compile_expression(block.condition), block.jump
+    return lambda runner: runner.jump(jump) if to_bool(condition(runner)) else None
 
 
 def _case(block: Case) -> Step:
-    selector = compiled(block.selector)
+    selector = compile_expression(block.selector)
 
-    def step(runner: Runner) -> Deed | None:
-        value = number(selector(runner))
-        hits = (jump for constant, jump in block.arms if compared("==", value, constant))
+    def step(runner: Runner) -> BlockAction | None:
+        value = to_number(selector(runner))
+        hits = (jump for constant, jump in block.arms if compare("==", value, constant))
         chosen = next(hits, block.default)
         if chosen is not None:
             runner.jump(chosen)
@@ -189,7 +189,7 @@ def _words(block: OrdinaryBlock) -> Step:
     acts = [_act(item) for item in block.items]
     jump = block.jump
 
-    def step(runner: Runner) -> Deed | None:
+    def step(runner: Runner) -> BlockAction | None:
         words = runner.block_words()
         for act in acts:
             act(runner, words)
@@ -225,12 +225,12 @@ def _procedure(item: Procedure) -> _Act:
 
 
 def _argument(node: Expression) -> Evaluate:
-    return compiled(node)
+    return compile_expression(node)
 
 
-def _target(node: Name | Indexed) -> tuple[str, Given]:
+def _target(node: Name | Indexed) -> tuple[str, Arguments]:
     if isinstance(node, Indexed):
-        return node.name, tuple(compiled(index) for index in node.indices)
+        return node.name, tuple(compile_expression(index) for index in node.indices)
     r_name = R_NAME.fullmatch(node.name)
     if r_name is not None:
         index = int(r_name[1])
@@ -246,22 +246,22 @@ def _assign(item: Assign) -> _Act:
     if isinstance(node, Call) and node.name in ("SET", "REP"):
         return _fill(name, indices, node.arguments, repeat=node.name == "REP")
     if isinstance(node, Call) and node.name in POSITION_MODES and len(node.arguments) == 1:
-        return _position(name, indices, node.name, compiled(node.arguments[0]))
-    value = compiled(node)
+        return _position(name, indices, node.name, compile_expression(node.arguments[0]))
+    value = compile_expression(node)
     if name == "R" or name.startswith("$"):
         return _plain(name, indices, value)
     return _word_or_variable(name, indices, value)
 
 
-def _plain(name: str, indices: Given, value: Evaluate) -> _Act:
+def _plain(name: str, indices: Arguments, value: Evaluate) -> _Act:
     def act(runner: Runner, _words: BlockWords) -> None:
         runner.assign(name, tuple([index(runner) for index in indices]), value(runner))
 
     return act
 
 
-def _fill(name: str, indices: Given, items: tuple[Expression, ...], *, repeat: bool) -> _Act:
-    values = [compiled(item) for item in items]
+def _fill(name: str, indices: Arguments, items: tuple[Expression, ...], *, repeat: bool) -> _Act:
+    values = [compile_expression(item) for item in items]
 
     def act(runner: Runner, _words: BlockWords) -> None:
         places = tuple([index(runner) for index in indices])
@@ -270,17 +270,17 @@ def _fill(name: str, indices: Given, items: tuple[Expression, ...], *, repeat: b
     return act
 
 
-def _position(name: str, indices: Given, mode: str, value: Evaluate) -> _Act:
+def _position(name: str, indices: Arguments, mode: str, value: Evaluate) -> _Act:
     def act(runner: Runner, words: BlockWords) -> None:
         axis = runner.axis_of(name, tuple([index(runner) for index in indices]))
         if axis is None:
             raise NckRefusal(12550, f"{mode}() stands with an axis, not with {name}")
-        words.position(axis, mode, float(number(value(runner))))
+        words.position(axis, mode, float(to_number(value(runner))))
 
     return act
 
 
-def _word_or_variable(name: str, indices: Given, value: Evaluate) -> _Act:
+def _word_or_variable(name: str, indices: Arguments, value: Evaluate) -> _Act:
     letter = name[0] if len(name) == 1 or (name[1:].isdecimal() and name[0] in "MSTH") else ""
 
     def act(runner: Runner, words: BlockWords) -> None:
@@ -288,10 +288,10 @@ def _word_or_variable(name: str, indices: Given, value: Evaluate) -> _Act:
         if not runner.is_local(name):
             axis = runner.axis_of(name, places)
             if axis is not None:
-                words.position(axis, "", float(number(value(runner))))
+                words.position(axis, "", float(to_number(value(runner))))
                 return
             if letter and letter in "GFMSTDH":
-                words.address(letter, float(number(value(runner))))
+                words.address(letter, float(to_number(value(runner))))
                 return
         runner.assign(name, places, value(runner))
 

@@ -1,28 +1,201 @@
-"""NC names -> values: R parameters, GUD, compensation tables, machine data and system variables, with protection.
+"""``$AA_ENC_COMP`` and ``$AN_CEC``: reading and writing the compensation tables in buffered memory.
 
-A machine datum written by a program without rights raises 4075 once, keeps its value, and the program runs on.
+Refused while the compensation is enabled (17070 or what the switch says) and beyond the reserved points
+(17030); values are neither limited nor monitored. The hostile manners of a table memory live here too.
 """
 
 from __future__ import annotations
 
 import functools
+import math
 import re
 from collections.abc import Callable
 
+from simulators.nck.fault_injection import TABLE_SWITCHES
+from simulators.nck.machine.compensation import CecTable, CylinderErrors, EecTable, Table, cylinder_end_values, shape_of
 from simulators.nck.machine.core import Core
-from simulators.nck.machine.cylinder import Measured, end_values
-from simulators.nck.machine.data_table import CEC_ENABLE, DATA, LAYOUT, SCALING
-from simulators.nck.machine.machine_data import checked
-from simulators.nck.program.table_variables import TableVariables, is_table
+from simulators.nck.machine.data import CEC_ENABLE, DATA, ENC_ENABLE, LAYOUT, SCALING, check_value
 from simulators.nck.spec import NckRefusal
-from simulators.nck.values import Value, real, whole
-from simulators.nck.whims import SWITCHES
+from simulators.nck.values import AxisName, Value, to_bool, to_int, to_real
+
+Indices = tuple[Value, ...]
+
+_EEC, _CEC = "$AA_ENC_COMP", "$AN_CEC"
+_TABLE_PARTS: dict[str, tuple[str, str]] = {
+    "STEP": ("step", "real"),
+    "MIN": ("minimum", "real"),
+    "MAX": ("maximum", "real"),
+    "IS_MODULO": ("is_modulo", "bool"),
+}
+_CEC_PARTS: dict[str, tuple[str, str]] = {
+    **_TABLE_PARTS,
+    "INPUT_AXIS": ("input_axis", "axis"),
+    "OUTPUT_AXIS": ("output_axis", "axis"),
+    "INPUT_NCU": ("input_ncu", "int"),
+    "OUTPUT_NCU": ("output_ncu", "int"),
+    "DIRECTION": ("direction", "sign"),
+    "MULT_BY_TABLE": ("mult_by_table", "int"),
+    "TYPE": ("kind", "flag"),
+}
+_TABLE_NAMES: dict[str, tuple[str, str] | None] = {
+    _EEC: None,
+    _CEC: None,
+    **{f"{_EEC}_{part}": entry for part, entry in _TABLE_PARTS.items()},
+    **{f"{_CEC}_{part}": entry for part, entry in _CEC_PARTS.items()},
+}
+
+
+def is_table(name: str) -> bool:
+    """Whether it is a variable of a table."""
+    return name in _TABLE_NAMES
+
+
+class TableVariables:
+    """Reads and writes them by name; ``axis`` finds a machine axis (NckRefusal 12150, 12550)."""
+
+    def __init__(self, core: Core, axis: Callable[[Value], int]) -> None:
+        self._core = core
+        self._axis = axis
+
+    # -- reading -----------------------------------------------------------------------------------
+
+    def read(self, name: str, indices: Indices) -> Value:
+        """The value. Raises NckRefusal 12400, 17020, 17030."""
+        self._core.memory.settle(self._core.clock.now())
+        table = self._eec_read(name, indices) if name.startswith(_EEC) else self._cec(name, indices)
+        entry = _TABLE_NAMES[name]
+        if entry is None:
+            return self._point(table, to_int(indices[1]))
+        found: Value = getattr(table, entry[0])
+        return AxisName(found) if entry[1] == "axis" else found
+
+    def _point(self, table: Table, number: int) -> float:
+        spec = self._core.spec
+        beyond = not 0 <= number < len(table.points)
+        if beyond and number >= 0 and (spec.accepts_points_beyond or spec.reads_another_axis):
+            return 0.0
+        return table.points[self._core.memory.place(table.points, number)]
+
+    def _eec_read(self, name: str, indices: Indices) -> EecTable:
+        table, axis, encoder = self._eec(name, indices)
+        if not self._core.spec.reads_another_axis:
+            return table
+        others = [key for key, one in self._core.memory.eec.items() if one.points and key[1] == encoder]
+        later = [key for key in others if key[0] > axis] + [key for key in others if key[0] < axis]
+        return self._core.memory.eec[later[0]] if later else table
+
+    def _eec(self, name: str, indices: Indices) -> tuple[EecTable, int, int]:
+        count = 3 if name == _EEC else 2
+        if len(indices) != count:
+            raise NckRefusal(12400, f"{name} takes {count} indices")
+        encoder = to_int(indices[0])
+        axis = self._axis(indices[-1])
+        table = self._core.memory.eec.get((axis, encoder))
+        if table is None:
+            raise NckRefusal(17020, f"{name}: illegal array index 1: encoder {encoder}")
+        return table, axis, encoder
+
+    def _cec(self, name: str, indices: Indices) -> CecTable:
+        count = 2 if name == _CEC else 1
+        if len(indices) != count:
+            raise NckRefusal(12400, f"{name} takes {count} indices")
+        return self._core.memory.cec_table(to_int(indices[0]))
+
+    # -- writing -----------------------------------------------------------------------------------
+
+    def write(self, name: str, indices: Indices, value: Value) -> None:
+        """Write a point or a parameter. Raises NckRefusal 12150, 12160, 12400, 17020, 17030, 17070."""
+        self._core.memory.settle(self._core.clock.now())
+        if name.startswith(_EEC):
+            table: Table = self._free_eec(name, indices)
+        else:
+            table = self._free_cec(name, indices)
+        entry = _TABLE_NAMES[name]
+        if entry is None:
+            self._write_point(table, to_int(indices[1]), value)
+            return
+        part, kind = entry
+        taken = self._taken(name, kind, value)
+        if part == "output_axis" and isinstance(taken, str):
+            self._check_cec_free(name, taken)
+        self._put(lambda: setattr(table, part, taken))
+
+    def _free_eec(self, name: str, indices: Indices) -> EecTable:
+        core = self._core
+        table, axis, encoder = self._eec(name, indices)
+        acting = not core.spec.lies_about_disable and core.data.effective(ENC_ENABLE, encoder, axis)
+        if core.data.stored(ENC_ENABLE, encoder, axis) or acting:
+            axis_name = core.spec.axes[axis].name
+            text = f"{name}: data write-protected while MD32700 of {axis_name} is 1"
+            raise NckRefusal(core.spec.locked_alarm, text)
+        return table
+
+    def _free_cec(self, name: str, indices: Indices) -> CecTable:
+        table = self._cec(name, indices)
+        self._check_cec_free(name, table.output_axis)
+        return table
+
+    def _check_cec_free(self, name: str, output: str) -> None:
+        core = self._core
+        axis = core.axis_index(output) if output else None
+        if axis is None:
+            return
+        if core.data.stored(CEC_ENABLE, axis) or core.data.effective(CEC_ENABLE, axis):
+            text = f"{name}: data write-protected while MD32710 of {output} is 1"
+            raise NckRefusal(core.spec.locked_alarm, text)
+
+    def _write_point(self, table: Table, number: int, value: Value) -> None:
+        kept = self._kept(value)
+        if self._swallowed(table, number):
+            return
+        place = self._core.memory.place(table.points, number)
+        if self._core.spec.writes_late_s == 0.0:
+            table.points[place] = kept
+        else:
+            self._put(lambda: table.points.__setitem__(place, kept))
+
+    def _swallowed(self, table: Table, number: int) -> bool:
+        spec = self._core.spec
+        if spec.accepts_points_beyond and number >= len(table.points):
+            return True
+        if spec.loses_last_points == 0:
+            return False
+        last = shape_of(table, spec.uneven_step).last_point(len(table.points))
+        return last is not None and last - spec.loses_last_points < number <= last
+
+    def _put(self, write: Callable[[], None]) -> None:
+        late = self._core.spec.writes_late_s
+        if late == 0.0:
+            write()
+        else:
+            self._core.memory.late.append((self._core.clock.now() + late, write))
+
+    def _kept(self, value: Value) -> float:
+        if self._core.spec.accepts_nan and isinstance(value, float) and math.isnan(value):
+            return value
+        return self._core.memory.kept(to_real(value))
+
+    def _taken(self, name: str, kind: str, value: Value) -> Value:
+        if kind == "axis":
+            return self._core.spec.axes[self._axis(value)].name
+        if kind == "real":
+            return self._kept(value)
+        if kind == "bool":
+            return to_bool(value)
+        plain = to_int(value)
+        limits = {"sign": (-1, 1), "flag": (0, 1)}.get(kind, (0, 9999))
+        if not limits[0] <= plain <= limits[1]:
+            raise NckRefusal(12160, f"{name}: value lies beyond the value range")
+        return plain
+
+
+# NC names -> values: R parameters, GUD, compensation tables, machine data and system variables, with protection.
+#
+# A machine datum written by a program without rights raises 4075 once, keeps its value, and the program runs on.
 
 _NAME = re.compile(r"\s*(\$?[A-Za-z_][A-Za-z0-9_]*)\s*(?:\[([^\]]*)\])?\s*")
 _INTEGER = re.compile(r"[+-]?\d{1,9}")
 _R_NAME = re.compile(r"R(\d{1,5})")
-
-Indices = tuple[Value, ...]
 
 
 @functools.lru_cache(maxsize=8192)
@@ -74,13 +247,13 @@ class Variables:
     def _r_index(self, indices: Indices) -> int:
         if len(indices) != 1:
             raise NckRefusal(12400, "R takes one index")
-        index = whole(indices[0])
+        index = to_int(indices[0])
         if not 0 <= index < len(self._core.r):
             raise NckRefusal(17020, f"illegal array index 1: R{index}")
         return index
 
     def _gud_index(self, name: str, indices: Indices) -> int:
-        index = whole(indices[0]) if len(indices) == 1 else 0
+        index = to_int(indices[0]) if len(indices) == 1 else 0
         if len(indices) > 1 or not 0 <= index < len(self._core.gud[name]):
             raise NckRefusal(17020, f"illegal array index 1: {name}")
         return index
@@ -107,7 +280,7 @@ class Variables:
         if len(given) != len(shape):
             raise NckRefusal(12400, f"{name} takes {len(shape)} indices")
         return tuple(
-            self._axis(value) if sign == "a" else whole(value) for sign, value in zip(shape, given, strict=True)
+            self._axis(value) if sign == "a" else to_int(value) for sign, value in zip(shape, given, strict=True)
         )
 
     # -- writing -----------------------------------------------------------------------------------
@@ -119,13 +292,13 @@ class Variables:
         outside they are refused with 4075 at once.
         """
         if name == "R":
-            self._core.r[self._r_index(indices)] = real(value)
+            self._core.r[self._r_index(indices)] = to_real(value)
         elif name in DATA:
             self._write_datum(name, self._data_index(name, indices), value, level, program=program)
         elif is_table(name):
             self._tables.write(name, indices, value)
         elif name in self._core.gud:
-            self._core.gud[name][self._gud_index(name, indices)] = real(value)
+            self._core.gud[name][self._gud_index(name, indices)] = to_real(value)
         elif name in self._readers:
             raise NckRefusal(17070, f"{name}: data write-protected")
         else:
@@ -140,13 +313,13 @@ class Variables:
         if level > needed:
             self._refused(4075, f"no access rights to write {name}: level {needed} needed, {level} active", program)
             return
-        datum = checked(spec, name, value)
+        datum = check_value(spec, name, value)
         missing = self._missing_option(index) if name == CEC_ENABLE and datum else None
         if missing is not None:
             self._refused(*missing, program)
             return
         core.data.store(name, index, datum)
-        if datum and name in SWITCHES:
+        if datum and name in TABLE_SWITCHES:
             self.on_switched_on(name, index)
         self._after_datum(name, index, bool(datum) and not before)
 
@@ -182,11 +355,11 @@ class Variables:
     def _calculate_cylinder(self, number: int) -> None:
         data, table = self._core.data, self._core.memory.cec_table(number)
         names = ("BAS_0", "BAS_1", "COMP_0", "COMP_1")
-        given = [real(data.stored(f"$SN_CEC_{name}", number)) for name in names]
-        found = end_values(Measured(*given), table.minimum, table.step)
+        given = [to_real(data.stored(f"$SN_CEC_{name}", number)) for name in names]
+        found = cylinder_end_values(CylinderErrors(*given), table.minimum, table.step)
         for place, value in enumerate(found):
             name = f"$SN_CEC_{place}"
-            old = real(data.stored(name, number)) if data.stored("$SN_CEC_CALC_ADD", number) else 0.0
+            old = to_real(data.stored(name, number)) if data.stored("$SN_CEC_CALC_ADD", number) else 0.0
             data.store(name, (number,), old + value)
         for name, value in zip(names, given, strict=True):
             data.store(f"$SN_CEC_{name[:-2]}_STORE_{name[-1]}", (number,), value)
@@ -226,3 +399,63 @@ class Variables:
             "$VA_CEC_COMP_VAL": reader(lambda index: core.cec_value(index) / core.data.unit(index)),
             "$VA_TEMP_COMP_VAL": reader(lambda index: core.view(index).temperature_value),
         }
+
+
+# System variables a running program sees of itself and the time: ``$P_``, ``$AC_``, ``$A_`` names.
+
+_TIMERS = 200
+_PROGRAM_NAMES = frozenset(
+    {"$AC_TIMER", "$P_PROG", "$P_PROGPATH", "$P_SIM", "$P_SEARCH", "$P_ISTEST", "$AC_PROG"}
+    | {"$AC_STAT", "$AC_OVR", "$A_YEAR", "$A_MONTH", "$A_DAY", "$A_HOUR", "$A_MINUTE", "$A_SECOND"}
+)
+
+
+class ProgramData:
+    """Reads and writes those names; ``paths`` gives the programs under execution, outermost first."""
+
+    def __init__(self, core: Core, paths: Callable[[], list[str]]) -> None:
+        self._core = core
+        self._paths = paths
+        self._timers: dict[int, tuple[float, float | None]] = {}
+
+    def knows(self, name: str) -> bool:
+        """Whether the name is one of these."""
+        return name in _PROGRAM_NAMES
+
+    def read(self, name: str, indices: tuple[Value, ...]) -> Value:
+        """The value. Raises NckRefusal 17020 for an index out of range."""
+        if name == "$AC_TIMER":
+            value, since = self._timers.get(self._timer(indices), (0.0, None))
+            return value if since is None else value + self._core.clock.now() - since
+        if name == "$P_PROG":
+            return self._program(indices).rpartition("/")[2]
+        if name == "$P_PROGPATH":
+            return self._program(()).rpartition("/")[0] + "/"
+        if name.startswith("$A_"):
+            return int(getattr(self._core.clock.utc(), name.removeprefix("$A_").lower()))
+        fixed: dict[str, Value] = {"$AC_PROG": 2, "$AC_STAT": 1, "$AC_OVR": self._core.override_percent}
+        return fixed.get(name, 0)
+
+    def write(self, name: str, indices: tuple[Value, ...], value: Value) -> None:
+        """Set a timer: running from a value >= 0, standing after -1. Others raise NckRefusal 17070."""
+        if name != "$AC_TIMER":
+            raise NckRefusal(17070, f"{name}: data write-protected")
+        timer, plain = self._timer(indices), to_real(value)
+        if plain < 0.0:
+            standing = to_real(self.read(name, indices))
+            self._timers[timer] = (standing, None)
+        else:
+            self._timers[timer] = (plain, self._core.clock.now())
+
+    def _timer(self, indices: tuple[Value, ...]) -> int:
+        number = to_int(indices[0]) if len(indices) == 1 else -1
+        if not 0 <= number < _TIMERS:
+            raise NckRefusal(17020, "$AC_TIMER: illegal array index 1")
+        return number
+
+    def _program(self, indices: tuple[Value, ...]) -> str:
+        paths = self._paths()
+        level = to_int(indices[0]) if indices else len(paths) - 1
+        if not 0 <= level < len(paths):
+            raise NckRefusal(17020, "illegal array index 1: program level")
+        return paths[level]

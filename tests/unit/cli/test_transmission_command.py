@@ -12,8 +12,7 @@ from typer.testing import CliRunner
 import trueflank as tf
 from drivers.errors import TrueflankError
 from gateway.cli import app
-from simulators.reducer.bench import Bench
-from simulators.reducer.benchfile import EncoderSection, load_bench
+from simulators.reducer.bench import Bench, EncoderSection, load_bench
 
 RUNNER = CliRunner()
 HEAD = "time_s,input_angle_deg,output_angle_deg,torque_Nm,temperature_degC"

@@ -14,9 +14,9 @@ from gateway.gear.running import depth_running, index_running
 from gateway.tooth import FlankMap
 from gateway.workflow.part.running import expanded, running_words, sure
 from simulators.cellfile import CellFile, load_cell
-from simulators.cellfile.part import Clamping
-from simulators.grinding import clamped
-from simulators.grinding.rotation_axis import on_axis
+from simulators.cellfile.equipment import Clamping
+from simulators.grinding.grinder import rotation_axis_frame
+from simulators.grinding.workpiece import draw_clamping
 from simulators.truth import Truth
 from tests.sizes import few
 from tests.unit.simulators.planned_run import ground
@@ -41,8 +41,8 @@ def made(file: CellFile) -> tuple[FlankMap, CycloidGear]:
     gear = CycloidGear.of(file.part.gear.model_dump())
     grid = flank_grid(gear, profile=7, width=2)
     true = Truth(file)
-    off = clamped(Clamping(eccentric_um=1.0), 3, "blank")
-    work = ground(true, file.part, on_axis(true, file.part.grinding.height_mm).then(off), feed_mm_per_s=5.0)
+    off = draw_clamping(Clamping(eccentric_um=1.0), 3, "blank")
+    work = ground(true, file.part, rotation_axis_frame(true, file.part.grinding.height_mm).then(off), feed_mm_per_s=5.0)
     seen = work.surplus_um(np.arange(float(gear.zc)), grid.thetas, grid.zs)
     return FlankMap(grid.thetas, grid.zs, seen + np.random.default_rng(1).normal(0.0, 0.03, seen.shape)), gear
 

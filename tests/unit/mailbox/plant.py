@@ -10,7 +10,8 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from simulators.nck.control import Nck, NckRefusal
+from simulators.nck.control import Nck
+from simulators.nck.spec import NckRefusal
 from tests.unit.mailbox.structured import Library, Record
 
 FOLDER = Path(__file__).parents[3] / "docs" / "plc"

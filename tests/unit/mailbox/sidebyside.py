@@ -12,8 +12,8 @@ from typing import Any
 
 from drivers.clock import LoopClock, run_virtual
 from simulators.modbus.plc import Plc
-from simulators.modbus.switches import PlcSettings
-from simulators.nck.control import AxisSpec, NckRefusal
+from simulators.modbus.settings import PlcSettings
+from simulators.nck.spec import AxisSpec, NckRefusal
 from tests.unit.mailbox.plant import SCAN_MS, TextPlc
 from tests.unit.mailbox.structured import Library
 from tests.unit.nck.bench import MAIN, Bench

@@ -10,9 +10,18 @@ from typing import Any
 import pytest
 
 from simulators.modbus import registers as r
-from simulators.modbus.checks import Checks
-from simulators.modbus.registers import Image, PlcCommand
-from simulators.modbus.target import BACKLASH_KIND, CEC, EEC, RANGE, UNKNOWN, PlcFault, Target
+from simulators.modbus.registers import (
+    BACKLASH_KIND,
+    CEC,
+    EEC,
+    RANGE,
+    UNKNOWN,
+    PlcCommand,
+    PlcFault,
+    ProcessImage,
+    TableAddress,
+)
+from simulators.modbus.state import CommandChecks
 from tests.unit.mailbox.plant import library
 
 PLC = library()
@@ -32,7 +41,7 @@ class Plant:
         if number not in AXES:
             raise PlcFault(UNKNOWN)
 
-    def check(self, target: Target) -> None:
+    def check(self, target: TableAddress) -> None:
         """Raises PlcFault (9)."""
         self.axis(target.axis)
         known = range(self.tables) if target.kind == CEC else AXES
@@ -61,7 +70,7 @@ def test_double_words_and_crc(low_first: bool) -> None:
 
 def command_of(chance: random.Random, low_first: bool) -> tuple[list[int], PlcCommand]:
     """PlcCommand 2 with sound parameters, of which one or two are then anything."""
-    image, kind = Image(low_first), chance.choice((EEC, CEC, BACKLASH_KIND))
+    image, kind = ProcessImage(low_first), chance.choice((EEC, CEC, BACKLASH_KIND))
     low, step, total = chance.randrange(-5_000_000, 5_000_000), chance.randrange(1, 200_000), chance.randrange(2, 60)
     cross = kind == CEC
     index = chance.randrange(TABLES) if cross else chance.choice(AXES)
@@ -81,7 +90,7 @@ def command_of(chance: random.Random, low_first: bool) -> tuple[list[int], PlcCo
 
 def by_the_double(command: PlcCommand) -> tuple[int, int]:
     """The error code and detail that the double gives for these parameters."""
-    checks = Checks(None, Plant())  # type: ignore[arg-type]
+    checks = CommandChecks(None, Plant())  # type: ignore[arg-type]
     try:
         checks.check_parameters(command, checks.target(command, (EEC, CEC, BACKLASH_KIND)))
     except PlcFault as fault:

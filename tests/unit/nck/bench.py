@@ -7,7 +7,8 @@ import dataclasses
 from collections.abc import AsyncIterator
 
 from drivers.clock import LoopClock
-from simulators.nck.control import AxisSpec, Nck, NckSpec
+from simulators.nck.control import Nck
+from simulators.nck.spec import AxisSpec, NckSpec
 
 SPEC = NckSpec(
     axes=(

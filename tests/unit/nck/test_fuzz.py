@@ -10,7 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from drivers.clock import run_virtual
-from simulators.nck.language.parser import NcSyntaxError, parse
+from simulators.nck.language.parser import parse
+from simulators.nck.language.syntax import NcSyntaxError
 from tests.sizes import few
 from tests.unit.nck.bench import MAIN, Bench, on_bench
 from tests.unit.nck.test_execution import SKELETON

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from simulators.nck.language.grammar import parse_block
-from simulators.nck.language.parser import NcSyntaxError, outline, parse
+from simulators.nck.language.parser import outline_program, parse, parse_block
 from simulators.nck.language.syntax import (
     Address,
     Assign,
@@ -14,6 +13,7 @@ from simulators.nck.language.syntax import (
     IfJump,
     Indexed,
     Name,
+    NcSyntaxError,
     Number,
     OrdinaryBlock,
     Procedure,
@@ -138,12 +138,12 @@ def test_too_long_and_too_deep_blocks_are_refused() -> None:
 )
 def test_structures_must_match(text: str, line: int) -> None:
     with pytest.raises(NcSyntaxError) as caught:
-        outline(text)
+        outline_program(text)
     assert (caught.value.line, caught.value.number) == (line, 12640)
 
 
 def test_outline_reads_numbers_labels_comments_and_skips() -> None:
-    program = outline('N10 G0 ; go\n/N20 AGAIN: r1="a;B"\nn30 gotob again\n')
+    program = outline_program('N10 G0 ; go\n/N20 AGAIN: r1="a;B"\nn30 gotob again\n')
     assert [line.number for line in program.lines] == ["N10", "N20", "N30"]
     assert program.lines[1].skippable
     assert program.lines[1].text == 'R1="a;B"'
@@ -154,7 +154,7 @@ def test_outline_reads_numbers_labels_comments_and_skips() -> None:
 
 def test_an_open_string_is_refused() -> None:
     with pytest.raises(NcSyntaxError):
-        outline('MSG("abc)')
+        outline_program('MSG("abc)')
 
 
 async def test_a_control_that_fills_no_arrays_stops_at_the_first_list() -> None:

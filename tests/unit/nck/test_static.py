@@ -7,7 +7,8 @@ import json
 
 import pytest
 
-from simulators.nck.control import AxisSpec, Nck
+from simulators.nck.control import Nck
+from simulators.nck.spec import AxisSpec
 from tests.unit.nck.bench import MAIN, SPEC, Bench, eec_lines, enable, load_eec, on_bench
 from tests.unit.nck.test_cec import encoder
 

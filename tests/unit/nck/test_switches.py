@@ -10,7 +10,7 @@ import pytest
 
 from simulators.cell.control import spec_of
 from simulators.cellfile import load_cell
-from simulators.nck.control import NckRefusal
+from simulators.nck.spec import NckRefusal
 from simulators.nck.switches import OPEN, Switches
 from tests.unit.nck.bench import Bench, eec_lines, enable, load_eec, on_bench
 from tests.unit.nck.test_cec import encoder, load, move, table

@@ -8,12 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from simulators.cellfile import CellFile
-from simulators.cellfile.part import Part
+from simulators.cellfile.equipment import Part
 from simulators.grinding.grinder import Grinder
-from simulators.grinding.work import WorkPiece
+from simulators.grinding.workpiece import WorkPiece
 from simulators.optics.mountings import OpticsBench
 from simulators.truth import Truth
-from simulators.truth.chain import Pose
+from simulators.truth.kinematics import Pose
 
 FloatArray = NDArray[np.float64]
 Correction = Callable[[Mapping[str, FloatArray]], FloatArray]

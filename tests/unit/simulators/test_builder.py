@@ -9,8 +9,7 @@ import pytest
 
 from drivers.errors import ConfigError
 from simulators.cell import Cell
-from simulators.cellfile import CellFile, load_cell
-from simulators.cellfile.likeness import changed
+from simulators.cellfile import CellFile, apply_changes, load_cell
 from simulators.pytest_plugin import CellStarter
 
 
@@ -70,7 +69,7 @@ def test_a_likeness_that_is_not_there_is_refused(tmp_path: Path) -> None:
 
 def test_named_entries_are_joined_and_other_lists_replaced() -> None:
     base = {"axes": [{"name": "a", "x": 1}, {"name": "b", "x": 2}], "setups": [1, 2], "part": {"u": 1, "v": 2}}
-    found = changed(base, {"axes": [{"name": "b", "x": 3}, {"name": "c"}], "setups": [3], "part": {"v": 4}})
+    found = apply_changes(base, {"axes": [{"name": "b", "x": 3}, {"name": "c"}], "setups": [3], "part": {"v": 4}})
     assert found == {
         "axes": [{"name": "a", "x": 1}, {"name": "b", "x": 3}, {"name": "c"}],
         "setups": [3],

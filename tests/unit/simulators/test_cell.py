@@ -15,7 +15,7 @@ from drivers.umd.device import UmdCounter
 from gateway.config import load_site
 from simulators.cell import Cell
 from simulators.cell.__main__ import answered
-from simulators.cell.judge import Judge
+from simulators.cell.backdoor import BackDoor
 from simulators.cellfile import load_cell
 from simulators.pytest_plugin import CellStarter, WireCell
 
@@ -136,7 +136,7 @@ def test_the_encoder_agrees_with_the_judge(trueflank_cell: CellStarter) -> None:
 
 def test_senses_are_drawn_apart(trueflank_cell: CellStarter, tmp_path: Path) -> None:
     async def main(cell: Cell) -> tuple[int, int, int]:
-        senses = (await Judge(cell).answer({"ask": "senses"}))["instruments"]
+        senses = (await BackDoor(cell).answer({"ask": "senses"}))["instruments"]
         return senses["laser"], senses["calibrator"], cell.nck.spec.cec_sign
 
     drawn = {trueflank_cell.in_memory(main, "zero", seed=seed) for seed in range(6)}
@@ -145,7 +145,7 @@ def test_senses_are_drawn_apart(trueflank_cell: CellStarter, tmp_path: Path) -> 
 
 def test_the_judge_answers_and_says_what_it_does_not_know(trueflank_cell: CellStarter, tmp_path: Path) -> None:
     async def main(cell: Cell) -> None:
-        judge = Judge(cell)
+        judge = BackDoor(cell)
         answer = await judge.answer({"ask": "deviation", "axis": "X1", "positions": [-10.0], "direction": 1, "t": 0})
         assert answer["unit"] == "um"
         assert answer["deviation"] == pytest.approx(cell.raw_deviation("X1", np.asarray([-10.0]), 1, 0.0).tolist())
@@ -169,7 +169,7 @@ def test_the_judge_answers_and_says_what_it_does_not_know(trueflank_cell: CellSt
 
 def test_the_panel_has_a_reset_key(trueflank_cell: CellStarter) -> None:
     async def main(cell: Cell) -> None:
-        judge, nck = Judge(cell), cell.nck
+        judge, nck = BackDoor(cell), cell.nck
         cell.operator.change(auto=False)
         path = "/_N_MPF_DIR/_N_STANDS_MPF"
         nck.files.write(path, b"M0\nM30\n")

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from simulators.cell import Cell
-from simulators.cell.judge import Judge
+from simulators.cell.backdoor import BackDoor
 from simulators.pytest_plugin import CellStarter
 from tests.unit.simulators.planned_run import ground
 from tests.unit.simulators.test_cell import load_table, settled
@@ -101,7 +101,7 @@ def test_the_part_is_ground_through_the_control_and_its_tables(trueflank_cell: C
 
 def test_nothing_is_cut_without_a_blank_and_the_judge_knows_the_part(trueflank_cell: CellStarter) -> None:
     async def main(cell: Cell) -> None:
-        judge = Judge(cell)
+        judge = BackDoor(cell)
         assert await judge.answer({"ask": "part"}) == {"clamped": None, "ground": None}
         assert "error" in await judge.answer({"ask": "flank"})
         told = await judge.answer({"ask": "motion", "name": "EYX", "positions": [-100.0, -50.0]})

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from simulators.cell.console import WORDS, order_of
-from simulators.cellfile import listed, load_cell, packaged
+from simulators.cell.console import WORDS, parse_order
+from simulators.cellfile import list_cells, load_cell, packaged_cells
 from simulators.truth.climate import Climate
 
 
@@ -24,15 +24,15 @@ from simulators.truth.climate import Climate
     ],
 )
 def test_a_typed_line_is_an_order(typed: str, order: dict[str, object]) -> None:
-    assert order_of(typed) == order
+    assert parse_order(typed) == order
 
 
 def test_every_word_of_the_help_is_understood_and_nothing_else() -> None:
     for line in WORDS:
         for one in line.split(" | "):
-            assert order_of(one) is not None or one == "help", one
-    assert order_of("dance") is None
-    assert order_of("jog X1 far") is None
+            assert parse_order(one) is not None or one == "help", one
+    assert parse_order("dance") is None
+    assert parse_order("jog X1 far") is None
 
 
 def test_the_weather_is_what_was_asked_for_and_drifts_on() -> None:
@@ -44,5 +44,5 @@ def test_the_weather_is_what_was_asked_for_and_drifts_on() -> None:
 
 
 def test_every_cell_that_comes_along_says_what_it_is() -> None:
-    assert set(listed()) == set(packaged())
-    assert all(len(words) > 20 and "\n" not in words for words in listed().values())
+    assert set(list_cells()) == set(packaged_cells())
+    assert all(len(words) > 20 and "\n" not in words for words in list_cells().values())

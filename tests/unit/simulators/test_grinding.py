@@ -6,15 +6,12 @@ import numpy as np
 import pytest
 
 from simulators.cellfile import CellFile
-from simulators.cellfile.part import Clamping, Gear, Part, Wheel
-from simulators.grinding import Grinder, Lobes, WorkPiece
-from simulators.grinding.entry import Poses, deepest
-from simulators.grinding.sampling import closely, passes
-from simulators.grinding.wheel import WheelBody
-from simulators.grinding.work import clamped
+from simulators.cellfile.equipment import Clamping, Gear, Part, Wheel
+from simulators.grinding.grinder import Grinder, refine_times, split_passes
+from simulators.grinding.workpiece import CycloidDisc, Poses, WheelBody, WorkPiece, draw_clamping, entry_depth
 from simulators.optics.mountings import OpticsBench
 from simulators.truth import Truth
-from simulators.truth.chain import rotation
+from simulators.truth.kinematics import rotation
 from tests.sizes import few
 from tests.unit.simulators.motion import plain_cell
 from tests.unit.simulators.planned_run import PlannedRun, ground
@@ -55,13 +52,13 @@ def flank(cell: CellFile, spaces: tuple[int, ...] = (0, 7, 20), **planned: objec
 def places(cell: CellFile) -> tuple[np.ndarray, np.ndarray]:
     assert cell.part is not None
     gear = cell.part.gear
-    return Lobes(gear).even(12), np.linspace(-0.5, 0.5, 5) * gear.b
+    return CycloidDisc(gear).even(12), np.linspace(-0.5, 0.5, 5) * gear.b
 
 
 def shapes(cell: CellFile) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """n_x, n_y and the lever of a rotation, each (T, 1)."""
     assert cell.part is not None
-    point, normal = Lobes(cell.part.gear).profile(places(cell)[0])
+    point, normal = CycloidDisc(cell.part.gear).profile(places(cell)[0])
     lever = point.real * normal.imag - point.imag * normal.real
     return normal.real[:, None], normal.imag[:, None], lever[:, None]
 
@@ -82,7 +79,7 @@ def test_the_profile_is_the_cycloid_of_the_books(data: dict[str, float]) -> None
     """Against the (1-i) phi form printed in textbooks, mirrored in y; root and tip; unit normals across it."""
     gear = Gear.model_validate(data)
     t = np.linspace(-np.pi / gear.zc, np.pi / gear.zc, 3001)
-    point, normal = Lobes(gear).profile(t)
+    point, normal = CycloidDisc(gear).profile(t)
     i, k = gear.zp / gear.zc, gear.a * gear.zp / gear.rp
     phi = gear.zc * t
     s = (1.0 + k * k - 2.0 * k * np.cos(phi)) ** -0.5
@@ -94,7 +91,7 @@ def test_the_profile_is_the_cycloid_of_the_books(data: dict[str, float]) -> None
     )
     np.testing.assert_allclose(point, x - 1j * y, atol=1e-11)
     assert abs(point[1500]) == pytest.approx(gear.rp - gear.a - gear.rrp)
-    assert abs(point[0]) == pytest.approx(gear.rp + gear.a - gear.rrp) == pytest.approx(Lobes(gear).tip_mm)
+    assert abs(point[0]) == pytest.approx(gear.rp + gear.a - gear.rrp) == pytest.approx(CycloidDisc(gear).tip_mm)
     along = np.gradient(point, t, edge_order=2)
     across = np.abs((along * normal.conjugate()).real / np.abs(along))
     assert np.max(across) < 1e-4  # finite differences
@@ -102,7 +99,7 @@ def test_the_profile_is_the_cycloid_of_the_books(data: dict[str, float]) -> None
 
 
 def test_points_are_even_along_the_flank() -> None:
-    lobes = Lobes(Gear.model_validate(RV40))
+    lobes = CycloidDisc(Gear.model_validate(RV40))
     t = lobes.even(12, 0.9)
     steps = np.diff(lobes.length(t))
     np.testing.assert_allclose(steps, steps[0], rtol=1e-6)
@@ -112,11 +109,11 @@ def test_points_are_even_along_the_flank() -> None:
 
 
 def test_modifications_move_the_flank_the_way_they_say() -> None:
-    plain, t = Lobes(Gear.model_validate(RV40)), np.asarray([-0.05, -0.02, 0.02, 0.05])
+    plain, t = CycloidDisc(Gear.model_validate(RV40)), np.asarray([-0.05, -0.02, 0.02, 0.05])
     base, normal = plain.profile(t)
-    thin = Lobes(Gear.model_validate(RV40 | {"drrp": 0.01})).profile(t)[0]
+    thin = CycloidDisc(Gear.model_validate(RV40 | {"drrp": 0.01})).profile(t)[0]
     np.testing.assert_allclose(thin, base - 0.01 * normal, atol=1e-12)
-    turned = Lobes(Gear.model_validate(RV40 | {"drot": 1e-4})).profile(t)[0]
+    turned = CycloidDisc(Gear.model_validate(RV40 | {"drot": 1e-4})).profile(t)[0]
     np.testing.assert_allclose(np.angle(turned / base), 1e-4 * np.sign(t), atol=1e-12)
 
 
@@ -125,19 +122,19 @@ def test_modifications_move_the_flank_the_way_they_say() -> None:
 
 @pytest.mark.parametrize("late", [0.0, 0.13, 0.25, 0.37])
 def test_the_nominal_wheel_leaves_the_nominal_space_wherever_it_is_sampled(late: float) -> None:
-    lobes = Lobes(Gear.model_validate(RV40))
+    lobes = CycloidDisc(Gear.model_validate(RV40))
     rays = lobes.rays(0, lobes.even(25), np.linspace(-5.0, 5.0, 9))
-    left = deepest(WheelBody(lobes, DISTANCE), strokes(late=late), rays)
+    left = entry_depth(WheelBody(lobes, DISTANCE), strokes(late=late), rays)
     assert np.max(np.abs(left)) < 0.2 * NM
 
 
 @pytest.mark.parametrize(("dx", "dy", "turned"), [(1e-3, 0.0, 0.0), (0.0, 1e-3, 0.0), (0.0, 0.0, ARCSEC)])
 def test_small_shifts_and_turns_reach_the_flank_as_their_normal_parts(dx: float, dy: float, turned: float) -> None:
     """1 um along X leaves n_x um, along Y n_y um, 1 arcsec about Z the lever times the angle; all within 5 nm."""
-    lobes = Lobes(Gear.model_validate(RV40))
+    lobes = CycloidDisc(Gear.model_validate(RV40))
     t = lobes.even(25)
     rays = lobes.rays(0, t, np.linspace(-5.0, 5.0, 9))
-    left = deepest(WheelBody(lobes, DISTANCE), strokes(dx, dy, turned), rays).reshape(25, 9)
+    left = entry_depth(WheelBody(lobes, DISTANCE), strokes(dx, dy, turned), rays).reshape(25, 9)
     point, normal = lobes.profile(t)
     lever = point.real * normal.imag - point.imag * normal.real
     wanted = dx * normal.real + dy * normal.imag + turned * lever
@@ -146,7 +143,7 @@ def test_small_shifts_and_turns_reach_the_flank_as_their_normal_parts(dx: float,
 
 def test_a_brute_force_search_finds_the_same_surface() -> None:
     """A leaning, shifted, waving wheel: every pose by bisection on a fine stroke, no derivatives, no parabola."""
-    lobes = Lobes(Gear.model_validate(RV40))
+    lobes = CycloidDisc(Gear.model_validate(RV40))
     body = WheelBody(lobes, DISTANCE)
     rays = lobes.rays(0, lobes.even(6), np.asarray([-4.0, 0.7]))
 
@@ -156,7 +153,7 @@ def test_a_brute_force_search_finds_the_same_surface() -> None:
         angles = np.stack((1e-4 + 1e-5 * s, 2e-4 * np.cos(s / 20.0), -1.2e-4 + 0.0 * s))
         return Poses(s / 50.0, rotation(angles), centre, np.full_like(s, 0.002))
 
-    found = deepest(body, waving(np.arange(-12.0, 12.0, 0.25) + 0.11), rays)
+    found = entry_depth(body, waving(np.arange(-12.0, 12.0, 0.25) + 0.11), rays)
     fine = waving(np.arange(-7.0, 7.0, 0.002))
     for point, way, e in zip(rays.points, rays.directions, found, strict=True):
         low, high = np.full(len(fine.times), -0.05), np.full(len(fine.times), 0.6)
@@ -287,7 +284,7 @@ def test_warm_work_is_measured_at_20_degrees() -> None:
     axes[0]["expansion_ppm_per_k"] = 11.5
     cell = cell_of({}, axes=axes, climate={"material_degc": {"start": 24.0}}, grinding={"stock_um": 60.0})
     nx, _, _ = shapes(cell)
-    point, normal = Lobes(cell.part.gear).profile(places(cell)[0])
+    point, normal = CycloidDisc(cell.part.gear).profile(places(cell)[0])
     own = (point * normal.conjugate()).real[:, None]
     wanted = 11.5e-6 * 4.0 * (DISTANCE * nx - own) * 1e3
     got = flank(cell)
@@ -366,7 +363,7 @@ def test_blanks_are_clamped_anew_each_time_and_alike_for_a_seed() -> None:
     np.testing.assert_array_equal(first, two(5)[0])
     assert np.linalg.norm(first - second) > 1e-5
     assert np.linalg.norm(first - two(6)[0]) > 1e-5
-    many = np.asarray([clamped(Clamping(eccentric_um=3.0), 5, str(count)).origin[0][:2] for count in range(400)])
+    many = np.asarray([draw_clamping(Clamping(eccentric_um=3.0), 5, str(count)).origin[0][:2] for count in range(400)])
     assert np.std(many) == pytest.approx(1.5e-3, rel=0.1)
 
 
@@ -388,7 +385,7 @@ def test_moments_of_contact_are_a_quarter_of_a_millimetre_apart() -> None:
     times = np.linspace(0.0, 1.0, 26)
     z = -100.0 + 200.0 * times
     near = np.abs(z) < 12.0
-    close, inside = closely(times, np.zeros_like(z), z, near)
+    close, inside = refine_times(times, np.zeros_like(z), z, near)
     heights = -100.0 + 200.0 * close
     assert np.max(np.diff(heights[inside])) <= 0.25
     assert np.all(np.isin(times, close))
@@ -399,11 +396,11 @@ def test_moments_of_contact_are_a_quarter_of_a_millimetre_apart() -> None:
 def test_a_stroke_turned_round_is_two_passes_and_a_rest_is_none() -> None:
     z = np.asarray([0.0, 1.0, 2.0, 2.0, 2.0, 3.0, 2.5, 1.0, 0.0, 0.0])
     times = 0.01 * np.arange(len(z))
-    found = passes(times, z, np.zeros(len(z), dtype=int))
+    found = split_passes(times, z, np.zeros(len(z), dtype=int))
     assert [(part.start, part.stop) for part in found] == [(0, 5), (5, 10)]
     gap = times + np.where(np.arange(len(z)) > 3, 5.0, 0.0)
-    assert len(passes(gap, z, np.zeros(len(z), dtype=int))) == 3
-    assert len(passes(times, np.zeros(len(z)), np.zeros(len(z), dtype=int))) == 1
+    assert len(split_passes(gap, z, np.zeros(len(z), dtype=int))) == 3
+    assert len(split_passes(times, np.zeros(len(z)), np.zeros(len(z), dtype=int))) == 1
 
 
 def test_a_part_file_is_checked() -> None:

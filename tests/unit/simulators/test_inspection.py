@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from simulators.cellfile.part import InspectionMachine
-from simulators.grinding import Lobes, WorkPiece
-from simulators.inspection import GearMachine, Touches
+from simulators.cellfile.equipment import InspectionMachine
+from simulators.grinding.workpiece import CycloidDisc, WorkPiece
+from simulators.inspection import GearMachine, TouchedPoints
 from simulators.truth import Truth
 from tests.unit.simulators.planned_run import ground
 from tests.unit.simulators.test_grinding import ARCSEC, cell_of
@@ -27,7 +27,7 @@ def machine(seed: int = 1, **options: object) -> GearMachine:
     return GearMachine(InspectionMachine.model_validate(plain | options), seed)
 
 
-def on_grid(touches: Touches) -> np.ndarray:
+def on_grid(touches: TouchedPoints) -> np.ndarray:
     return touches.deviation_um.reshape(SHAPE)
 
 
@@ -94,7 +94,7 @@ def test_what_is_ground_is_what_profile_lead_pitch_and_runout_show(work: WorkPie
     """EXX = +2 um: profile n_x; ECC with three waves: pitch F_k = -r ECC_k, no lead, no runout to speak of."""
     got = on_grid(machine().inspect(work, 4, 3))
     t, _ = grid(work)
-    point, normal = Lobes(work.spec.gear).profile(t)
+    point, normal = CycloidDisc(work.spec.gear).profile(t)
     lever = (point.conjugate() * normal).imag
     assert np.max(np.abs(got[:, :, 2] - got[:, :, 0])) < 0.002
     turned = np.mean((got + 2.0 * normal.real[None, :, None]) / lever[None, :, None], axis=(1, 2))

@@ -8,8 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 import pytest
 
-from simulators.modbus.frames import BrokenFrame, Mbap, ModbusFrame, Rtu, crc16, intact
-from simulators.modbus.pdu import PduRefused, answer
+from simulators.modbus.frames import BrokenFrame, Mbap, ModbusFrame, PduRefused, Rtu, answer_pdu, crc16, has_valid_crc
 
 
 class Block:
@@ -31,7 +30,7 @@ class Block:
 
 
 def asked(text: str, block: Block | None = None) -> str:
-    return answer(bytes.fromhex(text), block or Block()).hex(" ").upper()
+    return answer_pdu(bytes.fromhex(text), block or Block()).hex(" ").upper()
 
 
 # MODBUS Application Protocol V1.1b3: the examples of 6.3, 6.6 and 6.12.
@@ -95,9 +94,9 @@ def test_the_greatest_quantities_are_taken() -> None:
             self.words |= dict(enumerate(values, start=address))
 
     block = Wide()
-    assert len(answer(bytes.fromhex("03 00 00 00 7D"), block)) == 2 + 250
+    assert len(answer_pdu(bytes.fromhex("03 00 00 00 7D"), block)) == 2 + 250
     wide = struct.pack(">BHHB", 0x10, 0, 123, 246) + b"\x00\x09" * 123
-    assert answer(wide, block) == bytes.fromhex("10 00 00 00 7B")
+    assert answer_pdu(wide, block) == bytes.fromhex("10 00 00 00 7B")
     assert {block.words[place] for place in range(123)} == {9}
 
 
@@ -118,11 +117,11 @@ RTU_FRAMES = (
 def test_crc_of_known_frames(text: str) -> None:
     frame = bytes.fromhex(text)
     assert crc16(frame[:-2]) == int.from_bytes(frame[-2:], "little")
-    assert intact(frame)
+    assert has_valid_crc(frame)
     for bit in range(8 * len(frame)):
         bent = bytearray(frame)
         bent[bit // 8] ^= 1 << bit % 8
-        assert not intact(bytes(bent))
+        assert not has_valid_crc(bytes(bent))
 
 
 def test_crc_of_the_usual_check_word() -> None:

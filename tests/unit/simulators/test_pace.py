@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from simulators.cell.pace import TURN_S, LoopPace, PacedLoop
+from simulators.cell.paced_loop import TURN_S, PacedLoop, PacedTime
 
 
 @dataclass
@@ -38,14 +38,14 @@ def test_a_turn_that_takes_long_counts_little() -> None:
 @pytest.mark.parametrize(("asked", "took", "counts"), [(10.0, 10.0, 10.0), (10.0, 4.0, 4.0), (None, 7.0, 7.0)])
 def test_a_wait_counts_as_long_as_it_took(asked: float | None, took: float, counts: float) -> None:
     wall = Wall()
-    pace = LoopPace(wall)
+    pace = PacedTime(wall)
     pace.waited(lambda _timeout: wall.passes(took), asked)
     assert pace.now() == pytest.approx(100.0 + counts)
 
 
 def test_a_wait_that_overslept_counts_as_asked() -> None:
     wall = Wall()
-    pace = LoopPace(wall)
+    pace = PacedTime(wall)
     pace.waited(lambda _timeout: wall.passes(25.0), 1.0)
     assert pace.now() == pytest.approx(101.0 + TURN_S)
 
@@ -53,7 +53,7 @@ def test_a_wait_that_overslept_counts_as_asked() -> None:
 @given(st.lists(st.tuples(st.booleans(), st.floats(0.0, 50.0), st.floats(0.0, 2.0)), max_size=30))
 def test_time_never_goes_back_and_never_runs_ahead(steps: list[tuple[bool, float, float]]) -> None:
     wall = Wall()
-    pace = LoopPace(wall)
+    pace = PacedTime(wall)
     seen = [pace.now()]
     for waits, took, asked in steps:
         if waits:

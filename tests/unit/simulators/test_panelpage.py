@@ -14,8 +14,8 @@ from drivers.clock import LoopClock
 from drivers.languages import LANGUAGES, texts_of
 from simulators.cell import cell_running
 from simulators.cell.__main__ import answered
-from simulators.cell.judge import Judge
-from simulators.cell.panelpage import panel_served, url_of
+from simulators.cell.backdoor import BackDoor
+from simulators.cell.console import panel_url, serve_panel
 
 KEY = {"content-type": "text/plain"}
 
@@ -23,14 +23,14 @@ KEY = {"content-type": "text/plain"}
 @pytest.mark.wall_time
 async def test_keys_of_the_panel_do_what_the_same_words_do_and_nobody_else_presses_them(tmp_path: Path) -> None:
     async with cell_running("demo", tmp_path, LoopClock(), wires="memory") as cell:
-        judge = Judge(cell)
+        judge = BackDoor(cell)
 
         async def does(line: bytes) -> dict[str, Any]:
             return await answered(judge, line)
 
-        panel = await panel_served(cell, does)
+        panel = await serve_panel(cell, does)
         try:
-            async with httpx.AsyncClient(base_url=url_of(panel), trust_env=False) as person:
+            async with httpx.AsyncClient(base_url=panel_url(panel), trust_env=False) as person:
                 page = await person.get("/")
                 assert "NC START" in page.text
                 assert "default-src 'self'" in page.headers["content-security-policy"]

@@ -15,14 +15,15 @@ from drivers.files.columns import ColumnMap
 from drivers.files.csvmap import parse_csv
 from gateway.config import load_site
 from simulators.cell import Cell
-from simulators.cell.filed import write_setup_file
+from simulators.cell.setup_files import write_setup_file
 from simulators.cell.site import quoted, site_text
-from simulators.cellfile import CellFile, load_cell, packaged, with_plan
+from simulators.cellfile import CellFile, load_cell, packaged_cells, with_plan
 from simulators.cellfile import OperatorSection as OperatorSpec
-from simulators.files import FileContent, result_text
 from simulators.operator import Operator
-from simulators.optics import OpticsBench
-from simulators.truth import Truth, Weather
+from simulators.optics.mountings import OpticsBench
+from simulators.result_files import FileContent, result_text
+from simulators.truth import Truth
+from simulators.truth.climate import Weather
 from tests.unit.simulators.motion import Motion, plain_cell
 
 
@@ -187,7 +188,7 @@ def test_a_rotary_file_is_in_milliradian() -> None:
     assert f"{8.0 / 206.26480624709636:.6f}" in text
 
 
-@pytest.mark.parametrize("name", packaged())
+@pytest.mark.parametrize("name", packaged_cells())
 def test_the_site_file_of_a_packaged_cell_is_valid(name: str, tmp_path: Path) -> None:
     cell = load_cell(name)
     controller = {"url": "opc.tcp://127.0.0.1:4840", "settings": {"user": "u", "r_first": 80}}

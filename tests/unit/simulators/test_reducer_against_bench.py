@@ -21,10 +21,10 @@ from gateway.reducer.figures import crank_angles, transmission
 from gateway.reducer.firstorder import transmission_map
 from gateway.reducer.uncertainty import uncertainty
 from gateway.tooth import FlankMap
-from simulators.cellfile.part import Gear
-from simulators.grinding import Lobes
-from simulators.reducer.energy import Mechanism
-from simulators.reducer.parts import Contact, CrankSet, FirstStage, Flanks, Reducer, Ring, equal_discs
+from simulators.cellfile.equipment import Gear
+from simulators.grinding.workpiece import CycloidDisc
+from simulators.reducer.equilibrium import Mechanism
+from simulators.reducer.parts import Contact, CrankSet, FirstStage, Flanks, Reducer, Ring, have_equal_discs
 from tests.sizes import long, soak
 
 STEPS = 24
@@ -78,7 +78,7 @@ def parts_of(seed: int, *, slices: int = 1) -> Parts:
     kind = KINDS[seed % (2 if seed < SHORT else len(KINDS))]
     rng = np.random.default_rng(seed)
     gear = Gear(**kind.gear)
-    zc, lobes = gear.zc, Lobes(gear)
+    zc, lobes = gear.zc, CycloidDisc(gear)
     t = lobes.even(31, 0.996)
     z = ((np.arange(slices) + 0.5) / slices - 0.5) * gear.b
     point, normal = lobes.profile(t)
@@ -162,7 +162,7 @@ def bench_of(parts: Parts) -> Mechanism:
         clearance_um=parts.clearance_um,
     )
     ring = Ring.of(gear, parts.radius_um - parts.thin_um, parts.place_um)
-    discs = equal_discs(gear, [Flanks(parts.t, one) for one in parts.flanks], parts.marks)
+    discs = have_equal_discs(gear, [Flanks(parts.t, one) for one in parts.flanks], parts.marks)
     return Mechanism(Reducer(gear=gear, ring=ring, discs=discs, cranks=cranks, contact=Contact(2e4)))
 
 

@@ -10,13 +10,12 @@ import numpy as np
 import pytest
 
 from drivers.errors import ConfigError
-from simulators.cellfile.part import Gear
-from simulators.grinding import Lobes
+from simulators.cellfile.equipment import Gear
+from simulators.grinding.workpiece import CycloidDisc
 from simulators.reducer.__main__ import main
-from simulators.reducer.bench import Bench
-from simulators.reducer.benchfile import load_bench, packaged_benches
-from simulators.reducer.energy import Mechanism
-from simulators.reducer.parts import Contact, CrankSet, Disc, FirstStage, Flanks, Reducer, Ring, equal_discs, marks
+from simulators.reducer.bench import Bench, load_bench, packaged_benches
+from simulators.reducer.equilibrium import Mechanism
+from simulators.reducer.parts import Contact, CrankSet, Disc, FirstStage, Flanks, Reducer, Ring, have_equal_discs, marks
 from simulators.truth import Truth
 from tests.unit.simulators.planned_run import ground
 from tests.unit.simulators.test_grinding import ELEVEN, cell_of
@@ -28,7 +27,7 @@ SMALL = Gear(rp=45.0, rrp=4.0, a=2.0, zp=12, zc=11, b=12.0)
 
 def flanks(gear: Gear, turned_um: object = 0.0, moved_um: object = 0.0, all_um: float = 0.0) -> Flanks:
     """One slice: spaces turned (um at the largest lever) or moved outwards (um), each (zc,), and all flanks equally."""
-    lobes = Lobes(gear)
+    lobes = CycloidDisc(gear)
     t = lobes.even(41, 0.998)
     point, normal = lobes.profile(t)
     lever = np.imag(np.conj(point) * normal) / (gear.a * gear.zc)
@@ -45,7 +44,7 @@ def reducer(
     **more: object,
 ) -> Reducer:
     """Rigid cranks, a perfect ring and one perfect disc unless said otherwise; the input is the crank."""
-    built = equal_discs(gear, discs or (Flanks.nominal(gear),), places)
+    built = have_equal_discs(gear, discs or (Flanks.nominal(gear),), places)
     held = cranks or CrankSet.perfect(3, len(built), 0.55 * gear.rp)
     return Reducer(gear=gear, ring=ring or Ring.of(gear), discs=built, cranks=held, **more)  # type: ignore[arg-type]
 
@@ -245,7 +244,7 @@ def test_a_disc_that_the_simulated_grinder_ground_is_built_in_as_it_is() -> None
     built = Mechanism(reducer(gear, taken, contact=Contact(2e5)))
     crank = np.linspace(0.0, 6.0, 12)
     play = built.rest(crank, 0.05).error_rad - built.rest(crank, -0.05).error_rad
-    point, normal = Lobes(gear).profile(np.linspace(0.01, 0.25, 500))
+    point, normal = CycloidDisc(gear).profile(np.linspace(0.01, 0.25, 500))
     least = np.min(normal.real / np.abs(np.imag(np.conj(point) * normal)))
     assert play.min() == pytest.approx(2.0 * inside * 1e-3 * least, rel=0.01)
 

@@ -8,12 +8,17 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
-from simulators.cellfile import CellFile, DriftSection, Noise, Sensor, load_cell
-from simulators.grinding import Lobes
-from simulators.optics import LaserCounter, OpticsBench, RotaryReader, SensorReader
-from simulators.optics.stops import Stops
-from simulators.truth import AxisMotion, Scatter, Truth
-from simulators.truth.drift import drifted
+from simulators.cellfile import CellFile, load_cell
+from simulators.cellfile.curves import DriftSection
+from simulators.cellfile.equipment import Noise, Sensor
+from simulators.grinding.workpiece import CycloidDisc
+from simulators.optics.calibrator import RotaryReader
+from simulators.optics.interferometer import LaserCounter
+from simulators.optics.mountings import OpticsBench, StopNoise
+from simulators.optics.sensors import SensorReader
+from simulators.truth import Truth
+from simulators.truth.climate import drift_value
+from simulators.truth.kinematics import AxisMotion, Scatter
 from tests.unit.simulators.motion import Motion, plain_cell
 from tests.unit.simulators.planned_run import ground
 
@@ -105,10 +110,10 @@ def test_the_laser_sees_the_screw() -> None:
 
 def test_a_drift_bends_as_its_formula_says() -> None:
     spec = DriftSection(per_h=0.5, per_k=2.0, warm_up=3.0, warm_up_h=1.5, wave=0.2, wave_h=4.0)
-    found = drifted(spec, 3.0 * 3600.0, 21.5)
+    found = drift_value(spec, 3.0 * 3600.0, 21.5)
     expected = 1.5 + 3.0 + 3.0 * (1.0 - np.exp(-2.0)) + 0.2 * np.sin(2.0 * np.pi * 0.75)
     assert found == pytest.approx(expected)
-    assert drifted(DriftSection(warm_up=3.0, warm_up_h=1.5), 30.0 * 3600.0, 20.0) == pytest.approx(3.0, abs=1e-6)
+    assert drift_value(DriftSection(warm_up=3.0, warm_up_h=1.5), 30.0 * 3600.0, 20.0) == pytest.approx(3.0, abs=1e-6)
 
 
 def test_a_drift_moves_the_whole_axis_and_turns_with_its_sign() -> None:
@@ -187,7 +192,7 @@ def part_with(wheel: dict[str, Any] | None = None, **more: Any) -> np.ndarray:
     spec = cell(part=PART, wheel=wheel or {}, **more)
     assert spec.part is not None
     work = ground(Truth(spec), spec.part)
-    t = Lobes(spec.part.gear).even(5, 1.0)[[1, 3]]
+    t = CycloidDisc(spec.part.gear).even(5, 1.0)[[1, 3]]
     return work.surplus_um(np.arange(11.0), t, np.zeros(1))[:, :, 0]
 
 
@@ -195,7 +200,7 @@ def test_a_wheel_that_wears_leaves_more_from_space_to_space() -> None:
     """What the radius loses stays along n_x; the shift of the profile along n_y; spaces are ground in their order."""
     spec = cell(part=PART)
     assert spec.part is not None
-    lobes = Lobes(spec.part.gear)
+    lobes = CycloidDisc(spec.part.gear)
     _, normal = lobes.profile(lobes.even(5, 1.0)[[1, 3]])
     worn = part_with({"wear_um": 0.05, "wear_side_um": 0.02})
     expected = np.arange(11.0)[:, None] * (0.05 * normal.real + 0.02 * normal.imag)
@@ -225,8 +230,8 @@ def test_air_that_moves_is_seen_by_an_axis_at_rest() -> None:
     """Another reading every two seconds of the same stop, by the same seed the same; an outlier stays for its stop."""
     still, spacing_s = np.full(400, 50.0), 0.1
 
-    def read(stop_s: float) -> Stops:
-        return Stops(Noise(stop=0.3, stop_s=stop_s), 100, 7, "laser X1")
+    def read(stop_s: float) -> StopNoise:
+        return StopNoise(Noise(stop=0.3, stop_s=stop_s), 100, 7, "laser X1")
 
     moving, again, calm = read(2.0), read(2.0), read(0.0)
     seen = np.concatenate([moving.offsets(still[:150], spacing_s), moving.offsets(still[150:], spacing_s)])

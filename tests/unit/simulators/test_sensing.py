@@ -17,9 +17,9 @@ from drivers.types.gears import GearPlan, InspectedGear
 from drivers.types.sensing import SampleBlock
 from gateway.config import load_site
 from simulators.cell import Cell
-from simulators.cell.judge import Judge
+from simulators.cell.backdoor import BackDoor
 from simulators.cellfile import load_cell, with_plan
-from simulators.grinding.work import WorkPiece
+from simulators.grinding.workpiece import WorkPiece
 from simulators.pytest_plugin import CellStarter
 from tests.unit.simulators.planned_run import PlannedRun
 
@@ -140,8 +140,8 @@ def test_a_ground_part_is_inspected_line_by_line(trueflank_cell: CellStarter) ->
         turned = float(off @ lever / (lever @ lever))
         assert np.max(np.abs(off - turned * lever)) < 1.5
         assert abs(turned) * 1e-3 <= np.deg2rad(40.0 / 3600.0) * 1.2
-        await Judge(cell).answer({"set": "gear_machine", "options": {"deviations": True}})
-        await Judge(cell).answer({"set": "reclamp"})
+        await BackDoor(cell).answer({"set": "gear_machine", "options": {"deviations": True}})
+        await BackDoor(cell).answer({"set": "reclamp"})
         nominal = (await inspected(cell)).inspection
         assert nominal.deviation_um is not None
         np.testing.assert_allclose(nominal.points_mm[left] - [0.0, 0.0, 5.0], rays.points, atol=1e-6)
@@ -153,7 +153,7 @@ def test_a_ground_part_is_inspected_line_by_line(trueflank_cell: CellStarter) ->
 def test_a_plan_is_stopped_refused_or_fails_as_machines_do(trueflank_cell: CellStarter) -> None:
     async def main(cell: Cell) -> None:
         grind(cell)
-        judge = Judge(cell)
+        judge = BackDoor(cell)
         assert await judge.answer({"set": "gear_machine", "options": {"wrong_spaces": -1}}) == {"done": True}
         with pytest.raises(DeviceRefused) as counted:
             await inspected(cell)

@@ -5,8 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from simulators.cellfile import CellFile, Sensor, load_cell
-from simulators.optics import OpticsBench, SensorReader, SensorReadings
+from simulators.cellfile import CellFile, load_cell
+from simulators.cellfile.equipment import Sensor
+from simulators.optics.mountings import OpticsBench
+from simulators.optics.sensors import SensorReader, SensorReadings
 from simulators.truth import Truth
 from tests.unit.simulators.motion import Motion, plain_cell
 

@@ -10,10 +10,11 @@ from pydantic import ValidationError
 
 from drivers.errors import ConfigError
 from gateway.interlocks.limits import LEAST_DRIFT_K
-from simulators.cellfile import CellFile, InspectionMachine, load_cell, packaged, sampled_at_most
-from simulators.truth import AxisMotion, Hysteresis, Truth
-from simulators.truth.climate import Climate
-from simulators.truth.drift import drifted_s
+from simulators.cellfile import CellFile, limit_sample_rate, load_cell, packaged_cells
+from simulators.cellfile.equipment import InspectionMachine
+from simulators.truth import Truth
+from simulators.truth.climate import Climate, drift_time_s
+from simulators.truth.kinematics import AxisMotion, Hysteresis
 from tests.unit.simulators.motion import plain_cell
 
 UP = np.asarray([1.0])
@@ -78,7 +79,7 @@ def test_hysteresis_stays_between_its_ends_however_the_axis_moves(path: list[flo
     np.testing.assert_allclose([piecewise.follow(np.asarray([p]))[0] for p in path], whole, atol=1e-9)
 
 
-@pytest.mark.parametrize("name", packaged())
+@pytest.mark.parametrize("name", packaged_cells())
 def test_a_shipped_machine_stays_in_the_warmth_that_every_push_allows(name: str) -> None:
     """At 300 times a coffee, or a busy PC, is a shift at the machine: its push was refused for 2 K (E-INT-WARMTH)."""
     climate = Climate(load_cell(name).climate)
@@ -86,7 +87,7 @@ def test_a_shipped_machine_stays_in_the_warmth_that_every_push_allows(name: str)
     assert max(felt) - min(felt) < LEAST_DRIFT_K
 
 
-@pytest.mark.parametrize("name", packaged())
+@pytest.mark.parametrize("name", packaged_cells())
 def test_packaged_cells_load_and_are_reproducible(name: str) -> None:
     cell, at = load_cell(name), np.linspace(-300.0, 0.0, 50)
     for seed in (None, 7):
@@ -170,11 +171,17 @@ def test_a_missing_cell_file_says_where(tmp_path: object) -> None:
 
 def test_a_drift_turns_back_after_half_a_day() -> None:
     hours = np.arange(0.0, 24.0 * 30.0, 0.25)
-    found = drifted_s(3600.0 * hours) / 3600.0
+    found = drift_time_s(3600.0 * hours) / 3600.0
     assert np.array_equal(found[hours <= 12.0], hours[hours <= 12.0])
     assert np.max(np.abs(found)) <= 12.0
     assert np.max(np.abs(np.diff(found))) <= 0.25 + 1e-9
-    assert [drifted_s(3600.0 * hour) / 3600.0 for hour in (0.0, 12.0, 24.0, 36.0, 48.0)] == [0.0, 12.0, 0.0, -12.0, 0.0]
+    assert [drift_time_s(3600.0 * hour) / 3600.0 for hour in (0.0, 12.0, 24.0, 36.0, 48.0)] == [
+        0.0,
+        12.0,
+        0.0,
+        -12.0,
+        0.0,
+    ]
 
 
 def test_the_surroundings_of_a_cell_left_running_stay_within_bounds() -> None:
@@ -200,7 +207,7 @@ def test_a_machine_that_stands_is_where_it_is_among_many_places() -> None:
 
 def test_instruments_sampled_at_most_so_often_keep_slower_rates() -> None:
     cell = load_cell("demo")
-    slower = sampled_at_most(cell, 60.0)
+    slower = limit_sample_rate(cell, 60.0)
     pairs = [(one, two) for one, two in zip(cell.instruments, slower.instruments, strict=True)]
     rates = [(one.sample_hz, two.sample_hz) for one, two in pairs if not isinstance(one, InspectionMachine)]
     assert {one for one, _ in rates} == {1000.0, 100.0, 50.0}

@@ -14,12 +14,14 @@ from drivers.clock import LoopClock, run_virtual
 from drivers.errors import TransportError
 from drivers.transport import ByteTransport, open_transport
 from drivers.umd.codec import CODE, DATA, DISPLACEMENT, SEQUENCE, VELOCITY, UmdCodec
-from simulators.bridge import BridgeAnswerer
+from simulators.bridge import BridgeServer
 from simulators.cellfile import CellFile
 from simulators.faults import FaultPlan
-from simulators.optics import LaserCounter, OpticsBench, RotaryReader
+from simulators.optics.calibrator import RotaryReader
+from simulators.optics.interferometer import LaserCounter
+from simulators.optics.mountings import OpticsBench
 from simulators.truth import Truth
-from simulators.umd import UmdAnswerer
+from simulators.umd import UmdServer
 from tests.unit.simulators.motion import Motion, plain_cell
 
 JOG = Motion(X1=[(0.0, 0.0), (2.0, 0.0), (3.0, 10.0)], C1=[(0.0, 0.0), (2.0, 0.0), (3.0, 0.1)])
@@ -36,10 +38,10 @@ def bench_of(motion: Motion = JOG) -> OpticsBench:
 
 
 @contextlib.asynccontextmanager
-async def umd(plan: FaultPlan | None = None) -> AsyncIterator[tuple[UmdAnswerer, ByteTransport, LoopClock]]:
+async def umd(plan: FaultPlan | None = None) -> AsyncIterator[tuple[UmdServer, ByteTransport, LoopClock]]:
     bench, clock = bench_of(), LoopClock()
     counter = LaserCounter(bench.cell.instruments[0], bench)
-    answerer = UmdAnswerer(counter, bench, clock, 0.1, plan.around if plan else None)
+    answerer = UmdServer(counter, bench, clock, 0.1, plan.around if plan else None)
     wire = await open_transport(await answerer.start("memory://umd-test"), clock, 1.0)
     try:
         yield answerer, wire, clock
@@ -138,10 +140,10 @@ class Client:
 
 
 @contextlib.asynccontextmanager
-async def bridge(motion: Motion = JOG) -> AsyncIterator[tuple[BridgeAnswerer, Client, LoopClock]]:
+async def bridge(motion: Motion = JOG) -> AsyncIterator[tuple[BridgeServer, Client, LoopClock]]:
     bench, clock = bench_of(motion), LoopClock()
     reader = RotaryReader(bench.cell.instruments[1], bench)
-    answerer = BridgeAnswerer(reader, bench, clock, 0.1)
+    answerer = BridgeServer(reader, bench, clock, 0.1)
     wire = await open_transport(await answerer.start("memory://bridge-test"), clock, 1.0)
     try:
         yield answerer, Client(wire), clock

@@ -12,17 +12,18 @@ from drivers.bridge.device import BridgeInstrument
 from drivers.clock import LoopClock
 from drivers.files.rtl import RtaFormat, RtlFormat
 from drivers.umd.device import UmdCounter
-from simulators.bridge import BridgeAnswerer
-from simulators.files import FileContent, write_result
-from simulators.optics import LaserCounter, RotaryReader
-from simulators.truth import Weather
-from simulators.umd import UmdAnswerer
+from simulators.bridge import BridgeServer
+from simulators.optics.calibrator import RotaryReader
+from simulators.optics.interferometer import LaserCounter
+from simulators.result_files import FileContent, write_result
+from simulators.truth.climate import Weather
+from simulators.umd import UmdServer
 from tests.unit.simulators.test_wires import bench_of
 
 
 async def test_the_laser_driver_reads_the_path_and_the_air() -> None:
     bench, clock = bench_of(), LoopClock()
-    answerer = UmdAnswerer(LaserCounter(bench.cell.instruments[0], bench), bench, clock, 0.25)
+    answerer = UmdServer(LaserCounter(bench.cell.instruments[0], bench), bench, clock, 0.25)
     driver = UmdCounter("laser", await answerer.start("memory://laser-drv"), {}, clock)
     await driver.open(5.0)
     ambient = await driver.ambient()
@@ -41,7 +42,7 @@ async def test_the_laser_driver_reads_the_path_and_the_air() -> None:
 
 async def test_the_calibrator_driver_follows_the_house_rule_of_senses() -> None:
     bench, clock = bench_of(), LoopClock()
-    answerer = BridgeAnswerer(RotaryReader(bench.cell.instruments[1], bench), bench, clock, 0.1)
+    answerer = BridgeServer(RotaryReader(bench.cell.instruments[1], bench), bench, clock, 0.1)
     driver = BridgeInstrument("calibrator", await answerer.start("memory://cal-drv"), {}, clock)
     identity = await driver.open(5.0)
     assert identity.serial == "XR-0001"

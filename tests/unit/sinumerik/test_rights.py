@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 
 from drivers.sinumerik.opcua.rights import ALL_READING, OLDEST_NAME, RIGHTS, as_page, held, missing, surplus, version_of
-from simulators.opcua.users import GATEWAY_RIGHTS
-from simulators.opcua.users import RIGHTS as KNOWN_TO_THE_SIMULATOR
+from simulators.opcua.address_space import GATEWAY_RIGHTS
+from simulators.opcua.address_space import RIGHTS as KNOWN_TO_THE_SIMULATOR
 
 ROOT = Path(__file__).parents[3]
 NAME = re.compile(r"\b(?:Sinu(?:Read|Write)All|[A-Z][A-Za-z]{0,6}(?:Read|Write))\b")

@@ -21,7 +21,8 @@ from drivers.sinumerik.tablefile.format import TableFiles
 from drivers.sinumerik.tablefile.reader import read_loosely
 from drivers.types.orders import PushOrder
 from drivers.types.tables import CompensationTable, LiveSet
-from simulators.nck.control import AxisSpec, Nck, NckSpec
+from simulators.nck.control import Nck
+from simulators.nck.spec import AxisSpec, NckSpec
 from tests import attacks
 
 pytestmark = pytest.mark.attack
