@@ -24,9 +24,8 @@ from drivers.sinumerik.mailbox.settings import ModbusSettings
 from drivers.sinumerik.mailbox.wire import ModbusWire
 from drivers.types.orders import PushOrder, SignProof
 from drivers.types.tables import CompensationTable
-from simulators.modbus.station import running_station
-from simulators.nck.control import Nck
-from simulators.nck.spec import AxisSpec, NckSpec
+from simulators.modbus import running_station
+from simulators.nck import AxisSpec, Nck, NckSpec
 
 POINTS = 801
 RUNS = 3

@@ -34,8 +34,8 @@ from gateway.domain.proposals import TableChange
 from gateway.push import PushContext, push_table
 from gateway.push.records import journal
 from simulators.cell.control import CellNck
-from simulators.nck.spec import AxisSpec, NckSpec
-from simulators.opcua.server import SinumerikServer
+from simulators.nck import AxisSpec, NckSpec
+from simulators.opcua import SinumerikServer
 
 RUNS = 3
 SPEED = 50.0

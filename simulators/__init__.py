@@ -1,1 +1,1 @@
-"""The world's double: a grinder, its control and its instruments, answering on real wires."""
+"""A simulated grinder with its control and instruments: each answers on a real wire, as a device does."""

@@ -1,4 +1,8 @@
-"""The rotary calibrator behind an instrument bridge: answers requests and streams its samples."""
+"""Instruments behind a bridge: the rotary calibrator, and one-channel straightness and angle instruments.
+
+Both answer the requests of docs/instrument-bridge.md and stream samples while a client wants them. The physics is in
+`simulators.optics`; this module shares only the codec with the driver, never a meaning.
+"""
 
 from __future__ import annotations
 
@@ -46,9 +50,7 @@ from drivers.errors import TransportError
 from drivers.transport import ByteTransport
 from drivers.types.sensing import Ambient
 from simulators.instrument_server import InstrumentServer, WireWrapper
-from simulators.optics.calibrator import CalibratorSamples, RotaryReader
-from simulators.optics.mountings import OpticsBench
-from simulators.optics.sensors import SensorReader, SensorReadings
+from simulators.optics import CalibratorSamples, OpticsBench, RotaryReader, SensorReader, SensorReadings
 
 Answer = Callable[[Mapping[str, Any]], Awaitable[Any]]
 CALIBRATOR_CHANNELS = ("device_deg", "laser_deg")
@@ -249,7 +251,7 @@ class BridgeServer(InstrumentServer):
         return (Event("beam_obstructed", lost_at),) if before else ()
 
 
-# A straightness or angle instrument behind a bridge: one channel, streamed while a client wants it.
+# A straightness or angle instrument has one channel.
 
 SENSOR_CHANNELS = {"straightness": "deviation_um", "angle": "angle_arcsec"}
 
@@ -297,7 +299,7 @@ class SensorServer(BridgeServer):
         return await super()._datum(params)
 
     async def _optics(self, _params: Mapping[str, Any]) -> Any:
-        return {"kind": self.sensor.told(self._bench.mounted(self.sensor.spec.name))}
+        return {"kind": self.sensor.reported_optics(self._bench.mounted(self.sensor.spec.name))}
 
     async def _produce(self) -> None:
         while True:

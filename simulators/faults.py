@@ -1,4 +1,9 @@
-"""Seeded fault plans around any wire: what goes wrong, how often, and always the same way for one seed."""
+"""Faults by name: seeded faults of any wire, and the list of every fault that a simulator can play.
+
+`FaultPlan` disturbs a wire, always the same way for one seed. `named_faults` collects the fields of the control's
+switches, the OPC UA server's quirks and the fault plan; their meanings are read from those classes' docstrings, so a
+fault cannot be listed without its description, nor described differently in two places.
+"""
 
 from __future__ import annotations
 
@@ -13,8 +18,8 @@ import numpy as np
 from drivers.errors import TransportError
 from drivers.transport import BentTransport, ByteTransport
 from simulators.cellfile import CellFile
-from simulators.nck.switches import OPEN, Switches
-from simulators.opcua.quirks import ServerQuirks
+from simulators.nck import OPEN, Switches
+from simulators.opcua import ServerQuirks
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,7 +97,7 @@ class _FaultyDirection:
         return [data[a:b] for a, b in zip([0, *cuts], [*cuts, len(data)], strict=True)]
 
 
-# Every fault of the double by name, with its meaning out of the code that plays it; injected one by one, bounded.
+# The list of all faults, by name.
 
 _TEXT = re.compile(r"\s+")
 LARGEST_VALUE = 1e9
@@ -169,7 +174,7 @@ def _meanings(text: str) -> dict[str, str]:
 def with_faults(
     cell: CellFile, wanted: Mapping[str, Any], wire: str
 ) -> tuple[CellFile, dict[str, Any], dict[str, Any]]:
-    """A cell file with these faults of its control, options of a cell with those of the wire, manners of its server.
+    """A cell file with these faults of its control, options of a cell with those of the wire, quirks of its server.
 
     ``wire`` is the instrument whose wire is meant. Raises ValueError naming a fault that does not exist.
     """

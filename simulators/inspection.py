@@ -1,7 +1,9 @@
-"""A gear inspection machine: clamps the ground part, touches its flanks along the nominal normals, and errs a little.
+"""The gear inspection machine: clamps the ground part, touches its flanks along the nominal normals, answers a bridge.
 
-Every touch is a ray of the machine's own (nominal) gear into the true surface of the part as it is clamped; so
-an eccentric or turned part is measured as such a machine would, with nothing shortened.
+Every touch is a ray of the machine's own (nominal) gear into the true surface of the part as it is clamped. So an
+eccentric or turned part is measured as such a machine would measure it, with nothing shortened. On the wire a plan is
+measured line by line in the machine's own time and can be aborted; heights count there from the part's lower face, and
+in the cell from the middle of its width.
 """
 
 from __future__ import annotations
@@ -22,12 +24,11 @@ from drivers.bridge.records import BUSY, ENVIRONMENT, IDENTIFY, INVALID_PARAMS, 
 from drivers.clock import Clock
 from drivers.errors import RemoteProtocolError, TransportError
 from simulators.bridge import Answer, BridgeRefused, BridgeServer
-from simulators.cellfile.equipment import InspectionMachine
-from simulators.grinding.workpiece import CycloidDisc, Rays, WorkPiece, draw_clamping
+from simulators.cellfile import InspectionMachine
+from simulators.grinding import CycloidDisc, Rays, WorkPiece, draw_clamping
 from simulators.instrument_server import WireWrapper
-from simulators.optics.mountings import OpticsBench
-from simulators.truth.curves import generator
-from simulators.truth.kinematics import Pose
+from simulators.optics import OpticsBench
+from simulators.truth import Pose, generator
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -163,9 +164,7 @@ class GearMachine:
         )
 
 
-# The gear inspection machine behind its bridge: says what is clamped, measures a plan line by line, can be stopped.
-#
-# On the wire heights count from the part's lower face; inside the cell from the middle of its width.
+# The machine on its wire: identifies itself and the clamped part, measures plans.
 
 SIDES = {"left": 1.0, "right": -1.0}
 FROM_MACHINE_S = 60.0
@@ -240,13 +239,13 @@ class GearInspectionServer(BridgeServer):
         ).as_object()
 
     async def _part(self, _params: Mapping[str, Any]) -> Any:
-        on = await self._clamped()
+        on = await self._clamp_latest()
         if on is None:
             return {"clamped": False}
         part = f"{on.work.spec.name} {on.work.number}"
         return {"clamped": True, "part": part, "clamping": f"clamping {on.number}, datum bore"}
 
-    async def _clamped(self) -> ClampedPart | None:
+    async def _clamp_latest(self) -> ClampedPart | None:
         """The part ground last, brought over and clamped when it is another one than before."""
         work = self._fetch()
         if work is not None and (self._on is None or self._on.work is not work):
@@ -257,7 +256,7 @@ class GearInspectionServer(BridgeServer):
     async def _measure(self, params: Mapping[str, Any]) -> Any:
         if self._measuring is not None and not self._measuring.done():
             raise BridgeRefused(BUSY, "a plan is being measured")
-        on = await self._clamped()
+        on = await self._clamp_latest()
         if on is None:
             raise BridgeRefused(UNSUPPORTED, "no part is clamped")
         try:
@@ -273,7 +272,9 @@ class GearInspectionServer(BridgeServer):
 
     async def _abort(self, _params: Mapping[str, Any]) -> Any:
         if await self._end_measuring():
-            await self._say(DONE, {"plan": self._plan, "outcome": "aborted", "points": self._sent, "said": "stopped"})
+            await self._notify(
+                DONE, {"plan": self._plan, "outcome": "aborted", "points": self._sent, "said": "stopped"}
+            )
         return {}
 
     async def _end_measuring(self) -> bool:
@@ -293,22 +294,22 @@ class GearInspectionServer(BridgeServer):
             return
         for line in lines:
             await self._clock.sleep(len(line) * self.machine.spec.seconds_per_point)
-            told = touch_line(on, line)
-            if told is None:
+            record = touch_line(on, line)
+            if record is None:
                 await self._fail(plan, f"a ball of {line.ball_mm:g} mm finds no rest in a space")
                 return
-            await self._say(POINTS, {"plan": plan, "first": self._sent} | told)
+            await self._notify(POINTS, {"plan": plan, "first": self._sent} | record)
             self._sent += len(line)
-        await self._say(DONE, {"plan": plan, "outcome": "complete", "points": self._sent} | self._probe())
+        await self._notify(DONE, {"plan": plan, "outcome": "complete", "points": self._sent} | self._probe())
 
     async def _fail(self, plan: int, said: str) -> None:
-        await self._say(DONE, {"plan": plan, "outcome": "failed", "points": self._sent, "said": said})
+        await self._notify(DONE, {"plan": plan, "outcome": "failed", "points": self._sent, "said": said})
 
     def _probe(self) -> dict[str, Any]:
         degc = round(self._bench.truth.climate.sensed(self._clock.now()).material_degc, 2)
         return {"probe_u_um": self.machine.spec.noise_um, "temperature_degc": degc}
 
-    async def _say(self, method: str, params: dict[str, Any]) -> None:
+    async def _notify(self, method: str, params: dict[str, Any]) -> None:
         peer = self._peer
         if peer is not None and not self.silent:
             with contextlib.suppress(TransportError):
@@ -381,17 +382,12 @@ def touch_line(on: ClampedPart, line: MeasuringLine) -> dict[str, Any] | None:
         points, seen = found[0][None], np.asarray([found[1]])
     else:
         points, seen = on.touch(line.space, line.t, line.z)
-    told = {"trace": line.trace, "space": line.space} | ({"flank": line.flank} if line.flank else {})
-    if on.spec.deviations:
-        points = points - seen[:, None] * UM * _outward_directions(on, line)
-        told["deviation_um"] = np.round(seen, 4).tolist()
+    record = {"trace": line.trace, "space": line.space} | ({"flank": line.flank} if line.flank else {})
+    if on.spec.deviations:  # along the normals; of a ball, out along its space
+        points = points - seen[:, None] * UM * on.lobes.rays(line.space, line.t, line.z).directions
+        record["deviation_um"] = np.round(seen, 4).tolist()
     columns = (points + np.asarray((0.0, 0.0, _half_width(on)))).T
-    return told | {name: np.round(column, 7).tolist() for name, column in zip(COLUMNS, columns, strict=True)}
-
-
-def _outward_directions(on: ClampedPart, line: MeasuringLine) -> FloatArray:
-    """Directions of the deviations, (n, 3): a ball's is out along its space."""
-    return on.lobes.rays(line.space, line.t, line.z).directions
+    return record | {name: np.round(column, 7).tolist() for name, column in zip(COLUMNS, columns, strict=True)}
 
 
 def _half_width(on: ClampedPart) -> float:

@@ -1,4 +1,4 @@
-"""An instrument's wire on the wall: it listens, samples on a task of its own, may be pulled and plugged again."""
+"""An instrument on its wire: listens, samples on a task of its own, can be unplugged and plugged in again."""
 
 from __future__ import annotations
 

@@ -1,4 +1,11 @@
-"""What the person at the machine sees and can press or touch: the control, the PLC's panel, the table."""
+"""The people at the simulated machine: one presses its keys, one carries files to a control without a connection.
+
+`Operator` acts on three things that a person sees: the MSG line of a stopped program (mount a set-up, put a shim,
+load a blank, restart the control), the lamp of the PLC's panel, and a program that is selected but not started. Each
+act takes a person's time on the cell's clock. What he sees and presses are the protocols `ShownControl`,
+`OperatorPanel` and `WorkPlace`; `simulators.cell` implements them. `OfflineOperator` reads the sheet of a folder,
+copies programs from it, runs them, and puts the resulting files back.
+"""
 
 from __future__ import annotations
 
@@ -11,7 +18,7 @@ from typing import Any, Protocol
 
 from drivers.clock import Clock
 from simulators.cellfile import OperatorSection as OperatorSpec
-from simulators.optics.mountings import OpticsBench
+from simulators.optics import OpticsBench
 
 
 class ShownControl(Protocol):
@@ -123,8 +130,6 @@ class WorkPlace(Protocol):
         """Take the part off; False when nothing was there."""
         ...
 
-
-# The person at the machine: does what MSG says, presses NC START, and minds the PLC's panel, unless told not to.
 
 SETUP = re.compile(r"TRUEFLANK SETUP (?P<component>\S+) ON (?P<letter>[A-Z])$")
 STEP = re.compile(r"TRUEFLANK STEP (?P<component>\S+) (?P<size>[0-9.]+) ON (?P<letter>[A-Z])$")
@@ -345,7 +350,7 @@ def _resets(selected: str) -> bool:
     return PROBE_PREFIX in selected or SELF_TEST_PREFIX in selected
 
 
-# The person who carries files to a control that no wire reaches, runs what the sheet names, and carries files back.
+# Without a connection: the sheet in the folder is all that this person knows of the gateway.
 
 POLL_S = 0.25
 LOOKS_S = 5.0
@@ -355,7 +360,7 @@ SHEET_NOT_DONE = "NOTHING WAS DONE"
 
 
 class OfflineOperator:
-    """Works at one control double by its panel and its files; sees of the gateway the folder alone."""
+    """Works at one simulated control by its panel and files; of the gateway it sees only the folder."""
 
     def __init__(self, nck: Any, clock: Clock, folder: Path) -> None:
         self._nck = nck
@@ -366,7 +371,7 @@ class OfflineOperator:
 
     def start(self) -> None:
         """From now on go whenever there is a new sheet."""
-        self._task = asyncio.get_running_loop().create_task(self._works())
+        self._task = asyncio.get_running_loop().create_task(self._watch_sheets())
 
     async def stop(self) -> None:
         """Go home."""
@@ -375,7 +380,7 @@ class OfflineOperator:
             task.cancel()
             await asyncio.gather(task, return_exceptions=True)
 
-    async def _works(self) -> None:
+    async def _watch_sheets(self) -> None:
         """For ever: each sheet once, by the number in its form, some time after it was laid out."""
         done: set[str] = set()
         while True:
@@ -386,26 +391,26 @@ class OfflineOperator:
             if text and text not in done:
                 done.add(text)
                 await self._clock.sleep(LOOKS_S)
-                await self.goes()
+                await self.work_through_sheet()
 
-    async def goes(self, *, only: str = "") -> None:
+    async def work_through_sheet(self, *, only: str = "") -> None:
         """Everything that the sheet asks for; ``only`` another program than the sheet's."""
         folder = self._folder
         carry = folder / "carry"
         sheet = (carry / "SHEET.txt").read_text(encoding="utf-8")
         if _RESTART in sheet:
-            await self.restarts()
-        self.puts(carry)
+            await self.restart_control()
+        self.copy_programs(carry)
         program = only or sheet.partition("\n")[0].rpartition(": ")[2].strip()
-        await self.runs(program)
-        self.brings()
+        await self.run_program(program)
+        self.collect_files()
 
-    def puts(self, carry: Path) -> None:
+    def copy_programs(self, carry: Path) -> None:
         """Every program on the stick into the part programs."""
         for path in carry.glob("*.MPF"):
             self._nck.files.write(f"/_N_MPF_DIR/_N_{path.stem}_MPF", path.read_bytes())
 
-    async def runs(self, program: str) -> None:
+    async def run_program(self, program: str) -> None:
         """Select it, NC START, and on at every M0 until its end."""
         nck = self._nck
         if nck.channel_status != 0:
@@ -421,7 +426,7 @@ class OfflineOperator:
                 nck.nc_start()
             await self._clock.sleep(POLL_S)
 
-    async def restarts(self) -> None:
+    async def restart_control(self) -> None:
         """NCK reset, then every axis to its reference."""
         self._nck.nck_reset()
         await self.ready()
@@ -439,7 +444,7 @@ class OfflineOperator:
             await self._clock.sleep(POLL_S)
         nck.set_mode("AUTO")
 
-    def brings(self) -> None:
+    def collect_files(self) -> None:
         """Every file of the subprograms, and the form filled in as the screen shows it."""
         folder = self._folder
         back = folder / "back"

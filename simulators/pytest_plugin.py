@@ -179,11 +179,11 @@ class FaultBox:
         from simulators.cellfile import load_cell  # noqa: PLC0415
         from simulators.faults import with_faults  # noqa: PLC0415
 
-        cell_file, more, manners = with_faults(load_cell(source), faults, wire)
+        cell_file, more, quirks = with_faults(load_cell(source), faults, wire)
 
         async def whole(cell: Any) -> T:
-            for name, value in manners.items():
-                setattr(cell.server.manners, name, value)
+            for name, value in quirks.items():
+                setattr(cell.server.quirks, name, value)
             return await main(cell)
 
         return self._starter.in_memory(whole, cell_file, **{**options, **more})
@@ -191,5 +191,5 @@ class FaultBox:
 
 @pytest.fixture
 def trueflank_faults(trueflank_cell: CellStarter) -> FaultBox:
-    """Faults of the double by name: `trueflank_faults.known` says what each means, `in_memory` plays them."""
+    """Faults of the simulator by name: `trueflank_faults.known` says what each means, `in_memory` plays them."""
     return FaultBox(trueflank_cell)

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from simulators.truth.climate import Weather
+from simulators.truth import Weather
 
 FloatArray = NDArray[np.float64]
 ARCSEC_PER_MRAD = 180.0 * 3.6 / np.pi

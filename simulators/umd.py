@@ -25,8 +25,7 @@ from drivers.umd.codec import (
     encode_rows,
 )
 from simulators.instrument_server import InstrumentServer, WireWrapper
-from simulators.optics.interferometer import CounterSamples, LaserCounter
-from simulators.optics.mountings import OpticsBench
+from simulators.optics import CounterSamples, LaserCounter, OpticsBench
 
 IntArray = NDArray[np.int64]
 CYCLE = 32

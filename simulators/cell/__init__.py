@@ -1,4 +1,4 @@
-"""A whole cell on loopback: truth, control, instruments and operator, and a site file that leads to them."""
+"""A complete cell on loopback: truth, control, instruments, operator, and the site file that describes it."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ from simulators.cell.site import gear_text, site_text
 from simulators.cell.workplace import MailboxPanel, ShopFloor
 from simulators.cellfile import CellAxis, CellFile, load_cell, with_connections
 from simulators.faults import FaultPlan
-from simulators.grinding.workpiece import WorkPiece
+from simulators.grinding import WorkPiece
 from simulators.instrument_server import InstrumentServer
-from simulators.modbus.station import PlcStation
+from simulators.modbus import PlcStation
 from simulators.operator import Operator
-from simulators.optics.mountings import OpticsBench
+from simulators.optics import OpticsBench
 from simulators.truth import Truth
 
 __all__ = ["Cell", "cell_running"]
@@ -78,7 +78,7 @@ class Cell:
         ).all()
         self._urls: dict[str, str] = {}
         memory = f"cell-{self._number}" if wires == "memory" else ""
-        self.roads = ControlConnections(
+        self.connections = ControlConnections(
             file=self.file,
             nck=self.nck,
             clock=clock,
@@ -87,12 +87,14 @@ class Cell:
             plan=(faults or {}).get("plc"),
             paced=paced or bool(memory),
         )
-        self.server, self.plc, self.password = self.roads.server, self.roads.plc, self.roads.password
+        self.server, self.plc, self.password = self.connections.server, self.connections.plc, self.connections.password
         self.mailbox = MailboxPanel(self.plc) if self.plc is not None else None
         axes = [axis.name for axis in self.file.axes]
         self.operator = Operator(
             # Where files are carried, one person does all of it.
-            spec=self.file.operator.model_copy(update={"auto": self.file.operator.auto and self.roads.porter is None}),
+            spec=self.file.operator.model_copy(
+                update={"auto": self.file.operator.auto and self.connections.porter is None}
+            ),
             control=self.panel,
             bench=self.bench,
             clock=clock,
@@ -111,7 +113,7 @@ class Cell:
         await self._power_up()
         for name, answerer in self.instruments.items():
             self._urls[name] = await answerer.start(self._url(name))
-        await self.roads.start()
+        await self.connections.start()
         self.operator.start()
         self.shop.start()
         self._write_site()
@@ -139,7 +141,7 @@ class Cell:
         gear = self.site_path.with_suffix(".gear.toml")
         if self.file.part is not None:
             gear.write_text(gear_text(self.file.part), encoding="utf-8")
-        for place, (road, controller) in enumerate(self.roads.sections().items()):
+        for place, (road, controller) in enumerate(self.connections.sections().items()):
             path = self.site_path if place == 0 else self.site_path.with_suffix(f".{road}.toml")
             text = site_text(
                 self.file, self.file.machine.serial, controller=controller, urls=self._urls, gear=str(gear.resolve())
@@ -150,7 +152,7 @@ class Cell:
         """Switch everything off, in the other order."""
         await self.shop.stop()
         await self.operator.stop()
-        await self.roads.stop()
+        await self.connections.stop()
         for answerer in self.instruments.values():
             await answerer.stop()
         await self.nck.stop()

@@ -1,4 +1,4 @@
-"""The back door: questions about the truth and faults set live, as JSON objects; never used by a gateway."""
+"""The back door for tests: questions about the truth and faults set live, as JSON objects; no gateway uses it."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ from drivers.errors import ConfigError, TrueflankError
 from simulators.cell import Cell
 from simulators.cell.control import with_serial_number
 from simulators.cell.setup_files import write_setup_file, write_site_of_files
-from simulators.grinding.workpiece import WorkPiece
+from simulators.grinding import WorkPiece
 from simulators.inspection import GearInspectionServer
-from simulators.modbus.station import PlcStation
-from simulators.nck.spec import NckRefusal
+from simulators.modbus import PlcStation
+from simulators.nck import NckRefusal
 from simulators.umd import UmdServer
 
 AnswerFunction = Callable[[Mapping[str, Any]], Any | Awaitable[Any]]
@@ -61,7 +61,7 @@ class BackDoor:
             "mount": self._mount,
             "weather": self._weather,
             "override": lambda q: self._cell.nck.set_feed_override(float(q["value"])),
-            "drop_connections": lambda _q: self._cell.roads.drop_connections(),
+            "drop_connections": lambda _q: self._cell.connections.drop_connections(),
             "jog": lambda q: self._cell.operator.jog(str(q["axis"]), float(q["value"])),
             "confirm": lambda _q: {"taken": self._mailbox().plc.confirm()},
             "release": self._release,
@@ -159,7 +159,7 @@ class BackDoor:
 
     def _mailbox(self) -> PlcStation:
         if self._cell.plc is None:
-            raise ValueError("the cell has no PLC mailbox: its roads are " + ", ".join(self._cell.roads.names))
+            raise ValueError("the cell has no PLC mailbox: its roads are " + ", ".join(self._cell.connections.names))
         return self._cell.plc
 
     def _plc(self, _question: Mapping[str, Any]) -> dict[str, Any]:

@@ -1,4 +1,8 @@
-"""A capture PC beside the machine: measures an axis with the laser maker's program and saves its file."""
+"""The capture PC: measures with the instruments' own programs and saves their files.
+
+`CapturePc` measures an axis as the laser maker's program does (.rtl, .rta). `SetupCapturePc` measures any set-up of the
+plan: what its instrument shows at every stop, averaged and saved as a table.
+"""
 
 from __future__ import annotations
 
@@ -11,15 +15,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from simulators.cell.control import CellNck
-from simulators.cellfile import CellAxis
-from simulators.cellfile.equipment import Noise, Sensor, Setup
-from simulators.optics.interferometer import refractive_index
-from simulators.optics.mountings import OpticsBench, StopNoise, linear_length_mm
-from simulators.optics.sensors import component_of, component_reading, line_of_sight, watched_axes
+from simulators.cellfile import CellAxis, Noise, Sensor, Setup
+from simulators.optics import (
+    OpticsBench,
+    StopNoise,
+    component_of,
+    component_reading,
+    line_of_sight,
+    linear_length_mm,
+    refractive_index,
+    watched_axes,
+)
 from simulators.result_files import FileContent, write_result
-from simulators.truth.climate import Weather, drift_time_s
-from simulators.truth.curves import curve, generator
-from simulators.truth.kinematics import AxisMotion, Scatter
+from simulators.truth import AxisMotion, Scatter, Weather, curve, drift_time_s, generator
 
 FloatArray = NDArray[np.float64]
 STOP_S = 5.0
@@ -127,8 +135,6 @@ def env_factor(air: Weather, alpha: float) -> float:
     index = refractive_index(air.air_degc, air.pressure_hpa, air.humidity_pct, WAVELENGTH_UM * 1000.0)
     return WAVELENGTH_UM / 2.0 / index / (1.0 + alpha * PPM * (air.material_degc - 20.0))
 
-
-# A capture PC at any set-up of the plan: what its instrument shows at every stop, saved as a table.
 
 AVERAGE_S = 1.0
 SIGNS = "+-"

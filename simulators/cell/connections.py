@@ -1,4 +1,4 @@
-"""Each instrument of a cell file on its wire."""
+"""The cell's connections: instruments on their wires, the ways into the control, and their keys in the site file."""
 
 from __future__ import annotations
 
@@ -9,19 +9,15 @@ from typing import Any
 
 from drivers.clock import Clock
 from simulators.bridge import BridgeServer, SensorServer
-from simulators.cellfile import CellFile
-from simulators.cellfile.equipment import Instrument
+from simulators.cellfile import CellFile, Instrument
 from simulators.faults import FaultPlan
-from simulators.grinding.workpiece import WorkPiece
+from simulators.grinding import WorkPiece
 from simulators.inspection import GearInspectionServer, GearMachine
-from simulators.modbus.station import PlcStation, make_station
-from simulators.nck.control import Nck
-from simulators.opcua.server import SinumerikServer
+from simulators.modbus import PlcStation, make_station
+from simulators.nck import Nck
+from simulators.opcua import SinumerikServer
 from simulators.operator import OfflineOperator
-from simulators.optics.calibrator import RotaryReader
-from simulators.optics.interferometer import LaserCounter
-from simulators.optics.mountings import OpticsBench
-from simulators.optics.sensors import SensorReader
+from simulators.optics import LaserCounter, OpticsBench, RotaryReader, SensorReader
 from simulators.umd import UmdServer
 
 Answerer = UmdServer | BridgeServer
@@ -71,7 +67,7 @@ class Instruments:
                 )
 
 
-# The ways into a cell's control, an OPC UA server and a PLC mailbox, and what the site file says of each.
+# OPC UA server, PLC mailbox, or files carried by a person.
 
 USER = "trueflank"
 # In a time that jumps nobody is kept waiting by a slow poll, and every poll costs real time.

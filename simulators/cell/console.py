@@ -1,4 +1,8 @@
-"""What a person types at a simulated machine, as the judge's questions and orders; pure."""
+"""The machine's console: typed words, and the panel page with keys, lamps and beams for training.
+
+Both end as the questions and orders of the back door. The page is served on loopback only, by a few lines of HTTP: the
+simulators need no web framework.
+"""
 
 from __future__ import annotations
 
@@ -81,7 +85,7 @@ def parse_order(line: str) -> Order | None:
     return None
 
 
-# The operator's console as a page: keys, lamps and beams of the simulated machine, on loopback and for training.
+# The panel page.
 
 PanelAnswer = Callable[[bytes], Awaitable[dict[str, Any]]]
 FILES = {

@@ -1,4 +1,4 @@
-"""The machine's builder: puts the tables of the cell file into the control before it is first switched on."""
+"""The cell's control: made from the cell file, loaded with the builder's tables, seen as panel and as truth."""
 
 from __future__ import annotations
 
@@ -11,13 +11,9 @@ from numpy.typing import NDArray
 from drivers.clock import Clock
 from drivers.errors import ConfigError
 from drivers.units import deviation_scale
-from simulators.cellfile import CellAxis, CellFile
-from simulators.cellfile.curves import LoadedAxisTable, LoadedCrossTable, LoadedTable
-from simulators.nck.control import Nck
-from simulators.nck.spec import AxisSpec, NckRefusal, NckSpec
-from simulators.nck.switches import OPEN
-from simulators.truth import Truth
-from simulators.truth.curves import curve, generator
+from simulators.cellfile import CellAxis, CellFile, LoadedAxisTable, LoadedCrossTable, LoadedTable
+from simulators.nck import OPEN, AxisSpec, Nck, NckRefusal, NckSpec
+from simulators.truth import Truth, curve, generator
 
 MAKER = 0
 DECIMALS = 6
@@ -73,7 +69,7 @@ def _grid(table: LoadedTable) -> dict[str, float]:
     return {"STEP": table.step, "MIN": table.minimum, "MAX": table.maximum}
 
 
-# The NCK double of a cell: made from the cell file, and seen as the operator's panel and as the truth.
+# The control itself.
 
 FloatArray = NDArray[np.float64]
 

@@ -1,4 +1,4 @@
-"""A cell whose set-ups were measured before anybody came: a table for each, and a site file that names them."""
+"""Set-ups measured in advance: a table for each, and a site file that names these tables."""
 
 from __future__ import annotations
 
@@ -15,8 +15,7 @@ from drivers.errors import ConfigError
 from simulators.cell import Cell
 from simulators.cell.capture_pc import SetupCapturePc
 from simulators.cell.site import section
-from simulators.cellfile.equipment import Setup
-from simulators.truth.curves import generator
+from simulators.truth import generator
 
 FloatArray = NDArray[np.float64]
 Keys = dict[str, Any]
@@ -101,7 +100,7 @@ def _measure_to_file(cell: Cell, one: Keys, axes: Mapping[str, Keys], folder: Pa
     axis = axes[name]
     park = dict(one.get("park", {}))
     setup = cell.bench.setup_for(component, str(axis["letter"]))
-    if setup is not None and _along_bar(setup):
+    if setup is not None and setup.optics == "bar" and setup.axis == "Z":
         park |= {other: _axis_position(cell, other) for other, keys in axes.items() if keys["letter"] == "X"}
     measure = {**axis["measure"], **one}
     kept = "".join(f"-{other}at{place:g}" for other, place in sorted(park.items()))
@@ -110,10 +109,6 @@ def _measure_to_file(cell: Cell, one: Keys, axes: Mapping[str, Keys], folder: Pa
     write_setup_file(cell, component, name, table, **asked, park=park)
     said: Keys = {**one, "source": "file", "path": f"{folder.name}/{table.name}", "datum": 0.0}
     return said | ({"park": park} if park else {})
-
-
-def _along_bar(setup: Setup) -> bool:
-    return setup.optics == "bar" and setup.axis == "Z"
 
 
 def _axis_position(cell: Cell, name: str) -> float:

@@ -1,4 +1,4 @@
-"""The site file of a running cell: what a gateway needs to know of it, and no more."""
+"""The site file of a running cell: what a gateway needs to know of it, and nothing more."""
 
 from __future__ import annotations
 
@@ -6,9 +6,8 @@ from collections.abc import Mapping
 from dataclasses import fields
 from typing import Any
 
-from simulators.cellfile import CellAxis, CellFile
-from simulators.cellfile.equipment import InspectionMachine, Part, Setup
-from simulators.nck.spec import NckSpec
+from simulators.cellfile import CellAxis, CellFile, InspectionMachine, Part, Setup
+from simulators.nck import NckSpec
 
 _BOOT_S = next(one.default for one in fields(NckSpec) if one.name == "boot_s")
 _POINTS_PER_SPACE = 110  # two flanks, five lines of eleven points

@@ -1,4 +1,4 @@
-"""The PLC mailbox as the person at the machine sees it: a lamp, a button, a release switch, the main switch."""
+"""The operator's workplace: the PLC's panel with lamp, button and switches, and the work on the table."""
 
 from __future__ import annotations
 
@@ -8,10 +8,9 @@ from collections.abc import Callable
 
 from drivers.clock import Clock
 from simulators.cellfile import CellFile
-from simulators.grinding.grinder import Grinder
-from simulators.grinding.workpiece import WorkPiece
-from simulators.modbus.station import PlcStation
-from simulators.optics.mountings import OpticsBench
+from simulators.grinding import Grinder, WorkPiece
+from simulators.modbus import PlcStation
+from simulators.optics import OpticsBench
 
 
 class MailboxPanel:
@@ -58,8 +57,6 @@ class MailboxPanel:
         """The main switch, off and on: PLC and NCK."""
         await self._station.power_cycle()
 
-
-# The work on the table and beside the machine: the wheel that follows every move, blanks, the last part ground.
 
 LOOK_S = 20.0
 

@@ -1,4 +1,8 @@
-"""A cell file that says only how its machine differs from another cell."""
+"""The cell file: everything a simulated cell is made of, validated, and nothing that it measures.
+
+`load_cell` reads a packaged cell or a TOML file. With ``like`` a file contains only the differences from a packaged
+cell: tables are merged key by key, axes and instruments by their names.
+"""
 
 from __future__ import annotations
 
@@ -13,9 +17,19 @@ from pydantic import Field, ValidationError, model_validator
 from drivers.errors import ConfigError
 from drivers.local.names import shown
 from drivers.local.tomlfile import parse_toml, read_toml
-from simulators.cellfile.curves import CellSection, DriftSection, LoadedAxisTable, LoadedCrossTable, Name, Terms
+from simulators.cellfile.curves import (
+    CellSection,
+    DriftSection,
+    LoadedAxisTable,
+    LoadedCrossTable,
+    LoadedTable,
+    Name,
+    Terms,
+)
 from simulators.cellfile.equipment import (
     Calibrator,
+    Clamping,
+    Gear,
     InspectionMachine,
     Instrument,
     Laser,
@@ -45,20 +59,23 @@ def _merge_value(key: str, old: Any, new: Any) -> Any:
     return [*kept, *by_name.values()]
 
 
-# Cell file -> validated tree: everything a simulated cell is made of, and nothing it measures.
-
 __all__ = [
     "Calibrator",
     "CellAxis",
     "CellFile",
     "CellMachine",
+    "Clamping",
     "ClimateQuantity",
     "ClimateSection",
     "DriftSection",
+    "Gear",
     "HysteresisSection",
     "InspectionMachine",
     "Instrument",
     "Laser",
+    "LoadedAxisTable",
+    "LoadedCrossTable",
+    "LoadedTable",
     "Noise",
     "OperatorSection",
     "Outliers",
@@ -66,12 +83,16 @@ __all__ = [
     "Sensor",
     "Setup",
     "SiteSection",
+    "Terms",
     "TruthSection",
     "Wheel",
+    "limit_sample_rate",
+    "list_cells",
     "load_cell",
     "packaged_cells",
     "with_connections",
     "with_plan",
+    "with_site",
 ]
 
 
@@ -186,7 +207,7 @@ class OperatorSection(CellSection):
 
 
 class CellMachine(CellSection):
-    """The control: what goes into the NCK double. ``cec_sign`` "seed" draws it."""
+    """The control: the set-up of the simulated NCK. ``cec_sign`` "seed" draws it."""
 
     model: str = "YK7350B"
     serial: str = "YK7350B-0042"

@@ -1,4 +1,4 @@
-"""What a cell file says of the work piece, the wheel, the clamping and the gear inspection machine."""
+"""What stands on and beside the machine: work piece, wheel, clamping, inspection machine, instruments and set-ups."""
 
 from __future__ import annotations
 
@@ -119,7 +119,7 @@ class InspectionMachine(CellSection):
     settings: dict[str, Any] = Field(default_factory=dict)
 
 
-# What a cell file says of its instruments: what they are, how they err, and how each is mounted for a component.
+# Instruments: what they are, how they err, and how each is mounted for a component.
 
 
 class Outliers(CellSection):

@@ -1,4 +1,4 @@
-"""The cell grinds its part: the wheel's body along the machine's true poses, and the flanks it leaves."""
+"""Grinding: the wheel's body moves along the machine's true poses, and what it leaves is the part's surface."""
 
 from simulators.grinding.grinder import Grinder
 from simulators.grinding.workpiece import CycloidDisc, Rays, WorkPiece, draw_clamping

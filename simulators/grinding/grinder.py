@@ -1,4 +1,13 @@
-"""Which moments of a motion to look at, and where one pass of the wheel ends and the next begins."""
+"""The grinder: follows the machine's true poses and cuts the clamped work wherever the wheel's body is in it.
+
+No mark in a program says that the wheel cuts: what counts is where the wheel is. Encoder positions are looked at every
+`LOOK_S`; while the wheel is near the work, a quarter of a millimetre of stroke apart. They are sent through the
+machine's true error motions and split into passes of the wheel, each in one direction through one space.
+
+The work stands where a fixture is dialled in. The once-per-turn radial motion that turns along with the table is no
+motion of the axis: it says where the axis lies in the table (ISO 230-7: the eccentricity of whatever is measured). A
+dial gauge at a part on the table shows it and whoever mounts a fixture takes it out; so does a tilt that turns along.
+"""
 
 from __future__ import annotations
 
@@ -8,7 +17,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from simulators.cellfile.equipment import Part, Wheel
+from simulators.cellfile import Part, Wheel
 from simulators.grinding.workpiece import (
     ARCSEC,
     UM,
@@ -19,9 +28,8 @@ from simulators.grinding.workpiece import (
     WorkPiece,
     draw_clamping,
 )
-from simulators.optics.mountings import AxisWatcher, OpticsBench
-from simulators.truth import Truth
-from simulators.truth.kinematics import AxisMotion, Pose, fixed_pose
+from simulators.optics import AxisWatcher, OpticsBench
+from simulators.truth import AxisMotion, Pose, Truth, fixed_pose
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
@@ -71,12 +79,6 @@ def _stroke_signs(moved: FloatArray) -> FloatArray:
     return np.asarray(way[known[np.maximum(last, 0)]])
 
 
-# Where the axis stands about which the table turns: what a fixture is dialled in to, seen in the table's frame.
-#
-# The once-per-turn radial motion that turns along with the table is no motion of the axis: it says where the axis
-# lies in the table (ISO 230-7 calls it the eccentricity of whatever is measured). A dial gauge at a part on the table
-# shows it, and whoever mounts a fixture takes it out; so does a tilt that turns along.
-
 STEPS = 720
 
 
@@ -95,12 +97,6 @@ def _turning_component(truth: Truth, first: str, second: str) -> tuple[float, fl
     along = np.cos(turn) * x + np.sin(turn) * y, np.cos(turn) * y - np.sin(turn) * x
     return float(np.mean(along[0])), float(np.mean(along[1]))
 
-
-# Follows the machine's true poses and cuts the clamped work wherever the wheel's body is in it.
-#
-# No mark in a program says that the wheel cuts: what counts is where the wheel is. While it is in the work the
-# encoder positions are sampled closely (a quarter of a millimetre of stroke apart), sent through the machine's true
-# error motions, and kept as passes of the wheel through single spaces.
 
 LONGEST_LOOK_S = 6.0  # what drifts is taken to stand still so long
 MARGIN_MM = 0.1

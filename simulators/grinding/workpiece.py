@@ -1,8 +1,19 @@
-"""The wanted flank: a cycloid disc as the curve that stays one pin radius inside the path of a pin (mm, rad).
+"""The work piece: its nominal flank, the dressed wheel, and what the passes of the wheel have left of the blank.
 
-In the complex plane a pin's centre runs along w(t) = R exp(it) - a exp(i zp t); the disc's flank is w minus the
-pin's radius along the unit normal -i w'/|w'|, which points out of the disc. t = 0 is the bottom of the space that
-faces +X, t = +-pi/zc are its tips; space k is turned by 2 pi k/zc.
+Nominal flank (mm, rad). In the complex plane a pin's centre runs along w(t) = R exp(it) - a exp(i zp t); the disc's
+flank is w minus the pin's radius along the unit normal -i w'/|w'|, which points out of the disc. t = 0 is the bottom of
+the space that faces +X, t = +-pi/zc are its tips; space k is turned by 2 pi k/zc.
+
+Wheel. It is a body of revolution about its own Y, with radius R(y). While it strokes along Z at centre distance E, a
+point (x, y) of the work is reached when sqrt((E - x)^2 + dz^2) < R(y) for some dz of the stroke, that is when
+E - x < R(y). What stays has the edge x = E - R(y); for it to be the wanted space, R(y) = E - x(y).
+
+Entry. A ray starts at a point of the work and runs out of the material. In a pose's wheel frame its end q(e) lies
+outside the wheel while F(e) = hypot(q_x, q_z) - R(q_y) > 0; the wheel begins where F = 0. What stays of the material is
+the least such e over all poses: the most advanced pose has taken the rest. Poses are samples of a motion; between them
+e is smooth in time, so the least value is the vertex of a parabola through the least sample and its neighbours.
+
+A `WorkPiece` keeps, for each space, the passes that no later pass has cut away, and evaluates them where it is asked.
 """
 
 from __future__ import annotations
@@ -13,9 +24,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
-from simulators.cellfile.equipment import Clamping, Gear, Part
-from simulators.truth.curves import generator
-from simulators.truth.kinematics import Pose, fixed_pose
+from simulators.cellfile import Clamping, Gear, Part
+from simulators.truth import Pose, fixed_pose, generator
 
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
@@ -77,12 +87,6 @@ class CycloidDisc:
         )
 
 
-# The dressed wheel: a body of revolution about its own Y whose radius is a function of the place along Y (mm).
-#
-# Why the dressed section is the space itself: while the wheel strokes along Z at centre distance E, a point (x, y)
-# of the work is reached when sqrt((E - x)^2 + dz^2) < R(y) for some dz of the stroke, that is when E - x < R(y). What
-# stays has the edge x = E - R(y); for it to be the wanted space, R(y) = E - x(y).
-
 KNOTS = 1501
 
 
@@ -107,13 +111,6 @@ class WheelBody:
         slope = self._slope(inside)
         return self._radius(inside) + slope * (side - inside), np.sign(y) * slope
 
-
-# How far along a ray the wheel begins: rays into the wheel's body, pose by pose, and the deepest of them (mm).
-#
-# A ray starts at a point of the work and runs out of the material. In a pose's wheel frame its end q(e) lies outside
-# the wheel while F(e) = hypot(q_x, q_z) - R(q_y) > 0; the wheel begins where F = 0. What stays of the material is
-# the least such e over all poses: the most advanced pose has taken the rest. Poses are samples of a motion; between
-# them e is smooth in time, so the least value is the vertex of a parabola through the least sample and its neighbours.
 
 NEWTON = 5
 RUINED_MM = -1.0
@@ -200,8 +197,6 @@ def _vertex(t: FloatArray, e: FloatArray) -> FloatArray:
         drop = np.where(np.isfinite(drop) & (bend > 0.0), drop, 0.0)
     return np.asarray(e[1] - drop)
 
-
-# One work piece: clamped somewhere, a blank until the wheel has passed, and then whatever the passes left.
 
 ARCSEC = np.pi / 180.0 / 3600.0
 UM = 1e-3

@@ -1,4 +1,9 @@
-"""Commands 2, 3, 4 and 7: a table comes in by chunks, goes into the NCK as a whole, and is read back from there."""
+"""The mailbox's commands: loading a table, switching tables, and the dispatch of all commands.
+
+A table arrives in chunks (2, 3), is verified and written to the NCK as a whole (4), and is read back from there (7).
+Tables are switched on after a person's confirmation at the panel (5), or off (6), several in one command. Every command
+is checked in one order first: number, check sum, session, then its own conditions.
+"""
 
 from __future__ import annotations
 
@@ -38,8 +43,8 @@ PARAMETERS_DIFFER = 65535
 class TableLoading:
     """Loads and reads tables."""
 
-    def __init__(self, desk: PlcState, access: TableAccess, checks: CommandChecks) -> None:
-        self._desk = desk
+    def __init__(self, plc: PlcState, access: TableAccess, checks: CommandChecks) -> None:
+        self._plc = plc
         self._access = access
         self._checks = checks
 
@@ -52,9 +57,9 @@ class TableLoading:
         reserved = self._access.reserved(target)
         if command[r.TOTAL] > reserved:
             raise PlcFault(TOO_MANY, reserved)
-        self._desk.memory.half.add(target.table)
-        self._desk.backlash.pop(target.table, None)
-        self._desk.load = TableLoad(command, target)
+        self._plc.memory.half.add(target.table)
+        self._plc.backlash.pop(target.table, None)
+        self._plc.load = TableLoad(command, target)
         yield from ()
 
     def chunk(self, command: PlcCommand) -> CommandSteps:
@@ -62,15 +67,15 @@ class TableLoading:
         load = self._checks.check_load(command)
         first, count, stored = command[r.FIRST], command[r.COUNT], len(load.values)
         fits = first == stored and 1 <= count <= r.MOST_POINTS and first + count <= command[r.TOTAL]
-        if not fits and not self._desk.settings.accepts_wrong_length:
+        if not fits and not self._plc.settings.accepts_wrong_length:
             raise PlcFault(LENGTH, stored)
         self._checks.check_machine()
         self._checks.check_off(load.target)
-        yield self._desk.settings.scan_s
+        yield self._plc.settings.scan_s
         self._take(load, command, min(count, r.MOST_POINTS))
 
     def _take(self, load: TableLoad, command: PlcCommand, count: int) -> None:
-        settings, words = self._desk.settings, command.data[: 2 * count]
+        settings, words = self._plc.settings, command.data[: 2 * count]
         low_first = settings.low_first != settings.swap_data_words
         first = len(load.values)
         load.words += words
@@ -82,50 +87,50 @@ class TableLoading:
         """Command 4."""
         load = self._checks.check_load(command)
         total, stored = command[r.TOTAL], len(load.values)
-        if stored != total and not self._desk.settings.accepts_wrong_length:
+        if stored != total and not self._plc.settings.accepts_wrong_length:
             raise PlcFault(LENGTH, stored)
         self._checks.check_machine()
         self._checks.check_off(load.target)
         if load.target.kind == BACKLASH_KIND:
-            self._desk.backlash[load.target.table] = load.values[0]  # written when it is switched on
+            self._plc.backlash[load.target.table] = load.values[0]  # written when it is switched on
             self._loaded(load)
             return
         wanted = _parameters_of(command, load.target)
-        first = self._desk.settings.parameters_first
+        first = self._plc.settings.parameters_first
         if first:
             self._access.put_parameters(load.target, wanted)
         yield from self._put_points(load)
         if not first:
             self._access.put_parameters(load.target, wanted)
-        yield self._desk.settings.scan_s
-        if not self._desk.settings.careless:
+        yield self._plc.settings.scan_s
+        if not self._plc.settings.careless:
             yield from self._compare(load, wanted)
         self._loaded(load)
 
     def _loaded(self, load: TableLoad) -> None:
-        self._desk.memory.half.discard(load.target.table)
-        self._desk.load = None
-        self._desk.loads_done += 1
+        self._plc.memory.half.discard(load.target.table)
+        self._plc.load = None
+        self._plc.loads_done += 1
 
     def _put_points(self, load: TableLoad) -> CommandSteps:
         """Every point and zeros above them, so many in a cycle."""
-        settings, reserved = self._desk.settings, self._access.reserved(load.target)
+        settings, reserved = self._plc.settings, self._access.reserved(load.target)
         values = (load.values + [0] * reserved)[:reserved]
         for place, value in enumerate(values):
             if place not in load.lost:
                 self._access.put_point(load.target, place, self._coarse(value), float32=settings.float32_values)
-            if place + 1 == self._desk.settings.power_cut_after:
+            if place + 1 == self._plc.settings.power_cut_after:
                 raise PlcPowerCut
             if place % settings.points_a_scan == settings.points_a_scan - 1:
                 yield settings.scan_s
 
     def _coarse(self, value: int) -> int:
-        quantum = self._desk.settings.quantum_points
+        quantum = self._plc.settings.quantum_points
         return round(value / quantum) * quantum if quantum else value
 
     def _compare(self, load: TableLoad, wanted: TableParameters) -> CommandSteps:
         """Read back from the NCK and compare. Raises PlcFault (10)."""
-        a_scan, reserved = self._desk.settings.points_a_scan, self._access.reserved(load.target)
+        a_scan, reserved = self._plc.settings.points_a_scan, self._access.reserved(load.target)
         values = (load.values + [0] * reserved)[:reserved]
         for first in range(0, reserved, a_scan):
             sent = values[first : first + a_scan]
@@ -133,7 +138,7 @@ class TableLoading:
             for place, (old, new) in enumerate(zip(sent, found, strict=True), start=first):
                 if self._coarse(old) != new and place not in load.lost:
                     raise PlcFault(DIFFERS, place)
-            yield self._desk.settings.scan_s
+            yield self._plc.settings.scan_s
         if self._access.parameters(load.target) != wanted:
             raise PlcFault(DIFFERS, PARAMETERS_DIFFER)
 
@@ -148,15 +153,15 @@ class TableLoading:
         reserved = self._access.reserved(target)
         if first + count > reserved:
             raise PlcFault(TOO_MANY, reserved)
-        yield self._desk.settings.scan_s
+        yield self._plc.settings.scan_s
         self._put_read_back(command, self._access.points(target, first, count))
 
     def _put_read_back(self, command: PlcCommand, values: list[int]) -> None:
-        image = self._desk.image
+        image = self._plc.image
         for place in range(r.MOST_POINTS):
             image.put_dint(r.READ_BACK + 2 * place, values[place] if place < len(values) else 0)
         crc = r.crc_of(command.head + tuple(image.words[r.READ_BACK : r.READ_BACK_CRC]))
-        image.put_dint(r.READ_BACK_CRC, crc ^ self._desk.settings.wrong_read_back_crc)
+        image.put_dint(r.READ_BACK_CRC, crc ^ self._plc.settings.wrong_read_back_crc)
 
 
 def _parameters_of(command: PlcCommand, target: TableAddress) -> TableParameters:
@@ -172,7 +177,7 @@ def _parameters_of(command: PlcCommand, target: TableAddress) -> TableParameters
     )
 
 
-# Commands 5 and 6: tables are switched on after a person's confirm at the panel, or off; several in one command.
+# Commands 5 and 6: on and off.
 
 AXIS_ALONE, TABLE_ALONE, ANYHOW = 1 << 4, 1 << 5, 1 << 6
 LOOK_S = 0.1
@@ -196,8 +201,8 @@ class SwitchEntry:
 class PlcSwitching:
     """Switches tables."""
 
-    def __init__(self, desk: PlcState, access: TableAccess, checks: CommandChecks) -> None:
-        self._desk = desk
+    def __init__(self, plc: PlcState, access: TableAccess, checks: CommandChecks) -> None:
+        self._plc = plc
         self._access = access
         self._checks = checks
 
@@ -232,33 +237,33 @@ class PlcSwitching:
             raise PlcFault(RANGE, r.FLAGS)
         self._check_activation(entries)
         yield from self._confirmed()
-        if self._desk.settings.key_back:
-            self._desk.turn_key_back()
+        if self._plc.settings.key_back:
+            self._plc.turn_key_back()
         self._check_activation(entries)
         yield from self._switched(entries, on=True)
-        if self._desk.settings.enables_twice_s > 0.0:
-            self._desk.do_again(entries[-1].target)
+        if self._plc.settings.enables_twice_s > 0.0:
+            self._plc.do_again(entries[-1].target)
 
     def _check_activation(self, entries: tuple[SwitchEntry, ...]) -> None:
         self._checks.check_machine(no_alarm=True)
         for place, entry in enumerate(entries, start=1):
             table = entry.target.table
-            waiting = entry.target.kind != BACKLASH_KIND or table in self._desk.backlash
-            if table in self._desk.memory.half or not waiting:
+            waiting = entry.target.kind != BACKLASH_KIND or table in self._plc.backlash
+            if table in self._plc.memory.half or not waiting:
                 raise PlcFault(DIFFERS, place)
 
     def _confirmed(self) -> CommandSteps:
         """Wait for the button at the panel. Raises PlcFault (12)."""
-        desk = self._desk
-        end = desk.now() + desk.settings.confirm_s
-        desk.confirmed, desk.waiting = False, True
+        plc = self._plc
+        end = plc.now() + plc.settings.confirm_s
+        plc.confirmed, plc.waiting = False, True
         try:
-            while not desk.confirmed:
-                if desk.now() >= end:
+            while not plc.confirmed:
+                if plc.now() >= end:
                     raise PlcFault(TIME_OVER)
                 yield LOOK_S
         finally:
-            desk.waiting = False
+            plc.waiting = False
 
     def disable(self, command: PlcCommand) -> CommandSteps:
         """Command 6; a person confirms where a program is at work or an axis moves."""
@@ -275,13 +280,13 @@ class PlcSwitching:
             self._check_release()
             if not self._access.ready:
                 raise PlcFault(NOT_IN_RESET, self._access.first_alarm)
-        if self._desk.settings.lies_about_disable:
-            self._desk.lied |= {entry.target.table for entry in entries}
+        if self._plc.settings.lies_about_disable:
+            self._plc.lied |= {entry.target.table for entry in entries}
             return
         yield from self._switched(entries, on=False)
 
     def _check_release(self) -> None:
-        if not self._desk.release.stands:
+        if not self._plc.release.stands:
             raise PlcFault(NOT_RELEASED)
 
     def _switched(self, entries: tuple[SwitchEntry, ...], *, on: bool) -> CommandSteps:
@@ -293,14 +298,14 @@ class PlcSwitching:
                 alone, table = bool(entry.flags & AXIS_ALONE), bool(entry.flags & TABLE_ALONE)
                 self._access.switch(entry.target, on=on, axis_alone=alone, table_alone=table)
         self._access.let_act()
-        yield self._desk.settings.scan_s
-        self._desk.lied -= {entry.target.table for entry in entries}
+        yield self._plc.settings.scan_s
+        self._plc.lied -= {entry.target.table for entry in entries}
         for entry in entries:
             if not self._stands_so(entry, on):
                 raise PlcFault(NCK_REFUSED)
 
     def _backlash(self, entry: SwitchEntry) -> int:
-        return self._desk.backlash[entry.target.table] + self._desk.settings.other_backlash
+        return self._plc.backlash[entry.target.table] + self._plc.settings.other_backlash
 
     def _stands_so(self, entry: SwitchEntry, on: bool) -> bool:
         if entry.target.kind == BACKLASH_KIND:
@@ -308,7 +313,7 @@ class PlcSwitching:
         return self._access.switches(entry.target) & entry.bits == (entry.bits if on else 0)
 
 
-# The mailbox's commands: number, check sum, session and order first, then the command's own work.
+# Dispatch.
 
 OPEN, BEGIN, CHUNK, VERIFY, ACTIVATE, DISABLE, READ_BACK, ABORT, CLOSE, SET_MARKER, SELECT = range(1, 12)
 SELECTING = frozenset({BEGIN, CHUNK, VERIFY, READ_BACK, SELECT})
@@ -318,14 +323,14 @@ _ALARM = 700016  # a user alarm of the PLC
 
 
 class PlcCommands:
-    """Checks and does commands at one desk."""
+    """Checks and runs the commands of one PLC."""
 
-    def __init__(self, desk: PlcState, access: TableAccess) -> None:
-        self._desk = desk
+    def __init__(self, plc: PlcState, access: TableAccess) -> None:
+        self._plc = plc
         self._access = access
-        self.checks = CommandChecks(desk, access)
-        loading = TableLoading(desk, access, self.checks)
-        self._switching = switching = PlcSwitching(desk, access, self.checks)
+        self.checks = CommandChecks(plc, access)
+        loading = TableLoading(plc, access, self.checks)
+        self._switching = switching = PlcSwitching(plc, access, self.checks)
         self._works: dict[int, Callable[[PlcCommand], CommandSteps]] = {
             OPEN: self._open,
             BEGIN: loading.begin,
@@ -350,7 +355,7 @@ class PlcCommands:
         if code not in self._works:
             raise PlcFault(UNKNOWN)
         self._check_session(code)
-        if (busy and code not in (ABORT, CLOSE)) or (code in (CHUNK, VERIFY) and self._desk.load is None):
+        if (busy and code not in (ABORT, CLOSE)) or (code in (CHUNK, VERIFY) and self._plc.load is None):
             raise PlcFault(OUT_OF_ORDER, expected)
         yield from self._troubled(code)
         yield from self._works[code](command)
@@ -366,18 +371,18 @@ class PlcCommands:
         code = command[r.COMMAND]
         if code in WITH_DATA:
             return command.head + command.data
-        load = self._desk.load
+        load = self._plc.load
         return command.head + tuple(load.words) if code == VERIFY and load is not None else command.head
 
     def _check_session(self, code: int) -> None:
-        session = self._desk.session
+        session = self._plc.session
         if code == OPEN and session:
             raise PlcFault(SESSION_TAKEN, session)
         if code not in _WITHOUT_SESSION and not session:
             raise PlcFault(NO_SESSION)
 
     def _troubled(self, code: int) -> CommandSteps:
-        settings = self._desk.settings
+        settings = self._plc.settings
         if settings.alarm_during == code:
             self._access.nck.drive_alarm(_ALARM, "PLC: coolant level low")
         if settings.nck_refuses == code:
@@ -385,8 +390,8 @@ class PlcCommands:
         if settings.enables_itself == code:
             self._access.nck.enable_by_itself()
         if settings.forgets == code:
-            self._desk.forget(settings.forgets_what)
-        while self._desk.settings.busy_forever == code:
+            self._plc.forget(settings.forgets_what)
+        while self._plc.settings.busy_forever == code:
             yield LOOK_S
 
     # -- session, marker, selection ----------------------------------------------------------------
@@ -394,26 +399,26 @@ class PlcCommands:
     def _open(self, command: PlcCommand) -> CommandSteps:
         if not command[r.INDEX]:
             raise PlcFault(RANGE, r.INDEX)
-        self._desk.open_session(command[r.INDEX])
+        self._plc.open_session(command[r.INDEX])
         yield from ()
 
     def _abort(self, _command: PlcCommand) -> CommandSteps:
-        self._desk.load = None
+        self._plc.load = None
         yield from ()
 
     def _close(self, _command: PlcCommand) -> CommandSteps:
-        self._desk.close_session()
+        self._plc.close_session()
         yield from ()
 
     def _set_marker(self, command: PlcCommand) -> CommandSteps:
         state = command.data[8]
         if state > 3:
             raise PlcFault(RANGE, r.DATA + 8)
-        if not self._desk.release.was_given:
+        if not self._plc.release.was_given:
             raise PlcFault(NOT_RELEASED)
-        self._desk.memory.marker = command.data[:8]
-        self._desk.memory.marker_state = state
-        self._desk.memory.marker_head = command.data[9:13]
+        self._plc.memory.marker = command.data[:8]
+        self._plc.memory.marker_state = state
+        self._plc.memory.marker_head = command.data[9:13]
         yield from ()
 
     def _select(self, command: PlcCommand) -> CommandSteps:

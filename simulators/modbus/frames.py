@@ -1,6 +1,7 @@
-"""Bytes on the wire -> requests and back: MBAP frames of Modbus TCP, RTU frames with CRC-16.
+"""Modbus frames and requests: MBAP of Modbus TCP, RTU with CRC-16, and function codes 03, 06 and 16 on registers.
 
-MODBUS Messaging on TCP/IP Implementation Guide V1.0b 3.1.3; MODBUS over Serial Line V1.02 2.5.1 and 6.2.2.
+MODBUS Messaging on TCP/IP Implementation Guide V1.0b 3.1.3; MODBUS over Serial Line V1.02 2.5.1 and 6.2.2; MODBUS
+Application Protocol Specification V1.1b3, sections 6.3, 6.6, 6.12 and 7 (exceptions 01 to 04).
 """
 
 from __future__ import annotations
@@ -145,9 +146,7 @@ def _rtu_length(data: bytes) -> int | None:
     return place + 1 + data[place] + 2 if len(data) > place else place + 3
 
 
-# Modbus requests -> answers on a register image: function codes 03, 06 and 16, and exceptions 01 to 04.
-#
-# MODBUS Application Protocol Specification V1.1b3, sections 6.3, 6.6, 6.12 and 7.
+# Requests and answers.
 
 READ, WRITE_ONE, WRITE_MANY = 0x03, 0x06, 0x10
 ILLEGAL_FUNCTION, ILLEGAL_ADDRESS, ILLEGAL_VALUE, DEVICE_FAILURE = 1, 2, 3, 4

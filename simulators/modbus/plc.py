@@ -1,4 +1,10 @@
-"""What the PLC shows of the machine: status word and the registers that follow the NCK and the selected table."""
+"""The PLC program: process image, status word, command numbers, session, heart-beats and the running command.
+
+Theory of operation. A master writes a command and its number into the image; a program cycle later the PLC takes it if
+the number is new, answers "busy", and runs it as a task that sleeps between its steps. A fresh command ends the one
+under way at once. Reading shows a consistent picture: status and live registers are computed when they are read.
+Nothing runs while nobody asks, except the command under way and the watch over the session's heart-beat.
+"""
 
 from __future__ import annotations
 
@@ -24,8 +30,7 @@ from simulators.modbus.registers import (
 from simulators.modbus.settings import PlcSettings
 from simulators.modbus.state import CommandSteps, PlcPowerCut, PlcRelease, RetentiveMemory, TableLoad
 from simulators.modbus.table_access import TableAccess
-from simulators.nck.control import Nck
-from simulators.nck.fault_injection import ForgottenMemory
+from simulators.nck import ForgottenMemory, Nck
 
 READY, BUSY, DONE, FAILED, IN_RESET, STANDSTILL, REFERENCED, RELEASED = (1 << bit for bit in range(8))
 ALARM, EEC_ON, CEC_ON, MAY_WRITE, WAITING, STALE = (1 << bit for bit in range(8, 14))
@@ -123,8 +128,6 @@ class StatusRegisters:
         image.put_dint(r.WEIGHT, self._access.weight(target))
 
 
-# The PLC program: process image, command numbers, session, heart-beats and the one command under way.
-
 # Less than this is rounding: a clock might not move at all in it.
 NO_TIME_S = 1e-6
 
@@ -144,7 +147,7 @@ class Plc:
         self._clock = clock
         self.nck = nck
         self._access = TableAccess(nck, settings.write_level)
-        self._picture = StatusRegisters(self._access, self.switches, self.is_off)
+        self._status = StatusRegisters(self._access, self.switches, self.is_off)
         self._commands = PlcCommands(self, self._access)
         self._tasks: set[asyncio.Task[None]] = set()
         self._failure: BaseException | None = None
@@ -237,7 +240,7 @@ class Plc:
     def forget(self, what: ForgottenMemory) -> None:
         """What was kept is lost: words of the PLC, or points or switches of the control."""
         if what == "words":
-            self.nck.core.whim("forget words")
+            self.nck.core.record_fault("forget words")
             self.memory = RetentiveMemory()
             self.close_session()
         else:
@@ -250,7 +253,7 @@ class Plc:
     async def _enable_again(self, target: TableAddress) -> None:
         await self._clock.sleep(self.settings.enables_twice_s)
         if not self.nck.booting:
-            self.nck.core.whim("enable")
+            self.nck.core.record_fault("enable")
             self._access.switch(target, on=True)
             self._access.let_act()
 
@@ -281,10 +284,10 @@ class Plc:
         self.close_session()
         self._set_result(FAILED, NO_SESSION, 0)
 
-    # -- the wire's side (pdu.Registers) -----------------------------------------------------------
+    # -- the wire's side (frames.Registers) -----------------------------------------------------------
 
     def read(self, address: int, count: int) -> Sequence[int]:
-        """A consistent picture of registers. Raises Refused."""
+        """Registers as they are now. Raises PduRefused."""
         self._check_power()
         if address + count > r.SIZE:
             raise PduRefused(ILLEGAL_ADDRESS)
@@ -295,7 +298,7 @@ class Plc:
         return self.image.words[address : address + count]
 
     def write(self, address: int, values: Sequence[int]) -> None:
-        """Registers 15..135. Raises Refused, Unanswered."""
+        """Registers 15..135. Raises PduRefused, NoAnswer."""
         self._check_power()
         if address not in r.WRITABLE or address + len(values) > r.WRITABLE.stop:
             raise PduRefused(ILLEGAL_ADDRESS)
@@ -383,13 +386,13 @@ class Plc:
         crc = r.dint_words(r.crc_of(head), self.settings.low_first)
         self._accept(r.COMMAND, [*head, *crc], head[1])
 
-    # -- pictures ----------------------------------------------------------------------------------
+    # -- live registers ---------------------------------------------------------------------------
 
     def _show_head(self) -> None:
         image, settings = self.image, self.settings
         since_s = 0.0 if settings.stale_heartbeat else self.now() - self._started_s
-        bits = self._picture.machine_bits(self.release.counts)
-        bits |= self._picture.table_bits(self._selected, bits) | self._state | (WAITING if self.waiting else 0)
+        bits = self._status.machine_bits(self.release.counts)
+        bits |= self._status.table_bits(self._selected, bits) | self._state | (WAITING if self.waiting else 0)
         bits |= STALE if self.release.on and not self.release.counts else 0
         image.put(r.MAGIC, (r.MAGIC_WORD, settings.map_version))
         image.put_dint(r.ORDER_TEST, r.ORDER_WORD)
@@ -399,8 +402,8 @@ class Plc:
         image.words[r.SESSION] = self.session
 
     def _show_live(self) -> None:
-        self._picture.show_machine(self.image)
-        self._picture.show_selection(self.image, self._selected)
+        self._status.show_machine(self.image)
+        self._status.show_selection(self.image, self._selected)
         self.image.put(r.MARKER, (*self.memory.marker, self.memory.marker_state))
         self.image.put(r.MARKER_HEAD, self.memory.marker_head)
         self.image.words[r.RELEASE_LEFT] = self.release.left_s

@@ -1,4 +1,4 @@
-"""The mailbox's registers as the PLC sees them, and how numbers, texts and checks lie in them (docs/plc-mailbox.md)."""
+"""The mailbox's register map, its number formats, and the codes with which a command ends (docs/plc-mailbox.md)."""
 
 from __future__ import annotations
 
@@ -101,7 +101,7 @@ class PlcCommand:
         return next((address for address in same if self[address] != other[address]), None)
 
 
-# What a command speaks of: kinds, one table, its parameters, and the codes it may end with.
+# Kinds of tables, error codes, and one table with its parameters.
 
 EEC, CEC, BACKLASH_KIND, TEMPERATURE = 1, 2, 3, 4
 NO_CRC, OUT_OF_ORDER, LENGTH, RANGE, NOT_RELEASED, NOT_IN_RESET, PROTECTED, TOO_MANY, UNKNOWN = range(1, 10)

@@ -1,4 +1,4 @@
-"""How the PLC is set up, and everything it can do wrong: the keys of a cell file's [machine.modbus]."""
+"""Set-up and faults of the PLC: the keys of a cell file's [machine.modbus]."""
 
 from __future__ import annotations
 

@@ -1,6 +1,8 @@
-"""The release at the panel: it counts if given after command 1 of the session, and for a quarter of an hour.
+"""What the PLC's commands find and ask: release, session, retentive memory, and the checks before each command.
 
-A person and a PC share that quarter of an hour: it passes by their clock, not by that of a machine simulated faster.
+The release at the panel counts if given after command 1 of the session, and for a quarter of an hour. A command is a
+generator: it yields the seconds until it is called again, so the program cycle stays in charge of time. The release's
+quarter of an hour passes by the clock of person and PC, not by that of a machine simulated faster.
 """
 
 from __future__ import annotations
@@ -29,7 +31,7 @@ from simulators.modbus.registers import (
 )
 from simulators.modbus.settings import PlcSettings
 from simulators.modbus.table_access import TableAccess
-from simulators.nck.fault_injection import ForgottenMemory
+from simulators.nck import ForgottenMemory
 
 COUNTS_S = 900.0
 
@@ -78,8 +80,6 @@ class PlcRelease:
             return 0
         return max(0, math.ceil(self._given_s + COUNTS_S - self._clock.now()))
 
-
-# The PLC program's desk: what its commands find there, what outlives a power cut, and how a command runs.
 
 # A command gives the seconds until it is called again, and ends by returning or by PlcFault.
 CommandSteps = Generator[float, None, None]
@@ -159,14 +159,14 @@ class PlcState(Protocol):
         ...
 
 
-# What the PLC asks before it does a command: which table, machine at rest and released, sound parameters.
+# Checks: which table, machine at rest and released, sound parameters.
 
 
 class CommandChecks:
-    """Checks at one desk."""
+    """The checks of one PLC."""
 
-    def __init__(self, desk: PlcState, access: TableAccess) -> None:
-        self._desk = desk
+    def __init__(self, plc: PlcState, access: TableAccess) -> None:
+        self._plc = plc
         self._access = access
 
     def target(self, command: PlcCommand, kinds: tuple[int, ...]) -> TableAddress:
@@ -180,7 +180,7 @@ class CommandChecks:
 
     def check_machine(self, *, no_alarm: bool = False) -> None:
         """Released, in reset, standing. Raises PlcFault (5, 6)."""
-        if not self._desk.release.counts:
+        if not self._plc.release.counts:
             raise PlcFault(NOT_RELEASED)
         self.check_rest(no_alarm=no_alarm)
 
@@ -193,7 +193,7 @@ class CommandChecks:
 
     def check_off(self, target: TableAddress) -> None:
         """The table may be written. Raises PlcFault (7)."""
-        if not self._desk.is_off(target):
+        if not self._plc.is_off(target):
             raise PlcFault(PROTECTED)
 
     def check_parameters(self, command: PlcCommand, target: TableAddress) -> None:
@@ -223,7 +223,7 @@ class CommandChecks:
 
     def check_load(self, command: PlcCommand, kinds: tuple[int, ...] = (EEC, CEC, BACKLASH_KIND)) -> TableLoad:
         """The load that chunk and verify go on with, other parameters refused (4)."""
-        load = self._desk.load
+        load = self._plc.load
         if load is None:
             raise PlcFault(OUT_OF_ORDER)
         self.target(command, kinds)

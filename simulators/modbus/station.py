@@ -14,7 +14,7 @@ from simulators.instrument_server import InstrumentServer, WireWrapper
 from simulators.modbus.frames import BrokenFrame, Framing, Mbap, ModbusFrame, NoAnswer, Rtu, answer_pdu
 from simulators.modbus.plc import Plc
 from simulators.modbus.settings import PlcSettings
-from simulators.nck.control import Nck
+from simulators.nck import Nck
 
 READ_BYTES = 4096
 GATEWAY_TARGET_FAILED = 0x0B

@@ -1,4 +1,4 @@
-"""The PLC's way into the NCK: tables, switches and states in the mailbox's units, refusals as the mailbox's errors."""
+"""The PLC's access to the NCK: tables, switches and states in mailbox units; refusals become mailbox errors."""
 
 from __future__ import annotations
 
@@ -25,8 +25,7 @@ from simulators.modbus.registers import (
     TableAddress,
     TableParameters,
 )
-from simulators.nck.control import Nck
-from simulators.nck.spec import AxisSpec, NckRefusal
+from simulators.nck import AxisSpec, Nck, NckRefusal
 
 _POSITION = {False: 1e4, True: 1e6}  # 0.1 um, 1e-6 deg
 _VALUE = {False: 1e6, True: 1e7}  # nm, 1e-7 deg

@@ -1,4 +1,4 @@
-"""What a person at the panel, a bus or an instrument can see of the control."""
+"""The NCK as one object: its life, the operator's panel, the PLC's signals, writes from outside, what is visible."""
 
 from __future__ import annotations
 
@@ -112,8 +112,6 @@ class Display:
         """A variable by its NC name. Raises NckRefusal 12550, 17020, 17030."""
         return self.variables.read(*split_name(name))
 
-
-# The NCK double: its life, the operator's panel, the PLC's signals and writes from outside, under one roof.
 
 __all__ = ["Alarm", "AxisSpec", "AxisView", "Nck", "NckRefusal", "NckSpec"]
 

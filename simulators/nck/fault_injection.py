@@ -1,4 +1,8 @@
-"""What a control may do that nobody asked of it: exchange points, switch on by itself or once more, forget."""
+"""Faults of a control: things it does by itself, and events from outside at a chosen program block.
+
+By itself it may exchange points, switch tables on, switch on once more, or forget. At a block may come: mains failure,
+drive alarm, key switch, change of mode, a second writer.
+"""
 
 from __future__ import annotations
 
@@ -18,7 +22,7 @@ TABLE_SWITCHES = (ENC_ENABLE, CEC_ENABLE, "$SN_CEC_TABLE_ENABLE")
 
 def enable_all(core: Core) -> None:
     """Every table that was ever loaded is switched on, and acts as after NEWCONF."""
-    core.whim("enable")
+    core.record_fault("enable")
     for (axis, encoder), table in core.memory.eec.items():
         if table.step > 0.0:
             core.data.store(ENC_ENABLE, (encoder, axis), True)
@@ -31,14 +35,14 @@ def enable_all(core: Core) -> None:
 
 def enable_again(core: Core, name: str, index: tuple[int, ...]) -> None:
     """A switching on that was done is done a second time."""
-    core.whim("enable")
+    core.record_fault("enable")
     core.data.store(name, index, True)
     core.newconf()
 
 
 def forget(core: Core, what: ForgottenMemory) -> None:
     """All R parameters, the points of every table, or every switch: as if they had never been written."""
-    core.whim(f"forget {what}")
+    core.record_fault(f"forget {what}")
     if what == "words":
         core.r = [0.0] * len(core.r)
     elif what == "memory":
@@ -52,8 +56,6 @@ def forget(core: Core, what: ForgottenMemory) -> None:
                 core.data.store(ENC_ENABLE, (encoder, axis.index), False)
         core.newconf()
 
-
-# What happens at a program block from outside: mains, drive alarm, key switch, mode, a second writer.
 
 _HMI_LEVEL = 1
 

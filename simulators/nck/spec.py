@@ -1,4 +1,4 @@
-"""What kind of control and machine the double is: frozen set-up, and the refusal it answers with."""
+"""The frozen set-up of a simulated control and its machine, and the refusal with which it answers."""
 
 from __future__ import annotations
 

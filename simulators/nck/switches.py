@@ -1,6 +1,6 @@
-"""What no public document settles, and how a hostile control behaves: every switch of the double in one place.
+"""What no public document settles, and how a hostile control behaves: every switch of the simulator in one place.
 
-The double is written from manuals; where these are silent it can be set either way, so that whoever talks to
+The simulator is written from manuals; where these are silent it can be set either way, so that whoever talks to
 it must work whichever way the real control turns out to be. Those in `OPEN` may be drawn by a seed.
 """
 
@@ -39,7 +39,7 @@ OPEN: dict[str, tuple[Choice, ...]] = {
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Switches:
-    """The open questions, the manners a control may have, and what happens at a block.
+    """The open questions, the habits that a control may have, and what happens at a block.
 
     Not settled publicly
         ``cec_sign`` +1: as EEC, a positive value moves the axis negative; -1: the other way.

@@ -1,4 +1,8 @@
-"""Users of the OPC UA server and what each may do (Access MyMachine /OPC UA 12/2017, p. 950)."""
+"""The server's address space: users and their rights, variables by identifier, and the shared standard nodes.
+
+Rights: Access MyMachine /OPC UA 12/2017, p. 950. The standard nodes are built once for a process; each server copies a
+node at its first touch, because building them takes a second.
+"""
 
 from __future__ import annotations
 
@@ -15,8 +19,7 @@ from asyncua.server.standard_address_space import standard_address_space
 
 from drivers.sinumerik.opcua.session import nodes
 from drivers.sinumerik.opcua.session.nodes import Kind, NodeAddress
-from simulators.nck.control import Nck
-from simulators.nck.spec import NckRefusal
+from simulators.nck import Nck, NckRefusal
 
 RIGHTS = frozenset(
     {
@@ -69,7 +72,7 @@ def make_accounts(users: Mapping[str, Any]) -> dict[str, Account]:
     return accounts
 
 
-# What the server's variables mean: identifiers -> state, R parameters and machine data of the NCK.
+# Identifiers -> state, R parameters and machine data of the NCK.
 
 Value = float | int | str | bool
 
@@ -246,7 +249,7 @@ def _right(address: NodeAddress, act: str) -> str:
     raise StatusRefused("BadAttributeIdInvalid")
 
 
-# The standard address space, built once for the process and shared, and attributes of nodes that are not in it.
+# Standard nodes, and attributes of variables that have no node.
 
 
 def status_code(name: str) -> ua.StatusCode:

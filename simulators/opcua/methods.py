@@ -1,4 +1,8 @@
-"""The server's methods: files in and out, program selection, own rights. There is none that starts a program."""
+"""The server's methods: files in and out, program selection, own rights. There is none that starts a program.
+
+The file system is served twice, as on the control: by methods of the Sinumerik node, and as nodes with the methods of
+FileType and FileDirectoryType.
+"""
 
 from __future__ import annotations
 
@@ -7,8 +11,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from drivers.sinumerik.opcua.session import nodes
-from simulators.nck.control import Nck
-from simulators.nck.spec import NckRefusal
+from simulators.nck import Nck, NckRefusal
 from simulators.opcua.address_space import Account, StatusRefused
 from simulators.opcua.quirks import ServerQuirks
 
@@ -116,7 +119,7 @@ class Methods:
         return name
 
 
-# The server's file system as nodes: FileType and FileDirectoryType methods, answered by identifier.
+# Files as nodes, answered by identifier.
 
 _READ, _WRITE, _ERASE, _APPEND = 1, 2, 4, 8
 _FOLDERS = ("Part Program", "Sub Program", "Work Pieces")
@@ -151,7 +154,7 @@ class ServedFiles:
 
     nck: Nck
     write_level: int
-    manners: ServerQuirks
+    quirks: ServerQuirks
     handles: dict[int, _Handle] = field(default_factory=dict)
     _next: int = 1
 
@@ -218,7 +221,7 @@ class ServedFiles:
             raise StatusRefused("BadInvalidArgument")
         if not account.may("FsWrite" if mode & _WRITE else "FsRead"):
             raise StatusRefused("BadUserAccessDenied")
-        if mode & _WRITE and not self._level_allows and not self.manners.silent_file_nodes:
+        if mode & _WRITE and not self._level_allows and not self.quirks.silent_file_nodes:
             raise StatusRefused("BadNotSupported")
         if mode & _WRITE and any(one.path == file for one in self.handles.values()):
             raise StatusRefused("BadInvalidState")

@@ -1,4 +1,4 @@
-"""How this server behaves besides what the manuals promise: switches a test turns while it runs, and counters."""
+"""Quirks of the server beyond what the manuals promise: switches that a test sets while it runs, and counters."""
 
 from __future__ import annotations
 

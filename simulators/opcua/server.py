@@ -21,7 +21,7 @@ from drivers.clock import Clock
 from drivers.errors import ConfigError
 from drivers.sinumerik.opcua.session import nodes
 from drivers.sinumerik.opcua.session.certificates import KeyPair, load, own_key_pair, private_key
-from simulators.nck.control import Nck
+from simulators.nck import Nck
 from simulators.opcua.address_space import VariableSpace, make_accounts
 from simulators.opcua.methods import (
     COPY_METHODS,
@@ -128,15 +128,15 @@ class SinumerikServer:
         self.url = ""
         self.certificate = Path()
         self._server: Server | None = None
-        self.manners = ServerQuirks()
+        self.quirks = ServerQuirks()
         set_up = self.settings
         methods = Methods(
             nck, set_up.file_write_level, set_up.largest_copy, set_up.copy_refusal, select_right=set_up.select_right
         )
-        files = ServedFiles(nck, set_up.file_write_level, self.manners)
+        files = ServedFiles(nck, set_up.file_write_level, self.quirks)
         self._core = SinumerikInternalServer(
             accounts=Accounts(make_accounts(set_up.users)),
-            space=VariableSpace(nck, self.manners.starts),
+            space=VariableSpace(nck, self.quirks.starts),
             methods=methods,
             files=files,
             clock=clock,

@@ -1,4 +1,8 @@
-"""Sessions that answer by identifier, without a node for each element, in the manners of this server."""
+"""Sessions that answer by identifier, and the core of asyncua's server with our accounts, name space and quirks.
+
+A request is counted, delayed and refused as the quirks say, then each node is looked up: a standard node by asyncua, a
+node of ours by its identifier, without a stored node.
+"""
 
 from __future__ import annotations
 
@@ -49,20 +53,20 @@ class SinumerikSession(InternalSession):
 
     async def _serve(self, service: str, asked: int = 0, most: int = 0) -> None:
         """Count a request, take the server's time over it, and refuse what is too much at once."""
-        manners = self._home.manners
+        quirks = self._home.quirks
         self._home.requests.services[service] += 1
-        manners.on_request(service)
-        if manners.answer_s:
-            await self._home.clock.sleep(manners.answer_s)
+        quirks.on_request(service)
+        if quirks.answer_s:
+            await self._home.clock.sleep(quirks.answer_s)
         if most and asked > most:
             raise ServiceError(ua.StatusCodes.BadTooManyOperations)
 
     async def read(self, params: ua.ReadParameters) -> list[ua.DataValue]:
         """Values by identifier; everything else from the standard address space."""
         home = self._home
-        await self._serve("read", len(params.NodesToRead), home.manners.most_read)
-        if home.manners.starting == "session" and home.files.nck.booting:
-            raise ServiceError(getattr(ua.StatusCodes, home.manners.starts()))
+        await self._serve("read", len(params.NodesToRead), home.quirks.most_read)
+        if home.quirks.starting == "session" and home.files.nck.booting:
+            raise ServiceError(getattr(ua.StatusCodes, home.quirks.starts()))
         other = [item for item in params.NodesToRead if not home.is_own(item.NodeId)]
         rest: Iterator[ua.DataValue] = iter(())
         if other:
@@ -79,26 +83,26 @@ class SinumerikSession(InternalSession):
     def _value(self, item: ua.ReadValueId, account: Account, now: datetime) -> ua.DataValue:
         if item.AttributeId != ua.AttributeIds.Value:
             return self._home.attribute(item, account)
-        manners = self._home.manners
+        quirks = self._home.quirks
         path = item.NodeId.Identifier
         try:
-            if path in manners.read_status:
-                raise StatusRefused(manners.read_status[path])
+            if path in quirks.read_status:
+                raise StatusRefused(quirks.read_status[path])
             kind, value = self._home.value(path, account)
         except StatusRefused as refused:
             return ua.DataValue(StatusCode=status_code(refused.status), ServerTimestamp=now)
         if kind == "String" and self._home.null_strings:
             value = [one or None for one in value] if isinstance(value, list) else value or None
         variant = ua.Variant(value, ua.VariantType[kind], is_array=isinstance(value, list))
-        known = now - timedelta(seconds=manners.stale_s)
+        known = now - timedelta(seconds=quirks.stale_s)
         return ua.DataValue(variant, StatusCode=_GOOD, SourceTimestamp=known, ServerTimestamp=known)
 
     async def write(self, params: ua.WriteParameters) -> list[ua.StatusCode]:
         """Write by identifier; everything else is not writable for a client."""
-        manners = self._home.manners
-        await self._serve("write", len(params.NodesToWrite), manners.most_write)
-        if manners.late_write_s:
-            await self._home.clock.sleep(manners.late_write_s)
+        quirks = self._home.quirks
+        await self._serve("write", len(params.NodesToWrite), quirks.most_write)
+        if quirks.late_write_s:
+            await self._home.clock.sleep(quirks.late_write_s)
         account = self._home.accounts.account(self.user)
         return [self._store(item, account) for item in params.NodesToWrite]
 
@@ -107,7 +111,7 @@ class SinumerikSession(InternalSession):
         if not home.is_own(item.NodeId):
             return status_code("BadUserAccessDenied")
         path = item.NodeId.Identifier
-        given = home.manners.write_status.get(path, "")
+        given = home.quirks.write_status.get(path, "")
         if given and not given.startswith("Good"):
             return status_code(given)
         if item.AttributeId != ua.AttributeIds.Value or item.Value.Value is None:
@@ -118,8 +122,8 @@ class SinumerikSession(InternalSession):
         values = list(variant.Value) if isinstance(variant.Value, list) else [variant.Value]
         if variant.VariantType.name != home.kind(path):
             return status_code("BadTypeMismatch")
-        if home.manners.quantise is not None:
-            values = [home.manners.quantise(value) if isinstance(value, float) else value for value in values]
+        if home.quirks.quantise is not None:
+            values = [home.quirks.quantise(value) if isinstance(value, float) else value for value in values]
         try:
             home.space.write(path, values, account)
         except StatusRefused as refused:
@@ -233,7 +237,7 @@ class SinumerikSession(InternalSession):
         await super().close_session(delete_subs)
 
 
-# The asyncua side of the server: its core with our accounts, name space and switches.
+# asyncua's internal server.
 
 _CURRENT_TIME = ua.NodeId(ua.ObjectIds.Server_ServerStatus_CurrentTime)
 _MOST_READ = ua.NodeId(ua.ObjectIds.Server_ServerCapabilities_OperationLimits_MaxNodesPerRead)
@@ -273,7 +277,7 @@ class SinumerikInternalServer(InternalServer):
         self.methods = methods
         self.files = files
         self.clock = clock
-        self.manners = files.manners
+        self.quirks = files.quirks
         self.requests = RequestCounters()
         self.name_space = 2
         self.file_nodes = True
@@ -283,7 +287,7 @@ class SinumerikInternalServer(InternalServer):
         self._method_nodes: dict[tuple[str, str], str] = {}
         super().__init__(user_manager=accounts)
         self.samples = SampleBudget()
-        self.alarms = AlarmEvents(files.nck, clock, self.subscription_service, self.manners)
+        self.alarms = AlarmEvents(files.nck, clock, self.subscription_service, self.quirks)
         self.disabled_clock = True
         self.min_session_timeout_ms, self.max_session_timeout_ms = 1000, 60_000
 
@@ -333,9 +337,9 @@ class SinumerikInternalServer(InternalServer):
             return value
         if item.NodeId == _CURRENT_TIME:
             return ua.DataValue(ua.Variant(now, ua.VariantType.DateTime), SourceTimestamp=now)
-        limits = {_MOST_READ: self.manners.most_read, _MOST_WRITE: self.manners.most_write}
+        limits = {_MOST_READ: self.quirks.most_read, _MOST_WRITE: self.quirks.most_write}
         if item.NodeId in limits:
-            said = limits[item.NodeId] if self.manners.tells_limits else 0
+            said = limits[item.NodeId] if self.quirks.tells_limits else 0
             return ua.DataValue(ua.Variant(said, ua.VariantType.UInt32), SourceTimestamp=now)
         return value
 

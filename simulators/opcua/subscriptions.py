@@ -1,4 +1,7 @@
-"""Data changes of the control's variables: sampled at the intervals it offers, within the samples a second it has."""
+"""Subscriptions: sampled variables within the server's budget of samples, and alarms as events.
+
+Intervals are revised to those that the control offers. Alarms follow the alarm type of the CNC companion specification.
+"""
 
 from __future__ import annotations
 
@@ -15,8 +18,7 @@ from asyncua.server.subscription_service import SubscriptionService
 
 from drivers.clock import Clock
 from drivers.sinumerik.opcua.session import nodes
-from simulators.nck.control import Nck
-from simulators.nck.machine.data import POWER_ON_LOCK, STOPPING, Alarm
+from simulators.nck import POWER_ON_LOCK, STOPPING, Alarm, Nck
 from simulators.opcua.address_space import status_code
 from simulators.opcua.quirks import ServerQuirks
 
@@ -143,7 +145,7 @@ class SampledItems(MonitoredItemService):
         return super().delete_monitored_items(ids)
 
 
-# Alarms of the control as events of the `Sinumerik` node, in the manner of the CNC companion's alarm type.
+# Alarms as events of the `Sinumerik` node.
 
 REFRESH = ua.NodeId(ua.ObjectIds.ConditionType_ConditionRefresh)
 _LOOK_S = 0.2
@@ -153,19 +155,19 @@ _SERVER = ua.NodeId(ua.ObjectIds.Server)
 class AlarmEvents:
     """Tells subscribers of alarms that come and go while anybody listens, and of all standing ones on request."""
 
-    def __init__(self, nck: Nck, clock: Clock, subscriptions: SubscriptionService, manners: ServerQuirks) -> None:
+    def __init__(self, nck: Nck, clock: Clock, subscriptions: SubscriptionService, quirks: ServerQuirks) -> None:
         self._nck = nck
         self._clock = clock
         self._subscriptions = subscriptions
-        self._manners = manners
+        self._quirks = quirks
         self._task: asyncio.Task[None] | None = None
-        self._told: tuple[Alarm, ...] = ()
+        self._reported: tuple[Alarm, ...] = ()
         self.name_space = 2
 
     def listened(self) -> None:
         """Somebody has subscribed: watch the alarms from now on."""
         if self._task is None or self._task.done():
-            self._told = self._nck.alarms
+            self._reported = self._nck.alarms
             self._task = asyncio.get_running_loop().create_task(self._watch(), name="alarm events")
 
     async def stop(self) -> None:
@@ -178,25 +180,25 @@ class AlarmEvents:
 
     async def refresh(self, subscription: int) -> None:
         """Tell one subscription all alarms standing, between a start and an end event."""
-        if self._manners.mute_events:
+        if self._quirks.mute_events:
             return
-        await self._tell(self._mark(ua.ObjectIds.RefreshStartEventType), subscription)
+        await self._report(self._mark(ua.ObjectIds.RefreshStartEventType), subscription)
         for alarm in self._nck.alarms:
-            await self._tell(self._event(alarm, standing=True), subscription)
-        await self._tell(self._mark(ua.ObjectIds.RefreshEndEventType), subscription)
+            await self._report(self._event(alarm, standing=True), subscription)
+        await self._report(self._mark(ua.ObjectIds.RefreshEndEventType), subscription)
 
     async def _watch(self) -> None:
         while self._subscriptions.subscriptions:
             await self._clock.sleep(_LOOK_S)
-            now, before = self._nck.alarms, self._told
-            self._told = now
+            now, before = self._nck.alarms, self._reported
+            self._reported = now
             changes = [(alarm, True) for alarm in now if alarm not in before]
             changes += [(alarm, False) for alarm in before if alarm not in now]
             for alarm, standing in changes:
-                if not self._manners.mute_events:
-                    await self._tell(self._event(alarm, standing=standing), None)
+                if not self._quirks.mute_events:
+                    await self._report(self._event(alarm, standing=standing), None)
 
-    async def _tell(self, event: Event, subscription: int | None) -> None:
+    async def _report(self, event: Event, subscription: int | None) -> None:
         for node in (ua.NodeId(nodes.ALARM_SOURCE, self.name_space), _SERVER):
             event.emitting_node = node
             await self._subscriptions.trigger_event(event, subscription)

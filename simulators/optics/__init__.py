@@ -1,11 +1,19 @@
 """What each instrument would read: poses, beams and the physics of interferometers."""
 
 from simulators.optics.calibrator import CalibratorSamples, RotaryReader
-from simulators.optics.interferometer import CounterSamples, LaserCounter
-from simulators.optics.mountings import MotionSource, Mounting, OpticsBench
-from simulators.optics.sensors import SensorReader, SensorReadings
+from simulators.optics.interferometer import CounterSamples, LaserCounter, refractive_index
+from simulators.optics.mountings import AxisWatcher, MotionSource, Mounting, OpticsBench, StopNoise, linear_length_mm
+from simulators.optics.sensors import (
+    SensorReader,
+    SensorReadings,
+    component_of,
+    component_reading,
+    line_of_sight,
+    watched_axes,
+)
 
 __all__ = [
+    "AxisWatcher",
     "CalibratorSamples",
     "CounterSamples",
     "LaserCounter",
@@ -15,4 +23,11 @@ __all__ = [
     "RotaryReader",
     "SensorReader",
     "SensorReadings",
+    "StopNoise",
+    "component_of",
+    "component_reading",
+    "line_of_sight",
+    "linear_length_mm",
+    "refractive_index",
+    "watched_axes",
 ]

@@ -7,11 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from simulators.cellfile.equipment import Calibrator
+from simulators.cellfile import Calibrator
 from simulators.optics.mountings import AxisWatcher, Mounting, OpticsBench, StopNoise, letters_of
-from simulators.truth.climate import drift_time_s
-from simulators.truth.curves import curve, generator
-from simulators.truth.kinematics import AxisMotion
+from simulators.truth import AxisMotion, curve, drift_time_s, generator
 
 FloatArray = NDArray[np.float64]
 ARCSEC_DEG = 1.0 / 3600.0

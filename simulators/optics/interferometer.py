@@ -1,4 +1,8 @@
-"""Refractive index of moist air by Ciddor's equations (1996), in the form NIST publishes."""
+"""The laser interferometer: refractive index of the air, and the counter that counts optical path.
+
+The index is Ciddor's (1996) for moist air, in the form NIST publishes. The counter turns the path between
+interferometer and reflector, seen in that air, into quadrature counts as the uMD sends them.
+"""
 
 from __future__ import annotations
 
@@ -8,7 +12,7 @@ from math import exp
 import numpy as np
 from numpy.typing import NDArray
 
-from simulators.cellfile.equipment import Laser, Setup
+from simulators.cellfile import Laser, Setup
 from simulators.optics.mountings import (
     AxisWatcher,
     Mounting,
@@ -18,9 +22,7 @@ from simulators.optics.mountings import (
     letters_of,
     linear_length_mm,
 )
-from simulators.truth.climate import drift_time_s
-from simulators.truth.curves import generator
-from simulators.truth.kinematics import AxisMotion
+from simulators.truth import AxisMotion, drift_time_s, generator
 
 WATER_CRITICAL_K = 647.096
 WATER_CRITICAL_PA = 22_064_000.0
@@ -78,7 +80,7 @@ def _wet_refractivity(s: float) -> float:
     return 1.022e-8 * (295.235 + 2.6422 * s - 0.032380 * s**2 + 0.004028 * s**3)
 
 
-# A laser interferometer's counter: optical path to quadrature counts, as the uMD would send them.
+# Optical path to counts.
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]

@@ -1,4 +1,8 @@
-"""What is mounted where: instruments, their set-ups, and the machine they watch."""
+"""What is mounted where, which machine it watches, and what differs from stop to stop.
+
+`OpticsBench` holds the mountings and the beams that are broken; `AxisWatcher` gives the axes' motions at any times.
+`StopNoise` gives each stop of an axis its own offset (reproducibility) and the odd reading that is off for one stop.
+"""
 
 from __future__ import annotations
 
@@ -8,11 +12,8 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from simulators.cellfile import CellFile
-from simulators.cellfile.equipment import Noise, Setup
-from simulators.truth import Truth
-from simulators.truth.curves import generator
-from simulators.truth.kinematics import AxisMotion, Hysteresis, Pose, Scatter
+from simulators.cellfile import CellFile, Noise, Setup
+from simulators.truth import AxisMotion, Hysteresis, Pose, Scatter, Truth, generator
 
 FloatArray = NDArray[np.float64]
 SETTLED = 1e-9
@@ -190,9 +191,6 @@ def angle_rad(setup: Setup, frames: dict[str, Pose], about: str) -> FloatArray:
 def angular_difference_mm(setup: Setup, frames: dict[str, Pose], about: str) -> FloatArray:
     """What angular optics give a laser: the difference of two paths, S * sin(angle), (n,) mm."""
     return setup.retro_spacing_mm * np.sin(angle_rad(setup, frames, about))
-
-
-# What differs from stop to stop: reproducibility noise and the odd reading that is off for one stop.
 
 
 class StopNoise:

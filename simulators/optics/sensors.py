@@ -1,4 +1,4 @@
-"""What straightness, angle, square, ball and bar set-ups show for the poses of the machine: pure geometry.
+"""Straightness and angle instruments: what a set-up shows for the machine's poses, sampled over time.
 
 Straightness: the carrier's way across a straight reference that the mounting leans by ``misalign_mrad`` (its slope
 means nothing). Square: the same with one reference for two runs, its arms 90 deg + ``own_angle`` apart. Ball: the way
@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from simulators.cellfile.equipment import Sensor, Setup
+from simulators.cellfile import Sensor, Setup
 from simulators.optics.mountings import (
     SETTLED,
     AxisWatcher,
@@ -25,9 +25,7 @@ from simulators.optics.mountings import (
     carrier_of,
     letters_of,
 )
-from simulators.truth.climate import drift_time_s
-from simulators.truth.curves import Curve, curve, generator
-from simulators.truth.kinematics import AxisMotion, Pose
+from simulators.truth import AxisMotion, Curve, Pose, curve, drift_time_s, generator
 
 FloatArray = NDArray[np.float64]
 UM = 1e-3
@@ -133,7 +131,7 @@ def _across_bar(setup: Setup, frames: Frames, motions: dict[str, AxisMotion], al
     return np.asarray((seen - foot - up[:, None] * way + nominal)[:, along]) / UM
 
 
-# A straightness or angle instrument over time: geometry, its own errors, and light that may be lost.
+# The instrument over time: geometry, its own errors, and light that may be lost.
 
 BoolArray = NDArray[np.bool_]
 UNITS = {"straightness": "um", "angle": "arcsec"}
@@ -180,7 +178,7 @@ class SensorReader:
         return UNITS[self.spec.kind]
 
     @staticmethod
-    def told(mounting: Mounting | None) -> str:
+    def reported_optics(mounting: Mounting | None) -> str:
         """What the instrument sees itself mounted with: linear, angular, rotary, straightness, or unknown."""
         return REPORTED_OPTICS.get(mounting.optics, "straightness") if mounting is not None else "unknown"
 

@@ -1,4 +1,16 @@
-"""What a bench file says: a reducer by its data and tolerances, drawn by a seed; encoders, friction, climate, tests."""
+"""The test bench of a reducer: the bench file, and the two tests that it runs.
+
+The file describes a reducer by data and tolerances, drawn by a seed, and its encoders, friction, climate and tests.
+
+*Running*: the input turns evenly through a whole turn of the output and a little more, one way and back, under a
+constant torque on the output. *Hysteresis*: the input is locked, the torque goes up to the rated one, down to its
+negative and up again, in steps that are finer about zero.
+
+Friction sits at the output. While it turns, the drive carries the torque less friction against the motion: dry, dry by
+share of the torque, and viscous. While it is twisted the output sticks until the torque differs from what the drive
+carries by more than the friction: a play operator, the rate of which does not matter. So a drive without friction has
+no loop, and the loop of one without play is as wide as twice its friction over its stiffness.
+"""
 
 from __future__ import annotations
 
@@ -13,12 +25,12 @@ from pydantic import Field, ValidationError, model_validator
 from drivers.errors import ConfigError
 from drivers.local.names import shown
 from drivers.local.tomlfile import parse_toml, read_toml
+from simulators.cellfile import Gear
 from simulators.cellfile.curves import CellSection, Name
-from simulators.cellfile.equipment import Gear
-from simulators.grinding.workpiece import CycloidDisc
+from simulators.grinding import CycloidDisc
 from simulators.reducer.equilibrium import ARCSEC, Mechanism
 from simulators.reducer.parts import Contact, CrankSet, Disc, FirstStage, Flanks, FloatArray, Reducer, Ring, marks
-from simulators.truth.curves import generator
+from simulators.truth import generator
 
 DRAWN_PROFILE = 31
 
@@ -226,17 +238,6 @@ def flanks_of(rows: Sequence[Sequence[float]], gear: Gear, where: str) -> Flanks
         raise ConfigError("E-BENCH-FLANKS", where, why="a point is missing or beyond the tips of its space")
     return Flanks(t, grid)
 
-
-# The bench: turns a reducer and twists it, and writes what its encoders and its torque transducer read.
-#
-# Two tests. *Running*: the input turns evenly through a whole turn of the output and a little more, one way and back,
-# under a constant torque on the output. *Hysteresis*: the input is locked, the torque goes up to the rated one, down to
-# its negative and up again, in steps that are finer about zero.
-#
-# Friction sits at the output. While it turns, the drive carries the torque less friction against the motion: dry, dry
-# by share of the torque, and viscous. While it is twisted the output sticks until the torque differs from what the
-# drive carries by more than the friction: a play operator, the rate of which does not matter. So a drive without
-# friction has no loop, and the loop of one without play is as wide as twice its friction over its stiffness.
 
 DEG = np.pi / 180.0
 RUN_IN = 0.02

@@ -15,8 +15,8 @@ import scipy
 from numpy.typing import ArrayLike, NDArray
 
 from drivers.errors import ConfigError
-from simulators.cellfile.equipment import Gear
-from simulators.grinding.workpiece import CycloidDisc, WorkPiece
+from simulators.cellfile import Gear
+from simulators.grinding import CycloidDisc, WorkPiece
 
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]

@@ -7,8 +7,7 @@ from typing import TypeVar
 
 import numpy as np
 
-from simulators.cellfile import CellAxis, CellFile
-from simulators.cellfile.curves import DriftSection, Terms
+from simulators.cellfile import CellAxis, CellFile, DriftSection, Terms
 from simulators.truth.climate import Climate, Weather, drift_time_s, drift_value
 from simulators.truth.curves import Curve, curve, generator
 from simulators.truth.kinematics import (
@@ -24,7 +23,20 @@ from simulators.truth.kinematics import (
     table_pose,
 )
 
-__all__ = ["AxisMotion", "Climate", "Hysteresis", "Scatter", "Truth", "Weather", "generator"]
+__all__ = [
+    "AxisMotion",
+    "Climate",
+    "Curve",
+    "Hysteresis",
+    "Pose",
+    "Scatter",
+    "Truth",
+    "Weather",
+    "curve",
+    "drift_time_s",
+    "fixed_pose",
+    "generator",
+]
 
 ARCSEC = np.pi / 180.0 / 3600.0
 UM = 1e-3

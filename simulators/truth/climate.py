@@ -1,4 +1,7 @@
-"""How far something has drifted: half a day one way, then back, so that a cell left running for days stays a cell."""
+"""Drift and climate: how far something has drifted, what the surroundings are, and what the sensors report of them.
+
+A drift goes one way for half a day and then back, so a cell left running for days stays a cell.
+"""
 
 from __future__ import annotations
 
@@ -8,9 +11,8 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from simulators.cellfile import ClimateQuantity
+from simulators.cellfile import ClimateQuantity, DriftSection
 from simulators.cellfile import ClimateSection as ClimateSpec
-from simulators.cellfile.curves import DriftSection
 
 TURN_S = 12.0 * 3600.0
 
@@ -35,9 +37,6 @@ def drift_value(drift: DriftSection, t: float, material_degc: float) -> float:
     steady = drift.per_h * drift_time_s(t) / 3600.0 + drift.per_k * (material_degc - 20.0)
     bent = -drift.warm_up * float(np.expm1(-hours / drift.warm_up_h))
     return float(steady + bent + drift.wave * np.sin(2.0 * np.pi * hours / drift.wave_h))
-
-
-# Air and material around the machine: what they are, and what the sensors say they are.
 
 
 @dataclass(frozen=True, slots=True)

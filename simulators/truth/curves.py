@@ -8,6 +8,7 @@ from zlib import crc32
 import numpy as np
 from numpy.typing import NDArray
 
+from simulators.cellfile import Terms
 from simulators.cellfile.curves import (
     Constant,
     Harmonic,
@@ -17,7 +18,6 @@ from simulators.cellfile.curves import (
     Step,
     TableTerm,
     Term,
-    Terms,
     Wear,
     Worm,
 )

@@ -1,8 +1,9 @@
-"""Rigid bodies in a row: rotations and points of bed > X > C and bed > Z with every error motion in them.
+"""The machine's rigid bodies and the motions of its axes: bed > X > C and bed > Z, with every error motion in them.
 
 The transforms are those of any textbook on multibody kinematics: a prismatic axis moves along its (tilted)
 direction and then errs; the rotary axis errs in the frame of its stator and then turns. All exact, no
-small-angle shortening, vectorised over samples. Units mm and rad, right-handed.
+small-angle shortening, vectorised over samples. Units mm and rad, right-handed. An `AxisMotion` says where an axis
+is, which way it goes, how far its reversal has built up, and how it scatters.
 """
 
 from __future__ import annotations
@@ -76,9 +77,6 @@ def fixed_pose(shift: tuple[float, float, float], tilt: tuple[float, float, floa
 
 
 BED = Pose(np.eye(3)[None], np.zeros((1, 3)))
-
-
-# How an axis moves as the truth needs it: where, which way, how far its reversal has built up, how it scatters.
 
 
 @dataclass(frozen=True, slots=True)

@@ -44,7 +44,7 @@ def test_a_name_that_does_not_exist_is_refused_with_those_that_do(trueflank_faul
 def test_a_fault_by_its_name_is_played(trueflank_faults: FaultBox) -> None:
     async def main(cell: Any) -> tuple[float, float]:
         cell.nck.set("$AA_ENC_COMP[0,0,X1]", 0.123456789, 0)
-        return cell.nck.get("$AA_ENC_COMP[0,0,X1]"), cell.server.manners.answer_s
+        return cell.nck.get("$AA_ENC_COMP[0,0,X1]"), cell.server.quirks.answer_s
 
     found, answer_s = trueflank_faults.in_memory(main, {"control.float32_tables": True, "server.answer_s": 0.5}, "zero")
     assert found != 0.123456789

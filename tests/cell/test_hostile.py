@@ -18,7 +18,7 @@ from gateway.store import RunFolder
 from gateway.workflow import stages
 from simulators.cell import Cell
 from simulators.cellfile import CellFile, load_cell
-from simulators.truth.kinematics import AxisMotion
+from simulators.truth import AxisMotion
 from tests.cell.bench import Judged, main_job, short
 from tests.steps import said
 

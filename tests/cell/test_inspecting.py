@@ -24,7 +24,7 @@ from gateway.workflow.part.inspecting import inspect_site
 from gateway.workflow.runsite import store_of
 from simulators.cell import Cell
 from simulators.cellfile import CellFile, load_cell, with_plan
-from simulators.grinding.workpiece import WorkPiece
+from simulators.grinding import WorkPiece
 from simulators.inspection import GearInspectionServer
 from simulators.truth import Truth
 from tests.cell.test_components import few

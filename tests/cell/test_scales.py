@@ -13,8 +13,7 @@ from gateway.config import load_site
 from gateway.workflow.control.rolling_back import roll_back_site
 from gateway.workflow.loop.run import run_site
 from simulators.cell import Cell
-from simulators.cellfile import CellFile, load_cell
-from simulators.cellfile.curves import LoadedAxisTable
+from simulators.cellfile import CellFile, LoadedAxisTable, load_cell
 from tests.cell.bench import main_job, short
 from tests.selftested import cell_running
 from tests.sizes import few

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from simulators.cell import Cell
-from simulators.grinding.workpiece import WorkPiece
+from simulators.grinding import WorkPiece
 from tests.closing.judge import Places
 from tests.unit.simulators.planned_run import ground
 

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from simulators.cellfile import CellFile, load_cell
-from simulators.truth.curves import generator
+from simulators.truth import generator
 from tests.closing.machines import gear_of, machine, part
 
 Rng = np.random.Generator

@@ -13,11 +13,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from simulators.cellfile.equipment import Part
+from simulators.cellfile import Part
+from simulators.grinding import CycloidDisc, WorkPiece
 from simulators.grinding.grinder import rotation_axis_frame
-from simulators.grinding.workpiece import CycloidDisc, WorkPiece
-from simulators.truth import Truth
-from simulators.truth.kinematics import Pose
+from simulators.truth import Pose, Truth
 from tests.closing.tables import Grid, Layout, Table, fitted
 from tests.unit.simulators.planned_run import ground
 

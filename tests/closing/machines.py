@@ -13,9 +13,8 @@ from typing import Any
 
 import numpy as np
 
-from simulators.cellfile import CellFile, load_cell, with_plan
-from simulators.cellfile.equipment import Gear, Part
-from simulators.truth.curves import generator
+from simulators.cellfile import CellFile, Gear, Part, load_cell, with_plan
+from simulators.truth import generator
 
 LINEAR_UM = 5.0
 ANGULAR_ARCSEC = 7.2

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from simulators.cellfile import CellFile
-from simulators.truth.curves import generator
+from simulators.truth import generator
 from tests.closing.machines import machine, part
 
 FIRST = 5000

@@ -26,8 +26,7 @@ from gateway.workflow.tooth.agreement import BEFORE
 from gateway.workflow.tooth.proposal import work_of
 from simulators.cell import Cell
 from simulators.cell.setup_files import write_site_of_files
-from simulators.cellfile import CellFile
-from simulators.cellfile.equipment import InspectionMachine
+from simulators.cellfile import CellFile, InspectionMachine
 from simulators.inspection import GearMachine
 from simulators.truth import Truth
 from tests.closing.reckoned import BLOCK_S

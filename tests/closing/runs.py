@@ -27,7 +27,7 @@ from gateway.workflow.tooth.agreement import BEFORE
 from simulators.cell import Cell
 from simulators.cell.setup_files import write_site_of_files
 from simulators.cellfile import CellFile
-from simulators.grinding.workpiece import WorkPiece
+from simulators.grinding import WorkPiece
 from simulators.nck.machine import compensation as table
 from tests.closing.identified import Curve, FloatArray, identified
 from tests.closing.judge import CROSS, OWN, Machine, b_left_on, floor, kept_floor, places, places_at, rms

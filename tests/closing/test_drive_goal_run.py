@@ -21,7 +21,7 @@ from gateway.workflow.loop.tooth_loop import AFTER
 from gateway.workflow.tooth.agreement import BEFORE
 from simulators.cell import Cell
 from simulators.cellfile import load_cell, with_plan
-from simulators.grinding.workpiece import WorkPiece
+from simulators.grinding import WorkPiece
 from tests.closing.judge import places_at
 from tests.closing.reckoned import BLOCK_S
 from tests.closing.runs import Closed, closed, quick

@@ -12,10 +12,9 @@ import pytest
 from gateway.correct.flank.compensability import tangential_cure
 from gateway.gear.cycloid import CycloidGear
 from gateway.gear.flank import flank_figure, flank_grid
-from simulators.cellfile import CellFile, load_cell
-from simulators.cellfile.equipment import Clamping, Part
+from simulators.cellfile import CellFile, Clamping, Part, load_cell
+from simulators.grinding import draw_clamping
 from simulators.grinding.grinder import rotation_axis_frame
-from simulators.grinding.workpiece import draw_clamping
 from simulators.truth import Truth
 from tests.closing.judge import Floor, Machine, Values, b_left, b_left_on, floor, kept_floor, places, rms
 from tests.closing.machines import ANGULAR_ARCSEC, GEARS, LINEAR_UM, gear_of, machine, written

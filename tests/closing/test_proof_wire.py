@@ -14,8 +14,8 @@ import pytest
 from gateway.store import RunFolder
 from gateway.tooth import ToothProposal
 from gateway.workflow import stages
+from simulators.grinding import draw_clamping
 from simulators.grinding.grinder import rotation_axis_frame
-from simulators.grinding.workpiece import draw_clamping
 from simulators.pytest_plugin import CellStarter, WireCell
 from simulators.truth import Truth
 from tests.closing.judge import SHARE, Machine, Places, kept_floor, places, rms

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+from simulators.nck import Nck
 from simulators.nck.channel import Channel
-from simulators.nck.control import Nck
 from simulators.nck.machine import files
 from simulators.nck.machine.compensation import TableMemory
 from simulators.nck.program import names

@@ -9,13 +9,13 @@ from typing import Any
 import pytest
 
 from drivers.sinumerik.opcua.session import nodes
+from simulators.nck import NckRefusal
 from simulators.nck.channel import Channel
 from simulators.nck.machine import files
 from simulators.nck.machine.files import FileSystem
 from simulators.nck.program import expressions as functions
 from simulators.nck.program import names, procedures, variables
 from simulators.nck.program.variables import TableVariables
-from simulators.nck.spec import NckRefusal
 from simulators.opcua import methods
 from simulators.opcua.address_space import Account, StatusRefused
 from simulators.opcua.methods import Methods

@@ -10,7 +10,7 @@ import pytest
 
 from drivers.probes import ProbedSession, differences
 from simulators.cellfile import CellFile, load_cell
-from simulators.nck.switches import Switches
+from simulators.nck import Switches
 from tests.conform.sessions import of_control
 
 # A value that is not the usual one, and the questions that tell it. Each is one control's way.

@@ -13,8 +13,8 @@ import numpy as np
 from drivers.sinumerik.mailbox.device import SinumerikModbus
 from drivers.types.orders import PushOrder, SignProof
 from drivers.types.tables import CompensationTable, LiveSet
-from simulators.modbus.station import PlcStation, running_station
-from simulators.nck.spec import AxisSpec
+from simulators.modbus import PlcStation, running_station
+from simulators.nck import AxisSpec
 from tests.batches import sets_of
 from tests.unit.nck.bench import Bench
 

@@ -14,9 +14,8 @@ from drivers.sinumerik.opcua.device import SinumerikOpcUa
 from drivers.types.orders import PushOrder
 from drivers.types.stops import Stop, StopPlan, StopReached
 from drivers.types.tables import CompensationTable, LiveSet
-from simulators.nck.control import Nck
-from simulators.nck.spec import AxisSpec, NckSpec
-from simulators.opcua.server import SinumerikServer
+from simulators.nck import AxisSpec, Nck, NckSpec
+from simulators.opcua import SinumerikServer
 from tests.batches import sets_of
 
 AXES = (

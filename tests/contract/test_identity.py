@@ -30,9 +30,8 @@ from gateway.report.particulars import Particulars
 from gateway.supervisor import Supervisor
 from gateway.workflow.recognising import Recognising, known_of
 from simulators.faults import named_faults
-from simulators.nck.control import Nck
-from simulators.nck.spec import AxisSpec, NckSpec
-from simulators.opcua.server import SinumerikServer
+from simulators.nck import AxisSpec, Nck, NckSpec
+from simulators.opcua import SinumerikServer
 from tests.offline.world import offline_world
 from tests.unit.report.synthetic import material
 
@@ -224,7 +223,7 @@ async def test_carried_reports_tell_the_marker_and_the_card(tmp_path: Path) -> N
             with carrying(PieceOfWork("look", "go-on", ends=True)), suppress(ToCarry):
                 await device.open(60.0)
                 break
-            await world.porter.goes()
+            await world.porter.work_through_sheet()
         found = await device.identify()
         assert (found.serial, found.axis_names, found.marker) == ("CARD-2", tuple(axes.split()), "4711")
         wanted = Wanted("CARD-1", facts={"axes": axes, "marker": "4711"})

@@ -19,9 +19,8 @@ from gateway.cli import app
 from gateway.config import load_site
 from gateway.report.document.whole import document
 from gateway.workflow.recognising import known_of
-from simulators.modbus.station import running_station
-from simulators.nck.control import Nck
-from simulators.nck.spec import AxisSpec, NckSpec
+from simulators.modbus import running_station
+from simulators.nck import AxisSpec, Nck, NckSpec
 from tests.contract.linuxcnc_stage import on_stage
 from tests.unit.report.synthetic import material
 

@@ -13,9 +13,8 @@ from drivers.sinumerik.opcua.session import certificates
 from gateway.cli import app
 from gateway.cli.begin.checking import against_control, checked
 from gateway.cli.begin.surveying import surveyed
-from simulators.nck.control import Nck
-from simulators.nck.spec import AxisSpec, NckSpec
-from simulators.opcua.server import SinumerikServer
+from simulators.nck import AxisSpec, Nck, NckSpec
+from simulators.opcua import SinumerikServer
 
 PASSWORD = "fivefold-77"
 FIVE = NckSpec(

@@ -11,9 +11,8 @@ import pytest
 from drivers.checks import CheckLine, Wanted, WantedAxis
 from drivers.clock import LoopClock, run_virtual
 from drivers.sinumerik.mailbox.doctor import ModbusDoctor
-from simulators.modbus.station import running_station
-from simulators.nck.control import Nck
-from simulators.nck.spec import NckSpec
+from simulators.modbus import running_station
+from simulators.nck import Nck, NckSpec
 from tests.contract.opcua_stage import SPEC
 
 WANTED = Wanted(SPEC.serial, (WantedAxis("X1", "mm", 0, 73), WantedAxis("C1", "deg", 0, 73)))

@@ -11,7 +11,7 @@ import pytest
 
 from drivers.clock import LoopClock
 from drivers.transport import open_transport
-from simulators.modbus.station import running_station
+from simulators.modbus import running_station
 from tests.contract.mailbox_master import FAILED, Desk, Master, at_desk, crc16, crc32, many, words
 from tests.unit.nck.bench import Bench
 
@@ -40,7 +40,7 @@ def worked_exchange() -> list[tuple[str, int, list[int]]]:
 
 
 async def test_the_worked_exchange_passes_as_printed() -> None:
-    from simulators.nck.spec import AxisSpec
+    from simulators.nck import AxisSpec
 
     axes = (AxisSpec("X1", "X", travel=(-300.0, 700.0), eec_points=(801, 0)),)
 

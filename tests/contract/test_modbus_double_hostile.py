@@ -298,7 +298,7 @@ async def test_a_control_that_switches_on_by_itself_at_a_command() -> None:
         desk.plc.change(enables_itself=7)
         await desk.master.read_back(Z1, 0, 3)
         assert desk.nck.get("$MA_ENC_COMP_ENABLE[0,Z1]")
-        assert desk.nck.core.whims == ["enable"]
+        assert desk.nck.core.injected_faults == ["enable"]
 
 
 @pytest.mark.parametrize("what", ["words", "memory", "switch"])

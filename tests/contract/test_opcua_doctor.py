@@ -11,7 +11,7 @@ import pytest
 
 from drivers.checks import CheckLine, Wanted, WantedAxis
 from drivers.sinumerik.opcua.doctor import UaDoctor
-from simulators.nck.spec import NckSpec
+from simulators.nck import NckSpec
 from tests.contract.opcua_stage import PLAIN, SPEC, Stage, on_stage
 
 WANTED = Wanted(SPEC.serial, (WantedAxis("X1", "mm", 0, 73), WantedAxis("C1", "deg", 0, 73)))
@@ -171,7 +171,7 @@ async def test_settings_of_the_control_that_tables_and_files_need(keys: Path) ->
         assert ("CEC limits", "E-DOC-CEC", "X1") in told
         assert ("temperature", "W-DOC-WARMTH", "C1") in told
         assert any("0.25" in line.what for line in found if line.check == "temperature")
-        on.server.manners.read_status["/NC/_N_NC_TEA_ACX/$MN_LEN_PROTOCOL_FILE"] = "BadUserAccessDenied"
+        on.server.quirks.read_status["/NC/_N_NC_TEA_ACX/$MN_LEN_PROTOCOL_FILE"] = "BadUserAccessDenied"
         unread = await doctor(on)
         assert ("written files", "unknown", "W-DOC-FILE-LIMIT-UNKNOWN") in bad(unread)
 
@@ -196,12 +196,12 @@ async def test_a_machine_with_a_diameter_axis_is_told_so(keys: Path) -> None:
 async def test_live_conditions_and_the_end_of_the_road(keys: Path) -> None:
     async with on_stage(folder=keys) as on:
         on.nck.set("R[83]", 1.5, 7)
-        on.server.manners.stale_s = 30.0
-        on.server.manners.read_status["/Channel/ProgramInfo/msg"] = "BadUserAccessDenied"
+        on.server.quirks.stale_s = 30.0
+        on.server.quirks.read_status["/Channel/ProgramInfo/msg"] = "BadUserAccessDenied"
         found = await doctor(on)
         assert ("R parameters", "unknown", "W-DOC-R-USED") in bad(found)
         assert ("variables", "wrong", "E-DOC-NODE") in bad(found)
-        on.server.manners.read_status.clear()
+        on.server.quirks.read_status.clear()
         assert bad(await doctor(on))[-1] == ("state", "wrong", "E-UA-STALE")
         assert bad(await doctor(on, url="opc.tcp://nowhere.invalid:4840"))[0] == ("name", "wrong", "E-DOC-NAME")
         silent = await asyncio.start_server(lambda _r, w: w.close(), "127.0.0.1", 0)
@@ -227,7 +227,7 @@ async def test_a_file_that_may_not_be_written_is_known_without_writing(keys: Pat
 @pytest.mark.parametrize("told", [True, False])
 async def test_a_size_of_requests_that_the_server_does_not_state_is_found_and_told(keys: Path, told: bool) -> None:
     async with on_stage(folder=keys) as on:
-        on.server.manners.most_read, on.server.manners.tells_limits = 10, told
+        on.server.quirks.most_read, on.server.quirks.tells_limits = 10, told
         lines = await doctor(on)
         found = [one.fields["most"] for one in lines if one.code == "W-DOC-REQUEST-SIZE"]
         assert found == [] if told else 1 <= int(found[0]) <= 10

@@ -19,8 +19,8 @@ from drivers.sinumerik.opcua.session import login, nodes
 from drivers.sinumerik.opcua.session.client import UaSession
 from drivers.sinumerik.opcua.session.secrets import Secrets
 from drivers.types.stops import Stop
+from simulators.opcua import SinumerikServer
 from simulators.opcua.address_space import VariableSpace
-from simulators.opcua.server import SinumerikServer
 from tests.contract.opcua_stage import Stage, on_stage, plan
 
 R = [nodes.r_parameter(90 + place) for place in range(6)]
@@ -168,8 +168,8 @@ async def test_fault_48_49_a_restarted_server_with_another_name_space_index(keys
 @pytest.mark.parametrize("most", [1, 5, 100])
 async def test_fault_50_no_more_nodes_in_one_request_than_the_server_takes(keys: Path, most: int, told: bool) -> None:
     async with on_stage(folder=keys) as on:
-        on.server.manners.most_read = on.server.manners.most_write = most
-        on.server.manners.tells_limits = told
+        on.server.quirks.most_read = on.server.quirks.most_write = most
+        on.server.quirks.tells_limits = told
         device = on.driver()
         await device.open(5.0)
         assert len((await device.state()).axes) == 3
@@ -193,7 +193,7 @@ async def test_a_write_that_no_read_has_found_a_limit_for_is_refused_whole_and_n
     async with on_stage(folder=keys) as on:
         device = on.driver()
         await device.open(5.0)
-        on.server.manners.most_write, on.server.manners.tells_limits = 5, False
+        on.server.quirks.most_write, on.server.quirks.tells_limits = 5, False
         values = [(path, float(place)) for place, path in enumerate(R)]
         before = on.server.requests.services["write"]
         error = await refused(device._session.write(values, 5.0), "E-UA-LIMIT")
@@ -206,11 +206,11 @@ async def test_a_write_that_no_read_has_found_a_limit_for_is_refused_whole_and_n
 @pytest.mark.parametrize("status", ["BadNotConnected", "BadCommunicationError", "BadOutOfService"])
 async def test_fault_51_an_nck_that_does_not_answer_behind_its_server(keys: Path, status: str) -> None:
     async with on_stage(folder=keys) as on:
-        on.server.manners.read_status[STATUS] = status
+        on.server.quirks.read_status[STATUS] = status
         error = await refused(on.device.state(), "E-UA-NCK-DOWN")
         assert error.retryable
-        on.server.manners.read_status.clear()
-        on.server.manners.write_status[R[0]] = status
+        on.server.quirks.read_status.clear()
+        on.server.quirks.write_status[R[0]] = status
         error = await refused(on.device._session.write([(R[0], 1.0)], 5.0), "E-UA-NCK-DOWN")
         assert not error.retryable
         assert (await on.device.state()).mode == "AUTO"
@@ -219,13 +219,13 @@ async def test_fault_51_an_nck_that_does_not_answer_behind_its_server(keys: Path
 async def test_fault_52_a_slow_server_meets_the_deadline_and_one_write_at_a_time(keys: Path) -> None:
     async with on_stage(folder=keys) as on:
         times: list[float] = []
-        manners = on.server.manners
-        manners.on_request = lambda service: times.append(on.clock.now()) if service == "write" else None
+        quirks = on.server.quirks
+        quirks.on_request = lambda service: times.append(on.clock.now()) if service == "write" else None
         made = await session(on)
-        manners.answer_s = 0.5
+        quirks.answer_s = 0.5
         await asyncio.gather(*(made.write([(path, 1.0)], 5.0) for path in R[:3]))
         assert [after - before >= 0.5 for before, after in itertools.pairwise(times)] == [True, True]
-        manners.answer_s, manners.late_write_s = 0.0, 20.0
+        quirks.answer_s, quirks.late_write_s = 0.0, 20.0
         started = on.clock.now()
         with pytest.raises(DeadlineExceeded):
             await made.write([(R[4], 7.0)], 5.0)
@@ -234,7 +234,7 @@ async def test_fault_52_a_slow_server_meets_the_deadline_and_one_write_at_a_time
             await made.write([(R[4], 7.0)], 5.0)
         assert on.nck.get("R[94]") == 0.0
         await on.clock.sleep(30.0)
-        manners.late_write_s = 0.0
+        quirks.late_write_s = 0.0
         fresh = await session(on)
         (found,) = await fresh.read([R[4]], 5.0)
         assert found.value == on.nck.get("R[94]")
@@ -247,7 +247,7 @@ async def test_fault_53_alarm_events_that_never_come_cost_a_bounded_time_and_dis
         on.nck.core.alarms.raise_(700012, "coolant low", "cancel")
         reader = on.device._reader
         assert await reader.alarm_texts(1) == "700012 coolant low"
-        on.server.manners.mute_events = True
+        on.server.quirks.mute_events = True
         started = on.clock.now()
         assert await reader.alarm_texts(1) == "coolant low"
         assert on.clock.now() - started < 12.0
@@ -275,19 +275,19 @@ async def test_alarm_events_tell_the_gravest_first_and_what_is_gone_is_gone(keys
 
 async def test_fault_54_an_old_or_uncertain_value_is_no_state(keys: Path) -> None:
     async with on_stage(folder=keys) as on:
-        manners = on.server.manners
+        quirks = on.server.quirks
         assert (await on.device.state()).mode == "AUTO"
-        manners.stale_s = 3.0
+        quirks.stale_s = 3.0
         error = await refused(on.device.state(), "E-UA-STALE")
         assert error.retryable
         lenient = on.driver(stale_s=0.0)
         await lenient.open(5.0)
         assert (await lenient.state()).mode == "AUTO"
         await lenient.close()
-        manners.stale_s = 0.0
-        manners.read_status[nodes.OPERATING_MODE] = "UncertainLastUsableValue"
+        quirks.stale_s = 0.0
+        quirks.read_status[nodes.OPERATING_MODE] = "UncertainLastUsableValue"
         await refused(on.device.state(), "E-UA-STALE")
-        manners.read_status.clear()
+        quirks.read_status.clear()
         assert (await on.device.state()).mode == "AUTO"
 
 
@@ -332,19 +332,19 @@ async def test_fault_60_what_is_no_number_is_never_sent(keys: Path, value: float
 @pytest.mark.parametrize("place", range(6))
 async def test_fault_61_a_batch_of_which_one_is_refused_is_told_as_such(keys: Path, place: int) -> None:
     async with on_stage(folder=keys) as on:
-        on.server.manners.write_status[R[place]] = "BadUserAccessDenied"
+        on.server.quirks.write_status[R[place]] = "BadUserAccessDenied"
         values = [(path, 5.0) for path in R]
         error = await refused(on.device._session.write(values, 5.0), "E-UA-PARTIAL")
         assert error.fields["written"] == 5
         assert str(error.fields["refused"]) == f"{R[place]} BadUserAccessDenied"
-        on.server.manners.write_status = dict.fromkeys(R, "BadUserAccessDenied")
+        on.server.quirks.write_status = dict.fromkeys(R, "BadUserAccessDenied")
         await refused(on.device._session.write(values, 5.0), "E-UA-RIGHTS")
 
 
 @pytest.mark.parametrize("status", ["GoodCompletesAsynchronously", "GoodClamped", "UncertainNotAllNodesAvailable"])
 async def test_fault_62_what_is_not_plainly_good_is_not_confirmed(keys: Path, status: str) -> None:
     async with on_stage(folder=keys) as on:
-        on.server.manners.write_status[R[0]] = status
+        on.server.quirks.write_status[R[0]] = status
         error = await refused(on.device._session.write([(R[0], 5.0)], 5.0), "E-UA-UNCONFIRMED")
         assert isinstance(error, TransportError)
         assert not error.retryable

@@ -79,7 +79,7 @@ async def test_a_level_too_low_is_refused_even_where_the_server_would_lose_the_w
     keys: Path, silent: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     async with on_stage(folder=keys, server={"copy_methods": False}) as on:
-        on.server.manners.silent_file_nodes = silent
+        on.server.quirks.silent_file_nodes = silent
         await on.walk(STOPS)
         text = on.nck.files.read(MEASURE)
         on.nck.set_access_level(7)

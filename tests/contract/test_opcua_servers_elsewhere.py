@@ -116,8 +116,8 @@ async def test_an_error_names_the_argument_that_the_server_refused() -> None:
 async def test_a_server_that_does_not_know_a_second_measuring_system() -> None:
     async with on_stage() as on:
         for number in (1, 2, 3):
-            on.server.manners.read_status[nodes.of_axis("vaEnc2CompVal", number, 1)] = "BadNodeIdUnknown"
+            on.server.quirks.read_status[nodes.of_axis("vaEnc2CompVal", number, 1)] = "BadNodeIdUnknown"
         assert set((await on.device.state()).axes) == {"X1", "Z1", "C1"}
-        on.server.manners.read_status[nodes.of_axis("vaEnc1CompVal", 1, 1)] = "BadNodeIdUnknown"
+        on.server.quirks.read_status[nodes.of_axis("vaEnc1CompVal", 1, 1)] = "BadNodeIdUnknown"
         with pytest.raises(TrueflankError, match="vaEnc1CompVal"):
             await on.device.state()

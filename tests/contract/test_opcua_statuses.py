@@ -67,11 +67,11 @@ def test_the_low_half_of_a_code_is_no_part_of_its_name() -> None:
 )
 async def test_any_status_of_a_restarting_control_is_waited_through(keys: Path, starting: str, seed: int) -> None:
     async with on_stage(folder=keys) as on:
-        manners = on.server.manners
-        manners.starting, manners.starting_seed = starting, seed
+        quirks = on.server.quirks
+        quirks.starting, quirks.starting_seed = starting, seed
         assert await on.push(ORDER)
         assert on.enabled
-        assert manners.started, starting
+        assert quirks.started, starting
         assert (await on.device.state()).axes["C1"].referenced
 
 
@@ -83,7 +83,7 @@ async def test_a_missing_right_or_node_ends_the_wait_at_once(keys: Path, status:
         await on.loaded(ORDER)
         await on.device.activate((ORDER,), (ORDER,))
         await on.device.confirm((ORDER,), 120.0)
-        on.server.manners.read_status[nodes.of_axis("aaRef", 3, 1)] = status
+        on.server.quirks.read_status[nodes.of_axis("aaRef", 3, 1)] = status
         began = on.clock.now()
         error = await refused(on.device.restarted((ORDER,), 120.0), code)
         assert error.fields["status"] == status

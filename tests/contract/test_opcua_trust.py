@@ -31,8 +31,9 @@ from gateway.cli import app
 from gateway.config.loading import load_site
 from gateway.store.selftests import SelfTestBook
 from gateway.workflow.runsite import store_of
-from simulators.nck.control import Nck
-from simulators.opcua.server import APPLICATION_URI, SinumerikServer
+from simulators.nck import Nck
+from simulators.opcua import SinumerikServer
+from simulators.opcua.server import APPLICATION_URI
 from tests.contract.opcua_stage import SPEC, Stage, on_stage
 from tests.contract.test_opcua_doctor import WANTED
 from tests.selftested import passed

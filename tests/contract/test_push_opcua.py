@@ -25,7 +25,7 @@ from gateway.errors import VerifyError
 from gateway.push import PushContext, look, prove_sign, push_table, recover, unfinished
 from gateway.push.compare import table_in
 from gateway.push.undo.finding import PushFinding
-from simulators.nck.spec import NckSpec
+from simulators.nck import NckSpec
 from tests.contract.opcua_stage import AXES, Stage, on_stage, plan
 from tests.placed import PLACES, placed
 from tests.selftested import passed

@@ -21,9 +21,7 @@ import numpy as np
 from drivers.clock import LoopClock
 from simulators.bridge import BridgeServer
 from simulators.cellfile import CellFile
-from simulators.optics.calibrator import RotaryReader
-from simulators.optics.interferometer import LaserCounter
-from simulators.optics.mountings import OpticsBench
+from simulators.optics import LaserCounter, OpticsBench, RotaryReader
 from simulators.truth import Truth
 from simulators.umd import UmdServer
 from tests.interop.linuxcnc_host import ROOT, TOKEN, Host

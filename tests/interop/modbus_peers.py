@@ -11,8 +11,8 @@ from pathlib import Path
 import pytest
 
 from drivers.clock import LoopClock
+from simulators.modbus import Plc
 from simulators.modbus.frames import NoAnswer, PduRefused
-from simulators.modbus.plc import Plc
 from tests.interop.peers import HERE, ended, needed, program
 
 SERVER = HERE / "built" / "mbserver"

@@ -22,7 +22,7 @@ from drivers.clock import LoopClock
 from drivers.errors import DeadlineExceeded
 from drivers.sinumerik.opcua.session import nodes
 from drivers.sinumerik.opcua.session.certificates import load, own_key_pair
-from simulators.nck.control import Nck
+from simulators.nck import Nck
 from simulators.opcua.address_space import ANONYMOUS, StatusRefused, VariableSpace, make_accounts
 from simulators.opcua.methods import SIGNATURES, Methods
 

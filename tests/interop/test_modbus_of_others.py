@@ -14,10 +14,8 @@ import pytest
 from drivers.clock import LoopClock
 from drivers.errors import TrueflankError
 from drivers.sinumerik.mailbox.device import SinumerikModbus
-from simulators.modbus.plc import Plc
-from simulators.modbus.settings import PlcSettings
-from simulators.modbus.station import PlcStation
-from simulators.nck.control import Nck
+from simulators.modbus import Plc, PlcSettings, PlcStation
+from simulators.nck import Nck
 from tests.batches import sets_of
 from tests.contract.opcua_stage import ORDER, SPEC
 from tests.interop.modbus_peers import LibmodbusServer, Line, libmodbus_server, mbpoll

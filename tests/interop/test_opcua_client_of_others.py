@@ -11,8 +11,8 @@ import pytest
 
 from drivers.clock import LoopClock
 from drivers.sinumerik.opcua.session.certificates import own_key_pair
-from simulators.nck.control import Nck
-from simulators.opcua.server import SinumerikServer
+from simulators.nck import Nck
+from simulators.opcua import SinumerikServer
 from tests.contract.opcua_stage import SPEC
 from tests.interop.peers import HERE, node_opcua, open62541
 

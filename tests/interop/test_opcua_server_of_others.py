@@ -19,7 +19,7 @@ from drivers.sinumerik.opcua.session.client import UaSession
 from drivers.sinumerik.opcua.session.secrets import APPLICATION_URI, secrets_of
 from drivers.sinumerik.opcua.settings import UaSettings
 from drivers.types.stops import Stop
-from simulators.nck.control import Nck
+from simulators.nck import Nck
 from tests.contract.opcua_stage import ORDER, SPEC, Stage, plan
 from tests.interop.peers import SERVERS, PeerServer, peer_server
 

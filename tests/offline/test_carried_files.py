@@ -41,7 +41,7 @@ async def asked(world: OfflineWorld) -> LiveSet | ToCarry:
 async def introduced(world: OfflineWorld) -> ToCarry:
     """The control was seen once; what is asked for next."""
     assert isinstance(await asked(world), ToCarry)
-    await world.porter.goes()
+    await world.porter.work_through_sheet()
     waits = await asked(world)
     assert isinstance(waits, ToCarry)
     assert (waits.program, waits.why) == ("TFMEAS_X1.MPF", "")
@@ -52,7 +52,7 @@ async def test_the_live_tables_come_back_by_files(tmp_path: Path) -> None:
     """Two ways to the control: one to be seen, one for the tables; nobody asks the same again."""
     async with offline_world(LoopClock(), tmp_path) as world:
         await introduced(world)
-        await world.porter.goes()
+        await world.porter.work_through_sheet()
         found = await asked(world)
         assert isinstance(found, LiveSet)
         assert (found.own.enabled, found.own.table.deviations) == (True, OLD.deviations)
@@ -121,7 +121,7 @@ async def test_what_is_not_whole_is_asked_for_again(tmp_path: Path, harm: Callab
     """Named, and nothing lost: the same files whole are taken afterwards."""
     async with offline_world(LoopClock(), tmp_path) as world:
         await introduced(world)
-        await world.porter.goes()
+        await world.porter.work_through_sheet()
         harm(world.folder / "back")
         waits = await asked(world)
         assert isinstance(waits, ToCarry)
@@ -129,7 +129,7 @@ async def test_what_is_not_whole_is_asked_for_again(tmp_path: Path, harm: Callab
         assert str(world.folder / "back") in waits.why
         for path in world.folder.glob("back/*TOLD*"):
             path.unlink()
-        world.porter.brings()
+        world.porter.collect_files()
         assert isinstance(await asked(world), LiveSet)
 
 
@@ -138,7 +138,7 @@ async def test_what_only_looks_harmed_is_taken(tmp_path: Path, letters: str) -> 
     """Line ends and encodings of an editor, protected files, the same file twice, and what is no file of ours."""
     async with offline_world(LoopClock(), tmp_path) as world:
         await introduced(world)
-        await world.porter.goes()
+        await world.porter.work_through_sheet()
         back, carry = world.folder / "back", world.folder / "carry"
         report, form = back / "TFTOLD.SPF", back / "SEEN.toml"
         shutil.copy(report, back / "_N_TFTOLD_SPF")
@@ -163,7 +163,7 @@ async def test_files_of_an_earlier_step_are_no_answer(tmp_path: Path) -> None:
     """A stick that still holds the files of the day before."""
     async with offline_world(LoopClock(), tmp_path) as world:
         await introduced(world)
-        await world.porter.goes()
+        await world.porter.work_through_sheet()
         old = tmp_path / "old"
         shutil.copytree(world.folder / "back", old)
         device = world.driver()
@@ -188,7 +188,7 @@ async def test_another_machine_refuses_the_program_and_its_files_are_no_answer(t
         async with offline_world(clock, tmp_path / "other", serial="ST-OTHER") as other:
             before = list(other.nck.core.memory.eec[0, 0].points)
             porter = OfflineOperator(other.nck, clock, world.folder)
-            await porter.goes()
+            await porter.work_through_sheet()
             assert any(SHEET_NOT_DONE in text for text in porter.read)
             assert list(other.nck.core.memory.eec[0, 0].points) == before
         waits = await asked(world)
@@ -200,11 +200,11 @@ async def test_a_program_runs_once(tmp_path: Path) -> None:
     """Started again it says so and writes nothing: its own report is still there."""
     async with offline_world(LoopClock(), tmp_path) as world:
         await introduced(world)
-        await world.porter.goes()
+        await world.porter.work_through_sheet()
         world.porter.read.clear()
-        await world.porter.runs("TFMEAS_X1.MPF")
+        await world.porter.run_program("TFMEAS_X1.MPF")
         assert any(SHEET_NOT_DONE in text for text in world.porter.read)
-        world.porter.brings()
+        world.porter.collect_files()
         assert isinstance(await asked(world), LiveSet)
 
 
@@ -212,7 +212,7 @@ async def test_a_program_that_was_not_run_is_told_by_the_looking_one(tmp_path: P
     """TFSEE shows that the words are not those of the program: it has not begun."""
     async with offline_world(LoopClock(), tmp_path) as world:
         await introduced(world)
-        await world.porter.goes(only="TFSEE.MPF")
+        await world.porter.work_through_sheet(only="TFSEE.MPF")
         (world.folder / "back" / "TFTOLD.SPF").unlink(missing_ok=True)
         with pytest.raises(Exception, match="E-OFF-NOT-RUN"):
             await asked(world)

@@ -50,7 +50,7 @@ async def base(world: OfflineWorld) -> LiveSet:
                 return found
         except ToCarry:
             await device.close()
-            await world.porter.goes()
+            await world.porter.work_through_sheet()
 
 
 async def once(world: OfflineWorld, root: Path, live: LiveSet, **edit: Any) -> Ended:
@@ -79,7 +79,7 @@ async def pushed(world: OfflineWorld, root: Path, live: LiveSet, most: int = 12)
             return ended, ran
         ran.append(ended.program)
         assert not ended.why
-        await world.porter.goes()
+        await world.porter.work_through_sheet()
     raise AssertionError(ran)
 
 
@@ -141,13 +141,13 @@ async def test_a_report_that_is_no_answer_is_asked_for_again_at_every_step(
         while isinstance(ended := await once(world, tmp_path, live), ToCarry):
             assert not ended.why
             ran.append(ended.program)
-            await world.porter.goes()
+            await world.porter.work_through_sheet()
             harm(back, old)
             again = await once(world, tmp_path, live)
             assert isinstance(again, ToCarry)
             assert again.program == ended.program
             assert again.why.startswith("E-OFF-")
-            world.porter.brings()
+            world.porter.collect_files()
             shutil.copytree(back, old, dirs_exist_ok=True)
         assert isinstance(ended, PushRecord)
         assert ended.outcome == "committed"
@@ -162,7 +162,7 @@ async def test_a_whole_table_of_another_part_or_day_is_asked_for_again(tmp_path:
         back = world.folder / "back"
         kept, named = "", []
         while isinstance(ended := await once(world, tmp_path, live), ToCarry):
-            await world.porter.goes()
+            await world.porter.work_through_sheet()
             name, text = "", ""
             if ended.program == "TFLOAD_X1.MPF":
                 name, text = "TFBACK_X1.SPF", (back / "TFREAD_X1.SPF").read_text()
@@ -174,7 +174,7 @@ async def test_a_whole_table_of_another_part_or_day_is_asked_for_again(tmp_path:
                 again = await once(world, tmp_path, live)
                 assert isinstance(again, ToCarry)
                 assert again.why.startswith(f"E-OFF-OTHER [{back}: {name}]")
-                world.porter.brings()
+                world.porter.collect_files()
                 named.append(name)
         assert named == ["TFBACK_X1.SPF", "TFLIVE_X1.SPF"]
         assert isinstance(ended, PushRecord)
@@ -190,7 +190,7 @@ async def test_recover_fetches_the_backup_that_never_came_back(tmp_path: Path) -
             ended = await once(world, tmp_path, live)
             assert isinstance(ended, ToCarry)
             assert ended.program == program
-            await world.porter.goes()
+            await world.porter.work_through_sheet()
         for path in world.folder.glob("back/*.*"):
             path.unlink()
         world.porter.start()
@@ -228,7 +228,7 @@ async def test_a_number_that_changed_on_the_way_enables_nothing(tmp_path: Path, 
             if not isinstance(ended, ToCarry):
                 break
             ran.append(ended.program)
-            await world.porter.goes()
+            await world.porter.work_through_sheet()
             if ran.count("TFLOAD_X1.MPF") == 1 and ended.program == "TFLOAD_X1.MPF":
                 altered(world.folder / "back", name)
         assert isinstance(ended, PushRecord)
@@ -267,7 +267,7 @@ async def test_a_gateway_killed_between_two_steps_goes_on(
                 if not isinstance(ended, ToCarry):
                     break
                 ran.append(ended.program)
-                await world.porter.goes()
+                await world.porter.work_through_sheet()
         assert isinstance(ended, PushRecord)
         assert (ended.outcome, left) == ("committed", [])
         assert ran == ["TFMEAS_X1.MPF", "TFLOAD_X1.MPF", "TFENAB_X1.MPF", "TFMEAS_X1.MPF"]
@@ -292,14 +292,14 @@ async def test_a_load_that_was_broken_off_leads_back(tmp_path: Path) -> None:
                 break
             if ended.program == "TFLOAD_X1.MPF" and not broken:
                 broken = True
-                world.porter.puts(world.folder / "carry")
+                world.porter.copy_programs(world.folder / "carry")
                 world.nck.on_block = partial(reset_while_writing, world, iter(range(9)))
-                await world.porter.runs("TFLOAD_X1.MPF")
+                await world.porter.run_program("TFLOAD_X1.MPF")
                 world.nck.on_block = None
-                await world.porter.runs("TFSEE.MPF")
-                world.porter.brings()
+                await world.porter.run_program("TFSEE.MPF")
+                world.porter.collect_files()
             else:
-                await world.porter.goes()
+                await world.porter.work_through_sheet()
         assert broken
         assert isinstance(ended, PushRecord)
         assert ended.outcome == "rolled-back"

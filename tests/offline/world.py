@@ -11,9 +11,8 @@ from typing import Any
 from drivers.clock import Clock
 from drivers.sinumerik.offline.device import SinumerikOffline
 from drivers.types.tables import CompensationTable, LiveTable
-from simulators.nck.control import Nck
+from simulators.nck import Nck, NckSpec
 from simulators.nck.machine.data import ENC_ENABLE
-from simulators.nck.spec import NckSpec
 from simulators.operator import OfflineOperator
 from tests.placed import placed
 from tests.push.oracle import Oracle, content_of

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from drivers.types.tables import CompensationTable, LiveTable
-from simulators.nck.control import Nck
+from simulators.nck import Nck
 from simulators.nck.fault_injection import TABLE_SWITCHES
 from simulators.nck.machine.compensation import CecTable
 from simulators.nck.machine.data import CEC_ENABLE, ENC_ENABLE
@@ -90,7 +90,7 @@ class Oracle:
         for owner, name in ((core.data, "store"), (core.data, "activate"), (core, "refresh"), (core, "load_tables")):
             self._watch(owner, name)
         self._watch(core, "boot")
-        core.on_whim = self._whim
+        core.on_injected_fault = self._whim
         writes = self.nck.variables.write
 
         def counted(plain: str, indices: Any, value: Any, level: int, **more: Any) -> Any:
@@ -107,7 +107,7 @@ class Oracle:
     @property
     def whims(self) -> list[str]:
         """What the control did by itself, in order."""
-        return self.nck.core.whims
+        return self.nck.core.injected_faults
 
     def _whim(self, kind: str) -> None:
         """What it changes before the back-up is made is the push's base from then on."""

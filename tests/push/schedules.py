@@ -19,7 +19,7 @@ from typing import Any
 
 from drivers.clock import LoopClock, run_virtual
 from gateway.push import push_table
-from simulators.nck.spec import NckRefusal
+from simulators.nck import NckRefusal
 from tests.push.disk import FAULTS, Disk, failing
 from tests.push.judging import Played, ended, judge, settle, watching
 from tests.push.mischief import COMMANDS, LIES, Mischief, Moment

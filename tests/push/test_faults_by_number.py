@@ -17,7 +17,7 @@ import pytest
 
 from drivers.clock import LoopClock, run_virtual
 from gateway.push import PushContext, push_table
-from simulators.nck.spec import AxisSpec
+from simulators.nck import AxisSpec
 from tests.push import world as worlds
 from tests.push.bench import ALL_COMMANDS, Moment, Plan, Scene, Story, told
 from tests.push.judging import Played, ended, judge

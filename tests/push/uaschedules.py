@@ -78,9 +78,9 @@ def _wire(made: Schedule) -> None:
 
     def manner(name: str, value: Any, honest: Any) -> Callable[[UaWorld], None]:
         async def later(at: UaWorld) -> None:
-            setattr(at.server.manners, name, value)
+            setattr(at.server.quirks, name, value)
             await at.clock.sleep(seconds)
-            setattr(at.server.manners, name, honest)
+            setattr(at.server.quirks, name, honest)
 
         return lambda at: at.spawn(later(at))
 
@@ -226,7 +226,7 @@ async def _play(made: Schedule, at: UaWorld, folder: Path, found: Played) -> Non
         task = asyncio.ensure_future(ended(push_table(ua_change(base, at.new), context)))
         _arm(made, at, task)
         found.outcome = await task
-    at.nck.on_block, at.server.manners.on_request = None, lambda _service: None
+    at.nck.on_block, at.server.quirks.on_request = None, lambda _service: None
     await device.close()
     judge(at.oracle, found, said, context)
     found.whims = list(at.oracle.whims)
@@ -251,7 +251,7 @@ def _arm(made: Schedule, at: UaWorld, task: asyncio.Task[Any]) -> None:
     for begin in made.begin:
         begin(at, made, task)
     at.nck.on_block = lambda _block: step("block", made.at_block)
-    at.server.manners.on_request = lambda _service: step("request", made.at_request)
+    at.server.quirks.on_request = lambda _service: step("request", made.at_request)
 
 
 async def _mended(at: UaWorld, *, off_and_on: bool) -> None:

@@ -20,10 +20,9 @@ from gateway.axes import AxisRecord
 from gateway.domain.proposals import TableChange
 from gateway.push import PushContext
 from gateway.push.compare import table_in
-from simulators.nck.control import Nck
+from simulators.nck import AxisSpec, Nck, NckSpec
 from simulators.nck.machine.data import CEC_ENABLE, ENC_ENABLE
-from simulators.nck.spec import AxisSpec, NckSpec
-from simulators.opcua.server import SinumerikServer
+from simulators.opcua import SinumerikServer
 from tests.placed import PLACES, placed
 from tests.push.oracle import Oracle, content_of
 from tests.push.world import NAME, NEW, NOTHING, OLD, POINTS, Folder, Scene

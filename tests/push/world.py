@@ -24,10 +24,9 @@ from gateway.domain.proposals import TableChange
 from gateway.push import PushContext
 from gateway.push.compare import table_in
 from simulators.instrument_server import WireWrapper
-from simulators.modbus.station import PlcStation, make_station
-from simulators.nck.control import Nck
+from simulators.modbus import PlcStation, make_station
+from simulators.nck import AxisSpec, Nck, NckSpec
 from simulators.nck.machine.data import CEC_ENABLE, ENC_ENABLE
-from simulators.nck.spec import AxisSpec, NckSpec
 from tests.placed import PLACES, placed
 from tests.push.oracle import Oracle, content_of
 from tests.signed import signed

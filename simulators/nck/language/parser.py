@@ -1,7 +1,9 @@
-"""The SINUMERIK 840D language subset as an LALR grammar: what a block may look like, and nothing of what it means.
+"""The parser of the SINUMERIK 840D language subset: grammar, nodes, one block, a whole program.
 
-Order of operators: Programming Manual Job Planning, "Priority of the operations" (NOT, B_NOT; * / DIV MOD;
-+ -; B_AND; B_XOR; B_OR; AND; XOR; OR; <<; comparisons last), so two comparisons joined by AND need brackets.
+The LALR grammar says what a block may look like, and nothing of what it means. Order of operators: Programming Manual
+Job Planning, "Priority of the operations" (NOT, B_NOT; * / DIV MOD; + -; B_AND; B_XOR; B_OR; AND; XOR; OR; <<;
+comparisons last), so two comparisons joined by AND need brackets. Lines get their labels and structures matched first;
+blocks are parsed when they are reached.
 """
 
 from __future__ import annotations
@@ -125,9 +127,8 @@ NAME: /[A-Z_][A-Z0-9_]*/
 """
 
 
-# What the parser found -> nodes of the language, built while the text is parsed, so nothing recurses afterwards.
-#
-# A chain of comparisons is refused here (12180) where the control would silently compute something else.
+# Parse results become nodes while the text is parsed, so nothing recurses afterwards. A chain of comparisons is
+# refused here (12180) where the control would silently compute something else.
 
 
 class NodeRefused(Exception):
@@ -258,7 +259,7 @@ class Nodes:
         raise NodeRefused("comparisons bind last: put each in brackets", 12180)
 
 
-# One block of NC text -> its nodes, within limits of length and depth.
+# One block, within limits of length and depth.
 
 BLOCK_LIMIT = 512
 DEPTH_LIMIT = 60
@@ -317,10 +318,8 @@ def _translated(error: Exception, line: int) -> NcSyntaxError:
     return NcSyntaxError(line, f"syntax error: {error}")
 
 
-# NC program text -> Program: lines with labels and structures matched, blocks parsed when first reached.
-#
-# `parse` reads everything at once and raises on the first block it cannot read. `outline_program` reads only the
-# frame, as the control does: a block with an error stops the program when it is reached, not before.
+# A whole program. `parse` reads everything at once and raises on the first block it cannot read. `outline_program`
+# reads only the frame, as the control does: a block with an error stops the program when it is reached, not before.
 
 __all__ = ["NcSyntaxError", "Program", "SourceLine", "outline_program", "parse"]
 

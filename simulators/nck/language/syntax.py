@@ -1,4 +1,4 @@
-"""What one block of an NC program can say: the nodes of the parse, and the error when it says nothing."""
+"""The nodes of a parsed block, and the error of a block that cannot be parsed."""
 
 from __future__ import annotations
 
@@ -194,7 +194,7 @@ class Proc:
 
 @dataclass(frozen=True, slots=True)
 class Extern:
-    """EXTERN: a declaration the control needs and the double only reads."""
+    """EXTERN: a declaration that the control needs and the simulator only reads."""
 
     name: str
 

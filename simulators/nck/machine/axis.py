@@ -1,7 +1,14 @@
-"""Backlash compensation of one axis: how far the encoder leads by direction, and how it gets there.
+"""One axis: base setpoint, additional setpoint, actual-value compensations, and the encoder position that results.
 
-MD32450 x MD32452 at once on reversal (spread where it is more than MD36500 in one cycle), MD32456 slowly and
-half in each direction while the PLC asks for it. Source: K3 p. 234; texts of MD32450 to MD32457, MD36500.
+    act = lag(base + additional + temperature)       the ideal machine's position plus CEC
+    enc = act - K_EEC(act) + backlash take-up        what the mechanism does
+
+Backlash (MD32450, positive when the encoder leads the machine part) is taken up by half the value in each direction, so
+the mean of both directions stays where it was: MD32450 x MD32452 at once on reversal (spread where it is more than
+MD36500 in one cycle), MD32456 slowly while the PLC asks for it. ``enc`` is the place in terms of encoder 1; while
+encoder 2 is active K_EEC is its table plus what it shows more than encoder 1.
+
+Sources: K3 p. 234; texts of MD32450 to MD32457, MD36500.
 """
 
 from __future__ import annotations
@@ -85,15 +92,6 @@ class ReversalLead:
         """Power on without MD32454 bit 0: as if the last travel had been positive."""
         self._direction = 1
 
-
-# One axis: base setpoint, additional setpoint, actual-value compensations, and the encoder they leave.
-#
-#     act = lag(base + additional + temperature)       the ideal machine's position plus CEC
-#     enc = act - K_EEC(act) + backlash take-up        what the mechanism does
-#
-# Backlash (MD32450, positive when the encoder leads the machine part) is taken up by half the value in each
-# direction, so the mean of both directions stays where it was. ``enc`` is the place in terms of encoder 1; while
-# encoder 2 is active K_EEC is its table plus what it shows more than encoder 1.
 
 Array = NDArray[np.float64]
 

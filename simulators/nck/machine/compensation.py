@@ -1,7 +1,7 @@
-"""Compensation curves and the path of the additional setpoint: pure, from the vendor's manual alone.
+"""Compensation tables: buffered memory, curves, cylinder error calculation, and the path of the additional setpoint.
 
 K3 (Extended Functions, 03/2013 pp. 236-249): k = (MAX - MIN)/STEP, points above k are ignored, MAX is
-shortened when memory ends before k; linear between points; the end values hold outside unless modulo.
+shortened when memory ends before k; linear between points; the end values hold outside unless modulo. All pure.
 """
 
 from __future__ import annotations
@@ -257,10 +257,9 @@ def _pursuit(current: float, target: float, slope: float, limit: float) -> tuple
     return limit * towards, abs(gap) / closing if closing > 0.0 else math.inf
 
 
-# The cylinder error calculation of CEC tables of TYPE 1: two measured errors -> SD41320 and SD41321.
-#
-# The setting data and what happens to them are in the vendor's lists; the formula is not. Here: the straight
-# line through the two measured errors, read at the table's first and second point.
+# Cylinder error calculation of CEC tables of TYPE 1: two measured errors give SD41320 and SD41321. The setting data
+# and what happens to them are in the vendor's lists; the formula is not. Here: the straight line through the two
+# measured errors, read at the table's first and second point.
 
 
 @dataclass(frozen=True, slots=True)
@@ -284,7 +283,7 @@ def cylinder_end_values(measured: CylinderErrors, minimum: float, step: float) -
     return first, first + slope * step
 
 
-# Buffered memory for compensation tables: what was written, left-overs and all, whether it acts or not.
+# Buffered memory contains what was written, whether it acts or not.
 
 
 @dataclass(slots=True)

@@ -1,7 +1,8 @@
-"""The control's machine: axes, data and compensation memory, and which of it acts at a moment.
+"""The control's machine: axes, data and compensation memory, which of it acts at a moment, and what survives power off.
 
 Order of the signal path: CEC and temperature are additional setpoints, EEC and backlash act on the actual
-value (K3 pp. 234-248). Nothing acts on an axis that is not referenced.
+value (K3 pp. 234-248). Nothing acts on an axis that is not referenced. Table content acts from the moment that
+`Switches.activation` says; until then memory and what acts differ.
 """
 
 from __future__ import annotations
@@ -54,8 +55,8 @@ class Core:
                 self._names.setdefault(name, place)
         self._letters = {axis.letter.upper(): place for place, axis in enumerate(spec.axes)}
         self.axes = [MachineAxis(axis, place, 0.0) for place, axis in enumerate(spec.axes)]
-        self.on_whim: Callable[[str], None] = lambda _kind: None
-        self.whims: list[str] = []
+        self.on_injected_fault: Callable[[str], None] = lambda _kind: None
+        self.injected_faults: list[str] = []
         self.wheel_runs = False
         self._started = False
         self._eec: dict[tuple[int, int], Curve | None] = {}
@@ -127,10 +128,10 @@ class Core:
         self.refresh()
         return lost
 
-    def whim(self, kind: str) -> None:
+    def record_fault(self, kind: str) -> None:
         """Keep that the control does something by itself, before it does it."""
-        self.whims.append(kind)
-        self.on_whim(kind)
+        self.injected_faults.append(kind)
+        self.on_injected_fault(kind)
 
     def _exchange_points(self) -> None:
         """`Switches.swaps_points_at_reset`, at every start but the first."""
@@ -138,7 +139,7 @@ class Core:
         place = self.spec.swaps_points_at_reset
         if place is None or not started:
             return
-        self.whim("swap")
+        self.record_fault("swap")
         tables: list[Table] = [*self.memory.eec.values(), *self.memory.cec]
         for table in tables:
             if table.step > 0.0 and len(table.points) > place + 1:
@@ -308,10 +309,8 @@ class Core:
         return self.axes[index].view(self.clock.now(), self.cec_value(index), self.data.unit(index))
 
 
-# Static memory: what survives power off, as plain values that go into a file and back.
-#
-# Tables, machine and setting data, R parameters, global user data and program files survive; references of
-# incremental encoders, the mode and the program under execution do not.
+# Static memory, as plain values for a file. Tables, machine and setting data, R parameters, global user data and
+# program files survive power off; references of incremental encoders, the mode and the running program do not.
 
 FORMAT = 1
 

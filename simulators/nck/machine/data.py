@@ -1,4 +1,4 @@
-"""The machine and setting data the double knows: their names, kinds, limits, and when a change acts.
+"""Machine data, setting data and alarms: names, kinds, limits, when a change acts, stored and effective values.
 
 Numbers and meanings: MD texts of the vendor's data lists. Limits, defaults, activation classes and protection
 levels are recalled values where the lists are not public.
@@ -120,7 +120,7 @@ DATA: dict[str, DataSpec] = {
 }
 
 
-# Machine and setting data: stored and effective values, units, and what a boot makes of them.
+# Stored and effective values, units, and what a boot makes of them.
 
 Key = tuple[str, tuple[int, ...]]
 SavedDatum = tuple[str, list[int], Datum]
@@ -283,7 +283,7 @@ class MachineData:
                 self._stored[key] = value
 
 
-# Alarms of the control: number, text and what clears them.
+# Alarms: number, text, and what clears them.
 
 Clear = Literal["start", "cancel", "reset", "power_on"]
 

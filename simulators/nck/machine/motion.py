@@ -12,7 +12,7 @@ Array = NDArray[np.float64]
 
 HISTORY_S = 90.0
 _TRIM_ABOVE = 1024
-# So many lags after the last piece began nothing of what was left over shows in a double.
+# So many lags after the last piece began nothing of what was left over shows in double precision.
 _AT_REST_LAGS = 40.0
 
 

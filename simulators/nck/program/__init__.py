@@ -1,1 +1,1 @@
-"""Programs at work: names, variables, statements, expressions, files, and the interpreter that walks them."""
+"""The interpreter of NC programs: names, variables, statements, expressions, initialisation files, and the main run."""

@@ -17,7 +17,7 @@ _IN_MACHINE = frozenset({53, 153})
 _LENGTH_ALONG = {17: "Z", 18: "Y", 19: "X"}
 TRANSFORMATIONS = frozenset({"TRANSMIT", "TRACYL", "TRAANG"})
 _FRAMES = frozenset({"TRANS", "ATRANS", "SCALE", "ASCALE", "MIRROR", "AMIRROR", "ROT", "AROT"})
-# G functions of the control that this double does not do: refused, never passed over.
+# G functions of the control that this simulator does not do: refused, never passed over.
 _NOT_HERE = frozenset({2, 3, 5, 33, 34, 35, 62, 63, 74, 75, 93, 96, 97, 110, 111, 112, 331, 332})
 _SILENT_WORDS = frozenset(
     {"STOPRE", "SOFT", "BRISK", "FFWON", "FFWOF"}

@@ -1,4 +1,7 @@
-"""Functions of the NC language that need nothing but their arguments."""
+"""Expressions and functions of the NC language, compiled once for each block into closures over a scope.
+
+Functions here need nothing but their arguments; those that need the control are in `names`.
+"""
 
 from __future__ import annotations
 
@@ -156,7 +159,7 @@ def _bits(operator: str, left: int, right: int) -> int:
     return left | right if operator == "B_OR" else left ^ right
 
 
-# Expressions as closures: compiled once for each block, evaluated against a scope.
+# Compilation.
 
 COMPARISONS = frozenset({"==", "<>", "<", ">", "<=", ">="})
 R_NAME = re.compile(r"R(\d{1,5})")

@@ -1,7 +1,11 @@
-"""The main run: does in time, one after the other, what interpreted blocks leave to the machine.
+"""The interpreter and the main run: blocks are interpreted ahead of the machine, motion happens in time behind them.
 
-The interpreter runs ahead of it by a limited number of blocks and waits for `calm` where the program says
-STOPRE. NC stop and M0 hold the main run; NC start lets it go on.
+Theory of operation. A control prepares blocks ahead of the motion. The interpreter executes block after block at once:
+R parameters, machine data, tables, files and system variables are read and written when their block is interpreted.
+Motion, dwell, messages and stops become `BlockAction`s in a queue of limited length, which the main run does one after
+the other in time. STOPRE, NEWCONF and SETAL wait until the main run is `calm`, that is until everything programmed so
+far has been done; so does a block that reads a system variable of the machine's state. NC stop and M0 hold the main
+run; NC start lets it go on. A program that forgets STOPRE thus reads values of before the motion, as on the control.
 """
 
 from __future__ import annotations
@@ -184,12 +188,6 @@ class MainRun:
                 self._sleeper = None
         return True
 
-
-# Interprets a program block by block, ahead of the machine as far as the control's preprocessing goes.
-#
-# Motion, dwell, messages and stops are done in time by the main run; R parameters, machine data, tables, files
-# and system variables are read and written at once, when their block is interpreted, unless STOPRE, NEWCONF or
-# SETAL stands before: these wait until everything programmed so far has been done.
 
 SLICE_S = 0.02
 _SYNCHRONOUS = frozenset({"STOPRE", "NEWCONF", "SETAL"})

@@ -1,7 +1,8 @@
-"""The double's first gate: what the printed rules of the language refuse is not run.
+"""What names mean to the running program: legality, local variables, R, ``$`` variables, axes, calls, DEF and PROC.
 
-The judge (`drivers.sinumerik.legality`) knows neither this double nor those who write programs for it, and it is all
-that the double shares with them: so the double cannot be more lenient than the manuals again.
+Before a program's first block the printed rules of the language decide whether it runs (`drivers.sinumerik.legality`).
+That checker knows neither this simulator nor the generators of programs, and it is all that the simulator shares with
+them: so the simulator cannot be more lenient than the manuals.
 """
 
 from __future__ import annotations
@@ -43,8 +44,6 @@ def check_legality(spec: NckSpec, path: str, text: str, routines: frozenset[str]
 def _first_violation(text: str, name: str, axes: frozenset[str], routines: frozenset[str]) -> tuple[Finding, ...]:
     return check(text, name, Machine(axes, routines))
 
-
-# What names mean to the running program: local variables, R, ``$`` variables, axes, calls.
 
 _DEPTH = 16
 _TYPE_NUMBERS = {"BOOL": 1, "CHAR": 2, "INT": 3, "REAL": 4, "STRING": 5, "AXIS": 6}
@@ -283,7 +282,7 @@ class NameResolver:
         return self._frames[-1].program.partner[self._line]
 
 
-# DEF and PROC: a program's own variables, their initial values, and its parameters.
+# DEF and PROC: own variables with their initial values, and parameters.
 
 _RESERVED = frozenset({"R", "POS", "POSA", "AX", "MSG", "TRUE", "FALSE", *FUNCTIONS, *PROCEDURES})
 

@@ -1,4 +1,4 @@
-"""A program under execution: its local variables, and what names mean to it."""
+"""A program level with its variables, and the built-in calls: MSG, WRITE, READ, DELETE, FILESIZE, SETAL, WAITP."""
 
 from __future__ import annotations
 
@@ -91,7 +91,7 @@ class Frame:
         return variable
 
 
-# Built-in calls that stand alone: MSG's text, WRITE, READ, DELETE, FILESIZE, SETAL, WAITP.
+# Built-in calls.
 
 
 class Host(Protocol):

@@ -220,12 +220,8 @@ def _address(item: Address) -> _Act:
 
 
 def _procedure(item: Procedure) -> _Act:
-    given = tuple(_argument(argument) for argument in item.arguments)
+    given = tuple(compile_expression(argument) for argument in item.arguments)
     return lambda runner, _words: runner.procedure(item.name, item.arguments, given)
-
-
-def _argument(node: Expression) -> Evaluate:
-    return compile_expression(node)
 
 
 def _target(node: Name | Indexed) -> tuple[str, Arguments]:

@@ -1,7 +1,8 @@
-"""``$AA_ENC_COMP`` and ``$AN_CEC``: reading and writing the compensation tables in buffered memory.
+"""Variables by their NC names: R, GUD, compensation tables, machine data and system variables, with protection.
 
-Refused while the compensation is enabled (17070 or what the switch says) and beyond the reserved points
-(17030); values are neither limited nor monitored. The hostile manners of a table memory live here too.
+``$AA_ENC_COMP`` and ``$AN_CEC`` are the tables in buffered memory. Writing is refused while the compensation is enabled
+(17070 or what the switch says) and beyond the reserved points (17030); values are neither limited nor monitored. The
+faults of a table memory (rounding, lost points) are played here too.
 """
 
 from __future__ import annotations
@@ -189,9 +190,8 @@ class TableVariables:
         return plain
 
 
-# NC names -> values: R parameters, GUD, compensation tables, machine data and system variables, with protection.
-#
-# A machine datum written by a program without rights raises 4075 once, keeps its value, and the program runs on.
+# All other variables. A machine datum written by a program without rights raises 4075 once, keeps its value, and the
+# program runs on.
 
 _NAME = re.compile(r"\s*(\$?[A-Za-z_][A-Za-z0-9_]*)\s*(?:\[([^\]]*)\])?\s*")
 _INTEGER = re.compile(r"[+-]?\d{1,9}")
@@ -401,7 +401,7 @@ class Variables:
         }
 
 
-# System variables a running program sees of itself and the time: ``$P_``, ``$AC_``, ``$A_`` names.
+# System variables that a running program reads of itself and the time.
 
 _TIMERS = 200
 _PROGRAM_NAMES = frozenset(

@@ -13,10 +13,9 @@ from gateway.gear.flank import flank_grid
 from gateway.gear.running import depth_running, index_running
 from gateway.tooth import FlankMap
 from gateway.workflow.part.running import expanded, running_words, sure
-from simulators.cellfile import CellFile, load_cell
-from simulators.cellfile.equipment import Clamping
+from simulators.cellfile import CellFile, Clamping, load_cell
+from simulators.grinding import draw_clamping
 from simulators.grinding.grinder import rotation_axis_frame
-from simulators.grinding.workpiece import draw_clamping
 from simulators.truth import Truth
 from tests.sizes import few
 from tests.unit.simulators.planned_run import ground

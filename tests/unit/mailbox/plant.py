@@ -10,8 +10,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from simulators.nck.control import Nck
-from simulators.nck.spec import NckRefusal
+from simulators.nck import Nck, NckRefusal
 from tests.unit.mailbox.structured import Library, Record
 
 FOLDER = Path(__file__).parents[3] / "docs" / "plc"

@@ -11,9 +11,8 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from drivers.clock import LoopClock, run_virtual
-from simulators.modbus.plc import Plc
-from simulators.modbus.settings import PlcSettings
-from simulators.nck.spec import AxisSpec, NckRefusal
+from simulators.modbus import Plc, PlcSettings
+from simulators.nck import AxisSpec, NckRefusal
 from tests.unit.mailbox.plant import SCAN_MS, TextPlc
 from tests.unit.mailbox.structured import Library
 from tests.unit.nck.bench import MAIN, Bench

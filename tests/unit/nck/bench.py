@@ -7,8 +7,7 @@ import dataclasses
 from collections.abc import AsyncIterator
 
 from drivers.clock import LoopClock
-from simulators.nck.control import Nck
-from simulators.nck.spec import AxisSpec, NckSpec
+from simulators.nck import AxisSpec, Nck, NckSpec
 
 SPEC = NckSpec(
     axes=(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from simulators.nck.spec import AxisSpec, NckRefusal
+from simulators.nck import AxisSpec, NckRefusal
 from tests.unit.nck.bench import SPEC, eec_lines, enable, load_eec, on_bench
 from tests.unit.nck.test_cec import encoder, load, move, table
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
+from simulators.nck import NckRefusal
 from simulators.nck.machine.files import FileSystem, NcFileMissing
-from simulators.nck.spec import NckRefusal
 from tests.unit.nck.bench import MAIN, Bench, on_bench
 
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
+from simulators.nck import NckRefusal
 from simulators.nck.program.inifile import checksum
-from simulators.nck.spec import NckRefusal
 from tests.unit.nck.bench import eec_lines, load_eec, on_bench
 from tests.unit.nck.test_cec import table
 

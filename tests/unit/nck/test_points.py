@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from simulators.nck.spec import AxisSpec, NckRefusal
+from simulators.nck import AxisSpec, NckRefusal
 from tests.unit.nck.bench import MAIN, SPEC, Bench, eec_lines, enable, load_eec, on_bench
 from tests.unit.nck.test_cec import encoder, load, move, table
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from simulators.nck.spec import NckRefusal
+from simulators.nck import NckRefusal
 from tests.unit.nck.bench import eec_lines, enable, load_eec, on_bench
 
 TABLE = [0.0, 0.005, 0.0]

@@ -7,8 +7,7 @@ import json
 
 import pytest
 
-from simulators.nck.control import Nck
-from simulators.nck.spec import AxisSpec
+from simulators.nck import AxisSpec, Nck
 from tests.unit.nck.bench import MAIN, SPEC, Bench, eec_lines, enable, load_eec, on_bench
 from tests.unit.nck.test_cec import encoder
 

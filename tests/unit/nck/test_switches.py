@@ -10,8 +10,7 @@ import pytest
 
 from simulators.cell.control import spec_of
 from simulators.cellfile import load_cell
-from simulators.nck.spec import NckRefusal
-from simulators.nck.switches import OPEN, Switches
+from simulators.nck import OPEN, NckRefusal, Switches
 from tests.unit.nck.bench import Bench, eec_lines, enable, load_eec, on_bench
 from tests.unit.nck.test_cec import encoder, load, move, table
 
@@ -259,7 +258,7 @@ async def test_swaps_points_at_reset() -> None:
         bench.nck.nck_reset()
         await bench.sleep(30.0)
         assert points(bench) == [before[0], before[2], before[1], before[3]]
-        assert bench.nck.core.whims == ["swap"]
+        assert bench.nck.core.injected_faults == ["swap"]
 
 
 async def test_enables_again_s() -> None:
@@ -277,7 +276,7 @@ async def test_enables_at_block() -> None:
         await switched_off(bench)
         await bench.run("G4 F1\nG4 F1\nM30")
         assert bench.nck.get(ENABLE)
-        assert "enable" in bench.nck.core.whims
+        assert "enable" in bench.nck.core.injected_faults
 
 
 @pytest.mark.parametrize("what", ["words", "memory", "switch"])
@@ -293,4 +292,4 @@ async def test_forgets_at_block(what: str) -> None:
         bench.nck.set("R[7]", 7.0, 0)
         bench.nck.set(ENABLE, 1, 0)
         await bench.run("G4 F1\nM30")
-        assert bench.nck.core.whims.count(f"forget {what}") == 2
+        assert bench.nck.core.injected_faults.count(f"forget {what}") == 2

@@ -17,8 +17,7 @@ from drivers.types.orders import DisableOrder, PushOrder
 from drivers.types.stops import Stop, StopPlan
 from drivers.types.tables import CompensationTable
 from drivers.workpiece import GrindAxis, GrindPlan
-from simulators.nck.control import Nck
-from simulators.nck.spec import AxisSpec, NckSpec
+from simulators.nck import AxisSpec, Nck, NckSpec
 
 LEFT = (
     "",

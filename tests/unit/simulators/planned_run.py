@@ -7,13 +7,10 @@ from collections.abc import Callable, Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from simulators.cellfile import CellFile
-from simulators.cellfile.equipment import Part
-from simulators.grinding.grinder import Grinder
-from simulators.grinding.workpiece import WorkPiece
-from simulators.optics.mountings import OpticsBench
-from simulators.truth import Truth
-from simulators.truth.kinematics import Pose
+from simulators.cellfile import CellFile, Part
+from simulators.grinding import Grinder, WorkPiece
+from simulators.optics import OpticsBench
+from simulators.truth import Pose, Truth
 
 FloatArray = NDArray[np.float64]
 Correction = Callable[[Mapping[str, FloatArray]], FloatArray]

@@ -6,7 +6,7 @@ import pytest
 
 from simulators.cell.console import WORDS, parse_order
 from simulators.cellfile import list_cells, load_cell, packaged_cells
-from simulators.truth.climate import Climate
+from simulators.truth import Climate
 
 
 @pytest.mark.parametrize(

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from simulators.cellfile import CellFile
-from simulators.cellfile.equipment import Clamping, Gear, Part, Wheel
-from simulators.grinding.grinder import Grinder, refine_times, split_passes
-from simulators.grinding.workpiece import CycloidDisc, Poses, WheelBody, WorkPiece, draw_clamping, entry_depth
-from simulators.optics.mountings import OpticsBench
+from simulators.cellfile import CellFile, Clamping, Gear, Part, Wheel
+from simulators.grinding import CycloidDisc, Grinder, WorkPiece, draw_clamping
+from simulators.grinding.grinder import refine_times, split_passes
+from simulators.grinding.workpiece import Poses, WheelBody, entry_depth
+from simulators.optics import OpticsBench
 from simulators.truth import Truth
 from simulators.truth.kinematics import rotation
 from tests.sizes import few

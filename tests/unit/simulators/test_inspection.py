@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from simulators.cellfile.equipment import InspectionMachine
-from simulators.grinding.workpiece import CycloidDisc, WorkPiece
+from simulators.cellfile import InspectionMachine
+from simulators.grinding import CycloidDisc, WorkPiece
 from simulators.inspection import GearMachine, TouchedPoints
 from simulators.truth import Truth
 from tests.unit.simulators.planned_run import ground

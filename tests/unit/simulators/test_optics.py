@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 
 from simulators.cellfile import CellFile
-from simulators.optics.calibrator import RotaryReader
-from simulators.optics.interferometer import LaserCounter, refractive_index, saturation_pa
-from simulators.optics.mountings import OpticsBench
+from simulators.optics import LaserCounter, OpticsBench, RotaryReader, refractive_index
+from simulators.optics.interferometer import saturation_pa
 from simulators.truth import Truth
 from tests.unit.simulators.motion import Motion, plain_cell
 

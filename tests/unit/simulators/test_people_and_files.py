@@ -20,10 +20,9 @@ from simulators.cell.site import quoted, site_text
 from simulators.cellfile import CellFile, load_cell, packaged_cells, with_plan
 from simulators.cellfile import OperatorSection as OperatorSpec
 from simulators.operator import Operator
-from simulators.optics.mountings import OpticsBench
+from simulators.optics import OpticsBench
 from simulators.result_files import FileContent, result_text
-from simulators.truth import Truth
-from simulators.truth.climate import Weather
+from simulators.truth import Truth, Weather
 from tests.unit.simulators.motion import Motion, plain_cell
 
 

@@ -21,8 +21,8 @@ from gateway.reducer.figures import crank_angles, transmission
 from gateway.reducer.firstorder import transmission_map
 from gateway.reducer.uncertainty import uncertainty
 from gateway.tooth import FlankMap
-from simulators.cellfile.equipment import Gear
-from simulators.grinding.workpiece import CycloidDisc
+from simulators.cellfile import Gear
+from simulators.grinding import CycloidDisc
 from simulators.reducer.equilibrium import Mechanism
 from simulators.reducer.parts import Contact, CrankSet, FirstStage, Flanks, Reducer, Ring, have_equal_discs
 from tests.sizes import long, soak

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from drivers.errors import ConfigError
-from simulators.cellfile.equipment import Gear
-from simulators.grinding.workpiece import CycloidDisc
+from simulators.cellfile import Gear
+from simulators.grinding import CycloidDisc
 from simulators.reducer.__main__ import main
 from simulators.reducer.bench import Bench, load_bench, packaged_benches
 from simulators.reducer.equilibrium import Mechanism

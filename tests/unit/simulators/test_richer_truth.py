@@ -8,17 +8,11 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
-from simulators.cellfile import CellFile, load_cell
-from simulators.cellfile.curves import DriftSection
-from simulators.cellfile.equipment import Noise, Sensor
-from simulators.grinding.workpiece import CycloidDisc
-from simulators.optics.calibrator import RotaryReader
-from simulators.optics.interferometer import LaserCounter
-from simulators.optics.mountings import OpticsBench, StopNoise
-from simulators.optics.sensors import SensorReader
-from simulators.truth import Truth
+from simulators.cellfile import CellFile, DriftSection, Noise, Sensor, load_cell
+from simulators.grinding import CycloidDisc
+from simulators.optics import LaserCounter, OpticsBench, RotaryReader, SensorReader, StopNoise
+from simulators.truth import AxisMotion, Scatter, Truth
 from simulators.truth.climate import drift_value
-from simulators.truth.kinematics import AxisMotion, Scatter
 from tests.unit.simulators.motion import Motion, plain_cell
 from tests.unit.simulators.planned_run import ground
 

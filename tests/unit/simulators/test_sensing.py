@@ -19,7 +19,7 @@ from gateway.config import load_site
 from simulators.cell import Cell
 from simulators.cell.backdoor import BackDoor
 from simulators.cellfile import load_cell, with_plan
-from simulators.grinding.workpiece import WorkPiece
+from simulators.grinding import WorkPiece
 from simulators.pytest_plugin import CellStarter
 from tests.unit.simulators.planned_run import PlannedRun
 

@@ -5,10 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from simulators.cellfile import CellFile, load_cell
-from simulators.cellfile.equipment import Sensor
-from simulators.optics.mountings import OpticsBench
-from simulators.optics.sensors import SensorReader, SensorReadings
+from simulators.cellfile import CellFile, Sensor, load_cell
+from simulators.optics import OpticsBench, SensorReader, SensorReadings
 from simulators.truth import Truth
 from tests.unit.simulators.motion import Motion, plain_cell
 
@@ -181,11 +179,11 @@ def test_wrong_optics_or_a_broken_beam_give_no_light() -> None:
     assert not got.beam.any()
     bench = OpticsBench(Truth(cell), Motion(X1=[(0.0, 0.0), (10.0, 100.0)]))
     reader = SensorReader(next(s for s in cell.instruments if isinstance(s, Sensor)), bench)
-    assert reader.told(bench.mounted("sensor")) == "unknown"
+    assert reader.reported_optics(bench.mounted("sensor")) == "unknown"
     assert not reader.read(1.0).beam.any()
     bench.mount(cell.setups[0])
     assert reader.read(2.0).beam.all()
-    assert reader.told(bench.mounted("sensor")) == "straightness"
+    assert reader.reported_optics(bench.mounted("sensor")) == "straightness"
     bench.broken.add("sensor")
     dark = reader.read(3.0)
     assert not dark.beam.any()

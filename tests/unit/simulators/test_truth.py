@@ -10,11 +10,8 @@ from pydantic import ValidationError
 
 from drivers.errors import ConfigError
 from gateway.interlocks.limits import LEAST_DRIFT_K
-from simulators.cellfile import CellFile, limit_sample_rate, load_cell, packaged_cells
-from simulators.cellfile.equipment import InspectionMachine
-from simulators.truth import Truth
-from simulators.truth.climate import Climate, drift_time_s
-from simulators.truth.kinematics import AxisMotion, Hysteresis
+from simulators.cellfile import CellFile, InspectionMachine, limit_sample_rate, load_cell, packaged_cells
+from simulators.truth import AxisMotion, Climate, Hysteresis, Truth, drift_time_s
 from tests.unit.simulators.motion import plain_cell
 
 UP = np.asarray([1.0])

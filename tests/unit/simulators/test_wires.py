@@ -17,9 +17,7 @@ from drivers.umd.codec import CODE, DATA, DISPLACEMENT, SEQUENCE, VELOCITY, UmdC
 from simulators.bridge import BridgeServer
 from simulators.cellfile import CellFile
 from simulators.faults import FaultPlan
-from simulators.optics.calibrator import RotaryReader
-from simulators.optics.interferometer import LaserCounter
-from simulators.optics.mountings import OpticsBench
+from simulators.optics import LaserCounter, OpticsBench, RotaryReader
 from simulators.truth import Truth
 from simulators.umd import UmdServer
 from tests.unit.simulators.motion import Motion, plain_cell

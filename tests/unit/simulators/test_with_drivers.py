@@ -13,10 +13,9 @@ from drivers.clock import LoopClock
 from drivers.files.rtl import RtaFormat, RtlFormat
 from drivers.umd.device import UmdCounter
 from simulators.bridge import BridgeServer
-from simulators.optics.calibrator import RotaryReader
-from simulators.optics.interferometer import LaserCounter
+from simulators.optics import LaserCounter, RotaryReader
 from simulators.result_files import FileContent, write_result
-from simulators.truth.climate import Weather
+from simulators.truth import Weather
 from simulators.umd import UmdServer
 from tests.unit.simulators.test_wires import bench_of
 

@@ -21,8 +21,7 @@ from drivers.sinumerik.tablefile.format import TableFiles
 from drivers.sinumerik.tablefile.reader import read_loosely
 from drivers.types.orders import PushOrder
 from drivers.types.tables import CompensationTable, LiveSet
-from simulators.nck.control import Nck
-from simulators.nck.spec import AxisSpec, NckSpec
+from simulators.nck import AxisSpec, Nck, NckSpec
 from tests import attacks
 
 pytestmark = pytest.mark.attack
