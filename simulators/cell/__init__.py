@@ -105,7 +105,7 @@ class Cell:
 
     def _to_inspect(self) -> WorkPiece | None:
         """The part ground last, carried to the inspection machine; nobody takes it out of a running program."""
-        return None if self.nck.channel_status != 0 else self.shop.carried()
+        return None if self.nck.channel_status != 0 else self.shop.take_to_inspection()
 
     async def start(self) -> Path:
         """Switch everything on; returns the site file's path."""

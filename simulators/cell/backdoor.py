@@ -146,7 +146,7 @@ class BackDoor:
             "referenced": {a.name: bool(nck.axis_state(a.name).referenced) for a in cell.file.axes},
             "operator": list(cell.operator.log),
             "clock_s": cell.clock.now(),
-            "serial": str(nck.spec.told[0]),
+            "serial": str(nck.spec.identity[0]),
         }
 
     def _senses(self, _question: Mapping[str, Any]) -> dict[str, Any]:
@@ -236,7 +236,7 @@ class BackDoor:
     def _part(self, _question: Mapping[str, Any]) -> dict[str, Any]:
         """What is on the table, and the part that was ground last."""
         shop = self._cell.shop
-        return {"clamped": _told(shop.clamped), "ground": _told(shop.ground)}
+        return {"clamped": _part_record(shop.clamped), "ground": _part_record(shop.ground)}
 
     def _flank(self, question: Mapping[str, Any]) -> dict[str, Any]:
         """{"profile", "width", "share"}: true surplus in um of the part ground last, (spaces, profile, width).
@@ -252,7 +252,7 @@ class BackDoor:
         return {"surplus_um": surplus.tolist(), "t": t.tolist(), "z": z.tolist()}
 
 
-def _told(work: WorkPiece | None) -> dict[str, Any] | None:
+def _part_record(work: WorkPiece | None) -> dict[str, Any] | None:
     if work is None:
         return None
     return {"number": work.number, "spaces": len(work.spaces), "passes": work.passes, "finished": work.finished}

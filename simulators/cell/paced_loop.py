@@ -28,7 +28,7 @@ class PacedTime:
         """Seconds, steady."""
         return self._base + min(self._wall() - self._since, TURN_S)
 
-    def waited(self, wait: Callable[[float | None], Any], timeout: float | None) -> Any:
+    def count_wait(self, wait: Callable[[float | None], Any], timeout: float | None) -> Any:
         """What ``wait`` (of a timeout in s; None: without end) answers; its time counts as said."""
         self._base, self._since = self.now(), self._wall()
         try:
@@ -48,7 +48,7 @@ class _PacedSelector(selectors.SelectSelector):
         self._pace = pace
 
     def select(self, timeout: float | None = None) -> list[tuple[selectors.SelectorKey, int]]:
-        return list(self._pace.waited(super().select, timeout))
+        return list(self._pace.count_wait(super().select, timeout))
 
 
 class PacedLoop(asyncio.SelectorEventLoop):

@@ -104,7 +104,7 @@ class ShopFloor:
         if self._grinder is not None:
             self._grinder.put(work, self._clock.now(), number)
 
-    def carried(self) -> WorkPiece | None:
+    def take_to_inspection(self) -> WorkPiece | None:
         """The part that was ground last, carried over to be inspected; None before the first."""
         self.unload()
         return self.ground

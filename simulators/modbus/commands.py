@@ -238,11 +238,11 @@ class PlcSwitching:
         self._check_activation(entries)
         yield from self._confirmed()
         if self._plc.settings.key_back:
-            self._plc.turn_key_back()
+            self._plc.withdraw_release()
         self._check_activation(entries)
         yield from self._switched(entries, on=True)
         if self._plc.settings.enables_twice_s > 0.0:
-            self._plc.do_again(entries[-1].target)
+            self._plc.switch_on_again(entries[-1].target)
 
     def _check_activation(self, entries: tuple[SwitchEntry, ...]) -> None:
         self._checks.check_machine(no_alarm=True)
@@ -281,7 +281,7 @@ class PlcSwitching:
             if not self._access.ready:
                 raise PlcFault(NOT_IN_RESET, self._access.first_alarm)
         if self._plc.settings.lies_about_disable:
-            self._plc.lied |= {entry.target.table for entry in entries}
+            self._plc.claimed_off |= {entry.target.table for entry in entries}
             return
         yield from self._switched(entries, on=False)
 
@@ -297,9 +297,9 @@ class PlcSwitching:
             else:
                 alone, table = bool(entry.flags & AXIS_ALONE), bool(entry.flags & TABLE_ALONE)
                 self._access.switch(entry.target, on=on, axis_alone=alone, table_alone=table)
-        self._access.let_act()
+        self._access.activate_switches()
         yield self._plc.settings.scan_s
-        self._plc.lied -= {entry.target.table for entry in entries}
+        self._plc.claimed_off -= {entry.target.table for entry in entries}
         for entry in entries:
             if not self._stands_so(entry, on):
                 raise PlcFault(NCK_REFUSED)

@@ -77,8 +77,8 @@ class StatusRegisters:
         access, nck = self._access, self._access.nck
         image.words[r.UNITS] = int(bool(nck.get("$MN_SCALING_SYSTEM_IS_METRIC")))
         image.words[r.LEVEL] = nck.access_level
-        image.put(r.SERIAL, r.text_words(nck.spec.told[0], 16))
-        image.put(r.NCK_VERSION, r.text_words(nck.spec.told[1], 8))
+        image.put(r.SERIAL, r.text_words(nck.spec.identity[0], 16))
+        image.put(r.NCK_VERSION, r.text_words(nck.spec.identity[1], 8))
         image.put(r.AXES, (max(access.axes), access.tables))
         image.put_dint(r.ALARM, access.first_alarm)
         image.words[r.MODE] = _MODES.get(nck.mode, 255)
@@ -162,7 +162,7 @@ class Plc:
         self.session = 0
         self.load: TableLoad | None = None
         self.waiting = self.confirmed = False
-        self.lied: set[tuple[int, int, int]] = set()
+        self.claimed_off: set[tuple[int, int, int]] = set()
         self.backlash: dict[tuple[int, int, int], int] = {}
         self.release.begin(0)
         self._selected: TableAddress | None = None
@@ -218,7 +218,7 @@ class Plc:
         self.confirmed = True
         return True
 
-    def turn_key_back(self) -> None:
+    def withdraw_release(self) -> None:
         """The person takes the release back."""
         self.release.set(False)
 
@@ -231,11 +231,11 @@ class Plc:
     def switches(self, target: TableAddress) -> int:
         """The switch bits as the PLC shows them."""
         bits = self._access.switches(target)
-        return bits & ~{EEC: 1, CEC: 6}.get(target.kind, 8) if target.table in self.lied else bits
+        return bits & ~{EEC: 1, CEC: 6}.get(target.kind, 8) if target.table in self.claimed_off else bits
 
     def is_off(self, target: TableAddress) -> bool:
         """Whether the PLC takes the table for off."""
-        return target.table in self.lied or self._access.is_off(target)
+        return target.table in self.claimed_off or self._access.is_off(target)
 
     def forget(self, what: ForgottenMemory) -> None:
         """What was kept is lost: words of the PLC, or points or switches of the control."""
@@ -246,7 +246,7 @@ class Plc:
         else:
             self.nck.forget(what)
 
-    def do_again(self, target: TableAddress) -> None:
+    def switch_on_again(self, target: TableAddress) -> None:
         """`PlcSettings.enables_twice_s`."""
         self._spawn(self._enable_again(target))
 
@@ -255,7 +255,7 @@ class Plc:
         if not self.nck.booting:
             self.nck.core.record_fault("enable")
             self._access.switch(target, on=True)
-            self._access.let_act()
+            self._access.activate_switches()
 
     def open_session(self, number: int) -> None:
         """A session begins, and the watch over register 15 with it."""

@@ -120,7 +120,7 @@ class PlcState(Protocol):
     session: int
     waiting: bool
     confirmed: bool
-    lied: set[tuple[int, int, int]]
+    claimed_off: set[tuple[int, int, int]]
     loads_done: int
 
     backlash: dict[tuple[int, int, int], int]
@@ -130,7 +130,7 @@ class PlcState(Protocol):
         """Seconds of the PLC's clock."""
         ...
 
-    def turn_key_back(self) -> None:
+    def withdraw_release(self) -> None:
         """The person takes the release back."""
         ...
 
@@ -146,7 +146,7 @@ class PlcState(Protocol):
         """What was kept is lost: words of the PLC, or points or switches of the control."""
         ...
 
-    def do_again(self, target: TableAddress) -> None:
+    def switch_on_again(self, target: TableAddress) -> None:
         """A table that was just switched on is switched on once more, later, whatever was done to it since."""
         ...
 

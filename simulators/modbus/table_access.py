@@ -232,7 +232,7 @@ class TableAccess:
         return not table and not any(self._nck.get(f"$MA_CEC_ENABLE[{self.axis(number).name}]") for number in axes)
 
     def switch(self, target: TableAddress, *, on: bool, axis_alone: bool = False, table_alone: bool = False) -> None:
-        """Switch a table; it acts with `let_act`. Raises PlcFault (11)."""
+        """Switch a table; it acts with `activate_switches`. Raises PlcFault (11)."""
         name = self._name(target)
         with _translate_refusals():
             if target.kind == EEC:
@@ -251,7 +251,7 @@ class TableAccess:
         """MD32450 of an axis and measuring system, in value units."""
         return self.value(f"$MA_BACKLASH[{target.encoder},", target.axis)
 
-    def let_act(self) -> None:
+    def activate_switches(self) -> None:
         """NEWCONF. Raises PlcFault (11)."""
         with _translate_refusals():
             self._nck.core.newconf()

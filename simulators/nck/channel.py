@@ -232,7 +232,7 @@ class Channel:
         """Whether the optional stop is on."""
         return self.optional_stop
 
-    def cut_here(self) -> bool:
+    def mains_fail_here(self) -> bool:
         """Count a block against ``cut_after_blocks``; whether the mains fail now."""
         if self.cut_after_blocks is None:
             return False
@@ -242,7 +242,7 @@ class Channel:
         self.cut_after_blocks = None
         return True
 
-    def goes_on(self, run: object) -> bool:
+    def block_done(self, run: object) -> bool:
         """Another block of a run is done: whether that run still exists after what happens at it."""
         if self._run is run and self._run is not None:
             self._at_block(self._run.blocks)

@@ -94,7 +94,7 @@ class NckSpec(Switches):
         return tuple(found)
 
     @property
-    def told(self) -> tuple[str, str, float]:
+    def identity(self) -> tuple[str, str, float]:
         """What the control says of itself: card number, version, hardware."""
         return (
             self.card_exchanged or self.serial,

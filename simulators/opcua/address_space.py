@@ -118,8 +118,8 @@ class VariableSpace:
         self._nck_wide: dict[str, Callable[[], Value]] = {
             nodes.ACCESS_LEVEL: lambda: int(nck.access_level),
             nodes.BASIC_LENGTH_UNIT: lambda: 0 if nck.spec.unit_system == "metric" else 1,
-            nodes.NCK_VERSION: lambda: nck.spec.told[1],
-            HARDWARE: lambda: nck.spec.told[2],
+            nodes.NCK_VERSION: lambda: nck.spec.identity[1],
+            HARDWARE: lambda: nck.spec.identity[2],
             nodes.ALARM_COUNT: lambda: len(nck.alarms),
             "/Nck/TopPrioAlarm/alarmNo": lambda: self._alarm(1),
             "/Nck/LastAlarm/alarmNo": lambda: self._alarm(len(nck.alarms)),
@@ -205,7 +205,7 @@ class VariableSpace:
             place = int(inside)
             return self._axes[place] if place < len(self._axes) else ""
         if stem == "$MN_HW_SERIAL_NUMBER":
-            return self._nck.spec.told[0] if inside == "0" else ""
+            return self._nck.spec.identity[0] if inside == "0" else ""
         if stem in ("$MA_IS_ROT_AX", "$MA_ROT_IS_MODULO"):
             axis = next(one for one in self._nck.spec.axes if one.name == inside)
             return bool(axis.rotary if stem == "$MA_IS_ROT_AX" else axis.modulo)

@@ -78,7 +78,7 @@ class ServerQuirks:
     started: list[str] = field(default_factory=list)
     _drawn: random.Random | None = None
 
-    def starts(self) -> str:
+    def draw_starting_status(self) -> str:
         """The next status of a server whose NCK restarts."""
         if self._drawn is None:
             self._drawn = random.Random(self.starting_seed)

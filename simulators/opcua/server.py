@@ -136,7 +136,7 @@ class SinumerikServer:
         files = ServedFiles(nck, set_up.file_write_level, self.quirks)
         self._core = SinumerikInternalServer(
             accounts=Accounts(make_accounts(set_up.users)),
-            space=VariableSpace(nck, self.quirks.starts),
+            space=VariableSpace(nck, self.quirks.draw_starting_status),
             methods=methods,
             files=files,
             clock=clock,

@@ -66,7 +66,7 @@ class SinumerikSession(InternalSession):
         home = self._home
         await self._serve("read", len(params.NodesToRead), home.quirks.most_read)
         if home.quirks.starting == "session" and home.files.nck.booting:
-            raise ServiceError(getattr(ua.StatusCodes, home.quirks.starts()))
+            raise ServiceError(getattr(ua.StatusCodes, home.quirks.draw_starting_status()))
         other = [item for item in params.NodesToRead if not home.is_own(item.NodeId)]
         rest: Iterator[ua.DataValue] = iter(())
         if other:
@@ -76,7 +76,7 @@ class SinumerikSession(InternalSession):
         now = home.clock.utc()
         account = home.accounts.account(self.user)
         return [
-            self._value(item, account, now) if home.is_own(item.NodeId) else home.timed(item, next(rest), now)
+            self._value(item, account, now) if home.is_own(item.NodeId) else home.with_time_stamp(item, next(rest), now)
             for item in params.NodesToRead
         ]
 
@@ -201,7 +201,7 @@ class SinumerikSession(InternalSession):
             one.ItemsToCreate = [item]
             results += await super().create_monitored_items(one)
             if item.ItemToMonitor.AttributeId == ua.AttributeIds.EventNotifier:
-                self._home.alarms.listened()
+                self._home.alarms.start_watching()
         return results
 
     # ---- the session's own life, by the time of those who call: a fast cell makes no client faster ------
@@ -331,7 +331,7 @@ class SinumerikInternalServer(InternalServer):
         """Sessions of clients open now."""
         return len(self._external_sessions)
 
-    def timed(self, item: ua.ReadValueId, value: ua.DataValue, now: datetime) -> ua.DataValue:
+    def with_time_stamp(self, item: ua.ReadValueId, value: ua.DataValue, now: datetime) -> ua.DataValue:
         """The server's clock and limits are read, not kept in nodes."""
         if item.AttributeId != ua.AttributeIds.Value:
             return value

@@ -164,7 +164,7 @@ class AlarmEvents:
         self._reported: tuple[Alarm, ...] = ()
         self.name_space = 2
 
-    def listened(self) -> None:
+    def start_watching(self) -> None:
         """Somebody has subscribed: watch the alarms from now on."""
         if self._task is None or self._task.done():
             self._reported = self._nck.alarms

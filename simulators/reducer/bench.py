@@ -329,9 +329,9 @@ class Bench:
         fine = np.linspace(0.0, NEAR_ZERO, near, endpoint=False)
         up = largest * np.concatenate((fine, np.linspace(NEAR_ZERO, 1.0, max(steps - near, 2))))
         whole = np.concatenate((up, up[-2::-1], -up[1:], -up[-2::-1], up[1:]))
-        return self.twisted(whole, at_deg=at_deg)
+        return self.twist(whole, at_deg=at_deg)
 
-    def twisted(self, torque_nm: FloatArray, *, at_deg: float = 0.0) -> BenchRecord:
+    def twist(self, torque_nm: FloatArray, *, at_deg: float = 0.0) -> BenchRecord:
         """Torques (n,) one after the other on the output, the input locked where the output is near ``at_deg``."""
         torque = np.asarray(torque_nm, dtype=np.float64)
         carried = self._carried(torque)

@@ -23,14 +23,14 @@ async def test_a_machine_with_gaps_is_served_by_its_numbers() -> None:
 
 async def test_a_plc_that_shows_a_number_without_a_name_is_refused() -> None:
     async with on_stage(opened=False) as stage:
-        shown = stage.plc._picture._show_axis
+        shown = stage.plc._status._show_axis
 
         def nameless(image: object, target: object) -> None:
             shown(image, target)
             if target.axis == 2:  # type: ignore[attr-defined]
                 image.put(332, [0] * 8)  # type: ignore[attr-defined]
 
-        stage.plc._picture._show_axis = nameless
+        stage.plc._status._show_axis = nameless
         with pytest.raises(UnsupportedDevice) as caught:
             await stage.device.open(5.0)
         assert caught.value.code == "E-MBX-SILENT"

@@ -32,7 +32,7 @@ async def pushed(on: Stage, root: Path, value: float = -2.4) -> PushRecord:
 
 def lead(on: Stage, way: int) -> float:
     """How far the encoder goes ahead of the machine part after travel this way, um: the control's own truth."""
-    return 1000.0 * float(on.bench.nck.core._setpoints.take_up(0).whole(way))
+    return 1000.0 * float(on.bench.nck.core._setpoints.take_up(0).total(way))
 
 
 async def test_a_reversal_is_pushed_found_live_and_taken_for_applied(tmp_path: Path) -> None:

@@ -39,7 +39,7 @@ async def pushed(on: Stage, root: Path, value: float = -2.4, **facts: Any) -> Pu
 
 def lead(on: Stage, way: int) -> float:
     """How far the encoder goes ahead of the machine part after travel this way, um: the control's own truth."""
-    return 1000.0 * on.nck.core._setpoints.take_up(0).whole(way)
+    return 1000.0 * on.nck.core._setpoints.take_up(0).total(way)
 
 
 @pytest.mark.long

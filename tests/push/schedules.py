@@ -187,7 +187,7 @@ def _machine(made: Schedule) -> None:
         def act() -> None:
             nck = at.nck
             if kind == "key":
-                at.station.plc.turn_key_back()
+                at.station.plc.withdraw_release()
             elif kind == "alarm":
                 nck.drive_alarm(300504, "drive fault")
             elif kind == "mode":
@@ -331,7 +331,7 @@ async def _play(made: Schedule, at: World, bad: Mischief, folder: Path, found: P
             begin(at, bad, task)
         found.outcome = await task
     await device.close()
-    at.oracle.plc_lied = bool(at.station.plc.lied)
+    at.oracle.plc_lied = bool(at.station.plc.claimed_off)
     judge(at.oracle, found, said, context)
     found.whims = list(at.oracle.whims)
     await _mended(at, bad, off_and_on=made.rng.random() < 0.3)
@@ -356,7 +356,7 @@ async def _mended(at: World, bad: Mischief, *, off_and_on: bool) -> None:
     if not at.station.url:
         await at.station.plug(at.station.home)
     at.station.plc.change(**HONEST)
-    at.station.plc.lied.clear()
+    at.station.plc.claimed_off.clear()
     at.nck.core.spec = dataclasses.replace(at.nck.core.spec, swaps_points_at_reset=None, enables_again_s=0.0)
     at.nck.set_access_level(2)
     await at.ready()

@@ -225,7 +225,7 @@ def test_fault_94_too_little_table_memory_is_refused_and_never_enlarged(
 
 @pytest.mark.parametrize("command", few(ALL_COMMANDS, 2))
 def test_fault_95_the_key_turned_back_at_any_command(tmp_path: Path, command: str) -> None:
-    plan = at(command, lambda here: here.station.plc.turn_key_back(), mend=lambda here: here.nck.set_access_level(2))
+    plan = at(command, lambda here: here.station.plc.withdraw_release(), mend=lambda here: here.nck.set_access_level(2))
     story = sound(told(plan, tmp_path))
     assert story.outcome in NOT_THERE
     assert story.as_before or story.off

@@ -58,7 +58,7 @@ def test_a_hand_at_the_switch_in_mid_write_ends_off_or_back(tmp_path: Path, comm
 def test_without_the_release_it_is_told_as_still_on_until_somebody_gives_it(tmp_path: Path) -> None:
     def hand_and_key(at: World) -> None:
         at.nck.enable_by_itself()
-        at.station.plc.turn_key_back()
+        at.station.plc.withdraw_release()
 
     story = told(Plan(at=((Moment(2, "CHUNK"), hand_and_key), (Moment(1, "VERIFY"), hand_and_key))), tmp_path)
     assert (story.outcome, story.off) == ("held-on", False)

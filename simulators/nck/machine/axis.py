@@ -43,7 +43,7 @@ class TakeUp:
         """The lead without the dynamic part."""
         return self.plus if direction > 0 else self.minus
 
-    def whole(self, direction: int) -> float:
+    def total(self, direction: int) -> float:
         """The lead when all is taken up."""
         return self.at_once(direction) + self.dynamic * direction
 
@@ -60,7 +60,7 @@ class ReversalLead:
     def take_up(self, sign: int, how: TakeUp, time_s: float) -> None:
         """The drive turns that way at a time; sign 0: its backlash data changed."""
         self._direction = sign or self._direction
-        goal = how.whole(self._direction)
+        goal = how.total(self._direction)
         if self.path.final()[1] == goal:
             return
         if self.path.final()[0] > time_s:
@@ -85,7 +85,7 @@ class ReversalLead:
         """Drop reversals planned for later."""
         self.path.halt(now_s)
         value = self.path.demand(now_s)
-        self._direction = 1 if abs(value - how.whole(1)) <= abs(value - how.whole(-1)) else -1
+        self._direction = 1 if abs(value - how.total(1)) <= abs(value - how.total(-1)) else -1
         self._steady = how.at_once(self._direction)
 
     def forget_direction(self) -> None:

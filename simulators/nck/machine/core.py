@@ -302,7 +302,7 @@ class Core:
         wanted = np.asarray(positions, dtype=np.float64)
         actual = wanted + self._setpoints.standing(axis, wanted, direction, self.clock.now())
         table = axis.curve.at(actual) if axis.curve is not None else 0.0
-        return actual - table + self._setpoints.take_up(index).whole(direction)
+        return actual - table + self._setpoints.take_up(index).total(direction)
 
     def view(self, index: int) -> AxisView:
         """An axis as it is now."""

@@ -193,8 +193,8 @@ class MachineData:
         for table, points in enumerate(spec.cec_points):
             self._stored[CEC_POINTS, (table,)] = points
         self._stored["$MC_DIAMETER_AX_DEF", ()] = spec.diameter_axis
-        self._stored["$MN_HW_SERIAL_NUMBER", (0,)] = spec.told[0]
-        self._stored["$MN_VERSION_INFO", (0,)] = spec.told[1]
+        self._stored["$MN_HW_SERIAL_NUMBER", (0,)] = spec.identity[0]
+        self._stored["$MN_VERSION_INFO", (0,)] = spec.identity[1]
         self._stored[SAVED_SETTINGS, (0,)] = 41300
         self._stored["$MN_LEN_PROTOCOL_FILE", ()] = max(spec.files_max_bytes // 1024, 1)
 

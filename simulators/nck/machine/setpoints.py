@@ -145,7 +145,7 @@ class Setpoints:
         """MD32454 bit 1 = 0: movements of the additional setpoint take up backlash too."""
         how = self.take_up(axis.index)
         deaf = int(self._data.effective("$MA_BACKLASH_MODE", axis.active_encoder, axis.index)) & 2
-        if how.whole(1) == how.whole(-1) or deaf or not self._spec.backlash_reacts_to_cec:
+        if how.total(1) == how.total(-1) or deaf or not self._spec.backlash_reacts_to_cec:
             return
         axis.backlash.forget_plans(how, now)
         before, speed, since = current, 0.0, now

@@ -271,9 +271,9 @@ class Interpreter(DeclaringResolver):
                 await self._synchronise()
             deed = step(self)
             self.blocks += 1
-            if self._panel.cut_here():
+            if self._panel.mains_fail_here():
                 raise PowerCut
-            if not self._panel.goes_on(self):
+            if not self._panel.block_done(self):
                 raise ProgramAborted
             await self._hand_over(deed)
             await self._pass_block()

@@ -52,11 +52,11 @@ _TYPE_NUMBERS = {"BOOL": 1, "CHAR": 2, "INT": 3, "REAL": 4, "STRING": 5, "AXIS":
 class ControlPort(Host, Protocol):
     """What the interpreter asks of the control."""
 
-    def goes_on(self, run: object) -> bool:
+    def block_done(self, run: object) -> bool:
         """Another block is done: what happens from outside at it; whether this run still exists."""
         ...
 
-    def cut_here(self) -> bool:
+    def mains_fail_here(self) -> bool:
         """Count a block; whether the mains fail now."""
         ...
 

@@ -39,14 +39,14 @@ def test_a_turn_that_takes_long_counts_little() -> None:
 def test_a_wait_counts_as_long_as_it_took(asked: float | None, took: float, counts: float) -> None:
     wall = Wall()
     pace = PacedTime(wall)
-    pace.waited(lambda _timeout: wall.passes(took), asked)
+    pace.count_wait(lambda _timeout: wall.passes(took), asked)
     assert pace.now() == pytest.approx(100.0 + counts)
 
 
 def test_a_wait_that_overslept_counts_as_asked() -> None:
     wall = Wall()
     pace = PacedTime(wall)
-    pace.waited(lambda _timeout: wall.passes(25.0), 1.0)
+    pace.count_wait(lambda _timeout: wall.passes(25.0), 1.0)
     assert pace.now() == pytest.approx(101.0 + TURN_S)
 
 
@@ -57,7 +57,7 @@ def test_time_never_goes_back_and_never_runs_ahead(steps: list[tuple[bool, float
     seen = [pace.now()]
     for waits, took, asked in steps:
         if waits:
-            pace.waited(lambda _timeout, took=took: wall.passes(took), asked)  # type: ignore[misc]
+            pace.count_wait(lambda _timeout, took=took: wall.passes(took), asked)  # type: ignore[misc]
         else:
             wall.passes(took)
         seen.append(pace.now())
