@@ -18,8 +18,8 @@ from pymodbus.client import AsyncModbusTcpClient
 
 from benchmarks.report import Report, main
 from drivers.clock import LoopClock, run_virtual
+from drivers.sinumerik.mailbox.conversation import Heartbeat
 from drivers.sinumerik.mailbox.device import SinumerikModbus
-from drivers.sinumerik.mailbox.heartbeat import Heartbeat
 from drivers.sinumerik.mailbox.settings import ModbusSettings
 from drivers.sinumerik.mailbox.wire import ModbusWire
 from drivers.types.orders import PushOrder, SignProof

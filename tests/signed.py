@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from drivers.sinumerik.tablefile.tables import tables_by
+from drivers.sinumerik.tablefile.tables import tables_by_proof
 from drivers.types.identity import MachineIdentity
 from drivers.types.orders import SignProof
 from drivers.types.tables import LiveSet
@@ -17,4 +17,4 @@ def proof_of(sign: Any, axis: str = "X1") -> SignProof:
 
 def signed(live: LiveSet, sign: Any) -> LiveSet:
     """Cross tables as deviations by that sign."""
-    return tables_by(live, proof_of(sign))
+    return tables_by_proof(live, proof_of(sign))

@@ -20,7 +20,7 @@ from asyncua.server.server import Server
 from drivers.clock import Clock
 from drivers.errors import ConfigError
 from drivers.sinumerik.opcua.session import nodes
-from drivers.sinumerik.opcua.session.certificates import KeyPair, load, own_key_pair, private_key
+from drivers.sinumerik.opcua.session.certificates import KeyPair, load_certificate, load_private_key, own_key_pair
 from simulators.nck import Nck
 from simulators.opcua.address_space import VariableSpace, make_accounts
 from simulators.opcua.methods import (
@@ -171,7 +171,7 @@ class SinumerikServer:
         pair = await asyncio.to_thread(self._key_pair)
         self.certificate = pair.certificate
         await server.load_certificate(await asyncio.to_thread(pair.certificate.read_bytes), "der")
-        self._core.private_key = private_key(await asyncio.to_thread(pair.key.read_bytes))
+        self._core.private_key = load_private_key(await asyncio.to_thread(pair.key.read_bytes))
         if self.settings.trusted is not None:
             self._core.certificate_validator = self._validator()
         await self._fill(server)
@@ -196,7 +196,7 @@ class SinumerikServer:
         return own_key_pair(folder, "server", APPLICATION_URI, "127.0.0.1", server=True)
 
     def _validator(self) -> Any:
-        trusted = {load(Path(path).read_bytes()) for path in self.settings.trusted or ()}
+        trusted = {load_certificate(Path(path).read_bytes()) for path in self.settings.trusted or ()}
 
         async def validate(certificate: Any, _description: Any) -> None:
             if certificate not in trusted:

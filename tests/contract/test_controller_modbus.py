@@ -25,7 +25,7 @@ from drivers.errors import (
 )
 from drivers.ports.controller import Controller
 from drivers.sinumerik.tablefile import reader
-from drivers.sinumerik.tablefile.held import HELD, REVERSAL
+from drivers.sinumerik.tablefile.tables import HELD_KINDS, REVERSAL
 from drivers.types.abilities import Capabilities, Marker
 from drivers.types.machine import ChannelStatus
 from drivers.types.stops import StopPlan
@@ -64,7 +64,7 @@ async def test_a_table_goes_in_and_acts_over_every_wire(url: str, plc: dict[str,
         live = await stage.device.saved_tables("X1")
         assert live.own.enabled
         assert live.own.table == order.table
-        assert reader.read_loosely(live.native, "text", {"X1": "mm"}).tables[0] == order.table
+        assert reader.read_tables_loosely(live.native, "text", {"X1": "mm"}).tables[0] == order.table
 
 
 @pytest.mark.wall_time
@@ -81,7 +81,7 @@ async def test_it_is_a_controller_and_says_what_it_can() -> None:
         assert isinstance(device, Controller)
         assert device.capabilities == Capabilities(
             False,
-            (*HELD, REVERSAL),
+            (*HELD_KINDS, REVERSAL),
             "by-itself",
             True,
             "panel",

@@ -18,8 +18,7 @@ from drivers.carried import PieceOfWork, ToCarry, carrying
 from drivers.checks import Wanted
 from drivers.clock import LoopClock
 from drivers.errors import TrueflankError
-from drivers.sinumerik.offline.device import SinumerikOffline
-from drivers.sinumerik.offline.doctor import OfflineDoctor
+from drivers.sinumerik.offline.device import OfflineDoctor, SinumerikOffline
 from drivers.types.identity import KnownAs, MachineIdentity, likeness
 from gateway.audit import entries
 from gateway.cli import app

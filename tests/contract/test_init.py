@@ -39,7 +39,7 @@ async def test_a_five_axis_machine_from_an_empty_folder(tmp_path: Path) -> None:
     server = SinumerikServer(nck, clock, users)
     await server.start()
     try:
-        shown = certificates.load(await asyncio.to_thread(Path(server.certificate).read_bytes))
+        shown = certificates.load_certificate(await asyncio.to_thread(Path(server.certificate).read_bytes))
         thumbprint = certificates.short_fingerprint(shown).lower()
         typed = ["opcua", "five", server.url, "trueflank", PASSWORD, "00:11", thumbprint, "", "", "", "", ""]
         (tmp_path / "mine").mkdir()

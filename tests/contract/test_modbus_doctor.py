@@ -10,7 +10,7 @@ import pytest
 
 from drivers.checks import CheckLine, Wanted, WantedAxis
 from drivers.clock import LoopClock, run_virtual
-from drivers.sinumerik.mailbox.doctor import ModbusDoctor
+from drivers.sinumerik.mailbox.device import ModbusDoctor
 from simulators.modbus import running_station
 from simulators.nck import Nck, NckSpec
 from tests.contract.opcua_stage import SPEC

@@ -11,8 +11,7 @@ import pytest
 from drivers.checks import Wanted
 from drivers.clock import LoopClock
 from drivers.errors import ConfigError, TrueflankError
-from drivers.sinumerik.mailbox.device import SinumerikModbus
-from drivers.sinumerik.mailbox.doctor import ModbusDoctor
+from drivers.sinumerik.mailbox.device import ModbusDoctor, SinumerikModbus
 from drivers.sinumerik.mailbox.settings import ModbusSettings
 from tests import certificates
 from tests.certificates import Made

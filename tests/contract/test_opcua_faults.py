@@ -15,9 +15,9 @@ import pytest
 from asyncua.server import uaprocessor
 
 from drivers.errors import DeadlineExceeded, DeviceRefused, LinkBroken, TransportError, TrueflankError
-from drivers.sinumerik.opcua.session import login, nodes
+from drivers.sinumerik.opcua.session import connection, nodes
 from drivers.sinumerik.opcua.session.client import UaSession
-from drivers.sinumerik.opcua.session.secrets import Secrets
+from drivers.sinumerik.opcua.session.connection import Secrets
 from drivers.types.stops import Stop
 from simulators.opcua import SinumerikServer
 from simulators.opcua.address_space import VariableSpace
@@ -103,7 +103,7 @@ async def wire(on: Stage) -> AsyncIterator[Wire]:
 async def test_fault_46_renewing_the_channel_loses_and_doubles_no_write(
     keys: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(login, "CHANNEL_S", 30.0)
+    monkeypatch.setattr(connection, "CHANNEL_S", 30.0)
 
     async with on_stage(folder=keys) as on:
         settings = {"security": "Basic256Sha256", "server_certificate": str(on.server.certificate)}

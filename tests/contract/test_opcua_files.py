@@ -9,9 +9,9 @@ from typing import Any
 import pytest
 
 from drivers.errors import DeviceRefused, TrueflankError
-from drivers.sinumerik.ncprogram.legal import legal
+from drivers.sinumerik.ncprogram.checks import check_program
 from drivers.sinumerik.opcua.session.client import UaSession
-from drivers.sinumerik.opcua.session.secrets import Secrets
+from drivers.sinumerik.opcua.session.connection import Secrets
 from drivers.types.stops import Stop
 from tests.contract.opcua_stage import SPEC, Stage, on_stage, plan
 
@@ -99,7 +99,7 @@ async def test_a_large_file_goes_through_in_pieces_and_comes_back_whole(keys: Pa
     async with on_stage(folder=keys, server={"largest_copy": 1000}) as on:
         transfer = on.device._transfer
         text = "; a line of a long program\n" * 12000 + "M30\n"
-        await transfer.send(legal(MEASURE, text, ()))
+        await transfer.send(check_program(MEASURE, text, ()))
         assert on.server.requests.called["Open/Write"] == 5
         assert await transfer.fetch(MEASURE) == text
 

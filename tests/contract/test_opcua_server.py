@@ -14,7 +14,7 @@ from drivers.errors import ConfigError, TrueflankError
 from drivers.sinumerik.opcua.device import SinumerikOpcUa
 from drivers.sinumerik.opcua.session.certificates import own_key_pair
 from drivers.sinumerik.opcua.session.client import UaSession
-from drivers.sinumerik.opcua.session.secrets import Secrets
+from drivers.sinumerik.opcua.session.connection import Secrets
 from drivers.types.stops import Stop
 from simulators.opcua import SinumerikServer
 from tests.contract.opcua_stage import SPEC, Stage, on_stage, plan

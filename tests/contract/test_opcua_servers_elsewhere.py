@@ -10,10 +10,9 @@ import pytest
 
 from drivers.checks import CheckLine, Wanted, WantedAxis
 from drivers.errors import TrueflankError
-from drivers.sinumerik.opcua.doctor import UaDoctor
+from drivers.sinumerik.opcua.doctor import UaDoctor, UaTrust
 from drivers.sinumerik.opcua.session import nodes
 from drivers.sinumerik.opcua.session.certificates import own_key_pair
-from drivers.sinumerik.opcua.trust import UaTrust
 from drivers.types.stops import Stop
 from tests.contract.opcua_stage import AXES, ORDER, SPEC, Stage, on_stage, plan
 

@@ -13,12 +13,10 @@ from asyncua.ua.status_codes import code_to_name_doc
 
 from drivers.errors import catalogue
 from drivers.sinumerik.opcua.device import SinumerikOpcUa
-from drivers.sinumerik.opcua.doctor import UaDoctor
+from drivers.sinumerik.opcua.doctor import UaDoctor, UaTrust
 from drivers.sinumerik.opcua.session import nodes
-from drivers.sinumerik.opcua.session.families import FAMILIES, family
 from drivers.sinumerik.opcua.session.requests import code_name
-from drivers.sinumerik.opcua.session.status import is_not_yet, refusal
-from drivers.sinumerik.opcua.trust import UaTrust
+from drivers.sinumerik.opcua.session.status import FAMILIES, family_of, is_not_yet, status_error
 from simulators.opcua.quirks import STARTING_STATUSES
 from tests.contract.opcua_stage import ORDER, Stage, on_stage
 from tests.contract.test_opcua_doctor import WANTED
@@ -30,11 +28,11 @@ NAMES = sorted({name for name, _ in code_to_name_doc.values()})
 
 def test_every_code_of_the_standard_has_one_family() -> None:
     assert len(NAMES) > 250
-    assert [name for name in NAMES if family(name) == "other"] == []
+    assert [name for name in NAMES if family_of(name) == "other"] == []
     every = [name for names in FAMILIES.values() for name in names]
     assert sorted(every) == sorted(set(every))
     assert set(every) <= set(NAMES)
-    assert {family(name) for name in NAMES} == {"good", "unsure", *FAMILIES}
+    assert {family_of(name) for name in NAMES} == {"good", "unsure", *FAMILIES}
 
 
 @pytest.mark.parametrize("stage", ["login", "read", "write", "call"])
@@ -42,7 +40,7 @@ def test_every_bad_code_is_an_error_with_a_cure_that_names_it(stage: Any) -> Non
     for name in [*NAMES, "BadOfSomeMaker"]:
         if name == "Good":
             continue
-        error = refusal(name, "840D", stage, "node")
+        error = status_error(name, "840D", stage, "node")
         assert catalogue()[error.code]["do"], name
         assert "<" not in error.what, (name, error.what)
         assert not (error.retryable and stage in ("write", "call"))
@@ -50,8 +48,8 @@ def test_every_bad_code_is_an_error_with_a_cure_that_names_it(stage: Any) -> Non
 
 
 def test_only_rights_and_absent_nodes_are_final_while_a_control_restarts() -> None:
-    final = {name for name in NAMES if name != "Good" and not is_not_yet(refusal(name, "840D", "read", "node"))}
-    assert {family(name) for name in final} == {"rights", "login", "absent"}
+    final = {name for name in NAMES if name != "Good" and not is_not_yet(status_error(name, "840D", "read", "node"))}
+    assert {family_of(name) for name in final} == {"rights", "login", "absent"}
     assert "BadWaitingForInitialData" not in final
     assert {name for names in STARTING_STATUSES.values() for name in names} & final == set()
     assert len(STARTING_STATUSES["any"]) > 150

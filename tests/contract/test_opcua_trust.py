@@ -19,13 +19,12 @@ from typer.testing import CliRunner
 from drivers.clock import LoopClock
 from drivers.errors import ConfigError, TrueflankError
 from drivers.sinumerik.opcua.device import SinumerikOpcUa
-from drivers.sinumerik.opcua.doctor import UaDoctor
-from drivers.sinumerik.opcua.session import login
-from drivers.sinumerik.opcua.session.certificates import own_key_pair
+from drivers.sinumerik.opcua.doctor import UaDoctor, UaTrust
+from drivers.sinumerik.opcua.session import connection
+from drivers.sinumerik.opcua.session.certificates import own_key_pair, record_path
 from drivers.sinumerik.opcua.session.client import UaSession
-from drivers.sinumerik.opcua.session.secrets import secrets_of
+from drivers.sinumerik.opcua.session.connection import read_secrets
 from drivers.sinumerik.opcua.settings import UaSettings
-from drivers.sinumerik.opcua.trust import UaTrust, record_of
 from drivers.types.identity import MachineIdentity
 from gateway.cli import app
 from gateway.config.loading import load_site
@@ -96,7 +95,7 @@ async def test_fault_55_a_changed_certificate_is_refused_until_it_is_accepted(
         await device.open(5.0)
         await device.close()
         place = Path(settings(tmp_path)["server_certificate"])
-        records = [json.loads(line) for line in record_of(place).read_text().splitlines()]
+        records = [json.loads(line) for line in record_path(place).read_text().splitlines()]
         assert [record["who"] for record in records] == ["anna", "bert"]
         assert records[1]["before"] == records[0]["accepted"]
         assert len(list(place.parent.glob("control.der.old-*"))) == 1
@@ -251,7 +250,7 @@ async def test_the_best_policy_that_both_know_is_used(
         given = {**USER, "security": asked, "server_certificate": str(on.server.certificate)}
         given["client_folder"] = str(keys / "client")
         session = UaSession(on.server.url, on.clock, "840D")
-        secrets = secrets_of(UaSettings.read(given, "840D"), "840D")
+        secrets = read_secrets(UaSettings.read(given, "840D"), "840D")
         lines = {one.check: one for one in await UaDoctor("840D", on.server.url, given, on.clock).examine(WANTED, 5.0)}
         line = lines["policy"]
         if used:
@@ -307,8 +306,8 @@ async def test_a_pinned_certificate_that_does_not_hold_now_connects_to_nothing(
         await on.device.close()
         before = dict(on.server.requests.services)
         given = {**USER, "server_certificate": str(on.server.certificate), "client_folder": str(keys / "client")}
-        for ask in (login.ask, garbled):
-            monkeypatch.setattr(login, "ask", ask)
+        for ask in (connection.query_offer, garbled):
+            monkeypatch.setattr(connection, "ask", ask)
             error = await refused(SinumerikOpcUa("840D", on.server.url, given, on.clock).open(5.0), "E-UA-EXPIRED")
             assert "trust accept" in error.hint
         assert dict(on.server.requests.services) == before
@@ -326,11 +325,11 @@ async def test_a_server_whose_end_points_are_garbled_must_still_be_the_pinned_on
 
     async def act(on: Stage) -> None:
         await on.device.close()
-        monkeypatch.setattr(login, "ask", garbled)
+        monkeypatch.setattr(connection, "ask", garbled)
         given = {**USER, "server_certificate": str(on.server.certificate), "client_folder": str(keys / "client")}
         for asked, used in (("best", BOTH[1]), (BOTH[0], BOTH[0])):
             session = UaSession(on.server.url, on.clock, "840D")
-            await session.open(secrets_of(UaSettings.read({**given, "security": asked}, "840D"), "840D"), 5.0)
+            await session.open(read_secrets(UaSettings.read({**given, "security": asked}, "840D"), "840D"), 5.0)
             assert session.policy == used
             await session.close()
         other = own_key_pair(tmp_path, "other", "urn:x", "127.0.0.1", server=True)

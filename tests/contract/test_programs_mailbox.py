@@ -9,7 +9,7 @@ import pytest
 
 from drivers.errors import ConfigError, DeviceRefused
 from drivers.programs import DayNumbers, Origin, PaperMachine
-from drivers.sinumerik.mailbox.paper import on_paper
+from drivers.sinumerik.mailbox.preview import preview_writes
 from drivers.types.orders import DisableOrder, PushBatch
 from drivers.types.stops import Stop, StopPlan
 from drivers.types.tables import CompensationTable
@@ -36,7 +36,7 @@ async def pushed(stage: Stage, batch: PushBatch) -> None:
 
 
 def printed(order: Any, numbers: DayNumbers, settings: dict[str, Any]) -> str:
-    (one,) = on_paper(order, settings, replace(MACHINE, numbers=numbers), ORIGIN, "grinder")
+    (one,) = preview_writes(order, settings, replace(MACHINE, numbers=numbers), ORIGIN, "grinder")
     return one.text
 
 
@@ -64,7 +64,7 @@ async def test_numbers_and_factors_of_the_site_file_are_printed_and_laid_down(wi
         await pushed(stage, batch)
         assert stage.get("$MA_BACKLASH[0,X1]") == pytest.approx(0.0012, abs=1e-9)
         machine = PaperMachine(("C1", "X1"), frozenset({"C1"}), numbers=wire_log.numbers(17))
-        (one,) = on_paper(batch, said, machine, ORIGIN, "grinder")
+        (one,) = preview_writes(batch, said, machine, ORIGIN, "grinder")
         assert read(one.text) == wire_log.changing
         assert "Axes by number (MD32452): 1 C1 (1), 4 X1 (2)" in one.text
 
@@ -95,13 +95,13 @@ def test_axes_that_nobody_has_numbered_are_not_printed() -> None:
     order = DisableOrder(18, "axis", "X1")
     unseen = replace(MACHINE, seen=False)
     with pytest.raises(ConfigError) as caught:
-        on_paper(order, HIGH, unseen, ORIGIN, "grinder")
+        preview_writes(order, HIGH, unseen, ORIGIN, "grinder")
     assert (caught.value.code, caught.value.fields["axes"]) == ("E-MBX-NOT-ASKED", "X1, C1")
     with pytest.raises(ConfigError, match=r"E-MBX-NOT-ASKED.*C1"):
-        on_paper(order, {"axis_numbers": {"X1": 2}}, MACHINE, ORIGIN, "grinder")
+        preview_writes(order, {"axis_numbers": {"X1": 2}}, MACHINE, ORIGIN, "grinder")
     with pytest.raises(ConfigError, match="a number of its own"):
-        on_paper(order, {"axis_numbers": {"X1": 2, "C1": 2}}, MACHINE, ORIGIN, "grinder")
-    (one,) = on_paper(order, {"axis_numbers": {"X1": 1, "C1": 4}}, unseen, ORIGIN, "grinder")
+        preview_writes(order, {"axis_numbers": {"X1": 2, "C1": 2}}, MACHINE, ORIGIN, "grinder")
+    (one,) = preview_writes(order, {"axis_numbers": {"X1": 1, "C1": 4}}, unseen, ORIGIN, "grinder")
     assert "1 X1 (1), 4 C1 (1)" in one.text
 
 
@@ -118,5 +118,5 @@ async def test_an_order_to_switch_off_is_laid_down_as_it_is_printed(wire_log: Wi
 
 def test_what_moves_an_axis_is_not_on_this_road() -> None:
     plan = StopPlan("TF", "X1", "X", "mm", False, (Stop(0.0, 1),), 1.0, 0.0, 1.0)
-    assert on_paper(plan, HIGH, MACHINE, ORIGIN, "grinder") == ()
+    assert preview_writes(plan, HIGH, MACHINE, ORIGIN, "grinder") == ()
     assert NEW.kind == "axis"

@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from drivers.clock import LoopClock, run_virtual
-from drivers.sinumerik.tablefile.temperature import acting, of_axis
+from drivers.sinumerik.tablefile.axis_settings import acting_temperature, temperature_of
 from drivers.types.tables import TemperatureShift
 from gateway.push import push_table
 from tests.push.uaworld import ua_change, ua_context, ua_world
@@ -57,9 +57,9 @@ def test_what_acts_is_read_with_the_tables(keys: Path, kind: int) -> None:
 
 def test_a_steep_line_acts_as_far_as_the_control_lets_it() -> None:
     names = {"$MA_TEMP_COMP_TYPE[X1]": "2", "$MA_COMP_ADD_VELO_FACTOR[X1]": "0.01", "$SA_TEMP_COMP_SLOPE[X1]": "-0.5"}
-    found = of_axis({name: Decimal(value) for name, value in names.items()}, "X1")
-    assert acting(found) == TemperatureShift(0.0, -0.01, 0.0)
-    assert acting(None) == TemperatureShift()
+    found = temperature_of({name: Decimal(value) for name, value in names.items()}, "X1")
+    assert acting_temperature(found) == TemperatureShift(0.0, -0.01, 0.0)
+    assert acting_temperature(None) == TemperatureShift()
 
 
 def test_a_push_over_a_change_of_it_is_refused_with_nothing_written(keys: Path, tmp_path: Path) -> None:

@@ -21,7 +21,7 @@ from cryptography.hazmat.primitives.serialization import Encoding
 from drivers.clock import LoopClock
 from drivers.errors import DeadlineExceeded
 from drivers.sinumerik.opcua.session import nodes
-from drivers.sinumerik.opcua.session.certificates import load, own_key_pair
+from drivers.sinumerik.opcua.session.certificates import load_certificate, own_key_pair
 from simulators.nck import Nck
 from simulators.opcua.address_space import ANONYMOUS, StatusRefused, VariableSpace, make_accounts
 from simulators.opcua.methods import SIGNATURES, Methods
@@ -134,7 +134,7 @@ class PeerServer:
         runs = runner()
         pair = own_key_pair(folder, "peer", URI, "127.0.0.1", server=True)
         pem = folder / "peer.pem"
-        pem.write_bytes(load(pair.certificate.read_bytes()).public_bytes(Encoding.PEM))
+        pem.write_bytes(load_certificate(pair.certificate.read_bytes()).public_bytes(Encoding.PEM))
         port = free_port()
         config = {
             "port": port,

@@ -61,9 +61,9 @@ async def conversation(stack: str, folder: Path, *, trusted: bool, name_space: i
 def _pem(path: Path) -> bytes:
     from cryptography.hazmat.primitives.serialization import Encoding
 
-    from drivers.sinumerik.opcua.session.certificates import load
+    from drivers.sinumerik.opcua.session.certificates import load_certificate
 
-    return load(path.read_bytes()).public_bytes(Encoding.PEM)
+    return load_certificate(path.read_bytes()).public_bytes(Encoding.PEM)
 
 
 @pytest.mark.parametrize("stack", CLIENTS)

@@ -16,7 +16,7 @@ from drivers.sinumerik.opcua.device import SinumerikOpcUa
 from drivers.sinumerik.opcua.session import nodes
 from drivers.sinumerik.opcua.session.certificates import own_key_pair
 from drivers.sinumerik.opcua.session.client import UaSession
-from drivers.sinumerik.opcua.session.secrets import APPLICATION_URI, secrets_of
+from drivers.sinumerik.opcua.session.connection import APPLICATION_URI, read_secrets
 from drivers.sinumerik.opcua.settings import UaSettings
 from drivers.types.stops import Stop
 from simulators.nck import Nck
@@ -130,7 +130,7 @@ def test_wrong_password_unknown_certificates_and_other_refusals(stack: str, keys
 
         session = UaSession(on.server.url, LoopClock(), "peer")
         settings = UaSettings.read(on.settings(keys), "peer")
-        await session.open(await asyncio.to_thread(secrets_of, settings, "peer"), 10.0)
+        await session.open(await asyncio.to_thread(read_secrets, settings, "peer"), 10.0)
         await session.write([(nodes.r_parameter(90), 1.25)], 5.0)
         (block,) = await session.read([nodes.r_block(80, 20)], 5.0)
         assert block.value[10] == 1.25

@@ -9,7 +9,7 @@ import pytest
 from drivers.clock import LoopClock
 from drivers.errors import words
 from drivers.programs import Moment
-from drivers.sinumerik.ncprogram.messages import message, messages
+from drivers.sinumerik.opcua.measuring import message_at, waiting_messages
 from gateway.config import load_site
 from gateway.push import push_table
 from gateway.workflow.programs import programs
@@ -61,8 +61,8 @@ def test_every_wait_of_every_program_has_its_moment(tmp_path: Path) -> None:
     path = site_file(tmp_path, "demo")
     known = set()
     for one in programs(load_site(path), path, ("self-test", "measure", "load", "proof", "grind", "off")):
-        waits = {text for text in messages(one.program.text) if not text.startswith("TRUEFLANK SETUP ")}
-        found = {moment: message(one.program.text, moment) for moment in SHOWN.values()}
+        waits = {text for text in waiting_messages(one.program.text) if not text.startswith("TRUEFLANK SETUP ")}
+        found = {moment: message_at(one.program.text, moment) for moment in SHOWN.values()}
         assert waits == {text for text in found.values() if text}, one.name
         known |= {moment for moment, text in found.items() if text}
     assert known == set(SHOWN.values())

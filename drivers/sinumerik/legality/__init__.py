@@ -29,9 +29,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from drivers.sinumerik.legality.cursor import Scope
-from drivers.sinumerik.legality.findings import Finding, Illegal, finding
-from drivers.sinumerik.legality.names import judge_program_name
+from drivers.sinumerik.legality.lexer import Finding, IllegalBlock, Scope, check_program_name, make_finding
 from drivers.sinumerik.legality.program import Program
 
 __all__ = ["Finding", "Machine", "check"]
@@ -62,7 +60,7 @@ def _judge_name(name: str) -> tuple[Finding, ...]:
     if not name:
         return ()
     try:
-        judge_program_name(name)
-    except Illegal as wrong:
-        return (finding(0, wrong),)
+        check_program_name(name)
+    except IllegalBlock as wrong:
+        return (make_finding(0, wrong),)
     return ()

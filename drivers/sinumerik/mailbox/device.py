@@ -1,9 +1,9 @@
-"""The SINUMERIK 840D behind a PLC mailbox on Modbus TCP or RTU, as a Controller without motion programs.
+"""The SINUMERIK 840D behind a PLC mailbox on Modbus TCP or RTU, as a Controller without motion programs; its doctor.
 
-Tables are loaded, read back and switched by the PLC (docs/plc-mailbox.md); a person confirms at the panel. Axes
-are moved by the operator: a site with this road alone measures by dwell or from files.
-Compensation values come in um or arcsec, positions in mm or deg. Reads may be repeated by the caller, a write
-never: after a timeout what the PLC did is unknown, `open` makes a fresh connection.
+Tables are loaded, read back and switched by the PLC (docs/plc-mailbox.md); a person confirms at the panel. The operator
+moves the axes: a site with this connection alone measures by dwell or from files. Compensation values come in um or
+arcsec, positions in mm or deg. Reads may be repeated by the caller, a write never: after a timeout what the PLC did is
+unknown, and `open` makes a fresh connection.
 """
 
 from __future__ import annotations
@@ -11,21 +11,24 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any, Literal
+from urllib.parse import urlsplit
 
+from drivers.checks import CheckLine, Wanted, failed, fine, identity_lines, unknown, wrong
 from drivers.clock import Clock
-from drivers.errors import UnsupportedDevice
+from drivers.errors import TrueflankError, UnsupportedDevice
 from drivers.leftover import NOTHING, LeftOver, SentPrograms
 from drivers.ports.devices import Tell
-from drivers.sinumerik.mailbox.codec.registers import KINDS
-from drivers.sinumerik.mailbox.conversation import Talk
-from drivers.sinumerik.mailbox.disabling import MailboxDisabling
+from drivers.sinumerik.mailbox.codec.frames import Picture, Status
+from drivers.sinumerik.mailbox.codec.registers import KINDS, MAP_VERSION, StatusBit
+from drivers.sinumerik.mailbox.conversation import PlcConversation
 from drivers.sinumerik.mailbox.pushing import MailboxPushing
-from drivers.sinumerik.mailbox.reader import MailboxReader
+from drivers.sinumerik.mailbox.reader import MailboxReader, machine_of
 from drivers.sinumerik.mailbox.settings import ModbusSettings
-from drivers.sinumerik.mailbox.switching import Switching
+from drivers.sinumerik.mailbox.switching import MailboxDisabling, MailboxSwitching
 from drivers.sinumerik.mailbox.wire import ModbusWire
+from drivers.sinumerik.reach import host_and_port, reach
 from drivers.sinumerik.tablefile import tables
-from drivers.sinumerik.tablefile.held import HELD, REVERSAL
+from drivers.sinumerik.tablefile.tables import HELD_KINDS, REVERSAL
 from drivers.standing import KeepsPlaces
 from drivers.terms import TableKind
 from drivers.types.abilities import Capabilities, Marker, TableLimits
@@ -37,9 +40,11 @@ from drivers.types.tables import CompensationTable, LiveSet
 from drivers.types.values import Sense
 from drivers.workpiece import GrindPlan
 
+# The controller.
+
 CAPABILITIES = Capabilities(
     stops=False,
-    tables=(*HELD, REVERSAL),
+    tables=(*HELD_KINDS, REVERSAL),
     switched="by-itself",
     marker=True,
     consent="panel",
@@ -55,10 +60,10 @@ class SinumerikModbus(KeepsPlaces, KnownAs):
     def __init__(self, name: str, url: str, settings: Mapping[str, Any], clock: Clock) -> None:
         self.name = name
         found = ModbusSettings.read(settings, name)
-        self._talk = Talk(ModbusWire(url, found, clock, name), found, clock, name)
+        self._talk = PlcConversation(ModbusWire(url, found, clock, name), found, clock, name)
         self._reader = MailboxReader(self._talk, name)
         self._pushing = MailboxPushing(talk=self._talk, reader=self._reader, settings=found, clock=clock, where=name)
-        self._switching = Switching(
+        self._switching = MailboxSwitching(
             talk=self._talk, reader=self._reader, pushing=self._pushing, settings=found, clock=clock, where=name
         )
         self._disabling = MailboxDisabling(
@@ -179,12 +184,12 @@ class SinumerikModbus(KeepsPlaces, KnownAs):
         return await self.saved_tables(question.axis, question.proof)
 
     def tables_by(self, live: LiveSet, proof: SignProof | None) -> LiveSet:
-        """As `tables.tables_by`."""
-        return tables.tables_by(live, proof)
+        """As `tables.tables_by_proof`."""
+        return tables.tables_by_proof(live, proof)
 
     def table_by(self, table: CompensationTable, sense: Sense, proof: SignProof | None) -> CompensationTable:
-        """As `tables.table_by`."""
-        return tables.table_by(table, sense, proof)
+        """As `tables.table_by_proof`."""
+        return tables.table_by_proof(table, sense, proof)
 
     async def saved_tables(self, axis: str, proof: SignProof | None = None) -> LiveSet:
         """The live tables of an axis, read afresh; in a session of their own outside a push."""
@@ -249,14 +254,14 @@ class SinumerikModbus(KeepsPlaces, KnownAs):
     async def prepare_disable(self, order: DisableOrder) -> None:
         """Wait for the release, a person's consent, and see whether command 6 would be taken now.
 
-        Raises as `MailboxDisabling.enter` and its `check`.
+        Raises as `MailboxDisabling.enter` and its `check_encoder`.
         """
         await self._disabling.enter()
         async with self._talk.turn:
             await self._disabling.check(order)
 
     async def wait_disabled(self, order: DisableOrder, timeout_s: float) -> SwitchReading:
-        """Command 6, and what is read back. Raises as `MailboxDisabling.enter` and its `disabled`."""
+        """Command 6, and what is read back. Raises as `MailboxDisabling.enter` and its `disable_blocks`."""
         await self._disabling.enter()
         async with self._talk.turn:
             return await self._disabling.disabled(order, timeout_s)
@@ -265,3 +270,101 @@ class SinumerikModbus(KeepsPlaces, KnownAs):
         """Leave the marker in its last state and end the session. Raises DeviceRefused (E-MBX-MARKER)."""
         async with self._talk.turn:
             await self._switching.finish(batch, state)
+
+
+# The doctor: no register is written, so no axis is selected and no session opened.
+
+DEFAULT_PORT = 502
+_CHECKS = {
+    "E-MBX-WORD-ORDER": "word order",
+    "E-MBX-VERSION": "map version",
+    "E-MBX-OLD-MAP": "map version",
+    "E-MBX-MAGIC": "mailbox",
+}
+
+
+class ModbusDoctor:
+    """Settings as the controller's. No register is written, so no axis is selected and no session opened."""
+
+    def __init__(self, name: str, url: str, settings: Mapping[str, Any], clock: Clock) -> None:
+        self.name = name
+        self._url = url
+        self._clock = clock
+        found = ModbusSettings.read(settings, name)
+        self._settings = found
+        self._talk = PlcConversation(ModbusWire(url, found, clock, name), found, clock, name)
+
+    async def examine(self, wanted: Wanted, timeout_s: float) -> tuple[CheckLine, ...]:
+        """Every line in the order of the road. Where the road ends, the last line says what could not be asked."""
+        lines = await self._road(timeout_s)
+        if lines and lines[-1].outcome != "ok":
+            return (*lines, unknown("W-DOC-NOT-REACHED", "rest"))
+        try:
+            lines += await self._mailbox(wanted, timeout_s)
+        finally:
+            await self._talk.close()
+        return tuple(lines)
+
+    async def _road(self, timeout_s: float) -> list[CheckLine]:
+        scheme = urlsplit(self._url).scheme if "://" in self._url else ""
+        if scheme not in ("tcp", "socket"):
+            return []
+        secured = self._settings.secured
+        protected = [fine("W-DOC-TLS", "protection") if secured else wrong("E-DOC-PLAIN", "protection")]
+        try:
+            host, port = host_and_port(self._url, DEFAULT_PORT)
+        except ValueError as error:
+            return [wrong("E-DOC-NAME", "name", host=self._url, why=str(error))]
+        return [*protected, *await reach(host, port, self._clock, timeout_s)]
+
+    async def _mailbox(self, wanted: Wanted, timeout_s: float) -> list[CheckLine]:
+        try:
+            status = await self._talk.begin(timeout_s)
+        except TrueflankError as error:
+            return [failed(error, _CHECKS.get(error.code, "answer")), unknown("W-DOC-NOT-REACHED", "rest")]
+        lines = [
+            fine("W-DOC-MAILBOX", "mailbox"),
+            fine("W-DOC-MAP", "map version", version=MAP_VERSION),
+            fine("W-DOC-ORDER", "word order", order=self._settings.word_order),
+        ]
+        try:
+            await self._talk.alive()
+            lines.append(fine("W-DOC-HEARTBEAT", "heartbeat"))
+        except TrueflankError as error:
+            lines.append(failed(error, "heartbeat"))
+        try:
+            picture = await self._talk.picture()
+        except TrueflankError as error:
+            return [*lines, failed(error, "registers"), unknown("W-DOC-NOT-REACHED", "rest")]
+        return [*lines, *_fingerprint(picture, wanted), *_machine(picture, status)]
+
+
+def _fingerprint(picture: Picture, wanted: Wanted) -> list[CheckLine]:
+    counts = {"axes": picture.axes, "tables": picture.tables, "needed": len(wanted.axes)}
+    enough = picture.axes >= len(wanted.axes)
+    return [
+        # Names of axes come one by one, by a register that selects: they are compared when the site is opened.
+        *identity_lines(machine_of(picture, ()), wanted),
+        fine("W-DOC-COUNTS", "axes", **counts) if enough else wrong("E-DOC-COUNTS", "axes", **counts),
+    ]
+
+
+def _machine(picture: Picture, status: Status) -> list[CheckLine]:
+    scaling = {"basic": "in register 306", "scaling": int(picture.metric)}
+    lines = [fine("W-DOC-UNITS", "units") if picture.metric else wrong("E-DOC-INCH", "units", **scaling)]
+    lines.append(fine("W-DOC-WARMTH-ELSEWHERE", "temperature"))
+    stale = status.has(StatusBit.RELEASE_STALE)
+    lines.append(unknown("E-DOC-RELEASE", "release") if stale else fine("W-DOC-RELEASED", "release"))
+    if status.session:
+        lines.append(unknown("W-DOC-SESSION", "session", session=status.session))
+    else:
+        lines.append(fine("W-DOC-NO-SESSION", "session"))
+    if not status.has(StatusBit.READY):
+        lines.append(wrong("E-DOC-NOT-READY", "state"))
+    else:
+        names = {StatusBit.IN_RESET: "in reset", StatusBit.STANDSTILL: "standing", StatusBit.REFERENCED: "referenced"}
+        shown = [name for bit, name in names.items() if status.has(bit)] + (
+            ["alarm"] if status.has(StatusBit.ALARM) else []
+        )
+        lines.append(fine("W-DOC-BITS", "state", bits=", ".join(shown) or "-"))
+    return lines

@@ -1,7 +1,11 @@
-"""The first half of a push through the mailbox: back up, mark, disable, load, read back over a new connection.
+"""The first half of a push through the mailbox, with what must hold before and after each of its steps.
 
-A table is never loaded while it acts, and what the control holds afterwards is read from the control twice
-before anybody may enable it.
+::
+
+    back up -> mark -> switch off -> load in chunks -> verify -> read back over a new connection
+
+A table is never loaded while it acts. What the control holds afterwards is read twice from the control before anybody
+may enable it. The checks are pure: a reading in, an exception with its reason out.
 """
 
 from __future__ import annotations
@@ -10,17 +14,31 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
+import numpy as np
+
 from drivers.clock import Clock
 from drivers.errors import DeviceRefused, TableError, TooManyPoints, TrueflankError, ValueOutOfRange
-from drivers.sinumerik.mailbox import checks
+from drivers.limits import Limits
 from drivers.sinumerik.mailbox.codec import grids
-from drivers.sinumerik.mailbox.codec.commands import Order, chunks, marker_data, switching
-from drivers.sinumerik.mailbox.codec.grids import MailboxAxis
-from drivers.sinumerik.mailbox.codec.packing import dints
-from drivers.sinumerik.mailbox.codec.readings import Picture, Status
-from drivers.sinumerik.mailbox.codec.registers import MOST_ENTRIES, AxisBit, Command, Kind, StatusBit
-from drivers.sinumerik.mailbox.consent import Consent
-from drivers.sinumerik.mailbox.conversation import Talk
+from drivers.sinumerik.mailbox.codec.frames import (
+    MailboxOrder,
+    Picture,
+    Status,
+    marker_data,
+    switching_command,
+    value_chunks,
+)
+from drivers.sinumerik.mailbox.codec.grids import MailboxAxis, StoredTable
+from drivers.sinumerik.mailbox.codec.registers import (
+    MOST_ENTRIES,
+    AxisBit,
+    Command,
+    Kind,
+    StatusBit,
+    SwitchBit,
+    pack_dints,
+)
+from drivers.sinumerik.mailbox.conversation import PanelRelease, PlcConversation
 from drivers.sinumerik.mailbox.reader import (
     MARKER_STATES,
     AxisReading,
@@ -33,11 +51,172 @@ from drivers.sinumerik.mailbox.reader import (
 )
 from drivers.sinumerik.mailbox.settings import ModbusSettings
 from drivers.sinumerik.tablefile import tables
-from drivers.sinumerik.tablefile.tables import sense_for
+from drivers.sinumerik.tablefile.tables import order_sense
 from drivers.types.identity import MachineIdentity
 from drivers.types.orders import DisableOrder, PushBatch, PushOrder, ReadBack
-from drivers.types.tables import LiveSet
+from drivers.types.tables import CompensationTable, LiveSet, LiveTable
 from drivers.types.values import GONE
+
+# Checks.
+
+JUMP = Limits.of("mm").jump + 1e-6  # um or arcsec: what an axis may jump when a table is switched
+_REST = (StatusBit.READY, StatusBit.IN_RESET, StatusBit.STANDSTILL)
+_GRID = ("flags", "minimum", "step", "maximum", "multiply_by")
+
+
+def check_before_write(status: Status, where: str, alarm: int = 0) -> None:
+    """What must hold before every write of a push.
+
+    Raises DeviceRefused (E-MBX-NOT-RELEASED, E-MBX-NOT-IN-RESET, E-MBX-ALARM).
+    """
+    if not status.has(StatusBit.RELEASED):
+        raise DeviceRefused("E-MBX-NOT-RELEASED", where, command="push", detail=0)
+    check_at_rest(status, where, alarm)
+
+
+def check_at_rest(status: Status, where: str, alarm: int = 0) -> None:
+    """Ready, in reset, standing, no alarm. Raises DeviceRefused (E-MBX-NOT-IN-RESET, E-MBX-ALARM)."""
+    if not status.has(*_REST):
+        raise DeviceRefused("E-MBX-NOT-IN-RESET", where, command="push", detail=0)
+    if status.has(StatusBit.ALARM):
+        raise DeviceRefused("E-MBX-ALARM", where, number=alarm or "in the panel's list")
+
+
+def check_switchable(status: Status, where: str, *, released: bool, anyhow: bool = False) -> None:
+    """What command 6 needs; an alarm does not keep a table on, and ``anyhow`` no program and no motion either.
+
+    Raises DeviceRefused as `check_before_write`.
+    """
+    if not released:
+        raise DeviceRefused("E-MBX-NOT-RELEASED", where, command="DISABLE", detail=0)
+    if not status.has(StatusBit.READY) or not (anyhow or status.has(*_REST)):
+        raise DeviceRefused("E-MBX-NOT-IN-RESET", where, command="DISABLE", detail=0)
+
+
+def is_on(order: MailboxOrder, status: Status, picture: Picture) -> bool:
+    """Whether the table that ``order`` names is at work, by its switches; the status word must agree.
+
+    A backlash has no switch: it is on where it is not 0.
+    """
+    if order.kind is Kind.BACKLASH:
+        return SwitchBit.BACKLASH in picture.switches and picture.backlash != 0
+    if order.kind is Kind.EEC:
+        return SwitchBit.EEC in picture.switches and status.has(StatusBit.EEC_ENABLED)
+    both = SwitchBit.CEC_AXIS | SwitchBit.CEC_TABLE
+    return both in picture.switches and status.has(StatusBit.CEC_ENABLED)
+
+
+def is_off(order: MailboxOrder, status: Status, picture: Picture) -> bool:
+    """Whether it may be written: each of its switches reads off, in the picture and in the status word."""
+    if order.kind is Kind.BACKLASH:
+        return SwitchBit.BACKLASH not in picture.switches and picture.backlash == 0
+    if order.kind is Kind.EEC:
+        return SwitchBit.EEC not in picture.switches and not status.has(StatusBit.EEC_ENABLED)
+    either = SwitchBit.CEC_AXIS | SwitchBit.CEC_TABLE
+    return not picture.switches & either and not status.has(StatusBit.CEC_ENABLED)
+
+
+def check_coupling(order: PushOrder, backup: AxisReading, batch: PushBatch, where: str) -> None:
+    """A CEC axis switch serves all tables of its axis: no other one may wake up, or join a sign proof, unseen.
+
+    ``order.coupled`` says that others were at work and shall be again. Raises DeviceRefused (E-MBX-COUPLED).
+    """
+    if order.table.kind != "cross":
+        return
+    ours = {one.table.index for one in batch if one.table.kind == "cross"}
+    others = [
+        table.picture.selection.index
+        for table in backup.stored[1:]
+        if SwitchBit.CEC_TABLE in table.picture.switches and table.picture.selection.index not in ours
+    ]
+    asleep = not (order.coupled and axis_switch(backup))
+    if others and (asleep or order.purpose == "sign-proof"):
+        told = ", ".join(map(str, others))
+        raise DeviceRefused("E-MBX-COUPLED", where, axis=order.table.output_axis, tables=told)
+
+
+def axis_switch(backup: AxisReading) -> bool:
+    """Whether `$MA_CEC_ENABLE` of the axis was on."""
+    return SwitchBit.CEC_AXIS in backup.stored[0].picture.switches
+
+
+def check_position(order: PushOrder, backup: LiveSet, position: float, where: str) -> None:
+    """The axis must stand where neither the old nor the new table moves it; nothing on this road can bring it there.
+
+    ``position`` of the input axis, mm or deg. Raises DeviceRefused (E-MBX-PLACE).
+    """
+    old = live_table_of(order, backup)
+    before = abs(value_at(old.table, position)) if old is not None and old.enabled else 0.0
+    after = abs(value_at(order.table, position)) if order.enable else 0.0
+    if max(before, after) > JUMP:
+        told: dict[str, Any] = {"axis": order.table.input_axis, "position": position, "unit": order.table.input_unit}
+        jump = round(max(before, after), 3)
+        raise DeviceRefused("E-MBX-PLACE", where, jump=jump, wanted=order.agreeing_position, **told)
+
+
+def compare_read_back(
+    order: PushOrder, begin: MailboxOrder, values: tuple[int, ...], reading: AxisReading, where: str
+) -> DeviceRefused | None:
+    """Numbers read back against numbers sent, points above them against zero: E-MBX-READBACK, None where all agree.
+
+    Of a backlash nothing stands there yet: it is written when it is switched on, and looked at then
+    (`compare_backlash`).
+    """
+    if order.table.kind == "reversal":
+        return compare_backlash(order, 0, reading.stored[0].picture, where)
+    stored = _stored_of(order, reading)
+    found = ["the table"] if stored is None else list(_differences(begin, values, stored))
+    if not found:
+        return None
+    told: dict[str, Any] = {"count": len(found), "first": found[0]}
+    return DeviceRefused("E-MBX-READBACK", where, table=order.table.name, **told)
+
+
+def compare_backlash(order: PushOrder, number: int, picture: Picture, where: str) -> DeviceRefused | None:
+    """The backlash that stands in the control against a number: E-MBX-READBACK, None where they are the same."""
+    if picture.backlash == number:
+        return None
+    told: dict[str, Any] = {"count": 1, "first": f"the backlash: {number} is {picture.backlash}"}
+    return DeviceRefused("E-MBX-READBACK", where, table=order.table.name, **told)
+
+
+def _differences(begin: MailboxOrder, values: tuple[int, ...], stored: StoredTable) -> list[str]:
+    grid = stored.picture.grid
+    wanted = values + (0,) * (len(stored.points) - len(values))
+    pairs = list(zip(wanted, stored.points, strict=False))
+    found = [f"point {number}: {one} is {two}" for number, (one, two) in enumerate(pairs) if one != two]
+    found += [
+        f"{name}: {getattr(begin, name)} is {getattr(grid, name)}"
+        for name in _GRID
+        if getattr(begin, name) != getattr(grid, name)
+    ]
+    if begin.kind is Kind.CEC and (begin.input_axis, begin.output_axis) != (grid.input_axis, grid.output_axis):
+        found.append("the axes")
+    return found if len(stored.points) >= len(values) else [*found, f"{len(values)} points are {len(stored.points)}"]
+
+
+def value_at(table: CompensationTable, position: float) -> float:
+    """Deviation of a table at a position; a table never loaded (step 0) is zero."""
+    if table.step <= 0 or not any(table.deviations):
+        return 0.0
+    return float(table.at(np.array([position]))[0])
+
+
+def live_table_of(order: PushOrder, live: LiveSet) -> LiveTable | None:
+    """What stands now where an order writes; None where there is nothing."""
+    if order.table.kind != "cross":
+        return live.own if order.table.kind == "axis" else live.reversal
+    return next((one for one in live.cross if one.table.index == order.table.index), None)
+
+
+def _stored_of(order: PushOrder, reading: AxisReading) -> StoredTable | None:
+    if order.table.kind == "axis":
+        return reading.stored[0]
+    index = order.table.index
+    return next((one for one in reading.stored[1:] if one.picture.selection.index == index), None)
+
+
+# The steps.
 
 MARKER_DIGITS = 16
 
@@ -46,17 +225,19 @@ MARKER_DIGITS = 16
 class MailboxPlan:
     """An order as numbers: command 2, and the values of all points."""
 
-    begin: Order
+    begin: MailboxOrder
     values: tuple[int, ...]
 
 
 class MailboxPushing:
-    """The first half; `modbusswitch.Switching` is the second and uses this one's back-up and marker."""
+    """The first half; `modbusswitch.MailboxSwitching` is the second and uses this one's back-up and marker."""
 
-    def __init__(self, talk: Talk, reader: MailboxReader, settings: ModbusSettings, clock: Clock, where: str) -> None:
+    def __init__(
+        self, talk: PlcConversation, reader: MailboxReader, settings: ModbusSettings, clock: Clock, where: str
+    ) -> None:
         self._talk = talk
         self._reader = reader
-        self.consent = Consent(talk=talk, settings=settings, clock=clock, where=where)
+        self.consent = PanelRelease(talk=talk, settings=settings, clock=clock, where=where)
         self._settings = settings
         self._clock = clock
         self._where = where
@@ -87,11 +268,11 @@ class MailboxPushing:
                     self._as_printed(order)
                 await self._check(order, self.plan(order))
                 reading = await self._tables(order)
-                checks.coupled(order, reading, batch, self._where)
-                backup = reading.live("BACK", order.transaction, sense_for(order))
+                check_coupling(order, reading, batch, self._where)
+                backup = reading.live("BACK", order.transaction, order_sense(order))
                 self._check_way_back(order, backup)
                 await self.check_place(order, backup)
-                backups[place_of(order)] = backup
+                backups[order_place(order)] = backup
             await self.mark(batch[0].transaction, "in-progress", batch[0].head)
         except TrueflankError:
             await self._talk.leave()
@@ -100,7 +281,7 @@ class MailboxPushing:
 
     def backup_of(self, order: PushOrder) -> LiveSet:
         """What `prepare` read for this very order. Raises DeviceRefused (E-MBX-NOT-PREPARED)."""
-        found = self.backups.get(place_of(order))
+        found = self.backups.get(order_place(order))
         if found is None:
             raise DeviceRefused("E-MBX-NOT-PREPARED", self._where, table=order.table.name)
         return found
@@ -115,7 +296,7 @@ class MailboxPushing:
     def _planned(self, order: PushOrder) -> MailboxPlan:
         for name in (order.table.input_axis, order.table.output_axis):
             self._reader.axis(name)
-        return as_numbers(order, self._reader.axes, self._where)
+        return plan_numbers(order, self._reader.axes, self._where)
 
     def _as_printed(self, order: PushOrder) -> None:
         """What was printed for this site is what will be sent. Raises DeviceRefused (E-MBX-NUMBERS, E-MBX-FACTORS)."""
@@ -136,7 +317,7 @@ class MailboxPushing:
 
     async def _check(self, order: PushOrder, plan: MailboxPlan) -> None:
         picture = await self._talk.select(plan.begin)
-        checks.guard(await self._talk.recent(), self._where, picture.alarm)
+        check_before_write(await self._talk.recent(), self._where, picture.alarm)
         output = self._reader.axis(order.table.output_axis)
         if AxisBit.REFERENCED not in picture.axis:
             raise DeviceRefused("E-MBX-NOT-REFERENCED", self._where, axis=order.table.output_axis)
@@ -158,7 +339,7 @@ class MailboxPushing:
 
         Raises TableError (E-MBX-PUT-BACK).
         """
-        live = checks.live_of(order, backup)
+        live = live_table_of(order, backup)
         empty = live is None or (live.table.kind != "reversal" and live.table.step <= 0)
         if order.purpose == "restore" or live is None or empty:
             return
@@ -172,8 +353,8 @@ class MailboxPushing:
     async def check_place(self, order: PushOrder, backup: LiveSet) -> None:
         """Raises DeviceRefused (E-MBX-PLACE) where switching the old off or the new on would move the axis."""
         source = self._reader.axis(order.table.input_axis)
-        position = position_of(await self._talk.select(Order(Command.SELECT, Kind.EEC, source.number)))
-        checks.place(order, backup, position, self._where)
+        position = position_of(await self._talk.select(MailboxOrder(Command.SELECT, Kind.EEC, source.number)))
+        check_position(order, backup, position, self._where)
 
     async def mark(self, transaction: int, state: MarkerState, head: int) -> None:
         """Set the marker and read it back. Raises DeviceRefused (E-MBX-MARKER)."""
@@ -181,7 +362,7 @@ class MailboxPushing:
         wanted = f"{number} {state}".strip()
         if len(number) > MARKER_DIGITS:
             raise DeviceRefused("E-MBX-MARKER", self._where, wanted=wanted, found="nothing: it is too long")
-        await self._talk.do(Order(Command.MARKER), marker_data(number, MARKER_STATES.index(state), head))
+        await self._talk.do(MailboxOrder(Command.MARKER), marker_data(number, MARKER_STATES.index(state), head))
         found = marker_of(await self._talk.picture(), self._where)
         if (found.transaction, found.state, found.head) != (int(number or 0), state, head):
             told = f"{found.transaction} {found.state}"
@@ -204,58 +385,60 @@ class MailboxPushing:
             await self._talk.renew(self.connect_s)
             for order, plan, old in zip(batch, plans, backups, strict=True):
                 reading = await self._read_again(order)
-                why = checks.different(order, plan.begin, values=plan.values, reading=reading, where=self._where)
+                why = compare_read_back(order, plan.begin, values=plan.values, reading=reading, where=self._where)
                 wrong += [why] if why is not None else []
-                found.append(ReadBack(old, reading.live("READ", order.transaction, sense_for(order)), why is None))
+                found.append(ReadBack(old, reading.live("READ", order.transaction, order_sense(order)), why is None))
         if len(wrong) == len(batch):
             raise wrong[0]
         return tuple(found)
 
-    async def disable(self, *named: Order) -> None:
+    async def disable(self, *named: MailboxOrder) -> None:
         """All of them off in one command, each by its switch and by what acts: a switch that reads off proves nothing.
 
         Raises DeviceRefused (E-MBX-STILL-ON, E-MBX-STILL-ACTING).
         """
         status = await self._talk.recent()
-        checks.switchable(status, self._where, released=self.consent.permits_off(status))
-        for entries in batched(named):
-            await self._talk.do(*switching(Command.DISABLE, entries))
+        check_switchable(status, self._where, released=self.consent.permits_off(status))
+        for entries in split_batches(named):
+            await self._talk.do(*switching_command(Command.DISABLE, entries))
         for begin in reversed(named):
             if begin is not named[-1]:  # the command itself has selected its last entry
                 await self._talk.select(begin)
             await self._gone(begin)
 
-    async def _gone(self, begin: Order) -> None:
+    async def _gone(self, begin: MailboxOrder) -> None:
         end = self._clock.now() + self._settings.command_s
         while True:
             # What the table held the axis away by is travelled now: it may move until it has come to rest.
             picture, status = await self._talk.picture_for(begin), await self._talk.status()
-            if not checks.is_off(begin, status, picture):
+            if not is_off(begin, status, picture):
                 raise DeviceRefused("E-MBX-STILL-ON", self._where, kind=begin.kind.name, index=begin.index)
-            gone = abs(acting_of(picture)) <= GONE
+            gone = abs(acting_value(picture)) <= GONE
             if gone and status.has(StatusBit.STANDSTILL):
-                checks.at_rest(status, self._where, picture.alarm)
+                check_at_rest(status, self._where, picture.alarm)
                 return
             if self._clock.now() >= end:
-                checks.at_rest(status, self._where, picture.alarm)
-                raise DeviceRefused("E-MBX-STILL-ACTING", self._where, acting=acting_of(picture), kind=begin.kind.name)
+                check_at_rest(status, self._where, picture.alarm)
+                raise DeviceRefused(
+                    "E-MBX-STILL-ACTING", self._where, acting=acting_value(picture), kind=begin.kind.name
+                )
             await self._clock.sleep(self._settings.poll_s)
 
-    async def _guarded(self, order: Order, data: Sequence[int] = (), whole: Sequence[int] = ()) -> Status:
+    async def _guarded(self, order: MailboxOrder, data: Sequence[int] = (), whole: Sequence[int] = ()) -> Status:
         """A command of the transfer: the state is looked at right before and in its answer."""
-        checks.guard(await self._talk.recent(), self._where)
+        check_before_write(await self._talk.recent(), self._where)
         status = await self._talk.do(order, data, whole)
-        checks.guard(status, self._where)
+        check_before_write(status, self._where)
         return status
 
     async def _load(self, plan: MailboxPlan) -> None:
         order = self._settings.order
         await self._guarded(plan.begin)
-        for first, count, data in chunks(plan.values, order):
+        for first, count, data in value_chunks(plan.values, order):
             status = await self._guarded(plan.begin.as_command(Command.CHUNK, first, count), data)
             if status.stored != first + count:
                 raise DeviceRefused("E-MBX-LENGTH", self._where, command="CHUNK", detail=status.stored)
-        await self._guarded(plan.begin.as_command(Command.VERIFY), (), dints(plan.values, order))
+        await self._guarded(plan.begin.as_command(Command.VERIFY), (), pack_dints(plan.values, order))
 
     async def _read_again(self, order: PushOrder) -> AxisReading:
         reading = await self._tables(order)
@@ -267,27 +450,27 @@ class MailboxPushing:
         return reading
 
 
-def as_numbers(order: PushOrder, axes: Mapping[str, MailboxAxis], where: str) -> MailboxPlan:
+def plan_numbers(order: PushOrder, axes: Mapping[str, MailboxAxis], where: str) -> MailboxPlan:
     """The order as numbers, for axes as the PLC names them. Raises as `MailboxPushing.plan`."""
-    order = replace(order, table=grids.sayable(order.table))
+    order = replace(order, table=grids.as_loadable(order.table))
     table = order.table
     source, output = axes[table.input_axis], axes[table.output_axis]
     if (table.input_unit, table.output_unit) != (source.unit, output.unit):
         raise TableError("E-MBX-UNIT", where, table=table.name, input=source.unit, output=output.unit)
-    values = grids.numbers_of(table, tables.values_of(order), output)
+    values = grids.numbers_of(table, tables.order_values(order), output)
     return MailboxPlan(grids.begin_order(table, len(values), axes), values)
 
 
-def batched(orders: Sequence[Order]) -> list[Sequence[Order]]:
+def split_batches(orders: Sequence[MailboxOrder]) -> list[Sequence[MailboxOrder]]:
     """As many at a time as commands 5 and 6 take."""
     return [orders[first : first + MOST_ENTRIES] for first in range(0, len(orders), MOST_ENTRIES)]
 
 
-def place_of(order: PushOrder) -> DisableOrder:
+def order_place(order: PushOrder) -> DisableOrder:
     """Which table of which transaction an order is about."""
     return DisableOrder(order.transaction, order.table.kind, order.table.output_axis, order.table.index)
 
 
-def acting_of(picture: Picture) -> float:
+def acting_value(picture: Picture) -> float:
     """The acting compensation of the selected kind, um or arcsec."""
     return deviation_of(picture.acting, "deg" if picture.rotary else "mm")

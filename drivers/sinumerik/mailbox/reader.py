@@ -10,17 +10,16 @@ from typing import Literal
 
 from drivers.errors import DeviceRefused, RemoteProtocolError, UnsupportedDevice
 from drivers.limits import largest_value
-from drivers.sinumerik.mailbox.codec.commands import Order
+from drivers.sinumerik.mailbox.codec.frames import MailboxOrder, Picture, Status
 from drivers.sinumerik.mailbox.codec.grids import (
     POSITION_UNIT,
     VALUE_UNIT,
     WEIGHT_UNIT,
     MailboxAxis,
-    Stored,
-    memory_of,
-    saved_text,
+    StoredTable,
+    mailbox_backup_text,
+    reserved_points_of,
 )
-from drivers.sinumerik.mailbox.codec.readings import Picture, Status
 from drivers.sinumerik.mailbox.codec.registers import (
     ADDRESS,
     CHUNK_POINTS,
@@ -30,9 +29,8 @@ from drivers.sinumerik.mailbox.codec.registers import (
     StatusBit,
     SwitchBit,
 )
-from drivers.sinumerik.mailbox.conversation import Talk
-from drivers.sinumerik.ncprogram.backup import Saving, Section
-from drivers.sinumerik.ncprogram.written import read_written
+from drivers.sinumerik.mailbox.conversation import PlcConversation
+from drivers.sinumerik.ncprogram.backup import BackupFile, Section, read_backup
 from drivers.types.abilities import Marker, TableLimits
 from drivers.types.identity import MachineIdentity
 from drivers.types.machine import AxisState, ChannelStatus, MachineState
@@ -52,28 +50,28 @@ class AxisReading:
     axis: MailboxAxis
     encoder: int
     axes: tuple[MailboxAxis, ...]
-    stored: tuple[Stored, ...]
+    stored: tuple[StoredTable, ...]
     where: str
 
     def live(self, section: Section, number: int, cec_sign: Sense = 1) -> LiveSet:
         """The same as a record, by way of the text that a program of ours would have written under ``number``."""
-        saving = Saving(
+        saving = BackupFile(
             section=section,
             number=number,
             axis=self.axis.name,
             encoder=self.encoder,
-            memory=memory_of(self.stored),
+            memory=reserved_points_of(self.stored),
             factor=self.axis.factor_known,
         )
-        text = saved_text(self.stored, {one.number: one for one in self.axes}, saving)
+        text = mailbox_backup_text(self.stored, {one.number: one for one in self.axes}, saving)
         units: Mapping[str, AxisUnit] = {one.name: one.unit for one in self.axes}
-        return read_written(text, self.where, saving=saving, units=units, cec_sign=cec_sign)
+        return read_backup(text, self.where, saving=saving, units=units, cec_sign=cec_sign)
 
 
 class MailboxReader:
     """Everything the driver wants to know of one control. Reading selects tables; it changes nothing else."""
 
-    def __init__(self, talk: Talk, where: str) -> None:
+    def __init__(self, talk: PlcConversation, where: str) -> None:
         self._talk = talk
         self._where = where
         self._states: dict[str, AxisState] = {}
@@ -150,7 +148,7 @@ class MailboxReader:
             axis=facts, encoder=encoder, axes=tuple(self.axes.values()), stored=tuple(found), where=self._where
         )
 
-    async def _stored(self, order: Order) -> Stored:
+    async def _stored(self, order: MailboxOrder) -> StoredTable:
         """Every point is read twice, the second time in chunks that begin elsewhere, and the picture before and after.
 
         A chunk left out, given twice or kept from earlier is then another number in one of the two readings.
@@ -164,16 +162,16 @@ class MailboxReader:
         status, picture = await self._talk.recent(), await self._talk.picture_for(order)
         if _lasting(picture) != _lasting(before) or not _agree(order, status, picture):
             raise DeviceRefused("E-MBX-CHANGED", self._where, kind=order.kind.name, index=order.index)
-        return Stored("axis" if order.kind is Kind.EEC else "cross", picture, second)
+        return StoredTable("axis" if order.kind is Kind.EEC else "cross", picture, second)
 
-    async def _points(self, order: Order, *, cut: bool) -> tuple[int, ...]:
+    async def _points(self, order: MailboxOrder, *, cut: bool) -> tuple[int, ...]:
         points: tuple[int, ...] = ()
-        for first, count in spans(self._talk.reserved, cut=cut):
+        for first, count in chunk_spans(self._talk.reserved, cut=cut):
             points += await self._talk.points(order, first, count)
         return points
 
 
-def spans(reserved: int, *, cut: bool) -> tuple[tuple[int, int], ...]:
+def chunk_spans(reserved: int, *, cut: bool) -> tuple[tuple[int, int], ...]:
     """First point and number of points of each chunk of a table; ``cut``: the first of several is half as long."""
     first = CHUNK_POINTS // 2 if cut and reserved > CHUNK_POINTS else CHUNK_POINTS
     ends = [*range(first, reserved, CHUNK_POINTS), reserved] if reserved else []
@@ -185,7 +183,7 @@ def _lasting(picture: Picture) -> tuple[object, ...]:
     return picture.grid, picture.switches, picture.weight, picture.backlash
 
 
-def _agree(order: Order, status: Status, picture: Picture) -> bool:
+def _agree(order: MailboxOrder, status: Status, picture: Picture) -> bool:
     """The status word comes with the number and the check sum of the last command; the picture's switches do not."""
     if order.kind is Kind.EEC:
         return (SwitchBit.EEC in picture.switches) == status.has(StatusBit.EEC_ENABLED)
@@ -215,15 +213,15 @@ def deviation_of(value: int, unit: AxisUnit) -> float:
     return float(value * VALUE_UNIT[unit] * Decimal(deviation_scale(unit)))
 
 
-def table_order(axis: MailboxAxis, kind: Kind, index: int) -> Order:
+def table_order(axis: MailboxAxis, kind: Kind, index: int) -> MailboxOrder:
     """Select: ``index`` is the encoder of an EEC table or backlash, or the number of a CEC table."""
     if kind is not Kind.CEC:
-        return Order(Command.SELECT, kind, axis.number, index)
-    return Order(Command.SELECT, kind, index, output_axis=axis.number)
+        return MailboxOrder(Command.SELECT, kind, axis.number, index)
+    return MailboxOrder(Command.SELECT, kind, index, output_axis=axis.number)
 
 
-def _axis_order(number: int) -> Order:
-    return Order(Command.SELECT, Kind.EEC, number)
+def _axis_order(number: int) -> MailboxOrder:
+    return MailboxOrder(Command.SELECT, Kind.EEC, number)
 
 
 def _facts(number: int, picture: Picture) -> MailboxAxis:

@@ -11,7 +11,7 @@ from pydantic import Field
 
 from drivers.errors import words
 from drivers.settings import WIRES, CertificatePathText, DriverSettings, FilePathText, Rule
-from drivers.sinumerik.mailbox.codec.packing import WordOrder
+from drivers.sinumerik.mailbox.codec.registers import WordOrder
 
 _CHARACTER_BITS = 11.0
 TLS = "tls"

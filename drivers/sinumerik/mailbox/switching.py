@@ -1,4 +1,9 @@
-"""The second half of a push through the mailbox: asked for, confirmed by a person at the panel, and seen to act."""
+"""The second half of a push through the mailbox: enabling, confirmed by a person at the panel and seen to act; and one
+table off.
+
+Enabling is command 5, switching off command 6. The PLC reports the command as done when the switches are set; the table
+counts as active when the picture shows its compensation acting. Switching off needs no release at the panel.
+"""
 
 from __future__ import annotations
 
@@ -8,31 +13,32 @@ from typing import Any
 
 from drivers.clock import Clock
 from drivers.errors import DeadlineExceeded, DeviceRefused
-from drivers.sinumerik.mailbox import checks
+from drivers.sinumerik.mailbox import pushing
 from drivers.sinumerik.mailbox.codec import grids
-from drivers.sinumerik.mailbox.codec.commands import Order, switching
+from drivers.sinumerik.mailbox.codec.frames import MailboxOrder, Picture, switching_command
 from drivers.sinumerik.mailbox.codec.grids import MailboxAxis
-from drivers.sinumerik.mailbox.codec.readings import Picture
-from drivers.sinumerik.mailbox.codec.registers import MOST_ENTRIES, AxisBit, Command, Kind, StatusBit, TableFlag
-from drivers.sinumerik.mailbox.conversation import Talk
-from drivers.sinumerik.mailbox.pushing import MailboxPushing, acting_of
-from drivers.sinumerik.mailbox.reader import MailboxReader, MarkerState, marker_of, position_of
+from drivers.sinumerik.mailbox.codec.registers import KINDS, MOST_ENTRIES, AxisBit, Command, Kind, StatusBit, TableFlag
+from drivers.sinumerik.mailbox.conversation import PanelRelease, PlcConversation
+from drivers.sinumerik.mailbox.pushing import MailboxPushing, acting_value
+from drivers.sinumerik.mailbox.reader import MailboxReader, MarkerState, marker_of, position_of, table_order
 from drivers.sinumerik.mailbox.settings import ModbusSettings
-from drivers.types.orders import PushBatch, PushOrder
+from drivers.types.orders import DisableOrder, PushBatch, PushOrder, SwitchReading
 from drivers.types.values import GONE
+
+# Enabling and switching.
 
 GRACE_S = 3.0
 CONFIRM_S = 60.0 + 10.0
 
 
-def entries_of(passed: PushBatch, axes: Mapping[str, MailboxAxis]) -> list[Order]:
+def command_entries(passed: PushBatch, axes: Mapping[str, MailboxAxis]) -> list[MailboxOrder]:
     """What command 5 names of the tables that passed.
 
     Of a CEC table that stays off beside others that act the axis switch alone; of any other that stays off nothing.
     """
-    found: list[Order] = []
+    found: list[MailboxOrder] = []
     for order in passed:
-        named = grids.naming(order.table, axes).as_command(Command.ACTIVATE)
+        named = grids.naming_order(order.table, axes).as_command(Command.ACTIVATE)
         if order.enable:
             found.append(named)
         elif named.kind is Kind.CEC and order.coupled:
@@ -40,12 +46,12 @@ def entries_of(passed: PushBatch, axes: Mapping[str, MailboxAxis]) -> list[Order
     return found
 
 
-class Switching:
+class MailboxSwitching:
     """Release, enabling, activation, switching, and the marker's last state."""
 
     def __init__(
         self,
-        talk: Talk,
+        talk: PlcConversation,
         reader: MailboxReader,
         pushing: MailboxPushing,
         settings: ModbusSettings,
@@ -71,20 +77,20 @@ class Switching:
             named = self._naming(order)
             picture = await self._talk.select(named)
             status = await self._talk.status()
-            checks.guard(status, self._where, picture.alarm)
+            pushing.check_before_write(status, self._where, picture.alarm)
             self._check_marker(order, picture)
-            if not checks.is_off(named, status, picture):
+            if not pushing.is_off(named, status, picture):
                 raise DeviceRefused("E-MBX-STILL-ON", self._where, kind=named.kind.name, index=named.index)
         entries = self._entries(passed)
         if len(entries) > MOST_ENTRIES:
             raise DeviceRefused("E-MBX-MANY", self._where, count=len(entries), most=MOST_ENTRIES)
         if entries:
-            told, data = switching(Command.ACTIVATE, entries)
+            told, data = switching_command(Command.ACTIVATE, entries)
             await self._talk.start(told, data)
             await self._talk.ended(told, self._settings.command_s, or_waiting=True)
 
-    def _entries(self, passed: PushBatch) -> list[Order]:
-        return entries_of(passed, self._reader.axes)
+    def _entries(self, passed: PushBatch) -> list[MailboxOrder]:
+        return command_entries(passed, self._reader.axes)
 
     def _check_marker(self, order: PushOrder, picture: Picture) -> None:
         found = marker_of(picture, self._where)
@@ -92,8 +98,8 @@ class Switching:
             told = f"{found.transaction} {found.state}"
             raise DeviceRefused("E-MBX-MARKER", self._where, wanted=f"{order.transaction} in-progress", found=told)
 
-    def _naming(self, order: PushOrder) -> Order:
-        return grids.naming(order.table, self._reader.axes)
+    def _naming(self, order: PushOrder) -> MailboxOrder:
+        return grids.naming_order(order.table, self._reader.axes)
 
     async def enabled(self, passed: PushBatch, timeout_s: float) -> tuple[bool, ...]:
         """Wait for the panel; table by table, true where the switches then read on, false where they do not.
@@ -111,20 +117,20 @@ class Switching:
     async def _enabled(self, order: PushOrder) -> bool:
         named = self._naming(order)
         picture = await self._talk.select(named)
-        on = checks.is_on(named, await self._talk.recent(), picture)
+        on = pushing.is_on(named, await self._talk.recent(), picture)
         if on and named.kind is Kind.BACKLASH:
             (number,) = self._pushing.plan(order).values
-            wrong = checks.taken_up(order, number, picture, self._where)
+            wrong = pushing.compare_backlash(order, number, picture, self._where)
             if wrong is not None:
                 raise wrong
         return on
 
-    async def _confirmed(self, entries: Sequence[Order], timeout_s: float) -> bool:
+    async def _confirmed(self, entries: Sequence[MailboxOrder], timeout_s: float) -> bool:
         """False when the PLC says that time was over; a limit of the caller's ends the waiting at the panel.
 
         Where the NCK refused one of several, those before it stay as they were switched: each is looked at then.
         """
-        activate, longer = switching(Command.ACTIVATE, entries)[0], len(entries) - 1.0
+        activate, longer = switching_command(Command.ACTIVATE, entries)[0], len(entries) - 1.0
         try:
             await self._talk.ended(activate, min(timeout_s, CONFIRM_S + longer))
         except DeviceRefused as error:
@@ -136,7 +142,7 @@ class Switching:
         except DeadlineExceeded as error:
             if error.code != "E-MBX-NO-ANSWER":
                 raise
-            await self._talk.do(Order(Command.ABORT))
+            await self._talk.do(MailboxOrder(Command.ABORT))
         return True
 
     async def activated(self, orders: PushBatch, timeout_s: float) -> None:
@@ -176,14 +182,14 @@ class Switching:
                 raise
             return False, False  # it went down between two looks
         # Where little is expected nothing can be seen to act.
-        acts = expected > 10 * GONE and abs(acting_of(picture)) >= 0.5 * expected
+        acts = expected > 10 * GONE and abs(acting_value(picture)) >= 0.5 * expected
         return AxisBit.REFERENCED in picture.axis, acts
 
     async def _expected(self, order: PushOrder) -> float:
         """How much the order's table should act where its input axis stands, without sign, um or arcsec."""
         source = self._reader.axis(order.table.input_axis)
-        picture = await self._talk.select(Order(Command.SELECT, Kind.EEC, source.number))
-        return abs(checks.value_at(order.table, position_of(picture)))
+        picture = await self._talk.select(MailboxOrder(Command.SELECT, Kind.EEC, source.number))
+        return abs(pushing.value_at(order.table, position_of(picture)))
 
     async def switch(self, order: PushOrder, enable: bool, timeout_s: float) -> None:
         """Off by command 6, on by command 5 and the panel; returns when the acting value has followed.
@@ -197,20 +203,20 @@ class Switching:
                 await self._talk.select(named)
                 await self._pushing.disable(named)
                 return
-            activate, data = switching(Command.ACTIVATE, [named])
-            checks.guard(await self._talk.status(), self._where)
+            activate, data = switching_command(Command.ACTIVATE, [named])
+            pushing.check_before_write(await self._talk.status(), self._where)
             await self._talk.start(activate, data)
             await self._talk.ended(activate, CONFIRM_S)
             await self._until_acting(order, named)
 
-    async def _until_acting(self, order: PushOrder, named: Order) -> None:
+    async def _until_acting(self, order: PushOrder, named: MailboxOrder) -> None:
         expected = await self._expected(order)
         await self._talk.select(named)
         end = self._clock.now() + self._settings.command_s
         while True:
             picture = await self._talk.picture_for(named)
-            acting, status = abs(acting_of(picture)), await self._talk.status()
-            at_work = checks.is_on(named, status, picture) and acting >= 0.5 * expected - GONE
+            acting, status = abs(acting_value(picture)), await self._talk.status()
+            at_work = pushing.is_on(named, status, picture) and acting >= 0.5 * expected - GONE
             if at_work and status.has(StatusBit.STANDSTILL):
                 return
             if self._clock.now() >= end:
@@ -232,3 +238,96 @@ class Switching:
             await self._pushing.mark(batch[0].transaction, state, batch[0].head)
         self._pushing.backups = {}
         await self._talk.leave()
+
+
+# One table off through the mailbox: command 6 where its needs hold, and what is read back afterwards.
+
+
+class MailboxDisabling:
+    """The disable-only order. A session of its own, unless one of ours is open."""
+
+    def __init__(
+        self,
+        talk: PlcConversation,
+        reader: MailboxReader,
+        consent: PanelRelease,
+        settings: ModbusSettings,
+        clock: Clock,
+        where: str,
+    ) -> None:
+        self._talk = talk
+        self._consent = consent
+        self._opened = False
+        self._reader = reader
+        self._settings = settings
+        self._clock = clock
+        self._where = where
+
+    async def reading(self, order: DisableOrder) -> SwitchReading:
+        """The switches in picture and status word, which must agree, and what acts."""
+        named = self._naming(order)
+        await self._talk.select(named)
+        return await self._read(named)
+
+    def _naming(self, order: DisableOrder) -> MailboxOrder:
+        return table_order(self._reader.axis(order.axis), KINDS[order.kind], order.index)
+
+    async def _read(self, named: MailboxOrder) -> SwitchReading:
+        picture, status = await self._talk.picture_for(named), await self._talk.status()
+        on, off = pushing.is_on(named, status, picture), pushing.is_off(named, status, picture)
+        return SwitchReading(on if on != off else None, acting_value(picture))
+
+    async def enter(self) -> None:
+        """A session with a release, if there is none yet. Raises as `Consent.enter`, which closes what it opened."""
+        if not self._consent.given:
+            self._opened = not self._talk.session
+            await self._consent.enter()
+
+    async def check(self, order: DisableOrder) -> None:
+        """Whether command 6 would be taken now. Raises DeviceRefused (E-MBX-NOT-RELEASED, E-MBX-NOT-IN-RESET)."""
+        try:
+            await self._talk.select(self._naming(order))
+            status = await self._talk.status()
+            permitted = self._consent.permits_off(status)
+            pushing.check_switchable(status, self._where, released=permitted, anyhow=True)
+        except BaseException:
+            await self._left()
+            raise
+
+    async def disabled(self, order: DisableOrder, timeout_s: float) -> SwitchReading:
+        """Command 6, once, and what is read when the axis has come to rest; ends the session that `enter` opened.
+
+        Where a program is at work or an axis moves the PLC waits for the panel. Raises as `check_encoder`, and as
+        `Talk.do`.
+        """
+        named = self._naming(order)
+        try:
+            async with self._clock.deadline(timeout_s, self._where):
+                await self._free()
+                await self.check(order)
+                told, data = switching_command(Command.DISABLE, [named], int(TableFlag.ANYHOW))
+                await self._talk.start(told, data)
+                await self._talk.ended(told, CONFIRM_S)
+                return await self._settled(named)
+        finally:
+            await self._left()
+
+    async def _left(self) -> None:
+        if self._opened:
+            self._opened = False
+            await self._talk.leave()
+
+    async def _free(self) -> None:
+        """A command of ours that still waits, for the panel say, is ended first: nothing may switch on after this."""
+        if (await self._talk.status()).has(StatusBit.BUSY):
+            await self._talk.do(MailboxOrder(Command.ABORT))
+
+    async def _settled(self, named: MailboxOrder) -> SwitchReading:
+        """What the table held the axis away by is travelled now: read until it is off and at rest, or too long."""
+        end = self._clock.now() + self._settings.command_s
+        while True:
+            found = await self._read(named)
+            rests = (await self._talk.recent()).has(StatusBit.STANDSTILL)
+            if (found.off and rests) or self._clock.now() >= end:
+                return found
+            await self._clock.sleep(self._settings.poll_s)

@@ -1,15 +1,10 @@
-"""Modbus TCP and RTU as a client: the one place that knows pymodbus.
-
-pymodbus encodes and decodes; it neither sends nor retries here, and nothing it accepts is believed unchecked:
-transaction, unit, function, byte count, register count and echo are compared with the question first. A request
-without its own right answer leaves the link broken, because what the peer did meanwhile is unknown.
-Limits: Modbus Application Protocol V1.1b3, p. 15, 30 (FC03 125 registers, FC16 123).
-"""
+"""Modbus/TCP Security: the same frames inside TLS, both ends with certificates (MB-TCP-Security V3.6)."""
 
 from __future__ import annotations
 
 from collections.abc import Awaitable, Callable, Iterable, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 from pymodbus.framer import FramerRTU, FramerSocket
@@ -30,10 +25,20 @@ from drivers.errors import (
     UnsupportedDevice,
 )
 from drivers.link import Link
-from drivers.sinumerik.mailbox.protection import certificates
-from drivers.sinumerik.mailbox.refusals import BUSY, exception_refusal
+from drivers.sinumerik.mailbox.codec.frames import BUSY, exception_refusal
 from drivers.sinumerik.mailbox.settings import ModbusSettings
-from drivers.transport import open_transport
+from drivers.transport import TlsFiles, open_transport
+
+# Modbus/TCP Security: the same frames inside TLS, both ends with certificates (MB-TCP-Security V3.6).
+
+
+def tls_certificates(settings: ModbusSettings) -> TlsFiles | None:
+    """Whom we trust and who we are; None: plain Modbus."""
+    if not settings.secured:
+        return None
+    own, key = Path(settings.client_certificate), Path(settings.client_key_file)
+    return TlsFiles(Path(settings.server_certificate), own, key, settings.server_name)
+
 
 READ, WRITE_ONE, WRITE = 3, 6, 16
 MOST_READ, MOST_WRITTEN = 125, 123
@@ -296,7 +301,7 @@ class ModbusWire:
         async with self._clock.deadline(timeout_s, self._where):
             settings = self._settings
             line: dict[str, Any] = {"baudrate": settings.baudrate, "parity": settings.parity}
-            wire = await open_transport(self._url, self._clock, timeout_s, tls=certificates(settings), **line)
+            wire = await open_transport(self._url, self._clock, timeout_s, tls=tls_certificates(settings), **line)
             try:
                 if self._framer == "rtu":
                     await self._drain(wire.read, settings.reply_s if self._unsure else _SILENCE_S)

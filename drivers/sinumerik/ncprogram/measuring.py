@@ -1,7 +1,9 @@
-"""StopPlan -> NC program text: a measuring run; and the words all our programs share.
+"""StopPlan -> NC program text: a measuring run, the blocks that all our programs share, external captures.
 
-Words and phases: `drivers.sinumerik.ncprogram.words`. A program of ours never writes MD38000 or MD18342 and leaves
-every wait by the abort word or a time limit. Blocks: the reference programs of the Job Planning manual.
+At each stop the program dwells, writes position and repetition into R parameters, increments the count word last and
+waits until the gateway echoes it: no stop is skipped or doubled at any speed. It leaves every wait by the abort word or
+a time limit, and never writes MD38000 or MD18342. Words and phases: `drivers.sinumerik.ncprogram.unpack_text`.
+Blocks: the reference programs of the Job Planning manual.
 """
 
 from __future__ import annotations
@@ -12,16 +14,16 @@ from dataclasses import dataclass, replace
 from itertools import groupby
 
 from drivers.errors import LocalProtocolError
-from drivers.programs import NOBODY, Origin
-from drivers.sinumerik.ncprogram import backup, looping, reversing
-from drivers.sinumerik.ncprogram.backup import Memory, Saving
-from drivers.sinumerik.ncprogram.guarding import Guard, away, guarded
-from drivers.sinumerik.ncprogram.heads import Head, headed, section
-from drivers.sinumerik.ncprogram.looping import Visits
-from drivers.sinumerik.ncprogram.motion import Motion, number
+from drivers.programs import NOBODY, DwellPlan, Origin
+from drivers.sinumerik.ncprogram import backup, blocks
+from drivers.sinumerik.ncprogram.backup import BackupFile, ReservedPoints, trial_blocks
+from drivers.sinumerik.ncprogram.blocks import Motion, ProgramHead, StopTables, add_head, format_number, section_comment
+from drivers.sinumerik.ncprogram.checks import Guard, away_blocks, guard_blocks
 from drivers.sinumerik.ncprogram.words import Phase, Word, Words, file_path, program_path
 from drivers.types.moves import FEED_MM
 from drivers.types.stops import Stop, StopPlan
+
+# The measuring program, and blocks that all programs share.
 
 POLL_S = 0.25
 # Every modal state that a program before ours may have left: plane, tool radius, exact stop, absolute, feed per
@@ -40,7 +42,7 @@ _ROUND, _WAITED = "UROUND", "UWAITED"
 
 
 @dataclass(frozen=True, slots=True)
-class Setting:
+class MachineSetting:
     """What the generator must know of a machine: R words, memory, modulo axis, feed of a push's own moves.
 
     ``wait_limit_s`` (NC seconds) ends a program whose gateway is gone; ``axis_number`` is 1-based. ``guards`` are the
@@ -49,7 +51,7 @@ class Setting:
     """
 
     words: Words
-    memory: Memory
+    memory: ReservedPoints
     modulo: bool
     axis_number: int = 1
     approach_feed: float = FEED_MM
@@ -59,16 +61,16 @@ class Setting:
     loops: bool = True
 
 
-Parts = Sequence[tuple[StopPlan, Setting]]
+Parts = Sequence[tuple[StopPlan, MachineSetting]]
 """Plans that one program visits one after the other, each with what its own axes need."""
 
 
-def measuring(plan: StopPlan, token: int, setting: Setting) -> str:
-    """The program of one `StopPlan`. As `chained`."""
-    return chained(((replace(plan, further=False), setting),), token)
+def build_measuring_program(plan: StopPlan, token: int, setting: MachineSetting) -> str:
+    """The program of one `StopPlan`. As `build_chained_program`."""
+    return build_chained_program(((replace(plan, further=False), setting),), token)
 
 
-def chained(parts: Parts, token: int) -> str:
+def build_chained_program(parts: Parts, token: int) -> str:
     """The program of several plans; ``token`` is echoed so that an older program's words are never taken.
 
     Stops count on from plan to plan. The next plan begins once the last stop of the one before is echoed: whoever
@@ -81,40 +83,40 @@ def chained(parts: Parts, token: int) -> str:
     tables = _tables(parts)
     arrays = [array for one in tables if one is not None for array in one.arrays]
     plain = any(one is None and len(plan.stops) > 1 for one, (plan, _) in zip(tables, parts, strict=True))
-    counters = [looping.COUNTERS] if arrays else []
+    counters = [blocks.COUNTERS] if arrays else []
     counters += [_ROUND] if plain or not arrays else []
-    out = [f"DEF INT {', '.join([backup.VARIABLES, *counters, _WAITED])}", *looping.declared(arrays)]
-    out += [section("modal states, R words"), *PREPARE]
+    out = [f"DEF INT {', '.join([backup.VARIABLES, *counters, _WAITED])}", *blocks.declare_arrays(arrays)]
+    out += [section_comment("modal states, R words"), *PREPARE]
     out += [f"{words.name(word)}=0" for word in (Word.COUNTER, Word.ECHO, Word.MISMATCHES, Word.RELEASE)]
     out += [f"{words.name(Word.TRANSACTION)}={token}"]
     saving = saving_plans([plan for plan, _ in parts])
     for (plan, setting), saves, table in zip(parts, saving, tables, strict=True):
         out += _part(plan, token, setting, saves=saves, table=table)
-    out += ["STOPRE", phase_block(words, Phase.FINISHED), "M30", section("ways out")]
+    out += ["STOPRE", phase_block(words, Phase.FINISHED), "M30", section_comment("ways out")]
     out += [f"{_LEFT}:", "STOPRE", phase_block(words, Phase.LEFT), "M30"]
     guards = dict.fromkeys(guard for plan, setting in parts if plan.stops for guard in setting.guards)
-    out += [*away(words, guards), *file_failed(words, _FAILED)]
-    return text_of(
-        headed(
+    out += [*away_blocks(words, guards), *file_failed_blocks(words, _FAILED)]
+    return program_text(
+        add_head(
             _head(parts),
             out,
-            moves=[block for one in parts if one[0].stops for block in (*stops_of(*one), *_further(*one))],
+            moves=[block for one in parts if one[0].stops for block in (*stop_blocks(*one), *_further(*one))],
         )
     )
 
 
-def _tables(parts: Parts) -> list[Visits | None]:
+def _tables(parts: Parts) -> list[StopTables | None]:
     """The stops of each part as tables; None where they are written out one by one."""
     found = [
-        looping.visits(plan.stops, _motion(plan, setting)) if setting.loops and len(plan.stops) > 1 else None
+        blocks.tabulate_stops(plan.stops, _motion(plan, setting)) if setting.loops and len(plan.stops) > 1 else None
         for plan, setting in parts
     ]
-    if looping.fits(array for one in found if one is not None for array in one.arrays):
+    if blocks.arrays_fit(array for one in found if one is not None for array in one.arrays):
         return found
     return [None for _ in parts]
 
 
-def _motion(plan: StopPlan, setting: Setting) -> Motion:
+def _motion(plan: StopPlan, setting: MachineSetting) -> Motion:
     return Motion(plan.letter, setting.modulo, plan.feed, plan.overrun)
 
 
@@ -142,25 +144,25 @@ def saving_plans(plans: Sequence[StopPlan]) -> tuple[bool, ...]:
     return tuple(out)
 
 
-def _part(plan: StopPlan, token: int, setting: Setting, *, saves: bool, table: Visits | None) -> list[str]:
+def _part(plan: StopPlan, token: int, setting: MachineSetting, *, saves: bool, table: StopTables | None) -> list[str]:
     words = setting.words
-    out = [section(plan.name), phase_block(words, Phase.BACKING_UP), "STOPRE"]
-    out += [unless_aborted(words, _LEFT)]
+    out = [section_comment(plan.name), phase_block(words, Phase.BACKING_UP), "STOPRE"]
+    out += [leave_if_aborted(words, _LEFT)]
     if saves:
-        saving = Saving(
+        saving = BackupFile(
             section="LIVE", number=token, axis=plan.compensated_axis, encoder=plan.encoder, memory=setting.memory
         )
-        out += [section("live tables and switches into a file"), *backup.blocks(saving, _FAILED)]
-    out += [section("measuring"), "STOPRE", phase_block(words, Phase.MEASURING)]
+        out += [section_comment("live tables and switches into a file"), *backup.backup_blocks(saving, _FAILED)]
+    out += [section_comment("measuring"), "STOPRE", phase_block(words, Phase.MEASURING)]
     if plan.setup:
-        out += [f'MSG("{plan.setup}")', "M0", 'MSG("")', "STOPRE", unless_aborted(words, _LEFT)]
+        out += [f'MSG("{plan.setup}")', "M0", 'MSG("")', "STOPRE", leave_if_aborted(words, _LEFT)]
     if not plan.stops:
         return out
-    visited = stops_of(plan, setting) if table is None else looped(plan, setting, table)
-    return [*out, *guarded(words, setting.guards), *visited, *_further(plan, setting)]
+    visited = stop_blocks(plan, setting) if table is None else looped_blocks(plan, setting, table)
+    return [*out, *guard_blocks(words, setting.guards), *visited, *_further(plan, setting)]
 
 
-def _head(parts: Parts) -> Head:
+def _head(parts: Parts) -> ProgramHead:
     plans = [plan for plan, _ in parts]
     first = plans[0]
     switched = any(stop.switch is not None for plan in plans for stop in plan.stops)
@@ -175,10 +177,10 @@ def _head(parts: Parts) -> Head:
     also += _CHOSEN if any(plan.name.startswith(PROVES) for plan in plans) else ""
     told = SWITCHED if switched else STANDING
     path = program_path("MEAS", first.compensated_axis)
-    return Head(path, what, stops=told, origin=parts[0][1].origin, also=also.rstrip())
+    return ProgramHead(path, what, stops=told, origin=parts[0][1].origin, also=also.rstrip())
 
 
-def looped(plan: StopPlan, setting: Setting, table: Visits) -> list[str]:
+def looped_blocks(plan: StopPlan, setting: MachineSetting, table: StopTables) -> list[str]:
     """All stops as one loop over the tables of their targets and passes."""
     shown = {
         Word.REPETITION: table.repetition,
@@ -194,8 +196,8 @@ def looped(plan: StopPlan, setting: Setting, table: Visits) -> list[str]:
     return table.around([*switch, *_waiting(plan, shown, setting)])
 
 
-def stops_of(plan: StopPlan, setting: Setting) -> list[str]:
-    """All stops one by one, but for repetitions that are alike: the same moves and words as `looped` makes of tables.
+def stop_blocks(plan: StopPlan, setting: MachineSetting) -> list[str]:
+    """All stops one by one (repetitions that are alike in a loop): the same moves and words as `looped_blocks`.
 
     What a program says of its moves is read from these blocks, whichever of the two it holds.
     """
@@ -216,7 +218,9 @@ def _alike(rounds: list[tuple[Stop, ...]]) -> bool:
     return len(rounds) > 1 and in_order and all(shape(stops) == shape(rounds[0]) for stops in rounds)
 
 
-def _sequence(plan: StopPlan, motion: Motion, stops: tuple[Stop, ...], counter: str, setting: Setting) -> list[str]:
+def _sequence(
+    plan: StopPlan, motion: Motion, stops: tuple[Stop, ...], counter: str, setting: MachineSetting
+) -> list[str]:
     out: list[str] = []
     for stop, leg in zip(stops, motion.legs(stops), strict=True):
         repetition = counter or str(stop.repetition)
@@ -224,22 +228,22 @@ def _sequence(plan: StopPlan, motion: Motion, stops: tuple[Stop, ...], counter: 
     return out
 
 
-def _further(plan: StopPlan, setting: Setting) -> list[str]:
+def _further(plan: StopPlan, setting: MachineSetting) -> list[str]:
     """Stops that a reading asks for: one after the other by the gateway's words, none outside the plan's own moves."""
     if not plan.further:
         return []
     words, motion = setting.words, _motion(plan, setting)
     side, lead, place = (words.name(word) for word in (Word.SIDE, Word.LEAD, Word.NEXT))
-    low, high = reach(plan, setting)
-    outside = [f"({one}<{number(low)}) OR ({one}>{number(high)})" for one in (lead, place)]
+    low, high = plan_range(plan, setting)
+    outside = [f"({one}<{format_number(low)}) OR ({one}>{format_number(high)})" for one in (lead, place)]
     shown = {Word.APPROACH: side, Word.TARGET: place}
     return [
-        section("further stops, where a reading asks for them"),
+        section_comment("further stops, where a reading asks for them"),
         "STOPRE",
         f"WHILE {side}<>0",
         f"IF ({side}<>1) AND ({side}<>-1) GOTOF {_LEFT}",
         *(f"IF {test} GOTOF {_LEFT}" for test in outside),
-        *guarded(words, setting.guards),
+        *guard_blocks(words, setting.guards),
         *motion.led(lead, place, side),
         *_waiting(plan, shown, setting),
         "STOPRE",
@@ -247,7 +251,7 @@ def _further(plan: StopPlan, setting: Setting) -> list[str]:
     ]
 
 
-def reach(plan: StopPlan, setting: Setting) -> tuple[float, float]:
+def plan_range(plan: StopPlan, setting: MachineSetting) -> tuple[float, float]:
     """The ends between which a plan moves its axis, in the axis unit; a whole turn where it turns endlessly."""
     if setting.modulo:
         return 0.0, 360.0
@@ -263,25 +267,25 @@ def _switch(plan: StopPlan, stop: Stop) -> list[str]:
 def _switched(plan: StopPlan, state: str) -> list[str]:
     """The plan's table on or off; ``state`` is 1 or 0, or a variable that holds it."""
     if plan.reversal is not None:
-        return reversing.tried(plan.reversal, state)
+        return trial_blocks(plan.reversal, state)
     if plan.cross_table is not None:
         return ["STOPRE", f"$SN_CEC_TABLE_ENABLE[{plan.cross_table}]={state}", "NEWCONF", "STOPRE"]
     enable = f"$MA_ENC_COMP_ENABLE[{plan.encoder},{plan.compensated_axis}]={state}"
     return ["STOPRE", enable, "NEWCONF", "STOPRE"]
 
 
-def _handshake(plan: StopPlan, stop: Stop, repetition: str, setting: Setting) -> list[str]:
+def _handshake(plan: StopPlan, stop: Stop, repetition: str, setting: MachineSetting) -> list[str]:
     """Show where we are as the plan has it."""
     shown = {
         Word.REPETITION: repetition,
         Word.LABEL: str(stop.label),
         Word.APPROACH: str(stop.approach),
-        Word.TARGET: number(stop.target),
+        Word.TARGET: format_number(stop.target),
     }
     return _waiting(plan, shown, setting)
 
 
-def _waiting(plan: StopPlan, told: dict[Word, str], setting: Setting) -> list[str]:
+def _waiting(plan: StopPlan, told: dict[Word, str], setting: MachineSetting) -> list[str]:
     """Dwell, show where we are, count last, and wait until the count comes back."""
     words = setting.words
     shown = told | {
@@ -290,16 +294,16 @@ def _waiting(plan: StopPlan, told: dict[Word, str], setting: Setting) -> list[st
     }
     counter = words.name(Word.COUNTER)
     return [
-        f"G4 F{number(plan.dwell_s)}",
+        f"G4 F{format_number(plan.dwell_s)}",
         "STOPRE",
         *(f"{words.name(word)}={value}" for word, value in shown.items()),
         f"{counter}={counter}+1",
         f"{_WAITED}=0",
         f"WHILE {words.name(Word.ECHO)}<>{counter}",
-        f"G4 F{number(POLL_S)}",
+        f"G4 F{format_number(POLL_S)}",
         "STOPRE",
         f"{_WAITED}={_WAITED}+1",
-        unless_aborted(words, _LEFT),
+        leave_if_aborted(words, _LEFT),
         f"IF {_WAITED}>{round(setting.wait_limit_s / POLL_S)} GOTOF {_LEFT}",
         "ENDWHILE",
     ]
@@ -310,13 +314,13 @@ def phase_block(words: Words, phase: Phase) -> str:
     return f"{words.name(Word.PHASE)}={int(phase)}"
 
 
-def file_failed(words: Words, label: str) -> list[str]:
+def file_failed_blocks(words: Words, label: str) -> list[str]:
     """The way out when WRITE refuses: its answer is shown, nothing else happens."""
     shown = f"{words.name(Word.MISMATCHES)}={backup.ERROR}"
     return [f"{label}:", "STOPRE", shown, phase_block(words, Phase.FILE_FAILED), "M30"]
 
 
-def unless_aborted(words: Words, label: str) -> str:
+def leave_if_aborted(words: Words, label: str) -> str:
     """Leave when the gateway set the abort word."""
     return f"IF {words.name(Word.ABORT)}<>0 GOTOF {label}"
 
@@ -328,6 +332,52 @@ def check_names(*names: str) -> None:
             raise LocalProtocolError("E-PROGRAM-NAME", name, name=name)
 
 
-def text_of(lines: list[str]) -> str:
+def program_text(lines: list[str]) -> str:
     """Blocks as program text."""
     return "\n".join([*lines, ""])
+
+
+# DwellPlan -> NC program text for a capture program of somebody else, which triggers when the axis stands still.
+#
+# The program shakes no hands: it uses no R parameter, writes nothing and waits at each target. At the first target,
+# which it reaches from that stop's own side, it waits (M0): there the person zeroes the laser and starts the capture,
+# so every reading counts from where the axis really stands. The order of stops is that of a measuring run: each target
+# in both directions, with overrun at each end.
+
+ABOUT = "a capture program that triggers by itself"
+STOPPED = "press RESET: it has written nothing. Begin the capture anew."
+READY = "AT THE FIRST TARGET: ZERO THE LASER, START THE CAPTURE, PRESS NC START"
+
+
+def build_dwell_program(plan: DwellPlan, modulo: bool, origin: Origin, *, loops: bool = True) -> str:
+    """The program: one loop over a table of its targets, or every move written out where ``loops`` is not known.
+
+    Raises LocalProtocolError (E-PROGRAM-NAME, E-PROGRAM-EMPTY, E-PROGRAM-SIZE)."""
+    stops = plan.stops
+    check_names(stops.axis, stops.letter, stops.axis)
+    if not stops.stops:
+        raise LocalProtocolError("E-PROGRAM-EMPTY", stops.name)
+    motion = Motion(stops.letter, modulo, stops.feed, stops.overrun)
+    legs = list(motion.legs(stops.stops))
+    ready, dwells = [f'MSG("{READY}")', "M0", 'MSG("")'], f"G4 F{format_number(plan.dwell_s)}"
+    table = blocks.tabulate_stops(stops.stops, motion) if loops and len(stops.stops) > 1 else None
+    out = [section_comment("modal states"), *PREPARE]
+    if table is not None and blocks.arrays_fit(table.arrays):
+        first = f"IF ({blocks.PASS}==0) AND ({blocks.STEP}==1)"
+        out = [f"DEF INT {blocks.COUNTERS}", *blocks.declare_arrays(table.arrays), *out]
+        out += table.around([first, *ready, "ENDIF", dwells])
+    else:
+        out += [
+            section_comment("to the first target, from its own side"),
+            *legs[0],
+            *ready,
+            section_comment("targets"),
+            dwells,
+        ]
+        out += [block for leg in legs[1:] for block in (*leg, dwells)]
+    out.append("M30")
+    what = f"{len(stops.stops)} stops of {stops.axis} for {ABOUT}, {plan.dwell_s:g} s at each"
+    moves = [block for leg in legs for block in leg]
+    return program_text(
+        add_head(ProgramHead(program_path("DWEL", stops.axis), what, stops=STOPPED, origin=origin), out, moves=moves)
+    )

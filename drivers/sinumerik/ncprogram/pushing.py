@@ -1,38 +1,137 @@
 """A batch of PushOrders -> NC program text: the two halves of one push of one or several tables.
 
-First half: back up, move to the agreeing positions, disable all, write everything, compare everything, write
-read-back files. Twice it waits, standing, for the gateway's word, with nothing for a person to do, and what all of it
-moves was said before the start: after the back-up, before anything is switched or written, until the gateway has found
-there what it expects; and between the halves. Second half: enable only what the gateway released of this very
-transaction, and only if it is still as it was written. Every other way out leaves all of them disabled. MD38000 and
-MD18342 are not touched.
+::
+
+    first half   back up -> wait for go-on word -> move -> switch all off -> write -> compare -> write read-back files
+                 -> wait for release word
+    second half  check words, switches and every point again -> switch the released tables on -> check the switches
+
+The program waits twice, standing, for the gateway's word, with nothing for a person to do: after the back-up, until the
+gateway has found there what it expects, and between the halves, until it has compared the read-back. All that moves was
+announced before the start. The second half enables only what the gateway released of this very transaction, and only if
+it is still as it was written. Every other way out leaves all of them disabled. MD38000 and MD18342 are not touched.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from decimal import Decimal
 
-from drivers.sinumerik.ncprogram import backup, looping, switching
-from drivers.sinumerik.ncprogram.backup import Memory, Saving, Section
-from drivers.sinumerik.ncprogram.guarding import away, guarded, unless_there
-from drivers.sinumerik.ncprogram.heads import Head, headed, section
-from drivers.sinumerik.ncprogram.loading import array_of, compared, written
-from drivers.sinumerik.ncprogram.looping import Array
+from drivers.errors import TooManyPoints
+from drivers.sinumerik.ncprogram import backup, blocks, switching
+from drivers.sinumerik.ncprogram.backup import BackupFile, ReservedPoints, Section
+from drivers.sinumerik.ncprogram.blocks import (
+    Motion,
+    ProgramArray,
+    ProgramHead,
+    add_head,
+    format_number,
+    section_comment,
+)
+from drivers.sinumerik.ncprogram.checks import away_blocks, guard_blocks, skip_if_there
 from drivers.sinumerik.ncprogram.measuring import (
     POLL_S,
     PREPARE,
-    Setting,
+    MachineSetting,
     check_names,
-    file_failed,
+    file_failed_blocks,
+    leave_if_aborted,
     phase_block,
-    text_of,
-    unless_aborted,
+    program_text,
 )
-from drivers.sinumerik.ncprogram.motion import Motion, number
 from drivers.sinumerik.ncprogram.words import FAMILY, Phase, Word, Words, file_path, program_path
+from drivers.sinumerik.tablefile import tables
+from drivers.sinumerik.tablefile.grammar import value_text
 from drivers.types.orders import PushBatch, PushOrder
+from drivers.types.tables import CompensationTable
 
-Loads = Sequence[tuple[PushOrder, Setting]]
+# Blocks that write one table of a push, and that compare what the control then holds, value by value.
+
+FINEST = Decimal("0.000000001")  # below this the control's own decimals differ from its binary value
+
+
+def reserved_points(table: CompensationTable, memory: ReservedPoints) -> int:
+    """Points the control holds for this table."""
+    if table.kind != "cross":
+        return memory.eec_points if table.kind == "axis" else 1
+    return memory.cec_points[table.index] if table.index < len(memory.cec_points) else 0
+
+
+def order_array(order: PushOrder, place: int) -> ProgramArray | None:
+    """The values of one table of a batch as a table of the program's own; None for a reversal, which is one value.
+
+    Raises as `tables.order_values`.
+    """
+    if order.table.kind == "reversal":
+        return None
+    return ProgramArray(f"UTABLE{place + 1}", "REAL", tuple(value_text(value) for value in tables.order_values(order)))
+
+
+def write_blocks(order: PushOrder, memory: ReservedPoints, array: ProgramArray | None) -> list[str]:
+    """Every parameter, every point and a zero for each point that an older table may have left behind.
+
+    The points from ``array``, one by one where that is None. A reversal has none of them: its one value is written
+    where it is switched on.
+
+    Raises TooManyPoints (E-TABLE-POINTS) and as `tables.order_values`.
+    """
+    table, values = order.table, tables.order_values(order)
+    reserved = reserved_points(table, memory)
+    if len(values) > reserved:
+        raise TooManyPoints(
+            "E-TABLE-POINTS", table.output_axis, table=table.name, points=len(values), reserved=reserved
+        )
+    point = tables.point_name(table, backup.POINT) if table.kind != "reversal" else ""
+    out = tables.parameter_lines(table)
+    if array is None:
+        out += tables.point_lines(table, values)
+    else:
+        out += [f"FOR {backup.POINT}=0 TO {len(values) - 1}", f"{point}={array.name}[{backup.POINT}]", "ENDFOR"]
+    if len(values) < reserved:
+        out += [f"FOR {backup.POINT}={len(values)} TO {reserved - 1}", f"{point}=0", "ENDFOR"]
+    return out
+
+
+def compare_blocks(order: PushOrder, memory: ReservedPoints, count: str, array: ProgramArray | None) -> list[str]:
+    """Every parameter and point against what was sent; ``count`` is the variable that counts what differs."""
+    table, values = order.table, tables.order_values(order)
+    if table.kind == "reversal":
+        return [f"{count}=0"]
+    more = [f"{count}={count}+1", "ENDIF"]
+    half_unit = value_text(max(Decimal(5).scaleb(-_places(values) - 1), FINEST))
+    out = [f"{count}=0"]
+    for name, value in tables.parameters(table).items():
+        out += [f"IF {_differs(name, value, half_unit)}", *more]
+    point = tables.point_name(table, backup.POINT)
+    if array is not None:
+        differs = f"IF ABS({point}-{array.name}[{backup.POINT}])>{half_unit}"
+        out += [f"FOR {backup.POINT}=0 TO {len(values) - 1}", differs, *more, "ENDFOR"]
+    else:
+        for place, stored in enumerate(values):
+            out += [f"IF {_differs(tables.point_name(table, place), value_text(stored), half_unit)}", *more]
+    reserved = reserved_points(table, memory)
+    if len(values) < reserved:
+        out += [f"FOR {backup.POINT}={len(values)} TO {reserved - 1}", f"IF {point}<>0", *more, "ENDFOR"]
+    return out
+
+
+def _differs(name: str, value: str, half_unit: str) -> str:
+    if value.startswith("("):
+        return f"{name}<>{value}"
+    if "." not in value:
+        return f"{name}<>{value}"
+    other = f"+{value[1:]}" if value.startswith("-") else f"-{value}"
+    return f"ABS({name}{other})>{half_unit}"
+
+
+def _places(values: tuple[Decimal, ...]) -> int:
+    """Decimals of the finest value, six at least: the comparison allows half a unit of the last place."""
+    return max(len(value_text(value).partition(".")[2]) for value in values)
+
+
+# The two halves.
+
+Loads = Sequence[tuple[PushOrder, MachineSetting]]
 """Each order with what its own axes need: memory of its output, feed and kind of its input."""
 
 SAVED = "TRUEFLANK SAVED"
@@ -51,12 +150,12 @@ def loaded_message(batch: PushBatch, words: Words) -> str:
     return f"{LOADED} {_named(batch)} WAITS FOR {words.name(Word.RELEASE)}={batch[0].transaction}"
 
 
-def saved_message(batch: PushBatch, words: Words) -> str:
+def back_up_message(batch: PushBatch, words: Words) -> str:
     """What stands there while the gateway compares what the back-up holds with what it expects."""
-    return f"{SAVED} {_named(batch)} WAITS FOR {words.name(Word.RELEASE)}={goes_on(batch)}"
+    return f"{SAVED} {_named(batch)} WAITS FOR {words.name(Word.RELEASE)}={go_on_word(batch)}"
 
 
-def goes_on(batch: PushBatch) -> int:
+def go_on_word(batch: PushBatch) -> int:
     """The word that lets the first half go on after the back-up; never one that releases tables."""
     return -batch[0].transaction
 
@@ -71,33 +170,38 @@ def activate_message(batch: PushBatch) -> str:
     return f"{ACTIVATE} {' '.join(axes)}"
 
 
-def pushing(loads: Loads) -> str:
+def build_push_program(loads: Loads) -> str:
     """The one program with both halves: load and prove, wait for the release, then enable what was released."""
-    first = _first_half(loads, saved=_until_compared(loads))
-    return _program("PUSH", loads, [*first, *_until_released(loads), *_second_half(loads)])
+    first = _first_half(loads, saved=_wait_for_comparison(loads))
+    return _program("PUSH", loads, [*first, *_wait_for_release(loads), *_second_half(loads)])
 
 
-def _until_compared(loads: Loads) -> list[str]:
+def _wait_for_comparison(loads: Loads) -> list[str]:
     """Stand after the back-up; an abort, or nobody's word, ends the program with everything as it was."""
     words, orders = loads[0][1].words, _orders(loads)
-    out = [section("until the gateway has found in the back-up what it expects"), phase_block(words, Phase.SAVED)]
+    out = [
+        section_comment("until the gateway has found in the back-up what it expects"),
+        phase_block(words, Phase.SAVED),
+    ]
     late = [f"IF {_WAITED}>{_MOST_WAITED}", f"{words.name(Word.ABORT)}=1", "ENDIF"]  # else it would read as no right
-    out += _until(words, goes_on(orders), saved_message(orders, words), [*late, unless_aborted(words, _LEFT)])
-    return [*out, unless_aborted(words, _LEFT), f"{words.name(Word.RELEASE)}=0", "STOPRE"]
+    out += _wait_blocks(
+        words, go_on_word(orders), back_up_message(orders, words), [*late, leave_if_aborted(words, _LEFT)]
+    )
+    return [*out, leave_if_aborted(words, _LEFT), f"{words.name(Word.RELEASE)}=0", "STOPRE"]
 
 
-def _until_released(loads: Loads) -> list[str]:
+def _wait_for_release(loads: Loads) -> list[str]:
     words, orders = loads[0][1].words, _orders(loads)
-    ends = [unless_aborted(words, _HELD), f"IF {_WAITED}>{_MOST_WAITED} GOTOF {_HELD}"]
-    return _until(words, orders[0].transaction, loaded_message(orders, words), ends)
+    ends = [leave_if_aborted(words, _HELD), f"IF {_WAITED}>{_MOST_WAITED} GOTOF {_HELD}"]
+    return _wait_blocks(words, orders[0].transaction, loaded_message(orders, words), ends)
 
 
-def _until(words: Words, word: int, message: str, ends: list[str]) -> list[str]:
+def _wait_blocks(words: Words, word: int, message: str, ends: list[str]) -> list[str]:
     return [
         f'MSG("{message}")',
         f"{_WAITED}=0",
         f"WHILE {words.name(Word.RELEASE)}<>{word}",
-        f"G4 F{number(POLL_S)}",
+        f"G4 F{format_number(POLL_S)}",
         "STOPRE",
         f"{_WAITED}={_WAITED}+1",
         *ends,
@@ -107,20 +211,20 @@ def _until(words: Words, word: int, message: str, ends: list[str]) -> list[str]:
     ]
 
 
-def loading(loads: Loads) -> str:
+def build_loading_program(loads: Loads) -> str:
     """The first half alone, for controls that give no file out while a program waits."""
     return _program("LOAD", loads, [*_first_half(loads, saved=[]), "M30"])
 
 
-def enabling(loads: Loads) -> str:
-    """The second half alone; it checks the words that `loading` left and every point again."""
+def build_enabling_program(loads: Loads) -> str:
+    """The second half alone; it checks the words that `build_loading_program` left and every point again."""
     return _program("ENAB", loads, _second_half(loads))
 
 
-def _arrays(loads: Loads) -> list[Array | None]:
+def _arrays(loads: Loads) -> list[ProgramArray | None]:
     """The values of each order as a table of the program's own; None where they are written out one by one."""
-    found = [array_of(order, place) if setting.loops else None for place, (order, setting) in enumerate(loads)]
-    return found if looping.fits(one for one in found if one is not None) else [None for _ in loads]
+    found = [order_array(order, place) if setting.loops else None for place, (order, setting) in enumerate(loads)]
+    return found if blocks.arrays_fit(one for one in found if one is not None) else [None for _ in loads]
 
 
 def _orders(loads: Loads) -> PushBatch:
@@ -131,22 +235,31 @@ def _program(kind: str, loads: Loads, body: list[str]) -> str:
     setting, orders = loads[0][1], _orders(loads)
     words = setting.words
     check = _section(loads, body)
-    ends = [section("ways out, every table off"), f"{_HELD}:", "STOPRE", *switching.disabled(orders), "STOPRE"]
+    ends = [
+        section_comment("ways out, every table off"),
+        f"{_HELD}:",
+        "STOPRE",
+        *switching.disable_blocks(orders),
+        "STOPRE",
+    ]
     ends += [phase_block(words, Phase.ENDED_DISABLED), 'MSG("")', "M30"]
     ends += [f"{_LEFT}:", "STOPRE", phase_block(words, Phase.LEFT), "M30"]
-    ends += [*away(words, setting.guards), *file_failed(words, _FAILED)]
+    ends += [*away_blocks(words, setting.guards), *file_failed_blocks(words, _FAILED)]
     if any(order.table.kind == "cross" for order in orders):
         ends += [f"{_WAKES}:", "STOPRE", phase_block(words, Phase.WOULD_WAKE), "M30"]
         ends += [f"{_ALONE}:", "STOPRE", phase_block(words, Phase.ENDED_DISABLED), 'MSG("")', "M30"]
     arrays = [array for array in _arrays(loads) if array is not None]
-    begin = [f"DEF INT {backup.VARIABLES}, {_HALF}, {_BAD}, {_GOOD}, {_PASSED}, {_WAITED}", *looping.declared(arrays)]
-    begin += [section("modal states, R words"), *PREPARE]
+    begin = [
+        f"DEF INT {backup.VARIABLES}, {_HALF}, {_BAD}, {_GOOD}, {_PASSED}, {_WAITED}",
+        *blocks.declare_arrays(arrays),
+    ]
+    begin += [section_comment("modal states, R words"), *PREPARE]
     if arrays:
-        begin += [section("the values of the tables"), *(block for array in arrays for block in array.filled)]
-    return text_of(headed(_head(kind, loads), [*begin, *body, *check, *ends]))
+        begin += [section_comment("the values of the tables"), *(block for array in arrays for block in array.filled)]
+    return program_text(add_head(_head(kind, loads), [*begin, *body, *check, *ends]))
 
 
-def _head(kind: str, loads: Loads) -> Head:
+def _head(kind: str, loads: Loads) -> ProgramHead:
     orders = _orders(loads)
     parts = {
         "PUSH": "load and, after the release, enable",
@@ -159,7 +272,7 @@ def _head(kind: str, loads: Loads) -> Head:
     names = " and ".join(file_path(name, axis) for axis in axes for name in ("BACK", "READ"))
     saved = f" Saves old and new tables in {names}." if kind != "ENAB" else ""
     also = f"Switching a table off or on moves its axis ({', '.join(axes)}) by the table's value.{saved}"
-    return Head(
+    return ProgramHead(
         program_path(kind, axes[0]),
         what,
         stops=_STOPS,
@@ -176,26 +289,31 @@ def _first_half(loads: Loads, saved: list[str]) -> list[str]:
     cleared = (Word.COUNTER, Word.MISMATCHES, Word.RELEASE, Word.GOOD, Word.PASSED)
     out = [f"{words.name(word)}=0" for word in cleared]
     out += [f"{words.name(word)}={value}" for word, value in _identity(loads).items()]
-    out += [phase_block(words, Phase.BACKING_UP), "STOPRE", unless_aborted(words, _LEFT)]
-    out += guarded(words, setting.guards)
-    out += [section("old tables into files"), *_saved("BACK", loads, _FAILED), *saved]
-    out += switching.asleep(orders, setting.memory, _WAKES)
-    out += [section("to where old and new tables agree; the tables off")]
-    out += [*guarded(words, setting.guards), *_go(loads), "STOPRE", *switching.switched_off(orders, _LEFT, _HELD)]
-    out += [*switching.still_acting(orders, _HELD), phase_block(words, Phase.DISABLED)]
+    out += [phase_block(words, Phase.BACKING_UP), "STOPRE", leave_if_aborted(words, _LEFT)]
+    out += guard_blocks(words, setting.guards)
+    out += [section_comment("old tables into files"), *_backup_blocks("BACK", loads, _FAILED), *saved]
+    out += switching.sleeping_conditions(orders, setting.memory, _WAKES)
+    out += [section_comment("to where old and new tables agree; the tables off")]
+    out += [
+        *guard_blocks(words, setting.guards),
+        *_approach_blocks(loads),
+        "STOPRE",
+        *switching.switch_off_blocks(orders, _LEFT, _HELD),
+    ]
+    out += [*switching.acting_conditions(orders, _HELD), phase_block(words, Phase.DISABLED)]
     for (order, own), array in zip(loads, _arrays(loads), strict=True):
-        out += [section(f"new table {order.table.name}"), *written(order, own.memory, array)]
+        out += [section_comment(f"new table {order.table.name}"), *write_blocks(order, own.memory, array)]
     out += ["STOPRE", phase_block(words, Phase.WRITTEN)]
     out += [f"{_HALF}=1", f"GOTOF {_COMPARE}", f"{_COMPARE}_1:", f"{words.name(Word.GOOD)}={_GOOD}"]
-    out += [section("what was written into files"), *_saved("READ", loads, _HELD)]
+    out += [section_comment("what was written into files"), *_backup_blocks("READ", loads, _HELD)]
     out += [f"IF {words.name(Word.GOOD)}==0 GOTOF {_HELD}", "STOPRE"]
     return [*out, phase_block(words, Phase.WAITING)]
 
 
-def _saved(name: Section, loads: Loads, failed: str) -> list[str]:
+def _backup_blocks(name: Section, loads: Loads, failed: str) -> list[str]:
     """One file for each output axis."""
-    savings = dict.fromkeys(saving(name, order, setting.memory) for order, setting in loads)
-    return [block for one in savings for block in backup.blocks(one, failed)]
+    savings = dict.fromkeys(backup_file_of(name, order, setting.memory) for order, setting in loads)
+    return [block for one in savings for block in backup.backup_blocks(one, failed)]
 
 
 def _second_half(loads: Loads) -> list[str]:
@@ -205,22 +323,22 @@ def _second_half(loads: Loads) -> list[str]:
     wanted = {Word.RELEASE: str(orders[0].transaction), Word.ABORT: "0"}
     wanted |= {Word.PHASE: str(int(Phase.WAITING))} | _identity(loads)
     good, passed = words.name(Word.GOOD), words.name(Word.PASSED)
-    out = [section("second half: enable only what was released and is as it was written")]
+    out = [section_comment("second half: enable only what was released and is as it was written")]
     out += [f"IF {words.name(word)}<>{value} GOTOF {_HELD}" for word, value in wanted.items()]
     most = (1 << len(orders)) - 1
     out += [f"IF ({passed}<1) OR ({passed}>{most}) GOTOF {_HELD}", f"{_PASSED}={passed}", f"{_GOOD}={good}"]
     out += [f"IF ({_PASSED} B_AND {_GOOD})<>{_PASSED} GOTOF {_HELD}"]
     out += [f"IF {switch}<>0 GOTOF {_HELD}" for switch in switching.all_switches(orders)]
-    out += guarded(words, setting.guards)
-    out += [*_go(loads), "STOPRE", f"{_HALF}=2", f"GOTOF {_COMPARE}", f"{_COMPARE}_2:"]
+    out += guard_blocks(words, setting.guards)
+    out += [*_approach_blocks(loads), "STOPRE", f"{_HALF}=2", f"GOTOF {_COMPARE}", f"{_COMPARE}_2:"]
     out += [f"IF ({_PASSED} B_AND {_GOOD})<>{_PASSED} GOTOF {_HELD}"]
     at_once = all(order.table.kind == "reversal" for order in orders)  # it acts from NEWCONF on
     if not any(order.enable for order in orders):
         if at_once or orders[0].purpose != "sign-proof":
-            return [*out, *switching.others_again(orders, _HELD, _ALONE)]
-        out += [*switching.outputs_again(orders, _HELD), "STOPRE", phase_block(words, Phase.ENDED_DISABLED)]
+            return [*out, *switching.restore_other_tables(orders, _HELD, _ALONE)]
+        out += [*switching.restore_outputs(orders, _HELD), "STOPRE", phase_block(words, Phase.ENDED_DISABLED)]
     else:
-        out += [*switching.switched_on(orders, _PASSED, _HELD), phase_block(words, Phase.ENABLED)]
+        out += [*switching.switch_on_blocks(orders, _PASSED, _HELD), phase_block(words, Phase.ENABLED)]
         if at_once:
             return [*out, "M30"]
     return [*out, f'MSG("{activate_message(orders)}")', "M0", 'MSG("")', "M30"]
@@ -234,10 +352,10 @@ def _section(loads: Loads, body: list[str]) -> list[str]:
     halves = [half for half in (1, 2) if f"{_COMPARE}_{half}:" in body]
     back = [f"IF {_HALF}=={half} GOTOB {_COMPARE}_{half}" for half in halves]
     miss = loads[0][1].words.name(Word.MISMATCHES)
-    out = [section("every parameter and point compared"), f"{_COMPARE}:", "STOPRE", f"{miss}=0", f"{_GOOD}=0"]
+    out = [section_comment("every parameter and point compared"), f"{_COMPARE}:", "STOPRE", f"{miss}=0", f"{_GOOD}=0"]
     arrays = _arrays(loads)
     for place, (order, setting) in enumerate(loads):
-        out += [*compared(order, setting.memory, _BAD, arrays[place]), f"{miss}={miss}+{_BAD}"]
+        out += [*compare_blocks(order, setting.memory, _BAD, arrays[place]), f"{miss}={miss}+{_BAD}"]
         out += [f"IF {_BAD}==0", f"{_GOOD}={_GOOD}+{1 << place}", "ENDIF"]
     return [*out, *back, f"GOTOF {_HELD}"]
 
@@ -253,9 +371,9 @@ def _identity(loads: Loads) -> dict[Word, str]:
     }
 
 
-def saving(section: Section, order: PushOrder, memory: Memory) -> Saving:
+def backup_file_of(section: Section, order: PushOrder, memory: ReservedPoints) -> BackupFile:
     """What the order's program writes to a file, and what proves that it did."""
-    return Saving(
+    return BackupFile(
         section=section,
         number=order.transaction,
         axis=order.table.output_axis,
@@ -264,10 +382,10 @@ def saving(section: Section, order: PushOrder, memory: Memory) -> Saving:
     )
 
 
-def _go(loads: Loads) -> list[str]:
+def _approach_blocks(loads: Loads) -> list[str]:
     """Each input axis to its agreeing position, unless it stands there."""
     out: list[str] = []
     for axis, (order, setting) in {order.table.input_axis: (order, setting) for order, setting in loads}.items():
         block = Motion(order.letter, setting.modulo, setting.approach_feed).to(order.agreeing_position)
-        out += unless_there(axis, order.agreeing_position, block, modulo=setting.modulo)
+        out += skip_if_there(axis, order.agreeing_position, block, modulo=setting.modulo)
     return out

@@ -15,7 +15,7 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
-from drivers.errors import ConfigError, FileFormatError
+from drivers.errors import ConfigError, FileFormatError, words
 from drivers.local.letters import decode
 from drivers.local.ownfiles import made_folder, opened, read_own
 
@@ -199,7 +199,7 @@ class StepFolder:
         names: dict[str, str] = {}
         paths = sorted(path for path in self.back.iterdir() if path.is_file())
         for path in paths:
-            name = bare(path.name)
+            name = control_name(path.name)
             if not name.endswith(_BROUGHT):
                 continue
             text = self._text(path)
@@ -255,7 +255,7 @@ def _step(told: dict[str, Any]) -> CarriedStep:
     return CarriedStep(**told)
 
 
-def bare(name: str) -> str:
+def control_name(name: str) -> str:
     """A file's name on a stick -> as the control calls it, without front: TFLIVE_X1_SPF."""
     stem, dot, ending = name.upper().removeprefix("_N_").rpartition(".")
     return f"{stem}_{ending}" if dot and ending in ("MPF", "SPF") else name.upper().removeprefix("_N_")
@@ -274,3 +274,42 @@ def without_head(text: str) -> str:
         if lines and (lines[0].startswith(("%", ";$PATH")) or not lines[0].strip()):
             lines.pop(0)
     return "\n".join(lines)
+
+
+# The sheet for the person who goes to the control: what to carry, what to press, what to bring back.
+
+_LOOK = "TFSEE.MPF"
+
+
+def carried_files(place: int, step: CarriedStep, text: str, look: str) -> dict[str, str]:
+    """Everything that is carried for a step, by its name on the stick: its program, the looking one, form and sheet."""
+    files = {stick_name(step.path): text, _LOOK: look, SEEN_FILE: typed_form(step.number)}
+    return {**files, SHEET: sheet_text(place, step, restart=step.restart)}
+
+
+def sheet_text(place: int, step: CarriedStep, *, restart: bool) -> str:
+    """The sheet of one step; ``restart``: tables were switched on, and act after a restart."""
+    program = stick_name(step.path)
+    files = ", ".join(stick_name(path) for path in step.files)
+    told = [words("W-OFF-TITLE", place=place, number=step.number, program=program), ""]
+    lines = [
+        "W-OFF-CARRY",
+        "W-OFF-RESTART" if restart else "",
+        "W-OFF-RUN",
+        "W-OFF-MESSAGE",
+        "W-OFF-BRING",
+        "W-OFF-TYPE",
+    ]
+    programs = ", ".join(dict.fromkeys((program, _LOOK)))
+    given = {"program": program, "programs": programs, "files": files, "form": SEEN_FILE, "look": _LOOK}
+    shown = [words(code, **given) for code in lines if code]
+    told += [f"{number}. {line}" for number, line in enumerate(shown, start=1)]
+    if program != _LOOK:
+        told += ["", words("W-OFF-TROUBLE", **given)]
+    return "\n".join([*told, ""])
+
+
+def typed_form(number: int) -> str:
+    """The file that the person fills in at the control."""
+    told = words("W-OFF-FORM")
+    return "\n".join((f"# {told}", f"step = {number}", 'alarms = "?"', 'access_level = "?"', ""))

@@ -1,8 +1,8 @@
 """The SINUMERIK 840D behind its OPC UA server, as a Controller: programs sent, followed, and answered.
 
-The operator's NC START starts every program; nothing here can. Reads may be repeated by the caller, a write
-never: after DeadlineExceeded or LinkBroken what the control did is unknown, `open` makes a fresh session.
-Compensation values come in um or arcsec, positions in mm or deg.
+The operator's NC START starts every program; nothing here can. Reads may be repeated by the caller, a write never:
+after DeadlineExceeded or LinkBroken what the control did is unknown, and `open` makes a fresh session. Compensation
+values come in um or arcsec, positions in mm or deg.
 """
 
 from __future__ import annotations
@@ -11,45 +11,93 @@ import asyncio
 import contextlib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from typing import Any, Literal
+from typing import Any, Literal, Protocol
 
 from drivers.clock import Clock
 from drivers.errors import DeviceRefused, TrueflankError, UnsupportedDevice
 from drivers.limits import VALUE_RESOLUTION, largest_value
 from drivers.ports.devices import Tell
-from drivers.programs import Origin, ProgramText, SelfTest, SelfTested
-from drivers.sinumerik.ncprogram.measuring import Setting
+from drivers.programs import Origin, ProgramText, SelfTest, SelfTested, reading_plan
+from drivers.sinumerik.ncprogram.measuring import MachineSetting
 from drivers.sinumerik.ncprogram.selftest import LOOPS
 from drivers.sinumerik.ncprogram.words import Word
-from drivers.sinumerik.opcua.dialogue import Dialogue
-from drivers.sinumerik.opcua.disabling import Disabling
 from drivers.sinumerik.opcua.grinding import PartGrinding
-from drivers.sinumerik.opcua.guarded import RunsPlans
-from drivers.sinumerik.opcua.leaving import Leaver, Leaving
 from drivers.sinumerik.opcua.machine import Configuration, MachineReader
-from drivers.sinumerik.opcua.measuring import Measuring
-from drivers.sinumerik.opcua.pushing import Pushing
-from drivers.sinumerik.opcua.reading import read_live
-from drivers.sinumerik.opcua.selftesting import SelfTesting
+from drivers.sinumerik.opcua.measuring import Measuring, StopPlanMixin
+from drivers.sinumerik.opcua.program_dialogue import ProgramDialogue, Transfer
+from drivers.sinumerik.opcua.pushing import Disabling, Pushing, SelfTesting
 from drivers.sinumerik.opcua.session.client import UaSession
-from drivers.sinumerik.opcua.session.secrets import secrets_of, writing_of
+from drivers.sinumerik.opcua.session.connection import read_secrets, read_writing_secrets
 from drivers.sinumerik.opcua.settings import UaSettings
-from drivers.sinumerik.opcua.transfer import Transfer
+from drivers.sinumerik.opcua.stale_programs import CleanupMixin, ProgramWithdrawal
 from drivers.sinumerik.tablefile import tables
-from drivers.sinumerik.tablefile.held import HELD, REVERSAL
+from drivers.sinumerik.tablefile.tables import HELD_KINDS, REVERSAL
 from drivers.terms import TableKind
 from drivers.types.abilities import Capabilities, Marker, TableLimits
 from drivers.types.identity import Identity, KnownAs, MachineIdentity
 from drivers.types.machine import MachineState
 from drivers.types.orders import DisableOrder, PushBatch, PushOrder, ReadBack, SignProof, SwitchReading, TableQuestion
+from drivers.types.stops import StopPlan, StopReached
 from drivers.types.tables import CompensationTable, LiveSet
 from drivers.types.values import Sense
 from drivers.workpiece import GrindPlan
 
+# Live tables of axes where only a program can save them: it moves nothing.
+
+
+class StopRunner(Protocol):
+    """The part of a controller that reading needs."""
+
+    name: str
+    goes_on: bool
+
+    async def prepare_reading(self, plans: Sequence[StopPlan]) -> None:
+        """As `Controller.prepare_stops`, of plans without any stop: one program for all of them."""
+        ...
+
+    async def wait_stop(self, after: int, timeout_s: float) -> StopReached | None:
+        """As `Controller.wait_stop`."""
+        ...
+
+    async def abort_program(self) -> None:
+        """As `Controller.abort_program`."""
+        ...
+
+    async def saved_tables(self, axis: str, proof: SignProof | None = None) -> LiveSet:
+        """As `Controller.saved_tables`."""
+        ...
+
+
+async def read_live_tables(device: StopRunner, questions: Sequence[TableQuestion], tell: Tell) -> tuple[LiveSet, ...]:
+    """Select one program for all axes, let a person start it, and read what it saved; one that waits is asked to end.
+
+    One that waits for these very plans goes on with them, and nobody needs to start anything.
+    Raises DeviceRefused (E-NC-READ-STOP) for a program that is not this one, (E-NC-NOT-SAVED) for one that ended
+    early, and what the calls raise.
+    """
+    plans = tuple(dict.fromkeys(reading_plan(question) for question in questions))
+    names = ", ".join(dict.fromkeys(question.axis for question in questions))
+    await device.prepare_reading(plans)
+    if not device.goes_on:
+        tell("P-NC-READ", axis=names)
+    try:
+        reached = await device.wait_stop(0, max(question.start_s for question in questions))
+        if reached is not None:
+            told = f"stop {reached.counter} at {reached.target}"
+            raise DeviceRefused("E-NC-READ-STOP", device.name, axis=names, found=told)
+    except (TrueflankError, asyncio.CancelledError):
+        with contextlib.suppress(TrueflankError):
+            await device.abort_program()
+        raise
+    return tuple([await device.saved_tables(question.axis, question.proof) for question in questions])
+
+
+# The controller.
+
 GIVE_BACK_S = 3.0
 CAPABILITIES = Capabilities(
     stops=True,
-    tables=(*HELD, REVERSAL),
+    tables=(*HELD_KINDS, REVERSAL),
     switched="at-stop",
     marker=True,
     consent="start",
@@ -60,7 +108,7 @@ CAPABILITIES = Capabilities(
 )
 
 
-class SinumerikOpcUa(Leaver, RunsPlans, KnownAs):
+class SinumerikOpcUa(CleanupMixin, StopPlanMixin, KnownAs):
     """Driver "sinumerik-opcua": settings in `drivers.sinumerik.opcua.settings.UaSettings`."""
 
     def __init__(
@@ -70,7 +118,7 @@ class SinumerikOpcUa(Leaver, RunsPlans, KnownAs):
         self._session = session or UaSession(url, clock, name)
         self._reader = MachineReader(self._session, self._settings, name)
         self._transfer = Transfer(self._session, self._settings.channel, name)
-        self._dialogue = Dialogue(self._session, self._reader, self._settings, clock=clock, where=name)
+        self._dialogue = ProgramDialogue(self._session, self._reader, self._settings, clock=clock, where=name)
         parts = (self._dialogue, self._reader, self._transfer)
         self._pushing = Pushing(*parts, settings=self._settings, clock=clock, where=name)
         self._disabling = Disabling(*parts, pushing=self._pushing, where=name)
@@ -78,7 +126,7 @@ class SinumerikOpcUa(Leaver, RunsPlans, KnownAs):
         self._measuring = Measuring(self._dialogue, self._transfer, clock=clock, where=name, together=together)
         self._self_testing = SelfTesting(self._dialogue, self._transfer, pushing=self._pushing, where=name)
         self._grinding = PartGrinding(*parts, settings=self._settings, clock=clock, where=name)
-        self._leaving = Leaving(
+        self._leaving = ProgramWithdrawal(
             *parts, channel=self._settings.channel, clock=clock, where=name, reopen=self._open_again
         )
         self._configuration = Configuration((), (), ())
@@ -93,8 +141,8 @@ class SinumerikOpcUa(Leaver, RunsPlans, KnownAs):
         Raises what `UaSession.open` raises, ConfigError (E-UA-SECRET), UnsupportedDevice (E-UA-ABSENT).
         """
         self._reader.timeout_s = self._transfer.timeout_s = timeout_s
-        secrets = await asyncio.to_thread(secrets_of, self._settings, self.name)
-        writing = await asyncio.to_thread(writing_of, self._settings, secrets, self.name)
+        secrets = await asyncio.to_thread(read_secrets, self._settings, self.name)
+        writing = await asyncio.to_thread(read_writing_secrets, self._settings, secrets, self.name)
         await self._session.open(secrets, timeout_s, writing)
         try:
             machine = await self.identify()
@@ -171,25 +219,25 @@ class SinumerikOpcUa(Leaver, RunsPlans, KnownAs):
         self._dialogue.pace.again()
 
     async def live_tables(self, question: TableQuestion, tell: Tell) -> LiveSet:
-        """By a program that the operator starts; it moves nothing. Raises as `read_live`."""
-        return (await read_live(self, (question,), tell))[0]
+        """By a program that the operator starts; it moves nothing. Raises as `read_live_tables`."""
+        return (await read_live_tables(self, (question,), tell))[0]
 
     async def live_tables_of(self, questions: Sequence[TableQuestion], tell: Tell) -> tuple[LiveSet, ...]:
-        """As `drivers.ports.controller.ReadsTogether.live_tables_of`. Raises as `read_live`."""
+        """As `drivers.ports.controller.ReadsTogether.live_tables_of`. Raises as `read_live_tables`."""
         asked = {question.axis: question.encoder for question in questions}
         again = await self._pushing.read_again(asked, self._configuration)
         if again is None:
-            return await read_live(self, questions, tell)
+            return await read_live_tables(self, questions, tell)
         known = dict(zip(asked, again, strict=True))
         return tuple([await self._by(known[one.axis], one.axis, one.proof) for one in questions])
 
     def tables_by(self, live: LiveSet, proof: SignProof | None) -> LiveSet:
-        """As `tables.tables_by`."""
-        return tables.tables_by(live, proof)
+        """As `tables.tables_by_proof`."""
+        return tables.tables_by_proof(live, proof)
 
     def table_by(self, table: CompensationTable, sense: Sense, proof: SignProof | None) -> CompensationTable:
-        """As `tables.table_by`."""
-        return tables.table_by(table, sense, proof)
+        """As `tables.table_by_proof`."""
+        return tables.table_by_proof(table, sense, proof)
 
     async def saved_tables(self, axis: str, proof: SignProof | None = None) -> LiveSet:
         """The live tables the last program wrote before moving. Raises DeviceRefused (E-NC-NOT-SAVED, E-UA-FILE...)."""
@@ -197,7 +245,7 @@ class SinumerikOpcUa(Leaver, RunsPlans, KnownAs):
         return await self._by(await saved.saved_tables(axis, self._configuration), axis, proof)
 
     async def _by(self, live: LiveSet, axis: str, proof: SignProof | None) -> LiveSet:
-        live = tables.tables_by(live, proof)
+        live = tables.tables_by_proof(live, proof)
         return replace(live, temperature=await self._reader.temperature(self._configuration, axis))
 
     async def prepare_self_test(self, order: SelfTest) -> None:
@@ -235,7 +283,7 @@ class SinumerikOpcUa(Leaver, RunsPlans, KnownAs):
 
     async def stage(self, batch: PushBatch) -> None:
         """Send, read back and select one program of two halves for all tables. Raises as `Pushing.prepare`."""
-        loads: list[tuple[PushOrder, Setting]] = []
+        loads: list[tuple[PushOrder, MachineSetting]] = []
         for order in batch:
             table, encoder = order.table, order.saved_encoder
             setting = await self._setting(table.input_axis, table.output_axis, encoder, rotary=order.rotary)

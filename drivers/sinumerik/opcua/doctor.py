@@ -1,8 +1,12 @@
-"""The doctor of the OPC UA road: from the control's name to the login, then the examination; changes nothing."""
+"""The doctor of the OPC UA driver, from the control's name to the examination; trust in the server's certificate.
+
+Nothing is changed in the control. A certificate is pinned only by a person who typed its thumbprint.
+"""
 
 from __future__ import annotations
 
 import asyncio
+import json
 import os
 import stat
 from collections.abc import Mapping
@@ -10,20 +14,135 @@ from datetime import datetime, timedelta
 from pathlib import Path
 from typing import Any
 
-from drivers.checks import CheckLine, Wanted, failed, fine, unknown, wrong
+from cryptography import x509
+from cryptography.hazmat.primitives.serialization import Encoding
+
+from drivers.checks import CertificateView, CheckLine, TrustView, Wanted, failed, fine, unknown, wrong
 from drivers.clock import Clock
-from drivers.errors import DeviceRefused, TrueflankError
-from drivers.sinumerik.opcua.bedside.bed import Bedside
-from drivers.sinumerik.opcua.bedside.examination import at_the_bed
-from drivers.sinumerik.opcua.bedside.server import CLOCK_LIMIT_S, reads_alone
+from drivers.errors import ConfigError, DeviceRefused, OtherCertificate, TrueflankError
+from drivers.local.ownfiles import made_parents, opened
+from drivers.sinumerik.opcua.control_checks import (
+    CLOCK_LIMIT_S,
+    ControlCheckContext,
+    check_reading_account,
+    examine_control,
+)
 from drivers.sinumerik.opcua.machine import MachineReader
-from drivers.sinumerik.opcua.session.certificates import KeyPair, last_record, load
+from drivers.sinumerik.opcua.session import certificates
+from drivers.sinumerik.opcua.session.certificates import KeyPair, last_record, load_certificate, record_path
 from drivers.sinumerik.opcua.session.client import UaSession
-from drivers.sinumerik.opcua.session.login import Offer, no_policy
-from drivers.sinumerik.opcua.session.secrets import secrets_of, writing_of
+from drivers.sinumerik.opcua.session.connection import (
+    APPLICATION_URI,
+    Offer,
+    client_folder,
+    expired_error,
+    is_valid_at,
+    no_policy_error,
+    read_secrets,
+    read_writing_secrets,
+)
 from drivers.sinumerik.opcua.settings import UaSettings
-from drivers.sinumerik.opcua.trust import view
 from drivers.sinumerik.reach import host_and_port, reach
+
+# Trust.
+
+
+class UaTrust:
+    """Trust of one site's server; settings as the controller's, the pinned file is ``server_certificate``."""
+
+    def __init__(self, name: str, url: str, settings: Mapping[str, Any], clock: Clock) -> None:
+        self.name = name
+        self._url = url
+        self._clock = clock
+        self._settings = UaSettings.read(settings, name)
+        if not self._settings.secured:
+            raise ConfigError("E-TRUST-NO-SECURITY", name, security=self._settings.security)
+
+    async def show(self, timeout_s: float) -> TrustView:
+        """What the server shows now beside what is pinned. Nothing changes.
+
+        Raises TransportError (E-UA-CONNECT), DeadlineExceeded, DeviceRefused (E-UA-POLICY), RemoteProtocolError.
+        """
+        return await asyncio.to_thread(self._view, await self._shown(timeout_s))
+
+    async def accept(self, thumbprint: str, who: str, timeout_s: float, reason: str = "") -> TrustView:
+        """Pin the certificate that the server shows now, if it is the one whose thumbprint was typed.
+
+        One that is not valid now needs a ``reason``, which is kept and told with every connection and report.
+        The old one is kept beside it; who accepted which and when is added to a record in the same folder.
+        Raises as `show`, DeviceRefused (E-TRUST-OTHER, E-UA-EXPIRED), ConfigError (E-UA-SECRET).
+        """
+        session = UaSession(self._url, self._clock, self.name)
+        certificate = await self._shown(timeout_s, session)
+        shown = certificate_view(certificate)
+        if not shown.is_called(thumbprint):
+            raise OtherCertificate("E-TRUST-OTHER", self.name, typed=thumbprint or "nothing", shown=shown.sha256)
+        valid = is_valid_at(certificate, self._clock.utc())
+        if not (valid or reason.strip()):
+            raise expired_error(certificate, session.ahead_s, self.name)
+        try:
+            await asyncio.to_thread(self._pin, certificate, who, "" if valid else reason.strip())
+        except OSError as error:
+            key, path = "server_certificate", self._settings.server_certificate
+            raise ConfigError("E-UA-SECRET", self.name, key=key, path=path, why=str(error)) from error
+        return await asyncio.to_thread(self._view, certificate)
+
+    async def _shown(self, timeout_s: float, session: UaSession | None = None) -> x509.Certificate:
+        offer: Offer = await (session or UaSession(self._url, self._clock, self.name)).offer(timeout_s)
+        if not offer.best(self._settings.policies) or offer.certificate is None:
+            raise no_policy_error(offer, self._settings.policies, self.name)
+        return offer.certificate
+
+    def _view(self, shown: x509.Certificate) -> TrustView:
+        place = Path(self._settings.server_certificate)
+        folder = client_folder(self._settings)
+        own = certificates.own_key_pair(folder, "trueflank", APPLICATION_URI, "localhost").certificate
+        last = last_record(place)
+        return TrustView(
+            url=self._url,
+            shown=certificate_view(shown),
+            pinned=certificate_view(load_certificate(place.read_bytes())) if place.is_file() else None,
+            place=str(place),
+            own=certificate_view(load_certificate(own.read_bytes())),
+            accepted_by=str(last.get("who", "")),
+            accepted_utc=str(last.get("utc", "")),
+            reason=str(last.get("reason", "")),
+        )
+
+    def _pin(self, certificate: x509.Certificate, who: str, reason: str) -> None:
+        place = Path(self._settings.server_certificate)
+        made_parents(place)
+        before = certificate_view(load_certificate(place.read_bytes())).sha256 if place.is_file() else ""
+        if before:
+            place.replace(place.with_name(f"{place.name}.old-{before.replace(':', '')[:16]}"))
+        fresh = place.with_name(f".{place.name}.new")
+        _store(fresh, certificate.public_bytes(Encoding.DER), "wb")
+        fresh.replace(place)
+        record = {"utc": self._clock.utc().isoformat(timespec="seconds"), "who": who, "url": self._url}
+        record |= {"accepted": certificate_view(certificate).sha256, "before": before}
+        record |= {"reason": reason} if reason else {}
+        _store(record_path(place), (json.dumps(record) + "\n").encode(), "ab")
+
+
+def certificate_view(certificate: x509.Certificate) -> CertificateView:
+    """A certificate as people compare it."""
+    return CertificateView(
+        subject=certificate.subject.rfc4514_string(),
+        sha256=certificates.fingerprint(certificate),
+        sha1=certificates.short_fingerprint(certificate),
+        valid_from=certificate.not_valid_before_utc,
+        valid_until=certificate.not_valid_after_utc,
+    )
+
+
+def _store(path: Path, content: bytes, mode: str) -> None:
+    with opened(path, mode) as file:
+        file.write(content)
+        file.flush()
+        os.fsync(file.fileno())
+
+
+# Doctor.
 
 DEFAULT_PORT = 4840
 SOON = timedelta(days=60)
@@ -53,8 +172,8 @@ class UaDoctor:
         reader = MachineReader(self._session, self._settings, self.name)
         reader.timeout_s = timeout_s
         try:
-            lines += await at_the_bed(
-                Bedside(
+            lines += await examine_control(
+                ControlCheckContext(
                     session=self._session,
                     reader=reader,
                     settings=self._settings,
@@ -102,7 +221,7 @@ class UaDoctor:
             return wrong("E-DOC-NO-SECURITY", "policy", security=self._settings.security)
         policy = offer.best(self._settings.policies)
         if not policy:
-            return failed(no_policy(offer, self._settings.policies, self.name), "policy")
+            return failed(no_policy_error(offer, self._settings.policies, self.name), "policy")
         return fine("W-DOC-POLICY", "policy", policy=policy)
 
     def _certificates(self, offer: Offer, now: datetime) -> list[CheckLine]:
@@ -110,18 +229,18 @@ class UaDoctor:
         if offer.certificate is None:
             return [unknown("W-DOC-NO-CERTIFICATE", "certificate")]
         if not self._settings.server_certificate:
-            shown = view(offer.certificate)
+            shown = certificate_view(offer.certificate)
             return [wrong("E-DOC-NO-CERTIFICATE", "certificate", sha256=shown.sha256, sha1=shown.sha1)]
         if not place.is_file():
             return [wrong("E-UA-UNPINNED", "certificate", path=place)]
         try:
-            pinned = load(place.read_bytes())
+            pinned = load_certificate(place.read_bytes())
         except (OSError, ValueError) as error:
             given = {"key": "server_certificate", "path": place, "why": error}
             return [wrong("E-UA-SECRET", "certificate", **given)]
-        shown = view(offer.certificate)
+        shown = certificate_view(offer.certificate)
         if offer.certificate != pinned:
-            return [wrong("E-UA-TRUST", "certificate", found=shown.sha256, pinned=view(pinned).sha256)]
+            return [wrong("E-UA-TRUST", "certificate", found=shown.sha256, pinned=certificate_view(pinned).sha256)]
         accepted = last_record(place)
         who = f"{accepted['who']} at {str(accepted['utc'])[:19]} UTC" if accepted else "a person not recorded"
         line = fine(
@@ -139,14 +258,14 @@ class UaDoctor:
         """Our own certificate, then the login; the session is open afterwards if all of it went well."""
         lines: list[CheckLine] = []
         try:
-            secrets = await asyncio.to_thread(secrets_of, self._settings, self.name)
+            secrets = await asyncio.to_thread(read_secrets, self._settings, self.name)
             if secrets.own is not None:
                 lines += await asyncio.to_thread(_own, secrets.own, self._clock.utc())
             await self._session.open(secrets, timeout_s)
             lines.append(self._logged_in(self._settings.user))
-            writing = await asyncio.to_thread(writing_of, self._settings, secrets, self.name)
+            writing = await asyncio.to_thread(read_writing_secrets, self._settings, secrets, self.name)
             if writing is not None:
-                lines += await reads_alone(self._session, timeout_s)
+                lines += await check_reading_account(self._session, timeout_s)
                 await self._session.open(writing, timeout_s)
                 lines.append(self._logged_in(writing.user))
         except TrueflankError as error:
@@ -158,7 +277,7 @@ class UaDoctor:
 
 
 def _own(pair: KeyPair, now: datetime) -> list[CheckLine]:
-    own = view(load(pair.certificate.read_bytes()))
+    own = certificate_view(load_certificate(pair.certificate.read_bytes()))
     line = fine("W-DOC-OWN", "own certificate", thumbprint=own.sha1, until=own.valid_until.date())
     lines = [_valid(line, now, own.valid_from, own.valid_until)]
     return [*lines, wrong("E-DOC-KEY-OPEN", "own certificate", path=pair.key)] if _is_open(pair) else lines

@@ -9,16 +9,14 @@ from drivers.clock import Clock
 from drivers.errors import DeadlineExceeded, DeviceRefused
 from drivers.programs import NOBODY
 from drivers.sinumerik.ncprogram import grinding as grinding_program
-from drivers.sinumerik.ncprogram.backup import Memory, Saving
+from drivers.sinumerik.ncprogram.backup import BackupFile, ReservedPoints
+from drivers.sinumerik.ncprogram.checks import Guard, check_program
 from drivers.sinumerik.ncprogram.grinding import GrindSetting
-from drivers.sinumerik.ncprogram.guarding import Guard
-from drivers.sinumerik.ncprogram.legal import legal
 from drivers.sinumerik.ncprogram.words import Phase, Word, program_path
-from drivers.sinumerik.opcua.dialogue import Dialogue, Glance, file_refused
 from drivers.sinumerik.opcua.machine import Configuration, MachineReader
-from drivers.sinumerik.opcua.pushing import live_tables
+from drivers.sinumerik.opcua.program_dialogue import ProgramDialogue, StatusSnapshot, Transfer, file_error
+from drivers.sinumerik.opcua.pushing import fetch_live_tables
 from drivers.sinumerik.opcua.settings import UaSettings
-from drivers.sinumerik.opcua.transfer import Transfer
 from drivers.types.machine import ChannelStatus
 from drivers.types.tables import LiveSet
 from drivers.workpiece import GrindPlan, check_plan
@@ -28,9 +26,9 @@ CALM, LONGEST_LOOK_S = 4.0, 1.0
 _BEGUN = (Phase.GRINDING, Phase.FINISHED, Phase.LEFT)
 
 
-def preview(plan: GrindPlan, settings: Mapping[str, Any], where: str) -> str:
-    """The program that would be sent, without a control. Raises as `grinding_program.preview`, and ConfigError."""
-    return grinding_program.preview(plan, UaSettings.read(settings, where).words)
+def preview_program(plan: GrindPlan, settings: Mapping[str, Any], where: str) -> str:
+    """The program that would be sent, without a control. Raises as that does, and ConfigError."""
+    return grinding_program.preview_program(plan, UaSettings.read(settings, where).words)
 
 
 class PartGrinding:
@@ -38,7 +36,7 @@ class PartGrinding:
 
     def __init__(
         self,
-        dialogue: Dialogue,
+        dialogue: ProgramDialogue,
         reader: MachineReader,
         transfer: Transfer,
         settings: UaSettings,
@@ -52,7 +50,7 @@ class PartGrinding:
         self._clock = clock
         self._where = where
         self._token = 0
-        self._memory: Mapping[str, Memory] = {}
+        self._memory: Mapping[str, ReservedPoints] = {}
         self._saved = False
         self._ended = False
         self._placed: dict[int, float] = {}
@@ -64,20 +62,20 @@ class PartGrinding:
     async def prepare(self, plan: GrindPlan, configuration: Configuration) -> str:
         """Place the set-up values, send the program, read both back and select it; returns its text.
 
-        Raises as `check_plan` and `legal`, UnsupportedDevice (E-NC-AXIS), DeviceRefused (E-NC-NOT-RESET) before all
-        writing; E-GRIND-NOT-HELD, and what sending and selecting raise, before anything was selected.
+        Raises as `check_plan` and `check_program`, UnsupportedDevice (E-NC-AXIS), DeviceRefused (E-NC-NOT-RESET)
+        before all writing; E-GRIND-NOT-HELD, and what sending and selecting raise, before anything was selected.
         """
         check_plan(plan)
         numbers = [configuration.number(axis.name, self._where) for axis in plan.named]
         setting = await self._setting(plan, configuration)
         token = self._dialogue.fresh_number()
         path = program_path("GRIND", plan.index.name)
-        text = grinding_program.grinding(plan, token, setting)
-        passed = legal(path, text, configuration.names, still=grinding_program.still(plan))
+        text = grinding_program.build_grinding_program(plan, token, setting)
+        passed = check_program(path, text, configuration.names, still=grinding_program.fixed_axes(plan))
         await self._dialogue.begin(numbers[0], token, path)
         self.plan, self._token, self._saved, self._ended = plan, token, False, False
         self._memory = setting.memory
-        self._placed = grinding_program.set_up(plan, setting.words)
+        self._placed = grinding_program.set_up_parameters(plan, setting.words)
         await self._dialogue.place(self._placed)
         await self._dialogue.write({Word.RELEASE: float(token)})
         await self._transfer.send(passed)
@@ -101,7 +99,7 @@ class PartGrinding:
         """
         end = self._clock.now() + timeout_s
         look_s = min(CALM * self._settings.poll_s, LONGEST_LOOK_S)
-        before: Glance | None = None
+        before: StatusSnapshot | None = None
         while not self._ended:
             seen = await self._dialogue.look()
             await self._dialogue.check_alarms(seen)
@@ -117,17 +115,17 @@ class PartGrinding:
             await self._clock.sleep(0.0 if self._ended else look_s)
         return None
 
-    def _note(self, seen: Glance) -> int:
+    def _note(self, seen: StatusSnapshot) -> int:
         self._dialogue.check_places(seen)
         if seen.phase == Phase.FILE_FAILED:
             names = ", ".join(axis.name for axis in self.plan.compensated) if self.plan else ""
-            raise file_refused(seen, self._where, names)
+            raise file_error(seen, self._where, names)
         if seen.phase == Phase.SETUP_REFUSED:
             raise DeviceRefused("E-GRIND-SETUP-REFUSED", self._where, first=self._settings.words.setup)
         self._saved = self._saved or seen.phase in _BEGUN
         return round(seen.word(Word.COUNTER))
 
-    async def _check_end(self, before: Glance | None, seen: Glance, done: int) -> None:
+    async def _check_end(self, before: StatusSnapshot | None, seen: StatusSnapshot, done: int) -> None:
         """By its own word, or because the channel is in reset at two looks after the program had begun."""
         total = self.plan.spaces if self.plan else 0
         if seen.channel is not ChannelStatus.RESET:
@@ -147,7 +145,7 @@ class PartGrinding:
                 wanted = self._placed[number]
                 raise DeviceRefused("E-GRIND-SETUP-CHANGED", self._where, number=number, value=wanted, held=held)
 
-    def _late(self, seen: Glance, timeout_s: float, *, ours: bool) -> DeadlineExceeded:
+    def _late(self, seen: StatusSnapshot, timeout_s: float, *, ours: bool) -> DeadlineExceeded:
         if not ours:
             return DeadlineExceeded("E-GRIND-NO-START", self._where, timeout_s=timeout_s)
         shown = seen.message or "no message"
@@ -160,5 +158,7 @@ class PartGrinding:
         found = next((one for one in wanted if one.name == axis), None)
         if self.plan is None or found is None or not (self._saved and self.plan.save_tables):
             raise DeviceRefused("E-NC-NOT-SAVED", self._where, axis=axis)
-        saving = Saving(section="LIVE", number=self._token, axis=axis, encoder=found.encoder, memory=self._memory[axis])
-        return await live_tables(self._transfer, saving, configuration)
+        saving = BackupFile(
+            section="LIVE", number=self._token, axis=axis, encoder=found.encoder, memory=self._memory[axis]
+        )
+        return await fetch_live_tables(self._transfer, saving, configuration)

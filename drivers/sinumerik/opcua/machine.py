@@ -1,28 +1,98 @@
-"""What a control says about itself over OPC UA -> identity, configuration, memory and state records."""
+"""What a control says about itself over OPC UA -> identity, configuration, encoders, memory and state records.
+
+Which measuring system's table acts follows from MD30200 (how many), MD32700 (which is on) and MD38000 (memory).
+"""
 
 from __future__ import annotations
 
+import asyncio
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from decimal import Decimal
 from typing import Any, Literal
 
+from drivers.checks import ControlAxis, ControlFacts
+from drivers.clock import Clock
 from drivers.errors import TransportError, UnsupportedDevice
-from drivers.sinumerik.ncprogram.backup import Memory
-from drivers.sinumerik.opcua import encoders
-from drivers.sinumerik.opcua.session import alarms as alarm_nodes
+from drivers.sinumerik.ncprogram.backup import ReservedPoints
+from drivers.sinumerik.opcua.session import client as alarm_nodes
 from drivers.sinumerik.opcua.session import nodes
-from drivers.sinumerik.opcua.session import values as typed_values
-from drivers.sinumerik.opcua.session.client import Reading, UaSession
-from drivers.sinumerik.opcua.session.status import is_absent, is_down, refusal
+from drivers.sinumerik.opcua.session import nodes as typed_values
+from drivers.sinumerik.opcua.session.client import UaSession
+from drivers.sinumerik.opcua.session.connection import read_secrets
+from drivers.sinumerik.opcua.session.requests import Reading
+from drivers.sinumerik.opcua.session.status import is_absent, is_down, status_error
 from drivers.sinumerik.opcua.settings import UaSettings
-from drivers.sinumerik.tablefile import temperature
-from drivers.sinumerik.tablefile.groups import MOST_POINTS
+from drivers.sinumerik.tablefile import axis_settings
+from drivers.sinumerik.tablefile.reader import MOST_POINTS
 from drivers.types.identity import MachineIdentity
 from drivers.types.machine import AxisState, ChannelStatus, MachineState
 from drivers.types.tables import TemperatureShift
 from drivers.units import AxisUnit, deviation_scale
+
+# Encoders.
+
+ENCODER_INDICES = (0, 1)
+
+
+@dataclass(frozen=True, slots=True)
+class Encoders:
+    """Of one axis: ``count`` MD30200; ``enabled`` MD32700, ``reserved`` MD38000 by encoder index; None: unreadable."""
+
+    count: int | None
+    enabled: tuple[bool | None, bool | None]
+    reserved: tuple[int | None, int | None]
+
+    @property
+    def there(self) -> tuple[int, ...]:
+        """Encoder indices that the axis has."""
+        return ENCODER_INDICES[: self.count if self.count is not None else len(ENCODER_INDICES)]
+
+    @property
+    def acting(self) -> tuple[int, ...]:
+        """Those whose table is switched on; where none is, those that have memory for one."""
+        on = tuple(index for index in self.there if self.enabled[index])
+        return on or tuple(index for index in self.there if self.reserved[index] != 0)
+
+
+def encoder_names(axis: str) -> tuple[str, ...]:
+    """What is read for `encoders_from_values`, by the control's names."""
+    enabled = [f"$MA_ENC_COMP_ENABLE[{index},{axis}]" for index in ENCODER_INDICES]
+    reserved = [f"$MA_MM_ENC_COMP_MAX_POINTS[{index},{axis}]" for index in ENCODER_INDICES]
+    return (f"$MA_NUM_ENCS[{axis}]", *enabled, *reserved)
+
+
+def encoders_from_values(values: list[float | None]) -> Encoders:
+    """The record from the values of `names_of`, in that order."""
+    count, *rest = values
+    on = tuple(None if value is None else bool(value) for value in rest[:2])
+    points = tuple(None if value is None else int(value) for value in rest[2:])
+    return Encoders(None if count is None else int(count), (on[0], on[1]), (points[0], points[1]))
+
+
+def check_encoder(found: Encoders, axis: str, encoder: int, where: str, *, said: bool = True) -> None:
+    """Refuse an encoder of the site file that is not the acting one, and a control that lets two act.
+
+    Where no table is on and both measuring systems have memory, the site file decides, if it has ``said`` so: no
+    default does. Raises UnsupportedDevice (E-NC-ENCODER, E-NC-ENCODERS, E-NC-ENCODER-OPEN).
+    """
+    told: dict[str, Any] = {"axis": axis, "encoder": encoder, "count": found.count if found.count is not None else "?"}
+    told |= {"enabled": _shown_indices(found.enabled), "reserved": _shown_indices(found.reserved)}
+    if len([index for index in found.there if found.enabled[index]]) > 1:
+        raise UnsupportedDevice("E-NC-ENCODERS", where, **told)
+    if encoder not in found.acting:
+        acting = ", ".join(map(str, found.acting)) or "none"
+        raise UnsupportedDevice("E-NC-ENCODER", where, acting=acting, **told)
+    if not said and len(found.acting) > 1:
+        raise UnsupportedDevice("E-NC-ENCODER-OPEN", where, **told)
+
+
+def _shown_indices(values: tuple[Any, Any]) -> str:
+    return ", ".join("?" if value is None else str(int(value)) for value in values)
+
+
+# Configuration, identity, state.
 
 MOST_AXES = 31
 MOST_CEC_TABLES = 62
@@ -107,16 +177,16 @@ class MachineReader:
             if not name:
                 continue
             if not _AXIS_NAME.fullmatch(name) or name in names[: place - 1]:
-                raise typed_values.wrong(nodes.axis_name(place), name, "an axis name of its own", self._where)
+                raise typed_values.value_error(nodes.axis_name(place), name, "an axis name of its own", self._where)
 
     async def identity(self, names: tuple[str, ...]) -> MachineIdentity:
         """Serial number, NCK version, unit system, and what the site names besides: type and marker; read afresh."""
         settings, where = self._settings, self._where
         paths = [settings.serial_node, settings.version_node, nodes.BASIC_LENGTH_UNIT]
         serial, version, unit = self._good(self._up(await self._session.survey(paths, self.timeout_s)))
-        inch = typed_values.checked(nodes.BASIC_LENGTH_UNIT, unit, where)
+        inch = typed_values.check_value(nodes.BASIC_LENGTH_UNIT, unit, where)
         system: Literal["metric", "inch"] = "inch" if inch else "metric"
-        told = (typed_values.label(serial, paths[0], where), typed_values.label(version, paths[1], where))
+        told = (typed_values.check_label(serial, paths[0], where), typed_values.check_label(version, paths[1], where))
         further = await self._further()
         return MachineIdentity(*told, names, system, **further)
 
@@ -133,9 +203,9 @@ class MachineReader:
             return {}
         found = self._up(await self._session.survey(list(asked.values()), self.timeout_s))
         read = [(fact, one) for fact, one in zip(asked, found, strict=True) if not one.status]
-        return {fact: typed_values.label(one.value, one.path, self._where) for fact, one in read}
+        return {fact: typed_values.check_label(one.value, one.path, self._where) for fact, one in read}
 
-    async def memory(self, configuration: Configuration, axis: str, encoder: int) -> Memory:
+    async def memory(self, configuration: Configuration, axis: str, encoder: int) -> ReservedPoints:
         """Reserved points (MD38000 of the encoder, MD18342 of every CEC table that can be read), and MD11420."""
         configuration.number(axis, self._where)
         names = configuration.places
@@ -146,19 +216,21 @@ class MachineReader:
         eec, *cec, file_kb = await self._read(paths)
         points = tuple(0 if one.status else self._reserved(one) for one in cec)
         self._good([eec])
-        limit_kb = 0 if file_kb.status else typed_values.whole(file_kb.value, file_kb.path, self._where, MOST_FILE_KB)
-        return Memory(self._reserved(eec), points, configuration.names, limit_kb)
+        limit_kb = (
+            0 if file_kb.status else typed_values.check_whole(file_kb.value, file_kb.path, self._where, MOST_FILE_KB)
+        )
+        return ReservedPoints(self._reserved(eec), points, configuration.names, limit_kb)
 
     def _reserved(self, reading: Reading) -> int:
         """Points that a memory figure says. Raises RemoteProtocolError (E-UA-VALUE) beyond what a control has."""
-        return typed_values.whole(reading.value, reading.path, self._where, MOST_POINTS)
+        return typed_values.check_whole(reading.value, reading.path, self._where, MOST_POINTS)
 
-    async def encoders(self, configuration: Configuration, axis: str) -> encoders.Encoders:
+    async def encoders(self, configuration: Configuration, axis: str) -> Encoders:
         """Which measuring systems the axis has, whose table is on, and who has memory for one."""
         configuration.number(axis, self._where)
-        paths = [self._datum(name, configuration.places) for name in encoders.names_of(axis)]
+        paths = [self._datum(name, configuration.places) for name in encoder_names(axis)]
         found = await self._read(paths)
-        return encoders.of_values([None if one.status else float(one.value) for one in found])
+        return encoders_from_values([None if one.status else float(one.value) for one in found])
 
     async def switch(self, name: str, configuration: Configuration) -> bool | None:
         """A switch by its NC name; None when this user may not read it or the NCK restarts just now."""
@@ -171,16 +243,16 @@ class MachineReader:
 
         Raises RemoteProtocolError (E-UA-VALUE) for a datum that is no finite number.
         """
-        names = temperature.names_of(axis)
+        names = axis_settings.temperature_names(axis)
         paths = [nodes.to_path(name, configuration.places, self._settings.channel) for name in names]
         if None in paths:
             return None
         found = self._up(await self._session.read([path for path in paths if path], self.timeout_s))
         if any(reading.status for reading in found):
             return None
-        values = [typed_values.number(one.value, one.path, self._where) for one in found]
+        values = [typed_values.check_number(one.value, one.path, self._where) for one in found]
         read = dict(zip(names, map(Decimal, map(repr, values)), strict=True))
-        return temperature.acting(temperature.of_axis(read, axis))
+        return axis_settings.acting_temperature(axis_settings.temperature_of(read, axis))
 
     async def figure(self, name: str, configuration: Configuration) -> float | None:
         """A machine datum by its NC name; None where there is no public node for it or it cannot be read."""
@@ -226,7 +298,7 @@ class MachineReader:
 
     async def alarm_texts(self, count: int) -> str:
         """Texts of pending alarms: by events, else from the variables; "" where the control gives neither."""
-        told = alarm_nodes.text(await alarm_nodes.standing(self._session, self.timeout_s))
+        told = alarm_nodes.alarm_texts(await alarm_nodes.read_standing_alarms(self._session, self.timeout_s))
         if told:
             return told
         found = await self._read([nodes.alarm_text(place) for place in range(1, count + 1)])
@@ -243,7 +315,7 @@ class MachineReader:
     def _up(self, found: list[Reading]) -> list[Reading]:
         for reading in found:
             if is_down(reading.status):
-                raise refusal(reading.status, self._where, "read", reading.path)
+                raise status_error(reading.status, self._where, "read", reading.path)
         return found
 
     def _good(self, readings: Sequence[Reading]) -> list[Any]:
@@ -263,7 +335,7 @@ class MachineReader:
         return self._good(readings)
 
     def _bad(self, reading: Reading) -> Exception:
-        return refusal(reading.status or "empty", self._where, "read", reading.path)
+        return status_error(reading.status or "empty", self._where, "read", reading.path)
 
     def _datum(self, name: str, axes: Sequence[str]) -> str:
         path = nodes.to_path(name, axes, self._settings.channel)
@@ -275,7 +347,7 @@ class MachineReader:
 def channel_status(value: Any, where: str) -> ChannelStatus:
     """chanStatus as a record. Raises RemoteProtocolError (E-UA-VALUE)."""
     if value not in _CHANNEL:
-        raise typed_values.wrong("chanStatus", value, f"one of {', '.join(map(str, _CHANNEL))}", where)
+        raise typed_values.value_error("chanStatus", value, f"one of {', '.join(map(str, _CHANNEL))}", where)
     return ChannelStatus(value)
 
 
@@ -299,3 +371,52 @@ def _axis_state(name: str, values: list[Any], configuration: Configuration) -> A
         cross_compensation=cross * scale,
         unit=unit,
     )
+
+
+# Survey for a site file.
+
+LIMITS = ("$MA_POS_LIMIT_MINUS", "$MA_POS_LIMIT_PLUS")
+"""MD36100 and MD36110, the first soft limits."""
+# A limit beyond this is the control's way to say that there is none.
+FARTHEST = 1e6
+
+
+class UaSurvey:
+    """Settings as the controller's; every question is a read."""
+
+    def __init__(self, name: str, url: str, settings: Mapping[str, Any], clock: Clock) -> None:
+        self.name = name
+        self._settings = UaSettings.read(settings, name)
+        self._session = UaSession(url, clock, name)
+
+    async def survey(self, timeout_s: float) -> ControlFacts:
+        """Log in, read, log out. Raises ConfigError, TransportError, DeviceError, ProtocolError as the login does."""
+        secrets = await asyncio.to_thread(read_secrets, self._settings, self.name)
+        await self._session.open(secrets, timeout_s)
+        try:
+            reader = MachineReader(self._session, self._settings, self.name)
+            reader.timeout_s = timeout_s
+            return await self._read(reader)
+        finally:
+            await self._session.close()
+
+    async def _read(self, reader: MachineReader) -> ControlFacts:
+        configuration = await reader.configuration()
+        machine = await reader.identity(configuration.names)
+        axes = [await self._axis(reader, configuration, name) for name in configuration.names]
+        return ControlFacts(machine.serial, machine.version, machine.unit_system, tuple(axes), identity=machine.facts)
+
+    async def _axis(self, reader: MachineReader, configuration: Configuration, name: str) -> ControlAxis:
+        rotary = configuration.is_rotary(name)
+        encoders = await reader.encoders(configuration, name)
+        acting = encoders.acting[0] if len(encoders.acting) == 1 else None
+        low, high = [await reader.figure(f"{limit}[{name}]", configuration) for limit in LIMITS]
+        known = low is not None and high is not None and -FARTHEST < low < high < FARTHEST
+        return ControlAxis(
+            name=name,
+            unit="deg" if rotary else "mm",
+            modulo=configuration.is_modulo(name, rotary=rotary),
+            travel=(low, high) if known and low is not None and high is not None else None,
+            encoder=acting,
+            points=encoders.reserved[acting] if acting is not None else None,
+        )

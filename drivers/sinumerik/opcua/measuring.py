@@ -1,25 +1,61 @@
-"""A stop plan through OPC UA: sent, its stops waited for and released, and the tables that its program saved."""
+"""Stop plans through OPC UA: guarded, sent, followed stop by stop, and the tables that their program saved.
+
+Plans that were announced to follow one another go into one program, which waits at the last stop of each plan until the
+next one is prepared. Guards are made of how the axes stand now and of where each plan leaves them.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import re
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 
 from drivers.clock import Clock
 from drivers.errors import DeadlineExceeded, DeviceRefused
+from drivers.programs import NOBODY, Moment
 from drivers.sinumerik.ncprogram import measuring as measuring_program
-from drivers.sinumerik.ncprogram.backup import Saving
-from drivers.sinumerik.ncprogram.legal import legal
-from drivers.sinumerik.ncprogram.measuring import Parts, Setting, reach, saving_plans
+from drivers.sinumerik.ncprogram.backup import BackupFile
+from drivers.sinumerik.ncprogram.checks import Guard, axes_left_safe, check_program, make_guards, read_moves
+from drivers.sinumerik.ncprogram.grinding import LOAD, UNLOAD, GrindSetting, all_moves, set_up_variables
+from drivers.sinumerik.ncprogram.measuring import MachineSetting, Parts, plan_range, saving_plans, stop_blocks
+from drivers.sinumerik.ncprogram.pushing import ACTIVATE
+from drivers.sinumerik.ncprogram.selftest import LOOPS, PRESS
 from drivers.sinumerik.ncprogram.words import Phase, Word, program_path
-from drivers.sinumerik.opcua.dialogue import Dialogue, Glance, file_refused
-from drivers.sinumerik.opcua.machine import Configuration
-from drivers.sinumerik.opcua.pushing import live_tables
-from drivers.sinumerik.opcua.transfer import Transfer
+from drivers.sinumerik.opcua import machine
+from drivers.sinumerik.opcua.grinding import PartGrinding
+from drivers.sinumerik.opcua.machine import Configuration, MachineReader
+from drivers.sinumerik.opcua.program_dialogue import ProgramDialogue, StatusSnapshot, Transfer, file_error
+from drivers.sinumerik.opcua.pushing import fetch_live_tables
+from drivers.sinumerik.opcua.settings import UaSettings
+from drivers.standing import KeepsPlaces
 from drivers.types.machine import ChannelStatus
 from drivers.types.stops import StopPlan, StopReached
 from drivers.types.tables import LiveSet
-from drivers.units import deviation_scale
+from drivers.units import AxisUnit, deviation_scale
+from drivers.workpiece import GrindPlan
+
+# Messages at an M0, found in the program's own blocks.
+
+_WAITS = re.compile(r'^(?:N\d+ )?MSG\("([^"]*)"\)\n(?:N\d+ )?M0$', re.MULTILINE)
+_BEGINS: dict[Moment, str] = {
+    "restart": ACTIVATE,
+    "clamp": LOAD,
+    "unclamp": UNLOAD,
+    "self-test": PRESS,
+}
+
+
+def waiting_messages(text: str) -> tuple[str, ...]:
+    """Every message that a program shows at an M0, in its order."""
+    return tuple(_WAITS.findall(text))
+
+
+def message_at(text: str, moment: Moment) -> str:
+    """The message of one moment; "" where the program does not wait then."""
+    return next((one for one in waiting_messages(text) if one.startswith(_BEGINS[moment])), "")
+
+
+# Stops.
 
 QUIET_PART, QUIET_S = 0.6, 2.0
 LEAVES_S, LOOK_S = 5.0, 0.25
@@ -30,12 +66,14 @@ _OVER = (Phase.FINISHED, Phase.LEFT)
 class Measuring:
     """The measuring part of the driver; it shares dialogue and transfer with the others.
 
-    A program may hold several plans, ``together`` at most. It waits at the last stop of each, whose echo is `held`
+    A program may hold several plans, ``together`` at most. It waits at the last stop of each, whose echo is `tables`
     back until the next one is prepared. Counters are those of the plan outside, and count on through all plans inside.
     Where a foreseen plan lets further stops follow, the program waits for them too, and ``further`` holds their plan.
     """
 
-    def __init__(self, dialogue: Dialogue, transfer: Transfer, clock: Clock, where: str, *, together: int) -> None:
+    def __init__(
+        self, dialogue: ProgramDialogue, transfer: Transfer, clock: Clock, where: str, *, together: int
+    ) -> None:
         self._dialogue = dialogue
         self._transfer = transfer
         self._clock = clock
@@ -109,8 +147,8 @@ class Measuring:
             return False
         base, setting = self._parts[self._place]
         alike = replace(base, name=plan.name, stops=plan.stops, setup="", further=plan.further)
-        low, high = reach(base, setting)
-        within = setting.modulo or all(low <= place <= high for place in reach(plan, setting))
+        low, high = plan_range(base, setting)
+        within = setting.modulo or all(low <= place <= high for place in plan_range(plan, setting))
         return base.further and alike == plan and within and await self._is_held()
 
     async def go_further(self, plan: StopPlan) -> None:
@@ -147,7 +185,7 @@ class Measuring:
         await self._dialogue.write({Word.ECHO: float(held or 0)})
         self._dialogue.pace.again()
 
-    def _begun(self, part: tuple[StopPlan, Setting]) -> None:
+    def _begun(self, part: tuple[StopPlan, MachineSetting]) -> None:
         if part[0] in self._coming:
             self._coming = self._coming[self._coming.index(part[0]) + 1 :]
         self._moving_since, self._move_s = None, 0.0
@@ -155,12 +193,12 @@ class Measuring:
     async def prepare(self, parts: Parts) -> None:
         """Send, read back and select the program of plans.
 
-        Raises DeviceRefused (E-NC-NOT-RESET and other refusals), and as `legal`, before anything was written.
+        Raises DeviceRefused (E-NC-NOT-RESET and other refusals), and as `check_program`, before anything was written.
         """
         plan, setting = parts[0]
         token = self._dialogue.fresh_number()
         path = program_path("MEAS", plan.compensated_axis)
-        passed = legal(path, measuring_program.chained(parts, token), setting.memory.axes)
+        passed = check_program(path, measuring_program.build_chained_program(parts, token), setting.memory.axes)
         await self._dialogue.begin(setting.axis_number, token, path)
         self._parts, self._token, self._saved, self._ended = tuple(parts), token, False, False
         self._place = self._base = 0
@@ -194,7 +232,7 @@ class Measuring:
         if self._waits_for_next(after):
             return None
         end = self._clock.now() + timeout_s
-        before: Glance | None = None
+        before: StatusSnapshot | None = None
         looks = 0
         if self._moving_since is not None:
             await self._dialogue.wait()
@@ -217,26 +255,26 @@ class Measuring:
             await self._dialogue.wait()
         return None
 
-    def _note_progress(self, seen: Glance) -> None:
+    def _note_progress(self, seen: StatusSnapshot) -> None:
         self._dialogue.check_places(seen)
         if seen.phase == Phase.FILE_FAILED:
-            raise file_refused(seen, self._where, self._plan.compensated_axis if self._plan else "")
+            raise file_error(seen, self._where, self._plan.compensated_axis if self._plan else "")
         begun = not self._place or seen.word(Word.COUNTER) > self._base or seen.phase == Phase.FINISHED
         self._saved = self._saved or (begun and seen.phase in _SAVED)
 
     @staticmethod
-    def _is_stop(seen: Glance, after: int) -> bool:
+    def _is_stop(seen: StatusSnapshot, after: int) -> bool:
         waiting = seen.channel is ChannelStatus.ACTIVE and seen.word(Word.COUNTER) > after
         return waiting and seen.in_position and seen.phase == Phase.MEASURING
 
     @staticmethod
-    def _is_over(before: Glance | None, seen: Glance) -> bool:
+    def _is_over(before: StatusSnapshot | None, seen: StatusSnapshot) -> bool:
         """By its own word, or because the channel is in reset at two looks after the program had begun."""
         if seen.channel is not ChannelStatus.RESET:
             return False
         return seen.phase in _OVER or (before is not None and before.channel is ChannelStatus.RESET)
 
-    def _stop(self, seen: Glance, configuration: Configuration) -> StopReached:
+    def _stop(self, seen: StatusSnapshot, configuration: Configuration) -> StopReached:
         compensated = self._plan.compensated_axis if self._plan else ""
         scale = deviation_scale(configuration.units.get(compensated, "mm"))
         counter, target = round(seen.word(Word.COUNTER)) - self._base, seen.word(Word.TARGET)
@@ -284,10 +322,10 @@ class Measuring:
         if part is None or not self._saved:
             raise DeviceRefused("E-NC-NOT-SAVED", self._where, axis=axis)
         plan, setting = part
-        saving = Saving(section="LIVE", number=self._token, axis=axis, encoder=plan.encoder, memory=setting.memory)
-        return await live_tables(self._transfer, saving, configuration)
+        saving = BackupFile(section="LIVE", number=self._token, axis=axis, encoder=plan.encoder, memory=setting.memory)
+        return await fetch_live_tables(self._transfer, saving, configuration)
 
-    def _saves(self, axis: str) -> tuple[StopPlan, Setting] | None:
+    def _saves(self, axis: str) -> tuple[StopPlan, MachineSetting] | None:
         """The part under way where it saves what acts on an axis; at a program's end any such part without stops."""
         rest = self._parts[self._place :]
         still = self._ended and not any(plan.stops for plan, _ in rest)
@@ -295,5 +333,151 @@ class Measuring:
         return next((one for one in known if one[0].compensated_axis == axis and one[0].save_tables), None)
 
 
-def _closed(part: tuple[StopPlan, Setting]) -> tuple[StopPlan, Setting]:
+def _closed(part: tuple[StopPlan, MachineSetting]) -> tuple[StopPlan, MachineSetting]:
     return replace(part[0], further=False), part[1]
+
+
+# Guards, and plans in one program.
+
+
+class GuardMixin(KeepsPlaces):
+    """The part of the driver that does this; it shares dialogue and transfer with the others."""
+
+    _dialogue: ProgramDialogue
+    _transfer: Transfer
+    _settings: UaSettings
+
+    async def _guards(self, *moved: str) -> tuple[Guard, ...]:
+        """Of every axis that is not ``moved`` and stands in its safe place now. Raises as `check_state`."""
+        if not self.places.ranges:
+            return ()
+        stands = (await self.motion()).stands
+        return make_guards(self.places, self._dialogue.names, {one.axis for one in stands if one.safe} - set(moved))
+
+    async def _guards_along(self, plans: Sequence[StopPlan]) -> list[tuple[Guard, ...]]:
+        """As `_guards`, of plans one after the other: an axis stands then where the plan before left it."""
+        if not self.places.ranges:
+            return [() for _ in plans]
+        safe = {one.axis for one in (await self.motion()).stands if one.safe}
+        out: list[tuple[Guard, ...]] = []
+        for plan in plans:
+            out.append(make_guards(self.places, self._dialogue.names, safe - {plan.axis}))
+            safe = axes_left_safe(safe, plan, self.places)
+        return out
+
+    def message(self, moment: Moment) -> str:
+        """What the control shows then, by the program that was sent last."""
+        return message_at(self._transfer.text, moment)
+
+    def _all_guards(self) -> tuple[Guard, ...]:
+        """Of every axis that has a safe place."""
+        return make_guards(self.places, self._dialogue.names, self.places.ranges)
+
+    def _grinds(self, plan: GrindPlan, units: Mapping[str, AxisUnit]) -> None:
+        """As `_goes`, of the program of a plan with its set-up values."""
+        axes = {one.letter: (one.name, units.get(one.name, "mm")) for one in plan.axes}
+        self.going = read_moves(
+            "\n".join(all_moves(plan, GrindSetting(self._settings.words, {}))), axes, set_up_variables(plan)
+        )
+
+    def _visits(self, parts: Parts) -> None:
+        """As `_goes`, of these parts of the program alone."""
+        blocks = [block for plan, setting in parts if plan.stops for block in stop_blocks(plan, setting)]
+        axes = {plan.letter: (plan.axis, plan.unit) for plan, _ in parts}
+        more = {plan.axis for plan, _ in parts if plan.further}
+        self.going = tuple(replace(one, further=one.axis in more) for one in read_moves("\n".join(blocks), axes))
+
+    def _goes(self, axes: Mapping[str, tuple[str, AxisUnit]], values: Mapping[str, float] | None = None) -> None:
+        """What the program that was sent just now moves; arguments as of `read_moves`."""
+        self.going = read_moves(self._transfer.text, axes, values)
+
+
+class StopPlanMixin(GuardMixin):
+    """The part of the driver that runs stop plans: those that were foreseen to follow one another in one program."""
+
+    name: str
+    goes_on = False
+    _reader: MachineReader
+    _measuring: Measuring
+    _grinding: PartGrinding
+    _configuration = Configuration((), (), ())
+    _origin = NOBODY
+    _without: frozenset[str] = frozenset()
+
+    def do_without(self, words: Collection[str]) -> None:
+        """As `drivers.programs.WritesWithout.do_without`."""
+        self._without = frozenset(words)
+
+    async def prepare_stops(self, plan: StopPlan) -> None:
+        """Send, read back and select a plan's program. Raises UnsupportedDevice (E-NC-ENCODER...), as `Measuring`."""
+        further = await self._measuring.takes(plan)
+        self.goes_on = further or await self._measuring.goes_on(plan)
+        self._grinding.plan = None
+        if further:
+            await self._measuring.go_further(plan)
+            return
+        if self.goes_on:
+            await self._measuring.go_on()
+        else:
+            await self._send(self._measuring.following(plan))
+        self._visits(self._measuring.stretch())
+
+    async def prepare_reading(self, plans: Sequence[StopPlan]) -> None:
+        """As `prepare_stops`, of plans without any stop: one program that saves the tables of each. Moves nothing."""
+        self.goes_on = await self._measuring.reads_on(plans)
+        if self.goes_on:
+            await self._measuring.go_on()
+        else:
+            await self._send(plans)
+        self._grinding.plan = None
+        self._visits(())
+
+    async def _send(self, plans: Sequence[StopPlan]) -> None:
+        await self._measuring.leave()
+        await self._measuring.prepare(await self._parts(plans))
+
+    async def foresee(self, plans: Sequence[StopPlan]) -> None:
+        """As `drivers.programs.ForeseesPlans.foresee`."""
+        await self._measuring.foresee(plans)
+
+    async def _parts(self, plans: Sequence[StopPlan]) -> Parts:
+        """Plans with what their axes need, read afresh. Raises UnsupportedDevice (E-NC-ENCODER...)."""
+        known: dict[tuple[object, ...], MachineSetting] = {}
+        for plan in plans:
+            key = (plan.axis, plan.compensated_axis, plan.encoder)
+            if key not in known:
+                known[key] = await self._setting(*key, rotary=plan.rotary)
+                await self._check_encoder(plan.compensated_axis, plan.encoder, said=plan.encoder_said)
+        settings = [known[plan.axis, plan.compensated_axis, plan.encoder] for plan in plans]
+        guards = await self._guards_along(plans)
+        return [
+            (plan, replace(setting, guards=own)) for plan, setting, own in zip(plans, settings, guards, strict=True)
+        ]
+
+    async def _setting(self, axis: str, compensated: str, encoder: int, *, rotary: bool) -> MachineSetting:
+        """What the programs must know: ``axis`` is the one that moves."""
+        configuration = self._configuration
+        number = configuration.number(axis, self.name)
+        return MachineSetting(
+            words=self._settings.words,
+            memory=await self._reader.memory(configuration, compensated, encoder),
+            modulo=configuration.is_modulo(axis, rotary=rotary),
+            axis_number=number,
+            approach_feed=self.places.feed(configuration.units[axis]),
+            wait_limit_s=self._settings.wait_limit_s,
+            origin=self._origin,
+            loops=LOOPS not in self._without,
+        )
+
+    async def _check_encoder(self, axis: str, encoder: int, *, said: bool) -> None:
+        """The site file's measuring system must be the one that acts. Raises UnsupportedDevice (E-NC-ENCODER...)."""
+        found = await self._reader.encoders(self._configuration, axis)
+        machine.check_encoder(found, axis, encoder, self.name, said=said)
+
+    async def wait_stop(self, after: int, timeout_s: float) -> StopReached | None:
+        """Wait for a counter above ``after``; None when the program has ended. Raises as `Measuring.wait`."""
+        return await self._measuring.wait(after, timeout_s, self._configuration)
+
+    async def release_stop(self, counter: int) -> None:
+        """Echo the counter. Never retried."""
+        await self._measuring.release(counter)

@@ -1,38 +1,51 @@
-"""One push on the control, step by step: send, wait for the first half, release, wait for the second."""
+"""Pushing, switching off and self-test through OPC UA: programs sent, followed to their end, and what is read back.
+
+A push sends one program, waits for its back-up and its first half, releases what the gateway found right, and waits for
+the second half (`drivers.sinumerik.ncprogram.build_push_program`). A broken session leaves the outcome unknown: it
+is read back, never repeated.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from typing import TypeVar
 
 from drivers.clock import Clock
-from drivers.errors import DeadlineExceeded, DeviceRefused, PointsDiffer
-from drivers.sinumerik.ncprogram import pushing as pushing_program
-from drivers.sinumerik.ncprogram.backup import Memory, Saving, Section
-from drivers.sinumerik.ncprogram.legal import legal
+from drivers.errors import DeadlineExceeded, DeviceRefused, PointsDiffer, words
+from drivers.programs import SelfTest, SelfTested
+from drivers.sinumerik.ncprogram import pushing as push_program
+from drivers.sinumerik.ncprogram import selftest, switching
+from drivers.sinumerik.ncprogram.backup import BackupFile, ReservedPoints, Section, read_backup
+from drivers.sinumerik.ncprogram.checks import check_program
+from drivers.sinumerik.ncprogram.measuring import MachineSetting
+from drivers.sinumerik.ncprogram.selftest import SelfTestReport
 from drivers.sinumerik.ncprogram.switching import switches
-from drivers.sinumerik.ncprogram.words import HALF, MARKER_STATES, Phase, Word, program_path
-from drivers.sinumerik.ncprogram.written import read_written
-from drivers.sinumerik.opcua.dialogue import Dialogue, Glance, file_refused
+from drivers.sinumerik.ncprogram.words import HALF, MARKER_STATES, Phase, Word, file_path, program_path
 from drivers.sinumerik.opcua.machine import Configuration, MachineReader
+from drivers.sinumerik.opcua.program_dialogue import HARMLESS, ProgramDialogue, StatusSnapshot, Transfer, file_error
 from drivers.sinumerik.opcua.settings import UaSettings
-from drivers.sinumerik.opcua.transfer import Transfer
-from drivers.sinumerik.tablefile.tables import sense_for
+from drivers.sinumerik.tablefile.tables import order_sense
 from drivers.types.abilities import Marker
+from drivers.types.identity import MachineIdentity
 from drivers.types.machine import ChannelStatus
-from drivers.types.orders import PushBatch, PushOrder, ReadBack
+from drivers.types.orders import DisableOrder, PushBatch, PushOrder, ReadBack, SwitchReading
 from drivers.types.tables import LiveSet
 from drivers.types.values import Sense
+
+# Push.
 
 T = TypeVar("T")
 GRACE_S = 3.0
 FRESH_S = 60.0  # what stands may pass between a reading and the start that rests on it, wherever a person starts both
 
 
-async def live_tables(transfer: Transfer, saving: Saving, configuration: Configuration, cec_sign: Sense = 1) -> LiveSet:
-    """Fetch the file of one run of our program and read it; raises what `Transfer.fetch` and `read_written` do."""
+async def fetch_live_tables(
+    transfer: Transfer, saving: BackupFile, configuration: Configuration, cec_sign: Sense = 1
+) -> LiveSet:
+    """Fetch the file of one run of our program and read it; raises what `Transfer.fetch` and `read_backup` do."""
     text = await transfer.fetch(saving.path)
-    return read_written(text, saving.path, saving=saving, units=configuration.units, cec_sign=cec_sign)
+    return read_backup(text, saving.path, saving=saving, units=configuration.units, cec_sign=cec_sign)
 
 
 class Pushing:
@@ -40,7 +53,7 @@ class Pushing:
 
     def __init__(
         self,
-        dialogue: Dialogue,
+        dialogue: ProgramDialogue,
         reader: MachineReader,
         transfer: Transfer,
         settings: UaSettings,
@@ -53,22 +66,28 @@ class Pushing:
         self._settings = settings
         self._clock = clock
         self._where = where
-        self._memories: dict[str, Memory] = {}
+        self._memories: dict[str, ReservedPoints] = {}
         self._left: tuple[PushBatch, float] = ((), 0.0)
 
-    async def prepare(self, loads: pushing_program.Loads) -> None:
+    async def prepare(self, loads: push_program.Loads) -> None:
         """Send, read back and select the two-half program; nothing in the control changes until NC START.
 
-        Raises TableError (E-TABLE-NO-PROOF, E-TABLE-POINTS, E-TABLE-FINITE...), and as `legal`, before all writing.
+        Raises TableError (E-TABLE-NO-PROOF, E-TABLE-POINTS, E-TABLE-FINITE...), and as `check_program`, before all
+        writing.
         """
         (first, setting), batch = loads[0], tuple(order for order, _ in loads)
         axis = first.table.output_axis
         self._memories = {order.table.output_axis: own.memory for order, own in loads}
         if self._settings.two_programs:
-            texts = {"LOAD": pushing_program.loading(loads), "ENAB": pushing_program.enabling(loads)}
+            texts = {
+                "LOAD": push_program.build_loading_program(loads),
+                "ENAB": push_program.build_enabling_program(loads),
+            }
         else:
-            texts = {"PUSH": pushing_program.pushing(loads)}
-        passed = [legal(program_path(purpose, axis), text, setting.memory.axes) for purpose, text in texts.items()]
+            texts = {"PUSH": push_program.build_push_program(loads)}
+        passed = [
+            check_program(program_path(purpose, axis), text, setting.memory.axes) for purpose, text in texts.items()
+        ]
         path = passed[0].program.path
         others = tuple({own.axis_number for _, own in loads} - {setting.axis_number})
         await self._dialogue.begin(setting.axis_number, first.transaction, path, others)
@@ -102,11 +121,11 @@ class Pushing:
         The program that waits after its back-up is told to go on: nothing is switched or written before that.
         Raises PointsDiffer (E-NC-MISMATCH, count) when the program found differences in every table, DeviceRefused:
         E-NC-LEVEL where it could not be switched off, E-NC-FILE, E-NC-ALARM, E-NC-STOPPED; DeadlineExceeded;
-        FileFormatError as `written.read_written` for a file that is not the whole one of this batch.
+        FileFormatError as `backup.read_backup` for a file that is not the whole one of this batch.
         """
         if not self._settings.two_programs:
             await self._until_saved(batch, timeout_s)
-            await self._dialogue.write({Word.RELEASE: float(pushing_program.goes_on(batch))})
+            await self._dialogue.write({Word.RELEASE: float(push_program.go_on_word(batch))})
             self._dialogue.pace.again()
         good = await self.until(
             batch[0].transaction, timeout_s, lambda before, seen: self._is_loaded(batch, before, seen)
@@ -115,40 +134,42 @@ class Pushing:
         sections: tuple[Section, Section] = ("BACK", "READ")
         for place, order in enumerate(batch):
             memory = self._memories[order.table.output_axis]
-            files = [pushing_program.saving(section, order, memory) for section in sections]
-            old, new = [await live_tables(self._transfer, one, configuration, sense_for(order)) for one in files]
+            files = [push_program.backup_file_of(section, order, memory) for section in sections]
+            old, new = [
+                await fetch_live_tables(self._transfer, one, configuration, order_sense(order)) for one in files
+            ]
             found.append(ReadBack(old, new, bool(good >> place & 1)))
         return tuple(found)
 
     async def saved(self, batch: PushBatch, timeout_s: float, configuration: Configuration) -> tuple[LiveSet, ...]:
         """What the program found before it, once it stands after its back-up; nothing is switched or written yet.
 
-        Raises as `loaded`, and as `live_tables`.
+        Raises as `loaded`, and as `fetch_live_tables`.
         """
         await self._until_saved(batch, timeout_s)
         return await self.backup(batch, configuration)
 
     async def _until_saved(self, batch: PushBatch, timeout_s: float) -> None:
-        def is_saved(before: Glance | None, seen: Glance) -> bool | None:
+        def is_saved(before: StatusSnapshot | None, seen: StatusSnapshot) -> bool | None:
             self._goes_on(batch, before, seen)
             return True if seen.phase == Phase.SAVED and seen.channel is not ChannelStatus.RESET else None
 
         await self.until(batch[0].transaction, timeout_s, is_saved)
 
     async def backup(self, batch: PushBatch, configuration: Configuration) -> tuple[LiveSet, ...]:
-        """What stood before the batch, from the files that its own first half wrote; raises as `live_tables`."""
+        """What stood before the batch, from the files that its own first half wrote; raises as `fetch_live_tables`."""
         found: list[LiveSet] = []
         for order in batch:
             memory = await self._reader.memory(configuration, order.table.output_axis, order.saved_encoder)
-            saving = pushing_program.saving("BACK", order, memory)
-            found.append(await live_tables(self._transfer, saving, configuration, sense_for(order)))
+            saving = push_program.backup_file_of("BACK", order, memory)
+            found.append(await fetch_live_tables(self._transfer, saving, configuration, order_sense(order)))
         return tuple(found)
 
     async def until(
         self,
         transaction: int,
         timeout_s: float,
-        reached: Callable[[Glance | None, Glance], T | None],
+        reached: Callable[[StatusSnapshot | None, StatusSnapshot], T | None],
         *,
         activated: bool = False,
     ) -> T:
@@ -158,7 +179,7 @@ class Pushing:
         """
         look = self._dialogue.look_after_activation if activated else self._dialogue.look_through_restart
         end = self._clock.now() + timeout_s
-        before: Glance | None = None
+        before: StatusSnapshot | None = None
         self._dialogue.pace.again()
         while True:
             seen = await look()
@@ -174,7 +195,7 @@ class Pushing:
                 raise DeadlineExceeded("E-NC-NO-START", self._where, timeout_s=timeout_s, phase=phase)
             await self._dialogue.wait()
 
-    def _is_loaded(self, batch: PushBatch, before: Glance | None, seen: Glance) -> int | None:
+    def _is_loaded(self, batch: PushBatch, before: StatusSnapshot | None, seen: StatusSnapshot) -> int | None:
         """Which tables the program found as sent, bit by bit, once it waits."""
         ended = seen.channel is not ChannelStatus.ACTIVE
         if seen.phase == Phase.WAITING and (ended or not self._settings.two_programs):
@@ -182,7 +203,7 @@ class Pushing:
         self._goes_on(batch, before, seen)
         return None
 
-    def _goes_on(self, batch: PushBatch, before: Glance | None, seen: Glance) -> None:
+    def _goes_on(self, batch: PushBatch, before: StatusSnapshot | None, seen: StatusSnapshot) -> None:
         """Raises for a first half that has ended otherwise than by waiting."""
         self._dialogue.check_places(seen)
         mismatches = round(seen.word(Word.MISMATCHES))
@@ -192,7 +213,7 @@ class Pushing:
         if seen.phase == Phase.LEFT and not seen.word(Word.ABORT):
             raise DeviceRefused("E-NC-LEVEL", self._where, table=names)
         if seen.phase == Phase.FILE_FAILED:
-            raise file_refused(seen, self._where, axes)
+            raise file_error(seen, self._where, axes)
         if seen.phase == Phase.WOULD_WAKE:
             raise DeviceRefused("E-NC-WAKES", self._where, table=names, axis=axes)
         stopped = before is not None and before.channel is seen.channel is ChannelStatus.RESET
@@ -239,11 +260,11 @@ class Pushing:
         for name in {name for order in batch for name in switches(order.table)}:
             if await self._reader.switch(name, configuration):
                 return None
-        found = [pushing_program.saving("READ", of[one], self._memories[one[0]]) for one in asked.items()]
-        return tuple([await live_tables(self._transfer, one, configuration) for one in found])
+        found = [push_program.backup_file_of("READ", of[one], self._memories[one[0]]) for one in asked.items()]
+        return tuple([await fetch_live_tables(self._transfer, one, configuration) for one in found])
 
     @staticmethod
-    def _is_as_left(batch: PushBatch, seen: Glance) -> bool:
+    def _is_as_left(batch: PushBatch, seen: StatusSnapshot) -> bool:
         words = {Word.TRANSACTION: batch[0].transaction, Word.MISMATCHES: 0, Word.GOOD: (1 << len(batch)) - 1}
         ended = seen.channel is ChannelStatus.RESET and seen.phase == Phase.ENDED_DISABLED
         return ended and all(seen.word(word) == value for word, value in words.items())
@@ -252,7 +273,7 @@ class Pushing:
         names = switches(order.table)
         return all([await self._reader.switch(name, configuration) is not False for name in names])
 
-    def _is_decided(self, before: Glance | None, seen: Glance) -> bool | None:
+    def _is_decided(self, before: StatusSnapshot | None, seen: StatusSnapshot) -> bool | None:
         self._dialogue.check_places(seen)
         if seen.phase == Phase.ENABLED:
             return True
@@ -263,10 +284,10 @@ class Pushing:
         return False if stopped and not waits_for_second else None
 
     async def restarted(self, passed: PushBatch, timeout_s: float) -> None:
-        """Wait through one NCK reset and the reference run of every input axis. Raises as `activation`."""
+        """Wait through one NCK reset and the reference run of every input axis. Raises as `wait_for_activation`."""
         shown, axes = any(order.enable for order in passed), ", ".join(order.table.output_axis for order in passed)
         look_s, where = 0.4 * self._settings.poll_s, self._where
-        await activation(
+        await wait_for_activation(
             self._dialogue, self._clock, axis=axes, timeout_s=timeout_s, look_s=look_s, where=where, shown=shown
         )
 
@@ -275,8 +296,15 @@ def _named(batch: PushBatch) -> str:
     return ", ".join(order.table.name for order in batch)
 
 
-async def activation(
-    dialogue: Dialogue, clock: Clock, axis: str, timeout_s: float, look_s: float, where: str, *, shown: bool = True
+async def wait_for_activation(
+    dialogue: ProgramDialogue,
+    clock: Clock,
+    axis: str,
+    timeout_s: float,
+    look_s: float,
+    where: str,
+    *,
+    shown: bool = True,
 ) -> None:
     """Return when the axis is referenced and the channel in reset, after the reference was seen to be lost.
 
@@ -303,6 +331,160 @@ async def activation(
         await dialogue.wait(look_s)
 
 
-def _is_back(seen: Glance) -> bool:
-    asks = seen.message.startswith(pushing_program.ACTIVATE)
+def _is_back(seen: StatusSnapshot) -> bool:
+    asks = seen.message.startswith(push_program.ACTIVATE)
     return seen.referenced and seen.channel is ChannelStatus.RESET and not asks
+
+
+# Switching one table off, by a program of its own.
+
+
+class Disabling:
+    """The disable-only order; it shares dialogue, reader and transfer with all else the driver does."""
+
+    def __init__(
+        self, dialogue: ProgramDialogue, reader: MachineReader, transfer: Transfer, pushing: Pushing, where: str
+    ) -> None:
+        self._dialogue = dialogue
+        self._reader = reader
+        self._transfer = transfer
+        self._pushing = pushing
+        self._where = where
+
+    async def prepare(self, order: DisableOrder, setting: MachineSetting) -> None:
+        """Send, read back and select the program; nothing in the control changes until NC START.
+
+        Raises DeviceRefused (E-NC-NOT-RESET) with nothing written while a program runs or waits, and as
+        `check_program`.
+        """
+        path = program_path("OFF", order.axis)
+        passed = check_program(path, switching.build_disable_program(order, setting), setting.memory.axes)
+        await self._dialogue.begin(setting.axis_number, order.transaction, path)
+        await self._transfer.send(passed)
+        await self._transfer.select(path)
+
+    async def disabled(self, order: DisableOrder, timeout_s: float, configuration: Configuration) -> SwitchReading:
+        """Wait for the program's end, then read back. Where this user may not read a switch, the program has.
+
+        Raises DeadlineExceeded (E-NC-NO-START), DeviceRefused (E-NC-STOPPED, E-NC-ALARM).
+        """
+        said_off = await self._pushing.until(order.transaction, timeout_s, self._is_over)
+        found = await self.reading(order, configuration)
+        return replace(found, enabled=False) if said_off and found.enabled is None else found
+
+    def _is_over(self, before: StatusSnapshot | None, seen: StatusSnapshot) -> bool | None:
+        if seen.channel is not ChannelStatus.RESET:
+            return None
+        if seen.phase in (Phase.SWITCHED_OFF, Phase.STILL_ON):
+            return bool(seen.phase == Phase.SWITCHED_OFF)
+        if seen.phase == Phase.LEFT or (before is not None and before.channel is ChannelStatus.RESET):
+            raise DeviceRefused("E-NC-STOPPED", self._where, phase=seen.phase, table="the disable order")
+        return None
+
+    async def reading(self, order: DisableOrder, configuration: Configuration) -> SwitchReading:
+        """Every switch of the table, as far as this user may read it, and what acts; one request each."""
+        found = {await self._reader.switch(name, configuration) for name in switching.order_switches(order)}
+        axis = (await self._reader.state(configuration)).axes[order.axis]
+        acts = {"axis": axis.encoder_compensation, "cross": axis.cross_compensation, "reversal": 0.0}
+        return SwitchReading(found.pop() if len(found) == 1 else None, acts[order.kind])
+
+
+# Self-test: its report is read whatever stopped it.
+
+_NOTHING = SelfTestReport("", 0, passed=(), failed=(), whole=False)
+
+
+class SelfTesting:
+    """The self-test of one axis at a time; it shares dialogue and transfer with all else the driver does."""
+
+    def __init__(self, dialogue: ProgramDialogue, transfer: Transfer, pushing: Pushing, where: str) -> None:
+        self._dialogue = dialogue
+        self._transfer = transfer
+        self._pushing = pushing
+        self._where = where
+        self._number = 0
+        self._words: tuple[str, ...] = ()
+        self._alarms: set[int] = set()
+        self._memory = ReservedPoints(0)
+
+    async def prepare(self, order: SelfTest, setting: MachineSetting) -> None:
+        """Send, read back and select the program.
+
+        Raises DeviceRefused (E-NC-NOT-RESET) with nothing written while a program runs or waits, and as
+        `check_program`.
+        """
+        path = program_path("SELF", order.axis)
+        number = self._dialogue.fresh_number()
+        text = selftest.build_self_test_program(order.axis, order.encoder, number=number, setting=setting)
+        passed = check_program(path, text, setting.memory.axes)
+        self._number, self._words = (
+            number,
+            tuple(word for word in selftest.trial_words(order.axis, order.encoder, setting) if word != selftest.LOOPS),
+        )
+        self._alarms, self._memory = set(), setting.memory
+        await self._dialogue.begin(setting.axis_number, number, path)
+        await self._transfer.send(passed)
+        await self._transfer.select(path)
+
+    async def tested(self, order: SelfTest, timeout_s: float, machine: MachineIdentity, utc: str) -> SelfTested:
+        """Wait for the program's end and read what it wrote.
+
+        An alarm, a RESET or a report that is not whole ends it as not passed, with the trial it stopped at. Raises
+        DeadlineExceeded (E-NC-NO-START) and what the wire raises.
+        """
+        stopped = ""
+        try:
+            await self._pushing.until(self._number, timeout_s, lambda before, seen: self._is_over(order, before, seen))
+        except DeviceRefused as error:
+            stopped = str(error)
+        report = await self._report(order)
+        passed, failed = (
+            tuple(word for word in tried if word != selftest.LOOPS) for tried in (report.passed, report.failed)
+        )
+        untried = self._untried(report)
+        whole = report.whole or (selftest.LOOPS not in report.passed and not untried)
+        if whole:  # what stopped it then is the word that programs do without
+            stopped = ""
+        if self._alarms & HARMLESS and not stopped:
+            # The program went on with the old value, which is what it had written: only the alarm tells.
+            stopped = words("W-NC-SELF-ALARM", axis=order.axis, numbers=", ".join(map(str, sorted(self._alarms))))
+        if not whole or untried:
+            stopped = stopped or words("W-NC-SELF-CUT", axis=order.axis)
+            failed += untried[:1]
+        return SelfTested(
+            machine,
+            order.axis,
+            encoder=order.encoder,
+            utc=utc,
+            control_date=report.date,
+            passed=passed,
+            failed=failed,
+            stopped=stopped,
+            without=() if selftest.LOOPS in report.passed else (selftest.LOOPS,),
+            own_points=self._memory.eec_points,
+            cross_points=self._memory.cec_points,
+            file_kb=self._memory.file_kb,
+        )
+
+    async def _report(self, order: SelfTest) -> SelfTestReport:
+        """What the program of this very number wrote; nothing where it could not."""
+        text = await self._transfer.found(file_path("SELF", order.axis))
+        report = None if text is None else selftest.read_self_test_report(text, order.axis)
+        return report if report is not None and report.number == self._number else _NOTHING
+
+    def _untried(self, report: SelfTestReport) -> tuple[str, ...]:
+        """Trials that the report does not name, in order: the program stopped at the first."""
+        return tuple(word for word in self._words if word not in (*report.passed, *report.failed))
+
+    def _is_over(self, order: SelfTest, before: StatusSnapshot | None, seen: StatusSnapshot) -> bool | None:
+        self._alarms |= self._dialogue.fresh_alarms(seen)
+        if seen.phase == Phase.FILE_FAILED:
+            raise file_error(seen, self._where, order.axis)
+        if seen.channel is not ChannelStatus.RESET:
+            return None
+        if seen.phase == Phase.FINISHED:
+            return True
+        if seen.phase == Phase.LEFT or (before is not None and before.channel is ChannelStatus.RESET):
+            trial = round(seen.word(Word.COUNTER))
+            raise DeviceRefused("E-NC-SELF-STOPPED", self._where, axis=order.axis, trial=trial)
+        return None

@@ -13,21 +13,21 @@ from itertools import pairwise
 from typing import Any
 
 from drivers.errors import ConfigError, FileFormatError, TableError, TrueflankError
-from drivers.sinumerik.tablefile import forms, layers, lint, reader, suspicion
-from drivers.sinumerik.tablefile.archive import STOPS, Listing, listing
-from drivers.sinumerik.tablefile.facts import facts_of
-from drivers.sinumerik.tablefile.groups import (
-    Group,
-    Reader,
-    groups_of,
-    mixed_encoders,
-    settings_of,
+from drivers.sinumerik.tablefile import lint, reader, writer
+from drivers.sinumerik.tablefile.container import list_members, read_texts
+from drivers.sinumerik.tablefile.listing import STOPS, Listing, convert_to_metric, read_listing
+from drivers.sinumerik.tablefile.reader import (
+    TableGroup,
+    TableReader,
+    TextSource,
+    assigned_settings,
+    find_mixed_encoders,
+    group_assignments,
+    known_unit,
+    read_machine_facts,
     units_of,
     unknown_axes,
 )
-from drivers.sinumerik.tablefile.inches import in_metric
-from drivers.sinumerik.tablefile.opening import listed, opened
-from drivers.sinumerik.tablefile.reader import Source, known_unit
 from drivers.tablefile import ArchiveMember, TableFile, TableFinding, TableMachine
 from drivers.types.tables import CompensationTable
 from drivers.units import AxisUnit
@@ -43,21 +43,21 @@ class TableFiles:
 
         Raises FileFormatError, TableError.
         """
-        sources = opened(data, where)
+        sources = read_texts(data, where)
         if not sources:
             return TableFile((), notes=(f"{where}: no member of the archive holds compensation data",))
         return reader.read_sources(sources, units)
 
     def members(self, data: bytes, where: str) -> tuple[ArchiveMember, ...]:
         """What an NC archive holds, in its order; nothing of any other file. Raises FileFormatError (E-ARCHIVE-...)."""
-        return listed(data, where)
+        return list_members(data, where)
 
     def write(self, tables: Sequence[CompensationTable], form: str, comments: Sequence[str] = ()) -> str:
         """The text of tables in a form by name; CEC values carry the EEC convention, unproven.
 
         Raises ConfigError (E-TABLE-FORM, E-TABLE-FORM-AXIS), ValueOutOfRange (E-TABLE-FINITE).
         """
-        return forms.render(TableFile(tuple(tables)), forms.named(form, comments))
+        return writer.render_file(TableFile(tuple(tables)), writer.find_form(form, comments))
 
     def findings(self, data: str | bytes, where: str, machine: TableMachine | None = None) -> tuple[TableFinding, ...]:
         """Everything wrong, doubtful or worth knowing in a table file, in the order of its lines; empty is clean.
@@ -68,7 +68,7 @@ class TableFiles:
         if known.control and known.control not in lint.CONTROLS:
             raise ConfigError("E-TABLE-WHICH", "control", control=known.control, known=", ".join(lint.CONTROLS))
         try:
-            sources = opened(data, where)
+            sources = read_texts(data, where)
         except FileFormatError as error:
             return (TableFinding("wrong", error),)
         if not sources:
@@ -76,10 +76,10 @@ class TableFiles:
         return _of_sources(sources, known, where)
 
 
-def _of_sources(sources: Sequence[Source], known: TableMachine, where: str) -> tuple[TableFinding, ...]:
+def _of_sources(sources: Sequence[TextSource], known: TableMachine, where: str) -> tuple[TableFinding, ...]:
     """Each text of its own, then what all of them do to each other; machine data of one are known to all."""
-    taken = [listing(source.text, source.where) for source in sources]
-    facts = facts_of(taken)
+    taken = [read_listing(source.text, source.where) for source in sources]
+    facts = read_machine_facts(taken)
     units = {**facts.units, **known.units}
     known = replace(known, units=units, acting=facts.acting, reserved=facts.reserved, cross=facts.cross)
     problems: list[TableFinding] = []
@@ -87,13 +87,13 @@ def _of_sources(sources: Sequence[Source], known: TableMachine, where: str) -> t
     for source, found in zip(sources, taken, strict=True):
         acting, findings = _of_source(source, found, known)
         problems, tables = [*problems, *findings], [*tables, *acting]
-    if all(found.by_control and not found.errors and not groups_of(found) for found in taken):
+    if all(found.by_control and not found.errors and not group_assignments(found) for found in taken):
         problems.append(TableFinding("note", TableError("W-TABLE-NO-TABLES", where)))
-    settings = {name: value for found in taken for name, value in settings_of(found).items()}
+    settings = {name: value for found in taken for name, value in assigned_settings(found).items()}
     if facts.names and any(found.by_control for found in taken):
         names = ", ".join(f"{axis} is {name}{_kind(facts.units.get(axis))}" for axis, name in facts.names.items())
         problems.append(TableFinding("note", TableError("W-TABLE-NAMES", where, names=names)))
-    return (*problems, *layers.of_set(tables, settings, where))
+    return (*problems, *lint.lint_set(tables, settings, where))
 
 
 def _kind(unit: AxisUnit | None) -> str:
@@ -101,18 +101,18 @@ def _kind(unit: AxisUnit | None) -> str:
 
 
 def _of_source(
-    source: Source, found: Listing, known: TableMachine
+    source: TextSource, found: Listing, known: TableMachine
 ) -> tuple[list[CompensationTable], list[TableFinding]]:
-    where, groups = source.where, groups_of(found)
+    where, groups = source.where, group_assignments(found)
     units = units_of(groups.values(), known.units)
-    wrong: list[TrueflankError] = [*found.errors, *mixed_encoders(groups.values(), where)]
+    wrong: list[TrueflankError] = [*found.errors, *find_mixed_encoders(groups.values(), where)]
     try:
-        groups = groups_of(in_metric(found, partial(known_unit, units), where))
+        groups = group_assignments(convert_to_metric(found, partial(known_unit, units), where))
     except FileFormatError as error:
         return [], [TableFinding("wrong", one) for one in (*wrong, error)]
     known = replace(known, units=units, unknown=unknown_axes(groups.values(), units))
     problems = [*(TableFinding("wrong", one) for one in wrong), *_of_text(found, where), *_of_units(known, where)]
-    own, tables = Reader(where, units, 1, exact=False), []
+    own, tables = TableReader(where, units, 1, exact=False), []
     for group in groups.values():
         table, findings = _of_group(group, own, where, known)
         problems += findings
@@ -167,7 +167,7 @@ def _headers(found: Listing, where: str) -> Iterator[TableFinding]:
 
 
 def _of_group(
-    group: Group, own: Reader, where: str, known: TableMachine
+    group: TableGroup, own: TableReader, where: str, known: TableMachine
 ) -> tuple[CompensationTable | None, list[TableFinding]]:
     place = f"{where}, line {group.line}"
     if group.never_loaded:
@@ -177,11 +177,11 @@ def _of_group(
         table = own.whole(group)
     except (FileFormatError, TableError) as error:
         return None, [TableFinding("wrong", error)]
-    suspected = [] if known.unknown & {table.input_axis, table.output_axis} else suspicion.of_table(table, place)
-    return table, [*leftover, *lint.of_table(table, place, known), *suspected]
+    suspected = [] if known.unknown & {table.input_axis, table.output_axis} else lint.doubt_units(table, place)
+    return table, [*leftover, *lint.lint_table(table, place, known), *suspected]
 
 
-def _leftovers(own: Reader, group: Group, where: str) -> Iterator[TableFinding]:
+def _leftovers(own: TableReader, group: TableGroup, where: str) -> Iterator[TableFinding]:
     """Points above k: harmless while they are zero, live again as soon as somebody widens the range."""
     beyond = own.beyond(group)
     if not beyond:

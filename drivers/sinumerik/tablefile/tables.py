@@ -1,10 +1,4 @@
-"""EEC and CEC text <-> CompensationTable: values, signs, grids and the set of tables live in the control.
-
-Sign (SINUMERIK FM Extended Functions 03/2013, K3, p. 238): a positive EEC value moves the axis in the
-negative direction, so the stored value is the deviation itself, +d. For CEC no public text settles it: the
-machine's `SignProof` does, and this is the one place where a deviation meets it; without a proof its values are taken
-as they stand. Values are in mm or deg; `quantised` brings a table to the resolution once.
-"""
+"""The kinds of tables that an 840D holds, whichever road leads to it."""
 
 from __future__ import annotations
 
@@ -16,29 +10,21 @@ from math import isfinite
 from drivers.errors import TableError, ValueOutOfRange
 from drivers.limits import VALUE_RESOLUTION
 from drivers.sinumerik.tablefile.grammar import DECIMALS, FINEST_POSITION, LARGEST, grid_text, value_text
-from drivers.sinumerik.tablefile.groups import SCALE, axis_unit
-from drivers.sinumerik.tablefile.reader import read
-from drivers.tablefile import TableFile
+from drivers.sinumerik.tablefile.reader import SCALE
+from drivers.types.abilities import TableAbility
 from drivers.types.orders import PushOrder, SignProof
 from drivers.types.tables import CompensationTable, LiveSet, LiveTable
 from drivers.types.values import Sense
 
-__all__ = [
-    "TableFile",
-    "as_stored",
-    "axis_unit",
-    "parameters",
-    "point_name",
-    "quantised",
-    "read",
-    "sense_for",
-    "sense_of",
-    "stored_values",
-    "table_by",
-    "tables_by",
-    "values_of",
-    "written_sign",
-]
+# The kinds of tables that an 840D holds, whichever road leads to it.
+
+HELD_KINDS = (TableAbility("axis"), TableAbility("cross", directions="tables"))
+"""Points of equal step, as many as the machine data reserve; a direction of travel has a cross table of its own."""
+REVERSAL = TableAbility("reversal")
+"""MD32450: one value for an axis, on the roads that can write it."""
+
+
+# Tables in the control's form.
 
 
 def sense_of(proof: SignProof | None) -> Sense:
@@ -46,23 +32,23 @@ def sense_of(proof: SignProof | None) -> Sense:
     return proof.sense if proof is not None else 1
 
 
-def sense_for(order: PushOrder) -> Sense:
+def order_sense(order: PushOrder) -> Sense:
     """The sense of an order's cross tables: an order for an axis table leaves them as they stand."""
     return sense_of(order.proof) if order.table.kind == "cross" else 1
 
 
-def table_by(table: CompensationTable, sense: Sense, proof: SignProof | None) -> CompensationTable:
+def table_by_proof(table: CompensationTable, sense: Sense, proof: SignProof | None) -> CompensationTable:
     """A table that was read or kept in ``sense`` as a deviation by ``proof``; an axis table as it is."""
     if table.kind != "cross" or sense == sense_of(proof):
         return table
     return replace(table, deviations=_minus(table.deviations), reverse=_minus(table.reverse))
 
 
-def tables_by(live: LiveSet, proof: SignProof | None) -> LiveSet:
+def tables_by_proof(live: LiveSet, proof: SignProof | None) -> LiveSet:
     """The same set with its cross tables as deviations by ``proof``: as stored where that is None."""
 
     def turned(tables: tuple[LiveTable, ...]) -> tuple[LiveTable, ...]:
-        return tuple(replace(one, table=table_by(one.table, live.sense, proof)) for one in tables)
+        return tuple(replace(one, table=table_by_proof(one.table, live.sense, proof)) for one in tables)
 
     return replace(live, cross=turned(live.cross), others=turned(live.others), sense=sense_of(proof))
 
@@ -93,7 +79,7 @@ def written_sign(table: CompensationTable, proof: SignProof | None) -> Sense:
     return 1
 
 
-def as_stored(table: CompensationTable) -> tuple[Decimal, ...]:
+def stored_as_read(table: CompensationTable) -> tuple[Decimal, ...]:
     """The values of a table that was read without proof: what stood in the control, sign untouched."""
     return _stored(table, 1)
 
@@ -113,26 +99,26 @@ def _stored(table: CompensationTable, sign: Sense) -> tuple[Decimal, ...]:
     return tuple(values)
 
 
-def quantised(table: CompensationTable, resolution: float = VALUE_RESOLUTION) -> CompensationTable:
+def quantise(table: CompensationTable, resolution: float = VALUE_RESOLUTION) -> CompensationTable:
     """The table with every value at the nearest multiple of ``resolution`` (mm or deg). Idempotent."""
     unit, scale = Decimal(repr(resolution)), SCALE[table.output_unit] * (-1 if table.kind == "reversal" else 1)
-    steps = ((value / unit).to_integral_value(ROUND_HALF_EVEN) * unit for value in as_stored(table))
+    steps = ((value / unit).to_integral_value(ROUND_HALF_EVEN) * unit for value in stored_as_read(table))
     return replace(table, deviations=tuple(float(value * scale) + 0.0 for value in steps))
 
 
-def values_of(order: PushOrder) -> tuple[Decimal, ...]:
+def order_values(order: PushOrder) -> tuple[Decimal, ...]:
     """The values an order writes: new tables at the resolution, a restored one exactly as it was read.
 
     Raises TableError (E-TABLE-NO-PROOF, E-TABLE-SIGN), ValueOutOfRange (E-TABLE-FINITE).
     """
     if order.purpose == "restore":
-        return stored_values(order.table, order.proof) if order.proof else as_stored(order.table)
-    table = quantised(order.table)
+        return stored_values(order.table, order.proof) if order.proof else stored_as_read(order.table)
+    table = quantise(order.table)
     if order.purpose == "table":
         if order.proof is None:
             raise TableError("E-TABLE-NO-PROOF", table.name, table=table.name, function=table.kind)
         return stored_values(table, order.proof)
-    return as_stored(table)
+    return stored_as_read(table)
 
 
 def point_lines(table: CompensationTable, values: Iterable[Decimal]) -> list[str]:

@@ -11,8 +11,7 @@ import numpy as np
 from drivers.clock import Clock
 from drivers.errors import DeadlineExceeded
 from drivers.ports.devices import Tell
-from drivers.sinumerik.tablefile.held import HELD
-from drivers.sinumerik.tablefile.tables import table_by, tables_by
+from drivers.sinumerik.tablefile.tables import HELD_KINDS, table_by_proof, tables_by_proof
 from drivers.types.abilities import Capabilities
 from drivers.types.identity import Identity
 from drivers.types.machine import ChannelStatus, MachineState
@@ -100,7 +99,7 @@ class LittleMachine:
 
     @property
     def capabilities(self) -> Capabilities:
-        return Capabilities(stops=True, tables=HELD, switched="at-stop", marker=True, consent="start")
+        return Capabilities(stops=True, tables=HELD_KINDS, switched="at-stop", marker=True, consent="start")
 
     async def state(self) -> MachineState:
         running = self.task is not None and not self.task.done()
@@ -111,10 +110,10 @@ class LittleMachine:
         return await self.saved_tables(question.axis, question.proof)
 
     def tables_by(self, live: LiveSet, proof: SignProof | None) -> LiveSet:
-        return tables_by(live, proof)
+        return tables_by_proof(live, proof)
 
     def table_by(self, table: CompensationTable, sense: Sense, proof: SignProof | None) -> CompensationTable:
-        return table_by(table, sense, proof)
+        return table_by_proof(table, sense, proof)
 
     async def saved_tables(self, axis: str, proof: SignProof | None = None) -> LiveSet:
         del proof

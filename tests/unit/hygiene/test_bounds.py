@@ -15,8 +15,8 @@ from drivers.local.tomlfile import MOST_BYTES, parse_toml, read_toml
 from drivers.sinumerik.opcua.machine import Configuration, MachineReader
 from drivers.sinumerik.opcua.session.requests import Reading
 from drivers.sinumerik.opcua.settings import UaSettings
-from drivers.sinumerik.tablefile.archive import listing
-from drivers.sinumerik.tablefile.groups import Reader, groups_of
+from drivers.sinumerik.tablefile.listing import read_listing
+from drivers.sinumerik.tablefile.reader import TableReader, group_assignments
 from gateway.config import load_site
 from gateway.study.files import load_errors, load_gear
 from simulators.cellfile import load_cell
@@ -104,8 +104,8 @@ def test_a_result_file_gets_no_more_room_than_a_measurement_needs(tmp_path: Path
 def test_a_table_with_a_point_beyond_all_controls(tmp_path: Path) -> None:
     lines = ["$AA_ENC_COMP_STEP[0,X1]=0.000001", "$AA_ENC_COMP_MIN[0,X1]=0", "$AA_ENC_COMP_MAX[0,X1]=100000"]
     text = "\n".join([*lines, "$AA_ENC_COMP[0,0,X1]=0", "$AA_ENC_COMP[0,30000,X1]=0", "M17"])
-    (group,) = groups_of(listing(text, "f")).values()
-    reader = Reader("f", {}, 1)
+    (group,) = group_assignments(read_listing(text, "f")).values()
+    reader = TableReader("f", {}, 1)
     for read, code in ((reader.live, "E-TABLE-SIZE"), (reader.whole, "E-TABLE-GAP")):
         with pytest.raises((FileFormatError, TableError)) as caught:
             read(group)

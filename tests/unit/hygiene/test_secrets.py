@@ -9,7 +9,7 @@ import pytest
 
 from drivers.errors import ConfigError
 from drivers.local.scrub import HIDDEN, has_user, without_secrets, without_secrets_text
-from drivers.sinumerik.opcua.session.secrets import secrets_of
+from drivers.sinumerik.opcua.session.connection import read_secrets
 from drivers.sinumerik.opcua.settings import UaSettings
 from gateway.config import load_site
 from gateway.store import RunFolder
@@ -61,10 +61,10 @@ def test_files_and_variables_are_the_way(tmp_path: Path, monkeypatch: pytest.Mon
     load_site(site(tmp_path, with_settings('user = "u"\npassword_env = "CNC_PASSWORD"\npassword = ""')))
     given = UaSettings.read({"user": "u", "password_env": "CNC_PASSWORD", "security": "None"}, "840D")
     monkeypatch.setenv("CNC_PASSWORD", SECRET)
-    assert secrets_of(given, "840D").password == SECRET
+    assert read_secrets(given, "840D").password == SECRET
     monkeypatch.delenv("CNC_PASSWORD")
     with pytest.raises(ConfigError, match="E-UA-SECRET-ENV"):
-        secrets_of(given, "840D")
+        read_secrets(given, "840D")
     with pytest.raises(ConfigError, match="password_env"):
         UaSettings.read({"password_env": "A", "password_file": "b", "security": "None"}, "840D")
 

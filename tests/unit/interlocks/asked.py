@@ -9,7 +9,7 @@ from typing import Any
 
 from drivers.limits import ACCESS_LEVEL
 from drivers.programs import SelfTested
-from drivers.sinumerik.tablefile.held import HELD
+from drivers.sinumerik.tablefile.tables import HELD_KINDS
 from drivers.types.abilities import Capabilities
 from drivers.types.identity import MachineIdentity
 from drivers.types.orders import SignProof
@@ -20,7 +20,7 @@ from gateway.domain.proposals import Approval
 from gateway.interlocks import PushFacts
 from gateway.interlocks.facts import Mark
 
-CAN = Capabilities(stops=True, tables=HELD, switched="at-stop", marker=True, consent="start")
+CAN = Capabilities(stops=True, tables=HELD_KINDS, switched="at-stop", marker=True, consent="start")
 MARKS = {"marker_ours": "ours", "behind": "behind", "mark_lost": "lost", "stranger": "stranger"}
 
 

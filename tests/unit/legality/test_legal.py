@@ -7,9 +7,8 @@ from importlib import resources
 import pytest
 
 from drivers.sinumerik.legality import Machine, check
-from drivers.sinumerik.legality.dictionary import dictionary
-from drivers.sinumerik.legality.functions import PROCEDURES, SIGNATURES
-from drivers.sinumerik.legality.groups import GROUP_OF
+from drivers.sinumerik.legality.dictionary import GROUP_OF, dictionary
+from drivers.sinumerik.legality.expressions import PROCEDURES, SIGNATURES
 from tests.unit.legality.programs import LEGAL, NAMES, TABLE
 
 

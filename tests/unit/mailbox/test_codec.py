@@ -13,11 +13,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from drivers.errors import Gap, RemoteProtocolError, TableError, UnsupportedDevice, ValueOutOfRange
-from drivers.sinumerik.mailbox.codec import commands, grids, packing, readings
-from drivers.sinumerik.mailbox.codec.commands import Order, encode
+from drivers.sinumerik.mailbox.codec import frames, grids, registers
+from drivers.sinumerik.mailbox.codec.frames import MailboxOrder, check_map, encode_command
 from drivers.sinumerik.mailbox.codec.grids import MailboxAxis
 from drivers.sinumerik.mailbox.codec.registers import ADDRESS, Command, Kind, StatusBit
-from drivers.sinumerik.mailbox.refusals import check_map
 from drivers.sinumerik.mailbox.wire import ModbusCodec, Question
 from drivers.types.tables import CompensationTable
 
@@ -33,38 +32,38 @@ AXES = {"X1": MailboxAxis(1, "X1", "mm", False), "C1": MailboxAxis(4, "C1", "deg
 
 
 @given(DINT, st.sampled_from(ORDERS))
-def test_a_number_survives_its_registers(value: int, order: packing.WordOrder) -> None:
-    assert packing.number(packing.dint(value, order), order) == value
-    assert struct.unpack(">i", packing.as_bytes(packing.dint(value, "high-first")))[0] == value
-    assert packing.dint(value, "low-first") == packing.dint(value, "high-first")[::-1]
+def test_a_number_survives_its_registers(value: int, order: registers.WordOrder) -> None:
+    assert registers.unpack_dint(registers.pack_dint(value, order), order) == value
+    assert struct.unpack(">i", registers.wire_bytes(registers.pack_dint(value, "high-first")))[0] == value
+    assert registers.pack_dint(value, "low-first") == registers.pack_dint(value, "high-first")[::-1]
 
 
 @pytest.mark.parametrize("value", [2**31, -(2**31) - 1, 10**12])
 def test_a_number_that_does_not_fit_is_refused(value: int) -> None:
     with pytest.raises(OverflowError):
-        packing.dint(value, "high-first")
+        registers.pack_dint(value, "high-first")
 
 
 @given(st.text(st.characters(min_codepoint=33, max_codepoint=126), max_size=16))
 def test_text_survives(text: str) -> None:
-    assert packing.words(packing.text(text, 8)) == text
+    assert registers.unpack_text(registers.pack_text(text, 8)) == text
 
 
 def test_text_that_is_no_ascii_is_none() -> None:
-    assert packing.words([0x4142, 0x0741]) is None
-    assert packing.words([0x41FF]) is None
+    assert registers.unpack_text([0x4142, 0x0741]) is None
+    assert registers.unpack_text([0x41FF]) is None
 
 
 def test_the_crc_is_the_one_of_the_document() -> None:
     assert zlib.crc32(b"123456789") == 0xCBF43926
-    registers = struct.unpack(">4H", b"12345678")
-    assert packing.crc32(registers[:1], registers[1:]) == zlib.crc32(b"12345678")
+    sent = struct.unpack(">4H", b"12345678")
+    assert registers.crc32(sent[:1], sent[1:]) == zlib.crc32(b"12345678")
 
 
 # ---- commands ------------------------------------------------------------------------------------------
 
 ORDER = st.builds(
-    Order,
+    MailboxOrder,
     st.sampled_from(Command),
     st.sampled_from(Kind),
     *[WORD] * 3,
@@ -76,49 +75,49 @@ ORDER = st.builds(
 @settings(max_examples=200)
 @given(ORDER, st.integers(1, 65535), st.sampled_from(ORDERS), st.lists(WORD, max_size=100), st.lists(WORD, max_size=20))
 def test_a_command_survives_and_every_flipped_bit_is_noticed(
-    order: Order, count: int, word_order: packing.WordOrder, data: list[int], whole: list[int]
+    order: MailboxOrder, count: int, word_order: registers.WordOrder, data: list[int], whole: list[int]
 ) -> None:
     covered = whole if order.command is Command.VERIFY else []
-    frame = encode(order, count, word_order, data, covered)
-    found = commands.decode(frame.header, word_order, frame.data, covered)
+    frame = encode_command(order, count, word_order, data, covered)
+    found = frames.decode_command(frame.header, word_order, frame.data, covered)
     assert (found.order, found.count, found.sound) == (order, count, True)
     assert len(frame.header) == 20
-    assert len(frame.data) == (100 if order.command in commands.WITH_DATA else 0)
+    assert len(frame.data) == (100 if order.command in frames.WITH_DATA else 0)
     place = count % (18 + len(frame.data))
     bent = [*frame.header, *frame.data]
     at = place if place < 18 else place + 2
     bent[at] ^= 1 << count % 16
     if at not in (0, 2):  # another command or kind may not exist at all
-        assert not commands.decode(bent[:20], word_order, bent[20:], covered).sound
+        assert not frames.decode_command(bent[:20], word_order, bent[20:], covered).sound
 
 
 def test_801_points_are_17_chunks_that_split_no_value() -> None:
     values = list(range(-400, 401))
-    found = commands.chunks(values, "high-first")
+    found = frames.value_chunks(values, "high-first")
     assert len(found) == 17
     assert [count for _, count, _ in found] == [50] * 16 + [1]
     assert [first for first, _, _ in found] == list(range(0, 801, 50))
     joined = [register for _, _, data in found for register in data]
-    assert list(packing.numbers(joined, "high-first")) == values
+    assert list(registers.unpack_dints(joined, "high-first")) == values
 
 
 @given(st.integers(1, 300))
 def test_chunks_hold_every_value_once(count: int) -> None:
-    found = commands.chunks(list(range(count)), "low-first")
-    values = [value for _, _, data in found for value in packing.numbers(data, "low-first")]
+    found = frames.value_chunks(list(range(count)), "low-first")
+    values = [value for _, _, data in found for value in registers.unpack_dints(data, "low-first")]
     assert values == list(range(count))
     assert all(len(data) == 2 * points <= 100 for _, points, data in found)
 
 
 def test_numbers_go_round_past_65535_without_zero() -> None:
-    assert commands.next_number(65535) == 1
-    assert commands.next_number(0) == 1
+    assert frames.next_number(65535) == 1
+    assert frames.next_number(0) == 1
 
 
 @pytest.mark.parametrize("field", ["index", "total", "multiply_by"])
 def test_a_register_that_overflows_is_refused(field: str) -> None:
     with pytest.raises(OverflowError):
-        encode(Order(Command.BEGIN, **{field: 0x10000}), 1, "high-first")  # type: ignore[arg-type]
+        encode_command(MailboxOrder(Command.BEGIN, **{field: 0x10000}), 1, "high-first")  # type: ignore[arg-type]
 
 
 # ---- tables --------------------------------------------------------------------------------------------
@@ -178,11 +177,11 @@ def test_directions_of_cec_tables(direction: int, flags: int) -> None:
 
 def test_a_status_as_the_document_shows_it() -> None:
     registers = [0x4743, 2, 0x1234, 0x5678, 0x0319, 0x08F5, 0x30, 0, 0, 0, 0x321, 0, 0xFAA9, 0xCA40, 0x2A17]
-    status = readings.status_of(registers, "high-first")
+    status = frames.decode_status(registers, "high-first")
     assert (status.number, status.reserved, status.crc, status.session) == (48, 801, 0xFAA9CA40, 0x2A17)
     assert status.has(StatusBit.DONE, StatusBit.WRITABLE, StatusBit.RELEASED)
     assert not status.has(StatusBit.BUSY)
-    assert readings.status_of([*registers[:8], 0x1111, 0x0002, *registers[10:]], "low-first").detail == 0x21111
+    assert frames.decode_status([*registers[:8], 0x1111, 0x0002, *registers[10:]], "low-first").detail == 0x21111
 
 
 @pytest.mark.parametrize(
@@ -190,10 +189,10 @@ def test_a_status_as_the_document_shows_it() -> None:
 )
 def test_a_register_the_map_does_not_allow_is_refused(register: str, value: int) -> None:
     registers = [0] * 86
-    readings.picture_of(registers, "high-first")
+    frames.decode_picture(registers, "high-first")
     registers[ADDRESS[register] - 302] = value
     with pytest.raises(RemoteProtocolError) as caught:
-        readings.picture_of(registers, "high-first", "grinder")
+        frames.decode_picture(registers, "high-first", "grinder")
     assert str(ADDRESS[register]) in str(caught.value)
 
 
@@ -214,7 +213,7 @@ def test_a_register_the_map_does_not_allow_is_refused(register: str, value: int)
     ],
 )
 def test_a_wrong_map_is_refused_and_says_what_would_be_right(
-    registers: tuple[int, ...], order: packing.WordOrder, code: str, hint: str
+    registers: tuple[int, ...], order: registers.WordOrder, code: str, hint: str
 ) -> None:
     with pytest.raises(UnsupportedDevice) as caught:
         check_map(registers, order, "grinder")
@@ -245,24 +244,24 @@ def _exchange() -> list[tuple[str, int, tuple[int, ...]]]:
 
 def _sent() -> list[tuple[str, int, tuple[int, ...]]]:
     """The same exchange from the codec."""
-    x1 = grids.naming(table(), AXES)
+    x1 = grids.naming_order(table(), AXES)
     begin = grids.begin_order(table(), 3, AXES)
-    values = packing.dints((0, 3000, -1500), "high-first")
-    orders: list[tuple[Order, tuple[int, ...], tuple[int, ...]]] = [
-        (Order(Command.OPEN, index=0x2A17), (), ()),
+    values = registers.pack_dints((0, 3000, -1500), "high-first")
+    orders: list[tuple[MailboxOrder, tuple[int, ...], tuple[int, ...]]] = [
+        (MailboxOrder(Command.OPEN, index=0x2A17), (), ()),
         (x1, (), ()),
-        (Order(Command.MARKER), commands.marker_data("17", 1, 0x3A7BD3E2360A3D29), ()),
-        (*commands.switching(Command.DISABLE, [x1]), ()),
+        (MailboxOrder(Command.MARKER), frames.marker_data("17", 1, 0x3A7BD3E2360A3D29), ()),
+        (*frames.switching_command(Command.DISABLE, [x1]), ()),
         (begin, (), ()),
         (begin.as_command(Command.CHUNK, 0, 3), values, ()),
         (begin.as_command(Command.VERIFY), (), values),
         (x1.as_command(Command.READ_BACK, 0, 50), (), ()),
-        (*commands.switching(Command.ACTIVATE, [x1]), ()),
-        (Order(Command.CLOSE), (), ()),
+        (*frames.switching_command(Command.ACTIVATE, [x1]), ()),
+        (MailboxOrder(Command.CLOSE), (), ()),
     ]
     out: list[tuple[str, int, tuple[int, ...]]] = []
     for count, (order, data, whole) in enumerate(orders, start=42):
-        frame = encode(order, count, "high-first", data, whole)
+        frame = encode_command(order, count, "high-first", data, whole)
         out += [("write", 36, frame.data)] if frame.data else []
         out.append(("write", 16, frame.header))
     return out
@@ -275,14 +274,14 @@ def test_the_codec_writes_the_worked_exchange_of_the_document() -> None:
 def test_the_codec_reads_the_worked_exchange_of_the_document() -> None:
     reads = {first: registers for way, first, registers in _exchange() if way == "read"}
     header = next(registers for _, first, registers in reversed(_sent()) if first == 16 and registers[0] == 7)
-    values = readings.read_back_of(reads[200], header, 50, "high-first")
+    values = frames.decode_read_back(reads[200], header, 50, "high-first")
     assert values is not None
     assert values[:4] == (0, 3000, -1500, 0)
     assert len(values) == 50
     bent = (*reads[200][:3], reads[200][3] ^ 1, *reads[200][4:])
-    assert readings.read_back_of(bent, header, 50, "high-first") is None
+    assert frames.decode_read_back(bent, header, 50, "high-first") is None
     other = (*header[:1], header[1] + 1, *header[2:])
-    assert readings.read_back_of(reads[200], other, 50, "high-first") is None
+    assert frames.decode_read_back(reads[200], other, 50, "high-first") is None
 
 
 @pytest.mark.parametrize("framer", ["tcp", "rtu"])

@@ -22,7 +22,7 @@ from drivers.errors import (
     UnsupportedDevice,
     ValueOutOfRange,
 )
-from drivers.sinumerik.mailbox.codec.commands import chunks
+from drivers.sinumerik.mailbox.codec.frames import value_chunks
 from drivers.sinumerik.mailbox.device import SinumerikModbus
 from drivers.sinumerik.mailbox.settings import ModbusSettings
 from drivers.sinumerik.mailbox.wire import ModbusCodec, ModbusWire, Question
@@ -459,7 +459,7 @@ async def test_fault_85_no_value_is_split_over_two_requests(points: int) -> None
     data = [one for one in rogue.asked if (one.function, one.address) == (16, 36)]
     assert all(one.count == 100 for one in data)
     assert sum(one.command == 3 for one in rogue.asked) == -(-points // 50)
-    assert all(len(block) == 2 * count for _, count, block in chunks(list(range(points)), "high-first"))
+    assert all(len(block) == 2 * count for _, count, block in value_chunks(list(range(points)), "high-first"))
 
 
 @pytest.mark.parametrize(("function", "count"), [(16, 124), (16, 0), (3, 126), (3, 0)])

@@ -9,12 +9,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from drivers.errors import ConfigError, RemoteProtocolError, UnsupportedDevice
-from drivers.sinumerik.mailbox.codec import readings
-from drivers.sinumerik.mailbox.codec.commands import Order
-from drivers.sinumerik.mailbox.codec.readings import Status
+from drivers.sinumerik.mailbox.codec import frames
+from drivers.sinumerik.mailbox.codec.frames import MailboxOrder, Status, check_map, command_refusal
 from drivers.sinumerik.mailbox.codec.registers import Command, Kind, RefusalCode, StatusBit
 from drivers.sinumerik.mailbox.reader import marker_of
-from drivers.sinumerik.mailbox.refusals import check_map, refusal
 from drivers.sinumerik.mailbox.settings import ModbusSettings
 from drivers.sinumerik.mailbox.wire import ModbusCodec, Question
 
@@ -27,17 +25,21 @@ def status(error: int, detail: int = 77) -> Status:
 
 @pytest.mark.parametrize("code", [one for one in RefusalCode if one is not RefusalCode.NONE])
 def test_every_error_code_has_its_own_words(code: RefusalCode) -> None:
-    error = refusal(status(code), Order(Command.VERIFY, Kind.EEC, 1), "grinder")
+    error = command_refusal(status(code), MailboxOrder(Command.VERIFY, Kind.EEC, 1), "grinder")
     assert error.code.startswith("E-MBX-")
     assert "<" not in error.what
     assert error.hint
-    others = [refusal(status(one), Order(Command.VERIFY), "x").code for one in RefusalCode if one not in (code, 0)]
+    others = [
+        command_refusal(status(one), MailboxOrder(Command.VERIFY), "x").code
+        for one in RefusalCode
+        if one not in (code, 0)
+    ]
     assert error.code not in others
 
 
 @pytest.mark.parametrize("code", [0, 15, 99, 65535])
 def test_a_code_the_map_does_not_know_is_a_protocol_error(code: int) -> None:
-    error = refusal(status(code), Order(Command.BEGIN), "grinder")
+    error = command_refusal(status(code), MailboxOrder(Command.BEGIN), "grinder")
     assert isinstance(error, RemoteProtocolError)
     assert str(code) in error.what
 
@@ -46,14 +48,14 @@ def test_a_code_the_map_does_not_know_is_a_protocol_error(code: int) -> None:
 def test_any_head_of_registers_is_refused_or_read(registers: list[int]) -> None:
     with contextlib.suppress(UnsupportedDevice):
         check_map(tuple(registers), "high-first", "grinder")
-    found = readings.status_of(registers, "low-first")
+    found = frames.decode_status(registers, "low-first")
     assert found.heartbeat == registers[4]
 
 
 @given(st.lists(st.one_of(st.integers(0, 3), WORDS), min_size=86, max_size=86))
 def test_any_picture_is_refused_or_read(registers: list[int]) -> None:
     with contextlib.suppress(RemoteProtocolError):
-        picture = readings.picture_of(registers, "high-first", "grinder")
+        picture = frames.decode_picture(registers, "high-first", "grinder")
         assert picture.mode <= 255
         assert marker_of(picture, "grinder").transaction >= 0
 

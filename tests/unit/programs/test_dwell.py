@@ -12,7 +12,7 @@ from typer.testing import CliRunner
 
 from drivers.errors import ConfigError, TrueflankError
 from drivers.programs import NOBODY
-from drivers.sinumerik.ncprogram.dwell import dwelling
+from drivers.sinumerik.ncprogram.measuring import build_dwell_program
 from gateway.cli import app
 from gateway.config import load_site
 from gateway.workflow.dwelling import DwellWish
@@ -43,7 +43,7 @@ def test_each_target_is_stood_at_in_both_directions_and_nothing_is_written(tmp_p
     assert not re.search(r"^[R$].*=", text, re.MULTILINE)
     wanted = [(float(row["target_mm"]), row["direction"]) for row in rows]
     (_, order), *_ = _dwelling(load_site(site), DwellWish(4.5, 3.0))
-    unrolled = dwelling(order, modulo=False, origin=NOBODY, loops=False)
+    unrolled = build_dwell_program(order, modulo=False, origin=NOBODY, loops=False)
     assert unrolled.count("SUPA G1 X=") > len(rows)
     for program in (text, unrolled):  # each dwell follows a move to the target that the list names, from its side
         walk = Walk(PLAN, {}, {"X": -3.0})

@@ -8,10 +8,10 @@ from dataclasses import replace
 import pytest
 
 from drivers.clock import LoopClock, run_virtual
-from drivers.sinumerik.ncprogram import disabling, measuring, pushing
-from drivers.sinumerik.ncprogram.backup import Memory
-from drivers.sinumerik.ncprogram.grinding import GrindSetting, grinding
-from drivers.sinumerik.ncprogram.measuring import Setting
+from drivers.sinumerik.ncprogram import measuring, pushing, switching
+from drivers.sinumerik.ncprogram.backup import ReservedPoints
+from drivers.sinumerik.ncprogram.grinding import GrindSetting, build_grinding_program
+from drivers.sinumerik.ncprogram.measuring import MachineSetting
 from drivers.sinumerik.ncprogram.words import Phase, Words
 from drivers.types.orders import DisableOrder, PushOrder
 from drivers.types.stops import Stop, StopPlan
@@ -52,7 +52,7 @@ SPEC = NckSpec(
     preprocess_ahead=0,
 )
 NAMES = tuple(axis.name for axis in AXES)
-SETTING = Setting(Words(), Memory(4, (4,), NAMES), modulo=False)
+SETTING = MachineSetting(Words(), ReservedPoints(4, (4,), NAMES), modulo=False)
 READ = ("R[80]", "R[88]", "R[90]", "$AA_ENC_COMP[0,1,X1]", "$AN_CEC[0,1]")
 MAIN = "/_N_MPF_DIR/_N_TFTEST_MPF"
 STOPS = tuple(Stop(place, way, 0, label) for label, (place, way) in enumerate(((5.0, 1), (25.0, 1), (5.0, -1))))
@@ -147,7 +147,7 @@ def on_machine(left: str, text: str, **words: float) -> Machine:
 @pytest.mark.parametrize("letter", ["X", "Z"])
 def test_measuring_stops_where_it_should(left: str, letter: str) -> None:
     plan = StopPlan("TFMEAS", f"{letter}1", letter, "mm", False, STOPS, 6000.0, 2.0, 0.1, save_tables=False)
-    machine = on_machine(left, measuring.measuring(plan, 123456, SETTING))
+    machine = on_machine(left, measuring.build_measuring_program(plan, 123456, SETTING))
     assert [stop["XZ".index(letter)] for stop in machine.stood] == [5.0, 25.0, 5.0]
     assert machine.found["R[90]"] == 7.0
 
@@ -157,7 +157,7 @@ def test_measuring_stops_where_it_should(left: str, letter: str) -> None:
 def test_a_table_is_proved_and_pushed_at_the_agreeing_position(left: str, table: CompensationTable) -> None:
     letter = table.input_axis[0]
     order = PushOrder(4711, table, letter, False, True, 15.0, "sign-proof")
-    machine = on_machine(left, pushing.pushing([(order, SETTING)]))
+    machine = on_machine(left, pushing.build_push_program([(order, SETTING)]))
     assert [stop["XZ".index(letter)] for stop in machine.stood] == [15.0, 15.0]
     name = "$AA_ENC_COMP[0,1,X1]" if table is TABLE else "$AN_CEC[0,1]"
     assert machine.found[name] == pytest.approx(0.003)
@@ -166,9 +166,11 @@ def test_a_table_is_proved_and_pushed_at_the_agreeing_position(left: str, table:
 
 @pytest.mark.parametrize("left", LEFT)
 def test_a_part_is_ground_at_its_place_and_a_table_switched_off_without_a_move(left: str) -> None:
-    setting = GrindSetting(Words(), {name: Memory(4, (4,), NAMES) for name in NAMES})
-    machine = on_machine(left, grinding(replace(PART, save_tables=False), 4711, setting), R77=0.1, R78=0.01, R89=4711.0)
+    setting = GrindSetting(Words(), {name: ReservedPoints(4, (4,), NAMES) for name in NAMES})
+    machine = on_machine(
+        left, build_grinding_program(replace(PART, save_tables=False), 4711, setting), R77=0.1, R78=0.01, R89=4711.0
+    )
     assert {stop[:2] for stop in machine.stood} == {(PART.retracted_mm, PART.ends_mm[0])}
     assert machine.found["R[80]"] == 4.0
-    still = on_machine(left, disabling.disabling(DisableOrder(4711, "axis", "X1", 0), SETTING))
+    still = on_machine(left, switching.build_disable_program(DisableOrder(4711, "axis", "X1", 0), SETTING))
     assert still.found["R[90]"] == 15.0

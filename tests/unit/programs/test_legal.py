@@ -12,10 +12,10 @@ from drivers.errors import LocalProtocolError
 from drivers.programs import NOBODY, PaperMachine, Visits
 from drivers.sinumerik.legality import Machine, check
 from drivers.sinumerik.ncprogram import measuring, pushing
-from drivers.sinumerik.ncprogram.backup import Memory, Saving
-from drivers.sinumerik.ncprogram.legal import legal
+from drivers.sinumerik.ncprogram.backup import BackupFile, ReservedPoints
+from drivers.sinumerik.ncprogram.checks import check_program
 from drivers.sinumerik.ncprogram.words import Words
-from drivers.sinumerik.opcua.paper import on_paper
+from drivers.sinumerik.opcua.preview import preview_programs
 from drivers.types.orders import DisableOrder, PushOrder
 from drivers.types.stops import Stop, StopPlan
 from drivers.types.tables import CompensationTable
@@ -26,7 +26,7 @@ from tests.unit.programs.sites import CELLS, site_file
 QUICK: tuple[What, ...] = ("load", "backup", "grind", "off")
 GOLDEN = Path(__file__).parents[2] / "golden" / "sinumerik"
 AXES = ("X1", "Y1", "Z1", "C1")
-SETTING = measuring.Setting(Words(80), Memory(80, (0, 30), AXES), modulo=False)
+SETTING = measuring.MachineSetting(Words(80), ReservedPoints(80, (0, 30), AXES), modulo=False)
 PLAN = StopPlan("TFMEASX", "X1", "X", "mm", False, (Stop(0.0, 1), Stop(10.0, 1)), 500.0, 5.0, 1.0)
 
 
@@ -64,8 +64,8 @@ def test_cross_tables_of_every_kind_are_legal(purpose: str, two: bool, coupled: 
     settings = {"security": "None", "two_programs": two}
     for enable in (True, False):
         given = replace(order, enable=enable, purpose="restore" if purpose == "table" else purpose)
-        assert on_paper((given,), settings, machine, NOBODY, "here")
-    assert on_paper(DisableOrder(4711, "cross", "X1", 1), settings, machine, NOBODY, "here")
+        assert preview_programs((given,), settings, machine, NOBODY, "here")
+    assert preview_programs(DisableOrder(4711, "cross", "X1", 1), settings, machine, NOBODY, "here")
 
 
 @pytest.mark.parametrize("overrun", [5.0, 400.0])
@@ -77,7 +77,7 @@ def test_plans_that_loop_and_one_that_is_written_out_are_legal_together(overrun:
         (replace(PLAN, stops=tuple(Stop(10.0 * at, 1, 0, at) for at in range(5))), replace(turn, overrun=overrun))
     )
     machine = PaperMachine(AXES, frozenset({"C1"}), {"X1": 101, "C1": 101}, (30,))
-    (program,) = on_paper(plans, {"security": "None"}, machine, NOBODY, "here")
+    (program,) = preview_programs(plans, {"security": "None"}, machine, NOBODY, "here")
     assert "UTARGET" in program.text
     assert ("UROUND," in program.text) == (overrun > 360.0)
 
@@ -85,14 +85,14 @@ def test_plans_that_loop_and_one_that_is_written_out_are_legal_together(overrun:
 def test_files_that_programs_write_are_legal() -> None:
     for name in ("backup_c1", "saved_c1"):
         assert check((GOLDEN / f"{name}.spf").read_text(), f"{name}.SPF", Machine(frozenset(AXES))) == ()
-    assert check(Saving("LIVE", 7, "X1", 0, Memory(3)).first_line + "\nM17\n") == ()
+    assert check(BackupFile("LIVE", 7, "X1", 0, ReservedPoints(3)).first_line + "\nM17\n") == ()
 
 
 def test_the_two_halves_jump_to_their_own_labels_alone() -> None:
     table = CompensationTable("axis", "X1", "X1", 0.0, 100.0, 50.0, (0.0, -3.0, 0.0))
     order = PushOrder(4711, table, "X", False, True, 0.0, "sign-proof")
-    assert "TF_COMPARE_2" not in pushing.loading([(order, SETTING)])
-    assert "TF_COMPARE_1" not in pushing.enabling([(order, SETTING)])
+    assert "TF_COMPARE_2" not in pushing.build_loading_program([(order, SETTING)])
+    assert "TF_COMPARE_1" not in pushing.build_enabling_program([(order, SETTING)])
 
 
 @pytest.mark.parametrize(
@@ -105,11 +105,11 @@ def test_the_two_halves_jump_to_their_own_labels_alone() -> None:
     ],
 )
 def test_the_gate_names_line_and_rule_and_lets_nothing_pass(old: str, new: str, rule: str) -> None:
-    text = measuring.measuring(PLAN, 123456, SETTING)
+    text = measuring.build_measuring_program(PLAN, 123456, SETTING)
     assert old in text
     broken = text.replace(old, new)
     with pytest.raises(LocalProtocolError, match="E-PROGRAM-ILLEGAL") as caught:
-        legal("/_N_MPF_DIR/_N_TFMEAS_X1_MPF", broken, AXES)
+        check_program("/_N_MPF_DIR/_N_TFMEAS_X1_MPF", broken, AXES)
     assert caught.value.fields["rule"] == rule
     assert caught.value.fields["line"] > 1
     assert "line" in str(caught.value)
@@ -122,7 +122,7 @@ def test_nothing_is_sent_of_an_illegal_program() -> None:
     asked: list[str] = []
 
     class Wire(SinumerikOpcUa):
-        async def _setting(self, *_names: object, **_more: object) -> measuring.Setting:
+        async def _setting(self, *_names: object, **_more: object) -> measuring.MachineSetting:
             return replace(SETTING, words=Words(80), origin=replace(NOBODY, site="S"))
 
         async def _check_encoder(self, *_axis: object, said: bool) -> None:

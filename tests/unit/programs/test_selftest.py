@@ -12,14 +12,14 @@ import pytest
 from drivers.clock import run_virtual
 from drivers.sinumerik.legality import Machine as Axes
 from drivers.sinumerik.legality import check
-from drivers.sinumerik.ncprogram.backup import Memory
-from drivers.sinumerik.ncprogram.selftest import read_report, self_test, words_of
+from drivers.sinumerik.ncprogram.backup import ReservedPoints
+from drivers.sinumerik.ncprogram.selftest import build_self_test_program, read_self_test_report, trial_words
 from gateway.config import load_site
 from gateway.workflow.programs import programs
 from tests.unit.programs import test_left_behind as machines
 from tests.unit.programs.sites import CELLS, site_file
 
-SETTING = replace(machines.SETTING, memory=Memory(4, (4,), machines.NAMES))
+SETTING = replace(machines.SETTING, memory=ReservedPoints(4, (4,), machines.NAMES))
 FILE = "/_N_SPF_DIR/_N_TFSELF_X1_SPF"
 
 
@@ -34,7 +34,7 @@ def tried(**changes: Any) -> tuple[list[str], machines.Machine, float, bool]:
             machine.nck.set(name.replace("__", "$"), value, 0)
         before = [machine.nck.static_memory()[key] for key in ("tables", "data")]
         begun = machine.clock.now()
-        await machine.run(self_test("X1", 0, 4711, SETTING))
+        await machine.run(build_self_test_program("X1", 0, 4711, SETTING))
         machine.found = {name: machine.nck.get(name) for name in machines.READ}
         after = [machine.nck.static_memory()[key] for key in ("tables", "data")]
         lines = machine.nck.files.read(FILE).decode().splitlines()
@@ -47,7 +47,7 @@ def tried(**changes: Any) -> tuple[list[str], machines.Machine, float, bool]:
 
 def test_every_word_passes_and_nothing_is_left_changed() -> None:
     lines, machine, took_s, same = tried()
-    wanted = [f";PASSED {place} {word}" for place, word in enumerate(words_of("X1", 0, SETTING), start=1)]
+    wanted = [f";PASSED {place} {word}" for place, word in enumerate(trial_words("X1", 0, SETTING), start=1)]
     assert re.fullmatch(r";AT \d{4}-\d{1,2}-\d{1,2}", lines.pop(1))
     assert lines == [";TRUEFLANK SELF 4711 X1", *wanted, f";TRUEFLANK END {len(wanted)}", "M17"]
     assert same
@@ -59,25 +59,25 @@ def test_every_word_passes_and_nothing_is_left_changed() -> None:
 
 def test_its_report_is_read_for_what_it_says_and_no_more() -> None:
     text = "\n".join(tried()[0])
-    report = read_report(text, "X1")
+    report = read_self_test_report(text, "X1")
     assert report is not None
-    assert (report.passed, report.failed, report.whole) == (words_of("X1", 0, SETTING), (), True)
+    assert (report.passed, report.failed, report.whole) == (trial_words("X1", 0, SETTING), (), True)
     assert re.fullmatch(r"\d{4}-\d\d-\d\d", report.date)
-    assert read_report(text, "Z1") is None
-    assert read_report("M17\n", "X1") is None
-    spoilt = read_report(text.replace(";PASSED 4 ", ";NOT PASSED 4 "), "X1")
+    assert read_self_test_report(text, "Z1") is None
+    assert read_self_test_report("M17\n", "X1") is None
+    spoilt = read_self_test_report(text.replace(";PASSED 4 ", ";NOT PASSED 4 "), "X1")
     assert spoilt is not None
-    assert spoilt.failed == (words_of("X1", 0, SETTING)[3],)
-    cut = read_report("\n".join(text.splitlines()[:9]), "X1")
+    assert spoilt.failed == (trial_words("X1", 0, SETTING)[3],)
+    cut = read_self_test_report("\n".join(text.splitlines()[:9]), "X1")
     assert cut is not None
     assert not cut.whole
-    lost = read_report("\n".join(line for line in text.splitlines() if "PASSED 7" not in line), "X1")
+    lost = read_self_test_report("\n".join(line for line in text.splitlines() if "PASSED 7" not in line), "X1")
     assert lost is not None
     assert not lost.whole
 
 
 def test_it_is_legal_and_its_head_says_that_nothing_moves() -> None:
-    text = self_test("X1", 0, 4711, SETTING)
+    text = build_self_test_program("X1", 0, 4711, SETTING)
     assert check(text, "TFSELF_X1.MPF", Axes(frozenset(machines.NAMES))) == ()
     assert "SUPA" not in text
     assert "Moves: nothing." in text

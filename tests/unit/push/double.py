@@ -15,9 +15,9 @@ import numpy as np
 from drivers.clock import LoopClock
 from drivers.errors import DeadlineExceeded, DeviceRefused, UnsupportedDevice
 from drivers.ports.devices import Tell
-from drivers.sinumerik.opcua.reading import read_live
+from drivers.sinumerik.opcua.device import read_live_tables
 from drivers.sinumerik.tablefile import tables
-from drivers.sinumerik.tablefile.held import HELD
+from drivers.sinumerik.tablefile.tables import HELD_KINDS
 from drivers.standing import KeepsPlaces
 from drivers.types.abilities import Capabilities, Marker, TableLimits
 from drivers.types.identity import Identity, MachineIdentity
@@ -293,7 +293,7 @@ class Controller(KeepsPlaces):
         switched: Literal["at-stop", "by-itself", "by-restart"] = "by-itself" if self.by_hand else "at-stop"
         return Capabilities(
             not self.by_hand,
-            HELD,
+            HELD_KINDS,
             switched=switched if self.switching else "by-restart",
             marker=self.keeps_marker,
             consent=consent,
@@ -428,13 +428,13 @@ class Controller(KeepsPlaces):
     async def live_tables(self, question: TableQuestion, tell: Tell) -> LiveSet:
         if self.by_hand:
             return await self.saved_tables(question.axis, question.proof)
-        return (await read_live(self, (question,), tell))[0]
+        return (await read_live_tables(self, (question,), tell))[0]
 
     def tables_by(self, live: LiveSet, proof: SignProof | None) -> LiveSet:
-        return tables.tables_by(live, proof)
+        return tables.tables_by_proof(live, proof)
 
     def table_by(self, table: CompensationTable, sense: Sense, proof: SignProof | None) -> CompensationTable:
-        return tables.table_by(table, sense, proof)
+        return tables.table_by_proof(table, sense, proof)
 
     async def saved_tables(self, axis: str, proof: SignProof | None = None) -> LiveSet:
         number = await self._begin("saved_tables")
@@ -442,7 +442,7 @@ class Controller(KeepsPlaces):
         self._end("saved_tables", number)
         if saved is None:
             raise DeviceRefused("E-TEST-FILE", "double")
-        return tables.tables_by(saved, proof)
+        return tables.tables_by_proof(saved, proof)
 
     async def stage(self, batch: PushBatch) -> None:
         number = await self._begin("stage")

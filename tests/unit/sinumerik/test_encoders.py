@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from drivers.errors import UnsupportedDevice
-from drivers.sinumerik.opcua.encoders import Encoders, check, names_of, of_values
+from drivers.sinumerik.opcua.machine import Encoders, check_encoder, encoder_names, encoders_from_values
 
 
 @pytest.mark.parametrize(
@@ -21,7 +21,7 @@ from drivers.sinumerik.opcua.encoders import Encoders, check, names_of, of_value
     ],
 )
 def test_the_encoder_that_acts_is_taken(values: list[float | None], encoder: int) -> None:
-    check(of_values(values), "X1", encoder, "840D")
+    check_encoder(encoders_from_values(values), "X1", encoder, "840D")
 
 
 @pytest.mark.parametrize(
@@ -40,26 +40,26 @@ def test_another_one_or_two_are_refused_with_what_the_control_says(
     values: list[float | None], encoder: int, code: str
 ) -> None:
     with pytest.raises(UnsupportedDevice) as caught:
-        check(of_values(values), "X1", encoder, "840D")
+        check_encoder(encoders_from_values(values), "X1", encoder, "840D")
     assert caught.value.code == code
     assert f"MD38000[0], [1] = {values[3]}, {values[4]}" in caught.value.what
 
 
 def test_what_is_read() -> None:
-    names = names_of("Z1")
+    names = encoder_names("Z1")
     assert len(names) == 5
     assert names[2] == "$MA_ENC_COMP_ENABLE[1,Z1]"
-    assert of_values([2, 1, 0, 30, None]) == Encoders(2, (True, False), (30, None))
+    assert encoders_from_values([2, 1, 0, 30, None]) == Encoders(2, (True, False), (30, None))
 
 
 @pytest.mark.parametrize("values", [[2.0, 0.0, 0.0, 101.0, 25.0], [None, None, None, None, None]])
 def test_no_default_decides_between_two_that_may_act(values: list[float | None]) -> None:
     with pytest.raises(UnsupportedDevice) as caught:
-        check(of_values(values), "X1", 0, "840D", said=False)
+        check_encoder(encoders_from_values(values), "X1", 0, "840D", said=False)
     assert caught.value.code == "E-NC-ENCODER-OPEN"
-    check(of_values(values), "X1", 0, "840D")
+    check_encoder(encoders_from_values(values), "X1", 0, "840D")
 
 
 def test_a_default_is_fine_where_only_one_can_act() -> None:
-    check(of_values([2.0, 0.0, 0.0, 101.0, 0.0]), "X1", 0, "840D", said=False)
-    check(of_values([2.0, 1.0, 0.0, 101.0, 25.0]), "X1", 0, "840D", said=False)
+    check_encoder(encoders_from_values([2.0, 0.0, 0.0, 101.0, 0.0]), "X1", 0, "840D", said=False)
+    check_encoder(encoders_from_values([2.0, 1.0, 0.0, 101.0, 25.0]), "X1", 0, "840D", said=False)

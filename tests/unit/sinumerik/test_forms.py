@@ -11,12 +11,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from drivers.errors import ConfigError, FileFormatError
-from drivers.sinumerik.tablefile import backlash, forms, reader, temperature
+from drivers.sinumerik.tablefile import axis_settings, reader, writer
 from drivers.tablefile import TableFile
 from drivers.types.tables import CompensationTable
 
 TABLES = Path(__file__).parents[2] / "golden" / "tables"
-NAMES = sorted(forms.FORMS)
+NAMES = sorted(writer.FORMS)
 
 stored = st.integers(-200_000, 200_000).map(lambda count: Decimal(count).scaleb(-6))
 grids = st.one_of(
@@ -63,16 +63,18 @@ def contents(draw: st.DrawFn) -> TableFile:
     if {table.modulo for table in own if table.output_axis == "AX5"} == {True, False}:
         own = [table for table in own if table.output_axis != "AX5" or table.index == 0]
     cross = [draw(cec(number)) for number in range(draw(st.integers(0, 3)))]
-    slack = backlash.Backlash("AX1", 0, draw(stored), (Decimal(1), Decimal("2.5"), *[Decimal(1)] * 4), 3)
-    warmth = temperature.Temperature("AX3", Decimal(3), draw(stored), Decimal("0.0000115"), draw(stored))
-    chosen = draw(st.sampled_from([{}, backlash.settings_of(slack), temperature.settings_of(warmth)]))
+    slack = axis_settings.Backlash("AX1", 0, draw(stored), (Decimal(1), Decimal("2.5"), *[Decimal(1)] * 4), 3)
+    warmth = axis_settings.Temperature("AX3", Decimal(3), draw(stored), Decimal("0.0000115"), draw(stored))
+    chosen = draw(
+        st.sampled_from([{}, axis_settings.backlash_settings(slack), axis_settings.temperature_settings(warmth)])
+    )
     if not (own or cross or chosen):
         chosen = {"$SN_CEC_TABLE_ENABLE[2]": Decimal(1)}
     return TableFile((*own, *cross), chosen)
 
 
 layouts = st.builds(
-    forms.Form,
+    writer.TextForm,
     wrapper=st.sampled_from(["program", "ini", "axis-ini", "archive"]),
     order=st.sampled_from(["values-first", "parameters-first"]),
     axes=st.sampled_from(["parentheses", "quotes", "bare"]),
@@ -85,10 +87,10 @@ layouts = st.builds(
 
 @settings(max_examples=250, deadline=None)
 @given(contents(), layouts)
-def test_every_form_comes_back_as_it_was(content: TableFile, form: forms.Form) -> None:
-    text = forms.render(content, form)
-    assert reader.read(text, "again") == content
-    assert forms.render(reader.read(text, "again"), form) == text
+def test_every_form_comes_back_as_it_was(content: TableFile, form: writer.TextForm) -> None:
+    text = writer.render_file(content, form)
+    assert reader.read_tables(text, "again") == content
+    assert writer.render_file(reader.read_tables(text, "again"), form) == text
 
 
 @settings(max_examples=100, deadline=None)
@@ -102,25 +104,25 @@ def test_no_digit_of_a_grid_is_ever_lost(step: float, low: float, k: int, values
     high = low + k * step
     points = tuple(float(value * 1000) + 0.0 for value in values[: k + 1])
     table = CompensationTable("axis", "X1", "X1", low, high, step, points)
-    assert reader.read(forms.render(TableFile((table,))), "again").tables == (table,)
+    assert reader.read_tables(writer.render_file(TableFile((table,))), "again").tables == (table,)
 
 
 @pytest.mark.parametrize("name", NAMES)
 def test_the_golden_of_each_form(name: str) -> None:
     text = (TABLES / f"form_{name}.txt").read_text()
-    content = reader.read(text, name)
-    assert forms.render(content, forms.FORMS[name]) == text
-    assert content == reader.read((TABLES / "form_program.txt").read_text(), "program")
+    content = reader.read_tables(text, name)
+    assert writer.render_file(content, writer.FORMS[name]) == text
+    assert content == reader.read_tables((TABLES / "form_program.txt").read_text(), "program")
     assert len(content.tables) == 6
     assert len(content.settings) == 12
 
 
 def test_a_form_nobody_knows_and_an_axis_without_number_are_refused() -> None:
     with pytest.raises(ConfigError, match="E-TABLE-FORM"):
-        forms.named("pdf")
+        writer.find_form("pdf")
     table = CompensationTable("axis", "X1", "X1", 0.0, 1.0, 1.0, (0.0, 0.0))
     with pytest.raises(ConfigError, match="E-TABLE-FORM-AXIS"):
-        forms.render(TableFile((table,)), forms.FORMS["axis-ini"])
+        writer.render_file(TableFile((table,)), writer.FORMS["axis-ini"])
 
 
 GRID = "$AA_ENC_COMP_STEP[0,AX2]=5\n$AA_ENC_COMP_MIN[0,AX2]=0\n$AA_ENC_COMP_MAX[0,AX2]=5\n"
@@ -145,23 +147,23 @@ POINTS = "$AA_ENC_COMP[0,0,AX2]=0\n$AA_ENC_COMP[0,1,AX2]=0.001\n"
 )
 def test_samples_vary_and_mean_one_table(text: str) -> None:
     expected = CompensationTable("axis", "AX2", "AX2", 0.0, 5.0, 5.0, (0.0, 1.0))
-    assert reader.read(text, "sample").tables == (expected,)
+    assert reader.read_tables(text, "sample").tables == (expected,)
 
 
 @pytest.mark.parametrize("axis", ["(AX2)", '"AX2"', "AX2", "( ax2 )"])
 def test_every_name_form_of_an_axis(axis: str) -> None:
     text = f"$AN_CEC_INPUT_AXIS[0]={axis}\n$AN_CEC_OUTPUT_AXIS[0]=(X1)\n"
     text += "".join(f"$AN_CEC_{name}[0]={value}\n" for name, value in (("STEP", 1), ("MIN", 0), ("MAX", 1)))
-    (table,) = reader.read(text + "$AN_CEC[0,0]=0\n$AN_CEC[0,1]=0\nM17\n", "cec").tables
+    (table,) = reader.read_tables(text + "$AN_CEC[0,0]=0\n$AN_CEC[0,1]=0\nM17\n", "cec").tables
     assert (table.input_axis, table.output_axis) == ("AX2", "X1")
 
 
 def test_an_archive_of_several_files_is_one_content() -> None:
     second = POINTS.replace("AX2", "AX3") + GRID.replace("AX2", "AX3") + "M17\n"
     text = "%_N_AX2_EEC_INI\n" + POINTS + GRID + "M17\n%_N_AX3_EEC_INI\n" + second
-    assert [table.output_axis for table in reader.read(text, "archive").tables] == ["AX2", "AX3"]
+    assert [table.output_axis for table in reader.read_tables(text, "archive").tables] == ["AX2", "AX3"]
     with pytest.raises(FileFormatError, match="E-TABLE-TWICE") as caught:
-        reader.read(text.replace("AX3", "AX2"), "one name twice")
+        reader.read_tables(text.replace("AX3", "AX2"), "one name twice")
     assert caught.value.fields["line"] == 9
 
 
@@ -170,31 +172,31 @@ def test_settings_are_understood() -> None:
     text += "N32454 $MA_BACKLASH_MODE[0,AX1]='H3' '1a2d\nN32750 $MA_TEMP_COMP_TYPE[AX1]=3\n"
     text += "N43900 $SA_TEMP_COMP_ABS_VALUE[AX1]=0.01\nN43910 $SA_TEMP_COMP_SLOPE[AX1]=0.02\n"
     text += "N43920 $SA_TEMP_COMP_REF_POSITION[AX1]=100\nN32760 $MA_COMP_ADD_VELO_FACTOR[AX1]=0.01\nM17\n"
-    found = reader.read(text, "tea").settings
-    slack = backlash.of_axis(found, "AX1")
+    found = reader.read_tables(text, "tea").settings
+    slack = axis_settings.backlash_of(found, "AX1")
     assert slack is not None
     assert (slack.effective(), slack.effective(1)) == (Decimal("0.004"), Decimal("0.002"))
     assert (slack.restored_at_power_on, slack.ignores_compensation, slack.dynamic) == (True, True, 0)
-    assert backlash.of_axis(found, "AX2") is None
-    warmth = temperature.of_axis(found, "AX1")
+    assert axis_settings.backlash_of(found, "AX2") is None
+    warmth = axis_settings.temperature_of(found, "AX1")
     assert warmth is not None
     assert warmth.acting_slope == Decimal("0.01")  # clipped to MD32760, as the control does without an alarm
     assert warmth.shift(Decimal(300)) == Decimal("2.01")
     assert replace(warmth, kind=Decimal(1)).shift(Decimal(300)) == Decimal("0.01")
     assert replace(warmth, kind=Decimal(0)).shift(Decimal(300)) == 0
-    assert temperature.of_axis(found, "AX2") is None
-    assert temperature.of_axis(temperature.settings_of(warmth), "AX1") == warmth
-    assert backlash.of_axis(backlash.settings_of(slack), "AX1") == slack
+    assert axis_settings.temperature_of(found, "AX2") is None
+    assert axis_settings.temperature_of(axis_settings.temperature_settings(warmth), "AX1") == warmth
+    assert axis_settings.backlash_of(axis_settings.backlash_settings(slack), "AX1") == slack
 
 
 def test_a_back_up_of_ours_reads_loosely_with_its_leftovers_said() -> None:
     text = (TABLES.parent / "sinumerik" / "backup_c1.spf").read_text()
-    content = reader.read_loosely(text, "back-up")
+    content = reader.read_tables_loosely(text, "back-up")
     assert [len(table.deviations) for table in content.tables] == [3, 2]
     assert content.notes == ("$AA_ENC_COMP[0,..,C1]: 1 points from 3 on do not act",)
     assert content.lengths == {"$MA_BACKLASH[0,C1]": "deg"}
     with pytest.raises(FileFormatError, match="E-TABLE-BEYOND"):
-        reader.read(text, "back-up")
+        reader.read_tables(text, "back-up")
     empty = "$AA_ENC_COMP[0,0,X1]=0\n" + "".join(f"$AA_ENC_COMP_{name}[0,X1]=0\n" for name in ("STEP", "MIN", "MAX"))
-    assert reader.read_loosely(empty + "M17", "new").tables == ()
-    assert "never loaded" in reader.read_loosely(empty + "M17", "new").notes[0]
+    assert reader.read_tables_loosely(empty + "M17", "new").tables == ()
+    assert "never loaded" in reader.read_tables_loosely(empty + "M17", "new").notes[0]

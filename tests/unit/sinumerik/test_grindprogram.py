@@ -14,17 +14,17 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from drivers.errors import ConfigError, LocalProtocolError
-from drivers.sinumerik.ncprogram.backup import Memory
-from drivers.sinumerik.ncprogram.grinding import GrindSetting, grinding, still
-from drivers.sinumerik.ncprogram.legal import legal
+from drivers.sinumerik.ncprogram.backup import ReservedPoints
+from drivers.sinumerik.ncprogram.checks import check_program
+from drivers.sinumerik.ncprogram.grinding import GrindSetting, build_grinding_program, fixed_axes
 from drivers.sinumerik.ncprogram.words import Words
-from drivers.sinumerik.opcua.grinding import preview
+from drivers.sinumerik.opcua.grinding import preview_program
 from drivers.sinumerik.opcua.settings import UaSettings
 from drivers.workpiece import GrindAxis, GrindPlan, check_plan
 from simulators.nck.language.parser import parse
 
 GOLDEN = Path(__file__).parents[2] / "golden" / "sinumerik" / "grind.mpf"
-MEMORY = {name: Memory(2, (0, 0), ("X1", "Y1", "Z1", "C1")) for name in ("X1", "Z1", "C1")}
+MEMORY = {name: ReservedPoints(2, (0, 0), ("X1", "Y1", "Z1", "C1")) for name in ("X1", "Z1", "C1")}
 PLAN = GrindPlan(
     name="TFGRIND_C1",
     part="RV-40E BEFORE",
@@ -161,17 +161,17 @@ def walked(
     """The program of a plan, from somewhere with C turned somewhere."""
     values = {"R77": plan.x_mm, "R78": plan.c_deg, "R79": plan.dressing_mm, "R86": 0.0, "R89": 123456.0}
     walk = Walk(plan, values, {"X": start[0], "V": 7.0, "Z": 3.0, "C": start[1]}, abort_after=abort_after)
-    text = grinding(replace(plan, save_tables=False), 123456, GrindSetting(Words(), {}, loops=loops))
+    text = build_grinding_program(replace(plan, save_tables=False), 123456, GrindSetting(Words(), {}, loops=loops))
     parse(text)
     walk.run(text)
     return walk
 
 
 def test_the_text_is_the_golden_one() -> None:
-    plain = grinding(replace(PLAN, save_tables=False), 123456, GrindSetting(Words(), {}))
+    plain = build_grinding_program(replace(PLAN, save_tables=False), 123456, GrindSetting(Words(), {}))
     assert plain == GOLDEN.read_text(encoding="ascii")
     assert len(plain.splitlines()) < 110
-    text = grinding(PLAN, 123456, GrindSetting(Words(), MEMORY))
+    text = build_grinding_program(PLAN, 123456, GrindSetting(Words(), MEMORY))
     parse(text)
     assert "MA_MM_" not in text
     assert not re.search(r"^\$(AA_ENC|AN_CEC|MA_|MN_|SN_)", text, re.MULTILINE)  # reads tables, writes none
@@ -227,9 +227,10 @@ def test_a_control_that_takes_no_tables_gets_the_same_strokes_one_by_one() -> No
         ]
         assert moved[0] == moved[1]
         assert looped.cuts == unrolled.cuts
-    assert "SET(" not in grinding(plan, 123456, GrindSetting(Words(), MEMORY, loops=False))
+    assert "SET(" not in build_grinding_program(plan, 123456, GrindSetting(Words(), MEMORY, loops=False))
     shown = [
-        grinding(plan, 1, GrindSetting(Words(), MEMORY, loops=loops)).partition("DEF")[0] for loops in (True, False)
+        build_grinding_program(plan, 1, GrindSetting(Words(), MEMORY, loops=loops)).partition("DEF")[0]
+        for loops in (True, False)
     ]
     assert shown[0] == shown[1]  # and people read the same of both
 
@@ -240,7 +241,7 @@ def test_people_come_to_a_clear_wheel_and_spaces_are_counted_with_the_wheel_clea
         'MSG("TRUEFLANK LOAD BLANK RV-40E BEFORE")',
         'MSG("TRUEFLANK UNLOAD PART RV-40E BEFORE")',
     ]
-    text = grinding(PLAN, 123456, GrindSetting(Words(), MEMORY))
+    text = build_grinding_program(PLAN, 123456, GrindSetting(Words(), MEMORY))
     loaded = text.index("LOAD BLANK")
     on, first = text.index("S1500 M3"), text.index("FOR USPACE=0")
     assert text.index('"M17"') < text.index("SUPA G1 X=-170.0") < loaded < on < first
@@ -285,23 +286,23 @@ def test_the_wheel_meets_no_stock_at_positioning_feed_nor_while_it_is_fed_in() -
 
 
 def test_a_site_that_does_not_name_what_places_the_wheel_gets_no_word_for_it() -> None:
-    text = grinding(PLAN, 123456, GrindSetting(Words(), MEMORY))
+    text = build_grinding_program(PLAN, 123456, GrindSetting(Words(), MEMORY))
     assert not re.search(r"\b[YV]\d*\s*=|R79", text)
     assert {letter for letter, *_ in walked(PLAN).moves} == {"X", "Z", "C"}
-    running = grinding(SHIFTED, 123456, GrindSetting(Words(), MEMORY)).splitlines()
+    running = build_grinding_program(SHIFTED, 123456, GrindSetting(Words(), MEMORY)).splitlines()
     moves = [place for place, block in enumerate(running) if block.startswith("SUPA G1 V=")]
     assert running.index("M5") < moves[0] < moves[-1] < running.index("S1500 M3")
 
 
 def test_a_block_that_moves_the_dresser_is_never_sent() -> None:
-    text = grinding(PLAN, 123456, GrindSetting(Words(), MEMORY))
+    text = build_grinding_program(PLAN, 123456, GrindSetting(Words(), MEMORY))
     names = {"X1", "Y1", "Z1", "C1", "X", "Y", "Z", "C"}
     path = "/_N_MPF_DIR/_N_TFGRIND_C1_MPF"
-    assert legal(path, text, names, still=still(PLAN)).program.text == text
+    assert check_program(path, text, names, still=fixed_axes(PLAN)).program.text == text
     for block in ("SUPA G1 Y=UXSET F=3000.0", "G1 X=-170.0 Y-2.0", "Y1=3", "SUPA G1 Y1 = IC(1.0) F=100.0"):
         changed = text.replace("S1500 M3", f"S1500 M3\n{block}")
         with pytest.raises(LocalProtocolError) as caught:
-            legal(path, changed, names, still=still(PLAN))
+            check_program(path, changed, names, still=fixed_axes(PLAN))
         assert (caught.value.code, caught.value.fields["line"]) == (
             "E-PROGRAM-MOVES",
             changed.splitlines().index(block) + 1,
@@ -315,13 +316,13 @@ def test_the_abort_word_is_obeyed_between_spaces_with_the_wheel_clear() -> None:
 
 
 def test_a_program_whose_gateway_has_gone_or_whose_values_are_wrong_moves_nothing() -> None:
-    text = grinding(replace(PLAN, save_tables=False), 123456, GrindSetting(Words(), {}))
+    text = build_grinding_program(replace(PLAN, save_tables=False), 123456, GrindSetting(Words(), {}))
     twice = walked(PLAN)
     moved = len(twice.moves)
     twice.run(text)
     assert len(twice.moves) == moved  # a second NC START does nothing
     offset = replace(PLAN, wheel_offset=200, save_tables=False)
-    text = grinding(offset, 123456, GrindSetting(Words(), {}))
+    text = build_grinding_program(offset, 123456, GrindSetting(Words(), {}))
     right = {"R77": 0.0, "R78": 0.0, "R79": 0.0, "R86": 0.0, "R89": 123456.0, "R200": 0.0}
     for wrong, phase in (
         ({"R89": 0.0}, None),
@@ -384,7 +385,7 @@ NAN = float("nan")
 )
 def test_what_could_harm_is_refused_before_anything_is_sent(change: dict[str, object], code: str, says: str) -> None:
     with pytest.raises((ConfigError, LocalProtocolError)) as caught:
-        grinding(replace(PLAN, **change), 1, GrindSetting(Words(), MEMORY))
+        build_grinding_program(replace(PLAN, **change), 1, GrindSetting(Words(), MEMORY))
     assert caught.value.code == code
     assert says in caught.value.what
     assert caught.value.hint
@@ -397,7 +398,7 @@ def test_what_is_allowed_at_the_limits_is_not_refused() -> None:
 
 
 def test_a_preview_shows_the_moves_and_would_do_nothing() -> None:
-    text = preview(PLAN, {"security": "None", "r_first": 500}, "site")
+    text = preview_program(PLAN, {"security": "None", "r_first": 500}, "site")
     assert "R577" not in text
     assert "UXSET=R497" in text
     assert "WRITE" not in text

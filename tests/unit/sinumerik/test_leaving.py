@@ -8,8 +8,8 @@ import pytest
 
 from drivers.leftover import Sent
 from drivers.sinumerik.ncprogram.words import COUNT, Phase, Word, program_path
-from drivers.sinumerik.opcua.dialogue import Glance
-from drivers.sinumerik.opcua.leaving import found
+from drivers.sinumerik.opcua.program_dialogue import StatusSnapshot
+from drivers.sinumerik.opcua.stale_programs import find_stale_program
 from drivers.types.machine import ChannelStatus
 
 MEAS, PUSH, OTHER = program_path("MEAS", "X1"), program_path("PUSH", "X1"), "/_N_MPF_DIR/_N_GEAR_MPF"
@@ -18,11 +18,11 @@ OLDER = Sent(111111, MEAS, 80, BEFORE, open=False)
 LAST = Sent(123456, MEAS, 80, BEFORE)
 
 
-def seen(channel: ChannelStatus, **words: float) -> Glance:
+def seen(channel: ChannelStatus, **words: float) -> StatusSnapshot:
     values = [0.0] * COUNT
     for name, value in words.items():
         values[Word[name]] = value
-    return Glance(channel, "TRUEFLANK", tuple(values), (), True, True)
+    return StatusSnapshot(channel, "TRUEFLANK", tuple(values), (), True, True)
 
 
 RESET, ACTIVE, STANDS = ChannelStatus.RESET, ChannelStatus.ACTIVE, ChannelStatus.INTERRUPTED
@@ -52,24 +52,24 @@ AT_STOP = {"TRANSACTION": 123456.0, "PHASE": float(Phase.MEASURING), "COUNTER": 
         (seen(RESET, TRANSACTION=111111.0), OTHER, "words", 111111),
     ],
 )
-def test_what_is_ours_by_number_or_name(glance: Glance, selected: str, kind: str, number: int) -> None:
-    left, sent = found(glance, selected, (OLDER, LAST))
+def test_what_is_ours_by_number_or_name(glance: StatusSnapshot, selected: str, kind: str, number: int) -> None:
+    left, sent = find_stale_program(glance, selected, (OLDER, LAST))
     assert (left.kind, left.number) == (kind, number)
     assert (sent is None) == (kind == "nothing")
     assert left.said.hint or left.clear
 
 
 def test_after_all_was_given_back_a_selected_program_is_nobodys_left_over() -> None:
-    left, _sent = found(seen(RESET), MEAS, (OLDER, replace(LAST, open=False)))
+    left, _sent = find_stale_program(seen(RESET), MEAS, (OLDER, replace(LAST, open=False)))
     assert left.kind == "nothing"
 
 
 def test_words_that_others_put_there_since_are_not_ours() -> None:
-    left, _sent = found(seen(RESET, LABEL=4.0, TARGET=1.5), OTHER, (LAST,))
+    left, _sent = find_stale_program(seen(RESET, LABEL=4.0, TARGET=1.5), OTHER, (LAST,))
     assert left.kind == "nothing"
 
 
 def test_a_started_program_is_ours_by_its_name_though_all_was_given_back() -> None:
-    left, sent = found(seen(ACTIVE), PUSH, (LAST, replace(LAST, number=7, program=PUSH, open=False)))
+    left, sent = find_stale_program(seen(ACTIVE), PUSH, (LAST, replace(LAST, number=7, program=PUSH, open=False)))
     assert (left.kind, left.number) == ("moving", 7)
     assert sent is not None

@@ -9,8 +9,9 @@ import pytest
 
 from drivers import registry
 from drivers.errors import ConfigError
-from drivers.sinumerik.tablefile import forms, lint, suspicion, tables
+from drivers.sinumerik.tablefile import lint, writer
 from drivers.sinumerik.tablefile.format import TableFiles
+from drivers.sinumerik.tablefile.reader import read_tables
 from drivers.tablefile import TableFile, TableMachine
 from drivers.types.tables import CompensationTable
 
@@ -23,12 +24,12 @@ KNOWN = TableMachine(references={"": 0.0})
 
 
 def codes(table: CompensationTable, known: TableMachine = KNOWN) -> dict[str, str]:
-    return {finding.code: finding.severity for finding in lint.of_table(table, "t", known)}
+    return {finding.code: finding.severity for finding in lint.lint_table(table, "t", known)}
 
 
 def of_file(content: TableFile | str, known: TableMachine = KNOWN) -> dict[str, str]:
     """Code -> gravest severity of the findings of a file."""
-    text = content if isinstance(content, str) else forms.render(content)
+    text = content if isinstance(content, str) else writer.render_file(content)
     return {finding.code: finding.severity for finding in TableFiles().findings(text, "file.spf", known)}
 
 
@@ -36,7 +37,7 @@ def test_good_tables_have_no_findings() -> None:
     assert codes(CLEAN, replace(KNOWN, own_points=3)) == {}
     assert codes(TURN) == {}
     files = registry.load("sinumerik-tables", "table-file")()
-    assert files.findings(forms.write([CLEAN, TURN]), "good.ini", KNOWN) == ()
+    assert files.findings(writer.write_tables([CLEAN, TURN]), "good.ini", KNOWN) == ()
 
 
 @pytest.mark.parametrize(
@@ -84,8 +85,8 @@ def test_doubts_and_notes_are_no_errors(
 
 
 def test_the_memory_is_named_by_its_own_machine_datum() -> None:
-    (eec,) = lint.of_table(CLEAN, "t", replace(KNOWN, own_points=2, cross_points=9))
-    (cec,) = lint.of_table(CROSS, "t", replace(KNOWN, own_points=9, cross_points=2))
+    (eec,) = lint.lint_table(CLEAN, "t", replace(KNOWN, own_points=2, cross_points=9))
+    (cec,) = lint.lint_table(CROSS, "t", replace(KNOWN, own_points=9, cross_points=2))
     assert "MD38000" in eec.error.what
     assert "MD18342" not in eec.error.what
     assert "MD18342" in cec.error.what
@@ -95,7 +96,7 @@ def test_the_memory_is_named_by_its_own_machine_datum() -> None:
 
 
 def test_the_velocity_that_a_slope_adds() -> None:
-    (note,) = lint.of_table(CLEAN, "t", replace(KNOWN, velocity=10000.0))  # 5 um in 50 mm
+    (note,) = lint.lint_table(CLEAN, "t", replace(KNOWN, velocity=10000.0))  # 5 um in 50 mm
     assert note.error.fields["added"] == "1 mm/min"
     assert note.error.fields["share"] == "0.01"
 
@@ -111,8 +112,8 @@ def test_the_velocity_that_a_slope_adds() -> None:
     ],
 )
 def test_a_wrong_unit_is_suspected(table: CompensationTable, code: str) -> None:
-    assert [finding.code for finding in suspicion.of_table(table, "t")] == [code]
-    assert list(suspicion.of_table(CLEAN, "t")) == list(suspicion.of_table(TURN, "t")) == []
+    assert [finding.code for finding in lint.doubt_units(table, "t")] == [code]
+    assert list(lint.doubt_units(CLEAN, "t")) == list(lint.doubt_units(TURN, "t")) == []
 
 
 def test_one_deviation_in_both_layers() -> None:
@@ -156,7 +157,7 @@ def test_every_cec_table_repeats_that_its_sign_is_unproven() -> None:
 
 
 def test_what_the_text_itself_tells() -> None:
-    good = forms.render(TableFile((CLEAN,)))
+    good = writer.render_file(TableFile((CLEAN,)))
     assert of_file(good.replace("M17\n", "")) == {"E-TABLE-CUT": "wrong"}
     assert of_file("; nothing\n") == {"E-TABLE-EMPTY": "wrong"}
     assert of_file(good.replace("M17", "M0\nM17")) == {"W-TABLE-STOP": "note"}
@@ -173,7 +174,7 @@ def test_what_the_text_itself_tells() -> None:
 
 
 def test_leftovers_above_the_last_point() -> None:
-    good = forms.render(TableFile((CLEAN,)))
+    good = writer.render_file(TableFile((CLEAN,)))
     zero = good.replace("$AA_ENC_COMP_STEP", "$AA_ENC_COMP[0,3,X1]=0\n$AA_ENC_COMP_STEP")
     assert of_file(zero) == {"W-TABLE-LEFT": "note"}
     live = zero.replace("[0,3,X1]=0", "[0,3,X1]=0.004")
@@ -189,7 +190,7 @@ def test_every_wrong_line_is_named_not_only_the_first() -> None:
 
 
 def test_a_modulo_axis_is_rotary_wherever_the_file_uses_it() -> None:
-    modulo = forms.render(TableFile((TURN,))).replace("C1", "AX4").replace("M17\n", "")
-    cross = forms.render(TableFile((replace(CROSS, output_axis="AX4"),)))
-    eec, cec = tables.read(modulo + cross, "both").tables
+    modulo = writer.render_file(TableFile((TURN,))).replace("C1", "AX4").replace("M17\n", "")
+    cross = writer.render_file(TableFile((replace(CROSS, output_axis="AX4"),)))
+    eec, cec = read_tables(modulo + cross, "both").tables
     assert (eec.output_unit, cec.output_unit, cec.input_unit) == ("deg", "deg", "mm")

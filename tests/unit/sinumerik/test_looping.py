@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from drivers.sinumerik.legality import Machine, check
-from drivers.sinumerik.ncprogram import looping, pushing
-from drivers.sinumerik.ncprogram.backup import Memory
-from drivers.sinumerik.ncprogram.measuring import Setting, measuring
+from drivers.sinumerik.ncprogram import blocks, pushing
+from drivers.sinumerik.ncprogram.backup import ReservedPoints
+from drivers.sinumerik.ncprogram.measuring import MachineSetting, build_measuring_program
 from drivers.sinumerik.ncprogram.words import Words
 from drivers.types.identity import MachineIdentity
 from drivers.types.orders import PushOrder, SignProof
@@ -20,7 +20,7 @@ from drivers.types.tables import CompensationTable
 from tests.unit.nck.bench import SPEC, on_bench
 
 AXES = ("X1", "Y1", "Z1", "C1")
-MEMORY = Memory(4, (20, 20, 20, 20), AXES)
+MEMORY = ReservedPoints(4, (20, 20, 20, 20), AXES)
 OF_X = StopPlan("TX", "X1", "X", "mm", False, (), 6000.0, 5.0, 0.1, save_tables=False)
 OF_C = StopPlan("TC", "C1", "C", "deg", True, (), 7200.0, 5.0, 0.1, save_tables=False)
 PROOF = SignProof(MachineIdentity("S", "V", ("X1",)), "axis", "X1", 1.0, 0.01, 1, "2026-01-01")
@@ -99,8 +99,8 @@ async def visited(text: str, axis: str) -> tuple[list[tuple[float, ...]], list[f
 
 @pytest.mark.parametrize("plan", PLANS.values(), ids=list(PLANS))
 async def test_a_loop_makes_the_same_stops_and_turns_round_at_the_same_places(plan: StopPlan) -> None:
-    setting = Setting(Words(), MEMORY, modulo=plan.rotary)
-    looped, written = (measuring(plan, 4711, replace(setting, loops=loops)) for loops in (True, False))
+    setting = MachineSetting(Words(), MEMORY, modulo=plan.rotary)
+    looped, written = (build_measuring_program(plan, 4711, replace(setting, loops=loops)) for loops in (True, False))
     assert "UTARGET[0]=SET(" in looped
     assert "SET(" not in written
     assert [line for line in looped.splitlines() if line.startswith("; Moves")] == [
@@ -113,25 +113,25 @@ async def test_a_loop_makes_the_same_stops_and_turns_round_at_the_same_places(pl
 
 
 def test_the_length_of_a_measuring_program_does_not_grow_with_its_targets() -> None:
-    setting = Setting(Words(), MEMORY, modulo=False)
+    setting = MachineSetting(Words(), MEMORY, modulo=False)
     lengths = []
     for count in (4, 400):
         targets = [round(0.7 * place, 3) for place in range(count)]
-        text = measuring(replace(OF_X, stops=cycle(targets, 5, once=(1, 3))), 4711, setting)
+        text = build_measuring_program(replace(OF_X, stops=cycle(targets, 5, once=(1, 3))), 4711, setting)
         lengths.append(len([line for line in text.splitlines() if not re.match(r"U\w+\[\d+\]=SET", line)]))
         assert max(map(len, text.splitlines())) < 200
     assert lengths[0] == lengths[1] < 75
 
 
 def test_tables_beyond_a_programs_memory_are_written_out(monkeypatch: pytest.MonkeyPatch) -> None:
-    setting = Setting(Words(), MEMORY, modulo=False)
-    monkeypatch.setattr(looping, "MOST_BYTES", 190)
-    assert "SET(" in measuring(PLANS["no overrun"], 4711, setting)
-    assert "SET(" not in measuring(PLANS["check stops"], 4711, setting)
+    setting = MachineSetting(Words(), MEMORY, modulo=False)
+    monkeypatch.setattr(blocks, "MOST_BYTES", 190)
+    assert "SET(" in build_measuring_program(PLANS["no overrun"], 4711, setting)
+    assert "SET(" not in build_measuring_program(PLANS["check stops"], 4711, setting)
 
 
 def pushed(loops: bool) -> str:
-    setting = Setting(Words(), MEMORY, modulo=False, loops=loops)
+    setting = MachineSetting(Words(), MEMORY, modulo=False, loops=loops)
     own = CompensationTable("axis", "X1", "X1", 0.0, 30.0, 10.0, (0.0, -3.0, 1.0, 0.0))
     cross = CompensationTable("cross", "Z1", "X1", 0.0, 40.0, 10.0, (0.0, 2.0, 3.5, 1.0, 0.0), index=1)
     proofs = [PROOF, replace(PROOF, kind="cross")]
@@ -139,7 +139,7 @@ def pushed(loops: bool) -> str:
         PushOrder(4711, table, letter, False, True, 0.0, "table", proof)
         for table, letter, proof in zip((own, cross), "XZ", proofs, strict=True)
     ]
-    return pushing.loading([(order, setting) for order in orders])
+    return pushing.build_loading_program([(order, setting) for order in orders])
 
 
 async def test_a_load_from_tables_leaves_the_same_points_in_the_control() -> None:
@@ -162,7 +162,7 @@ async def test_a_load_from_tables_leaves_the_same_points_in_the_control() -> Non
 
 
 async def test_a_control_without_lists_stops_at_the_first_and_has_moved_nothing() -> None:
-    text = measuring(PLANS["cycle"], 4711, Setting(Words(), MEMORY, modulo=False))
+    text = build_measuring_program(PLANS["cycle"], 4711, MachineSetting(Words(), MEMORY, modulo=False))
     async with on_bench(fills_arrays=False) as bench:
         before = bench.nck.get("$AA_IM[X1]")
         await bench.run(text)

@@ -12,9 +12,9 @@ from hypothesis import strategies as st
 from drivers.errors import LocalProtocolError, TableError
 from drivers.sinumerik.ncprogram import measuring as measuring_program
 from drivers.sinumerik.ncprogram import pushing as pushing_program
-from drivers.sinumerik.ncprogram.backup import Memory
-from drivers.sinumerik.ncprogram.measuring import Setting
-from drivers.sinumerik.ncprogram.motion import Motion
+from drivers.sinumerik.ncprogram.backup import ReservedPoints
+from drivers.sinumerik.ncprogram.blocks import Motion
+from drivers.sinumerik.ncprogram.measuring import MachineSetting
 from drivers.sinumerik.ncprogram.words import Words
 from drivers.types.identity import MachineIdentity
 from drivers.types.orders import PushOrder, SignProof
@@ -22,7 +22,7 @@ from drivers.types.stops import Stop, StopPlan
 from drivers.types.tables import CompensationTable
 from simulators.nck.language.parser import parse
 
-LOOPED = Setting(Words(80), Memory(80, (0, 30), ("X1", "Z1", "C1")), modulo=False)
+LOOPED = MachineSetting(Words(80), ReservedPoints(80, (0, 30), ("X1", "Z1", "C1")), modulo=False)
 SETTING = replace(LOOPED, loops=False)  # written out one by one, as a control without arrays gets it
 TABLE = CompensationTable("axis", "X1", "X1", 0.0, 100.0, 50.0, (0.0, -3.0, 0.0))
 PROOF = SignProof(MachineIdentity("S", "V", ("X1",)), "axis", "X1", 1.0, 0.01, 1, "2026-01-01")
@@ -48,10 +48,10 @@ def moves(text: str) -> list[str]:
 
 
 def test_like_repetitions_become_one_loop_and_others_are_written_out() -> None:
-    looped = measuring_program.measuring(plan(rounds(5)), 123456, SETTING)
+    looped = measuring_program.build_measuring_program(plan(rounds(5)), 123456, SETTING)
     assert "FOR UROUND=0 TO 4" in looped
     assert looped.count("R80=R80+1") == 6
-    uneven = measuring_program.measuring(plan((*rounds(2), Stop(10.0, 1, 2, 9))), 123456, SETTING)
+    uneven = measuring_program.build_measuring_program(plan((*rounds(2), Stop(10.0, 1, 2, 9))), 123456, SETTING)
     assert "FOR UROUND" not in uneven
     assert uneven.count("R80=R80+1") == 13
     for text in (looped, uneven):
@@ -59,7 +59,7 @@ def test_like_repetitions_become_one_loop_and_others_are_written_out() -> None:
 
 
 def test_each_stop_is_approached_from_its_own_side_with_overrun() -> None:
-    assert moves(measuring_program.measuring(plan(rounds(1)), 1, SETTING)) == [
+    assert moves(measuring_program.build_measuring_program(plan(rounds(1)), 1, SETTING)) == [
         "SUPA G1 X=-5.0 F=500.0",
         "SUPA G1 X=0.0 F=500.0",
         "SUPA G1 X=50.0 F=500.0",
@@ -74,7 +74,8 @@ def test_each_stop_is_approached_from_its_own_side_with_overrun() -> None:
 def test_a_modulo_axis_turns_with_acp_and_acn() -> None:
     turning = plan(rounds(1, (0.0, 180.0, 360.0)), letter="C", axis="C1", unit="deg", rotary=True)
     assert [
-        line.split()[2] for line in moves(measuring_program.measuring(turning, 1, replace(SETTING, modulo=True)))
+        line.split()[2]
+        for line in moves(measuring_program.build_measuring_program(turning, 1, replace(SETTING, modulo=True)))
     ] == [
         "C=DC(355.0)",
         "C=ACP(0.0)",
@@ -89,7 +90,7 @@ def test_a_modulo_axis_turns_with_acp_and_acn() -> None:
 
 def test_standing_still_to_switch_does_not_move() -> None:
     stops = tuple(Stop(50.0, 1, 0, n, switch) for n, switch in enumerate((True, False, True)))
-    text = measuring_program.measuring(plan(stops), 1, SETTING)
+    text = measuring_program.build_measuring_program(plan(stops), 1, SETTING)
     assert len(moves(text)) == 2
     assert text.count("$MA_ENC_COMP_ENABLE[0,X1]=1\nNEWCONF") == 2
     assert text.count("$MA_ENC_COMP_ENABLE[0,X1]=0\nNEWCONF") == 1
@@ -133,7 +134,7 @@ def _travel(block: str, position: float) -> float:
 
 
 def test_the_counter_is_written_last_and_every_wait_can_be_left() -> None:
-    text = measuring_program.measuring(plan(rounds(1)), 1, SETTING)
+    text = measuring_program.build_measuring_program(plan(rounds(1)), 1, SETTING)
     for block in text.split("G4 F1.0\n")[1:]:
         lines = block.splitlines()
         counted = lines.index("R80=R80+1")
@@ -144,14 +145,14 @@ def test_the_counter_is_written_last_and_every_wait_can_be_left() -> None:
 
 
 def test_tables_are_saved_before_the_first_move_and_the_set_up() -> None:
-    text = measuring_program.measuring(plan(rounds(1)), 1, SETTING)
+    text = measuring_program.build_measuring_program(plan(rounds(1)), 1, SETTING)
     saved, setup, moved = text.index('"M17"'), text.index("TRUEFLANK SETUP EXX ON X"), text.index("SUPA")
     assert saved < setup < moved
     assert "$MA_BACKLASH[0,X1]" in text
     assert "IF $AN_CEC_STEP[1]<>0" in text
     assert "$AN_CEC[0," not in text
-    assert "SETUP" not in measuring_program.measuring(plan(rounds(1), setup=""), 1, SETTING)
-    assert "WRITE" not in measuring_program.measuring(plan(rounds(1), save_tables=False), 1, SETTING)
+    assert "SETUP" not in measuring_program.build_measuring_program(plan(rounds(1), setup=""), 1, SETTING)
+    assert "WRITE" not in measuring_program.build_measuring_program(plan(rounds(1), save_tables=False), 1, SETTING)
 
 
 @pytest.mark.parametrize(
@@ -165,13 +166,17 @@ def test_tables_are_saved_before_the_first_move_and_the_set_up() -> None:
 )
 def test_nothing_can_break_out_of_a_block(change: dict[str, object], code: str) -> None:
     with pytest.raises(LocalProtocolError, match=code):
-        measuring_program.measuring(replace(plan(rounds(1)), **change), 1, SETTING)
+        measuring_program.build_measuring_program(replace(plan(rounds(1)), **change), 1, SETTING)
 
 
-def texts_of(order: PushOrder, setting: Setting = SETTING) -> list[str]:
+def texts_of(order: PushOrder, setting: MachineSetting = SETTING) -> list[str]:
     return [
         make([(order, setting)])
-        for make in (pushing_program.pushing, pushing_program.loading, pushing_program.enabling)
+        for make in (
+            pushing_program.build_push_program,
+            pushing_program.build_loading_program,
+            pushing_program.build_enabling_program,
+        )
     ]
 
 
@@ -184,7 +189,7 @@ def test_push_programs_are_readable_and_never_write_the_memory_data() -> None:
 
 
 def test_order_of_the_first_half() -> None:
-    text = pushing_program.pushing([(ORDER, SETTING)])
+    text = pushing_program.build_push_program([(ORDER, SETTING)])
     marks = [
         'DELETE(UERR,"/_N_SPF_DIR/_N_TFBACK_X1_SPF")',
         "IF ABS($AA_IM[X1]-0.0)>0.001\nSUPA G1 X=0.0 F=500.0\nENDIF",
@@ -205,27 +210,31 @@ def test_order_of_the_first_half() -> None:
 
 
 def test_the_switch_goes_on_at_one_place_only_and_not_at_all_unless_ordered() -> None:
-    assert pushing_program.pushing([(ORDER, SETTING)]).count("ENABLE[0,X1]=1") == 1
-    assert pushing_program.loading([(ORDER, SETTING)]).count("ENABLE[0,X1]=1") == 0
+    assert pushing_program.build_push_program([(ORDER, SETTING)]).count("ENABLE[0,X1]=1") == 1
+    assert pushing_program.build_loading_program([(ORDER, SETTING)]).count("ENABLE[0,X1]=1") == 0
     for text in texts_of(replace(ORDER, enable=False)):
         assert "ENABLE[0,X1]=1" not in text
 
 
 def test_a_table_that_does_not_fit_or_has_no_proof_makes_no_program() -> None:
     with pytest.raises(TableError, match="E-TABLE-POINTS"):
-        pushing_program.pushing([(ORDER, replace(SETTING, memory=Memory(2)))])
+        pushing_program.build_push_program([(ORDER, replace(SETTING, memory=ReservedPoints(2)))])
     with pytest.raises(TableError, match="E-TABLE-NO-PROOF"):
-        pushing_program.pushing([(replace(ORDER, proof=None), SETTING)])
+        pushing_program.build_push_program([(replace(ORDER, proof=None), SETTING)])
     bad = replace(TABLE, deviations=(0.0, float("nan"), 0.0))
     with pytest.raises(TableError, match="E-TABLE-FINITE"):
-        pushing_program.pushing([(replace(ORDER, table=bad), SETTING)])
-    exact = pushing_program.pushing([(ORDER, replace(SETTING, memory=Memory(3)))])
+        pushing_program.build_push_program([(replace(ORDER, table=bad), SETTING)])
+    exact = pushing_program.build_push_program([(ORDER, replace(SETTING, memory=ReservedPoints(3)))])
     assert "FOR UPOINT=3" not in exact
 
 
 def test_new_tables_are_rounded_once_and_restored_ones_are_not() -> None:
     fine = replace(TABLE, deviations=(0.0, 1.23456789, 0.0))
-    assert "$AA_ENC_COMP[0,1,X1]=0.001235\n" in pushing_program.pushing([(replace(ORDER, table=fine), SETTING)])
-    restored = pushing_program.pushing([(replace(ORDER, table=fine, purpose="restore", proof=None), SETTING)])
+    assert "$AA_ENC_COMP[0,1,X1]=0.001235\n" in pushing_program.build_push_program(
+        [(replace(ORDER, table=fine), SETTING)]
+    )
+    restored = pushing_program.build_push_program(
+        [(replace(ORDER, table=fine, purpose="restore", proof=None), SETTING)]
+    )
     assert "$AA_ENC_COMP[0,1,X1]=0.0012345679\n" in restored
     assert "IF ABS($AA_ENC_COMP[0,1,X1]-0.0012345679)>0.000000001\n" in restored

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from drivers.errors import FileFormatError
-from drivers.sinumerik.tablefile import forms, reader
+from drivers.sinumerik.tablefile import reader, writer
 from drivers.sinumerik.tablefile.format import TableFiles
 from drivers.tablefile import TableFile, TableMachine
 from drivers.types.results import MeasuredSet
@@ -30,7 +30,7 @@ def measured(up: list[float], down: list[float], spacing: float = 50.0) -> Measu
 
 def ours(up: list[float], down: list[float], to: str = "axis", spacing: float = 50.0) -> str:
     request = TableRequest(to, "X1", 0.0, FileDatum(0.0))  # type: ignore[arg-type]
-    return forms.render(TableFile(convert(measured(up, down, spacing), request).tables))
+    return writer.render_file(TableFile(convert(measured(up, down, spacing), request).tables))
 
 
 class TestFixedEncoderNoEqualsNothingChecked:
@@ -46,7 +46,7 @@ class TestFixedEncoderNoEqualsNothingChecked:
 
     def test_no_equals_sign(self) -> None:
         with pytest.raises(FileFormatError, match="line 3 has no equals sign"):
-            reader.read(self.text("  "), "script.ini")
+            reader.read_tables(self.text("  "), "script.ini")
         errors = [one for one in TableFiles().findings(self.text("  "), "f") if one.code == "E-TABLE-EQUALS"]
         assert len(errors) == 7
 
@@ -78,16 +78,16 @@ class TestSwappedDirectionsAndHardWiredPoints:
 
     def test_a_swapped_pair_differs_from_ours_at_every_point(self) -> None:
         right, swapped = ours(self.up, self.down, "cross"), ours(self.down, self.up, "cross")
-        difference = compare(reader.read(right, "right"), reader.read(swapped, "swapped"))
+        difference = compare(reader.read_tables(right, "right"), reader.read_tables(swapped, "swapped"))
         assert not difference.same
         assert difference.largest is not None
         assert abs(difference.largest[2]) == pytest.approx(10.0)
 
     def test_ours_keeps_each_direction(self) -> None:
-        plus, minus = reader.read(ours(self.up, self.down, "cross"), "ours").tables
+        plus, minus = reader.read_tables(ours(self.up, self.down, "cross"), "ours").tables
         assert (plus.direction, plus.deviations) == (1, (0.0, 4.0, 6.0))
         assert (minus.direction, minus.deviations) == (-1, (0.0, -2.0, -4.0))
-        (mean,) = reader.read(ours(self.up, self.down), "ours").tables
+        (mean,) = reader.read_tables(ours(self.up, self.down), "ours").tables
         assert mean.deviations == (0.0, 1.0, 1.0)
 
     @pytest.mark.parametrize(("last", "code"), [(100, "E-TABLE-BEYOND"), (200, "E-TABLE-GAP")])
@@ -95,10 +95,10 @@ class TestSwappedDirectionsAndHardWiredPoints:
         points = "".join(f"$AA_ENC_COMP[0,{n},AX1]={0.001 * (n % 2)}\n" for n in range(126))
         grid = f"$AA_ENC_COMP_STEP[0,AX1] = 1\n$AA_ENC_COMP_MIN[0,AX1] = 0\n$AA_ENC_COMP_MAX[0,AX1] = {last}\n"
         with pytest.raises((FileFormatError, Exception), match=code):
-            reader.read("%_N_AX1_EEC_INI\nCHANDATA(1)\n" + grid + points + "M17\n", "script.ini")
+            reader.read_tables("%_N_AX1_EEC_INI\nCHANDATA(1)\n" + grid + points + "M17\n", "script.ini")
 
     def test_ours_has_as_many_points_as_targets(self) -> None:
-        (table,) = reader.read(ours([0.0] * 7, [1.0] * 7), "ours").tables
+        (table,) = reader.read_tables(ours([0.0] * 7, [1.0] * 7), "ours").tables
         assert len(table.deviations) == 7
 
 
@@ -121,11 +121,11 @@ class TestGridPrintedWithoutDecimals:
 
     def test_modulo_minus_one(self) -> None:
         with pytest.raises(FileFormatError, match="-1 must be 0 or 1"):
-            reader.read(self.text(10.0, 37, -1), "script.spf")
+            reader.read_tables(self.text(10.0, 37, -1), "script.spf")
 
     @pytest.mark.parametrize("step", [0.5, 7.5, 0.1])
     def test_ours_keeps_every_decimal(self, step: float) -> None:
-        (table,) = reader.read(ours([0.0, 0.01, 0.0], [0.0, 0.01, 0.0], spacing=step), "ours").tables
+        (table,) = reader.read_tables(ours([0.0, 0.01, 0.0], [0.0, 0.01, 0.0], spacing=step), "ours").tables
         assert (table.step, table.maximum, table.modulo) == (step, 2 * step, False)
 
 
@@ -142,5 +142,5 @@ class TestMeansDividedByPositions:
         assert result.R_up == pytest.approx(16.0)  # 4 s of the worst position, not s, not of the last
 
     def test_our_tables_take_the_mean_of_the_cycles(self) -> None:
-        (table,) = reader.read(ours([0.0, 2.0, 2.0, 2.0, 2.0], [0.0, 4.0, 4.0, 4.0, 4.0]), "ours").tables
+        (table,) = reader.read_tables(ours([0.0, 2.0, 2.0, 2.0, 2.0], [0.0, 4.0, 4.0, 4.0, 4.0]), "ours").tables
         assert table.deviations == (0.0, 3.0, 3.0, 3.0, 3.0)

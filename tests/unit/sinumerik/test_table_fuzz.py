@@ -9,7 +9,7 @@ from time import process_time
 import pytest
 
 from drivers.errors import FileFormatError, Gap, TrueflankError
-from drivers.sinumerik.tablefile import forms, reader
+from drivers.sinumerik.tablefile import reader, writer
 from drivers.sinumerik.tablefile.format import TableFiles
 from drivers.tablefile import TableFile
 from tests.sizes import few
@@ -41,7 +41,7 @@ SETTINGS = (
     "%_N_T_INI\n$MA_TEMP_COMP_TYPE[Z1]=3\n$SA_TEMP_COMP_ABS_VALUE[Z1]=0.01\n$SA_TEMP_COMP_SLOPE[Z1]=1.15EX-5\n"
     "$SA_TEMP_COMP_REF_POSITION[Z1]=-100.25\n$MA_COMP_ADD_VELO_FACTOR[Z1]=0.01\n$SN_CEC_TABLE_WEIGHT[0]=1\nM17\n",
 )
-KINDS = [form for name, form in forms.FORMS.items() if name != "axis-ini"]
+KINDS = [form for name, form in writer.FORMS.items() if name != "axis-ini"]
 FORMATS = {"eec": EEC, "cec": CEC, "settings": SETTINGS}
 MARKS = (
     "0 1 2 9 . , - + = [ ] ( ) $ _ N X ; % ' \" \t # \x00 \x85 \u00e4 \u0661 \ufeff 1EX9 1e3 NaN inf TRUE AX 'H1' "
@@ -82,7 +82,7 @@ def mutated(text: str, chance: random.Random) -> str:
 
 def outcome(text: str) -> TableFile | TrueflankError:
     try:
-        return reader.read(text, "mutated")
+        return reader.read_tables(text, "mutated")
     except TrueflankError as error:
         return error
 
@@ -122,10 +122,10 @@ def fuzz(name: str, seed: int, count: int) -> Counter[str]:
         if isinstance(found, TableFile):
             counts["accepted"] += 1
             form = KINDS[int(chance.random() * len(KINDS))]
-            again = forms.render(found, form)
-            reread = reader.read(again, "again")
+            again = writer.render_file(found, form)
+            reread = reader.read_tables(again, "again")
             assert reread == found, text
-            assert forms.render(reread, form) == again, text
+            assert writer.render_file(reread, form) == again, text
         else:
             counts[found.code] += 1
             check_refusal(found, text)

@@ -11,7 +11,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from drivers.errors import FileFormatError, Gap, TableError
-from drivers.sinumerik.tablefile import forms, tables
+from drivers.sinumerik.tablefile import tables, writer
+from drivers.sinumerik.tablefile.reader import read_tables
 from drivers.types.identity import MachineIdentity
 from drivers.types.orders import SignProof
 from drivers.types.tables import CompensationTable
@@ -32,14 +33,14 @@ def proof(sign: int, kind: str = "cross", axis: str = "X1") -> SignProof:
 
 
 def test_the_manuals_example_of_801_points() -> None:
-    (table,) = tables.read((TABLES / "manual_eec_x1.ini").read_text(), "manual").tables
+    (table,) = read_tables((TABLES / "manual_eec_x1.ini").read_text(), "manual").tables
     assert (table.minimum, table.maximum, table.step, len(table.deviations)) == (-200.0, 600.0, 1.0, 801)
     assert table.deviations[:3] == (3.0, 10.0, 12.0)
     assert not table.modulo
     assert str(table.deviations[800]) == "0.0"
     # K3 p. 238: positive value, positive deviation: what is written is what is stored
     assert tables.stored_values(table)[:3] == (Decimal("0.003"), Decimal("0.01"), Decimal("0.012"))
-    assert forms.write([table], header=True).splitlines()[:3] == [
+    assert writer.write_tables([table], header=True).splitlines()[:3] == [
         "%_N_AX_EEC_INI",
         "CHANDATA(1)",
         "$AA_ENC_COMP[0,0,X1]=0.003000",
@@ -47,7 +48,7 @@ def test_the_manuals_example_of_801_points() -> None:
 
 
 def test_the_manuals_pair_for_both_directions() -> None:
-    plus, minus = tables.read((TABLES / "manual_pair_x.spf").read_text(), "p. 264").tables
+    plus, minus = read_tables((TABLES / "manual_pair_x.spf").read_text(), "p. 264").tables
     assert [len(one.deviations) for one in (plus, minus)] == [11, 11]
     assert list(plus.positions) == [-585.0 + 58.0 * n for n in range(11)]
     assert (plus.index, plus.direction, minus.index, minus.direction) == (0, 1, 1, -1)
@@ -57,24 +58,24 @@ def test_the_manuals_pair_for_both_directions() -> None:
 def test_the_manuals_802d_example_is_illustrative_and_refused() -> None:
     text = (TABLES / "manual_802d.ini").read_text()
     with pytest.raises(FileFormatError, match="E-TABLE-STEP") as caught:
-        tables.read(text, "p. 222")
+        read_tables(text, "p. 222")
     assert caught.value.fields["line"] == 355
     with pytest.raises(FileFormatError, match="E-TABLE-INDEX"):
-        tables.read(text.replace("[0,1]", "[0.1]"), "as the copy prints it")
+        read_tables(text.replace("[0,1]", "[0.1]"), "as the copy prints it")
 
 
 def test_layouts_with_values_or_parameters_first_are_one_table() -> None:
-    first = tables.read((GOLDEN / "eec_values_first.ini").read_text(), "a")
-    second = tables.read((GOLDEN / "eec_parameters_first.ini").read_text(), "b")
+    first = read_tables((GOLDEN / "eec_values_first.ini").read_text(), "a")
+    second = read_tables((GOLDEN / "eec_parameters_first.ini").read_text(), "b")
     assert first.tables == second.tables
 
 
 def test_a_cec_pair_of_one_axis() -> None:
-    plus, minus = tables.read((GOLDEN / "cec_pair.spf").read_text(), "pair").tables
+    plus, minus = read_tables((GOLDEN / "cec_pair.spf").read_text(), "pair").tables
     assert (plus.direction, minus.direction) == (1, -1)
     assert (plus.deviations, minus.deviations) == ((0.0, 2.0, 0.0), (0.0, -1.0, 0.0))
     assert (plus.input_axis, plus.output_axis, minus.index) == ("X1", "X1", 1)
-    turned = tables.read((GOLDEN / "cec_pair.spf").read_text(), "pair", cec_sign=-1).tables[0]
+    turned = read_tables((GOLDEN / "cec_pair.spf").read_text(), "pair", cec_sign=-1).tables[0]
     assert turned.deviations == (0.0, -2.0, 0.0)
 
 
@@ -121,7 +122,7 @@ GOOD = "$AA_ENC_COMP[0,0,X1]=0\n$AA_ENC_COMP[0,1,X1]=0.001\n$AA_ENC_COMP[0,2,X1]
 )
 def test_what_is_wrong_is_refused_with_line_and_reason(old: str, new: str, code: str, line: int | None) -> None:
     with pytest.raises((FileFormatError, Gap)) as caught:
-        tables.read(GOOD.replace(old, new, 1), "file.ini")
+        read_tables(GOOD.replace(old, new, 1), "file.ini")
     assert caught.value.code == code
     assert caught.value.fields.get("line") == line
     assert caught.value.hint
@@ -131,17 +132,17 @@ def test_what_is_wrong_is_refused_with_line_and_reason(old: str, new: str, code:
 def test_points_and_parameters_for_different_encoders_are_told_apart() -> None:
     text = GOOD.replace("[0,0,X1]", "[1,0,X1]").replace("[0,1,X1]", "[1,1,X1]").replace("[0,2,X1]", "[1,2,X1]")
     with pytest.raises(FileFormatError, match="E-TABLE-MIX") as caught:
-        tables.read(text, "file.ini")
+        read_tables(text, "file.ini")
     assert "encoder 1" in caught.value.what
     assert "encoder 0" in caught.value.what
     both = GOOD.replace("M17\n", "") + GOOD.replace("[0,", "[1,")
-    assert [one.index for one in tables.read(both, "two measuring systems").tables] == [0, 1]
+    assert [one.index for one in read_tables(both, "two measuring systems").tables] == [0, 1]
 
 
 def test_a_huge_range_with_few_points_is_refused_at_once() -> None:
     text = GOOD.replace("MAX[0,X1]=20", "MAX[0,X1]=99999").replace("STEP[0,X1]=10", "STEP[0,X1]=0.0000001")
     with pytest.raises(Gap, match="E-TABLE-GAP"):
-        tables.read(text, "file.ini")
+        read_tables(text, "file.ini")
 
 
 micrometres = st.floats(-200.0, 200.0, allow_nan=False)
@@ -151,9 +152,9 @@ micrometres = st.floats(-200.0, 200.0, allow_nan=False)
 def test_quantised_tables_come_back_exactly(values: list[float], step: float, rotary: bool) -> None:
     unit = "deg" if rotary else "mm"
     table = eec(tuple(values), step, -37.5, input_unit=unit, output_unit=unit, input_axis="C1", output_axis="C1")
-    table = tables.quantised(table) if rotary else tables.quantised(eec(tuple(values), step, -37.5))
-    assert tables.quantised(table) == table
-    assert tables.read(forms.write([table]), "again").tables == (table,)
+    table = tables.quantise(table) if rotary else tables.quantise(eec(tuple(values), step, -37.5))
+    assert tables.quantise(table) == table
+    assert read_tables(writer.write_tables([table]), "again").tables == (table,)
     for stored in tables.stored_values(table):
         assert stored == stored.quantize(Decimal("0.000001"))
 
@@ -165,16 +166,16 @@ def test_ten_decimals_of_the_control_come_back_exactly(values: list[Decimal], un
     lines += [
         f"$AA_ENC_COMP_{name}[0,{axis}]={value}" for name, value in (("STEP", 1), ("MIN", 0), ("MAX", len(values) - 1))
     ]
-    (table,) = tables.read("\n".join([*lines, "M17"]), "live").tables
+    (table,) = read_tables("\n".join([*lines, "M17"]), "live").tables
     assert table.output_unit == unit
-    assert list(tables.as_stored(table)) == list(values)
-    assert tables.read(forms.write([table]), "again").tables == (table,)
+    assert list(tables.stored_as_read(table)) == list(values)
+    assert read_tables(writer.write_tables([table]), "again").tables == (table,)
 
 
 def test_quantising_rounds_once_to_the_nearest_step() -> None:
-    assert tables.quantised(eec((0.0, 1.0004, -1.0006))).deviations == (0.0, 1.0, -1.001)
+    assert tables.quantise(eec((0.0, 1.0004, -1.0006))).deviations == (0.0, 1.0, -1.001)
     arcsec = eec((0.0, 1.0), 180.0, input_unit="deg", output_unit="deg", input_axis="C1", output_axis="C1")
-    assert tables.quantised(arcsec).deviations == (0.0, pytest.approx(1.0008))
+    assert tables.quantise(arcsec).deviations == (0.0, pytest.approx(1.0008))
 
 
 def test_cec_needs_this_machines_proof_and_obeys_its_sign() -> None:
@@ -187,8 +188,8 @@ def test_cec_needs_this_machines_proof_and_obeys_its_sign() -> None:
         tables.stored_values(table, proof(1, kind="axis"))
     assert tables.stored_values(table, proof(1))[1] == Decimal("0.005")
     assert tables.stored_values(table, proof(-1))[1] == Decimal("-0.005")
-    text = forms.write([table], [proof(-1)])
-    assert tables.read(text, "cec", cec_sign=-1).tables == (table,)
+    text = writer.write_tables([table], [proof(-1)])
+    assert read_tables(text, "cec", cec_sign=-1).tables == (table,)
 
 
 def test_eec_goes_by_the_manual_and_refuses_a_contrary_proof() -> None:
@@ -201,4 +202,4 @@ def test_eec_goes_by_the_manual_and_refuses_a_contrary_proof() -> None:
 @pytest.mark.parametrize("value", [float("nan"), float("inf"), -float("inf"), 1e12])
 def test_what_is_no_number_is_never_written(value: float) -> None:
     with pytest.raises(TableError, match="E-TABLE-FINITE"):
-        forms.write([eec((0.0, value, 0.0))])
+        writer.write_tables([eec((0.0, value, 0.0))])

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from drivers.errors import RemoteProtocolError
-from drivers.sinumerik.opcua.session import nodes, values
+from drivers.sinumerik.opcua.session import nodes
 
 NUMBER = nodes.r_parameter(90)
 BLOCK = nodes.r_block(90, 3)
@@ -52,7 +52,7 @@ BAD: dict[str, tuple[Any, ...]] = {
 @pytest.mark.parametrize("path", GOOD)
 def test_what_a_variable_can_hold_comes_as_plain_python(path: str) -> None:
     for given, wanted in GOOD[path]:
-        found = values.checked(path, given, "840D")
+        found = nodes.check_value(path, given, "840D")
         assert found == wanted
         assert type(found) is type(wanted)
 
@@ -62,32 +62,32 @@ def test_all_else_is_refused_by_name_value_and_kind(path: str) -> None:
     texts = ("1", "") if path == MESSAGE else ()
     for given in (*BAD[path], *(one for one in SPECIAL if one not in texts)):
         with pytest.raises(RemoteProtocolError) as caught:
-            values.checked(path, given, "840D")
+            nodes.check_value(path, given, "840D")
         error = caught.value
         assert error.code == "E-UA-VALUE"
         assert path in str(error.fields["what"])
         assert error.fields["wanted"]
-        assert 0 < len(str(error.fields["value"])) <= values.SHOWN
+        assert 0 < len(str(error.fields["value"])) <= nodes.SHOWN
         assert "<" not in error.what.replace("<object", "")
 
 
 @pytest.mark.parametrize("given", [None, float("nan"), float("inf"), 0, -1.0, "60000", True, [60000.0]])
 def test_a_lifetime_that_is_none_is_refused(given: Any) -> None:
     with pytest.raises(RemoteProtocolError, match="E-UA-VALUE"):
-        values.lasting_s(given, "the session's timeout", "840D")
+        nodes.check_duration(given, "the session's timeout", "840D")
 
 
 def test_times_bytes_outputs_and_labels() -> None:
     moment = datetime(2026, 1, 1, tzinfo=UTC)
-    assert values.lasting_s(60000, "the session's timeout", "840D") == 60.0
-    assert values.moment(moment, "clock", "840D") == moment.replace(tzinfo=None)
-    assert values.moment(None, "clock", "840D") is None
-    assert values.label(4.8, "version", "840D") == "4.8"
-    assert values.label(" V4.8 ", "version", "840D") == "V4.8"
-    assert values.content(b"", "file", "840D") == b""
-    assert values.output([0], 0, "Select", "840D") == 0
-    for check, given in ((values.moment, 1.0), (values.label, True), (values.content, "text")):
+    assert nodes.check_duration(60000, "the session's timeout", "840D") == 60.0
+    assert nodes.check_time(moment, "clock", "840D") == moment.replace(tzinfo=None)
+    assert nodes.check_time(None, "clock", "840D") is None
+    assert nodes.check_label(4.8, "version", "840D") == "4.8"
+    assert nodes.check_label(" V4.8 ", "version", "840D") == "V4.8"
+    assert nodes.check_content(b"", "file", "840D") == b""
+    assert nodes.method_output([0], 0, "Select", "840D") == 0
+    for check, given in ((nodes.check_time, 1.0), (nodes.check_label, True), (nodes.check_content, "text")):
         with pytest.raises(RemoteProtocolError, match="E-UA-VALUE"):
             check(given, "it", "840D")
     with pytest.raises(RemoteProtocolError, match="1 outputs"):
-        values.output([], 0, "Select", "840D")
+        nodes.method_output([], 0, "Select", "840D")

@@ -13,12 +13,11 @@ import pytest
 from drivers.clock import LoopClock, run_virtual
 from drivers.errors import FileFormatError
 from drivers.sinumerik.ncprogram import backup, pushing
-from drivers.sinumerik.ncprogram.backup import Memory, Saving
-from drivers.sinumerik.ncprogram.measuring import Setting
+from drivers.sinumerik.ncprogram.backup import BackupFile, ReservedPoints, backup_text, read_backup
+from drivers.sinumerik.ncprogram.measuring import MachineSetting
 from drivers.sinumerik.ncprogram.words import Words
-from drivers.sinumerik.ncprogram.written import read_written, text_of
 from drivers.sinumerik.tablefile.format import TableFiles
-from drivers.sinumerik.tablefile.reader import read_loosely
+from drivers.sinumerik.tablefile.reader import read_tables_loosely
 from drivers.types.orders import PushOrder
 from drivers.types.tables import CompensationTable, LiveSet
 from simulators.nck import AxisSpec, Nck, NckSpec
@@ -28,32 +27,32 @@ pytestmark = pytest.mark.attack
 FAMILY = "lines of a saved file left out, doubled, exchanged, foreign; one alone, runs and pairs"
 
 GOLDEN = Path(__file__).parents[2] / "golden" / "sinumerik" / "saved_c1.spf"
-SAVING = Saving("BACK", 4711, "C1", 0, Memory(4, (3, 2, 0), ("X1", "Z1", "C1")))
+SAVING = BackupFile("BACK", 4711, "C1", 0, ReservedPoints(4, (3, 2, 0), ("X1", "Z1", "C1")))
 TEXT = GOLDEN.read_text()
 LINES = TEXT.splitlines()
 SECTIONS = ("LIVE", "BACK", "READ")
 
 
-def read(lines: list[str], saving: Saving = SAVING) -> LiveSet:
+def read(lines: list[str], saving: BackupFile = SAVING) -> LiveSet:
     """The lines as a file."""
-    return read_written("\n".join([*lines, ""]), "back", saving)
+    return read_backup("\n".join([*lines, ""]), "back", saving)
 
 
-def refusal(lines: list[str], saving: Saving = SAVING) -> FileFormatError:
+def refusal(lines: list[str], saving: BackupFile = SAVING) -> FileFormatError:
     """The error with which they are refused."""
     with pytest.raises(FileFormatError) as caught:
         read(lines, saving)
     return caught.value
 
 
-def section(name: Any, number: int = 4711) -> tuple[list[str], Saving]:
+def section(name: Any, number: int = 4711) -> tuple[list[str], BackupFile]:
     """The golden file as another section or of another run."""
     text = TEXT.replace(" BACK 4711 ", f" {name} {number} ")
     return text.splitlines(), replace(SAVING, section=name, number=number)
 
 
 def test_a_whole_file_gives_the_live_set() -> None:
-    live = read_written(TEXT, "back", SAVING)
+    live = read_backup(TEXT, "back", SAVING)
     assert live.own.enabled
     assert live.own.table.deviations == pytest.approx((0.0, -2.9988, 0.0), abs=1e-12)
     assert live.own.table.modulo
@@ -62,7 +61,7 @@ def test_a_whole_file_gives_the_live_set() -> None:
     assert (cross.table.name, cross.enabled, cross.table.index) == ("C1(Z1)", False, 1)
     assert cross.table.deviations == pytest.approx((0.0, 14.4))
     assert (live.backlash, live.native, live.others) == (0.0002, TEXT, ())
-    (turned,) = read_written(TEXT, "back", SAVING, cec_sign=-1).cross
+    (turned,) = read_backup(TEXT, "back", SAVING, cec_sign=-1).cross
     assert turned.table.deviations == pytest.approx((0.0, -14.4))
 
 
@@ -79,7 +78,7 @@ def test_the_digest_is_that_of_what_the_file_says() -> None:
 
 @pytest.mark.parametrize("ends", ["\r\n", "\n"])
 def test_line_ends_and_blank_lines_at_the_end_are_the_transfers(ends: str) -> None:
-    assert read_written(ends.join([*LINES, "", ""]), "back", SAVING).digest == read(LINES).digest
+    assert read_backup(ends.join([*LINES, "", ""]), "back", SAVING).digest == read(LINES).digest
 
 
 @pytest.mark.parametrize("name", SECTIONS)
@@ -171,23 +170,23 @@ def test_values_that_cannot_be(old: str, new: str) -> None:
 @pytest.mark.parametrize(
     "memory",
     [
-        Memory(3, (3, 2, 0), ("X1", "Z1", "C1")),
-        Memory(5, (3, 2, 0), ("X1", "Z1", "C1")),
-        Memory(4, (3, 3, 0), ("X1", "Z1", "C1")),
-        Memory(4, (3, 2, 1), ("X1", "Z1", "C1")),
-        Memory(4, (0, 2, 0), ("X1", "Z1", "C1")),
-        Memory(4, (3, 2, 0), ("X1", "Z1", "C1", "B1")),
-        Memory(0, (3, 2, 0), ("X1", "Z1", "C1")),
+        ReservedPoints(3, (3, 2, 0), ("X1", "Z1", "C1")),
+        ReservedPoints(5, (3, 2, 0), ("X1", "Z1", "C1")),
+        ReservedPoints(4, (3, 3, 0), ("X1", "Z1", "C1")),
+        ReservedPoints(4, (3, 2, 1), ("X1", "Z1", "C1")),
+        ReservedPoints(4, (0, 2, 0), ("X1", "Z1", "C1")),
+        ReservedPoints(4, (3, 2, 0), ("X1", "Z1", "C1", "B1")),
+        ReservedPoints(0, (3, 2, 0), ("X1", "Z1", "C1")),
     ],
 )
-def test_what_the_control_has_reserved_must_all_be_there_and_no_more(memory: Memory) -> None:
+def test_what_the_control_has_reserved_must_all_be_there_and_no_more(memory: ReservedPoints) -> None:
     assert refusal(LINES, replace(SAVING, memory=memory)).code == "E-SAVED-LINE"
 
 
 def test_an_axis_without_table_memory_still_says_its_switches() -> None:
-    saving = Saving("LIVE", 1, "X1", 0, Memory(0))
-    text = text_of(saving, {**dict.fromkeys(backup.axis_settings(saving), "0"), "$MA_BACKLASH_FACTOR[0,X1]": "1"})
-    live = read_written(text, "live", saving)
+    saving = BackupFile("LIVE", 1, "X1", 0, ReservedPoints(0))
+    text = backup_text(saving, {**dict.fromkeys(backup.axis_settings(saving), "0"), "$MA_BACKLASH_FACTOR[0,X1]": "1"})
+    live = read_backup(text, "live", saving)
     assert (live.own.table.deviations, live.own.table.step, live.own.enabled) == ((0.0,), 0.0, False)
     for place in range(7):
         refusal([line for at, line in enumerate(text.splitlines()) if at != place], saving)
@@ -199,7 +198,7 @@ def test_a_range_beyond_the_memory_is_shortened_as_the_control_does() -> None:
 
 
 def test_a_file_of_ours_is_still_a_program_and_a_table_file_for_everybody() -> None:
-    read_whole = read_loosely(TEXT, "back")
+    read_whole = read_tables_loosely(TEXT, "back")
     assert [table.kind for table in read_whole.tables] == ["axis", "cross"]
     assert "$AN_CEC[0,..]: never loaded (STEP 0)" in read_whole.notes
     codes = {one.error.code for one in TableFiles().findings(TEXT, "back")}
@@ -227,8 +226,8 @@ async def _saved_by_the_control(clock: LoopClock, *, never: bool) -> tuple[str, 
             for name, value in (("INPUT_AXIS", "Z1"), ("OUTPUT_AXIS", "X1"), ("MAX", 20.0), ("STEP", 10.0)):
                 nck.set(f"$AN_CEC_{name}[2]", value, 0)
             nck.set("$AN_CEC[2,1]", -0.0015, 0)
-        setting = Setting(WORDS, Memory(4, (2, 0, 3), ("X1", "Z1")), modulo=False)
-        nck.files.write("/_N_MPF_DIR/_N_TFPUSH_X1_MPF", pushing.loading([(ORDER, setting)]).encode())
+        setting = MachineSetting(WORDS, ReservedPoints(4, (2, 0, 3), ("X1", "Z1")), modulo=False)
+        nck.files.write("/_N_MPF_DIR/_N_TFPUSH_X1_MPF", pushing.build_loading_program([(ORDER, setting)]).encode())
         nck.set_mode("AUTO")
         assert nck.select("/_N_MPF_DIR/_N_TFPUSH_X1_MPF") == 0
         assert nck.nc_start()
@@ -248,10 +247,10 @@ def test_what_the_control_writes_is_what_the_reader_wants(never: bool) -> None:
         found.extend(await _saved_by_the_control(LoopClock(), never=never))
 
     run_virtual(main)
-    memory = Memory(4, (2, 0, 3), ("X1", "Z1"))
-    back = read_written(found[0], "back", Saving("BACK", 4711, "X1", 0, memory))
-    after = read_written(found[1], "read", Saving("READ", 4711, "X1", 0, memory))
+    memory = ReservedPoints(4, (2, 0, 3), ("X1", "Z1"))
+    back = read_backup(found[0], "back", BackupFile("BACK", 4711, "X1", 0, memory))
+    after = read_backup(found[1], "read", BackupFile("READ", 4711, "X1", 0, memory))
     assert (back.own.table.step, after.own.table.deviations) == (0.0, NEW.deviations)
     assert [one.table.deviations for one in back.cross] == ([] if never else [(0.0, -1.5, 0.0)])
     with pytest.raises(FileFormatError, match="E-SAVED-OTHER"):
-        read_written(found[0], "back", Saving("READ", 4711, "X1", 0, memory))
+        read_backup(found[0], "back", BackupFile("READ", 4711, "X1", 0, memory))

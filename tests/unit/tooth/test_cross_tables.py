@@ -11,8 +11,7 @@ import numpy as np
 import pytest
 
 from drivers.errors import DeviceRefused, ValueOutOfRange
-from drivers.sinumerik.tablefile.held import HELD
-from drivers.sinumerik.tablefile.tables import tables_by
+from drivers.sinumerik.tablefile.tables import HELD_KINDS, tables_by_proof
 from drivers.types.abilities import Capabilities, TableAbility, TableLimits
 from drivers.types.orders import SignProof
 from drivers.types.tables import CompensationTable, LiveSet, LiveTable
@@ -36,14 +35,14 @@ class Control:
 
     memory: tuple[int, ...]
     asked: list[int] = field(default_factory=list)
-    tables: tuple[TableAbility, ...] = HELD
+    tables: tuple[TableAbility, ...] = HELD_KINDS
 
     @property
     def capabilities(self) -> Capabilities:
         return Capabilities(False, self.tables, "by-itself", True, "panel")
 
     def tables_by(self, found: LiveSet, proof: SignProof | None) -> LiveSet:
-        return tables_by(found, proof)
+        return tables_by_proof(found, proof)
 
     async def table_limits(self, axis: str, kind: str, index: int) -> TableLimits:
         assert (axis, kind) in {("X1", "cross"), ("C1", "cross")}

@@ -71,7 +71,8 @@ def test_every_code_is_told_in_every_language(language: str) -> None:
 def _checks() -> set[str]:
     """What each line of a doctor is called, by its source; an axis' own name stands for itself."""
     made = re.compile(r"""\b(?:fine|wrong|unknown|failed)\(\s*(?:"[A-Z-]+"|error|one\.code),\s*"([^"]+)\"""")
-    files = [*(ROOT / "drivers").glob("*/**/doctor.py"), *(ROOT / "drivers").glob("*/**/bedside/*.py")]
+    named = ("doctor.py", "device.py", "control_checks.py")
+    files = [path for name in named for path in (ROOT / "drivers").glob(f"*/**/{name}")]
     files.append(ROOT / "gateway" / "cli" / "control" / "connecting.py")
     return {name for path in files for name in made.findall(path.read_text(encoding="utf-8"))}
 

@@ -12,13 +12,10 @@ from decimal import ROUND_HALF_EVEN, Decimal
 from typing import Any, Literal
 
 from drivers.errors import Gap, TableError, ValueOutOfRange
-from drivers.sinumerik.mailbox.codec.commands import Order
-from drivers.sinumerik.mailbox.codec.packing import HIGHEST, LOWEST
-from drivers.sinumerik.mailbox.codec.readings import Picture
-from drivers.sinumerik.mailbox.codec.registers import KINDS, Command, Kind, SwitchBit, TableFlag
+from drivers.sinumerik.mailbox.codec.frames import MailboxOrder, Picture
+from drivers.sinumerik.mailbox.codec.registers import HIGHEST, KINDS, LOWEST, Command, Kind, SwitchBit, TableFlag
 from drivers.sinumerik.ncprogram import backup
-from drivers.sinumerik.ncprogram.backup import Memory, Saving
-from drivers.sinumerik.ncprogram.written import text_of
+from drivers.sinumerik.ncprogram.backup import BackupFile, ReservedPoints, backup_text
 from drivers.sinumerik.tablefile.grammar import position_text, value_text
 from drivers.types.tables import CompensationTable
 from drivers.units import AxisUnit
@@ -44,7 +41,7 @@ class MailboxAxis:
         return Decimal("0.01") <= self.factor <= 100
 
 
-def whole(value: Decimal, unit: Decimal, table: CompensationTable, what: str) -> int:
+def to_whole_units(value: Decimal, unit: Decimal, table: CompensationTable, what: str) -> int:
     """``value`` (mm or deg) as a whole number of ``unit``.
 
     Raises ValueOutOfRange E-MBX-FRACTION (not expressible: nothing is rounded silently) or E-MBX-RANGE.
@@ -58,14 +55,14 @@ def whole(value: Decimal, unit: Decimal, table: CompensationTable, what: str) ->
     return int(steps)
 
 
-def sayable(table: CompensationTable) -> CompensationTable:
+def as_loadable(table: CompensationTable) -> CompensationTable:
     """A table never loaded as two points of zero: the mailbox can empty a table, but not take its grid away."""
     if table.kind == "reversal" or table.step > 0 or any(table.deviations):
         return table
     return replace(table, minimum=0.0, maximum=1.0, step=1.0, deviations=(0.0, 0.0), modulo=False)
 
 
-def begin_order(table: CompensationTable, points: int, axes: Mapping[str, MailboxAxis]) -> Order:
+def begin_order(table: CompensationTable, points: int, axes: Mapping[str, MailboxAxis]) -> MailboxOrder:
     """Command 2 for a table of ``points`` points, or of a reversal's one value.
 
     Registers 18-28 and 31-33 serve commands 3 and 4 as well.
@@ -73,18 +70,18 @@ def begin_order(table: CompensationTable, points: int, axes: Mapping[str, Mailbo
     Raises ValueOutOfRange, Gap (E-TABLE-STEP) and TableError (E-MBX-KIND) for what the map cannot say.
     """
     if table.kind == "reversal":
-        return replace(naming(table, axes, Command.BEGIN), total=1)
+        return replace(naming_order(table, axes, Command.BEGIN), total=1)
     unit = POSITION_UNIT[axes[table.input_axis].unit]
     low, step, high = (
-        whole(Decimal(repr(float(value))), unit, table, what)
+        to_whole_units(Decimal(repr(float(value))), unit, table, what)
         for what, value in (("MIN", table.minimum), ("STEP", table.step), ("MAX", table.maximum))
     )
     # The control counts k = floor((MAX - MIN) / STEP); points above k have no effect.
     if step <= 0 or not 0 <= high - low - step * (points - 1) < step:
         grid: dict[str, Any] = {"step": table.step, "low": table.minimum, "high": table.maximum}
         raise Gap("E-TABLE-STEP", table.name, table=table.name, **grid)
-    named = naming(table, axes)
-    return Order(
+    named = naming_order(table, axes)
+    return MailboxOrder(
         command=Command.BEGIN,
         kind=named.kind,
         index=named.index,
@@ -102,12 +99,14 @@ def begin_order(table: CompensationTable, points: int, axes: Mapping[str, Mailbo
     )
 
 
-def naming(table: CompensationTable, axes: Mapping[str, MailboxAxis], command: Command = Command.SELECT) -> Order:
+def naming_order(
+    table: CompensationTable, axes: Mapping[str, MailboxAxis], command: Command = Command.SELECT
+) -> MailboxOrder:
     """A command that names a table and nothing of what is in it."""
     output = axes[table.output_axis].number
     if table.kind != "cross":
-        return Order(command, KINDS[table.kind], output, table.index)
-    return Order(command, Kind.CEC, table.index, input_axis=axes[table.input_axis].number, output_axis=output)
+        return MailboxOrder(command, KINDS[table.kind], output, table.index)
+    return MailboxOrder(command, Kind.CEC, table.index, input_axis=axes[table.input_axis].number, output_axis=output)
 
 
 def flags_of(table: CompensationTable) -> int:
@@ -130,11 +129,11 @@ def numbers_of(table: CompensationTable, values: Sequence[Decimal], axis: Mailbo
             raise TableError("E-MBX-FACTOR", table.name, axis=axis.name, factor=axis.factor)
         shared = (value / axis.factor / VALUE_UNIT[unit] for value in values)
         values = [each.to_integral_value(ROUND_HALF_EVEN) * VALUE_UNIT[unit] for each in shared]
-    return tuple(whole(value, VALUE_UNIT[unit], table, f"point {place}") for place, value in enumerate(values))
+    return tuple(to_whole_units(value, VALUE_UNIT[unit], table, f"point {place}") for place, value in enumerate(values))
 
 
 @dataclass(frozen=True, slots=True)
-class Stored:
+class StoredTable:
     """One table as read back: the picture it came with and all reserved points."""
 
     kind: Literal["axis", "cross"]
@@ -142,7 +141,7 @@ class Stored:
     points: tuple[int, ...]
 
 
-def saved_text(tables: Sequence[Stored], axes: Mapping[int, MailboxAxis], saving: Saving) -> str:
+def mailbox_backup_text(tables: Sequence[StoredTable], axes: Mapping[int, MailboxAxis], saving: BackupFile) -> str:
     """Loadable text of tables, switches and backlash of one axis, as a program of ours would have written it."""
     axis = next(one for one in axes.values() if one.name == saving.axis)
     own, unit = tables[0].picture, VALUE_UNIT[axis.unit]
@@ -155,17 +154,19 @@ def saved_text(tables: Sequence[Stored], axes: Mapping[int, MailboxAxis], saving
     }
     for table in tables:
         values |= _eec(table, axis, saving) if table.kind == "axis" else _cec(table, axes)
-    return text_of(saving, values)
+    return backup_text(saving, values)
 
 
-def memory_of(tables: Sequence[Stored]) -> Memory:
+def reserved_points_of(tables: Sequence[StoredTable]) -> ReservedPoints:
     """What the tables that were read have reserved; tables that were not read count as none."""
     cross = {table.picture.selection.index: len(table.points) for table in tables if table.kind == "cross"}
-    return Memory(len(tables[0].points), tuple(cross.get(number, 0) for number in range(max(cross, default=-1) + 1)))
+    return ReservedPoints(
+        len(tables[0].points), tuple(cross.get(number, 0) for number in range(max(cross, default=-1) + 1))
+    )
 
 
-def _eec(table: Stored, axis: MailboxAxis, saving: Saving) -> dict[str, str]:
-    places = backup.own_points(saving).places
+def _eec(table: StoredTable, axis: MailboxAxis, saving: BackupFile) -> dict[str, str]:
+    places = backup.axis_points(saving).places
     values = {
         place: value_text(value * VALUE_UNIT[axis.unit]) for place, value in zip(places, table.points, strict=True)
     }
@@ -174,7 +175,7 @@ def _eec(table: Stored, axis: MailboxAxis, saving: Saving) -> dict[str, str]:
     }
 
 
-def _cec(table: Stored, axes: Mapping[int, MailboxAxis]) -> dict[str, str]:
+def _cec(table: StoredTable, axes: Mapping[int, MailboxAxis]) -> dict[str, str]:
     grid, index = table.picture.grid, table.picture.selection.index
     source, output = axes[grid.input_axis], axes[grid.output_axis]
     unit = VALUE_UNIT[output.unit]
@@ -196,7 +197,7 @@ def _cec(table: Stored, axes: Mapping[int, MailboxAxis]) -> dict[str, str]:
     }
 
 
-def _grid(table: Stored, unit: AxisUnit) -> dict[str, str]:
+def _grid(table: StoredTable, unit: AxisUnit) -> dict[str, str]:
     grid, scale = table.picture.grid, POSITION_UNIT[unit]
     return {
         "STEP": position_text(grid.step * scale),

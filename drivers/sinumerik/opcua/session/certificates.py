@@ -41,7 +41,7 @@ def own_key_pair(folder: Path, name: str, application_uri: str, host: str, *, se
 
 
 @lru_cache(maxsize=8)
-def private_key(content: bytes) -> Any:
+def load_private_key(content: bytes) -> Any:
     """The key in a PEM file of ours. Raises ValueError for anything else.
 
     Proving that the primes of a key are primes takes longer than all the rest of opening a server: once for each key.
@@ -49,7 +49,7 @@ def private_key(content: bytes) -> Any:
     return serialization.load_pem_private_key(content, None)
 
 
-def load(content: bytes) -> x509.Certificate:
+def load_certificate(content: bytes) -> x509.Certificate:
     """A certificate from DER or PEM. Raises ValueError for anything else."""
     if content.lstrip().startswith(b"-----BEGIN"):
         return x509.load_pem_x509_certificate(content)
@@ -71,28 +71,30 @@ def uri_of(pair: KeyPair | None) -> str:
     if pair is None:
         return ""
     try:
-        names = load(pair.certificate.read_bytes()).extensions.get_extension_for_class(x509.SubjectAlternativeName)
+        names = load_certificate(pair.certificate.read_bytes()).extensions.get_extension_for_class(
+            x509.SubjectAlternativeName
+        )
     except (OSError, ValueError, x509.ExtensionNotFound):
         return ""
     return next(iter(names.value.get_values_for_type(x509.UniformResourceIdentifier)), "")
 
 
-def record_of(place: Path) -> Path:
+def record_path(place: Path) -> Path:
     """Where it is written down who accepted what, one JSON object a line."""
     return place.with_name(f"{place.name}.accepted.jsonl")
 
 
 def last_record(place: Path) -> dict[str, Any]:
     """Of the certificate pinned now; empty when it was put there by other means."""
-    path = record_of(place)
+    path = record_path(place)
     if not path.is_file() or not place.is_file():
         return {}
-    pinned = fingerprint(load(place.read_bytes()))
+    pinned = fingerprint(load_certificate(place.read_bytes()))
     records = [json.loads(line) for line in path.read_text(encoding="utf-8").splitlines() if line.strip()]
     return next((record for record in reversed(records) if record.get("accepted") == pinned), {})
 
 
-def excuse_of(place: Path) -> str:
+def acceptance_reason(place: Path) -> str:
     """Why a person accepted the pinned certificate although it was not valid then; "" where nobody did."""
     return str(last_record(place).get("reason", ""))
 

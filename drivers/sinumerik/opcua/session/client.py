@@ -1,4 +1,4 @@
-"""One OPC UA session with the control: its name space, and its variables and methods by their paths.
+"""One OPC UA session with the control: variables and methods by their paths, files as nodes, alarm texts.
 
 Values are written typed and without time stamps, and never twice.
 """
@@ -6,6 +6,7 @@ Values are written typed and without time stamps, and never twice.
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import functools
 import secrets as random_source
 from collections.abc import Sequence
@@ -13,14 +14,12 @@ from datetime import datetime
 from typing import Any
 
 from drivers.clock import Clock
-from drivers.errors import DeviceRefused, LinkBroken, RemoteProtocolError, UnsupportedDevice
-from drivers.sinumerik.opcua.session import login, nodes, requests
+from drivers.errors import DeviceRefused, LinkBroken, RemoteProtocolError, TrueflankError, UnsupportedDevice
+from drivers.sinumerik.opcua.session import connection, nodes, requests
 from drivers.sinumerik.opcua.session.certificates import uri_of
-from drivers.sinumerik.opcua.session.connection import UaConnection, node_id
-from drivers.sinumerik.opcua.session.login import CHANNEL_S, SESSION_S
+from drivers.sinumerik.opcua.session.connection import CHANNEL_S, SESSION_S, Secrets, UaConnection, node_id
 from drivers.sinumerik.opcua.session.requests import AlarmEvent, Reading, ServerLimits
-from drivers.sinumerik.opcua.session.secrets import Secrets
-from drivers.sinumerik.opcua.session.status import check_numbers, check_written, is_lost, refusal
+from drivers.sinumerik.opcua.session.status import check_numbers, check_written, is_lost, status_error
 
 __all__ = ["CHANNEL_S", "SESSION_S", "Reading", "UaSession"]
 
@@ -66,7 +65,7 @@ class UaSession(UaConnection):
 
         ``writing`` is another account: it is logged in instead before the first write or call, and with the session it
         is gone. Raises TransportError (E-UA-CONNECT), DeadlineExceeded, DeviceRefused (E-UA-LOGIN, E-UA-SESSIONS, and
-        as `login.check_trust`), UnsupportedDevice (E-UA-NAMESPACE), RemoteProtocolError.
+        as `connection.check_trust`), UnsupportedDevice (E-UA-NAMESPACE), RemoteProtocolError.
         """
         await self.close()
         self._writing = writing
@@ -76,7 +75,7 @@ class UaSession(UaConnection):
     async def _enter(self, secrets: Secrets) -> None:
         self._secrets = secrets
         self._own_uri = await asyncio.to_thread(uri_of, secrets.own)
-        policies = await login.check_trust(secrets, self._asked, self._clock.utc, self._where)
+        policies = await connection.check_trust(secrets, self._asked, self._clock.utc, self._where)
         client, opened_at = await self._logged_in(secrets, policies)
         await self._translated("read", "the namespace", self._look_around(client, opened_at))
         self._alive = asyncio.get_running_loop().create_task(self._keep_alive(), name=f"keep-alive of {self._where}")
@@ -107,11 +106,11 @@ class UaSession(UaConnection):
             raise UnsupportedDevice("E-UA-NAMESPACE", self._where, wanted=nodes.NAMESPACE_URI, found=", ".join(uris))
         self._index = uris.index(nodes.NAMESPACE_URI)
         self._spaces = (0, *(place for place, uri in enumerate(uris) if uri in nodes.ALARM_SPACES))
-        self._limits = (await requests.limits(client)).within(self._found)
+        self._limits = (await requests.read_limits(client)).within(self._found)
         self._methods = {}
         for parent in nodes.METHODS:
             owner = node_id(parent, self._index)
-            found = await requests.methods(client, owner)
+            found = await requests.browse_methods(client, owner)
             self._methods |= {name: (owner, node) for name, node in found.items()}
 
     # ---- time and chance: another road has its own ----------------------------------------------------
@@ -129,21 +128,21 @@ class UaSession(UaConnection):
     async def read(self, paths: Sequence[str], timeout_s: float) -> list[Reading]:
         """Values of many variables in one batch; what could not be read carries its status name.
 
-        Raises RemoteProtocolError (E-UA-VALUE) for a good value that is not what `values` asks of its variable.
+        Raises RemoteProtocolError (E-UA-VALUE) for a good value that is not what `read_values` asks of its variable.
         """
-        return requests.judged(await self.survey(paths, timeout_s), self._where)
+        return requests.checked_readings(await self.survey(paths, timeout_s), self._where)
 
     async def survey(self, paths: Sequence[str], timeout_s: float) -> list[Reading]:
         """As `read`, values as they came: for who judges them himself."""
         found = await self._read([self._node(path) for path in paths], paths[0], timeout_s, timed=False)
-        return requests.readings(paths, found, self._where)
+        return requests.to_readings(paths, found, self._where)
 
     async def read_aged(self, paths: Sequence[str], timeout_s: float) -> list[Reading]:
         """As `read`, each with its age by the server's own clock, which is asked for in the same batch."""
         wanted = [*(self._node(path) for path in paths), requests.CURRENT_TIME]
         *found, clock = await self._read(wanted, paths[0], timeout_s, timed=True)
         now = requests.time_of(clock, self._where)
-        return requests.judged(requests.readings(paths, found, self._where, now), self._where)
+        return requests.checked_readings(requests.to_readings(paths, found, self._where, now), self._where)
 
     async def server_time(self, timeout_s: float) -> datetime | None:
         """The server's clock (UTC, naive as the library gives it); None when it has none."""
@@ -163,7 +162,7 @@ class UaSession(UaConnection):
         while True:
             most = min(self._limits.read, len(wanted))
             try:
-                ask = functools.partial(requests.values, wanted=wanted, most=most, timed=timed)
+                ask = functools.partial(requests.read_values, wanted=wanted, most=most, timed=timed)
                 found = await self._request(timeout_s, "read", what, ask)
                 break
             except DeviceRefused as error:
@@ -192,9 +191,9 @@ class UaSession(UaConnection):
         """
         check_numbers(values, self._where)
         await self._arm(timeout_s)
-        items = [requests.typed(self._node(path), value, nodes.kind_of(path)) for path, value in values]
+        items = [requests.typed_value(self._node(path), value, nodes.kind_of(path)) for path, value in values]
         most = self._limits.write
-        found = await self._request(timeout_s, "write", values[0][0], lambda it: requests.write(it, items, most))
+        found = await self._request(timeout_s, "write", values[0][0], lambda it: requests.write_values(it, items, most))
         self._check_count(len(items), len(found))
         names = [requests.status_name(status) for status in found]
         if any(is_lost(name) for name in names):
@@ -207,8 +206,8 @@ class UaSession(UaConnection):
         server refuses. Never retried.
         """
         await self._arm(timeout_s)
-        item = requests.typed(self._node(path), value, kind, self._clock.utc() if stamped else None)
-        (found,) = await self._request(timeout_s, "write", path, lambda it: requests.write(it, [item], 1))
+        item = requests.typed_value(self._node(path), value, kind, self._clock.utc() if stamped else None)
+        (found,) = await self._request(timeout_s, "write", path, lambda it: requests.write_values(it, [item], 1))
         return requests.status_name(found)
 
     async def call(self, method: str, arguments: Arguments, timeout_s: float) -> Any:
@@ -227,12 +226,16 @@ class UaSession(UaConnection):
         return await self._call(*there, f"{owner}.{method}", arguments, timeout_s)
 
     async def _call(self, owner: Any, node: Any, name: str, arguments: Arguments, timeout_s: float) -> list[Any]:
-        result = await self._request(timeout_s, "call", name, lambda it: requests.call(it, owner, node, arguments))
+        result = await self._request(
+            timeout_s, "call", name, lambda it: requests.call_method(it, owner, node, arguments)
+        )
         if result.StatusCode.value != _GOOD:
             refused = requests.refused_arguments(result)
             # OPC 10000-4 tells a wrong type beside its argument, under a status of the call that says less.
             status = "BadTypeMismatch" if "BadTypeMismatch" in refused else result.StatusCode.name
-            raise refusal(status, self._where, "call", f"{name} {requests.shown(arguments)}{refused}".strip())
+            raise status_error(
+                status, self._where, "call", f"{name} {requests.shown_arguments(arguments)}{refused}".strip()
+            )
         return [output.Value for output in result.OutputArguments or []]
 
     async def alarm_events(self, timeout_s: float) -> list[AlarmEvent] | None:
@@ -240,8 +243,124 @@ class UaSession(UaConnection):
 
         Raises DeviceRefused or UnsupportedDevice where it has no such events or the user may not see them.
         """
-        ask = functools.partial(requests.standing_alarms, source=self._node(nodes.ALARM_SOURCE), spaces=self._spaces)
+        ask = functools.partial(
+            requests.subscribe_standing_alarms, source=self._node(nodes.ALARM_SOURCE), spaces=self._spaces
+        )
         return await self._request(timeout_s, "call", "ConditionRefresh", ask)
 
     def _node(self, path: str) -> Any:
         return node_id(path, self._index)
+
+
+# The control's files as nodes: open, read, write and close piece by piece, where copying methods do not serve.
+
+PIECE = 64 * 1024
+MOST_PARTS = 64 * 1024  # a server that never ends, at a byte for each part
+_READ, _REWRITE = 1, 6  # modes of Open: read; write after erasing (OPC 10000-20, 4.2.2)
+_NOT_THERE = ("E-UA-FILE", "E-UA-ABSENT")
+
+
+class FileNodes:
+    """Files by their path in the server's file system, ``Sinumerik/FileSystem/Part Program/NAME.MPF``."""
+
+    def __init__(self, session: UaSession, where: str) -> None:
+        self._session = session
+        self._where = where
+
+    async def writable(self, path: str, timeout_s: float) -> bool | None:
+        """What the file says of this user's right to write it; None when it is not there or does not say."""
+        (found,) = await self._session.read([f"{_node(path)}.UserWritable"], timeout_s)
+        return None if found.status else bool(found.value)
+
+    async def read(self, path: str, timeout_s: float) -> bytes:
+        """The whole file; the limit is for each call. Raises DeviceRefused, UnsupportedDevice (E-UA-ABSENT)."""
+        node = _node(path)
+        handle = await self._open(node, _READ, timeout_s)
+        parts: list[bytes] = []
+        try:
+            while part := await self._part(node, handle, timeout_s):
+                parts.append(part)
+                if len(parts) > MOST_PARTS:
+                    raise nodes.value_error(f"{node}.Read", part, f"at its end after {MOST_PARTS} parts", self._where)
+        finally:
+            await self._let_go(node, handle, timeout_s)
+        return b"".join(parts)
+
+    async def _part(self, node: str, handle: int, timeout_s: float) -> bytes:
+        results = await self._session.invoke(node, "Read", [(handle, "UInt32"), (PIECE, "Int32")], timeout_s)
+        part = nodes.method_output(results, 0, f"{node}.Read", self._where)
+        return b"" if part is None else nodes.check_content(part, f"{node}.Read", self._where)
+
+    async def write(self, path: str, content: bytes, timeout_s: float) -> None:
+        """Replace or create a file. Each call once; what arrived must be read back by the caller.
+
+        Raises DeviceRefused (E-UA-LEVEL before anything is changed where the file says that it may not be
+        written), UnsupportedDevice (E-UA-ABSENT) when the server has no such nodes.
+        """
+        node = _node(path)
+        if await self.writable(path, timeout_s) is False:
+            raise DeviceRefused("E-UA-LEVEL", self._where, status="UserWritable is false", what=path)
+        handle = await self._open_new(node, timeout_s)
+        try:
+            for start in range(0, len(content), PIECE):
+                piece = [(handle, "UInt32"), (content[start : start + PIECE], "ByteString")]
+                await self._session.invoke(node, "Write", piece, timeout_s)
+        except TrueflankError:
+            await self._let_go(node, handle, timeout_s)
+            raise
+        await self._session.invoke(node, "Close", [(handle, "UInt32")], timeout_s)
+
+    async def _open_new(self, node: str, timeout_s: float) -> int:
+        try:
+            return await self._open(node, _REWRITE, timeout_s)
+        except (DeviceRefused, UnsupportedDevice) as error:
+            if error.code not in _NOT_THERE:
+                raise
+        folder, _, name = node.rpartition("/")
+        results = await self._session.invoke(folder, "CreateFile", [(name, "String"), (True, "Boolean")], timeout_s)
+        return self._handle(results, 1, f"{folder}.CreateFile")
+
+    async def _open(self, node: str, mode: int, timeout_s: float) -> int:
+        results = await self._session.invoke(node, "Open", [(mode, "Byte")], timeout_s)
+        return self._handle(results, 0, f"{node}.Open")
+
+    def _handle(self, results: list[Any], place: int, what: str) -> int:
+        return nodes.check_whole(nodes.method_output(results, place, what, self._where), what, self._where)
+
+    async def _let_go(self, node: str, handle: int, timeout_s: float) -> None:
+        """Close a file that is not needed any more; the server does so itself when the session ends."""
+        if self._session.is_open:
+            with contextlib.suppress(TrueflankError):
+                await self._session.invoke(node, "Close", [(handle, "UInt32")], timeout_s)
+
+
+def _node(path: str) -> str:
+    """File names stand in upper case in node identifiers; folders do not."""
+    folder, _, name = path.rpartition("/")
+    return f"{folder}/{name.upper()}"
+
+
+# Alarm texts by OPC UA events, asked for beside the main session so that nothing there can be disturbed.
+
+
+async def read_standing_alarms(session: UaSession, timeout_s: float) -> tuple[AlarmEvent, ...] | None:
+    """All standing alarms as events, by a session of their own that ends with the answer.
+
+    None when they cannot be had (no right, no events, too slow): the alarm variables say then what they can.
+    """
+    beside: UaSession | None = None
+    try:
+        beside = await session.beside(timeout_s)
+        told = await beside.alarm_events(timeout_s)
+    except TrueflankError:
+        return None
+    finally:
+        if beside is not None:
+            await beside.close()
+    return None if told is None else tuple(alarm for alarm in told if alarm.standing)
+
+
+def alarm_texts(alarms: tuple[AlarmEvent, ...] | None) -> str:
+    """Their texts, the gravest first; "" when there are none."""
+    ordered = sorted(alarms or (), key=lambda alarm: -alarm.severity)
+    return "; ".join(f"{alarm.number} {alarm.text}".strip() for alarm in ordered if alarm.text)

@@ -1,18 +1,24 @@
-"""Names of the control <-> OPC UA node identifiers of the SinumerikVarProvider name space, and their types.
+"""Names of the control <-> OPC UA node identifiers of the SinumerikVarProvider name space, their types, their values.
 
-The paths are those of the Access MyMachine /OPC UA manuals (10/2015 to 05/2022) as far as they are public.
-Array elements of machine data are 1-based there and 0-based in NC programs: this is the one place that
-converts. Not public, hence keys of the site file: the serial number (`SERIAL_NUMBER`, MD18030) and the
-setting data folder `_N_NC_SEA_ACX`.
+The paths are those of the Access MyMachine /OPC UA manuals (10/2015 to 05/2022) as far as they are public. Array
+elements of machine data are 1-based there and 0-based in NC programs: this is the one place that converts. Not public,
+hence keys of the site file: the serial number (`SERIAL_NUMBER`, MD18030) and the setting data folder `_N_NC_SEA_ACX`.
+Every value, output of a method and time of a server passes `check_value` or one of its kind here.
 """
 
 from __future__ import annotations
 
 import functools
+import math
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Literal
+from datetime import datetime
+from typing import Any, Literal
+
+from drivers.errors import RemoteProtocolError
+
+# Paths.
 
 NAMESPACE_URI = "SinumerikVarProvider"
 METHODS = ("/Methods", "/Methods/Filehandling")
@@ -244,3 +250,132 @@ def from_file(path: str) -> str | None:
             return None
         parts.append(f"_N_{stem}_{extension}")
     return "/" + "/".join((_DIRECTORIES[folder], *parts))
+
+
+# What a value of the control must be: the one place where values, outputs of methods and times of a server enter.
+#
+# Type, range, number of elements and special numbers are checked here against `nodes.kind_of`; what passes is of plain
+# Python: str, bool, int, float, a list of them for a block, bytes. Servers differ in the width of their numbers, so 2
+# and 2.0 are one, and a switch may be 0 or 1; a truth value is no number, NaN and infinity are none either.
+
+SHOWN = 80
+_MOST = {"UInt16": 0xFFFF, "UInt32": 0xFFFFFFFF, "UInt64": 2**64 - 1}
+# Properties of file nodes (OPC 10000-20, 4.2.1).
+_OF_FILES = {"UserWritable": "Boolean", "Writable": "Boolean", "Size": "UInt64", "OpenCount": "UInt16"}
+# Variables that know fewer values than their type can carry.
+_FEW = {"basicLengthUnit": 1, "aaRef": 1, "accessLevel": 7}
+
+
+def check_value(path: str, value: Any, where: str) -> Any:
+    """A value read from a node, as plain Python. Raises RemoteProtocolError (E-UA-VALUE)."""
+    address = parse(path)
+    if address is None or address.last is None:
+        return _check_single(path, value, path, where)
+    count = len(address.elements)
+    if not isinstance(value, list) or len(value) != count:
+        raise value_error(path, value, f"{count} numbers", where)
+    return [_check_single(path, one, f"{path}, element {number}", where) for number, one in enumerate(value, start=1)]
+
+
+def _check_single(path: str, value: Any, what: str, where: str) -> Any:
+    address = parse(path)
+    kind = _OF_FILES.get(path.rpartition(".")[2]) if address is None else kind_of(path)
+    kind = kind or "String"
+    if kind in _MOST:
+        name = address.name if address is not None else ""
+        return check_whole(value, what, where, _FEW.get(name, _MOST[kind]))
+    return _CHECKS[kind](value, what, where)
+
+
+def check_whole(value: Any, what: str, where: str, most: int = _MOST["UInt32"]) -> int:
+    """A whole number from 0 to ``most``. Raises RemoteProtocolError (E-UA-VALUE)."""
+    if not _is_number(value) or value != int(value) or not 0 <= value <= most:
+        raise value_error(what, value, f"a whole number from 0 to {most}", where)
+    return int(value)
+
+
+def check_number(value: Any, what: str, where: str) -> float:
+    """A finite number. Raises RemoteProtocolError (E-UA-VALUE)."""
+    if not _is_number(value):
+        raise value_error(what, value, "a number", where)
+    return float(value)
+
+
+def _is_number(value: Any) -> bool:
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        return False
+    try:
+        return math.isfinite(float(value))
+    except OverflowError:  # a whole number that no Double holds
+        return False
+
+
+def check_text(value: Any, what: str, where: str) -> str:
+    """A text; one that is not there (a null String) is empty. Raises RemoteProtocolError (E-UA-VALUE)."""
+    if value is not None and not isinstance(value, str):
+        raise value_error(what, value, "a text", where)
+    return value or ""
+
+
+def check_label(value: Any, what: str, where: str) -> str:
+    """A name or number as people read it: some controls give their version as a number. Raises as `text`."""
+    return f"{value:g}" if _is_number(value) else check_text(value, what, where).strip()
+
+
+def check_switch(value: Any, what: str, where: str) -> bool:
+    """On or off. Raises RemoteProtocolError (E-UA-VALUE)."""
+    if isinstance(value, bool):
+        return value
+    if not _is_number(value) or value not in (0, 1):
+        raise value_error(what, value, "on or off", where)
+    return bool(value)
+
+
+def check_content(value: Any, what: str, where: str) -> bytes:
+    """The bytes of a file. Raises RemoteProtocolError (E-UA-VALUE)."""
+    if not isinstance(value, bytes):
+        raise value_error(what, value, "bytes", where)
+    return value
+
+
+def check_time(value: Any, what: str, where: str) -> datetime | None:
+    """A time by the server's clock, UTC and naive; None where there is none. Raises as `text`."""
+    if value is not None and not isinstance(value, datetime):
+        raise value_error(what, value, "a time", where)
+    return value.replace(tzinfo=None) if value is not None else None
+
+
+def check_duration(milliseconds: Any, what: str, where: str) -> float:
+    """How long a server keeps something, s. Raises RemoteProtocolError (E-UA-VALUE) for what is no time at all."""
+    if not _is_number(milliseconds) or milliseconds <= 0:
+        raise value_error(what, milliseconds, "a time above 0 ms", where)
+    return float(milliseconds) / 1000.0
+
+
+def method_output(results: Sequence[Any], place: int, what: str, where: str) -> Any:
+    """One output of a method. Raises RemoteProtocolError (E-UA-VALUE) where there are too few."""
+    if len(results) <= place:
+        raise value_error(what, list(results), f"{place + 1} outputs", where)
+    return results[place]
+
+
+def value_error(what: str, value: Any, wanted: str, where: str) -> RemoteProtocolError:
+    """The error for a value that cannot be: which variable, what it was, what it must be."""
+    return RemoteProtocolError("E-UA-VALUE", where, what=what, value=_shown(value), wanted=wanted)
+
+
+def _shown(value: Any) -> str:
+    if value is None:
+        return "nothing"
+    try:
+        told = repr(value)
+    except ValueError:  # Python does not write down a number of thousands of digits
+        return "a number without end"
+    return told if len(told) <= SHOWN else told[: SHOWN - 3] + "..."
+
+
+_CHECKS: dict[str, Callable[[Any, str, str], Any]] = {
+    "Double": check_number,
+    "String": check_text,
+    "Boolean": check_switch,
+}

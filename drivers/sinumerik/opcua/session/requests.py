@@ -10,7 +10,7 @@ from typing import Any
 from asyncua import ua
 from asyncua.ua.ua_binary import struct_from_binary
 
-from drivers.sinumerik.opcua.session import values as typed_values
+from drivers.sinumerik.opcua.session import nodes as typed_values
 
 CURRENT_TIME = ua.NodeId(ua.ObjectIds.Server_ServerStatus_CurrentTime)
 CLOCK = "the server's clock"
@@ -68,7 +68,7 @@ class AlarmEvent:
     standing: bool
 
 
-async def values(client: Any, wanted: Sequence[Any], most: int, *, timed: bool = False) -> list[Any]:
+async def read_values(client: Any, wanted: Sequence[Any], most: int, *, timed: bool = False) -> list[Any]:
     """Data values of nodes, in as many requests as the server's limit asks for; never from its cache."""
     found: list[Any] = []
     for start in range(0, len(wanted), most):
@@ -80,9 +80,9 @@ async def values(client: Any, wanted: Sequence[Any], most: int, *, timed: bool =
     return found
 
 
-async def sign_of_life(client: Any) -> list[Any]:
+async def keep_alive(client: Any) -> list[Any]:
     """The server's state, asked for so that it keeps the session."""
-    return await values(client, [SERVER_STATE], 1)
+    return await read_values(client, [SERVER_STATE], 1)
 
 
 def attribute(node: Any, number: ua.AttributeIds = ua.AttributeIds.Value) -> Any:
@@ -103,7 +103,7 @@ async def user_may_write(client: Any, node: Any) -> bool | None:
     return bool(int(found.Value.Value) & ua.AccessLevel.CurrentWrite.mask)
 
 
-async def write(client: Any, items: Sequence[Any], most: int) -> list[Any]:
+async def write_values(client: Any, items: Sequence[Any], most: int) -> list[Any]:
     """A status for each item. A later part that is refused as a whole counts as refused one by one."""
     found: list[Any] = []
     for start in range(0, len(items), most):
@@ -118,7 +118,7 @@ async def write(client: Any, items: Sequence[Any], most: int) -> list[Any]:
     return found
 
 
-def typed(node: Any, value: Any, kind: str, stamp: datetime | None = None) -> Any:
+def typed_value(node: Any, value: Any, kind: str, stamp: datetime | None = None) -> Any:
     """A value to write: typed, without time stamps unless one is given."""
     item = ua.WriteValue()
     item.NodeId = node
@@ -127,7 +127,7 @@ def typed(node: Any, value: Any, kind: str, stamp: datetime | None = None) -> An
     return item
 
 
-async def call(client: Any, owner: Any, method: Any, arguments: Sequence[tuple[Any, str]]) -> Any:
+async def call_method(client: Any, owner: Any, method: Any, arguments: Sequence[tuple[Any, str]]) -> Any:
     """The answer to one method call."""
     request = ua.CallMethodRequest()
     request.ObjectId, request.MethodId = owner, method
@@ -135,7 +135,7 @@ async def call(client: Any, owner: Any, method: Any, arguments: Sequence[tuple[A
     return (await client.uaclient.session.call([request]))[0]
 
 
-def shown(arguments: Sequence[tuple[Any, str]]) -> str:
+def shown_arguments(arguments: Sequence[tuple[Any, str]]) -> str:
     """Arguments as an error may name them: texts and numbers, no contents."""
     return " ".join(str(value) for value, kind in arguments if kind in ("String", "Int32"))
 
@@ -147,7 +147,7 @@ def refused_arguments(result: Any) -> str:
     return f" ({', '.join(told)})" if told else ""
 
 
-async def methods(client: Any, parent: Any) -> dict[str, Any]:
+async def browse_methods(client: Any, parent: Any) -> dict[str, Any]:
     """Methods directly under an object, by browse name; empty when there is no such object."""
     wanted = ua.BrowseDescription()
     wanted.NodeId = parent
@@ -163,14 +163,14 @@ async def methods(client: Any, parent: Any) -> dict[str, Any]:
     return {one.BrowseName.Name: one.NodeId for one in found}
 
 
-async def limits(client: Any) -> ServerLimits:
+async def read_limits(client: Any) -> ServerLimits:
     """What the server says it takes in one request; no limit where it says nothing."""
-    found = await values(client, _LIMITS, 1)
+    found = await read_values(client, _LIMITS, 1)
     read, write_ = (int(one.Value.Value or 0) if _good(one) and one.Value is not None else 0 for one in found)
     return ServerLimits(read or ANY, write_ or ANY)
 
 
-def readings(paths: Sequence[str], found: Sequence[Any], where: str, now: datetime | None = None) -> list[Reading]:
+def to_readings(paths: Sequence[str], found: Sequence[Any], where: str, now: datetime | None = None) -> list[Reading]:
     """Data values as records, the values as they came. Raises RemoteProtocolError (E-UA-VALUE) for a wrong time."""
     return [_reading(path, value, where, now) for path, value in zip(paths, found, strict=True)]
 
@@ -180,7 +180,7 @@ def _reading(path: str, value: Any, where: str, now: datetime | None) -> Reading
     status = value.StatusCode
     if status is not None and status.value != ua.StatusCodes.Good:
         return Reading(path, None, status_name(status))
-    known = typed_values.moment(value.ServerTimestamp, f"the time of {path}", where)
+    known = typed_values.check_time(value.ServerTimestamp, f"the time of {path}", where)
     age = max((now - known).total_seconds(), 0.0) if now is not None and known is not None else None
     if value.Value is None:
         return Reading(path, None, age_s=age)
@@ -198,16 +198,16 @@ def code_name(code: int) -> str:
     return str(ua.StatusCode(code & 0xFFFF0000).name)
 
 
-def judged(found: Sequence[Reading], where: str) -> list[Reading]:
+def checked_readings(found: Sequence[Reading], where: str) -> list[Reading]:
     """Readings whose good values are what their variables can hold. Raises RemoteProtocolError (E-UA-VALUE)."""
     return [
-        one if one.status else replace(one, value=typed_values.checked(one.path, one.value, where)) for one in found
+        one if one.status else replace(one, value=typed_values.check_value(one.path, one.value, where)) for one in found
     ]
 
 
 def time_of(value: Any, where: str) -> datetime | None:
     """The server's clock, UTC and naive; None when it has none. Raises RemoteProtocolError (E-UA-VALUE)."""
-    return typed_values.moment(value.Value.Value if value.Value is not None else None, CLOCK, where)
+    return typed_values.check_time(value.Value.Value if value.Value is not None else None, CLOCK, where)
 
 
 def text_of(value: Any) -> str:
@@ -223,7 +223,7 @@ def _good(value: Any) -> bool:
 # ---- alarms by events ---------------------------------------------------------------------------------
 
 
-async def standing_alarms(client: Any, source: Any, spaces: Sequence[int]) -> list[AlarmEvent] | None:
+async def subscribe_standing_alarms(client: Any, source: Any, spaces: Sequence[int]) -> list[AlarmEvent] | None:
     """Subscribe to a source's events, ask for all standing conditions, unsubscribe.
 
     ``spaces`` are the name spaces in which an alarm's identifier is looked for.
@@ -235,7 +235,7 @@ async def standing_alarms(client: Any, source: Any, spaces: Sequence[int]) -> li
     try:
         result = (await client.uaclient.session.create_monitored_items(_event_items(number, source, spaces)))[0]
         result.StatusCode.check()
-        answer = await call(client, *_REFRESH, [(number, "UInt32")])
+        answer = await call_method(client, *_REFRESH, [(number, "UInt32")])
         answer.StatusCode.check()
         return await _until_refreshed(client, number)
     finally:

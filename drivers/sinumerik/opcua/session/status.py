@@ -1,4 +1,9 @@
-"""OPC UA status names of this control -> our exceptions: the one place that decides who must act."""
+"""Status codes of OPC UA: sorted into families, then mapped to our exceptions, which say who must act.
+
+Families are by what a person can do about a status. Names as in OPC 10000-6, annex A.2. The severity bits alone sort
+what is neither good nor bad. A name in no family is a maker's own code: "other", which is refused and, after an
+activation, waited through like any other.
+"""
 
 from __future__ import annotations
 
@@ -16,7 +21,133 @@ from drivers.errors import (
     TrueflankError,
     UnsupportedDevice,
 )
-from drivers.sinumerik.opcua.session.families import Family, family
+
+# The status codes of the OPC UA standard, sorted into families by what a person can do about them.
+#
+# Names as in OPC 10000-6, annex A.2. The severity bits alone sort what is neither good nor bad. A name that is in no
+# family is a maker's own code: "other", which is refused and, after an activation, waited through like any other.
+
+Family = Literal[
+    "good",
+    "unsure",
+    "down",
+    "lost",
+    "late",
+    "rights",
+    "login",
+    "absent",
+    "busy",
+    "clock",
+    "trust",
+    "limits",
+    "licence",
+    "type",
+    "argument",
+    "file",
+    "protocol",
+    "fault",
+    "service",
+    "other",
+]
+
+# down: the server lives, the source behind it gives no value (yet). lost: session or channel are gone.
+# late: nobody knows whether it was or will be done. service: parts of the standard that nothing here asks for.
+_SORTED: dict[Family, str] = {
+    "down": (
+        "BadCommunicationError BadNoCommunication BadNotConnected BadOutOfService BadDeviceFailure BadSensorFailure "
+        "BadWaitingForInitialData BadServerHalted BadShutdown BadResourceUnavailable BadNoData BadDataLost "
+        "BadDataUnavailable BadNoDataAvailable BadNoValue BadDominantValueChanged BadDependentValueChanged"
+    ),
+    "lost": (
+        "BadSessionIdInvalid BadSessionClosed BadSessionNotActivated BadSecureChannelIdInvalid BadSecureChannelClosed "
+        "BadSecureChannelTokenUnknown BadTcpSecureChannelUnknown BadConnectionClosed BadConnectionRejected "
+        "BadDisconnect BadServerNotConnected BadRequestInterrupted BadSequenceNumberInvalid"
+    ),
+    "late": (
+        "BadTimeout BadRequestTimeout BadWaitingForResponse BadRequestNotComplete BadOperationAbandoned "
+        "BadRequestCancelledByClient BadRequestCancelledByRequest"
+    ),
+    "rights": (
+        "BadUserAccessDenied BadRequestNotAllowed BadNotWritable BadNotReadable BadNotExecutable BadNoDeleteRights "
+        "BadSecurityModeInsufficient"
+    ),
+    "login": ("BadIdentityTokenInvalid BadIdentityTokenRejected BadUserSignatureInvalid BadIdentityChangeNotSupported"),
+    "absent": (
+        "BadAttributeIdInvalid BadNodeIdUnknown BadNodeIdInvalid BadMethodInvalid BadNotSupported BadNotImplemented "
+        "BadServiceUnsupported BadIndexRangeInvalid BadIndexRangeNoData BadObjectDeleted BadNodeNotInView "
+        "BadReferenceTypeIdInvalid BadTypeDefinitionInvalid BadNotTypeDefinition BadDataTypeIdUnknown "
+        "BadLocaleNotSupported"
+    ),
+    "busy": (
+        "BadInvalidState BadTcpServerTooBusy BadServerTooBusy BadWouldBlock BadExpectedStreamToBlock BadLocked "
+        "BadRequiresLock BadTransactionPending BadTransactionFailed BadStateNotActive BadRefreshInProgress"
+    ),
+    "clock": "BadInvalidTimestamp BadCertificateTimeInvalid BadCertificateIssuerTimeInvalid",
+    "trust": (
+        "BadSecurityChecksFailed BadSecurityModeRejected BadSecurityPolicyRejected BadCertificateInvalid "
+        "BadCertificateHostNameInvalid BadCertificateUriInvalid BadCertificateUseNotAllowed "
+        "BadCertificateIssuerUseNotAllowed BadCertificateUntrusted BadCertificateRevocationUnknown "
+        "BadCertificateIssuerRevocationUnknown BadCertificateRevoked BadCertificateIssuerRevoked "
+        "BadCertificateChainIncomplete BadCertificatePolicyCheckFailed BadNonceInvalid "
+        "BadApplicationSignatureInvalid BadNoValidCertificates BadServerUriInvalid BadRequestTypeInvalid "
+        "BadTicketRequired BadTicketInvalid"
+    ),
+    "limits": (
+        "BadTooManySessions BadMaxConnectionsReached BadTooManyOperations BadTooManySubscriptions "
+        "BadTooManyPublishRequests BadTooManyMonitoredItems BadTooManyMatches BadOutOfMemory BadTcpNotEnoughResources "
+        "BadRequestTooLarge BadResponseTooLarge BadTcpMessageTooLarge BadEncodingLimitsExceeded "
+        "BadNoContinuationPoints BadQueryTooComplex"
+    ),
+    "licence": "BadLicenseExpired BadLicenseLimitsExceeded BadLicenseNotAvailable",
+    "type": "BadTypeMismatch BadDataEncodingInvalid BadDataEncodingUnsupported",
+    "argument": (
+        "BadInvalidArgument BadArgumentsMissing BadTooManyArguments BadOutOfRange BadNumericOverflow BadSyntaxError "
+        "BadStructureMissing BadWriteNotSupported BadIndexRangeDataMismatch BadNothingToDo BadMaxAgeInvalid "
+        "BadTimestampsToReturnInvalid BadInvalidTimestampArgument BadBrowseNameInvalid BadBrowseNameDuplicated "
+        "BadBrowseDirectionInvalid BadNodeIdExists BadNodeIdRejected BadNodeClassInvalid BadNodeAttributesInvalid "
+        "BadParentNodeIdInvalid BadSourceNodeIdInvalid BadTargetNodeIdInvalid BadReferenceNotAllowed "
+        "BadDuplicateReferenceNotAllowed BadInvalidSelfReference BadReferenceLocalOnly BadAlreadyExists "
+        "BadEntryExists BadNoMatch BadEdited_OutOfRange BadInitialValue_OutOfRange "
+        "BadOutOfRange_DominantValueChanged BadEdited_OutOfRange_DominantValueChanged "
+        "BadOutOfRange_DominantValueChanged_DependentValueChanged "
+        "BadEdited_OutOfRange_DominantValueChanged_DependentValueChanged"
+    ),
+    "file": "BadNotFound BadNoEntryExists BadEndOfStream BadSemaphoreFileMissing",
+    "protocol": (
+        "BadEncodingError BadDecodingError BadUnknownResponse BadRequestHeaderInvalid BadTcpMessageTypeInvalid "
+        "BadTcpEndpointUrlInvalid BadProtocolVersionUnsupported BadServerNameMissing BadDiscoveryUrlMissing "
+        "BadServerIndexInvalid"
+    ),
+    "fault": "Bad BadUnexpectedError BadInternalError BadTcpInternalError BadConfigurationError",
+    "service": (
+        "BadSubscriptionIdInvalid BadNoSubscription BadSequenceNumberUnknown BadMessageNotAvailable "
+        "BadInsufficientClientProfile BadMonitoringModeInvalid BadMonitoredItemIdInvalid BadMonitoredItemFilterInvalid "
+        "BadMonitoredItemFilterUnsupported BadFilterNotAllowed BadEventFilterInvalid BadContentFilterInvalid "
+        "BadFilterOperandInvalid BadFilterOperatorInvalid BadFilterOperatorUnsupported "
+        "BadFilterOperandCountMismatch BadFilterElementInvalid BadFilterLiteralInvalid BadDeadbandFilterInvalid "
+        "BadContinuationPointInvalid BadViewIdUnknown BadViewTimestampInvalid BadViewParameterMismatch "
+        "BadViewVersionInvalid BadHistoryOperationInvalid BadHistoryOperationUnsupported BadTimestampNotSupported "
+        "BadConditionAlreadyDisabled BadConditionAlreadyEnabled BadConditionDisabled BadConditionBranchAlreadyAcked "
+        "BadConditionBranchAlreadyConfirmed BadConditionAlreadyShelved BadConditionNotShelved "
+        "BadShelvingTimeOutOfRange BadEventIdUnknown BadEventNotAcknowledgeable BadDialogNotActive "
+        "BadDialogResponseInvalid BadAggregateListMismatch BadAggregateNotSupported BadAggregateInvalidInputs "
+        "BadAggregateConfigurationRejected BadBoundNotFound BadBoundNotSupported BadDataSetIdInvalid"
+    ),
+}
+FAMILIES: dict[Family, frozenset[str]] = {family: frozenset(names.split()) for family, names in _SORTED.items()}
+_OF: dict[str, Family] = {name: family for family, names in FAMILIES.items() for name in names}
+
+
+def family_of(status: str) -> Family:
+    """The family of a status by its name; "other" for a bad one that the standard does not have."""
+    if status == "Good":
+        return "good"
+    if status.startswith(("Good", "Uncertain")):
+        return "unsure"
+    return _OF.get(status, "other")
+
+
+# OPC UA status names of this control -> our exceptions: the one place that decides who must act.
 
 Stage = Literal["login", "read", "write", "call"]
 
@@ -48,17 +179,17 @@ _LOGIN: dict[Family, str] = {
 
 def is_lost(status: str) -> bool:
     """Whether a status means that session or channel are gone and a fresh client is needed."""
-    return family(status) == "lost"
+    return family_of(status) == "lost"
 
 
 def is_down(status: str) -> bool:
     """Whether a status means that the server lives but the NCK behind it gives no value."""
-    return family(status) == "down"
+    return family_of(status) == "down"
 
 
 def is_absent(status: str) -> bool:
     """Whether the server has no such node."""
-    return family(status) == "absent"
+    return family_of(status) == "absent"
 
 
 def is_not_yet(error: TrueflankError) -> bool:
@@ -67,26 +198,26 @@ def is_not_yet(error: TrueflankError) -> bool:
     Any status but a missing right and an absent node: no list of what a starting server answers would be complete.
     """
     status = error.fields.get("status")
-    return isinstance(status, str) and family(status) not in ("good", "rights", "login", "absent")
+    return isinstance(status, str) and family_of(status) not in ("good", "rights", "login", "absent")
 
 
-def refusal(status: str, where: str, stage: Stage, what: str) -> TrueflankError:
+def status_error(status: str, where: str, stage: Stage, what: str) -> TrueflankError:
     """The exception for a bad status; ``what`` names the variable, method or user concerned."""
-    kind = family(status)
+    kind = family_of(status)
     if stage == "login":
-        return _at_login(status, where, what)
+        return _login_error(status, where, what)
     if kind in ("unsure", "late"):
-        return _unsure(status, where, stage, what)
+        return _uncertain_error(status, where, stage, what)
     if kind in _TRANSPORT:
         return TransportError(_TRANSPORT[kind], where, retryable=stage == "read", status=status, what=what)
     if kind == "absent" and not (status == "BadNotSupported" and stage == "call"):
         return UnsupportedDevice("E-UA-ABSENT", where, status=status, what=what)
     if kind == "protocol":
         return RemoteProtocolError("E-UA-PROTOCOL", where, why=f"{status}: {what}", status=status)
-    return _refused(_REFUSED.get(kind, "E-UA-REFUSED"), where, status=status, what=what)
+    return _login_refused(_REFUSED.get(kind, "E-UA-REFUSED"), where, status=status, what=what)
 
 
-def _unsure(status: str, where: str, stage: Stage, what: str) -> TrueflankError:
+def _uncertain_error(status: str, where: str, stage: Stage, what: str) -> TrueflankError:
     """Neither good nor bad: a value that is not live, or a write or call of which nobody knows the end."""
     if stage == "read":
         return TransportError("E-UA-STALE", where, retryable=True, what=what, why=status, status=status)
@@ -107,13 +238,13 @@ def check_written(paths: Sequence[str], statuses: Sequence[str], where: str) -> 
     """
     bad = [(path, status) for path, status in zip(paths, statuses, strict=True) if status != "Good"]
     if len(bad) == len(paths):
-        raise refusal(bad[0][1], where, "write", bad[0][0])
+        raise status_error(bad[0][1], where, "write", bad[0][0])
     if bad:
         listed = "; ".join(f"{path} {status}" for path, status in bad)
         raise DeviceRefused("E-UA-PARTIAL", where, written=len(paths) - len(bad), refused=listed)
 
 
-def foreign(error: Exception, stage: Stage, where: str, url: str) -> TrueflankError:
+def translate_error(error: Exception, stage: Stage, where: str, url: str) -> TrueflankError:
     """The exception for what the library, the system or the wire raised instead of a status."""
     if isinstance(error, InvalidSignature):
         return DeviceRefused("E-UA-TRUST-US", where, status="invalid signature")
@@ -127,16 +258,16 @@ def foreign(error: Exception, stage: Stage, where: str, url: str) -> TrueflankEr
     return RemoteProtocolError("E-UA-PROTOCOL", where, why=f"{type(error).__name__}: {error}")
 
 
-def _at_login(status: str, where: str, user: str) -> TrueflankError:
-    kind = "trust" if status == "BadNoMatch" else family(status)  # so a server answers a policy it does not have
+def _login_error(status: str, where: str, user: str) -> TrueflankError:
+    kind = "trust" if status == "BadNoMatch" else family_of(status)  # so a server answers a policy it does not have
     if kind in ("down", "lost", "late", "unsure"):
         return TransportError("E-UA-LOST", where, retryable=True, status=status, what="login")
     if kind == "protocol":
         return RemoteProtocolError("E-UA-PROTOCOL", where, why=f"{status}: login", status=status)
-    return _refused(_LOGIN.get(kind, "E-UA-REFUSED"), where, status=status, what="login", user=user)
+    return _login_refused(_LOGIN.get(kind, "E-UA-REFUSED"), where, status=status, what="login", user=user)
 
 
-def _refused(code: str, where: str, **fields: str) -> DeviceRefused:
+def _login_refused(code: str, where: str, **fields: str) -> DeviceRefused:
     """Whoever knows the clocks says by how much they differ; until then it is not known."""
     clock = {"ahead_s": "?"} if code == "E-UA-CLOCK" else {}
     return DeviceRefused(code, where, **(fields | clock))  # type: ignore[arg-type]
