@@ -304,17 +304,33 @@ class Assembly:
         alpha = np.asarray(alpha, dtype=np.float64)
         parts = []
         borne = torque_nm * self.drive.followed
+        self._refuse_pressure(torque_nm, self._least_pressure(torque_nm))
         for first in range(0, alpha.size, CHUNK):
             rows = slice(first, first + CHUNK)
             seat = self._seat(alpha[rows])
             u = self._overwound(seat, torque_nm) if start is None else self._from(start, rows)
             parts.append(self._outcome(seat, self._equilibrium(seat, borne * 1000.0, u), borne * 1000.0))
         psi, place, force, depth, pressure = (np.concatenate(values) for values in zip(*parts, strict=True))
-        worst = float(pressure.max(initial=0.0))
-        if worst > self.drive.contact.limit_mpa:
-            limit = f"{self.drive.contact.limit_mpa:g}"
-            raise ModelError("E-REDUCER-TORQUE", self.drive.name, torque=torque_nm, pressure=round(worst), limit=limit)
+        self._refuse_pressure(torque_nm, float(pressure.max(initial=0.0)))
         return Pose(psi=psi * self.drive.followed, place=place, force=force, pressure=pressure, approach=depth)
+
+    def _least_pressure(self, torque_nm: float) -> float:
+        """MPa that no distribution of the torque avoids: every pin of every disc bears at this pressure.
+
+        A contact at pressure p adds pi p^2 b h / (E c) to the torque (arm h, curvatures c together), and none more than
+        where h / c is largest. Far beyond the limit no equilibrium is found, and the torque is named as the reason.
+        """
+        gear = self._plain
+        section = gear.section(np.linspace(-np.pi, np.pi, 721))
+        bend = 1.0 / self._radii.max() + section.curvature
+        most = float((np.abs(section.h) / bend)[bend > 0.0].max())
+        each = abs(torque_nm) * 1000.0 / (len(self.drive.discs) * gear.zp)
+        return float(np.sqrt(each * self.drive.contact.reduced_mpa / (np.pi * gear.b * most)))
+
+    def _refuse_pressure(self, torque_nm: float, pressure_mpa: float) -> None:
+        if pressure_mpa > self.drive.contact.limit_mpa:
+            limit, pressure = f"{self.drive.contact.limit_mpa:g}", round(pressure_mpa)
+            raise ModelError("E-REDUCER-TORQUE", self.drive.name, torque=torque_nm, pressure=pressure, limit=limit)
 
     def linearised(self, alpha: FloatArray, torque_nm: float) -> Linearised:
         """How psi answers a surplus de (mm) on each slice of each contact that bears: -H^-1 sum f'(p) b J de."""

@@ -147,7 +147,14 @@ def test_discs_with_more_surplus_than_assembly_squeezes_are_refused(monkeypatch:
 
 def test_torque_beyond_the_contact_s_limit_is_refused() -> None:
     _refused("E-REDUCER-TORQUE", Assembly(forty(), [None]).solve, np.zeros(1), 20_000.0)
+    _refused("E-REDUCER-TORQUE", Assembly(forty(), [None]).solve, np.zeros(1), -900_000.0)
     _refused("E-REDUCER-LOAD", transmission, forty(), [None], torque_nm=1.0)
+
+
+@pytest.mark.parametrize("torque_nm", [100.0, 412.0, 1000.0])
+def test_no_load_distribution_is_softer_than_the_pressure_that_refuses_a_torque(torque_nm: float) -> None:
+    assembly = Assembly(forty(), [None])
+    assert 0.0 < assembly._least_pressure(torque_nm) < assembly.solve(np.zeros(1), torque_nm).pressure.max()
 
 
 def test_deviations_without_a_datum_are_refused() -> None:
