@@ -1,4 +1,4 @@
-"""What others build on: a driver package from outside and the skeleton of a bridge, both as they are delivered."""
+"""What others build on: the package of a new instrument and the skeleton of a bridge, both as they are delivered."""
 
 from __future__ import annotations
 
@@ -17,30 +17,23 @@ import pytest
 
 from drivers.bridge.device import BridgeInstrument
 from drivers.clock import LoopClock
-from drivers.errors import DeviceRefused, NotReferenced
+from drivers.errors import ConfigError, DeviceRefused, NotReferenced
 from drivers.types.sensing import SampleBlock
+from gateway.cli.begin.newinstrument import check_name, write_package
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 
-# Runs where the package is installed: the registry finds the driver by its entry point alone.
+# Runs where the package is installed: the registry finds the driver by its entry point alone, its settings too.
 GUEST = """
-import asyncio
 from drivers import registry
 from drivers.clock import LoopClock, run_virtual
 from drivers.ports.instruments import Instrument
-from drivers.transport import serve
-
-async def gauge(wire):
-    number = 0
-    while True:
-        await wire.read(100)
-        number += 1
-        await wire.write(b"DG-17 +%d.0125\\r\\n" % number)
+from laser_gauge.simulator import SimulatedLaserGauge
 
 async def main():
     clock = LoopClock()
-    listener = await serve("memory://gauge", gauge, clock)
-    spec = registry.known("instrument")["dialgauge"]
+    listener = await SimulatedLaserGauge(clock, lambda _time_s: 2.0125).start("memory://gauge")
+    spec = registry.known("instrument")["laser_gauge"]
     device = spec.load()("gauge", listener.url, {"rate_hz": 50.0}, clock)
     assert isinstance(device, Instrument)
     who = await device.open(5.0)
@@ -49,32 +42,69 @@ async def main():
     await stream.aclose()
     await device.close()
     await listener.close()
-    print(who.serial, block.values[:, 0].tolist(), spec.target)
+    print(who.serial, block.values[:, 0].tolist(), spec.target, spec.load_settings().__name__)
 
 run_virtual(main)
 """
 
 
-def test_a_driver_from_outside_is_installed_and_found_by_its_entry_point(tmp_path: Path) -> None:
-    source, target = tmp_path / "source", tmp_path / "target"
-    shutil.copytree(EXAMPLES / "third-party-instrument", source)
-    install = [
-        sys.executable,
-        "-m",
-        "pip",
-        "install",
-        "--quiet",
-        "--disable-pip-version-check",
-        "--no-index",
-        "--no-deps",
-    ]
-    subprocess.run([*install, "--no-build-isolation", "--target", str(target), str(source)], check=True, timeout=120)
-    paths = os.pathsep.join((str(target), str(Path(__file__).parents[2])))
-    environment = {**os.environ, "PYTHONPATH": paths}
-    guest = [sys.executable, "-c", GUEST]
-    ran = subprocess.run(guest, env=environment, capture_output=True, text=True, timeout=60, check=False)
-    assert ran.returncode == 0, ran.stderr
-    assert ran.stdout.strip() == "DG-17 [2.0125, 3.0125, 4.0125, 5.0125, 6.0125] dialgauge:DialGauge"
+def _python(code: list[str], *paths: Path, folder: Path) -> subprocess.CompletedProcess[str]:
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(map(str, (*paths, Path(__file__).parents[2])))}
+    ran = subprocess.run(
+        [sys.executable, *code], cwd=folder, env=environment, capture_output=True, text=True, timeout=120, check=False
+    )
+    assert ran.returncode == 0, ran.stdout + ran.stderr
+    return ran
+
+
+@pytest.fixture(scope="module")
+def package(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """What `trueflank new-instrument laser_gauge` writes."""
+    folder = tmp_path_factory.mktemp("new")
+    _python(["-m", "gateway.cli", "new-instrument", "laser_gauge"], folder=folder)
+    return folder / "trueflank-laser_gauge"
+
+
+def test_a_new_instrument_is_installed_and_found_by_its_entry_point(package: Path, tmp_path: Path) -> None:
+    install = ["-m", "pip", "install", "--quiet", "--disable-pip-version-check", "--no-index", "--no-deps"]
+    target = tmp_path / "target"
+    _python([*install, "--no-build-isolation", "--target", str(target), str(package)], folder=tmp_path)
+    ran = _python(["-c", GUEST], target, folder=tmp_path)
+    assert ran.stdout.strip() == f"DG-17 {[2.0125] * 5} laser_gauge.device:LaserGauge LaserGaugeSettings"
+
+
+def test_the_tests_of_a_new_instrument_are_green_and_judge_its_driver(package: Path, tmp_path: Path) -> None:
+    run = ["-m", "pytest", "-q", "-p", "no:cacheprovider", str(package)]
+    assert "7 passed" in _python(run, folder=tmp_path).stdout
+    spoiled = tmp_path / "spoiled"
+    shutil.copytree(package, spoiled)
+    codec = spoiled / "src" / "laser_gauge" / "codec.py"
+    value = "float(found.group(2))"
+    codec.write_text(codec.read_text("utf-8").replace(value, f"1.001 * {value}"), "utf-8")
+    with pytest.raises(AssertionError, match="test_readings_follow_the_truth"):
+        _python([*run[:-1], str(spoiled)], folder=tmp_path)
+
+
+def test_a_new_instrument_is_written_as_the_house_formats_its_own(package: Path, tmp_path: Path) -> None:
+    settings = Path(__file__).parents[2] / "pyproject.toml"
+    ruff = ["-m", "ruff", "check", "--no-cache", "--config", str(settings), "--ignore", "INP,S101,PLR2004"]
+    _python([*ruff, "--config", "src = ['src']", str(package / "src"), str(package / "tests")], folder=package)
+
+
+@pytest.mark.parametrize("name", ["1x", "class", "numpy", "umd", "Gauge", "g", "a-b"])
+def test_a_name_that_no_driver_can_have_is_refused(name: str, tmp_path: Path) -> None:
+    with pytest.raises(ConfigError) as raised:
+        check_name(name)
+    assert raised.value.code == "E-INIT-PACKAGE-NAME"
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_an_existing_folder_is_left_alone(tmp_path: Path) -> None:
+    (tmp_path / "kept.txt").write_text("mine")
+    with pytest.raises(ConfigError) as raised:
+        write_package("laser_gauge", tmp_path)
+    assert raised.value.code == "E-INIT-PACKAGE-EXISTS"
+    assert [path.name for path in tmp_path.iterdir()] == ["kept.txt"]
 
 
 # The skeleton with another kit in its marked place: two channels, a beam that breaks and comes back, a skip.
