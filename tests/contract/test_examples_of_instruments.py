@@ -85,12 +85,6 @@ def test_the_tests_of_a_new_instrument_are_green_and_judge_its_driver(package: P
         _python([*run[:-1], str(spoiled)], folder=tmp_path)
 
 
-def test_a_new_instrument_is_written_as_the_house_formats_its_own(package: Path, tmp_path: Path) -> None:
-    settings = Path(__file__).parents[2] / "pyproject.toml"
-    ruff = ["-m", "ruff", "check", "--no-cache", "--config", str(settings), "--ignore", "INP,S101,PLR2004"]
-    _python([*ruff, "--config", "src = ['src']", str(package / "src"), str(package / "tests")], folder=package)
-
-
 @pytest.mark.parametrize("name", ["1x", "class", "numpy", "umd", "Gauge", "g", "a-b"])
 def test_a_name_that_no_driver_can_have_is_refused(name: str, tmp_path: Path) -> None:
     with pytest.raises(ConfigError) as raised:

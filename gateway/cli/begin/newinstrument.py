@@ -30,8 +30,9 @@ def new_instrument_command(
     check_name(name)
     target = folder or Path(f"trueflank-{name}")
     written = write_package(name, target)
-    echo(words("P-INIT-PACKAGE", name=name, count=len(written), folder=target), colour="green")
-    echo(words("P-INIT-PACKAGE", "do", folder=target))
+    fields = {"name": name, "count": len(written), "folder": target}
+    echo(words("P-INIT-PACKAGE", **fields), colour="green")
+    echo(words("P-INIT-PACKAGE", "do", **fields))
 
 
 def check_name(name: str) -> None:
