@@ -241,7 +241,7 @@ def test_the_double_can_be_another_machine_fact_by_fact() -> None:
     names = {f"control.{name}" for name in ("card_exchanged", "software_updated", "hardware_exchanged", "axes_swapped")}
     assert names <= set(named_faults())
     other = replace(SPEC, card_exchanged="CARD-2", software_updated="V5", hardware_exchanged=14000.0, axes_swapped=True)
-    assert (other.told, other.places) == (("CARD-2", "V5", 14000.0), ("C1", "X1"))
+    assert (other.identity, other.places) == (("CARD-2", "V5", 14000.0), ("C1", "X1"))
 
 
 def test_every_report_tells_what_was_accepted() -> None:
