@@ -63,7 +63,7 @@ _OWN = (
     DriverSpec("sinumerik-opcua-trust", "trust", "drivers.sinumerik.opcua.doctor:UaTrust"),
     DriverSpec("sinumerik-modbus", "controller", "drivers.sinumerik.mailbox.device:SinumerikModbus", _MODBUS),
     DriverSpec("linuxcnc-agent", "controller", "drivers.linuxcnc.device:LinuxCnc", _LINUXCNC),
-    DriverSpec("linuxcnc-agent-survey", "survey", "drivers.linuxcnc.survey:LinuxCncSurvey"),
+    DriverSpec("linuxcnc-agent-survey", "survey", "drivers.linuxcnc.doctor:LinuxCncSurvey"),
     DriverSpec("linuxcnc-agent-doctor", "doctor", "drivers.linuxcnc.doctor:LinuxCncDoctor"),
     DriverSpec("sinumerik-offline", "controller", "drivers.sinumerik.offline.device:SinumerikOffline", _OFFLINE),
     DriverSpec("sinumerik-offline-doctor", "doctor", "drivers.sinumerik.offline.device:OfflineDoctor"),

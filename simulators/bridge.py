@@ -14,8 +14,7 @@ from typing import Any, cast
 
 import numpy as np
 
-from drivers.bridge.codec import BridgeCodec, BridgeRefusal, Damaged, Message, Notification, Reply, Request
-from drivers.bridge.frames import SampleFrame
+from drivers.bridge.codec import BridgeCodec, BridgeRefusal, Damaged, Message, Notification, Reply, Request, SampleFrame
 from drivers.bridge.records import (
     BATTERY_LOW,
     BEAM_OBSTRUCTED,

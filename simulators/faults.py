@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from drivers.errors import TransportError
-from drivers.transport import BentTransport, ByteTransport
+from drivers.transport import ByteTransport, FaultyTransport
 from simulators.cellfile import CellFile
 from simulators.nck import OPEN, Switches
 from simulators.opcua import ServerQuirks
@@ -50,8 +50,8 @@ class FaultPlan:
             return wire
         bent = _FaultyDirection(self, wire.description)
         if self.incoming:
-            return BentTransport(wire, incoming=bent, outgoing=_FaultyDirection(self, wire.description))
-        return BentTransport(wire, outgoing=bent)
+            return FaultyTransport(wire, incoming=bent, outgoing=_FaultyDirection(self, wire.description))
+        return FaultyTransport(wire, outgoing=bent)
 
 
 class _FaultyDirection:

@@ -18,9 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drivers.bridge.codec import Notification
-from drivers.bridge.fields import Fields
-from drivers.bridge.gearrecords import ABORT, COLUMNS, DONE, MEASURE, PART, POINTS
-from drivers.bridge.records import BUSY, ENVIRONMENT, IDENTIFY, INVALID_PARAMS, UNSUPPORTED, BridgeIdentity
+from drivers.bridge.gear import ABORT, COLUMNS, DONE, MEASURE, PART, POINTS
+from drivers.bridge.records import BUSY, ENVIRONMENT, IDENTIFY, INVALID_PARAMS, UNSUPPORTED, BridgeIdentity, Fields
 from drivers.clock import Clock
 from drivers.errors import RemoteProtocolError, TransportError
 from simulators.bridge import Answer, BridgeRefused, BridgeServer

@@ -1,21 +1,158 @@
-"""Bridge lines and frames: JSON-RPC 2.0 objects and binary samples to messages and back, pure, in either role.
+"""Binary sample frames of the instrument bridge, version 1: bytes to frames and back, every byte checked, pure.
 
-Source: JSON-RPC 2.0 specification (2013-01-04) sections 4 and 5, narrowed by docs/instrument-bridge.md:
-parameters by name only, integer ids, no batches, no NaN or Infinity, lines of at most 1 MiB. Frames stand between
-the lines; after damage the reader goes on at the next frame or line that is whole and right.
+Layout (little-endian, docs/instrument-bridge.md section 5): a header of 48 bytes with a check sum of its own, then
+count x channels doubles, sample after sample. A frame begins with a byte that no UTF-8 text holds.
 """
 
 from __future__ import annotations
 
 import json
 import re
+import struct
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from math import isfinite
 from typing import Any, Literal
+from zlib import crc32
 
-from drivers.bridge.frames import HEADER_BYTES, MAGIC, SampleFrame, encode, read_header, read_run
+import numpy as np
+
 from drivers.errors import LocalProtocolError
+from drivers.types.values import FloatArray
+
+# Binary sample frames of the instrument bridge, version 1: bytes to frames and back, every byte checked, pure.
+#
+# Layout (little-endian, docs/instrument-bridge.md section 5): a header of 48 bytes with a check sum of its own, then
+# count x channels doubles, sample after sample. A frame begins with a byte that no UTF-8 text holds.
+
+MAGIC = b"\xfaTFS"
+VERSION = 1
+INVALID = 0x01
+PAYLOAD_BYTES = 1 << 20
+VALUE_BYTES = 8
+# Frames are one stretch where the later begins this near, in spacings, to where the earlier ends.
+JOIN = 1e-3
+_HEADER = struct.Struct("<4sBBHQIIddI")
+_CHECK = struct.Struct("<I")
+# Magic, version, flags and channels are the same in all frames of a stretch; the rest of a header after them.
+_ALIKE = 8
+_REST = struct.Struct("<QIIddII")
+HEADER_BYTES = _HEADER.size + _CHECK.size
+
+
+@dataclass(frozen=True, slots=True)
+class Header:
+    """What stands before the samples; ``size`` bytes of them follow, whose CRC-32 is ``payload_crc``."""
+
+    flags: int
+    channels: int
+    sequence: int
+    count: int
+    lost: int
+    t0_s: float
+    dt_s: float
+    payload_crc: int
+
+    @property
+    def size(self) -> int:
+        """Bytes of the payload."""
+        return self.count * self.channels * VALUE_BYTES
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SampleFrame:
+    """Evenly spaced samples; ``values`` shape (n, channels) in the order the bridge named its channels.
+
+    ``sequence`` number of the first sample since the stream started, ``t0_s`` its instrument time, ``dt_s`` the
+    spacing. ``lost`` samples were skipped just before. Not ``valid``: none of them is.
+    """
+
+    sequence: int
+    t0_s: float
+    dt_s: float
+    values: FloatArray
+    lost: int = 0
+    valid: bool = field(default=True)
+
+    def __len__(self) -> int:
+        return len(self.values)
+
+
+def encode_frame(frame: SampleFrame) -> bytes:
+    """A frame as bytes. Raises LocalProtocolError (E-BRIDGE-MESSAGE) for what no frame may hold."""
+    values = np.ascontiguousarray(frame.values, "<f8")
+    if values.ndim != 2 or not 0 < values.nbytes <= PAYLOAD_BYTES:
+        raise LocalProtocolError("E-BRIDGE-MESSAGE", "bridge", why=f"samples of shape {values.shape} in a frame")
+    if not (isfinite(frame.t0_s) and isfinite(frame.dt_s) and frame.dt_s > 0 and np.isfinite(values).all()):
+        raise LocalProtocolError("E-BRIDGE-MESSAGE", "bridge", why="a frame holds finite numbers only")
+    payload = values.tobytes()
+    count, channels = values.shape
+    flags = 0 if frame.valid else INVALID
+    try:
+        head = _HEADER.pack(
+            MAGIC, VERSION, flags, channels, frame.sequence, count, frame.lost, frame.t0_s, frame.dt_s, crc32(payload)
+        )
+    except struct.error as error:
+        raise LocalProtocolError("E-BRIDGE-MESSAGE", "bridge", why=str(error)) from error
+    return head + _CHECK.pack(crc32(head)) + payload
+
+
+def read_header(data: bytes, at: int) -> Header | None:
+    """The header that begins at ``at``, of which all bytes are there; None unless each of them is right."""
+    (check,) = _CHECK.unpack_from(data, at + _HEADER.size)
+    if crc32(data[at : at + _HEADER.size]) != check:
+        return None
+    magic, version, *fields = _HEADER.unpack_from(data, at)
+    header = Header(*fields)
+    plausible = header.flags & ~INVALID == 0 and 0 < header.size <= PAYLOAD_BYTES and 0 < header.dt_s < np.inf
+    return header if magic == MAGIC and version == VERSION and plausible and isfinite(header.t0_s) else None
+
+
+def read_run(data: bytes, at: int, first: Header) -> tuple[SampleFrame, int] | None:
+    """The frame whose header begins at ``at``, joined with those that follow it without a gap; and where they end.
+
+    None where the samples are not those the header was written for. Only frames that are whole, right, of one
+    size and one another's neighbours in number and time are joined: the samples are the same as one by one.
+    """
+    whole = HEADER_BYTES + first.size
+    view = memoryview(data)
+    if crc32(view[at + HEADER_BYTES : at + whole]) != first.payload_crc:
+        return None
+    end = at + whole
+    number, joined = first.sequence, 1
+    alike = data[at : at + _ALIKE]
+    while len(data) - end >= whole and data[end : end + _ALIKE] == alike:
+        number += first.count
+        sequence, count, lost, t0_s, dt_s, payload_crc, check = _REST.unpack_from(data, end + _ALIKE)
+        late_s = t0_s - first.t0_s - (number - first.sequence) * first.dt_s
+        neighbours = (sequence, count, lost, dt_s) == (number, first.count, 0, first.dt_s)
+        if not neighbours or abs(late_s) > JOIN * dt_s or crc32(data[end : end + _HEADER.size]) != check:
+            break
+        if crc32(view[end + HEADER_BYTES : end + whole]) != payload_crc:
+            break
+        end, joined = end + whole, joined + 1
+    return _frame(data, at, first, joined, end)
+
+
+def _frame(data: bytes, at: int, first: Header, joined: int, end: int) -> tuple[SampleFrame, int] | None:
+    rows = np.frombuffer(data, np.uint8, end - at, at).reshape(joined, -1)[:, HEADER_BYTES:]
+    values = np.ascontiguousarray(rows).reshape(-1).view("<f8").reshape(-1, first.channels)
+    # A sum is finite only if all are, or overflows: the slow question is asked in that case alone.
+    if not isfinite(float(values.sum())) and not np.isfinite(values).all():
+        if joined == 1:
+            return None
+        return _frame(data, at, first, 1, at + HEADER_BYTES + first.size)
+    valid = not first.flags & INVALID
+    return SampleFrame(
+        sequence=first.sequence, t0_s=first.t0_s, dt_s=first.dt_s, values=values, lost=first.lost, valid=valid
+    ), end
+
+
+# Bridge lines and frames: JSON-RPC 2.0 objects and binary samples to messages and back, pure, in either role.
+#
+# Source: JSON-RPC 2.0 specification (2013-01-04) sections 4 and 5, narrowed by docs/instrument-bridge.md: parameters
+# by name only, integer ids, no batches, no NaN or Infinity, lines of at most 1 MiB. Frames stand between the lines;
+# after damage the reader goes on at the next frame or line that is whole and right.
 
 Role = Literal["client", "server"]
 LINE_BYTES = 1 << 20
@@ -103,7 +240,7 @@ class BridgeCodec:
             kind = type(message).__name__
             raise LocalProtocolError("E-BRIDGE-ROLE", "bridge", role=self._role, kind=kind)
         if isinstance(message, SampleFrame):
-            return encode(message)
+            return encode_frame(message)
         try:
             text = json.dumps(_as_object(message), allow_nan=False, ensure_ascii=False, separators=(",", ":"))
             line = text.encode("utf-8") + b"\n"
@@ -217,7 +354,7 @@ class BridgeCodec:
     def _read_line(self, line: bytes) -> Message | None:
         if len(line) >= LINE_BYTES:
             return Damaged(b"", f"a line longer than {LINE_BYTES} bytes")
-        message = parse(line)
+        message = parse_line(line)
         if isinstance(message, (Damaged, *_MAY_SEND[self._peer])):
             return message
         if self._echo and isinstance(message, Request):
@@ -252,7 +389,7 @@ def _finite(text: str) -> float:
     return value
 
 
-def parse(line: bytes) -> Message:
+def parse_line(line: bytes) -> Message:
     """One line, without its end, to a message; `Damaged` says why it is none."""
     try:
         whole = _finite if _MAY_OVERFLOW.search(line) else None

@@ -1,4 +1,4 @@
-"""The conversation with one bridge: opening, who it is, one question at a time, and what it says unasked."""
+"""The conversation with one bridge: opening, identity, one question at a time, notifications, refusals."""
 
 from __future__ import annotations
 
@@ -8,14 +8,59 @@ from typing import Any
 
 from drivers.bridge import records
 from drivers.bridge.codec import BridgeCodec, BridgeRefusal, Damaged, Message, Reply, Request
-from drivers.bridge.fields import Fields
-from drivers.bridge.records import BridgeIdentity
-from drivers.bridge.refusals import exception_for
+from drivers.bridge.records import (
+    BATTERY_LOW,
+    BEAM_OBSTRUCTED,
+    BUSY,
+    INVALID_PARAMS,
+    INVALID_REQUEST,
+    METHOD_NOT_FOUND,
+    NOT_REFERENCED,
+    PARSE_ERROR,
+    UNSUPPORTED,
+    BridgeIdentity,
+    Fields,
+)
 from drivers.bridge.settings import BridgeSettings
 from drivers.clock import Clock
-from drivers.errors import RemoteProtocolError, TransportError, TrueflankError, UnsupportedDevice
+from drivers.errors import (
+    BeamObstructed,
+    DeviceRefused,
+    LocalProtocolError,
+    NotReferenced,
+    RemoteProtocolError,
+    TransportError,
+    TrueflankError,
+    UnsupportedDevice,
+)
 from drivers.link import Link, Trace
 from drivers.transport import open_transport
+
+# What a bridge's refusals mean: each error code to the exception that says who must act.
+
+CANNOT = (UNSUPPORTED, METHOD_NOT_FOUND)
+OUR_FAULT = (PARSE_ERROR, INVALID_REQUEST, INVALID_PARAMS)
+
+
+def exception_for(refusal: BridgeRefusal, method: str, where: str) -> TrueflankError:
+    """The exception for a refusal of `method`, with the bridge's own sentence in its fields."""
+    said = refusal.message
+    if refusal.code in CANNOT:
+        return DeviceRefused("E-BRIDGE-UNSUPPORTED", where, method=method, said=said)
+    if refusal.code in OUR_FAULT:
+        return LocalProtocolError("E-BRIDGE-REJECTED", where, method=method, said=said, number=refusal.code)
+    if refusal.code == BEAM_OBSTRUCTED:
+        return BeamObstructed("E-BRIDGE-BEAM", where, method=method, said=said)
+    if refusal.code == NOT_REFERENCED:
+        return NotReferenced("E-BRIDGE-REFERENCE", where, said=said)
+    if refusal.code == BUSY:
+        return DeviceRefused("E-BRIDGE-BUSY", where, said=said)
+    if refusal.code == BATTERY_LOW:
+        return DeviceRefused("E-BRIDGE-BATTERY", where, said=said)
+    return DeviceRefused("E-BRIDGE-REFUSED", where, method=method, said=said, number=refusal.code)
+
+
+# The line.
 
 BridgeLink = Link[Request, Message]
 

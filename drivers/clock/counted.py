@@ -11,19 +11,19 @@ import socket
 from collections.abc import Callable, Iterable
 from typing import Any
 
-from drivers.clock.turns import NO_MARK, Counted, Mark, Wire
+from drivers.clock.turns import NO_MARK, CountedEnd, Mark, Wire
 
 LOOPBACK = ("127.", "::1", "::ffff:127.")
 # A piece comes over loopback in microseconds; where the rest of it is lost its reader goes on with what it has.
 REST_S = 10.0
 
 
-class Wires:
+class CountedConnections:
     """The counted connections of one loop, each by its two ports."""
 
     def __init__(self) -> None:
         self._open: dict[Wire, CountedSocket] = {}
-        self._changed: dict[Wire, Counted] = {}
+        self._changed: dict[Wire, CountedEnd] = {}
         self._promised: dict[Wire, int] = {}  # for calls not yet taken
         self.owing: set[CountedSocket] = set()
         self.inside: set[int] = set()  # files whose other end is a member
@@ -74,7 +74,7 @@ class Wires:
         """Note what an end has to say."""
         old = self._changed.get(one.wire)
         told = marks | one.marks | (old.marks & Mark.OPENED if old is not None else NO_MARK)
-        self._changed[one.wire] = Counted(one.wire, one.sent, one.received, told)
+        self._changed[one.wire] = CountedEnd(one.wire, one.sent, one.received, told)
         if Mark.CLOSED in told and self._open.get(one.wire) is one:
             del self._open[one.wire]
 
@@ -87,7 +87,7 @@ class Wires:
         """Whether nothing has changed since it was last told."""
         return not self._changed
 
-    def told(self, events: Callable[[int], int]) -> tuple[Counted, ...]:
+    def told(self, events: Callable[[int], int]) -> tuple[CountedEnd, ...]:
         """What changed since the last time; ``events`` says what a file waits for, 0 for nothing."""
         for one in self.owing:  # what is left unread is left on purpose
             self.changed(one, Mark.HELD)
@@ -95,7 +95,9 @@ class Wires:
         for wire, counted in self._changed.items():
             end = self._open.get(wire)
             stuck = end is not None and end.fileno() in self.inside and events(end.fileno()) & selectors.EVENT_WRITE
-            told.append(Counted(wire, counted.sent, counted.received, counted.marks | Mark.STUCK) if stuck else counted)
+            told.append(
+                CountedEnd(wire, counted.sent, counted.received, counted.marks | Mark.STUCK) if stuck else counted
+            )
         self._changed.clear()
         return tuple(told)
 
@@ -116,11 +118,11 @@ def _wire_of(plain: socket.socket) -> Wire | None:
 
 
 class CountedSocket(socket.socket):
-    """A socket that tells its loop's `Wires` what it sent and received, and reads what was promised in one piece."""
+    """A socket that counts for its loop's `CountedConnections`, and reads what was promised in one piece."""
 
-    _wires: Wires | None = None
+    _wires: CountedConnections | None = None
 
-    def join(self, wires: Wires, wire: Wire, promised: int | None) -> None:
+    def join(self, wires: CountedConnections, wire: Wire, promised: int | None) -> None:
         """Count for ``wires`` from now on; ``promised`` by a member that called, None by a stranger."""
         self._wires, self.wire = wires, wire
         self.sent = self.received = 0

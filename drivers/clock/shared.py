@@ -22,10 +22,21 @@ from collections.abc import Callable, Iterator
 from math import inf
 from typing import Any
 
-from drivers.clock.counted import LOOPBACK, Wires
-from drivers.clock.jobs import LOOK_S, SteppedLoop
-from drivers.clock.talk import Line, Word, of_turn, of_want, of_yielded, turn_of, want_of, yielded_of
-from drivers.clock.turns import Turn, Turns, Yielded
+from drivers.clock.counted import LOOPBACK, CountedConnections
+from drivers.clock.turns import (
+    MessageKind,
+    Turn,
+    TurnLine,
+    TurnReport,
+    Turns,
+    decode_report,
+    decode_request,
+    decode_turn,
+    encode_report,
+    encode_request,
+    encode_turn,
+)
+from drivers.clock.virtual import LOOK_S, SteppedLoop
 
 WALL = time.monotonic  # noqa: TID251 - the only other time there is here
 READ, WRITE = selectors.EVENT_READ, selectors.EVENT_WRITE
@@ -39,7 +50,7 @@ UNCOUNTED_S = 0.002
 Ready = list[tuple[selectors.SelectorKey, int]]
 
 
-class Limit:
+class TimeLimit:
     """How far time may have come: ``speed`` times as fast as the wall's at most; without one as far as it likes."""
 
     def __init__(self, speed: float | None, wall: Callable[[], float] = WALL) -> None:
@@ -69,7 +80,7 @@ class _TurnSelector(selectors.BaseSelector):
     """Gives a loop its events while it has the turn; without, it hears only what comes from outside."""
 
     def __init__(self) -> None:
-        self.wires = Wires()
+        self.wires = CountedConnections()
         self.connecting = self.uncounted = 0
         self.count = 0
         self._loop: SharedTimeLoop
@@ -180,9 +191,11 @@ class _TurnSelector(selectors.BaseSelector):
             self._watch(fileno, self._events(fileno))
         return self._promised() or self._now_ready()
 
-    def _report(self, due: float) -> Yielded:
+    def _report(self, due: float) -> TurnReport:
         ports, self._ports = tuple(self._ports), []
-        return Yielded(self._loop.now_s, due, self.wires.told(self._events), ports=ports, uncounted=self.uncounted > 0)
+        return TurnReport(
+            self._loop.now_s, due, self.wires.told(self._events), ports=ports, uncounted=self.uncounted > 0
+        )
 
     @abstractmethod
     def _called_back(self) -> bool:
@@ -202,13 +215,13 @@ def _tell(what: str) -> None:
 class _Host(_TurnSelector):
     """Member 0, which also keeps the turns and hears the guests."""
 
-    def __init__(self, limit: Limit, now_s: float) -> None:
+    def __init__(self, limit: TimeLimit, now_s: float) -> None:
         super().__init__()
         self._limit = limit
         self.held = False
         self._turns = Turns(now_s)
         self._turns.join()
-        self._lines: dict[int, Line] = {}  # by file
+        self._lines: dict[int, TurnLine] = {}  # by file
         self._numbers_of: dict[int, int] = {}  # a guest's number, by file
         self._names: dict[int, str] = {}
         self._door = socket.create_server(("127.0.0.1", 0))
@@ -249,7 +262,7 @@ class _Host(_TurnSelector):
             if turn is not None and turn.number == 0:
                 return self._begin(turn)
             if turn is not None:
-                self._line_of(turn.number).say(Word.TURN, of_turn(turn))
+                self._line_of(turn.number).say(MessageKind.TURN, encode_turn(turn))
             elif self._turns.holder is not None:
                 asked |= self._wait(SILENT_S, asked=asked)
             else:
@@ -274,7 +287,7 @@ class _Host(_TurnSelector):
 
     # ---- guests -------------------------------------------------------------------------------------
 
-    def _line_of(self, number: int) -> Line:
+    def _line_of(self, number: int) -> TurnLine:
         return next(self._lines[fileno] for fileno, one in self._numbers_of.items() if one == number)
 
     def _hear(self, keys: list[selectors.SelectorKey]) -> None:
@@ -287,11 +300,11 @@ class _Host(_TurnSelector):
         if holder and self._turns.wanted and self._turns.alone_until > -inf:
             # Somebody has news from outside: who goes on alone through its timers comes back first.
             self._turns.alone_until = -inf
-            self._line_of(holder).say(Word.COME_BACK)
+            self._line_of(holder).say(MessageKind.COME_BACK)
 
     def _welcome(self) -> None:
         with contextlib.suppress(OSError):
-            line = Line(self._door.accept()[0])
+            line = TurnLine(self._door.accept()[0])
             self._lines[line.fileno()] = line
             self._control.register(line.fileno(), READ)
             self._outside.register(line.fileno(), READ)
@@ -303,15 +316,15 @@ class _Host(_TurnSelector):
         except (EOFError, ValueError):
             self._lost(fileno)
 
-    def _obey(self, fileno: int, word: Word, data: bytes) -> None:
+    def _obey(self, fileno: int, word: MessageKind, data: bytes) -> None:
         number = self._numbers_of.get(fileno)
-        if number is None and word is Word.HELLO:
+        if number is None and word is MessageKind.HELLO:
             self._numbers_of[fileno] = number = self._turns.join()
             self._names[number] = data.decode("utf-8", "replace")[:80]
-        elif number is not None and word is Word.YIELDED:
-            self._turns.yielded(number, yielded_of(data))
-        elif number is not None and word is Word.WANT:
-            self._turns.want(number, want_of(data))
+        elif number is not None and word is MessageKind.YIELDED:
+            self._turns.yielded(number, decode_report(data))
+        elif number is not None and word is MessageKind.WANT:
+            self._turns.want(number, decode_request(data))
         else:
             raise ValueError(f"{word!r} out of turn")
 
@@ -332,9 +345,9 @@ class _Guest(_TurnSelector):
         super().__init__()
         host, _, port = address.rpartition(":")
         plain = socket.create_connection((host, int(port)), timeout=JOIN_S)
-        self._line: Line | None = Line(plain)
+        self._line: TurnLine | None = TurnLine(plain)
         plain.settimeout(JOIN_S)
-        self._line.say(Word.HELLO, name.encode())
+        self._line.say(MessageKind.HELLO, name.encode())
         try:
             self.first = self._first(self._line)
         except EOFError:
@@ -346,11 +359,11 @@ class _Guest(_TurnSelector):
         self._gone_at = 0.0
 
     @staticmethod
-    def _first(line: Line) -> Turn:
+    def _first(line: TurnLine) -> Turn:
         while True:
             for word, data in line.hear():
-                if word is Word.TURN:
-                    return turn_of(data)
+                if word is MessageKind.TURN:
+                    return decode_turn(data)
 
     def select(self, timeout: float | None = None) -> Ready:
         if self._line is not None:
@@ -378,7 +391,7 @@ class _Guest(_TurnSelector):
         if self._line is not None and self._control.select(0):
             try:
                 for word, _ in self._line.hear():
-                    self._horizon = -inf if word is Word.COME_BACK else self._horizon
+                    self._horizon = -inf if word is MessageKind.COME_BACK else self._horizon
             except EOFError:
                 return True
         return self._horizon == -inf
@@ -387,20 +400,20 @@ class _Guest(_TurnSelector):
         if self._line is None:
             return self._now_ready()
         self._horizon = -inf
-        self._line.say(Word.YIELDED, of_yielded(self._report(due)))
+        self._line.say(MessageKind.YIELDED, encode_report(self._report(due)))
         asked = False
         while True:
             ready = [key.fd for key, _ in (self._control if asked else self._outside).select()]
             if self._line.fileno() in ready:
                 try:
                     for word, data in self._line.hear():
-                        if word is Word.TURN:
-                            return self._begin(turn_of(data))
+                        if word is MessageKind.TURN:
+                            return self._begin(decode_turn(data))
                 except (EOFError, ValueError):
                     return self._alone()
             elif ready:
                 asked = True
-                self._line.say(Word.WANT, of_want(self.count))
+                self._line.say(MessageKind.WANT, encode_request(self.count))
 
 
 class SharedTimeLoop(SteppedLoop):
@@ -453,7 +466,7 @@ class HostedTimeLoop(SharedTimeLoop):
     """
 
     def __init__(self, speed: float | None = None) -> None:
-        host = _Host(Limit(speed), 0.0)
+        host = _Host(TimeLimit(speed), 0.0)
         self.address = host.address
         self._host = host
         super().__init__(host, 0.0)

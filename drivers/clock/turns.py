@@ -1,15 +1,17 @@
-"""Whose turn it is: members of one clock run one after the other, and time moves only when all of them wait.
+"""Turns of several processes on one clock, and their messages: time moves only when all members wait.
 
-Pure: it is told what members report, and says who goes on and at which time. A member that has the turn runs until it
-can do nothing more by itself; then it says when its next timer is due and what it wrote to and read from its
-connections. While bytes are on their way from one member to another, the reader goes next and time stands still.
-Because nobody runs beside the one whose turn it is, what happens does not depend on how fast anybody is.
+Pure but for `TurnLine`: it is told what members report, and says who goes on and at which time. A member that has the
+turn runs until it can do nothing more by itself; then it reports when its next timer is due and what it wrote to
+and read from its connections. While bytes are on their way from one member to another, the reader goes next and
+time stands still. One member runs at a time, so what happens does not depend on how fast any of them is.
 """
 
 from __future__ import annotations
 
 import enum
-from collections.abc import Iterable
+import socket
+import struct
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from math import inf
 
@@ -30,7 +32,7 @@ NO_MARK = Mark(0)
 
 
 @dataclass(frozen=True, slots=True)
-class Counted:
+class CountedEnd:
     """One end of a connection: bytes written and read since it was opened; its end counts as one byte more."""
 
     wire: Wire
@@ -40,7 +42,7 @@ class Counted:
 
 
 @dataclass(frozen=True, slots=True)
-class Yielded:
+class TurnReport:
     """A member waits: since ``now`` (s), for its timer at ``due`` (s; inf: for none), and what changed meanwhile.
 
     ``ports`` are ports on which it began (True) or ceased (False) to listen.
@@ -48,7 +50,7 @@ class Yielded:
 
     now: float
     due: float = inf
-    wires: tuple[Counted, ...] = ()
+    wires: tuple[CountedEnd, ...] = ()
     ports: tuple[tuple[int, bool], ...] = ()
     uncounted: bool = False
 
@@ -129,7 +131,7 @@ class Turns:
         if member is not None and self.holder != number and member.count == count:
             member.wants = True
 
-    def yielded(self, number: int, told: Yielded) -> None:
+    def yielded(self, number: int, told: TurnReport) -> None:
         """The member whose turn it was waits. Raises ValueError when it had no turn."""
         if self.holder != number:
             raise ValueError(f"member {number} has no turn to give back")
@@ -227,7 +229,7 @@ class Turns:
 
     # ---- connections --------------------------------------------------------------------------------
 
-    def _note(self, number: int, counted: Counted) -> None:
+    def _note(self, number: int, counted: CountedEnd) -> None:
         wire = counted.wire
         if Mark.OPENED in counted.marks:
             old = self._ends.get(wire[::-1])
@@ -277,3 +279,117 @@ class Turns:
         self._stuck.pop(wire, None)
         if end is not None and end.number in self._members:
             self._members[end.number].wires.discard(wire)
+
+
+# What the host of a clock and its guests say to each other, over one loopback connection each.
+
+_HEAD = struct.Struct("!BI")
+_YIELDED, _PORT, _WIRE = struct.Struct("!dd?HH"), struct.Struct("!H?"), struct.Struct("!HHQQB")
+_TURN, _PROMISE = struct.Struct("!IIddH"), struct.Struct("!HHQ")
+_WANT = struct.Struct("!I")
+
+
+class MessageKind(enum.IntEnum):
+    """Kinds of messages; HELLO and what follows it come from guests."""
+
+    TURN = 1
+    COME_BACK = 2
+    HELLO = 3
+    YIELDED = 4
+    WANT = 5
+
+
+def encode_report(told: TurnReport) -> bytes:
+    """A member's report, as bytes."""
+    ports = b"".join(_PORT.pack(*port) for port in told.ports)
+    wires = b"".join(_WIRE.pack(*one.wire, one.sent, one.received, one.marks) for one in told.wires)
+    return _YIELDED.pack(told.now, told.due, told.uncounted, len(told.ports), len(told.wires)) + ports + wires
+
+
+def decode_report(data: bytes) -> TurnReport:
+    """The report in these bytes. Raises ValueError for anything else."""
+    try:
+        now, due, uncounted, ports, wires = _YIELDED.unpack_from(data)
+        middle = _YIELDED.size + ports * _PORT.size
+        if len(data) != middle + wires * _WIRE.size:
+            raise ValueError(f"a report of {len(data)} bytes")
+        begun = tuple(_PORT.iter_unpack(data[_YIELDED.size : middle]))
+        counted = tuple(
+            CountedEnd((a, b), sent, got, Mark(m)) for a, b, sent, got, m in _WIRE.iter_unpack(data[middle:])
+        )
+    except struct.error as error:
+        raise ValueError(str(error)) from error
+    return TurnReport(now, due, counted, ports=begun, uncounted=uncounted)
+
+
+def encode_turn(turn: Turn) -> bytes:
+    """A turn, as bytes."""
+    promised = b"".join(_PROMISE.pack(*wire, total) for wire, total in turn.promised)
+    return _TURN.pack(turn.number, turn.count, turn.now, turn.horizon, len(turn.promised)) + promised
+
+
+def decode_turn(data: bytes) -> Turn:
+    """The turn in these bytes. Raises ValueError for anything else."""
+    try:
+        number, count, now, horizon, _ = _TURN.unpack_from(data)
+        promised = tuple(((a, b), total) for a, b, total in _PROMISE.iter_unpack(data[_TURN.size :]))
+    except struct.error as error:
+        raise ValueError(str(error)) from error
+    return Turn(number, count, now, horizon, promised=promised)
+
+
+def encode_request(count: int) -> bytes:
+    """A wish for a turn, as bytes."""
+    return _WANT.pack(count)
+
+
+def decode_request(data: bytes) -> int:
+    """The turn since which something came. Raises ValueError."""
+    if len(data) != _WANT.size:
+        raise ValueError(f"a wish of {len(data)} bytes")
+    return int(_WANT.unpack(data)[0])
+
+
+class TurnLine:
+    """One such connection; it writes at once and reads what has come."""
+
+    def __init__(self, plain: socket.socket) -> None:
+        plain.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        plain.setblocking(True)
+        self._socket = plain
+        self._pending = b""
+
+    def fileno(self) -> int:
+        """Of its socket."""
+        return self._socket.fileno()
+
+    def say(self, word: MessageKind, data: bytes = b"") -> None:
+        """Write a message; one to an end that is gone is lost, reading tells."""
+        try:
+            self._socket.sendall(_HEAD.pack(word, len(data)) + data)
+        except OSError:
+            return
+
+    def hear(self) -> Iterator[tuple[MessageKind, bytes]]:
+        """The messages that are there, once something is. Raises EOFError when the other end is gone."""
+        try:
+            piece = self._socket.recv(1 << 16)
+        except OSError as error:
+            raise EOFError(str(error)) from error
+        if not piece:
+            raise EOFError("the other end is gone")
+        self._pending += piece
+        while len(self._pending) >= _HEAD.size:
+            kind, size = _HEAD.unpack_from(self._pending)
+            end = _HEAD.size + size
+            if len(self._pending) < end:
+                return
+            data, self._pending = self._pending[_HEAD.size : end], self._pending[end:]
+            try:
+                yield MessageKind(kind), data
+            except ValueError as error:
+                raise EOFError(str(error)) from error
+
+    def close(self) -> None:
+        """Leave."""
+        self._socket.close()

@@ -23,7 +23,7 @@ from drivers.files.safexml import Element, read_elements
 from drivers.files.tables.headwords import head_cell
 from drivers.files.tables.sheet import MARKS, cells
 from drivers.files.text import end_doubts, other_texts, plain_minus, read_bytes
-from drivers.local.letters import decode
+from drivers.local.textfile import decode_text
 from drivers.types.circles import CircleRecord, MakersFigure, MakersFigures
 from drivers.types.values import FloatArray
 from drivers.units import READING_UNITS, TARGET_UNITS, mm_to_um, unit_named
@@ -119,7 +119,7 @@ class CircleCsvFormat:
     def read(self, path: Path) -> CircleRecord:
         """Read a file. Raises FileFormatError with line and reason, ConfigError (E-FILE-MAP)."""
         data = read_bytes(path)
-        texts = map(plain_minus, (decode(data, self._codepage, str(path)), *other_texts(data)))
+        texts = map(plain_minus, (decode_text(data, self._codepage, str(path)), *other_texts(data)))
         every = tuple(texts)
         named = (text for text in every if _heading(_lines(text)[1], self._columns) is not None)
         return parse_circle(next(named, every[0]), self._columns, str(path))

@@ -30,7 +30,7 @@ from drivers.files.tables.sheet import Row, Sheet, declared_sheet, heading_of, l
 from drivers.files.tables.statements import Concern, lines_above, lines_around, remarks
 from drivers.files.text import end_doubts, other_texts, plain_minus, read_bytes
 from drivers.files.workbook import is_workbook, workbook_text
-from drivers.local.letters import decode
+from drivers.local.textfile import decode_text
 from drivers.types.doubts import Doubt
 from drivers.types.results import MeasuredSet, TableHeading
 from drivers.units import (
@@ -119,7 +119,7 @@ class CsvFormat:
 
     def _likely(self, data: bytes, where: str) -> Iterator[str]:
         """The text by each code page that it may have, one in which its heading is understood before the others."""
-        first = plain_minus(decode(data, self._codepage, where))
+        first = plain_minus(decode_text(data, self._codepage, where))
         others = tuple(map(plain_minus, other_texts(data)))
         del data  # a large file is not held twice
         every = (first, *others)
@@ -140,7 +140,7 @@ class CsvFormat:
         data = read_bytes(path)
         if is_workbook(path, data):
             return signature_of(workbook_text(data, self._said, str(path), any_sheet=True))
-        return signature_of(decode(data, self._codepage, str(path)))
+        return signature_of(decode_text(data, self._codepage, str(path)))
 
     def heading(self, path: Path) -> TableHeading | None:
         """Every column of the first table by its heading, None where no heading names targets."""

@@ -21,7 +21,7 @@ from drivers.files.declared import declared
 from drivers.files.numbers import decimal, missing, untaken
 from drivers.files.tables.sheet import cells
 from drivers.files.text import end_doubts, plain_minus, read_bytes
-from drivers.local.letters import decode
+from drivers.local.textfile import decode_text
 from drivers.types.drives import STATEMENTS, DriveRecord
 from drivers.types.values import FloatArray
 from drivers.units import KELVIN_OFFSET, TARGET_UNITS, unit_named
@@ -82,7 +82,7 @@ class DriveCsvFormat:
 
     def read(self, path: Path) -> DriveRecord:
         """Read a file. Raises FileFormatError with line and reason, ConfigError (E-FILE-MAP)."""
-        text = plain_minus(decode(read_bytes(path), self._codepage, str(path)))
+        text = plain_minus(decode_text(read_bytes(path), self._codepage, str(path)))
         return parse_drive(text, self._columns, str(path))
 
 

@@ -20,7 +20,7 @@ from drivers.files.numbers import decimal, whole
 from drivers.files.signature import signature_of
 from drivers.files.tables.sheet import cells
 from drivers.files.text import end_doubts, read_bytes
-from drivers.local.letters import decode
+from drivers.local.textfile import decode_text
 from drivers.types.gears import GearInspection
 from drivers.units import MM_PER_INCH
 
@@ -115,14 +115,14 @@ class GearCsvFormat:
 
     def signature(self, path: Path) -> str:
         """What tables of the same layout have in common, "" for one without a heading."""
-        return signature_of(decode(read_bytes(path), self._codepage, str(path)))
+        return signature_of(decode_text(read_bytes(path), self._codepage, str(path)))
 
     def read(self, path: Path) -> GearInspection:
         """Read a file. Raises ConfigError (E-FILE-GEAR-MAP) without columns, FileFormatError with the line."""
         where = str(path)
         if self._columns is None:
             raise ConfigError("E-FILE-GEAR-MAP", where)
-        return read_gear_table(decode(read_bytes(path), self._codepage, where), self._columns, where)
+        return read_gear_table(decode_text(read_bytes(path), self._codepage, where), self._columns, where)
 
 
 def read_gear_table(text: str, columns: GearColumns, where: str) -> GearInspection:

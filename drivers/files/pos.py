@@ -16,7 +16,7 @@ from drivers.files.assembly import doubted
 from drivers.files.numbers import decimal
 from drivers.files.tables.sheet import MOST_WORDS, words_above
 from drivers.files.text import end_doubts, read_bytes
-from drivers.local.letters import decode
+from drivers.local.textfile import decode_text
 from drivers.types.results import MeasuredSet
 from drivers.units import mm_to_um, typed_unit
 
@@ -41,7 +41,7 @@ class PosFormat:
     def read(self, path: Path) -> MeasuredSet:
         """Read a file. Raises FileFormatError with line and reason."""
         where = str(path)
-        measured = parse_pos(decode(read_bytes(path), self._codepage, where), where)
+        measured = parse_pos(decode_text(read_bytes(path), self._codepage, where), where)
         return doubted(measured, where, confirmed=self._confirmed)
 
 

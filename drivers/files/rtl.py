@@ -16,7 +16,7 @@ from drivers.files.environment import KEYS, environment, environment_words
 from drivers.files.numbers import no_readings
 from drivers.files.rtltext import RtlText, lookup, parse, render
 from drivers.files.text import read_bytes
-from drivers.local.letters import decode
+from drivers.local.textfile import decode_text
 from drivers.types.results import MeasuredSet
 from drivers.types.values import FloatArray
 from drivers.units import AxisUnit, deg_to_arcsec, mm_to_um, rad_to_arcsec, typed_unit
@@ -53,7 +53,7 @@ class RtlFormat:
     def read(self, path: Path) -> MeasuredSet:
         """Read a file. Raises FileFormatError with line and reason."""
         where = str(path)
-        content = parse(decode(read_bytes(path), self._codepage, where), where)
+        content = parse(decode_text(read_bytes(path), self._codepage, where), where)
         return doubted(measured_set(content, "mm", self._convert, where), where, confirmed=self._confirmed)
 
     def text(self, measured: MeasuredSet) -> str:
@@ -76,7 +76,7 @@ class RtaFormat:
     def read(self, path: Path) -> MeasuredSet:
         """Read a file. Raises ConfigError (E-FILE-RTA-UNIT) without a unit, FileFormatError."""
         where = str(path)
-        content = parse(decode(read_bytes(path), self._codepage, where), where)
+        content = parse(decode_text(read_bytes(path), self._codepage, where), where)
         if not self._unit:
             largest = max(abs(value) for _run, _target, value in content.rows)
             raise ConfigError("E-FILE-RTA-UNIT", where, largest=f"{largest:g}")
@@ -85,7 +85,7 @@ class RtaFormat:
     def origin(self, path: Path) -> dict[str, str]:
         """The file's own words (Machine, Serial No, ...) without its numbers, for which no unit is needed yet."""
         where = str(path)
-        return _header(parse(decode(read_bytes(path), self._codepage, where), where))
+        return _header(parse(decode_text(read_bytes(path), self._codepage, where), where))
 
     def text(self, measured: MeasuredSet) -> str:
         """A rotary set as a file in this format's unit (default mrad). Raises ConfigError (E-FILE-KIND)."""

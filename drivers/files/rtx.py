@@ -21,7 +21,7 @@ from drivers.errors import ConfigError, FileFormatError, FileUnreadable
 from drivers.files.csvtext import plain, recording_lines
 from drivers.files.numbers import decimal
 from drivers.files.rtltext import keyed, lookup
-from drivers.local.letters import decode
+from drivers.local.textfile import decode_text
 from drivers.recordings import Recording
 from drivers.units import ARCSEC_PER_DEG, ARCSEC_PER_RAD, UM_PER_MM, DeviationUnit, typed_unit
 
@@ -128,7 +128,7 @@ def read_head(data: bytes, size: int, codepage: str, where: str) -> RtxHead:
     end = data.find(MARK)
     if end < 0:
         raise FileFormatError("E-FILE-RTX-DATA", where, limit=LONGEST_HEADER)
-    keys = keyed(_BREAK.split(decode(data[:end], codepage, where)))
+    keys = keyed(_BREAK.split(decode_text(data[:end], codepage, where)))
     stated, rate, start = _number(keys, "Sample no", where), _rate(keys, where), end + len(MARK)
     if stated != int(stated) or not 1 <= stated <= MOST_SAMPLES:
         raise FileFormatError("E-FILE-RTX-VALUE", where, key="Sample no", value=f"{stated:g}")

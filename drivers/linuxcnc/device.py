@@ -14,10 +14,8 @@ from drivers.clock import Clock
 from drivers.errors import DeviceRefused, UnsupportedDevice, words
 from drivers.exchange.linuxcnc import MOST_ROWS
 from drivers.limits import VALUE_RESOLUTION, largest_value
-from drivers.linuxcnc.loading import ScrewLoading
-from drivers.linuxcnc.measuring import StopProgram
-from drivers.linuxcnc.program import going_of
-from drivers.linuxcnc.screw import machine_of, unit_of
+from drivers.linuxcnc.loading import ScrewLoading, machine_of, unit_of
+from drivers.linuxcnc.measuring import StopProgram, read_moves
 from drivers.linuxcnc.settings import LinuxCncSettings
 from drivers.linuxcnc.wire import AgentWire
 from drivers.ports.devices import Tell
@@ -113,7 +111,7 @@ class LinuxCnc(KeepsPlaces, KnownAs):
     async def prepare_stops(self, plan: StopPlan) -> None:
         """Place, read back and select a plan's program. Raises as `StopProgram.prepare`."""
         await self._measuring.prepare(plan)
-        self.going = (going_of(plan),)
+        self.going = (read_moves(plan),)
 
     async def wait_stop(self, after: int, timeout_s: float) -> StopReached | None:
         """Wait for a counter above ``after``; None when the program has ended. Raises as `StopProgram.wait`."""

@@ -1,4 +1,4 @@
-"""The doctor of the LinuxCNC road: port, token, kernel, INI file, joints, files and pins; changes nothing."""
+"""The doctor of the LinuxCNC driver and the survey for a site file: both only read."""
 
 from __future__ import annotations
 
@@ -6,13 +6,26 @@ from collections.abc import Mapping
 from typing import Any
 from urllib.parse import urlsplit
 
-from drivers.checks import FINGERPRINT, CheckLine, Wanted, failed, fine, identity_lines, unknown, wrong
+from drivers.checks import (
+    FINGERPRINT,
+    CheckLine,
+    ControlAxis,
+    ControlFacts,
+    Wanted,
+    failed,
+    fine,
+    identity_lines,
+    unknown,
+    wrong,
+)
 from drivers.clock import Clock
 from drivers.errors import TrueflankError
 from drivers.exchange.linuxcnc import MOST_ROWS
-from drivers.linuxcnc.screw import live_of, machine_of, unit_of
+from drivers.linuxcnc.loading import live_set_of, machine_of, unit_of
 from drivers.linuxcnc.settings import LinuxCncSettings
 from drivers.linuxcnc.wire import AgentWire
+
+# Doctor.
 
 SEEN = ("2.9",)
 """Versions of which the rows of docs/controls.md were seen."""
@@ -77,7 +90,7 @@ class LinuxCncDoctor:
             given = {"needed": points, "reserved": MOST_ROWS, "memory": "COMP_FILE"}
             return [*lines, wrong("E-COMP-POINTS", check, **given)]
         try:
-            live = live_of((await self._wire.read("tables", axis=letter))["acting"], joint, joint["file"])
+            live = live_set_of((await self._wire.read("tables", axis=letter))["acting"], joint, joint["file"])
         except TrueflankError as error:
             return [*lines, failed(error, check)]
         rows = len(live.own.table.deviations) if live.own.enabled else 0
@@ -86,3 +99,29 @@ class LinuxCncDoctor:
 
 def _listed(pins: list[int]) -> str:
     return ", ".join(f"{pin:02}" for pin in pins)
+
+
+# Survey.
+
+
+class LinuxCncSurvey:
+    """Settings as the controller's (implements ports.Survey)."""
+
+    def __init__(self, name: str, url: str, settings: Mapping[str, Any], clock: Clock) -> None:
+        self._wire = AgentWire(url, LinuxCncSettings.read(settings, name), clock, name)
+
+    async def survey(self, timeout_s: float) -> ControlFacts:
+        """Machine, version and every joint that a screw file corrects; mm or deg. Raises as `AgentWire.open`."""
+        try:
+            await self._wire.open(timeout_s)
+            said = await self._wire.read("identify")
+        finally:
+            await self._wire.close()
+        axes = tuple(_axis(joint) for joint in said["joints"] if joint["file"])
+        machine = machine_of(said)
+        return ControlFacts(machine.serial, machine.version, "metric", axes, identity=machine.facts)
+
+
+def _axis(joint: Mapping[str, Any]) -> ControlAxis:
+    travel = (float(joint["minimum"]), float(joint["maximum"]))
+    return ControlAxis(joint["letter"], unit_of(joint), travel=travel, encoder=0, points=MOST_ROWS)

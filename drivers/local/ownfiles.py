@@ -22,7 +22,7 @@ _JUNCTION = 0xA0000003  # IO_REPARSE_TAG_MOUNT_POINT
 _SAFELY = getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0)
 
 
-def opened(path: Path, mode: str, *, secret: bool = False, buffering: int = -1) -> BinaryIO:
+def open_own(path: Path, mode: str, *, secret: bool = False, buffering: int = -1) -> BinaryIO:
     """Open a plain file of our own; ``mode`` binary as for `open`. Raises OSError, for a link or a pipe too."""
     file = cast(BinaryIO, open(path, mode, buffering, opener=functools.partial(_open, secret=secret)))  # noqa: SIM115
     if stat.S_ISREG(os.fstat(file.fileno()).st_mode):
@@ -33,14 +33,14 @@ def opened(path: Path, mode: str, *, secret: bool = False, buffering: int = -1) 
 
 def read_own(path: Path) -> bytes:
     """A plain file of our own as bytes. Raises OSError, for a link too."""
-    with opened(path, "rb") as file:
+    with open_own(path, "rb") as file:
         return bytes(file.read())
 
 
 def _open(name: str, flags: int, *, secret: bool) -> int:
     path = Path(name)
     # Where the system has no O_NOFOLLOW, looking before is what is left.
-    no_link(path)
+    refuse_link(path)
     shared = 0 if secret or not flags & os.O_CREAT else _of_group(path.parent) & 0o060
     try:
         return os.open(name, flags | _SAFELY, 0o600 | shared)
@@ -59,7 +59,7 @@ def is_link(path: Path) -> bool:
     return stat.S_ISLNK(found.st_mode) or bool(getattr(found, "st_reparse_tag", 0) == _JUNCTION)
 
 
-def no_link(path: Path) -> None:
+def refuse_link(path: Path) -> None:
     """Raises OSError when a path is a link."""
     if is_link(path):
         raise _linked(path)
@@ -69,25 +69,25 @@ def _linked(path: Path) -> OSError:
     return OSError(errno.ELOOP, words("W-OWN-LINK"), str(path))
 
 
-def made_folder(path: Path) -> Path:
+def make_own_folder(path: Path) -> Path:
     """A folder of our own, made with its parents where it is not there yet. Raises OSError, for a link too."""
-    no_link(path)
+    refuse_link(path)
     if not path.is_dir():
-        made_parents(path)
+        make_own_parents(path)
         _make(path)
     return path
 
 
-def made_parents(path: Path) -> None:
+def make_own_parents(path: Path) -> None:
     """The folders above a path; those that are there stay as they are, links too. Raises OSError."""
     for parent in reversed(path.parents):
         if not parent.is_dir():
             _make(parent)
 
 
-def new_folder(path: Path) -> Path:
-    """As `made_folder`, but it must not be there yet. Raises FileExistsError, OSError."""
-    made_parents(path)
+def make_new_own_folder(path: Path) -> Path:
+    """As `make_own_folder`, but it must not be there yet. Raises FileExistsError, OSError."""
+    make_own_parents(path)
     os.mkdir(path, _folder_mode(path))
     return path
 

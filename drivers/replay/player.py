@@ -18,7 +18,7 @@ from drivers.clock import Clock, LoopClock, run_virtual
 from drivers.errors import ConfigError, DeadlineExceeded, FileFormatError, TransportError, TrueflankError
 from drivers.local.scrub import HIDDEN
 from drivers.ports.instruments import Instrument
-from drivers.replay.tracefile import Record, Trace, read_trace
+from drivers.replay.recorder import Record, Trace, read_trace
 from drivers.transport import ByteTransport, listen_memory
 from drivers.types.identity import Identity
 from drivers.types.sensing import Ambient, SampleBlock
@@ -33,7 +33,7 @@ _METHOD = re.compile(rb'"method"\s*:\s*"([^"]*)"')
 
 
 @dataclass(frozen=True, slots=True)
-class Replayed:
+class ReplayResult:
     """What a driver made of a session. ``lowest`` and ``highest`` by channel; ``ended`` how its stream ended.
 
     ``events`` the first thousand of ``event_count``; ``spans`` (first, last) instrument time in s.
@@ -82,12 +82,12 @@ class Player:
         settings: Mapping[str, Any],
         session: int = 1,
         hear: Callable[[SampleBlock], None] = lambda _block: None,
-    ) -> Replayed:
+    ) -> ReplayResult:
         """Play one session (from 1); ``hear`` gets every block. Raises ConfigError (E-REPLAY-SESSION)."""
         if not 1 <= session <= len(self.sessions):
             raise ConfigError("E-REPLAY-SESSION", str(self._path), session=session, count=len(self.sessions))
         records = self.sessions[session - 1]
-        return run_virtual(lambda: _played(records, factory, settings, (session, len(self.sessions)), hear))
+        return run_virtual(lambda: _play(records, factory, settings, (session, len(self.sessions)), hear))
 
 
 def _pieces(path: Path) -> list[bytes]:
@@ -99,7 +99,7 @@ def _pieces(path: Path) -> list[bytes]:
         raise FileFormatError("E-REPLAY-FILE", str(path), line=0, why=str(error)) from error
 
 
-class _Double:
+class _ReplayedDevice:
     """Stands where the device stood: says what it said then, when it said it, to the questions it was asked."""
 
     def __init__(self, records: tuple[Record, ...], clock: Clock) -> None:
@@ -191,15 +191,15 @@ class _Tally:
         self.highest = high if self.highest is None else np.maximum(self.highest, high)
 
 
-async def _played(
+async def _play(
     records: tuple[Record, ...],
     factory: Factory,
     settings: Mapping[str, Any],
     which: tuple[int, int],
     hear: Callable[[SampleBlock], None],
-) -> Replayed:
+) -> ReplayResult:
     clock = LoopClock()
-    listener = listen_memory("replay", _Double(records, clock).converse)
+    listener = listen_memory("replay", _ReplayedDevice(records, clock).converse)
     device = factory("replay", listener.url, settings, clock)
     tally = _Tally()
     identity: Identity | None = None
@@ -217,7 +217,7 @@ async def _played(
             ambient = await device.ambient()  # kept in the driver; others would have to be asked
         await device.close()
         await listener.close()
-    return Replayed(
+    return ReplayResult(
         session=which[0],
         sessions=which[1],
         identity=identity,

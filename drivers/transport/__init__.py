@@ -9,15 +9,13 @@ from urllib.parse import urlsplit
 from drivers.clock import Clock, SharedTimeLoop
 from drivers.errors import ConfigError
 from drivers.serial_io import open_serial
-from drivers.transport.bent import BentTransport
 from drivers.transport.memory import listen_memory, name_of, open_memory
-from drivers.transport.stream import ByteTransport, Handler, Listener
-from drivers.transport.tcp import open_tcp, serve_tcp
-from drivers.transport.tls import TlsFiles
+from drivers.transport.stream import ByteTransport, FaultyTransport, Handler, Listener
+from drivers.transport.tcp import TlsFiles, open_tcp, serve_tcp
 
 __all__ = [
-    "BentTransport",
     "ByteTransport",
+    "FaultyTransport",
     "Handler",
     "Listener",
     "TlsFiles",

@@ -6,8 +6,7 @@ import asyncio
 from urllib.parse import urlsplit
 
 from drivers.errors import ConfigError, TransportError
-from drivers.transport.conversations import Conversations
-from drivers.transport.stream import Handler
+from drivers.transport.stream import Conversations, Handler
 
 PIPE_BYTES = 1 << 18
 

@@ -1,19 +1,278 @@
-"""Counter rows to samples in millimetres: wraps undone, times counted, doubtful rows marked, pure."""
+"""Counter rows to samples in millimetres: sequence to ticks, low-speed codes, wraps, doubtful rows marked; pure.
+
+A sequence number is 32 bits of the counter's clock: a gap is lost rows, an equal number a repeat, a small number
+after a large one a wrap or a restart. The displacement wraps too; between neighbours the shorter way round is taken.
+"""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
-from drivers.errors import UnsupportedDevice
+from drivers.errors import RemoteProtocolError, UnsupportedDevice
 from drivers.types.sensing import Ambient, SampleBlock
-from drivers.umd.codec import DISPLACEMENT, PHASE, VELOCITY, UmdLines
-from drivers.umd.lowspeed import LowSpeed
-from drivers.umd.numerals import IntArray
-from drivers.umd.sequence import Ordered, SequenceOrder
+from drivers.umd.codec import (
+    AIR_TEMPERATURE,
+    CODE,
+    DATA,
+    DISPLACEMENT,
+    FIRMWARE,
+    HOMODYNE,
+    HUMIDITY,
+    LASER_POWER,
+    MATERIAL_TEMPERATURE,
+    PHASE,
+    PRESSURE,
+    SAMPLE_FREQUENCY,
+    SEQUENCE,
+    SIGNAL_STRENGTH,
+    VELOCITY,
+    IntArray,
+    UmdLines,
+)
 from drivers.umd.settings import UmdSettings
+
+# Sequence numbers to ticks of the counter's clock: gaps, repeats, wraps and restarts told apart, pure.
+
+LONGEST_GAP = 600_000
+NEIGHBOUR = 64
+# uMD0 prints the low 16 bits as a signed number, older firmware 32 bits, uMD2 all 64.
+WRAPS = (1 << 16, 1 << 32)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Ordered:
+    """Rows in order: ``steps`` (n,) ticks since the row before (1: nothing lost), ``restarted`` (n,).
+
+    ``unbroken``: every step is 1 and nothing restarted.
+    """
+
+    rows: IntArray
+    steps: IntArray
+    restarted: NDArray[np.bool_]
+    unbroken: bool = False
+
+    @property
+    def adjacent(self) -> NDArray[np.bool_]:
+        """Rows (n,) whose counts may be compared with the row before."""
+        if self.unbroken:
+            return np.ones(len(self.rows), np.bool_)
+        return (self.steps == 1) & ~self.restarted
+
+    def without(self, places: NDArray[np.intp]) -> Ordered:
+        """Rows at ``places`` taken for lost: their steps go to the rows after them."""
+        if not len(places):
+            return self
+        kept = np.ones(len(self.rows), np.bool_)
+        kept[places] = False
+        ticks = np.cumsum(self.steps)[kept]
+        return Ordered(self.rows[kept], np.diff(ticks, prepend=0), self.restarted[kept])
+
+
+class SequenceOrder:
+    """Follows the sequence field. Repeats are dropped and counted, a lone absurd number with its row too."""
+
+    def __init__(self) -> None:
+        self._last: int | None = None
+        self._held: IntArray | None = None
+        self._begun = False
+        self.repeats = 0
+        self.absurd = 0
+
+    @property
+    def last(self) -> int | None:
+        """The newest sequence number accepted."""
+        return self._last
+
+    def sort(self, rows: IntArray) -> Ordered:
+        """Rows (n, w) as received to the rows to believe, in order."""
+        if self._held is not None and self._held.shape[1] == rows.shape[1]:
+            rows = np.concatenate((self._held, rows))
+        self._held = None
+        if not len(rows):
+            return Ordered(rows, np.empty(0, np.int64), np.empty(0, np.bool_))
+        numbers = rows[:, SEQUENCE]
+        first = int(numbers[0]) - 1 if self._last is None else self._last
+        steps = np.diff(numbers, prepend=first)
+        least, most = int(steps.min()), int(steps.max())
+        if least >= 1 and most <= LONGEST_GAP:
+            ordered = Ordered(rows, steps, np.zeros(len(rows), np.bool_), most == 1)
+        else:
+            ordered = self._sort_slowly(rows, first)
+        return self._confirmed(ordered, first)
+
+    def _confirmed(self, ordered: Ordered, first: int) -> Ordered:
+        """A last row that follows a gap waits for its neighbour: together they show whether it is whole."""
+        rows, steps = ordered.rows, ordered.steps
+        if self._held is None and len(rows) and steps[-1] > 1:
+            self._held = rows[-1:]
+            ordered = Ordered(rows[:-1], steps[:-1], ordered.restarted[:-1], bool((steps[:-1] == 1).all()))
+        self._last = int(ordered.rows[-1, SEQUENCE]) if len(ordered.rows) else first if self._begun else None
+        self._begun = self._begun or bool(len(ordered.rows))
+        return ordered
+
+    def _sort_slowly(self, rows: IntArray, last: int) -> Ordered:
+        numbers: list[int] = rows[:, SEQUENCE].tolist()
+        kept: list[int] = []
+        steps: list[int] = []
+        restarted: list[bool] = []
+        for at, number in enumerate(numbers):
+            step = ticks_forward(last, number)
+            if -NEIGHBOUR < step <= 0:
+                self.repeats += 1
+                continue
+            believable = 1 <= step <= LONGEST_GAP
+            if not believable and at + 1 == len(numbers):
+                self._held = rows[at:]
+                break
+            # A jump ahead whose neighbour goes on where the numbers were before is a damaged number, not a gap.
+            if step > 1 and believable and at + 1 < len(numbers) and 1 <= ticks_forward(last, numbers[at + 1]) < step:
+                self.absurd += 1
+                continue
+            if not believable and not 1 <= numbers[at + 1] - number <= NEIGHBOUR:
+                self.absurd += 1
+                continue
+            kept.append(at)
+            steps.append(max(step, 1))
+            restarted.append(step < 1)
+            last = number
+        return Ordered(rows[kept], np.array(steps, np.int64), np.array(restarted, np.bool_))
+
+
+def ticks_forward(last: int, number: int) -> int:
+    """Ticks from `last` to `number`, over a wrap where that gives a believable step."""
+    step = number - last
+    if step > -NEIGHBOUR:
+        return step
+    for wrap in WRAPS:
+        signed = number < 0 <= last
+        unsigned = number >= 0 and last >= wrap - LONGEST_GAP and wrap > 1 << 16
+        if (signed or unsigned) and 1 <= step + wrap <= min(LONGEST_GAP, wrap >> 4):
+            return step + wrap
+    return step
+
+
+# The counter's low-speed codes: what it says of itself and of the air, one number a line, pure.
+
+# Divisors of the numbers sent: hundredths of degC, of mbar (= hPa), of Hz; tenths of a per cent.
+_DIVISOR = {AIR_TEMPERATURE: 100.0, MATERIAL_TEMPERATURE: 100.0, PRESSURE: 100.0, HUMIDITY: 10.0}
+FIRMWARE_SCALE = 100
+# What no shop floor has is no reading: a sensor that is missing or broken.
+_POSSIBLE = {AIR_TEMPERATURE: (-40.0, 80.0), MATERIAL_TEMPERATURE: (-40.0, 150.0), PRESSURE: (500.0, 1200.0)}
+_POSSIBLE[HUMIDITY] = (0.0, 100.0)
+DIAGNOSTICS = (101, 102, 111, 112, 121, 122)
+
+
+@dataclass(slots=True)
+class ConfirmedFact:
+    """A number that must not change; it counts once it has come twice in a row, for one may be damaged."""
+
+    value: int | None = None
+    candidate: int | None = None
+
+    def offer(self, value: int) -> bool:
+        """Hear the number again; true when it has turned into another one for good."""
+        if value == self.value:
+            self.candidate = None
+        elif value == self.candidate:
+            changed = self.value is not None
+            self.value, self.candidate = value, None
+            return changed
+        else:
+            self.candidate = value
+        return False
+
+
+class LowSpeedData:
+    """Collects the codes of one counter."""
+
+    def __init__(self, where: str) -> None:
+        self._where = where
+        self._facts = {SAMPLE_FREQUENCY: ConfirmedFact(), FIRMWARE: ConfirmedFact(), HOMODYNE: ConfirmedFact()}
+        self._ambient: dict[int, tuple[float, int]] = {}
+        self._latest: dict[int, int] = {}
+
+    def read(self, rows: IntArray, ticks: IntArray) -> None:
+        """Take in rows and their ticks (n,). Raises RemoteProtocolError (E-UMD-CHANGED)."""
+        said = np.flatnonzero(rows[:, CODE])
+        codes, data = rows[said, CODE], rows[said, DATA]
+        for code, fact in self._facts.items():
+            values: list[int] = data[codes == code].tolist()
+            if values and not (fact.candidate is None and set(values) == {fact.value}):
+                self._offer(code, fact, values)
+        for code, divisor in _DIVISOR.items():
+            at = (codes == code).nonzero()[0]
+            if len(at):
+                self._ambient[code] = float(data[at[-1]]) / divisor, int(ticks[said[at[-1]]])
+        for code in (LASER_POWER, SIGNAL_STRENGTH, *DIAGNOSTICS):
+            at = (codes == code).nonzero()[0]
+            if len(at):
+                self._latest[code] = int(data[at[-1]])
+
+    def signals(self, rows: IntArray) -> tuple[IntArray, IntArray]:
+        """Rows (k,) that say a signal strength (code 2), and what they say."""
+        at = np.flatnonzero(rows[:, CODE] == SIGNAL_STRENGTH)
+        return at, rows[at, DATA]
+
+    @property
+    def signal_strength(self) -> int | None:
+        """Code 2, in the counter's own unit; None while not heard."""
+        return self._latest.get(SIGNAL_STRENGTH)
+
+    def _offer(self, code: int, fact: ConfirmedFact, values: list[int]) -> None:
+        before = fact.value
+        for value in values:
+            if fact.offer(value):
+                raise RemoteProtocolError("E-UMD-CHANGED", self._where, number=code, before=before, now=value)
+
+    @property
+    def sample_rate_hz(self) -> float:
+        """Code 8; 0 while not heard."""
+        return (self._facts[SAMPLE_FREQUENCY].value or 0) / 100.0
+
+    @property
+    def counts_per_cycle(self) -> int:
+        """Second byte of code 20; 0 while not heard."""
+        return ((self._facts[HOMODYNE].value or 0) >> 8) & 0xFF
+
+    @property
+    def axes(self) -> int | None:
+        """Low byte of code 20: homodyne axes, 0 for a heterodyne counter; None while not heard."""
+        value = self._facts[HOMODYNE].value
+        return None if value is None else value & 0xFF
+
+    @property
+    def firmware(self) -> str:
+        """Code 10: version in the low 16 bits, times 100, sub-version in the high ones; "" while not heard."""
+        value = self._facts[FIRMWARE].value
+        if value is None:
+            return ""
+        low, sub = value & 0xFFFF, value >> 16
+        version = f"{low // FIRMWARE_SCALE}.{low % FIRMWARE_SCALE:02d}"
+        return f"{version}.{sub}" if sub > 0 else version
+
+    def ambient(self, tick: int, sample_rate_hz: float) -> Ambient:
+        """Latest readings, as old as the oldest of them; an impossible one is a sensor that is not there."""
+        possible = {code: _POSSIBLE[code] for code in self._ambient}
+        here = {
+            code: found for code, found in self._ambient.items() if possible[code][0] <= found[0] <= possible[code][1]
+        }
+        oldest = min((at for _value, at in here.values()), default=tick)
+        value = {code: found[0] for code, found in here.items()}
+        material = value.get(MATERIAL_TEMPERATURE)
+        return Ambient(
+            air_degc=value.get(AIR_TEMPERATURE),
+            pressure_hpa=value.get(PRESSURE),
+            humidity_pct=value.get(HUMIDITY),
+            material_degc=() if material is None else (material,),
+            age_s=(tick - oldest) / sample_rate_hz if sample_rate_hz else 0.0,
+        )
+
+
+# Counting.
 
 PHASE_ERRORS = 0x7E00
 WRAP = 1 << 32
@@ -29,7 +288,7 @@ class UmdCounting:
         self._settings = settings
         self._where = where
         self._order = SequenceOrder()
-        self._low = LowSpeed(where)
+        self._low = LowSpeedData(where)
         self._velocity = VelocityCheck()
         self._tick: int | None = None
         self._raw = 0
@@ -55,7 +314,7 @@ class UmdCounting:
         return (() if self.sample_rate_hz else (8,)) + (() if scaled else (20,))
 
     @property
-    def low_speed(self) -> LowSpeed:
+    def low_speed(self) -> LowSpeedData:
         """What the counter has said of itself."""
         return self._low
 

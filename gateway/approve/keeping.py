@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
-from drivers.local.ownfiles import opened
+from drivers.local.ownfiles import open_own
 from gateway.domain.proposals import Approval
 from gateway.errors import CorruptRecord, WriteRefused
 from gateway.store import records
@@ -59,7 +59,7 @@ class Approvals:
     def _mark(self, path: Path, approval: Approval, used_by: str) -> None:
         with disk_errors(path):
             try:
-                file = opened(path, "xb")
+                file = open_own(path, "xb")
             except FileExistsError as error:
                 raise WriteRefused("E-APPROVE-USED", path.name, actor=approval.actor) from error
             with file:

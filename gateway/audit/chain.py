@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from threading import Event
 
-from drivers.local.ownfiles import opened, read_own
+from drivers.local.ownfiles import open_own, read_own
 from gateway.audit.entries import TORN, AuditEntry, ChainHead, Happening, head_of, head_of_line, line_of, torn_facts
 from gateway.errors import BusyError, CorruptRecord
 from gateway.push.records.lock import held
@@ -61,7 +61,7 @@ def _written(folder: Path, number: int, size: int, before: ChainHead, entry: Aud
     if not (folder / HEAD).exists():
         write_whole(folder / HEAD, f"{before}\n".encode("ascii"))
     with disk_errors(path):
-        with opened(path, "ab") as file:
+        with open_own(path, "ab") as file:
             file.write(line)
             file.flush()
             os.fsync(file.fileno())

@@ -20,7 +20,7 @@ from urllib.parse import urlsplit
 
 from drivers.clock import Clock
 from drivers.errors import LinkBroken, TrueflankError
-from drivers.local.ownfiles import made_folder, opened, read_own
+from drivers.local.ownfiles import make_own_folder, open_own, read_own
 from gateway.audit.chain import AUDIT, content, files
 from gateway.audit.entries import head_of_line
 
@@ -149,8 +149,8 @@ def _standing(place: Path) -> int:
 
 def _keep(place: Path, seq: int) -> None:
     with contextlib.suppress(OSError):  # then a few are sent again, with their numbers
-        made_folder(place.parent)
+        make_own_folder(place.parent)
         new = place.with_suffix(".new")
-        with opened(new, "wb") as file:
+        with open_own(new, "wb") as file:
             file.write(json.dumps({"seq": seq}).encode("ascii"))
         os.replace(new, place)

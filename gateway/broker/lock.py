@@ -9,7 +9,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import BinaryIO
 
-from drivers.local.ownfiles import made_parents, opened
+from drivers.local.ownfiles import make_own_parents, open_own
 from gateway.errors import BusyError, StoreError
 
 LOCK_FILE = "daemon.lock"
@@ -42,8 +42,8 @@ def locked(folder: Path) -> Iterator[None]:
 
 def _opened(path: Path) -> BinaryIO:
     try:
-        made_parents(path)
-        return opened(path, "a+b", buffering=0)
+        make_own_parents(path)
+        return open_own(path, "a+b", buffering=0)
     except OSError as error:
         raise StoreError("E-WEB-STATE", str(path), why=error.strerror or str(error)) from error
 

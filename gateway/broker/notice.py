@@ -9,7 +9,7 @@ from contextlib import contextmanager
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
-from drivers.local.ownfiles import opened, read_own
+from drivers.local.ownfiles import open_own, read_own
 from gateway.errors import StoreError
 
 NOTICE_FILE = "broker.json"
@@ -40,7 +40,7 @@ def noticed(root: Path, notice: BrokerNotice) -> Iterator[None]:
     path = root / NOTICE_FILE
     try:
         path.unlink(missing_ok=True)
-        with opened(path, "xb", secret=True) as file:
+        with open_own(path, "xb", secret=True) as file:
             file.write(json.dumps(asdict(notice)).encode("ascii"))
             file.flush()
             os.fsync(file.fileno())

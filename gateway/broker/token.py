@@ -8,7 +8,7 @@ import secrets
 import stat
 from pathlib import Path
 
-from drivers.local.ownfiles import no_link, opened, read_own
+from drivers.local.ownfiles import open_own, read_own, refuse_link
 from gateway.errors import StoreError
 
 TOKEN_FILE = "daemon.token"  # noqa: S105 - the file's name
@@ -27,7 +27,7 @@ def token_of(folder: Path) -> str:
     """
     path = token_path(folder)
     try:
-        no_link(path)
+        refuse_link(path)
         return _kept(path) or _made(path)
     except OSError as error:
         raise StoreError("E-WEB-STATE", str(path), why=error.strerror or str(error)) from error
@@ -48,6 +48,6 @@ def _is_private(path: Path) -> bool:
 def _made(path: Path) -> str:
     token = secrets.token_urlsafe(32)
     path.unlink(missing_ok=True)
-    with opened(path, "xb", secret=True) as file:
+    with open_own(path, "xb", secret=True) as file:
         file.write(f"{token}\n".encode("ascii"))
     return token

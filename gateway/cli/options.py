@@ -13,7 +13,7 @@ import typer
 
 from drivers.errors import ConfigError, TrueflankError, words
 from drivers.local.names import allowed, is_name, shown
-from drivers.local.tomlfile import read_toml
+from drivers.local.textfile import read_toml
 
 SiteArgument = Annotated[Path, typer.Argument(help="Site file (TOML).", show_default=False)]
 RunArgument = Annotated[

@@ -11,7 +11,7 @@ from typing import Any
 from drivers import registry
 from drivers.errors import ConfigError, words
 from drivers.local.names import guess, shown
-from drivers.local.tomlfile import bear, decoded, no_numbers, read_bounded
+from drivers.local.textfile import bear, decode_utf8, find_bad_numbers, read_bounded
 from gateway.config.faults import Fault, SiteFaults
 from gateway.config.judging import rule_faults
 from gateway.config.keyfaults import LISTS, broken, key_faults
@@ -102,7 +102,7 @@ def _text(path: Path) -> str:
         near = guess(path.name, _beside(path)) if isinstance(error, FileNotFoundError) else ""
         raise ConfigError("E-CFG-READ", shown(path), why=why + near) from error
     try:
-        return decoded(data)
+        return decode_utf8(data)
     except ValueError as error:
         raise ConfigError("E-CFG-ENCODING", shown(path), why=str(error)) from error
 
@@ -116,7 +116,7 @@ def _beside(path: Path) -> list[str]:
 
 def _judged(tree: dict[str, Any], *, partial: bool) -> tuple[SiteFile | None, tuple[Fault, ...]]:
     """The site and what its keys and the rules between them say; of a partial tree nothing is missed."""
-    numbers = [broken(tree, place, words("W-CFG-FINITE")) for place, _ in no_numbers(tree)]
+    numbers = [broken(tree, place, words("W-CFG-FINITE")) for place, _ in find_bad_numbers(tree)]
     infinite = {fault.path for fault in numbers}
     site, keys = key_faults(tree)
     found = [*numbers, *(one for one in keys if one.path not in infinite)]

@@ -14,7 +14,7 @@ from sqlalchemy import Connection, Engine, create_engine, delete, event, func, i
 from sqlalchemy.exc import DBAPIError, SQLAlchemyError
 from sqlalchemy.pool import NullPool
 
-from drivers.local.ownfiles import made_parents, no_link
+from drivers.local.ownfiles import make_own_parents, refuse_link
 from gateway.errors import StoreError
 from gateway.index.rows import IndexedFigure, IndexedRun, IndexedTable, gateway_name
 from gateway.index.schema import FIGURES, RUNS, TABLES
@@ -88,8 +88,8 @@ class RunIndex:
     def _make_place(self) -> None:
         path = self.root / INDEX_FILE
         with _ours(self.root):
-            made_parents(path)
-            no_link(path)
+            make_own_parents(path)
+            refuse_link(path)
             if not path.exists():
                 os.close(os.open(path, os.O_CREAT | os.O_WRONLY, 0o600))
 

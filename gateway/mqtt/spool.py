@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from drivers.local.ownfiles import made_folder, opened, read_own
+from drivers.local.ownfiles import make_own_folder, open_own, read_own
 from gateway.errors import StoreError
 
 PIECE_BYTES = 1 << 20
@@ -62,7 +62,7 @@ class Spool:
 
     def _load(self) -> None:
         try:
-            made_folder(self._folder)
+            make_own_folder(self._folder)
             standing = _json_of(self._folder / STANDING)
             self.confirmed, self.dropped = (int(standing.get(key, 0)) for key in ("confirmed", "dropped"))
             for path in sorted(self._folder.glob("[0-9]*.jsonl")):
@@ -95,7 +95,7 @@ class Spool:
             path = self._folder / f"{number:012d}.jsonl"
             self._pieces.append(_Piece(path, number, 0, 0))
         piece = self._pieces[-1]
-        with opened(piece.path, "ab", buffering=0) as file:
+        with open_own(piece.path, "ab", buffering=0) as file:
             file.truncate(piece.size)  # what a full disk left of the message before
             file.write(line)
         piece.count, piece.size = piece.count + 1, piece.size + len(line)
@@ -111,7 +111,7 @@ class Spool:
 
     def _sync(self) -> None:
         if self._pieces and self._pieces[-1].path.exists():
-            with opened(self._pieces[-1].path, "ab") as file:
+            with open_own(self._pieces[-1].path, "ab") as file:
                 os.fsync(file.fileno())
 
     def lose(self, count: int) -> None:
@@ -134,7 +134,7 @@ class Spool:
             return []
         offset = self._at[1] if self._at[0] == piece.first else 0
         found: list[Waiting] = []
-        with opened(piece.path, "rb") as file:
+        with open_own(piece.path, "rb") as file:
             file.seek(offset)
             while len(found) < most and file.tell() < piece.size:
                 before, line = file.tell(), json.loads(file.readline())
@@ -159,7 +159,7 @@ class Spool:
         """Without waiting for the disk: what a power cut makes old is sent again."""
         new = self._folder / f"{STANDING}.new"
         try:
-            with opened(new, "wb") as file:
+            with open_own(new, "wb") as file:
                 file.write(json.dumps({"confirmed": self.confirmed, "dropped": self.dropped}).encode("ascii"))
             os.replace(new, self._folder / STANDING)
         except OSError as error:
@@ -171,7 +171,7 @@ def _piece_of(path: Path) -> _Piece:
     data = read_own(path)
     size = data.rfind(b"\n") + 1
     if size < len(data):
-        with opened(path, "r+b") as file:
+        with open_own(path, "r+b") as file:
             file.truncate(size)
     return _Piece(path, int(path.stem), data.count(b"\n"), size)
 

@@ -11,7 +11,7 @@ from pathlib import Path
 from threading import Event
 
 from drivers.local.names import MOST_OF_FILE, allowed, is_file_name, shown
-from drivers.local.ownfiles import made_folder, opened, read_own
+from drivers.local.ownfiles import make_own_folder, open_own, read_own
 from gateway.errors import StoreError
 
 # Windows: access denied, sharing violation, lock violation; a virus scanner holds a new file for a moment.
@@ -39,7 +39,7 @@ def checked_name(name: str) -> str:
 def make_folder(path: Path) -> None:
     """A folder of the store, private unless the one above is shared. Raises StoreError (E-STORE-DISK)."""
     with disk_errors(path):
-        made_folder(path)
+        make_own_folder(path)
 
 
 def read_whole(path: Path) -> bytes:
@@ -53,7 +53,7 @@ def write_whole(path: Path, data: bytes) -> None:
     temporary = path.with_name(f".{path.name}.{secrets.token_hex(4)}.tmp")
     with disk_errors(path):
         try:
-            with opened(temporary, "xb") as file:
+            with open_own(temporary, "xb") as file:
                 file.write(data)
                 file.flush()
                 os.fsync(file.fileno())

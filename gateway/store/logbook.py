@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from drivers.errors import words
-from drivers.local.ownfiles import made_folder, opened, read_own
+from drivers.local.ownfiles import make_own_folder, open_own, read_own
 
 FOLDER, NAME = "logs", "trueflank.log"
 LARGEST_BYTES, KEPT = 4_000_000, 5
@@ -53,10 +53,10 @@ class LogBook:
             self.problem = error.strerror or str(error)
 
     def _append(self, line: bytes) -> None:
-        made_folder(self.path.parent)
+        make_own_folder(self.path.parent)
         if self.path.exists() and self.path.stat().st_size + len(line) > self._largest:
             self._turn_over()
-        with opened(self.path, "ab", buffering=0) as file:
+        with open_own(self.path, "ab", buffering=0) as file:
             file.write(line)
 
     def _turn_over(self) -> None:
@@ -106,7 +106,7 @@ class LogTail:
         return list(parsed(whole))
 
     def _rest(self, path: Path) -> bytes:
-        with opened(path, "rb") as file:
+        with open_own(path, "rb") as file:
             file.seek(self._seen)
             data = file.read()
             self._seen = file.tell()

@@ -15,7 +15,7 @@ from typing import BinaryIO, Self
 
 import numpy as np
 
-from drivers.local.ownfiles import opened
+from drivers.local.ownfiles import open_own
 from drivers.recordings import FloatArray, Recording, RecordingGap
 from drivers.units import DeviationUnit
 from gateway.errors import CorruptRecord
@@ -55,12 +55,12 @@ class RawRecorder:
         write_whole(path.with_name(f"{path.name}.json"), json.dumps(said, indent=1).encode())
         self._gaps = path.with_name(f"{path.name}.gaps")
         with disk_errors(self.path):
-            self._file: BinaryIO = opened(self.path, "xb", buffering=0)
+            self._file: BinaryIO = open_own(self.path, "xb", buffering=0)
 
     def append(self, block: FloatArray, lost: int = 0) -> None:
         """Add samples (n,); ``lost`` are missing just before them."""
         if lost:
-            with disk_errors(self._gaps), opened(self._gaps, "ab") as file:
+            with disk_errors(self._gaps), open_own(self._gaps, "ab") as file:
                 file.write(f"{self.count} {lost}\n".encode("ascii"))
         data = np.ascontiguousarray(block, dtype="<f8").data.cast("B")
         with disk_errors(self.path):

@@ -15,7 +15,7 @@ from pathlib import Path
 
 from drivers.errors import words
 from drivers.local.names import is_file_name, shown
-from drivers.local.ownfiles import new_folder
+from drivers.local.ownfiles import make_new_own_folder
 from gateway.errors import StoreError, UnknownRun
 from gateway.store import layout, records
 from gateway.store.disk import disk_errors, write_whole
@@ -78,7 +78,7 @@ class Store:
             "errors": [],
         }
         with disk_errors(path):
-            new_folder(path)
+            make_new_own_folder(path)
         write_whole(path / RUN_FILE, sealed(facts))
         return RunFolder(path)
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 
-from drivers.local.ownfiles import opened
+from drivers.local.ownfiles import open_own
 from gateway.store.disk import disk_errors
 from gateway.store.layout import place
 
@@ -30,7 +30,7 @@ class Difference:
 def digest_of(path: Path) -> str:
     """sha256 of a file, piece by piece. Raises StoreError (E-STORE-DISK)."""
     digest = hashlib.sha256()
-    with disk_errors(path), opened(path, "rb") as file:
+    with disk_errors(path), open_own(path, "rb") as file:
         while block := file.read(_BLOCK):
             digest.update(block)
     return digest.hexdigest()

@@ -9,7 +9,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_valida
 
 from drivers.errors import ConfigError
 from drivers.local.names import shown
-from drivers.local.tomlfile import read_toml
+from drivers.local.textfile import read_toml
 from gateway.siteplan import MOST_POINTS, Name
 
 Number = float

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from drivers.local.names import allowed, is_name, person_key, shown
-from drivers.local.ownfiles import made_folder, opened, read_own
+from drivers.local.ownfiles import make_own_folder, open_own, read_own
 from gateway.errors import (
     CorruptRecord,
     InvalidAccount,
@@ -153,7 +153,7 @@ class UserAccounts:
             if self._first.exists():
                 return read_own(self._first).decode("ascii", "replace").strip()
             token = secrets.token_urlsafe(24)
-            made_folder(self._first.parent)
+            make_own_folder(self._first.parent)
             _written(self._first, f"{token}\n".encode("ascii"))
         return token
 
@@ -166,7 +166,7 @@ class UserAccounts:
         data = json.dumps({"schema": SCHEMA, "users": users}, indent=1).encode("ascii")
         temporary = self._path.with_name(f".{USERS}.{secrets.token_hex(4)}.tmp")
         with disk_errors(self._path):
-            made_folder(self._path.parent)
+            make_own_folder(self._path.parent)
             try:
                 _written(temporary, data)
                 moved(temporary, self._path)
@@ -186,7 +186,7 @@ def _administered(accounts: Sequence[UserAccount]) -> bool:
 
 
 def _written(path: Path, data: bytes) -> None:
-    with opened(path, "xb", secret=True) as file:
+    with open_own(path, "xb", secret=True) as file:
         file.write(data)
         file.flush()
         os.fsync(file.fileno())

@@ -6,7 +6,7 @@ import json
 import os
 from pathlib import Path
 
-from drivers.local.ownfiles import made_folder, opened, read_own
+from drivers.local.ownfiles import make_own_folder, open_own, read_own
 from gateway.errors import CorruptRecord
 from gateway.store.disk import disk_errors, sync_folder
 
@@ -25,7 +25,7 @@ class WatchJournal:
     def _load(self) -> None:
         """Raises CorruptRecord (E-STORE-JSON) when a line that was whole is damaged."""
         with disk_errors(self._path):
-            made_folder(self._path.parent)
+            make_own_folder(self._path.parent)
             data = read_own(self._path) if self._path.exists() else b""
         whole, _newline, rest = data.rpartition(b"\n")
         self._torn = bool(rest)
@@ -47,7 +47,7 @@ class WatchJournal:
         line = json.dumps({"sha256": sha256, "outcome": outcome, "name": name}, ensure_ascii=True) + "\n"
         with disk_errors(self._path):
             new = not self._path.exists()
-            with opened(self._path, "ab") as file:
+            with open_own(self._path, "ab") as file:
                 file.write((b"~torn\n" if self._torn else b"") + line.encode("ascii"))
                 file.flush()
                 os.fsync(file.fileno())

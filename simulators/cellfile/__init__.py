@@ -16,7 +16,7 @@ from pydantic import Field, ValidationError, model_validator
 
 from drivers.errors import ConfigError
 from drivers.local.names import shown
-from drivers.local.tomlfile import parse_toml, read_toml
+from drivers.local.textfile import parse_toml, read_toml
 from simulators.cellfile.curves import (
     CellSection,
     DriftSection,

@@ -16,7 +16,7 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
-from drivers.linuxcnc.agent.lives import Life
+from drivers.linuxcnc.agent.kernel import KernelLife
 
 MOST = 256
 INI = """[EMC]
@@ -54,7 +54,7 @@ class Machine:
         self.ini_path.write_text(INI)
         for name in ("x", "y", "a"):
             (folder / f"{name}.comp").write_text("")
-        self.life: Life | None = None
+        self.life: KernelLife | None = None
         self.rows: list[list[Row]] = [[], [], []]
         self.starts = 0
         self.linked: set[str] = set()
@@ -77,7 +77,7 @@ class Machine:
         known = self._ini()
         files = [known[f"JOINT_{joint}"].get("COMP_FILE") for joint in range(3)]
         self.rows = [_read(self.folder / file, self._kind(at)) if file else [] for at, file in enumerate(files)]
-        self.life = Life(f"life-{self.starts}", time.time())  # noqa: TID251 - files of a disk have its time
+        self.life = KernelLife(f"life-{self.starts}", time.time())  # noqa: TID251 - files of a disk have its time
 
     def restart(self) -> None:
         self.stop()

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from drivers.clock import Clock, LoopClock
-from drivers.contract.subject import Moment, Subject
+from drivers.contract import OperatorMoment, Subject
 from drivers.errors import DeadlineExceeded, TransportError
 from drivers.linuxcnc.agent.__main__ import LOOK_S
 from drivers.linuxcnc.agent.answering import Agent
@@ -113,7 +113,7 @@ async def subject(folder: Path, axis: str = "X") -> AsyncIterator[Subject]:
     """For the contract: a curve for each direction at free places."""
     async with on_stage(folder) as on:
 
-        async def person(moment: Moment, work: Coroutine[Any, Any, Any]) -> Any:
+        async def person(moment: OperatorMoment, work: Coroutine[Any, Any, Any]) -> Any:
             return await (work if moment in ("read", "start") else on.restarting(work))
 
         unit: AxisUnit = "deg" if axis == "A" else "mm"

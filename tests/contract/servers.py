@@ -9,8 +9,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from drivers.bridge import records
-from drivers.bridge.codec import BridgeCodec, BridgeRefusal, Message, Notification, Reply, Request
-from drivers.bridge.frames import SampleFrame
+from drivers.bridge.codec import BridgeCodec, BridgeRefusal, Message, Notification, Reply, Request, SampleFrame
 from drivers.bridge.records import BridgeIdentity, BridgeSamples, CalibratorStatus, environment_as_object
 from drivers.clock import Clock
 from drivers.errors import TransportError

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import pytest
 
-from drivers.contract.subject import held_in
+from drivers.contract import table_in
 from drivers.errors import DeviceRefused
 from drivers.types.abilities import Marker
 from drivers.types.orders import DisableOrder, PushBatch
@@ -33,7 +33,7 @@ async def test_all_tables_of_a_batch_are_loaded_off_and_confirmed_once(count: in
         assert await stage.device.marker() == Marker(17, "in-progress")
         found = await stage.device.read_back(batch, 300.0)
         for one, read in zip(batch, found, strict=True):
-            held = held_in(read.found, one.table)
+            held = table_in(read.found, one.table)
             assert held is not None
             assert (read.agreed, held.enabled) == (True, False)
             assert held.table.deviations == pytest.approx(one.table.deviations, abs=0.002)  # 1e-6 deg are 0.0036 arcsec

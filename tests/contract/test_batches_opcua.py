@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from drivers.contract.subject import held_in
+from drivers.contract import table_in
 from drivers.types.orders import DisableOrder, PushBatch, PushOrder
 from drivers.types.tables import CompensationTable
 from tests.contract.opcua_stage import SPEC, Stage, on_stage
@@ -61,7 +61,7 @@ async def loaded(on: Stage, batch: PushBatch) -> tuple[bool, ...]:
     on.press()
     found = await on.device.read_back(batch, 600.0)
     for one, read in zip(batch, found, strict=True):
-        held = held_in(read.found, one.table)
+        held = table_in(read.found, one.table)
         assert held is not None
         assert not held.enabled
         if read.agreed:
@@ -92,7 +92,7 @@ async def test_one_program_loads_all_and_one_restart_puts_all_to_work(keys: Path
         assert (marker.transaction, marker.state) == (4711, "committed")
         backups = await on.device.backup_of(batch)
         assert all(
-            held_in(old, one.table) is None or not held_in(old, one.table).enabled  # type: ignore[union-attr]
+            table_in(old, one.table) is None or not table_in(old, one.table).enabled  # type: ignore[union-attr]
             for old, one in zip(backups, batch, strict=True)
         )
 

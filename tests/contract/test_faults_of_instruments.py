@@ -17,9 +17,8 @@ import pytest
 
 from drivers.bridge import records
 from drivers.bridge.codec import BridgeRefusal, Notification
-from drivers.bridge.device import BridgeInstrument
+from drivers.bridge.device import BridgeInstrument, BridgeStream
 from drivers.bridge.records import BridgeIdentity, BridgeSamples, CalibratorStatus, Event, read_environment
-from drivers.bridge.stream import BridgeStream
 from drivers.clock import LoopClock
 from drivers.errors import (
     DeviceRefused,
@@ -29,7 +28,7 @@ from drivers.errors import (
     TransportError,
     UnsupportedDevice,
 )
-from drivers.manual.entry import EntryRefused, ExpectedReading, read_entry
+from drivers.manual.settings import EntryRefused, ExpectedReading, read_entry
 from drivers.types.sensing import SampleBlock
 from drivers.umd.codec import SEQUENCE, UmdCodec, encode_rows
 from drivers.umd.counting import LEARN_MOVING, UmdCounting

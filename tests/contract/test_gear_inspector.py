@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 
 from drivers import registry
-from drivers.bridge import gearrecords, records
+from drivers.bridge import gear, records
 from drivers.bridge.codec import BridgeCodec, BridgeRefusal, Message, Notification, Reply, Request
-from drivers.bridge.gearrecords import Chunk, expected_points
+from drivers.bridge.gear import PointChunk, expected_points
 from drivers.bridge.records import BridgeIdentity
 from drivers.clock import LoopClock
 from drivers.errors import DeviceRefused, RemoteProtocolError, TransportError, TrueflankError, UnsupportedDevice
@@ -46,9 +46,9 @@ class ScriptedMachine:
                     assert isinstance(message, Request)
                     self.asked.append((message.method, dict(message.params)))
                     await wire.write(codec.send(self.answer(message)))
-                    if message.method == gearrecords.MEASURE:
+                    if message.method == gear.MEASURE:
                         work.add(asyncio.create_task(self.measure(wire, codec, message.params)))
-                    elif message.method == gearrecords.ABORT:
+                    elif message.method == gear.ABORT:
                         for task in work:
                             task.cancel()
         finally:
@@ -61,12 +61,12 @@ class ScriptedMachine:
             case records.IDENTIFY:
                 who = BridgeIdentity(self.kind, "Example", "GM-1", "G7", "1.0", (), 0.0)  # type: ignore[arg-type]
                 return Reply(message.id, who.as_object())
-            case gearrecords.PART:
+            case gear.PART:
                 return Reply(message.id, {"clamped": self.clamped, "part": "D-17", "clamping": "arbor 12 mm"})
-            case gearrecords.MEASURE:
+            case gear.MEASURE:
                 self.plans += 1
                 return Reply(message.id, {"plan": self.plans})
-            case gearrecords.ABORT:
+            case gear.ABORT:
                 return Reply(message.id, {})
         return BridgeRefusal(message.id, records.METHOD_NOT_FOUND, "no")
 
@@ -93,10 +93,10 @@ class ScriptedMachine:
                 chunk |= {"deviation_um": [-2.0] * size} if self.deviations else {}
                 bent = self.bend(chunk)
                 if bent is not None:
-                    await wire.write(codec.send(Notification(gearrecords.POINTS, bent)))
+                    await wire.write(codec.send(Notification(gear.POINTS, bent)))
                 first += size
         ending = {"plan": number, "outcome": self.outcome, "points": first, "said": "door opened", "probe_u_um": 0.4}
-        await wire.write(codec.send(Notification(gearrecords.DONE, ending)))
+        await wire.write(codec.send(Notification(gear.DONE, ending)))
 
 
 @asynccontextmanager
@@ -135,7 +135,7 @@ async def test_every_point_comes_once_with_its_space_flank_and_line() -> None:
         assert heard[-1] == ("runout", 63, 63)
         assert [done for _trace, done, _total in heard] == sorted(done for _trace, done, _total in heard)
         assert (await device.ambient()).air_degc is None
-        assert machine.asked[2] == (gearrecords.MEASURE, gearrecords.plan_as_object(PLAN))
+        assert machine.asked[2] == (gear.MEASURE, gear.plan_as_object(PLAN))
 
 
 async def test_deviations_come_beside_their_nominal_points() -> None:
@@ -205,7 +205,7 @@ async def test_who_gives_up_stops_the_machine() -> None:
         measuring.cancel()
         with pytest.raises(asyncio.CancelledError):
             await measuring
-        assert machine.asked[-1][0] == gearrecords.ABORT
+        assert machine.asked[-1][0] == gear.ABORT
 
 
 async def test_a_machine_that_falls_silent_is_not_waited_for() -> None:
@@ -214,7 +214,7 @@ async def test_a_machine_that_falls_silent_is_not_waited_for() -> None:
         await device.open(5.0)
         with pytest.raises(TransportError, match="E-LINK-STALE"):
             await device.inspect(PLAN, quiet)
-        assert machine.asked[-1][0] == gearrecords.ABORT
+        assert machine.asked[-1][0] == gear.ABORT
         machine.stop_after = 10**9
         assert len((await device.inspect(PLAN, quiet)).inspection) == 54
 
@@ -228,4 +228,4 @@ async def test_another_kind_is_refused() -> None:
 
 def test_a_chunk_that_names_nothing_is_refused() -> None:
     with pytest.raises(TrueflankError):
-        Chunk.read({}, "x")
+        PointChunk.read({}, "x")

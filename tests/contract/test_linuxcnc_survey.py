@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from drivers.checks import ControlAxis
-from drivers.linuxcnc.survey import LinuxCncSurvey
+from drivers.linuxcnc.doctor import LinuxCncSurvey
 from tests.contract.linuxcnc_stage import on_stage
 
 

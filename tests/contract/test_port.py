@@ -14,10 +14,18 @@ import pytest
 
 from drivers import registry
 from drivers.clock import LoopClock, run_virtual
-from drivers.contract import CHECKS, Check
-from drivers.contract.loading import loads_and_acts, restores, switches_as_declared
-from drivers.contract.reading import says_what_it_can, shows_what_acts
-from drivers.contract.subject import ContractBroken, Moment, Subject
+from drivers.contract import (
+    CHECKS,
+    Check,
+    ContractBroken,
+    OperatorMoment,
+    Subject,
+    loads_and_acts,
+    restores,
+    says_what_it_can,
+    shows_what_acts,
+    switches_as_declared,
+)
 from drivers.errors import ConfigError
 from drivers.files import only
 from drivers.ports.controller import Controller
@@ -38,7 +46,7 @@ async def on_opcua(folder: Path, **stage: Any) -> AsyncIterator[Subject]:
         def tell(code: str, /, **_fields: object) -> None:
             told.append(code)
 
-        async def person(moment: Moment, work: Coroutine[Any, Any, Any]) -> Any:
+        async def person(moment: OperatorMoment, work: Coroutine[Any, Any, Any]) -> Any:
             if moment == "start":
                 on.press()
             return await (on.asked(work, told) if moment == "read" else work)
@@ -58,7 +66,7 @@ async def on_mailbox(_folder: Path) -> AsyncIterator[Subject]:
     """The 840D behind a PLC mailbox: somebody presses the button at the panel."""
     async with modbus_stage.on_stage() as on:
 
-        async def person(moment: Moment, work: Coroutine[Any, Any, Any]) -> Any:
+        async def person(moment: OperatorMoment, work: Coroutine[Any, Any, Any]) -> Any:
             return await (on.pressed(work) if moment == "release" else work)
 
         yield Subject(on.device, modbus_stage.table(), "X", False, 0.0, person)
@@ -72,7 +80,7 @@ async def on_files(_folder: Path) -> AsyncIterator[Subject]:
 
 
 def files_subject(device: FileRoad, machine: Machine, clock: LoopClock) -> Subject:
-    async def person(moment: Moment, work: Coroutine[Any, Any, Any]) -> Any:
+    async def person(moment: OperatorMoment, work: Coroutine[Any, Any, Any]) -> Any:
         if moment in ("read", "start"):
             return await work
         task = asyncio.ensure_future(work)
@@ -95,7 +103,7 @@ async def on_linuxcnc(_folder: Path) -> AsyncIterator[Subject]:
 async def on_stick(_folder: Path) -> AsyncIterator[Subject]:
     """The 840D without a wire: a person carries programs there, runs them, and brings what they wrote."""
 
-    async def person(_moment: Moment, work: Coroutine[Any, Any, Any]) -> Any:
+    async def person(_moment: OperatorMoment, work: Coroutine[Any, Any, Any]) -> Any:
         return await work
 
     with tempfile.TemporaryDirectory() as folder:

@@ -102,7 +102,7 @@ async def test_a_gateway_killed_at_a_write_leaves_old_or_new_and_a_way_back(
 
 def _killed_at(monkeypatch: pytest.MonkeyPatch, place: int, after: bool) -> Callable[[], int]:
     """The agent dies at its ``place``-th change of the disk, before or after it; how many there were."""
-    durable, count = screwfiles.durable, 0
+    durable, count = screwfiles.write_durably, 0
 
     def told(path: Path, data: bytes) -> None:
         nonlocal count

@@ -12,8 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from drivers.contract import CHECKS
-from drivers.contract.subject import Moment, Subject
+from drivers.contract import CHECKS, OperatorMoment, Subject
 from drivers.errors import DeviceRefused, TooManyPoints
 from drivers.linuxcnc.device import LinuxCnc
 from drivers.types.orders import PushOrder
@@ -59,7 +58,7 @@ async def test_the_kernel_leaves_out_a_jump_between_one_and_two_steps_of_its_ram
 
 
 async def _person(host: Host) -> Any:
-    async def person(moment: Moment, work: Coroutine[Any, Any, Any]) -> Any:
+    async def person(moment: OperatorMoment, work: Coroutine[Any, Any, Any]) -> Any:
         if moment in ("read", "start"):
             return await work
         task = asyncio.ensure_future(work)

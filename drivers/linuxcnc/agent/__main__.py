@@ -18,10 +18,8 @@ import time
 from pathlib import Path
 
 from drivers.linuxcnc.agent.answering import Agent
-from drivers.linuxcnc.agent.kernel import STARTING, Kernel
-from drivers.linuxcnc.agent.lines import Lines
-from drivers.linuxcnc.agent.lives import lives, running
-from drivers.linuxcnc.agent.refusal import AgentRefusal
+from drivers.linuxcnc.agent.kernel import STARTING, Kernel, goes_on, running_life
+from drivers.linuxcnc.agent.protocol import AgentRefusal, GatewayLines
 
 LEAST_TOKEN, TOKEN_BYTES = 16, 24
 LOOK_S, AGAIN_S = 0.5, 0.3
@@ -55,10 +53,10 @@ def _serve(listener: socket.socket, token: str) -> None:
 
     Of another life nothing is told here: whoever hears of it goes on asking, and this child is about to leave.
     """
-    mine, parent, told = running(), os.getppid(), False
-    agent = Agent(token, _found, lambda: mine if lives(mine) else None)
-    lines = Lines(listener, agent.line)
-    while lives(mine) and os.getppid() == parent:
+    mine, parent, told = running_life(), os.getppid(), False
+    agent = Agent(token, _found, lambda: mine if goes_on(mine) else None)
+    lines = GatewayLines(listener, agent.line)
+    while goes_on(mine) and os.getppid() == parent:
         lines.turn(LOOK_S)
         if not told and mine is not None:
             told = _tells(agent)

@@ -8,11 +8,9 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from drivers.linuxcnc.agent.kernel import Kernel
-from drivers.linuxcnc.agent.lines import AgentReply
-from drivers.linuxcnc.agent.lives import Life
-from drivers.linuxcnc.agent.refusal import AgentRefusal
-from drivers.linuxcnc.agent.screwfiles import ScrewFiles, durable, read
+from drivers.linuxcnc.agent.kernel import Kernel, KernelLife
+from drivers.linuxcnc.agent.protocol import AgentRefusal, AgentReply
+from drivers.linuxcnc.agent.screwfiles import ScrewFiles, read_file, write_durably
 
 PROTOCOL = 1
 PROGRAM = "trueflank-"
@@ -23,10 +21,10 @@ _UNREADABLE = (ValueError, KeyError, TypeError, AttributeError, IndexError, Recu
 class Agent:
     """Answers for one INI file. ``find`` gives the kernel of this life, or refuses; ``life`` says whether it runs."""
 
-    def __init__(self, token: str, find: Callable[[], Kernel], life: Callable[[], Life | None]) -> None:
+    def __init__(self, token: str, find: Callable[[], Kernel], life: Callable[[], KernelLife | None]) -> None:
         self._token, self._find, self._life = token, find, life
         self._kernel: Kernel | None = None
-        self._of: Life | None = None
+        self._of: KernelLife | None = None
         self._can: dict[str, Callable[[dict[str, Any]], Any]] = {
             "hello": self._hello,
             "identify": self._identify,
@@ -141,9 +139,9 @@ class Agent:
         if not name.isalnum():
             raise AgentRefusal("E-LCNC-ASKED", asked=name[:40])
         place: Path = kernel.ini_path.parent / f"{PROGRAM}{name}.ngc"
-        durable(place, str(asked["text"]).encode())
+        write_durably(place, str(asked["text"]).encode())
         kernel.select(place)
-        return read(place).decode()
+        return read_file(place).decode()
 
 
 def _whole(asked: dict[str, Any], name: str) -> int:

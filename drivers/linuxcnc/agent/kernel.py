@@ -1,13 +1,64 @@
-"""The kernel as the agent sees it: its INI file, its joints, its state, and four words of a program's hand-shake."""
+"""The kernel as the agent sees it: which life of it runs, its INI file, joints, state and hand-shake pins."""
 
 from __future__ import annotations
 
+import os
 import time
 from collections.abc import Callable
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from drivers.linuxcnc.agent.refusal import AgentRefusal
+from drivers.linuxcnc.agent.protocol import AgentRefusal
+
+# Which life of the kernel this is: its process and when it began, from /proc.
+
+PROC = Path("/proc")
+TASK = "milltask"
+ENDED = "ZX"  # a process that has ended is listed until its parent asks for it
+
+
+@dataclass(frozen=True)
+class KernelLife:
+    """A kernel that runs: ``name`` is the same as long as it lives, ``began_s`` is wall-clock time (s, to 0.01 s).
+
+    That time moves when somebody sets the host's clock, so it is no part of what makes two lives the same.
+    """
+
+    name: str
+    began_s: float = field(compare=False)
+
+
+def running_life() -> KernelLife | None:
+    """The kernel's task process now; None where there is none."""
+    return next(filter(None, map(_life, PROC.glob("[0-9]*"))), None)
+
+
+def goes_on(life: KernelLife | None) -> bool:
+    """Whether this life goes on; where there was none, whether there still is none."""
+    if life is None:
+        return running_life() is None
+    return _life(PROC / life.name.partition("-")[0]) == life
+
+
+def _life(folder: Path) -> KernelLife | None:
+    try:
+        words = (folder / "stat").read_text().rpartition(")")
+    except OSError:  # it ended while we looked
+        return None
+    rest = words[2].split()
+    if words[0].partition("(")[2] != TASK or rest[0] in ENDED:
+        return None
+    ticks = int(rest[19])
+    return KernelLife(f"{folder.name}-{ticks}", _boot_s() + ticks / os.sysconf("SC_CLK_TCK"))
+
+
+def _boot_s() -> float:
+    found = [line.split()[1] for line in (PROC / "stat").read_text().splitlines() if line.startswith("btime")]
+    return float(found[0])
+
+
+# The kernel as the agent sees it: its INI file, its joints, its state, and four words of a program's hand-shake.
 
 LETTERS = "XYZABCUVW"
 STARTING = "it is starting"

@@ -14,8 +14,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from drivers.linuxcnc.agent.lives import Life
-from drivers.linuxcnc.agent.refusal import AgentRefusal
+from drivers.linuxcnc.agent.kernel import KernelLife
+from drivers.linuxcnc.agent.protocol import AgentRefusal
 
 MARKER, NEW, BEFORE, ACTING = "trueflank-marker.json", ".new", ".before", ".acting"
 MOST_BYTES = 1 << 20
@@ -26,7 +26,7 @@ def _digest(data: bytes) -> str:
     return hashlib.sha256(data).hexdigest()
 
 
-def durable(path: Path, data: bytes) -> None:
+def write_durably(path: Path, data: bytes) -> None:
     """Bytes into a file by one rename: old or new, never a part; both on the disk when it returns."""
     beside = path.with_name(path.name + ".part")
     mode = path.stat().st_mode & 0o777 if path.exists() else 0o644
@@ -50,7 +50,7 @@ def _sync(folder: Path) -> None:
         os.close(handle)
 
 
-def read(path: Path) -> bytes:
+def read_file(path: Path) -> bytes:
     """A file's bytes; b"" where there is none. Raises E-LCNC-FILE."""
     try:
         with path.open("rb") as file:
@@ -67,7 +67,9 @@ def read(path: Path) -> bytes:
 class ScrewFiles:
     """All screw files of one machine. ``path_of`` names a joint's file; ``life`` is the kernel that runs now."""
 
-    def __init__(self, folder: Path, path_of: Callable[[int], Path | None], life: Callable[[], Life | None]) -> None:
+    def __init__(
+        self, folder: Path, path_of: Callable[[int], Path | None], life: Callable[[], KernelLife | None]
+    ) -> None:
         self._folder, self._path_of, self._life = folder, path_of, life
 
     def path(self, joint: int) -> Path:
@@ -86,14 +88,14 @@ class ScrewFiles:
             first = {"machine": uuid.uuid4().hex[:12], "transaction": 0, "state": "none", "head": 0, "joints": {}}
             self._keep({**first, "replaced": {}})
         try:
-            found: dict[str, Any] = json.loads(read(place))
+            found: dict[str, Any] = json.loads(read_file(place))
             found["transaction"], found["machine"], found["joints"], found["replaced"], found["state"]
         except (ValueError, KeyError, TypeError) as error:
             raise AgentRefusal("E-LCNC-MARKER", file=str(place)) from error
         return found
 
     def _keep(self, marker: dict[str, Any]) -> None:
-        durable(self._folder / MARKER, json.dumps(marker, indent=1, sort_keys=True).encode())
+        write_durably(self._folder / MARKER, json.dumps(marker, indent=1, sort_keys=True).encode())
 
     # ---- what stands and what acts ----------------------------------------------------------------
 
@@ -113,13 +115,13 @@ class ScrewFiles:
         return self._text(path)
 
     def _ours(self, path: Path, replaced: dict[str, Any]) -> None:
-        if _digest(read(path)) not in (replaced["digest"], replaced.get("was")):
+        if _digest(read_file(path)) not in (replaced["digest"], replaced.get("was")):
             raise AgentRefusal("E-LCNC-EDITED", file=str(path))
 
     @staticmethod
     def _text(path: Path) -> str:
         try:
-            return read(path).decode()
+            return read_file(path).decode()
         except UnicodeDecodeError as error:
             raise AgentRefusal("E-LCNC-FILE", file=str(path), why="it is no text") from error
 
@@ -138,9 +140,9 @@ class ScrewFiles:
         marker = self.marker()
         for joint in joints:
             path = self.path(joint)
-            durable(path.with_name(path.name + BEFORE), read(path))
+            write_durably(path.with_name(path.name + BEFORE), read_file(path))
             path.with_name(path.name + NEW).unlink(missing_ok=True)
-        kept = {str(joint): _digest(read(self.path(joint))) for joint in joints}
+        kept = {str(joint): _digest(read_file(self.path(joint))) for joint in joints}
         self._keep({**marker, "transaction": transaction, "state": "in-progress", "head": head, "joints": kept})
 
     def _under_way(self, transaction: int, joint: int) -> dict[str, Any]:
@@ -155,7 +157,7 @@ class ScrewFiles:
         """What stood before a transaction, as `begin` kept it. Raises E-LCNC-KEPT when it is not whole."""
         marker, path = self.marker(), self.path(joint)
         kept = path.with_name(path.name + BEFORE)
-        if marker["transaction"] != transaction or marker["joints"].get(str(joint)) != _digest(read(kept)):
+        if marker["transaction"] != transaction or marker["joints"].get(str(joint)) != _digest(read_file(kept)):
             raise AgentRefusal("E-LCNC-KEPT", number=transaction, file=str(kept))
         return self._text(kept)
 
@@ -163,7 +165,7 @@ class ScrewFiles:
         """A new file beside the one that stands; what is read back of it."""
         self._under_way(transaction, joint)
         new = self.path(joint).with_name(self.path(joint).name + NEW)
-        durable(new, text.encode())
+        write_durably(new, text.encode())
         return self._text(new)
 
     def commit(self, transaction: int, digests: dict[str, str]) -> None:
@@ -179,10 +181,10 @@ class ScrewFiles:
 
     def _staged(self, transaction: int, joint: int, digest: str) -> tuple[int, Path, bytes | None]:
         marker, path = self._under_way(transaction, joint), self.path(joint)
-        stands = _digest(read(path))
+        stands = _digest(read_file(path))
         if stands == digest:
             return joint, path, None
-        new = read(path.with_name(path.name + NEW))
+        new = read_file(path.with_name(path.name + NEW))
         if _digest(new) != digest or stands != marker["joints"][str(joint)]:
             raise AgentRefusal("E-LCNC-CHANGED", file=str(path))
         return joint, path, new
@@ -191,18 +193,18 @@ class ScrewFiles:
         """First what acts is kept under this life's name, then one rename."""
         life, marker = self._life(), self.marker()
         acts, replaced = self.acting(joint), marker["replaced"]
-        durable(path.with_name(path.name + ACTING), acts.encode())
+        write_durably(path.with_name(path.name + ACTING), acts.encode())
         if life is not None:
             # Noted before the rename, with both: should we die between, what acts is known all the same.
-            both = {"life": life.name, "digest": _digest(new), "was": _digest(read(path))}
+            both = {"life": life.name, "digest": _digest(new), "was": _digest(read_file(path))}
             self._keep({**marker, "replaced": {**replaced, str(joint): both}})
-        durable(path, new)
+        write_durably(path, new)
         path.with_name(path.name + NEW).unlink(missing_ok=True)
 
     def clear(self, joint: int, text: str) -> None:
         """A file that corrects nothing takes the old one's place, which is kept; the marker's transaction stays."""
         path = self.path(joint)
-        durable(path.with_name(path.name + BEFORE), read(path))
+        write_durably(path.with_name(path.name + BEFORE), read_file(path))
         self._take_over(joint, path, text.encode())
 
     def finish(self, transaction: int, state: str) -> None:

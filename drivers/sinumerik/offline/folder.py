@@ -16,8 +16,8 @@ from pathlib import Path
 from typing import Any
 
 from drivers.errors import ConfigError, FileFormatError, words
-from drivers.local.letters import decode
-from drivers.local.ownfiles import made_folder, opened, read_own
+from drivers.local.ownfiles import make_own_folder, open_own, read_own
+from drivers.local.textfile import decode_text
 
 CARRY, BACK, STEPS, DONE = "carry", "back", "steps", "done"
 SHEET, SEEN_FILE, PROBLEM, LAST = "SHEET.txt", "SEEN.toml", "PROBLEM.txt", "last.json"
@@ -89,7 +89,7 @@ class StepFolder:
         """Make the folders. Raises ConfigError (E-OFF-FOLDER)."""
         try:
             for name in (CARRY, BACK, STEPS, DONE):
-                made_folder(self.root / name)
+                make_own_folder(self.root / name)
         except OSError as error:
             raise self._trouble(error) from error
 
@@ -184,7 +184,7 @@ class StepFolder:
         if not old:
             return
         place = self.back / f"before-{len([one for one in self.back.iterdir() if one.is_dir()]) + 1:03d}"
-        made_folder(place)
+        make_own_folder(place)
         for path in old:
             os.replace(path, place / path.name)
 
@@ -212,7 +212,7 @@ class StepFolder:
         try:
             if path.stat().st_size > MOST_BYTES:
                 raise FileFormatError("E-OFF-FILE", str(path), why=f"more than {MOST_BYTES} bytes")
-            return without_head(decode(read_own(path), "latin-1", str(path)))
+            return without_head(decode_text(read_own(path), "latin-1", str(path)))
         except OSError as error:
             raise FileFormatError("E-OFF-FILE", str(path), why=error.strerror or str(error)) from error
 
@@ -224,7 +224,7 @@ class StepFolder:
             held = list((self.root / STEPS).iterdir())
             if held:
                 place = self.root / DONE / f"{len(list((self.root / DONE).iterdir())) + 1:04d}"
-                made_folder(place)
+                make_own_folder(place)
                 for path in sorted(held):
                     shutil.move(str(path), str(place / path.name))
             self._empty()
@@ -236,9 +236,9 @@ class StepFolder:
         """Whole or not at all: a disk that refuses leaves what was there."""
         fresh = path.with_name(f".{path.name}.new")
         try:
-            made_folder(path.parent)
+            make_own_folder(path.parent)
             fresh.unlink(missing_ok=True)
-            with opened(fresh, "xb") as file:
+            with open_own(fresh, "xb") as file:
                 file.write(text.encode("utf-8"))
                 file.flush()
                 os.fsync(file.fileno())

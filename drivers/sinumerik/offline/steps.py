@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from drivers.errors import FileFormatError
-from drivers.local.tomlfile import parse_toml
+from drivers.local.textfile import parse_toml
 from drivers.programs import DayNumbers, DwellPlan, Order, Origin, PaperMachine, ProgramText
 from drivers.sinumerik.ncprogram.backup import END_WORD
 from drivers.sinumerik.ncprogram.blocks import format_number as number_text

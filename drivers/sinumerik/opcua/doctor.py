@@ -20,7 +20,7 @@ from cryptography.hazmat.primitives.serialization import Encoding
 from drivers.checks import CertificateView, CheckLine, TrustView, Wanted, failed, fine, unknown, wrong
 from drivers.clock import Clock
 from drivers.errors import ConfigError, DeviceRefused, OtherCertificate, TrueflankError
-from drivers.local.ownfiles import made_parents, opened
+from drivers.local.ownfiles import make_own_parents, open_own
 from drivers.sinumerik.opcua.control_checks import (
     CLOCK_LIMIT_S,
     ControlCheckContext,
@@ -111,7 +111,7 @@ class UaTrust:
 
     def _pin(self, certificate: x509.Certificate, who: str, reason: str) -> None:
         place = Path(self._settings.server_certificate)
-        made_parents(place)
+        make_own_parents(place)
         before = certificate_view(load_certificate(place.read_bytes())).sha256 if place.is_file() else ""
         if before:
             place.replace(place.with_name(f"{place.name}.old-{before.replace(':', '')[:16]}"))
@@ -136,7 +136,7 @@ def certificate_view(certificate: x509.Certificate) -> CertificateView:
 
 
 def _store(path: Path, content: bytes, mode: str) -> None:
-    with opened(path, mode) as file:
+    with open_own(path, mode) as file:
         file.write(content)
         file.flush()
         os.fsync(file.fileno())

@@ -5,7 +5,7 @@ from __future__ import annotations
 import secrets
 from pathlib import Path
 
-from drivers.local.ownfiles import opened
+from drivers.local.ownfiles import open_own
 from gateway.cli.begin.questions import Questioner
 
 TOKEN, TOKEN_BYTES = "token.txt", 24
@@ -16,7 +16,7 @@ def token(asker: Questioner, folder: Path) -> dict[str, str]:
     """Where the agent's token is; a new one is made where there is none, for its host as well."""
     place = folder / TOKEN
     if not place.exists():
-        with opened(place, "wb", secret=True) as file:
+        with open_own(place, "wb", secret=True) as file:
             file.write(f"{secrets.token_urlsafe(TOKEN_BYTES)}\n".encode())
         asker.tell("P-INIT-TOKEN", path=str(place))
     return {"token_file": TOKEN}
@@ -30,6 +30,6 @@ def password(asker: Questioner, folder: Path) -> dict[str, str]:
     typed = asker.ask("password", "P-INIT-PASSWORD", "", secret=True)
     if not typed:
         return {"password_env": VARIABLE}
-    with opened(place, "wb", secret=True) as file:
+    with open_own(place, "wb", secret=True) as file:
         file.write(f"{typed}\n".encode())
     return {"password_file": PASSWORD}

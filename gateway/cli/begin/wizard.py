@@ -12,7 +12,7 @@ from drivers.checks import ControlAxis, ControlFacts, TrustView
 from drivers.clock import LoopClock
 from drivers.errors import TrueflankError, words
 from drivers.local.names import is_name, shown
-from drivers.local.ownfiles import opened
+from drivers.local.ownfiles import open_own
 from drivers.settings import SPEED_KEYS
 from drivers.types.moves import FEED_DEG, FEED_MM
 from gateway.cli.begin.goodanswers import NONE, SAMPLE, gear_file, instrument, optics, reached, with_height
@@ -246,7 +246,7 @@ def _gear(
 def _own_gear(folder: Path) -> str:
     """The sample's file, for a person to change; one that is there is kept."""
     if not (folder / GEAR).exists():
-        with opened(folder / GEAR, "xb") as file:
+        with open_own(folder / GEAR, "xb") as file:
             file.write(SAMPLE_GEAR.encode())
     return GEAR
 

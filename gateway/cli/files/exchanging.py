@@ -9,7 +9,7 @@ from typing import Any
 
 from drivers import registry
 from drivers.errors import ConfigError, FileFormatError, TableError
-from drivers.local.letters import decode
+from drivers.local.textfile import decode_text
 from drivers.types.exchange import ErrorSet, ReadAs
 from drivers.types.tables import CompensationTable
 from drivers.units import AxisUnit
@@ -146,7 +146,7 @@ def _form_of(wish: ExchangeOptions) -> str:
 def _text(path: Path) -> str:
     """Text in whatever encoding a spreadsheet program saves. Raises ConfigError (E-CLI-READ), FileFormatError."""
     data = table_data(path)
-    text = decode(data, SHEETS, str(path)) if not data.startswith(ZIPPED) else "\0"
+    text = decode_text(data, SHEETS, str(path)) if not data.startswith(ZIPPED) else "\0"
     if "\0" in text:
         raise FileFormatError("E-EXCHANGE-NO-TEXT", str(path))
     return text

@@ -23,7 +23,7 @@ def support_bundle_command(
     doctor: Annotated[bool, typer.Option(help="Also check the connection to the control.")] = True,
 ) -> None:
     """Write site file, versions, logs, newest runs, wire traces and doctor into one zip, without secrets."""
-    from drivers.local.ownfiles import opened
+    from drivers.local.ownfiles import open_own
     from gateway.cli.service.bundle import bundle
     from gateway.workflow.runsite import store_of
 
@@ -32,7 +32,7 @@ def support_bundle_command(
     told = run_to_end(_doctor(tree, site), at=site) if doctor else {"left out": "--no-doctor"}
     data = bundle(tree, site, store, runs=runs, doctor=told)
     try:
-        with opened(output, "xb", secret=True) as file:
+        with open_own(output, "xb", secret=True) as file:
             file.write(data)
     except OSError as error:
         raise ConfigError("E-BUNDLE-WRITE", str(output), why=error.strerror or str(error)) from error

@@ -22,7 +22,7 @@ from pathlib import Path
 from typing import Any, BinaryIO, Self
 
 from drivers.local.names import stem
-from drivers.local.ownfiles import made_folder, opened, read_own
+from drivers.local.ownfiles import make_own_folder, open_own, read_own
 from drivers.message import Message
 from drivers.terms import in_todays_words
 from gateway.errors import StoreError
@@ -136,7 +136,7 @@ class Journal:
             free = shutil.disk_usage(folder).free
             if free < FREE_BYTES:
                 raise StoreError("E-PUSH-DISK", str(folder), why=f"{free} bytes free, {FREE_BYTES} needed")
-            file = opened(path, "xb")
+            file = open_own(path, "xb")
             sync_folder(folder)
         except OSError as error:
             raise StoreError("E-PUSH-DISK", str(path), why=str(error)) from error
@@ -147,7 +147,7 @@ class Journal:
         """Go on with a journal; a torn end is cut off. Its end is read afresh: another table's part may have grown."""
         found = read(found.path)
         try:
-            file = opened(found.path, "r+b")
+            file = open_own(found.path, "r+b")
             file.truncate(found.whole_bytes)
             file.seek(found.whole_bytes)
         except OSError as error:
@@ -307,7 +307,7 @@ def set_aside(path: Path) -> None:
         return
     done = path.parent / "done"
     try:
-        made_folder(done)
+        make_own_folder(done)
         os.replace(path, done / path.name)
         sync_folder(done)
         sync_folder(path.parent)

@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import BinaryIO
 
-from drivers.local.ownfiles import made_folder, opened, read_own
+from drivers.local.ownfiles import make_own_folder, open_own, read_own
 from gateway.errors import BusyError, StoreError
 
 # Windows forbids reading a locked byte, so the byte locked lies beyond the holder's name.
@@ -33,8 +33,8 @@ def held(folder: Path) -> Iterator[None]:
     """Hold one folder's lock. Raises BusyError (E-PUSH-BUSY) naming the holder, StoreError (E-PUSH-DISK)."""
     path = folder / "lock"
     try:
-        made_folder(folder)
-        file = opened(path, "a+b")
+        make_own_folder(folder)
+        file = open_own(path, "a+b")
     except OSError as error:
         raise StoreError("E-PUSH-DISK", str(path), why=str(error)) from error
     with file:
@@ -50,7 +50,7 @@ def held(folder: Path) -> Iterator[None]:
 def is_held(folder: Path) -> bool:
     """Whether somebody, this process included, holds a folder's lock. Raises StoreError (E-PUSH-DISK)."""
     try:
-        file = opened(folder / "lock", "r+b")
+        file = open_own(folder / "lock", "r+b")
     except FileNotFoundError:
         return False
     except OSError as error:

@@ -6,7 +6,7 @@ import os
 import secrets
 from pathlib import Path
 
-from drivers.local.ownfiles import opened, read_own
+from drivers.local.ownfiles import open_own, read_own
 from gateway.errors import StoreError
 from gateway.push.records.journal import numbers, sync_folder
 
@@ -71,7 +71,7 @@ def _used(folder: Path) -> list[int]:
 
 def _keep(counter: Path, number: int) -> None:
     temporary = counter.with_name(f".number.{secrets.token_hex(4)}")
-    with opened(temporary, "xb") as file:
+    with open_own(temporary, "xb") as file:
         file.write(str(number).encode("ascii"))
         file.flush()
         os.fsync(file.fileno())

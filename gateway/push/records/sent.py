@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from drivers.leftover import Sent
-from drivers.local.ownfiles import opened, read_own
+from drivers.local.ownfiles import open_own, read_own
 from gateway.errors import BusyError, StoreError
 from gateway.push.records.journal import machine_folder
 from gateway.push.records.lock import held, is_held
@@ -105,7 +105,7 @@ class SentBook:
         # A leading end of line keeps a line torn by a crash apart from this one.
         text = "\n" + json.dumps(entry, separators=(",", ":")) + "\n"
         try:
-            with opened(path or self._folder / FILE, "ab", buffering=0) as file:
+            with open_own(path or self._folder / FILE, "ab", buffering=0) as file:
                 file.write(text.encode("ascii"))
                 os.fsync(file.fileno())
         except OSError as error:

@@ -12,7 +12,7 @@ import matplotlib as mpl
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from drivers.local.ownfiles import opened
+from drivers.local.ownfiles import open_own
 from gateway.errors import StoreError
 from gateway.report.drawings import curves
 from gateway.report.drawings.ruler import INK, QUIET
@@ -127,7 +127,7 @@ def svg_file(size_mm: tuple[float, float], paint: Callable[[Figure], None], path
 
 def _write(path: Path, content: bytes) -> None:
     try:
-        with opened(path, "wb") as file:
+        with open_own(path, "wb") as file:
             file.write(content)
     except OSError as error:
         raise StoreError("E-REPORT-WRITE", str(path), why=error.strerror or str(error)) from error

@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from drivers.local.ownfiles import opened
+from drivers.local.ownfiles import open_own
 from drivers.recordings import Recording
 from gateway.evaluate.behaviour.dynamic import DynamicSpectrum
 
@@ -25,7 +25,7 @@ def draw(recording: Recording, spectrum: DynamicSpectrum | None, path: Path) -> 
     above, below = figure.subplots(2, 1)
     _envelope(above, recording)
     _spectrum(below, spectrum, SIGN[recording.unit])
-    with opened(path, "xb") as file:
+    with open_own(path, "xb") as file:
         figure.savefig(file, format="png")
     return path
 

@@ -14,7 +14,7 @@ from typing import Any
 
 from drivers.errors import ConfigError
 from drivers.local.names import guess, shown
-from drivers.local.tomlfile import read_toml
+from drivers.local.textfile import read_toml
 from gateway.config.writing import written
 from gateway.store.disk import write_whole
 

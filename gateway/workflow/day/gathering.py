@@ -10,8 +10,8 @@ from pathlib import Path
 from typing import Literal
 
 from drivers.errors import ConfigError, FileFormatError, FileUnreadable, TrueflankError
-from drivers.local.letters import beginning
 from drivers.local.names import shown
+from drivers.local.textfile import decode_beginning
 from drivers.types.gears import GearInspection
 from drivers.types.results import MeasuredSet
 from gateway.store import Maps
@@ -189,7 +189,7 @@ def _undescribed(name: str, path: Path) -> DayFile:
             data = file.read(HEAD_BYTES)
     except OSError as error:
         raise FileUnreadable("E-FILE-READ", str(path), why=error.strerror or str(error)) from error
-    text = beginning(data, "cp1252")
+    text = decode_beginning(data, "cp1252")
     head = tuple(shown(line[:LINE]) for line in text.splitlines()[:HEAD_LINES])
     refused = FileFormatError(
         "E-DAY-UNDESCRIBED", name, ending=path.suffix, head="\n".join(f"    {one}" for one in head)

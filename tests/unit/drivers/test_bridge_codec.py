@@ -23,6 +23,7 @@ from drivers.bridge.codec import (
     Reply,
     Request,
 )
+from drivers.bridge.device import BridgeStream
 from drivers.bridge.records import (
     BridgeIdentity,
     BridgeSamples,
@@ -32,7 +33,6 @@ from drivers.bridge.records import (
     read_environment,
     read_optics,
 )
-from drivers.bridge.stream import BridgeStream
 from drivers.errors import LocalProtocolError, RemoteProtocolError
 from drivers.types.sensing import Ambient
 

@@ -10,10 +10,20 @@ from zlib import crc32
 import numpy as np
 import pytest
 
-from drivers.bridge.codec import BridgeCodec, Damaged, Message, Notification, Reply
-from drivers.bridge.frames import HEADER_BYTES, MAGIC, PAYLOAD_BYTES, SampleFrame, encode
+from drivers.bridge.codec import (
+    HEADER_BYTES,
+    MAGIC,
+    PAYLOAD_BYTES,
+    BridgeCodec,
+    Damaged,
+    Message,
+    Notification,
+    Reply,
+    SampleFrame,
+    encode_frame,
+)
+from drivers.bridge.device import BridgeStream
 from drivers.bridge.records import BridgeIdentity, Event
-from drivers.bridge.stream import BridgeStream
 from drivers.errors import LocalProtocolError, RemoteProtocolError
 from drivers.types.sensing import SampleBlock
 from tests.sizes import few
@@ -43,7 +53,7 @@ def stream_bytes(count: int = 6, samples: int = 5, channels: int = 2, *, lines: 
         first = start + number * samples
         at = first + np.arange(samples)
         values = np.column_stack([at * 0.5 + channel for channel in range(channels)])
-        out.append(encode(SampleFrame(first, first * 0.01, 0.01, values)))
+        out.append(encode_frame(SampleFrame(first, first * 0.01, 0.01, values)))
         if lines and number % 2:
             out.append(LINE)
     return b"".join(out)
@@ -114,7 +124,7 @@ def test_neighbours_are_joined_and_others_are_not() -> None:
         SampleFrame(17, 0.18, 0.01, np.ones((4, 1))),
         SampleFrame(21, 0.22, 0.01, np.ones((3, 1))),
     ]
-    found = read([b"".join(encode(frame) for frame in frames)])
+    found = read([b"".join(encode_frame(frame) for frame in frames)])
     assert [len(frame) for frame in found if isinstance(frame, SampleFrame)] == [8, 4, 4, 4, 3]
 
 
@@ -167,10 +177,10 @@ def test_a_header_that_no_bridge_of_this_page_writes_is_passed_over(offset: int,
 def test_what_no_frame_may_hold_is_not_written() -> None:
     for values in (np.empty((0, 1)), np.zeros(4), np.array([[np.inf]]), np.zeros((PAYLOAD_BYTES // 8 + 1, 1))):
         with pytest.raises(LocalProtocolError, match="E-BRIDGE-MESSAGE"):
-            encode(SampleFrame(0, 0.0, 0.1, values))
+            encode_frame(SampleFrame(0, 0.0, 0.1, values))
     for sequence, step in ((-1, 0.1), (0, 0.0), (0, float("nan"))):
         with pytest.raises(LocalProtocolError, match="E-BRIDGE-MESSAGE"):
-            encode(SampleFrame(sequence, 0.0, step, np.zeros((1, 1))))
+            encode_frame(SampleFrame(sequence, 0.0, step, np.zeros((1, 1))))
 
 
 def test_a_server_takes_no_frames() -> None:

@@ -12,12 +12,11 @@ from typing import Any
 
 import pytest
 
-from drivers.linuxcnc.agent import lines
+from drivers.linuxcnc.agent import protocol
 from drivers.linuxcnc.agent.__main__ import LEAST_TOKEN, _token
 from drivers.linuxcnc.agent.answering import Agent
-from drivers.linuxcnc.agent.kernel import Kernel
-from drivers.linuxcnc.agent.lines import FIRST_S, MOST_FIRST, MOST_LINES, AgentReply, Lines
-from drivers.linuxcnc.agent.lives import Life
+from drivers.linuxcnc.agent.kernel import Kernel, KernelLife
+from drivers.linuxcnc.agent.protocol import FIRST_S, MOST_FIRST, MOST_LINES, AgentReply, GatewayLines
 from tests.contract.linuxcnc_double import Machine
 from tests.contract.linuxcnc_stage import TOKEN, agent_of
 
@@ -29,7 +28,7 @@ class Desk:
 
     def __init__(self, listener: socket.socket) -> None:
         self.address = listener.getsockname()
-        self.lines = Lines(listener, lambda data: AgentReply(data.upper() + b"\n", data == b"hello"))
+        self.lines = GatewayLines(listener, lambda data: AgentReply(data.upper() + b"\n", data == b"hello"))
         self.now = 0.0
         self._wires: list[socket.socket] = []
 
@@ -56,7 +55,7 @@ class Desk:
 def desk(monkeypatch: pytest.MonkeyPatch) -> Iterator[Desk]:
     with socket.create_server(("127.0.0.1", 0)) as listener:
         made = Desk(listener)
-        monkeypatch.setattr(lines, "_now", lambda: made.now)
+        monkeypatch.setattr(protocol, "_now", lambda: made.now)
         yield made
         made.close()
 
@@ -186,7 +185,7 @@ def test_a_kernel_that_ends_within_an_answer_never_has_what_stands_acting(tmp_pa
     machine.restart()
     looks = 0
 
-    def life() -> Life | None:
+    def life() -> KernelLife | None:
         nonlocal looks
         looks += 1
         return machine.life if looks <= after else None

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from drivers.linuxcnc.agent import lives
+from drivers.linuxcnc.agent import kernel
 
 
 def process(folder: Path, number: int, name: str, state: str, ticks: int) -> None:
@@ -22,10 +22,10 @@ def test_a_kernel_that_has_ended_is_no_life_though_it_is_still_listed(
 ) -> None:
     (tmp_path / "stat").write_text("cpu 0\nbtime 1000\n")
     process(tmp_path, 40, "milltask", state, 500)
-    monkeypatch.setattr(lives, "PROC", tmp_path)
-    assert lives.running() is None
+    monkeypatch.setattr(kernel, "PROC", tmp_path)
+    assert kernel.running_life() is None
     process(tmp_path, 41, "milltask", "S", 700)
-    found = lives.running()
+    found = kernel.running_life()
     assert found is not None
     assert found.name == "41-700"
     assert 1000.0 < found.began_s < 1700.0

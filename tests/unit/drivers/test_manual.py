@@ -12,8 +12,7 @@ import pytest
 
 from drivers.clock import LoopClock
 from drivers.errors import ConfigError, TransportError
-from drivers.manual.device import ManualEntry
-from drivers.manual.person import FolderDesk, QueueDesk, TerminalDesk, TypingDesk, open_desk
+from drivers.manual.device import FolderPrompt, ManualEntry, QueuePrompt, ReadingPrompt, TerminalPrompt, open_prompt
 from drivers.ports.instruments import AmbientSensor, Instrument, TypedInstrument
 from drivers.types.sensing import SampleBlock
 from tests.unit.drivers.loops import run_clean
@@ -30,9 +29,9 @@ async def typed(device: ManualEntry) -> list[SampleBlock]:
     return found
 
 
-def asked(answers: list[str], main: Callable[[ManualEntry, QueueDesk], Awaitable[None]], **settings: Any) -> None:
+def asked(answers: list[str], main: Callable[[ManualEntry, QueuePrompt], Awaitable[None]], **settings: Any) -> None:
     async def wrapped() -> None:
-        desk = QueueDesk()
+        desk = QueuePrompt()
         for answer in answers:
             desk.answers.put_nowait(answer)
         given = {"who": "ann"} | settings
@@ -44,12 +43,12 @@ def asked(answers: list[str], main: Callable[[ManualEntry, QueueDesk], Awaitable
     run_clean(wrapped, virtual=True)
 
 
-def questions(desk: QueueDesk) -> list[str]:
+def questions(desk: QueuePrompt) -> list[str]:
     return [desk.questions.get_nowait() for _ in range(desk.questions.qsize())]
 
 
 def test_one_typed_value_stands_for_a_stretch_of_samples() -> None:
-    async def main(device: ManualEntry, desk: QueueDesk) -> None:
+    async def main(device: ManualEntry, desk: QueuePrompt) -> None:
         assert isinstance(device, Instrument)
         assert isinstance(device, AmbientSensor)
         assert isinstance(device, TypedInstrument)
@@ -72,7 +71,7 @@ def test_one_typed_value_stands_for_a_stretch_of_samples() -> None:
 
 
 def test_it_asks_again_until_it_is_a_number_and_says_why() -> None:
-    async def main(device: ManualEntry, desk: QueueDesk) -> None:
+    async def main(device: ManualEntry, desk: QueuePrompt) -> None:
         device.expect("X 100 mm", 0.0, 50.0)
         await typed(device)
         said = questions(desk)
@@ -87,14 +86,14 @@ def test_it_asks_again_until_it_is_a_number_and_says_why() -> None:
 
 
 def test_a_comma_is_a_point_only_where_the_settings_say_so() -> None:
-    async def main(device: ManualEntry, _desk: QueueDesk) -> None:
+    async def main(device: ManualEntry, _desk: QueuePrompt) -> None:
         assert (await typed(device))[0].values[0, 0] == -1.25
 
     asked(["1.25", "-1,25"], main, decimal="comma")
 
 
 def test_what_lies_outside_the_limits_is_taken_only_when_it_is_typed_twice_running() -> None:
-    async def main(device: ManualEntry, desk: QueueDesk) -> None:
+    async def main(device: ManualEntry, desk: QueuePrompt) -> None:
         device.expect("X 100 mm", 100.0, 0.5)
         await typed(device)
         assert device.typed[0].value == 103.0
@@ -108,7 +107,7 @@ def test_what_lies_outside_the_limits_is_taken_only_when_it_is_typed_twice_runni
 
 
 def test_the_sense_of_the_display_is_turned_and_so_are_its_limits() -> None:
-    async def main(device: ManualEntry, _desk: QueueDesk) -> None:
+    async def main(device: ManualEntry, _desk: QueuePrompt) -> None:
         device.expect("C", 5.0, 1.0)
         assert (await typed(device))[0].values[0, 0] == 5.2
 
@@ -116,7 +115,7 @@ def test_the_sense_of_the_display_is_turned_and_so_are_its_limits() -> None:
 
 
 def test_a_typed_environment_is_an_environment() -> None:
-    async def main(device: ManualEntry, _desk: QueueDesk) -> None:
+    async def main(device: ManualEntry, _desk: QueuePrompt) -> None:
         ambient = await device.ambient()
         assert (ambient.air_degc, ambient.pressure_hpa, ambient.humidity_pct) == (21.5, 1003.0, None)
         assert ambient.material_degc == (20.1, 20.3)
@@ -147,7 +146,7 @@ def test_a_terminal_asks_and_its_end_is_told() -> None:
     out = io.StringIO()
 
     async def main() -> None:
-        desk = TerminalDesk("dial", io.StringIO("1.5\n"), out)
+        desk = TerminalPrompt("dial", io.StringIO("1.5\n"), out)
         assert await desk.ask("reading?") == "1.5\n"
         with pytest.raises(TransportError, match="terminal is closed"):
             await desk.ask("again?")
@@ -194,13 +193,16 @@ def test_a_folder_asks_by_files(tmp_path: Path) -> None:
 )
 def test_a_place_where_nobody_can_be_asked_is_refused(url: str, code: str) -> None:
     with pytest.raises(ConfigError) as caught:
-        open_desk(url, LoopClock(), "dial")
+        open_prompt(url, LoopClock(), "dial")
     assert caught.value.code == code
 
 
 def test_desks_that_are_made() -> None:
-    desks: list[TypingDesk] = [open_desk("terminal://", LoopClock(), "dial"), FolderDesk(Path(), LoopClock(), "dial")]
-    assert isinstance(desks[0], TerminalDesk)
+    desks: list[ReadingPrompt] = [
+        open_prompt("terminal://", LoopClock(), "dial"),
+        FolderPrompt(Path(), LoopClock(), "dial"),
+    ]
+    assert isinstance(desks[0], TerminalPrompt)
 
 
 async def test_a_closed_instrument_asks_nobody() -> None:

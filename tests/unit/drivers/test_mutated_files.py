@@ -20,7 +20,7 @@ from drivers.files.pos import parse_pos
 from drivers.files.rtl import measured_set
 from drivers.files.rtltext import RtlText, parse, render
 from drivers.files.rtx import RtxHead, read_head
-from drivers.local.letters import decode
+from drivers.local.textfile import decode_text
 from drivers.types.gears import GearInspection
 from drivers.types.results import MeasuredSet
 from tests.sizes import long, soak
@@ -113,7 +113,7 @@ def same(one: MeasuredSet, other: MeasuredSet) -> None:
 
 
 def read_rtl(data: bytes) -> tuple[RtlText, MeasuredSet]:
-    content = parse(decode(data, "cp1252", "x"), "x")
+    content = parse(decode_text(data, "cp1252", "x"), "x")
     return content, measured_set(content, "mm", lambda value: value, "x")
 
 
@@ -164,12 +164,12 @@ def check_gear(_data: bytes, found: Any) -> None:
 
 PARSERS: dict[str, tuple[list[bytes], Callable[[bytes], object], Callable[[bytes, Any], None]]] = {
     "rtl": ([RTL], read_rtl, check_rtl),
-    "csv": (CSV, lambda data: parse_csv(decode(data, "cp1252", "x"), ColumnMap(), "x"), check_table),
-    "csv by columns": ([MAPPED], lambda data: parse_csv(decode(data, "cp1252", "x"), MAP, "x"), check_table),
-    "pos": ([POS], lambda data: parse_pos(decode(data, "cp1252", "x"), "x"), check_pos),
+    "csv": (CSV, lambda data: parse_csv(decode_text(data, "cp1252", "x"), ColumnMap(), "x"), check_table),
+    "csv by columns": ([MAPPED], lambda data: parse_csv(decode_text(data, "cp1252", "x"), MAP, "x"), check_table),
+    "pos": ([POS], lambda data: parse_pos(decode_text(data, "cp1252", "x"), "x"), check_pos),
     "rtx header": ([RTX], read_rtx, check_rtx),
     "gde": ([GDE], lambda data: read_gde(data, NAMES, "x"), check_gear),
-    "gear table": ([GEAR], lambda data: read_gear_table(decode(data, "cp1252", "x"), GEAR_MAP, "x"), check_gear),
+    "gear table": ([GEAR], lambda data: read_gear_table(decode_text(data, "cp1252", "x"), GEAR_MAP, "x"), check_gear),
 }
 
 

@@ -16,9 +16,8 @@ from drivers import registry
 from drivers.clock import LoopClock
 from drivers.errors import ConfigError, FileFormatError
 from drivers.local.scrub import without_secrets
-from drivers.replay.player import Player, Replayed
-from drivers.replay.recorder import TraceRecorder
-from drivers.replay.tracefile import Record, encode, head, read_trace
+from drivers.replay.player import Player, ReplayResult
+from drivers.replay.recorder import Record, TraceRecorder, encode_head, encode_record, read_trace
 from drivers.transport import serve
 from drivers.types.sensing import SampleBlock
 from tests.contract.servers import ScriptedBridge, ScriptedFrames, ScriptedUmd
@@ -76,7 +75,7 @@ def test_a_trace_gives_the_same_samples_gaps_and_values_at_a_desk(script: str, t
     assert len(player.sessions) == 2
     heard: list[SampleBlock] = []
     driver = registry.load(player.driver, "instrument")
-    found: Replayed = player.play(driver, player.settings, 2, heard.append)
+    found: ReplayResult = player.play(driver, player.settings, 2, heard.append)
     time_s, values = joined(heard)
     wanted_s, wanted = joined(before)
     begin = int(np.searchsorted(time_s, wanted_s[0] - 1e-9))
@@ -174,7 +173,7 @@ def test_secrets_are_never_in_a_trace(tmp_path: Path) -> None:
     assert b'"x":"y"' in raw
 
 
-@pytest.mark.parametrize("data", [b"", b"{}\n", b"hello\n", b'{"trueflank_trace":2}\n', head({}) + b"?" * 20])
+@pytest.mark.parametrize("data", [b"", b"{}\n", b"hello\n", b'{"trueflank_trace":2}\n', encode_head({}) + b"?" * 20])
 def test_what_is_no_trace_is_refused(data: bytes, tmp_path: Path) -> None:
     file = tmp_path / "x.trace"
     file.write_bytes(data)
@@ -194,7 +193,9 @@ def refused(data: bytes) -> bool:
 
 def test_mutated_traces_are_refused_in_our_words_or_read() -> None:
     chance = random.Random(5)
-    whole = head({"driver": "umd"}) + b"".join(encode(Record("<", at * 0.1, b"0 0 1 0 0 1 0 0\r\n")) for at in range(4))
+    whole = encode_head({"driver": "umd"}) + b"".join(
+        encode_record(Record("<", at * 0.1, b"0 0 1 0 0 1 0 0\r\n")) for at in range(4)
+    )
     outcomes = {"read": 0, "refused": 0}
     for _ in range(20_000):
         bent = bytearray(whole)
@@ -208,7 +209,11 @@ def test_mutated_traces_are_refused_in_our_words_or_read() -> None:
 
 
 def test_a_torn_last_record_is_left_out() -> None:
-    whole = head({"driver": "umd"}) + encode(Record("<", 1.5, b"abc")) + encode(Record("<", 2.0, b"def"))
+    whole = (
+        encode_head({"driver": "umd"})
+        + encode_record(Record("<", 1.5, b"abc"))
+        + encode_record(Record("<", 2.0, b"def"))
+    )
     for cut in range(1, 16):
         assert [record.data for record in read_trace([whole[:-cut]], "x").records] == [b"abc"]
     assert read_trace([whole], "x").about["driver"] == "umd"

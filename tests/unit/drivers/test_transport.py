@@ -11,7 +11,7 @@ import pytest
 from drivers.clock import LoopClock
 from drivers.errors import ConfigError, DeadlineExceeded, TransportError
 from drivers.serial_io import SerialTransport
-from drivers.transport import BentTransport, ByteTransport, listen_memory, open_transport, serve
+from drivers.transport import ByteTransport, FaultyTransport, listen_memory, open_transport, serve
 from drivers.transport.memory import PIPE_BYTES
 from tests.unit.drivers.loops import run_clean
 
@@ -276,7 +276,7 @@ async def test_a_bent_wire_splits_drops_and_cuts() -> None:
             raise TransportError("E-LINK-CLOSED", "bent", why="cut by the plan")
         return [data[:2], b"", data[2:].replace(b"x", b"")]
 
-    wire = BentTransport(
+    wire = FaultyTransport(
         straight, incoming=lambda data: [data[at : at + 1] for at in range(len(data))], outgoing=outgoing
     )
     await wire.write(b"abxcd")

@@ -13,8 +13,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from drivers.errors import LocalProtocolError
-from drivers.umd.codec import SEQUENCE, UmdCodec, UmdLines, encode_rows
-from drivers.umd.numerals import read_table
+from drivers.umd.codec import SEQUENCE, UmdCodec, UmdLines, encode_rows, read_table
 
 GOLDEN = json.loads((Path(__file__).parents[2] / "golden/umd/transcripts.json").read_text(encoding="utf-8"))
 NAMES = sorted(GOLDEN)

@@ -12,8 +12,7 @@ from hypothesis import strategies as st
 from drivers.errors import ConfigError, RemoteProtocolError, UnsupportedDevice
 from drivers.types.sensing import SampleBlock
 from drivers.umd.codec import CODE, DATA, PHASE, SEQUENCE, UmdLines
-from drivers.umd.counting import LEARN_MOVING, UmdCounting
-from drivers.umd.sequence import SequenceOrder, forward
+from drivers.umd.counting import LEARN_MOVING, SequenceOrder, UmdCounting, ticks_forward
 from drivers.umd.settings import UmdSettings
 
 LAMBDA_NM = 632.990577
@@ -167,7 +166,7 @@ def test_fault_37_repeats_and_late_rows_are_dropped() -> None:
     (2**32 - 1, 0, 1), (2**31 - 1, -(2**31), 1), (100_000, 5, -99_995), (5, 2**40, 2**40 - 5),
 ])  # fmt: skip
 def test_wraps_are_told_from_restarts(last: int, number: int, step: int) -> None:
-    assert forward(last, number) == step
+    assert ticks_forward(last, number) == step
 
 
 def test_fault_32_a_sixteen_bit_sequence_goes_on_over_its_wrap() -> None:

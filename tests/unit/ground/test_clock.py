@@ -8,7 +8,7 @@ from concurrent.futures import Future
 
 import pytest
 
-from drivers.clock import LoopClock, jobs, run_virtual
+from drivers.clock import LoopClock, run_virtual, virtual
 from drivers.errors import DeadlineExceeded
 
 
@@ -124,8 +124,8 @@ def test_a_loopback_socket_answers_within_virtual_time() -> None:
 def test_a_thread_that_works_on_a_starved_computer_is_waited_for(monkeypatch: pytest.MonkeyPatch) -> None:
     """Four waits in vain: three in which the process spent time, and one in which nothing did."""
     spent = iter([0.0, 0.5, 0.5, 1.0, 1.0, 1.5, 1.5, 1.5])
-    monkeypatch.setattr(jobs, "SPENT", lambda: next(spent))
-    monkeypatch.setattr(jobs, "PATIENCE_S", 0.0)
+    monkeypatch.setattr(virtual, "SPENT", lambda: next(spent))
+    monkeypatch.setattr(virtual, "PATIENCE_S", 0.0)
     waits: Future[None] = Future()
-    assert jobs._waited([waits]) == {waits}
+    assert virtual._unfinished([waits]) == {waits}
     assert next(spent, None) is None

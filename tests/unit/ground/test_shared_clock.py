@@ -17,7 +17,7 @@ from typing import Any
 import pytest
 
 from drivers.clock import HostedTimeLoop, JoinedTimeLoop, LoopClock
-from drivers.clock.shared import Limit
+from drivers.clock.shared import TimeLimit
 from drivers.errors import DeadlineExceeded, TransportError
 from drivers.transport import ByteTransport, open_transport, serve
 
@@ -142,7 +142,7 @@ def test_a_stranger_is_answered_though_nobody_has_joined() -> None:
 
 def test_time_lost_on_a_busy_computer_is_not_caught_up() -> None:
     walls = iter((100.0, 101.0, 101.01, 101.02, 161.02, 161.03))
-    limit = Limit(10.0, lambda: next(walls))
+    limit = TimeLimit(10.0, lambda: next(walls))
     assert limit.allowed(9.9) == 10.0
     assert limit.allowed(10.0) == pytest.approx(10.1)
     assert limit.wait_s(10.35, 10.1) == pytest.approx(0.025)
@@ -150,9 +150,9 @@ def test_time_lost_on_a_busy_computer_is_not_caught_up() -> None:
     # A minute in which nobody was served counts as a fiftieth of a second.
     assert limit.allowed(10.2) == pytest.approx(10.4)
     assert limit.allowed(10.4) == pytest.approx(10.5)
-    assert (Limit(None).allowed(5.0), Limit(None).wait_s(5.0, inf)) == (inf, None)
+    assert (TimeLimit(None).allowed(5.0), TimeLimit(None).wait_s(5.0, inf)) == (inf, None)
     with pytest.raises(ValueError, match="positive"):
-        Limit(0.0)
+        TimeLimit(0.0)
 
 
 def test_what_comes_from_outside_is_answered_by_a_member_that_waits() -> None:

@@ -7,11 +7,11 @@ from pathlib import Path
 
 import pytest
 
-from drivers.bridge.fields import Fields
+from drivers.bridge.records import Fields
 from drivers.errors import ConfigError, FileFormatError, RemoteProtocolError, TableError
 from drivers.files.csvmap import CsvFormat
 from drivers.files.numbers import MOST_READINGS, no_readings
-from drivers.local.tomlfile import MOST_BYTES, parse_toml, read_toml
+from drivers.local.textfile import MOST_BYTES, parse_toml, read_toml
 from drivers.sinumerik.opcua.machine import Configuration, MachineReader
 from drivers.sinumerik.opcua.session.requests import Reading
 from drivers.sinumerik.opcua.settings import UaSettings

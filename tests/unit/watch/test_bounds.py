@@ -9,8 +9,7 @@ import pytest
 from typer.testing import CliRunner
 
 from drivers.errors import FileFormatError
-from drivers.local.letters import LONGEST_LINE, MOST_LINES, decode
-from drivers.local.tomlfile import MOST_KEYS, MOST_PARTS, bear, parse_toml
+from drivers.local.textfile import LONGEST_LINE, MOST_KEYS, MOST_LINES, MOST_PARTS, bear, decode_text, parse_toml
 from gateway.cli import app
 from gateway.watch.apart import apart
 from gateway.watch.journal import WatchJournal
@@ -75,7 +74,7 @@ def test_a_large_file_is_not_even_hashed_and_small_ones_come_first(tmp_path: Pat
 @pytest.mark.parametrize("data", [b"1," * LONGEST_LINE, b"a: 1\n" * (MOST_LINES + 1), b"a\r" * (MOST_LINES + 1)])
 def test_lines_that_nobodys_software_writes_are_refused_before_they_are_looked_into(data: bytes) -> None:
     with pytest.raises(FileFormatError) as caught:
-        decode(data, "cp1252", "x.csv")
+        decode_text(data, "cp1252", "x.csv")
     assert caught.value.code == "E-FILE-LINES"
 
 

@@ -14,7 +14,7 @@ from cryptography.hazmat.primitives import hashes, serialization
 from cryptography.hazmat.primitives.asymmetric import rsa
 from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID
 
-from drivers.local.ownfiles import made_folder, opened
+from drivers.local.ownfiles import make_own_folder, open_own
 
 YEARS = 10
 
@@ -32,7 +32,7 @@ def own_key_pair(folder: Path, name: str, application_uri: str, host: str, *, se
     pair = KeyPair(folder / f"{name}.der", folder / f"{name}.key.pem")
     if pair.certificate.is_file() and pair.key.is_file():
         return pair
-    made_folder(folder)
+    make_own_folder(folder)
     key = rsa.generate_private_key(public_exponent=65537, key_size=2048)
     _write_private(pair.key, _pem(key))
     certificate = _self_signed(key, name, application_uri, host, server=server)
@@ -106,7 +106,7 @@ def _pem(key: rsa.RSAPrivateKey) -> bytes:
 
 
 def _write_private(path: Path, content: bytes) -> None:
-    with opened(path, "wb", secret=True) as file:
+    with open_own(path, "wb", secret=True) as file:
         file.write(content)
 
 

@@ -1,7 +1,8 @@
-"""A TOML file that a person wrote, read within bounds: what is too large or too deep is refused like a wrong line."""
+"""Texts from files: bytes without a named encoding, and TOML that a person wrote, both within bounds."""
 
 from __future__ import annotations
 
+import codecs
 import re
 import stat
 import tomllib
@@ -10,8 +11,73 @@ from math import isfinite
 from pathlib import Path
 from typing import Any
 
-from drivers.errors import words
+from drivers.errors import FileFormatError, words
 from drivers.local.names import shown
+
+# Bytes that name no encoding to text: byte order mark, else UTF-16 by its look, else UTF-8, else a code page.
+
+MARKS = (
+    (codecs.BOM_UTF8, "utf-8-sig"),
+    (codecs.BOM_UTF16_LE, "utf-16"),
+    (codecs.BOM_UTF16_BE, "utf-16"),
+)
+SAMPLE, MOSTLY = 400, 0.7
+MOST_LINES, LONGEST_LINE = 2_000_000, 1 << 20
+
+
+def decode_text(data: bytes, codepage: str, where: str) -> str:
+    """Text of a file that names no encoding. Raises FileFormatError (E-FILE-ENCODING, E-FILE-LINES)."""
+    _bear(data, where)
+    told = _told(data)
+    if told:
+        return _decode(data, told, where)
+    try:
+        return data.decode("utf-8")
+    except UnicodeDecodeError:
+        return _decode(data, codepage, where)
+
+
+def _bear(data: bytes, where: str) -> None:
+    """Lines that nobody's software writes are refused before anything looks into them."""
+    mark = b"\n" if b"\n" in data else b"\r"
+    longest = len(data) > LONGEST_LINE and max(map(len, data.split(mark))) if data.count(mark) <= MOST_LINES else 0
+    if data.count(mark) > MOST_LINES or longest > LONGEST_LINE:
+        raise FileFormatError("E-FILE-LINES", where, most=MOST_LINES, longest=LONGEST_LINE)
+
+
+def decode_beginning(data: bytes, codepage: str) -> str:
+    """Text of the first bytes of a file, for people to look at: the same choice, a letter cut at the end left out."""
+    told = _told(data)
+    try:
+        return codecs.getincrementaldecoder(told or "utf-8")().decode(data)
+    except UnicodeDecodeError:
+        return data.decode(told or codepage, "replace")
+
+
+def _told(data: bytes) -> str:
+    """The encoding that a mark or the look of the bytes tells, "" for neither."""
+    marked = (encoding for mark, encoding in MARKS if data.startswith(mark))
+    return next(marked, "") or _unmarked(data)
+
+
+def _unmarked(data: bytes) -> str:
+    """UTF-16 without its mark, by the empty half of nearly every letter; "" for any other text."""
+    head = data[:SAMPLE]
+    halves = head[0::2], head[1::2]
+    empty = [half.count(0) / len(half) if half else 0.0 for half in halves]
+    if len(data) % 2 or abs(empty[0] - empty[1]) < MOSTLY:
+        return ""
+    return "utf-16-be" if empty[0] > empty[1] else "utf-16-le"
+
+
+def _decode(data: bytes, encoding: str, where: str) -> str:
+    try:
+        return data.decode(encoding)
+    except (UnicodeDecodeError, LookupError) as error:
+        raise FileFormatError("E-FILE-ENCODING", where, encoding=encoding, why=str(error)) from error
+
+
+# A TOML file that a person wrote, read within bounds: what is too large or too deep is refused like a wrong line.
 
 MOST_BYTES = 1 << 20
 MOST_KEYS, MOST_PARTS = 5_000, 32
@@ -24,7 +90,7 @@ _WIDE = (b"\xff\xfe", b"\xfe\xff")
 
 def read_toml(path: Path) -> dict[str, Any]:
     """The file's tree. Raises OSError when it cannot be read, ValueError when it is no TOML of a bearable size."""
-    return parse_toml(decoded(read_bounded(path)))
+    return parse_toml(decode_utf8(read_bounded(path)))
 
 
 def read_bounded(path: Path) -> bytes:
@@ -41,7 +107,7 @@ def read_bounded(path: Path) -> bytes:
     return data
 
 
-def decoded(data: bytes) -> str:
+def decode_utf8(data: bytes) -> str:
     """The text of UTF-8 bytes, without the mark some editors write first. Raises ValueError naming what it is else."""
     if data.startswith(_WIDEST):
         raise ValueError(words("W-TOML-UTF32"))
@@ -72,7 +138,7 @@ def parse_toml(text: str) -> dict[str, Any]:
     bear(text)
     try:
         tree = tomllib.loads(text)
-        for path, value in no_numbers(tree):
+        for path, value in find_bad_numbers(tree):
             raise ValueError(words("W-TOML-NUMBER", key=shown(".".join(map(str, path))), value=shown(value)))
     except RecursionError as error:
         raise ValueError(words("W-TOML-DEEP")) from error
@@ -95,11 +161,11 @@ def bear(text: str) -> None:
         raise ValueError(words("W-TOML-KEYS", limit=MOST_KEYS))
 
 
-def no_numbers(value: Any, path: tuple[str | int, ...] = ()) -> Iterator[tuple[tuple[str | int, ...], object]]:
+def find_bad_numbers(value: Any, path: tuple[str | int, ...] = ()) -> Iterator[tuple[tuple[str | int, ...], object]]:
     """Numbers that are none, with their ways into the tree: nan, infinite, or beyond the 64 bits of TOML's integers."""
     if isinstance(value, dict | list):
         for key, item in value.items() if isinstance(value, dict) else enumerate(value):
-            yield from no_numbers(item, (*path, key))
+            yield from find_bad_numbers(item, (*path, key))
     elif isinstance(value, float | int) and not (
         isfinite(value) if isinstance(value, float) else abs(value) >> 63 == 0
     ):

@@ -1,4 +1,4 @@
-"""The lines of several gateways, answered in turn: a stranger, or one that went silent, keeps nobody out."""
+"""Lines of several gateways, answered in turn, and refusals: a code of the gateway's catalogue with its fields."""
 
 from __future__ import annotations
 
@@ -8,6 +8,15 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import NamedTuple
+
+
+class AgentRefusal(Exception):
+    """Asked for something that cannot be had; ``code`` and ``fields`` go over the wire."""
+
+    def __init__(self, code: str, **fields: object) -> None:
+        super().__init__(code)
+        self.code, self.fields = code, fields
+
 
 MOST_LINES = 8
 FIRST_S, SEND_S = 5.0, 5.0
@@ -31,7 +40,7 @@ class _Line:
     held: bytes = b""
 
 
-class Lines:
+class GatewayLines:
     """Every connection of one listener. ``answer`` makes an answer of a line."""
 
     def __init__(self, listener: socket.socket, answer: Callable[[bytes], AgentReply]) -> None:
