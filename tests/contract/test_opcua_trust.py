@@ -307,7 +307,7 @@ async def test_a_pinned_certificate_that_does_not_hold_now_connects_to_nothing(
         before = dict(on.server.requests.services)
         given = {**USER, "server_certificate": str(on.server.certificate), "client_folder": str(keys / "client")}
         for ask in (connection.query_offer, garbled):
-            monkeypatch.setattr(connection, "ask", ask)
+            monkeypatch.setattr(connection, "query_offer", ask)
             error = await refused(SinumerikOpcUa("840D", on.server.url, given, on.clock).open(5.0), "E-UA-EXPIRED")
             assert "trust accept" in error.hint
         assert dict(on.server.requests.services) == before
@@ -325,7 +325,7 @@ async def test_a_server_whose_end_points_are_garbled_must_still_be_the_pinned_on
 
     async def act(on: Stage) -> None:
         await on.device.close()
-        monkeypatch.setattr(connection, "ask", garbled)
+        monkeypatch.setattr(connection, "query_offer", garbled)
         given = {**USER, "server_certificate": str(on.server.certificate), "client_folder": str(keys / "client")}
         for asked, used in (("best", BOTH[1]), (BOTH[0], BOTH[0])):
             session = UaSession(on.server.url, on.clock, "840D")

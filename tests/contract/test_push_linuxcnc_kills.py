@@ -113,7 +113,7 @@ def _killed_at(monkeypatch: pytest.MonkeyPatch, place: int, after: bool) -> Call
         if count == place:
             raise Killed
 
-    monkeypatch.setattr(screwfiles, "durable", told)
+    monkeypatch.setattr(screwfiles, "write_durably", told)
     return lambda: count
 
 

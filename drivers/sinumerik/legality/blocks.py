@@ -40,7 +40,7 @@ _TEXTS = {"MSG": (1, MESSAGE, "E-LEGAL-MSG"), "WRITE": (3, WRITTEN, "E-LEGAL-WRI
 
 
 def read_call(cursor: Cursor) -> None:
-    """Read NAME or NAME(...). Raises Illegal for wrong values, file names and too long texts."""
+    """Read NAME or NAME(...). Raises IllegalBlock for wrong values, file names and too long texts."""
     name = cursor.take().text
     given: list[str] = []
     parts: list[list[Token]] = []
@@ -54,7 +54,7 @@ def read_call(cursor: Cursor) -> None:
 
 
 def check_file(part: list[Token]) -> None:
-    """Raise Illegal unless a lone text in quotes names a file of the control; chained texts are not judged."""
+    """Raise IllegalBlock unless a lone text in quotes names a file of the control; chained texts are not judged."""
     if len(part) == 1 and part[0].kind == "string":
         check_file_name(part[0].text[1:-1])
 
@@ -113,7 +113,7 @@ class CommandGroups:
         self._seen: dict[int, str] = {}
 
     def note(self, word: str) -> None:
-        """Raise Illegal if another command of this word's group stands in the block already."""
+        """Raise IllegalBlock if another command of this word's group stands in the block already."""
         group = GROUP_OF.get(word)
         if group is None:
             return
@@ -123,7 +123,7 @@ class CommandGroups:
 
 
 def read_word(cursor: Cursor, commands: CommandGroups) -> None:
-    """Read one word of a block. Raises Illegal."""
+    """Read one word of a block. Raises IllegalBlock."""
     token = cursor.token
     if token.kind == "variable":
         _read_assignment(cursor, token.text, read_system_variable(cursor, read_expression))
@@ -158,7 +158,7 @@ def _read_assignment(cursor: Cursor, name: str, target: str, before: int = 0) ->
 def check_list(cursor: Cursor, name: str, given: list[str], before: int = 0) -> None:
     """SET and REP fill an array of the user's from an element on: each value its type, and no more than there is room.
 
-    ``given``: the types of the values. Raises Illegal. Arrays of the system are not judged.
+    ``given``: the types of the values. Raises IllegalBlock. Arrays of the system are not judged.
     """
     declared = cursor.scope.variables.get(name)
     if declared is None:
@@ -334,7 +334,7 @@ _MOST_SIZES = 3
 
 
 def read_definition(cursor: Cursor) -> None:
-    """DEF [range] type name[sizes][=value], ... Raises Illegal; wrong names are noted and declared all the same."""
+    """DEF [range] type name[sizes][=value], ... Raises IllegalBlock; wrong names are noted and declared."""
     _skip_modifiers(cursor)
     kind, length = _read_type(cursor)
     while True:

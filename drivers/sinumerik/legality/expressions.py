@@ -37,13 +37,13 @@ _ORDERED = frozenset({"<", ">", "<=", ">="})
 
 
 def check_assignment(target: str, name: str, given: str) -> None:
-    """Raise Illegal if a value of type ``given`` does not become ``target`` by itself."""
+    """Raise IllegalBlock if a value of type ``given`` does not become ``target`` by itself."""
     if UNKNOWN not in (target, given) and given not in _INTO[target]:
         raise IllegalBlock("E-LEGAL-TYPE", name=name, target=target, given=given)
 
 
 def check_operand(operator: str, given: str, *, text: bool = False) -> None:
-    """Raise Illegal if ``operator`` takes no such operand; ``text`` admits STRING."""
+    """Raise IllegalBlock if ``operator`` takes no such operand; ``text`` admits STRING."""
     if given != UNKNOWN and given not in NUMERIC and not (text and given == "STRING"):
         raise IllegalBlock("E-LEGAL-OPERAND", operator=operator, given=given)
 
@@ -125,7 +125,7 @@ PROCEDURES: dict[str, Signature] = {
 
 
 def check_values(name: str, signature: Signature, given: list[str]) -> None:
-    """Raise Illegal for a wrong number of values, or one that does not become what is taken."""
+    """Raise IllegalBlock for a wrong number of values, or one that does not become what is taken."""
     if not signature.least <= len(given) <= signature.most:
         least, most = signature.least, signature.most
         wanted = str(least) if least == most else f"{least} to {most}"
@@ -143,7 +143,7 @@ _FRAME_PART = 2  # $P_UIFR[1,X,TR]: an axis and a part behind the frame's own in
 
 
 def read_system_variable(cursor: Cursor, reads: ReadExpression) -> str:
-    """Read $NAME[...] and return its type. Raises Illegal for an unknown name or wrong indices."""
+    """Read $NAME[...] and return its type. Raises IllegalBlock for an unknown name or wrong indices."""
     name = cursor.take().text
     datum = dictionary().data.get(name)
     if datum is None:
@@ -250,7 +250,7 @@ _AXIS_PARTS = frozenset({"TR", "FI", "RT", "SC", "MI"})
 
 
 def read_expression(cursor: Cursor) -> str:
-    """Read one expression and return its type ("?" where it cannot be known). Raises Illegal."""
+    """Read one expression and return its type ("?" where it cannot be known). Raises IllegalBlock."""
     kind, _ = _read_operation(cursor, _COMPARING)
     while kind in ("FRAME", UNKNOWN) and cursor.accept(":"):  # frames are chained
         _read_operation(cursor, _COMPARING)
@@ -260,7 +260,7 @@ def read_expression(cursor: Cursor) -> str:
 
 
 def read_condition(cursor: Cursor) -> None:
-    """An expression that is true or false. Raises Illegal for one that is neither."""
+    """An expression that is true or false. Raises IllegalBlock for one that is neither."""
     check_operand("a condition", read_expression(cursor), text=True)
 
 

@@ -56,7 +56,7 @@ _NUMBERED_AXIS = re.compile(r"(?:[ABCEIJKQUVWXYZ][1-9]?[0-9]?|AX[1-9][0-9]?|S[0-
 
 
 def check_name(name: str, kind: str) -> None:
-    """Raise Illegal unless ``name`` (in capitals) may be a user's name of this kind (variable, label)."""
+    """Raise IllegalBlock unless ``name`` (in capitals) may be a user's name of this kind (variable, label)."""
     if not _FIRST.fullmatch(name):
         raise IllegalBlock("E-LEGAL-NAME", name=name, kind=kind)
     _check_length(name, kind)
@@ -64,7 +64,7 @@ def check_name(name: str, kind: str) -> None:
 
 
 def check_program_name(name: str) -> None:
-    """Raise Illegal unless a program may be called so; with or without _N_ and extension, no path."""
+    """Raise IllegalBlock unless a program may be called so; with or without _N_ and extension, no path."""
     bare = bare_name(name)
     if not _PROGRAM.fullmatch(bare):
         raise IllegalBlock("E-LEGAL-PROGRAM-NAME", name=name)
@@ -75,7 +75,7 @@ def check_program_name(name: str) -> None:
 
 
 def check_file_name(text: str) -> None:
-    """Raise Illegal unless ``text`` names a file of the control: [path/][_N_]name[_MPF]; words are no matter here."""
+    """Raise IllegalBlock unless ``text`` names a file of the control: [path/][_N_]name[_MPF]; words are allowed."""
     *folders, last = text.upper().split("/")
     if folders and folders[0]:
         raise IllegalBlock("E-LEGAL-FILE-NAME", name=text)  # printed: paths are absolute
@@ -143,7 +143,7 @@ _CLOSES = {")": "(", "]": "["}
 
 
 def tokenize(line: str) -> list[Token]:
-    """Cut one line; ends with an "end" token. Raises Illegal for what cannot be cut."""
+    """Cut one line; ends with an "end" token. Raises IllegalBlock for what cannot be cut."""
     found: list[Token] = []
     before = ""
     for match in _TOKEN.finditer(line):
@@ -282,7 +282,7 @@ class Cursor:
         return True
 
     def expect(self, text: str) -> None:
-        """Step over ``text``. Raises Illegal if something else stands there."""
+        """Step over ``text``. Raises IllegalBlock if something else stands there."""
         if not self.accept(text):
             raise self.wrong(text)
 
@@ -305,7 +305,7 @@ class Cursor:
         return parts
 
     def ended(self) -> None:
-        """Raise Illegal unless the block ends here."""
+        """Raise IllegalBlock unless the block ends here."""
         if not self.at_end:
             raise self.wrong("the end of the block")
 

@@ -52,7 +52,7 @@ class BlockHead:
 
 
 def read_head(cursor: Cursor) -> BlockHead:
-    """Read the head of a block; a wrong label is noted and kept. Raises Illegal for a wrong block number."""
+    """Read the head of a block; a wrong label is noted and kept. Raises IllegalBlock for a wrong block number."""
     skipped = _read_skip_sign(cursor)
     number = _read_block_number(cursor)
     label = ""
@@ -67,7 +67,7 @@ def read_head(cursor: Cursor) -> BlockHead:
 
 
 def check_header(line: str, name: str) -> None:
-    """Raise Illegal unless %_N_NAME_MPF names this program (``name`` may be unknown: "")."""
+    """Raise IllegalBlock unless %_N_NAME_MPF names this program (``name`` may be unknown: "")."""
     match = _HEADER.fullmatch(line)
     if match is None:
         raise IllegalBlock("E-LEGAL-HEADER", line=line[:40])

@@ -156,7 +156,7 @@ def read_report(text: str, where: str, kind: str, number: int, names: Iterable[s
 
 
 def check_ends(lines: Sequence[str], where: str, first: str, ends: str) -> None:
-    """Begin, end and count of a file of ours. Raises as `read`."""
+    """Begin, end and count of a file of ours. Raises as `read_report`."""
     if not lines or not lines[0].startswith(";TRUEFLANK "):
         raise damaged_error(where, lines, 1, first)
     if lines[0] != first:

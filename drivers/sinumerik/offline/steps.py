@@ -189,7 +189,7 @@ def _bare(path: str) -> str:
 
 
 def seen_control(step: CarriedStep, asked: ReportRequest, where: str) -> SeenControl:
-    """How the control stood by an answered step. Raises FileFormatError as `report.read`."""
+    """How the control stood by an answered step. Raises FileFormatError as `read_report`."""
     kind, number = str(step.typed["kind"]), int(step.typed["number"])
     place = f"{where}: {stick_name(PATHS[kind])}"
     found: StepReport = report.read_report(

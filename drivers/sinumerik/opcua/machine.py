@@ -64,7 +64,7 @@ def encoder_names(axis: str) -> tuple[str, ...]:
 
 
 def encoders_from_values(values: list[float | None]) -> Encoders:
-    """The record from the values of `names_of`, in that order."""
+    """The record from the values of `encoder_names`, in that order."""
     count, *rest = values
     on = tuple(None if value is None else bool(value) for value in rest[:2])
     points = tuple(None if value is None else int(value) for value in rest[2:])

@@ -73,7 +73,7 @@ def backlash_of(settings: Mapping[str, Decimal], axis: str, encoder: int = 0) ->
 
 
 def backlash_settings(backlash: Backlash) -> dict[str, Decimal]:
-    """The settings that give this backlash, by the control's names; `of_axis` of them gives it back."""
+    """The settings that give this backlash, by the control's names; `backlash_of` gives it back."""
     own = f"[{backlash.encoder},{backlash.axis}]"
     factors = {f"{_OWN[1]}[{at},{backlash.axis}]": factor for at, factor in enumerate(backlash.factors)}
     return {
@@ -148,6 +148,6 @@ def temperature_of(settings: Mapping[str, Decimal], axis: str) -> Temperature | 
 
 
 def temperature_settings(temperature: Temperature) -> dict[str, Decimal]:
-    """The settings that give this compensation, by the control's names; `of_axis` of them gives it back."""
+    """The settings that give this compensation, by the control's names; `temperature_of` gives it back."""
     values = {name: getattr(temperature, field) for field, name in _NAMES.items()}
     return {f"{name}[{temperature.axis}]": value for name, value in values.items() if value is not None}

@@ -369,7 +369,7 @@ def read_sources(sources: Sequence[TextSource], units: Mapping[str, AxisUnit] | 
     """Texts of one machine as they would act: points above k and tables never loaded are left out.
 
     A step that does not divide the range acts as k = floor((MAX-MIN)/STEP), lengths under INCH are converted. What is
-    left out or assumed is said in ``notes``. CEC deviations are the stored values. Raises as `read`, and
+    left out or assumed is said in ``notes``. CEC deviations are the stored values. Raises as `read_tables`, and
     E-TABLE-INCH-AXIS.
     """
     listings = [_faultless(source.text, source.where) for source in sources]

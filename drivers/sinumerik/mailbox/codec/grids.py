@@ -118,7 +118,7 @@ def flags_of(table: CompensationTable) -> int:
 
 
 def numbers_of(table: CompensationTable, values: Sequence[Decimal], axis: MailboxAxis) -> tuple[int, ...]:
-    """Stored values (mm or deg) of an output ``axis`` as nm or 1e-7 deg. Raises as `whole`.
+    """Stored values (mm or deg) of an output ``axis`` as nm or 1e-7 deg. Raises as `to_whole_units`.
 
     Of a reversal MD32450, which the control multiplies with the factor of the axis: the nearest one that there is.
     Raises TableError (E-MBX-FACTOR) where that factor is none.

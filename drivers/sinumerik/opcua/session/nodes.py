@@ -318,7 +318,7 @@ def check_text(value: Any, what: str, where: str) -> str:
 
 
 def check_label(value: Any, what: str, where: str) -> str:
-    """A name or number as people read it: some controls give their version as a number. Raises as `text`."""
+    """A name or number as people read it: some controls give their version as a number. Raises as `check_text`."""
     return f"{value:g}" if _is_number(value) else check_text(value, what, where).strip()
 
 
@@ -339,7 +339,7 @@ def check_content(value: Any, what: str, where: str) -> bytes:
 
 
 def check_time(value: Any, what: str, where: str) -> datetime | None:
-    """A time by the server's clock, UTC and naive; None where there is none. Raises as `text`."""
+    """A time by the server's clock, UTC and naive; None where there is none. Raises as `check_text`."""
     if value is not None and not isinstance(value, datetime):
         raise value_error(what, value, "a time", where)
     return value.replace(tzinfo=None) if value is not None else None
