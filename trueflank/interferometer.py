@@ -26,7 +26,7 @@ from drivers.units import (
 )
 from gateway.domain.values import FloatArray
 from gateway.evaluate.optics import air
-from gateway.evaluate.optics import rotary as turned
+from gateway.evaluate.optics import rotary_calibration as turned
 from trueflank.given import plain_numbers
 
 WAVELENGTH_NM = air.WAVELENGTH_NM

@@ -18,11 +18,11 @@ from drivers.types.results import MeasuredSet
 from drivers.units import AxisUnit, DeviationUnit, deviation_unit
 from gateway.domain.figures import Component
 from gateway.domain.values import COVERAGE, FloatArray, component_unit
-from gateway.evaluate.behaviour.doubts import all_doubts, as_data, demand_settled, settled
-from gateway.evaluate.behaviour.doubts import told as told_doubts
-from gateway.evaluate.behaviour.positioning import Surroundings, evaluate_positioning, said_contributions
+from gateway.evaluate.behaviour.doubts import accept_doubts, all_doubts, as_data, demand_settled
+from gateway.evaluate.behaviour.doubts import describe_doubts as told_doubts
+from gateway.evaluate.behaviour.positioning import Surroundings, describe_contributions, evaluate_positioning
 from gateway.evaluate.behaviour.repetitions import robust_means
-from gateway.evaluate.standards.readings import checked
+from gateway.evaluate.standards.statistics import check_readings
 from gateway.model.components import TURN_DEG, is_periodic, standard_uncertainty, value
 from gateway.model.fit import SMALLEST_U
 from gateway.model.means import fit_means
@@ -82,7 +82,7 @@ class Measured:
             units_fit(motion_name(self.name, "Measured"), self.axis_unit, self.unit, "Measured")
         for values in (self.targets, self.deviations):
             real_given(values, "tf.Measured")
-        for key, values in zip(("targets", "deviations"), checked(self.targets, self.deviations), strict=True):
+        for key, values in zip(("targets", "deviations"), check_readings(self.targets, self.deviations), strict=True):
             object.__setattr__(self, key, values)
         places, counts = np.unique(self.targets, return_counts=True)
         if (counts > 1).any():
@@ -91,7 +91,7 @@ class Measured:
             raise ConfigError(
                 "E-LIBRARY-KIND", "targets", call="tf.Measured", wanted="every target once", given=given, how=how
             )
-        object.__setattr__(self, "doubts", settled(all_doubts(self.as_set(), self.unit), self.accepted))
+        object.__setattr__(self, "doubts", accept_doubts(all_doubts(self.as_set(), self.unit), self.accepted))
 
     def as_set(self) -> MeasuredSet:
         """The readings as the record that a run evaluates."""
@@ -369,7 +369,7 @@ def evaluate(
         across=not positions_its_axis(measured.name),
     )
     found = figured.result
-    supposed = (*(one.text for one in figured.supposed), said_contributions(figured.contributions, found.unit))
+    supposed = (*(one.text for one in figured.supposed), describe_contributions(figured.contributions, found.unit))
     return Evaluated(
         standard=found.standard.name,
         unit=found.unit,
@@ -512,7 +512,7 @@ def fit(
     fitted = fit_means(
         at, found.mean, u, name=name, axis=name[-1:], axis_unit=measured.axis_unit, kind=chosen, modulo=modulo
     )
-    doubts = settled(all_doubts(measured.as_set(), measured.unit, modulo=modulo), measured.accepted)
+    doubts = accept_doubts(all_doubts(measured.as_set(), measured.unit, modulo=modulo), measured.accepted)
     return ErrorMotion(fitted, doubts, dict(measured.stated))
 
 

@@ -18,7 +18,7 @@ from gateway.correct.outlook.prediction import point_u_um, unturned
 from gateway.correct.plan.plan import Plan
 from gateway.domain.values import FloatArray
 from gateway.errors import ModelError
-from gateway.evaluate.standards.readings import numbers
+from gateway.evaluate.standards.statistics import numbers
 from gateway.gear.cycloid import CycloidGear, GearLimits
 from gateway.gear.envelope import exact
 from gateway.gear.first_order import judged

@@ -20,10 +20,10 @@ from gateway.config import AxisSection
 from gateway.domain.captures import Between, Capture, Corrections
 from gateway.domain.equipment import SenseProof
 from gateway.errors import AmbientOutOfRange, CaptureError
-from gateway.evaluate.behaviour.doubts import all_doubts, settled
+from gateway.evaluate.behaviour.doubts import accept_doubts, all_doubts
+from gateway.evaluate.behaviour.dynamics import steadiness
 from gateway.evaluate.behaviour.repetitions import robust_means
-from gateway.evaluate.behaviour.steadiness import steadiness
-from gateway.evaluate.optics import corrections, length, rotary
+from gateway.evaluate.optics import corrections, displacement, rotary_calibration
 
 MOST_SUSPECTS = 0.05
 STEEP_UM_PER_M = 100.0
@@ -78,7 +78,7 @@ def from_live(axis: AxisSection, raw: RawCapture, proof: SenseProof, already: Co
 
 def doubted(capture: Capture, axis: AxisSection) -> Capture:
     """The capture with every doubt of its readings, those settled that the site file accepts for this axis."""
-    return replace(capture, doubts=settled(all_doubts(capture, modulo=axis.modulo), axis.measure.accept_doubts))
+    return replace(capture, doubts=accept_doubts(all_doubts(capture, modulo=axis.modulo), axis.measure.accept_doubts))
 
 
 def _parted(raw: RawCapture, deviations: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, Between | None]:
@@ -114,13 +114,13 @@ def _linear(
     axis: AxisSection, raw: RawCapture, proof: SenseProof, already: CompensatedFor
 ) -> tuple[FloatArray, Corrections]:
     counted = proof.sense * raw.values[..., 0]
-    setup = length.LinearSetup(
+    setup = displacement.LinearSetup(
         datum_mm=float(raw.targets[0]),
         dead_path_mm=axis.measure.dead_path_mm,
         expansion_ppm_per_k=axis.measure.expansion_ppm_per_k,
         beam=axis.measure.beam,
     )
-    return length.linear_deviations(
+    return displacement.linear_deviations(
         counted - counted[0, 0, 0],
         raw.targets,
         setup,
@@ -133,7 +133,7 @@ def _linear(
 
 def _rotary(axis: AxisSection, raw: RawCapture, proof: SenseProof) -> tuple[FloatArray, Corrections]:
     laser, device = raw.channels.index("laser_deg"), raw.channels.index("device_deg")
-    deviations = rotary.rotary_deviations(
+    deviations = rotary_calibration.rotary_deviations(
         raw.values[..., device],
         raw.values[..., laser],
         raw.targets,
@@ -219,7 +219,7 @@ def _to_20(
     if not measured.ambient_start.material_degc:
         raise AmbientOutOfRange("E-CAP-MATERIAL", source)
     end: Ambient = measured.ambient_end if measured.ambient_end.material_degc else measured.ambient_start
-    return length.expansion_corrected(
+    return displacement.expansion_corrected(
         deviations,
         targets,
         axis.measure.expansion_ppm_per_k,

@@ -19,7 +19,7 @@ from drivers.types.values import FloatArray
 from gateway.capture.collecting import Collection
 from gateway.domain.captures import Capture
 from gateway.errors import Incomplete
-from gateway.evaluate.behaviour.repetitions import good_readings, in_doubt, pass_offsets
+from gateway.evaluate.behaviour.repetitions import doubtful_readings, good_readings, pass_offsets
 from gateway.interlocks.limits import MAX_SUSPECT_SHARE, MIN_REPETITIONS
 
 # Of three, one may be out of line itself.
@@ -113,7 +113,7 @@ def _doubted(
     doubted = np.zeros(seen.shape, dtype=np.bool_)
     for rows in (kept, np.asarray(checks, dtype=np.int64)):
         if rows.size:
-            doubted[rows] = in_doubt(level[rows])
+            doubted[rows] = doubtful_readings(level[rows])
     for index, repetition, approach in taken:
         if doubted[index, repetition, approach]:
             doubted[index, :, approach] = np.isfinite(seen[index, :, approach])

@@ -8,7 +8,7 @@ from drivers.types.sensing import Ambient
 from drivers.types.values import CompensatedFor
 from gateway.config import AxisSection
 from gateway.errors import AmbientOutOfRange
-from gateway.evaluate.optics.air import required
+from gateway.evaluate.optics.air import require_reading
 
 STALE_S = 30.0
 NEEDED: dict[CompensatedFor, tuple[str, ...]] = {
@@ -26,11 +26,11 @@ def check(axis: AxisSection, seen: Ambient, already: CompensatedFor, where: str)
     if axis.kind != "linear" or already == "air+material":
         return
     for sensor in NEEDED[already]:
-        required(sensor, getattr(seen, sensor), where)
+        require_reading(sensor, getattr(seen, sensor), where)
     if not seen.material_degc:
         raise AmbientOutOfRange("E-EVAL-SENSOR", where, sensor="material_degc")
     for value in seen.material_degc:
-        required("material_degc", value, where)
+        require_reading("material_degc", value, where)
     if seen.age_s > STALE_S:
         raise AmbientOutOfRange("E-CAP-STALE", where, age_s=f"{seen.age_s:.0f}", limit_s=f"{STALE_S:.0f}")
 

@@ -11,8 +11,8 @@ from drivers.types.sensing import Ambient
 from drivers.types.values import FloatArray
 from gateway.domain.captures import Capture
 from gateway.domain.proposals import TableChange
-from gateway.evaluate.behaviour.doubts import all_doubts, blocking
-from gateway.evaluate.behaviour.repetitions import good_readings, lost, pass_offsets
+from gateway.evaluate.behaviour.doubts import all_doubts, blocking_doubts
+from gateway.evaluate.behaviour.repetitions import good_readings, inconsistent_targets, pass_offsets
 from gateway.interlocks.facts import ROUNDING, PushFacts, Refusal, Rule, no
 from gateway.interlocks.limits import (
     CROSS_DRIFT_K,
@@ -134,7 +134,7 @@ def crowded(capture: Capture) -> Iterator[Refusal]:
 def _settled(facts: PushFacts) -> Iterator[Refusal]:
     """Readings with a doubt that nobody answered for make no table, whichever way the proposal came about."""
     capture = facts.request.capture
-    for one in blocking(all_doubts(capture)) if capture is not None else ():
+    for one in blocking_doubts(all_doubts(capture)) if capture is not None else ():
         yield from no("E-INT-DOUBT", axis=facts.change.axis, named=one.code, doubt=one.text)
 
 
@@ -204,7 +204,7 @@ def _in_line(capture: Capture) -> FloatArray:
     for target, repetition, approach in capture.suspects:
         deviations[target, repetition, approach] = np.nan
     level = deviations - pass_offsets(deviations)[None, :, :]
-    return np.where(lost(level)[:, None, :], np.nan, deviations)
+    return np.where(inconsistent_targets(level)[:, None, :], np.nan, deviations)
 
 
 def _pooled(deviations: FloatArray) -> float:

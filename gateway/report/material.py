@@ -20,7 +20,7 @@ from gateway.domain.identity import KnownFact
 from gateway.domain.outcomes import ActingCheck, AxisVerdict, PushRecord
 from gateway.domain.proposals import TableChange
 from gateway.domain.stated import StatedFacts
-from gateway.evaluate.standards.decision import Decision
+from gateway.evaluate.standards.conformity import Decision
 from gateway.evaluate.uncertainty.budget import Budget
 from gateway.gear.cycloid import CycloidGear
 from gateway.model.known import ErrorModel

@@ -9,8 +9,8 @@ from typing import Any
 from gateway.domain.captures import Capture
 from gateway.domain.figures import Evaluation
 from gateway.evaluate.behaviour import positioning
-from gateway.evaluate.behaviour.doubts import all_doubts, told
-from gateway.evaluate.standards import decision
+from gateway.evaluate.behaviour.doubts import all_doubts, describe_doubts
+from gateway.evaluate.standards import conformity
 from gateway.evaluate.standards.registry import standards
 from gateway.store import RunFolder
 
@@ -31,24 +31,33 @@ def figures_by(folder: RunFolder, axis: str, phase: str, *, name: str, limits: M
         return _stored(folder.get(f"evaluation-{axis}-{phase}", Evaluation), capture, limits)
     figured = positioning.evaluate_positioning(capture, name, limits=limits, monte_carlo=False)
     found = figured.result
-    flags = (*(one.as_data() for one in found.flags), *told(figured.doubts), *(one.text for one in figured.supposed))
-    contained = positioning.said_contributions(figured.contributions, found.unit)
+    flags = (
+        *(one.as_data() for one in found.flags),
+        *describe_doubts(figured.doubts),
+        *(one.text for one in figured.supposed),
+    )
+    contained = positioning.describe_contributions(figured.contributions, found.unit)
     return _told(found.standard.name, found.unit, found.values, found.U, figured.verdicts, (*flags, contained))
 
 
 def _stored(kept: Evaluation, capture: Capture, limits: Mapping[str, float]) -> dict[str, Any]:
     values = {key: getattr(kept, key, None) for key in kept.U}
     doubts = all_doubts(capture)
-    verdicts = positioning.undecided(
+    verdicts = positioning.withhold_verdicts(
         tuple(
-            decision.decide(key, values.get(key), U=kept.U.get(key), limit=limit)
+            conformity.decide(key, values.get(key), U=kept.U.get(key), limit=limit)
             for key, limit in limits.items()
             if key in values
         ),
         doubts,
     )
     return _told(
-        kept.standard, kept.unit, values, kept.U, verdicts, (*(one.as_data() for one in kept.flags), *told(doubts))
+        kept.standard,
+        kept.unit,
+        values,
+        kept.U,
+        verdicts,
+        (*(one.as_data() for one in kept.flags), *describe_doubts(doubts)),
     )
 
 
@@ -60,7 +69,7 @@ def _told(
         {"parameter": key, "value": _finite(value), "U": _finite(expanded.get(key)), **judged.get(key, {})}
         for key, value in values.items()
     ]
-    return {"standard": name, "unit": unit, "rows": rows, "rule": decision.RULE, "flags": list(flags)}
+    return {"standard": name, "unit": unit, "rows": rows, "rule": conformity.RULE, "flags": list(flags)}
 
 
 def _finite(value: float | None) -> float | None:

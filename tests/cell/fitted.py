@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from drivers.types.sensing import Ambient
 from drivers.types.tables import LiveSet
 from gateway.domain.captures import Capture, Corrections
-from gateway.evaluate.geometry.errormodel import error_model
+from gateway.evaluate.geometry.error_model import error_model
 from gateway.evaluate.geometry.measurement import Measurement
 from gateway.model.known import ErrorModel, LocationError
 from simulators.truth import Truth

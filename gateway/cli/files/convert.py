@@ -89,7 +89,7 @@ def _read(wish: ConversionOptions) -> tuple[Any, tuple[str, ...]]:
     """
     from gateway.cli.files.evaluating import accepted_of
     from gateway.evaluate.behaviour.doubts import demand_settled, with_doubts
-    from gateway.evaluate.behaviour.repetitions import in_line
+    from gateway.evaluate.behaviour.repetitions import consistent_readings
     from gateway.store import Maps
     from gateway.workflow.files.columnwords import columns_of
     from gateway.workflow.files.reading import How, read_measured
@@ -101,7 +101,7 @@ def _read(wish: ConversionOptions) -> tuple[Any, tuple[str, ...]]:
     measured = with_doubts(content, wish.accepted, modulo=wish.modulo)
     demand_settled(measured.doubts, str(wish.result))
     _check_kind(wish, measured)
-    return replace(measured, deviations=in_line(measured.targets, measured.deviations)), notes
+    return replace(measured, deviations=consistent_readings(measured.targets, measured.deviations)), notes
 
 
 def _check_kind(wish: ConversionOptions, measured: Any) -> None:
@@ -117,9 +117,9 @@ def _said(measured: Any) -> tuple[str, ...]:
     """The doubts that concern whoever uses a table, and which readings it leaves out."""
     from gateway.evaluate.behaviour import doubts
 
-    found = doubts.notable(measured.doubts, scatter=True)
+    found = doubts.notable_doubts(measured.doubts, scatter=True)
     left_out = (words("S-EVAL-OUT-LEFT"),) if any(one.code in doubts.SCATTER for one in found) else ()
-    return (*doubts.told(found), *left_out)
+    return (*doubts.describe_doubts(found), *left_out)
 
 
 def _exchange(wish: ConversionOptions, *, as_json: bool) -> None:

@@ -324,11 +324,11 @@ def _evaluate(
         "monte_carlo": {name: _outcome(outcome) for name, outcome in found.trials.items()},
         "contributions": dict(figured.contributions),
         "verdicts": [verdict(item) for item in figured.verdicts],
-        "corrected": list(corrections.told(record)),
+        "corrected": list(corrections.describe_steps(record)),
         "corrections": [_step(item) for item in record.chain],
         "flags": [
             *map(str, found.flags),
-            *doubts.told(figured.doubts),
+            *doubts.describe_doubts(figured.doubts),
             *measured.warnings,
             *item.notes,
             *accepted,
@@ -342,7 +342,7 @@ def _evaluate(
             line.replace("µ", "u").replace("°C", "degC")
             for line in (
                 *(one.text for one in figured.supposed),
-                positioning.said_contributions(figured.contributions, found.unit),
+                positioning.describe_contributions(figured.contributions, found.unit),
             )
         ],
     }
@@ -383,7 +383,7 @@ def _deviations(measured: Any, asked: EvaluationOptions, path: Path) -> tuple[An
         return measured.deviations, corrections.begin(measured.compensated_for)
     from gateway.errors import ModelError
     from gateway.evaluate.optics import air
-    from gateway.evaluate.optics.recompensation import recompensated_set
+    from gateway.evaluate.optics.displacement import recompensated_set
 
     if measured.axis_unit != "mm":
         raise ModelError("E-EVAL-NOT-LINEAR", str(path))
@@ -404,7 +404,7 @@ def _surroundings(measured: Any, asked: EvaluationOptions) -> Any:
     from gateway.evaluate.optics import air
 
     given = asked.material_degc
-    material = None if given is None else air.required("material_degc", given, "--material-degc")
+    material = None if given is None else air.require_reading("material_degc", given, "--material-degc")
     return Surroundings(material, asked.expansion_ppm_per_k, _stated(measured, asked))
 
 

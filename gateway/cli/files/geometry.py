@@ -52,8 +52,8 @@ def evaluate_kinds(files: Sequence[Path], asked: KindOptions, *, as_json: bool) 
 
     Raises ConfigError, ModelError, FileFormatError, StoreError.
     """
-    from gateway.evaluate.behaviour.doubts import as_data, blocking, told
-    from gateway.evaluate.behaviour.positioning import undecided
+    from gateway.evaluate.behaviour.doubts import as_data, blocking_doubts, describe_doubts
+    from gateway.evaluate.behaviour.positioning import withhold_verdicts
     from gateway.workflow.files.kinds import evaluate_kind, known_kind
 
     known_kind(asked.kind)
@@ -66,26 +66,28 @@ def evaluate_kinds(files: Sequence[Path], asked: KindOptions, *, as_json: bool) 
 
         draw(answer, asked.plot)
     doubts = tuple(one for item in read for one in _doubts(item.measured, asked))
-    decided = [(one, unit) for item, unit in answer.decided(asked.limits) for one in undecided((item,), doubts)]
+    decided = [(one, unit) for item, unit in answer.decided(asked.limits) for one in withhold_verdicts((item,), doubts)]
     if as_json:
         show_json(answer.as_data() | {"verdicts": [verdict(one) for one, _ in decided], "doubts": as_data(doubts)})
     else:
-        show_answer(answer, [*told(doubts), *(warning for one in read for warning in one.measured.warnings)])
+        show_answer(answer, [*describe_doubts(doubts), *(warning for one in read for warning in one.measured.warnings)])
         for place, (one, unit) in enumerate(decided, 1):
             show_verdicts([verdict(one)], unit, rule=place == len(decided))
         if asked.plot is not None:
             echo(f"picture: {asked.plot}")
-    return of_verdicts([*(one.verdict for one, _ in decided), *("not decidable" for _ in blocking(doubts))])
+    return of_verdicts([*(one.verdict for one, _ in decided), *("not decidable" for _ in blocking_doubts(doubts))])
 
 
 def _doubts(measured: MeasuredSet, asked: KindOptions) -> tuple[Doubt, ...]:
     """Doubts that matter for the kind: of the reader, their size, and along the own axis whether a turn closes."""
-    from gateway.evaluate.behaviour.doubts import all_doubts, notable, settled
+    from gateway.evaluate.behaviour.doubts import accept_doubts, all_doubts, notable_doubts
 
     own = {one.code for one in measured.doubts}
     found = all_doubts(measured) if asked.kind not in MIXED else measured.doubts
-    kept = (one for one in notable(found) if one.code in own or asked.kind in ALONG or one.code == "S-EVAL-SPREAD")
-    return settled(kept, asked.accepted)
+    kept = (
+        one for one in notable_doubts(found) if one.code in own or asked.kind in ALONG or one.code == "S-EVAL-SPREAD"
+    )
+    return accept_doubts(kept, asked.accepted)
 
 
 def _measured(path: Path, asked: KindOptions) -> tuple[MeasuredFile, ...]:

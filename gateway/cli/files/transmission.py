@@ -10,7 +10,7 @@ from drivers.errors import ConfigError
 from gateway.cli.exits import of_verdicts
 from gateway.cli.files.evaluating import show_verdicts, verdict
 from gateway.cli.show import echo, show_json, show_table
-from gateway.evaluate.behaviour.ordercauses import in_words
+from gateway.evaluate.behaviour.order_causes import in_words
 from gateway.workflow.files.drives import SENSES, DriveAnswer, DriveQuestion, evaluate_drives, read_drive
 
 SHOWN_ORDERS = 8

@@ -11,7 +11,7 @@ from gateway.config.keyfaults import broken
 from gateway.config.places import held
 from gateway.config.rules import no_such
 from gateway.errors import ModelError
-from gateway.evaluate.standards.flank_tolerances import FIGURES
+from gateway.evaluate.standards.conformity import FIGURES
 from gateway.evaluate.standards.registry import standard
 
 LEAST_LIMIT, MOST_LIMIT = 0.05, 1000.0

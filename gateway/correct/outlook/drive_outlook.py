@@ -21,7 +21,7 @@ from gateway.correct.outlook.flank_uncertainty import FlankDoubts
 from gateway.correct.plan.layers import LayeredCorrection, correct
 from gateway.correct.plan.plan import Plan
 from gateway.domain.values import COVERAGE
-from gateway.evaluate.standards.decision import decide
+from gateway.evaluate.standards.conformity import decide
 from gateway.gear.first_order import judged
 from gateway.gear.flank import FlankGrid, flank_figure
 from gateway.gear.grinding import Grinding

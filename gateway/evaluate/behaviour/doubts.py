@@ -20,10 +20,9 @@ from drivers.units import AxisUnit, DeviationUnit, deviation_scale, deviation_un
 from gateway.domain.captures import Capture
 from gateway.domain.values import COVERAGE, FloatArray
 from gateway.errors import InDoubt
-from gateway.evaluate.behaviour.repetitions import MOST_TOLD, out_of_line
-from gateway.evaluate.behaviour.slips import Slip, slips
-from gateway.evaluate.optics.rotary import closure
-from gateway.evaluate.standards import iso230_2, readings
+from gateway.evaluate.behaviour.repetitions import MOST_TOLD, Slip, find_slips, out_of_line
+from gateway.evaluate.optics.rotary_calibration import closure
+from gateway.evaluate.standards import iso230_2, statistics
 from gateway.evaluate.uncertainty.budget import ROTARY_DEVICE_ARCSEC
 
 TINY, DUST = 0.05, 1e-6
@@ -62,7 +61,7 @@ def doubts_of(
     ``modulo``: of an axis that turns endlessly, whose turn is closed across its last gap. ``device_arcsec`` is the
     rotary instrument's U (k = 2). Raises ModelError as `readings.checked`.
     """
-    at, x = readings.checked(targets, deviations)
+    at, x = statistics.check_readings(targets, deviations)
     kind = unit or deviation_unit(axis_unit)
     found = [
         *_size(at, x, axis_unit, kind),
@@ -70,11 +69,11 @@ def doubts_of(
         *_arc(at, axis_unit),
         *_plan(at, x.shape[1], axis_unit),
     ]
-    found += _bridged(at, axis_unit, modulo=modulo and axis_unit == "deg")
+    found += _wide_gap(at, axis_unit, modulo=modulo and axis_unit == "deg")
     if kind == "arcsec" and axis_unit == "deg":
         found += _closure(at, x, device_arcsec)
     wide = any(one.code == "S-EVAL-SPREAD" for one in found)
-    found += [one for one in _scattered(at, x, kind) if not (wide and one.code == "S-EVAL-OUT-FAR")]  # the same, once
+    found += [one for one in _outliers(at, x, kind) if not (wide and one.code == "S-EVAL-OUT-FAR")]  # the same, once
     return tuple(sorted(found, key=lambda one: not one.blocking))
 
 
@@ -82,7 +81,7 @@ def with_doubts(
     measured: MeasuredSet, accepted: Mapping[str, str] | None = None, *, modulo: bool = False
 ) -> MeasuredSet:
     """A measured set with the doubts of its readings beside those of its reader, each once, settled as accepted."""
-    return replace(measured, doubts=settled(all_doubts(measured, modulo=modulo), accepted or {}))
+    return replace(measured, doubts=accept_doubts(all_doubts(measured, modulo=modulo), accepted or {}))
 
 
 def all_doubts(
@@ -115,7 +114,7 @@ def all_doubts(
     return (*measured.doubts, *(one for one in found if one.code not in known))
 
 
-def settled(doubts: Iterable[Doubt], accepted: Mapping[str, str]) -> tuple[Doubt, ...]:
+def accept_doubts(doubts: Iterable[Doubt], accepted: Mapping[str, str]) -> tuple[Doubt, ...]:
     """Doubts, of which those that a person accepted by their code block no more and name the reason."""
     return tuple(
         replace(one, blocking=False, settled=accepted[one.code]) if one.blocking and one.code in accepted else one
@@ -123,12 +122,12 @@ def settled(doubts: Iterable[Doubt], accepted: Mapping[str, str]) -> tuple[Doubt
     )
 
 
-def blocking(doubts: Iterable[Doubt]) -> tuple[Doubt, ...]:
+def blocking_doubts(doubts: Iterable[Doubt]) -> tuple[Doubt, ...]:
     """The doubts that stop verdict and table."""
     return tuple(one for one in doubts if one.blocking)
 
 
-def notable(doubts: Iterable[Doubt], *, scatter: bool = False) -> tuple[Doubt, ...]:
+def notable_doubts(doubts: Iterable[Doubt], *, scatter: bool = False) -> tuple[Doubt, ...]:
     """Those that concern whoever uses the readings: not what a test to a standard asks for besides.
 
     With ``scatter`` single readings out of line too, which a fit leaves out.
@@ -139,7 +138,7 @@ def notable(doubts: Iterable[Doubt], *, scatter: bool = False) -> tuple[Doubt, .
 
 def demand_settled(doubts: Iterable[Doubt], where: str) -> None:
     """Raise InDoubt (E-DOUBT-OPEN) where a doubt blocks: what it is, and how a person accepts it."""
-    open_ = blocking(doubts)
+    open_ = blocking_doubts(doubts)
     if open_:
         said = "; ".join(f"{one.code}: {one.text}" for one in open_)
         first = open_[0]
@@ -157,12 +156,12 @@ def accepted_of(texts: Iterable[str], where: str) -> dict[str, str]:
     return found
 
 
-def told(doubts: Iterable[Doubt]) -> tuple[str, ...]:
+def describe_doubts(doubts: Iterable[Doubt]) -> tuple[str, ...]:
     """Doubts as people read them: a blocking one with its code and what to do, an accepted one with the reason."""
-    return tuple(_told(one) for one in doubts)
+    return tuple(_describe_doubt(one) for one in doubts)
 
 
-def _told(one: Doubt) -> str:
+def _describe_doubt(one: Doubt) -> str:
     place = f"{one.where}: " if one.where else ""
     if one.settled:
         return f"{place}{one.text} ({one.code} accepted: {one.settled})"
@@ -283,7 +282,7 @@ def _closure(at: FloatArray, x: FloatArray, device_arcsec: float) -> list[Doubt]
     return [Doubt("S-EVAL-CLOSURE", names=names, numbers={"gap": found.gap, "limit": limit})]
 
 
-def _bridged(at: FloatArray, axis_unit: AxisUnit, *, modulo: bool) -> list[Doubt]:
+def _wide_gap(at: FloatArray, axis_unit: AxisUnit, *, modulo: bool) -> list[Doubt]:
     """A step between neighbours that is far wider than the usual one: whatever curve is laid through them, is guessed.
 
     On a modulo axis the step from the last target round to the first one counts too, as far as it is bridged.
@@ -319,7 +318,7 @@ def _plan(at: FloatArray, repetitions: int, axis_unit: AxisUnit) -> list[Doubt]:
     return found
 
 
-def _scattered(at: FloatArray, x: FloatArray, unit: DeviationUnit) -> list[Doubt]:
+def _outliers(at: FloatArray, x: FloatArray, unit: DeviationUnit) -> list[Doubt]:
     """Readings out of line, the farthest first: a standard's figures keep what was read.
 
     One that is so far off that no axis does it stops verdict and table: a mark for no reading, another unit, a bump.
@@ -331,9 +330,9 @@ def _scattered(at: FloatArray, x: FloatArray, unit: DeviationUnit) -> list[Doubt
     ]
     if len(out) > MOST_TOLD:
         found.append(Doubt("S-EVAL-OUT-MORE", numbers={"more": len(out) - MOST_TOLD}))
-    jumps = _jumping(at, x, unit)
+    jumps = _lone_jumps(at, x, unit)
     known = {one for one, _off in out}
-    slipped = slips(at, x)[:MOST_TOLD]
+    slipped = find_slips(at, x)[:MOST_TOLD]
     found += [
         Doubt("S-EVAL-JUMP", names=_place(at, one, unit) | {"off": f"{off:+.3g}"}, numbers={"off": off})
         for one, off in jumps[:1]
@@ -359,7 +358,7 @@ def _place(at: FloatArray, one: tuple[int, int, int], unit: DeviationUnit) -> di
     return {"at": f"{at[one[0]]:g}", "way": "+-"[one[2]], "unit": unit, "reading": str(one[1] + 1)}
 
 
-def _jumping(at: FloatArray, x: FloatArray, unit: DeviationUnit) -> list[tuple[tuple[int, int, int], float]]:
+def _lone_jumps(at: FloatArray, x: FloatArray, unit: DeviationUnit) -> list[tuple[tuple[int, int, int], float]]:
     """Readings that leave the line between their neighbours of the same pass, and how far: without repetitions too.
 
     Far is `FAR_JUMPS` times what is usual in the set, and a part of what no axis does. The farthest is the first.

@@ -31,7 +31,7 @@ from drivers.types.drives import DriveRecord
 from drivers.units import deg_to_arcsec, deg_to_rad, rad_to_deg
 from gateway.domain.values import FloatArray
 from gateway.errors import ModelError
-from gateway.evaluate.behaviour.ordercauses import CauseKind, OrderCause
+from gateway.evaluate.behaviour.order_causes import CauseKind, OrderCause
 
 TURN_DEG = 360.0
 FEWEST_STEPS, FEW_PINS, FEW_PINS_STEPS = 24, 24, 96
@@ -152,7 +152,7 @@ def evaluate_drive(record: DriveRecord, drive: TestedDrive, where: str) -> Drive
     locked, passes = _stretches(record, drive)
     found = [_run(record, drive, one, where) for one in passes]
     running = tuple(
-        _joined([one for one in found if one.sense == sense])
+        _join_passes([one for one in found if one.sense == sense])
         for sense in (1, -1)
         if any(one.sense == sense for one in found)
     )
@@ -226,7 +226,7 @@ def _run(record: DriveRecord, drive: TestedDrive, part: slice, where: str) -> Ru
     closing = float(curve(sense * nominal[-1]) - curve(sense * nominal[-1] - TURN_DEG)) if over else 0.0
     torque = None if record.torque_nm is None else float(np.mean(record.torque_nm[part]))
     single = tuple(float(np.ptp(one)) for one in each)
-    return _ordered(
+    return _with_orders(
         RunningError(
             sense=sense,
             angle_deg=angle,
@@ -277,7 +277,7 @@ def _refuse_alias(step_deg: float, drive: TestedDrive, where: str) -> None:
         raise ModelError("E-DRIVE-ALIAS", where, steps=f"{steps:.3g}", fewest=FEWEST_STEPS, needed=needed)
 
 
-def _joined(runs: Sequence[RunningError]) -> RunningError:
+def _join_passes(runs: Sequence[RunningError]) -> RunningError:
     """Passes in one sense as one: the mean curve where they share their steps, the first one's otherwise."""
     first = runs[0]
     alike = [one for one in runs if one.angle_deg.shape == first.angle_deg.shape]
@@ -302,7 +302,7 @@ def _round(run: RunningError) -> tuple[FloatArray, FloatArray]:
 # --------------------------------------------------------------------------------------------------------------- orders
 
 
-def _ordered(run: RunningError, drive: TestedDrive) -> RunningError:
+def _with_orders(run: RunningError, drive: TestedDrive) -> RunningError:
     """The run with its mean taken off and its largest orders, with those that a reducer always has."""
     error = run.error_arcsec - run.error_arcsec.mean()
     count = len(error)
@@ -346,12 +346,12 @@ def causes(order: int, drive: TestedDrive, readings: int) -> tuple[OrderCause, .
         known += [(against, OrderCause(CauseKind.AGAINST_PLANETS)), (abs(drive.ratio), OrderCause(CauseKind.INPUT))]
         known += [(against * drive.sun_teeth, OrderCause(CauseKind.SUN_TEETH))] if drive.sun_teeth else []
     found = [one for number, one in known if abs(order - number) < 0.5]
-    found = found or _mixed(order, drive)
+    found = found or _mixed_orders(order, drive)
     folded = [one for number, one in known if number > readings / 2.0 and _folds(number, readings) == order]
     return (*found, *(replace(one, folded=True) for one in folded))
 
 
-def _mixed(order: int, drive: TestedDrive) -> list[OrderCause]:
+def _mixed_orders(order: int, drive: TestedDrive) -> list[OrderCause]:
     """Sums and differences of disc and ring orders, which lost contact makes; the lowest one."""
     span = range(-MOST_WAVES, MOST_WAVES + 1)
     sums = [(abs(i) + abs(j), i, j) for i in span for j in span if i * drive.pins + j * (drive.pins - 1) == order]
@@ -447,7 +447,7 @@ def _stiffness(
 # ---------------------------------------------------------------------------------------------------------- uncertainty
 
 
-def expanded(readings: float, U_reading: float | None, each: Sequence[float]) -> float | None:
+def expanded_uncertainty(readings: float, U_reading: float | None, each: Sequence[float]) -> float | None:
     """U (k = 2) of a figure from ``readings`` independent readings' weight (sqrt 2 for a difference) and its repeats.
 
     None without the encoders' U.

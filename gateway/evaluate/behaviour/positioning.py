@@ -16,9 +16,9 @@ from drivers.types.doubts import Doubt
 from drivers.types.results import MeasuredSet
 from drivers.units import DeviationUnit, deviation_unit
 from gateway.domain.captures import Capture
-from gateway.evaluate.behaviour.doubts import all_doubts, blocking, settled
-from gateway.evaluate.standards import readings
-from gateway.evaluate.standards.decision import Decision
+from gateway.evaluate.behaviour.doubts import accept_doubts, all_doubts, blocking_doubts
+from gateway.evaluate.standards import statistics
+from gateway.evaluate.standards.conformity import Decision
 from gateway.evaluate.standards.registry import StandardResult, evaluate_by
 from gateway.evaluate.uncertainty.budget import Budget, measured_budget, with_lever
 
@@ -55,12 +55,12 @@ class PositioningFigures:
     @property
     def verdicts(self) -> tuple[Decision, ...]:
         """The limits decided. Raises ModelError (E-EVAL-LIMIT-NAME, E-EVAL-LIMIT)."""
-        return undecided(self.result.decided(self.limits), self.doubts)
+        return withhold_verdicts(self.result.decided(self.limits), self.doubts)
 
     @property
     def blocked(self) -> bool:
         """Whether a doubt stops verdict and table."""
-        return bool(blocking(self.doubts))
+        return bool(blocking_doubts(self.doubts))
 
 
 def evaluate_positioning(
@@ -100,7 +100,7 @@ def evaluate_positioning(
         budget=budget,
         contributions=contributions(measured, budget),
         supposed=supposed,
-        doubts=settled(found, accepted or {}),
+        doubts=accept_doubts(found, accepted or {}),
         limits=limits or {},
     )
 
@@ -117,21 +117,21 @@ def budget_with(measured: MeasuredSet | Capture, known: Surroundings) -> tuple[B
 def contributions(measured: MeasuredSet | Capture, budget: Budget) -> dict[str, float]:
     """What U contains, k = 2 by name: the budget's parts, and the scatter of one reading where that was repeated."""
     found = budget.contributions()
-    s = readings.standard_deviations(measured.deviations)
+    s = statistics.standard_deviations(measured.deviations)
     if budget.eve is None and np.isfinite(s).any():
         found["scatter"] = 2.0 * float(np.sqrt(np.nanmean(s**2)))
     return found
 
 
-def said_contributions(found: Mapping[str, float], unit: str) -> str:
+def describe_contributions(found: Mapping[str, float], unit: str) -> str:
     """What U contains, in one line."""
     parts = ", ".join(f"{name} {value:.2g}" for name, value in found.items()) or "-"
     return words("S-U-CONTAINS", parts=parts, unit=unit)
 
 
-def undecided(decisions: tuple[Decision, ...], doubts: tuple[Doubt, ...]) -> tuple[Decision, ...]:
+def withhold_verdicts(decisions: tuple[Decision, ...], doubts: tuple[Doubt, ...]) -> tuple[Decision, ...]:
     """Verdicts, none of them while a doubt blocks: its code is the reason."""
-    codes = ", ".join(one.code for one in blocking(doubts))
+    codes = ", ".join(one.code for one in blocking_doubts(doubts))
     if not codes:
         return decisions
     return tuple(replace(one, verdict="not decidable", why=words("S-DOUBT-VERDICT", codes=codes)) for one in decisions)

@@ -64,7 +64,7 @@ def angular_motion(
     """
     name = component(axis, kind)
     readings = sense * np.asarray(angles_arcsec, dtype=np.float64)
-    found = iso230_2.evaluate(targets_mm, readings, "arcsec", budget=budget)
+    found = iso230_2.evaluate_iso230_2(targets_mm, readings, "arcsec", budget=budget)
     words = "ISO 230-1:2012, statistics of ISO 230-2:2014"
     labelled = replace(found, standard=words, edition="2012")
     return AngularMotion(name, labelled, None if found.E is None else float(arcsec_to_rad(found.E)) * 1e6)

@@ -65,14 +65,14 @@ def from_ball(
         if lean is not None:
             name, sign = _leans(axis, letter)
             values[name], U[name] = sign * _arcsec(lean[0]), COVERAGE * _arcsec(lean[1])
-    return Location(axis, values, U, _seen(np.unique(heights).size))
+    return Location(axis, values, U, _limits_of_heights(np.unique(heights).size))
 
 
 def _arcsec(um_per_mm: float) -> float:
     return float(rad_to_arcsec(um_to_mm(um_per_mm)))
 
 
-def _seen(heights: int) -> tuple[str, ...]:
+def _limits_of_heights(heights: int) -> tuple[str, ...]:
     if heights == 1:
         return ("one height: no orientation",)
     return () if heights > 2 else ("two heights: straightness of the axis is not seen",)

@@ -155,21 +155,21 @@ def index(
     """
     if equation not in EQUATIONS:
         raise ModelError("E-EVAL-WORD", where, key="equation", value=equation, known=", ".join(EQUATIONS))
-    t = required("air_degc", ambient.air_degc, where)
-    p = required("pressure_hpa", ambient.pressure_hpa, where) * PA_PER_HPA
-    rh = required("humidity_pct", ambient.humidity_pct, where)
+    t = require_reading("air_degc", ambient.air_degc, where)
+    p = require_reading("pressure_hpa", ambient.pressure_hpa, where) * PA_PER_HPA
+    rh = require_reading("humidity_pct", ambient.humidity_pct, where)
     return EQUATIONS[equation](t, p, rh, wavelength_nm)
 
 
 def material_degc(ambient: Ambient, where: str = "ambient") -> float:
     """Mean of the material sensors in degC; AmbientOutOfRange when there is none or one is impossible."""
     if not ambient.material_degc:
-        required("material_degc", None, where)
-    values = [required("material_degc", value, where) for value in ambient.material_degc]
+        require_reading("material_degc", None, where)
+    values = [require_reading("material_degc", value, where) for value in ambient.material_degc]
     return sum(values) / len(values)
 
 
-def required(sensor: str, value: float | None, where: str) -> float:
+def require_reading(sensor: str, value: float | None, where: str) -> float:
     """The reading of a sensor of `LIMITS`, or AmbientOutOfRange."""
     low, high, unit = LIMITS[sensor]
     if value is None:

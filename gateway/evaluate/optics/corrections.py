@@ -26,11 +26,11 @@ def begin(already: CompensatedFor) -> Corrections:
     }
     record = Corrections(air=NONE, expansion=NONE, dead_path=NONE, drift=NONE)
     for step in done[already]:
-        record = applied(record, step, by_instrument, INSTRUMENT)
+        record = record_step(record, step, by_instrument, INSTRUMENT)
     return record
 
 
-def applied(
+def record_step(
     record: Corrections, step: Step, words: Message, by: str = GATEWAY, /, **coefficients: float
 ) -> Corrections:
     """The record with one more step; raises ModelError (E-EVAL-TWICE) when it stands already."""
@@ -38,53 +38,55 @@ def applied(
     return _with(record, step, words, by, coefficients)
 
 
-def undone(record: Corrections, step: Step, words: Message, by: str = GATEWAY, /, **coefficients: float) -> Corrections:
+def revert_step(
+    record: Corrections, step: Step, words: Message, by: str = GATEWAY, /, **coefficients: float
+) -> Corrections:
     """The record with a step of the instrument taken back, so that a better one may follow.
 
     Raises ModelError (E-EVAL-UNDO) when the step does not stand, or is no step of the instrument's: what this
     program corrected is done again from the readings, never taken back and forth.
     """
-    done, owner = standing(record, step), _owner(record, step)
+    done, owner = describe_step(record, step), _owner(record, step)
     if done == NONE or owner != INSTRUMENT:
-        raise ModelError("E-EVAL-UNDO", "corrections", step=_said(step), done=done, asked=words)
+        raise ModelError("E-EVAL-UNDO", "corrections", step=_step_words(step), done=done, asked=words)
     return _with(record, step, words, by, coefficients, undo=True)
 
 
 def refuse_twice(record: Corrections, step: Step, words: Message) -> None:
     """Raise ModelError (E-EVAL-TWICE) when this step stands already."""
-    done = standing(record, step)
+    done = describe_step(record, step)
     if done != NONE:
-        raise ModelError("E-EVAL-TWICE", "corrections", step=_said(step), done=done, asked=words)
+        raise ModelError("E-EVAL-TWICE", "corrections", step=_step_words(step), done=done, asked=words)
 
 
-def standing(record: Corrections, step: Step) -> str:
+def describe_step(record: Corrections, step: Step) -> str:
     """The words of a step that stands, or "none"."""
     if step in _SUMMARISED:
         return str(getattr(record, step))
-    last = _last(record, step)
+    last = _latest_step(record, step)
     return NONE if last is None or last.undone else str(last.words)
 
 
-def told(record: Corrections) -> tuple[str, ...]:
+def describe_steps(record: Corrections) -> tuple[str, ...]:
     """What stands, one line a step, for reports and flags; a removed drift is always said."""
-    lines = ((step, standing(record, step)) for step in get_args(Step))
-    return tuple(f"{_said(step)}: {words}" for step, words in lines if words != NONE)
+    lines = ((step, describe_step(record, step)) for step in get_args(Step))
+    return tuple(f"{_step_words(step)}: {words}" for step, words in lines if words != NONE)
 
 
-def _said(step: Step) -> str:
+def _step_words(step: Step) -> str:
     return step.replace("_", " ")
 
 
-def _last(record: Corrections, step: Step) -> CorrectionRecord | None:
+def _latest_step(record: Corrections, step: Step) -> CorrectionRecord | None:
     return next((item for item in reversed(record.chain) if item.step == step), None)
 
 
 def _owner(record: Corrections, step: Step) -> str:
-    last = _last(record, step)
+    last = _latest_step(record, step)
     if last is not None:
         return last.by
     # Records stored before there was a chain say it in words.
-    return INSTRUMENT if standing(record, step) == "by the instrument" else GATEWAY
+    return INSTRUMENT if describe_step(record, step) == "by the instrument" else GATEWAY
 
 
 def _with(

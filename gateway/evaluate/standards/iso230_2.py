@@ -15,10 +15,10 @@ from drivers.units import DeviationUnit
 from gateway.domain.figures import Evaluation
 from gateway.domain.values import FloatArray
 from gateway.errors import ModelError
-from gateway.evaluate.standards import parameters, readings
-from gateway.evaluate.standards.certainty import SECONDARY
-from gateway.evaluate.uncertainty import turning
-from gateway.evaluate.uncertainty.budget import Budget, expanded
+from gateway.evaluate.standards import statistics
+from gateway.evaluate.standards.statistics import SECONDARY
+from gateway.evaluate.uncertainty import budget as turning
+from gateway.evaluate.uncertainty.budget import Budget, expanded_uncertainties
 
 SIGMAS: Mapping[str, float] = {"1988": 3.0, "1997": 2.0, "2006": 2.0, "2014": 2.0}
 STANDARD_RUNS = 5
@@ -27,7 +27,7 @@ MOST_INCURABLE = 0.5  # of A: beyond it no table is worth much
 LONG_TRAVEL_MM, LONG_INTERVAL_MM = 2000.0, 250.0
 
 
-def evaluate(
+def evaluate_iso230_2(
     targets: ArrayLike,
     deviations: ArrayLike,
     unit: DeviationUnit,
@@ -45,10 +45,10 @@ def evaluate(
     """
     edition = str(edition)
     k = sigmas(edition)
-    _known("unit", unit, UNITS)
-    at, x = readings.checked(targets, deviations)
-    mean, s, n = readings.means(x), readings.standard_deviations(x), readings.counts(x)
-    values = parameters.stated(parameters.of_table(mean, s, k))
+    _check_word("unit", unit, UNITS)
+    at, x = statistics.check_readings(targets, deviations)
+    mean, s, n = statistics.means(x), statistics.standard_deviations(x), statistics.counts(x)
+    values = statistics.stated_values(statistics.parameters_of_moments(mean, s, k))
     return Evaluation(
         standard=f"ISO 230-2:{edition}",
         unit=unit,
@@ -58,10 +58,12 @@ def evaluate(
         s_up=s[:, 0],
         s_down=s[:, 1],
         B_i=mean[:, 0] - mean[:, 1],
-        R_i=parameters.repeatability(mean, s, k),
+        R_i=statistics.repeatability(mean, s, k),
         **values,
-        U=_turned(at, (mean, s), k=k, budget=budget or Budget(), U=_uncertainties(s, values, n, budget or Budget())),
-        flags=readings.gaps(n, STANDARD_RUNS, "s, R, A"),
+        U=_with_calibrator_shape(
+            at, (mean, s), k=k, budget=budget or Budget(), U=_uncertainties(s, values, n, budget or Budget())
+        ),
+        flags=statistics.gaps(n, STANDARD_RUNS, "s, R, A"),
         edition=edition,
         certainty=SECONDARY,
     )
@@ -74,7 +76,7 @@ def minimum_targets(kind: Literal["linear", "rotary"], travel: float) -> tuple[i
     Rotary: 3 to 90 deg, 5 to 180, 8 to 360, 5 runs; beyond that 8 per revolution, 1 run.
     Raises ModelError (E-EVAL-WORD, E-EVAL-NUMBER).
     """
-    _known("kind of axis", kind, ("linear", "rotary"))
+    _check_word("kind of axis", kind, ("linear", "rotary"))
     if not 0.0 < travel < inf:
         raise ModelError("E-EVAL-NUMBER", "ISO 230-2", key="travel", value=travel, must="above 0")
     if kind == "linear":
@@ -86,7 +88,7 @@ def minimum_targets(kind: Literal["linear", "rotary"], travel: float) -> tuple[i
     return next(count for limit, count in ((90, 3), (180, 5), (360, 8)) if travel <= limit), STANDARD_RUNS
 
 
-def _known(key: str, value: str, known: Collection[str]) -> None:
+def _check_word(key: str, value: str, known: Collection[str]) -> None:
     if value not in known:
         raise ModelError("E-EVAL-WORD", "ISO 230-2", key=key, value=value, known=", ".join(known))
 
@@ -98,14 +100,14 @@ def sigmas(edition: str) -> float:
     return SIGMAS[edition]
 
 
-def incurable(evaluation: Evaluation) -> tuple[float, float] | None:
+def incurable_part(evaluation: Evaluation) -> tuple[float, float] | None:
     """(A that would be left with the mean of both directions zero everywhere, its share of A); None without A."""
     if not evaluation.A:
         return None
     mean = np.stack([evaluation.mean_up, evaluation.mean_down], axis=-1)
     s = np.stack([evaluation.s_up, evaluation.s_down], axis=-1)
     centred = mean - mean.mean(axis=-1, keepdims=True)
-    left = float(parameters.of_table(centred, s, sigmas(evaluation.edition))["A"])
+    left = float(statistics.parameters_of_moments(centred, s, sigmas(evaluation.edition))["A"])
     return left, min(left / evaluation.A, 1.0)
 
 
@@ -114,12 +116,14 @@ def scatter_alone(evaluation: Evaluation) -> float | None:
     if not evaluation.A:
         return None
     s = np.stack([evaluation.s_up, evaluation.s_down], axis=-1)
-    return float(parameters.of_table(np.where(np.isfinite(s), 0.0, np.nan), s, sigmas(evaluation.edition))["A"])
+    return float(
+        statistics.parameters_of_moments(np.where(np.isfinite(s), 0.0, np.nan), s, sigmas(evaluation.edition))["A"]
+    )
 
 
-def told_incurable(evaluation: Evaluation) -> tuple[Message, ...]:
+def describe_incurable(evaluation: Evaluation) -> tuple[Message, ...]:
     """A remark where reversal and scatter make more than half of A."""
-    found = incurable(evaluation)
+    found = incurable_part(evaluation)
     if found is None or found[1] <= MOST_INCURABLE:
         return ()
     left, share = found
@@ -128,15 +132,15 @@ def told_incurable(evaluation: Evaluation) -> tuple[Message, ...]:
     return (Message.of("W-INCURABLE", **fields, unit=evaluation.unit),)
 
 
-def _turned(
+def _with_calibrator_shape(
     at: FloatArray, table: tuple[FloatArray, FloatArray], *, k: float, budget: Budget, U: Mapping[str, float]
 ) -> dict[str, float]:
     """Uncertainties with what a rotary calibrator's shape does to the ranges among them."""
     if not budget.turning:
         return dict(U)
     mean, s = table
-    figures = partial(parameters.ranges, s=s, k=k)
-    wide = turning.of_ranges(at, mean, budget.turning, figures)
+    figures = partial(statistics.ranges, s=s, k=k)
+    wide = turning.uncertainty_of_ranges(at, mean, budget.turning, figures)
     return {name: hypot(value, wide.get(name, 0.0)) for name, value in U.items()}
 
 
@@ -152,6 +156,6 @@ def _uncertainties(
     fewest, both = int(n[n > 0].min()), int((n > 0).all(axis=1).sum())
     # R and A stand on the places with two readings and more alone.
     repeated = int(n[n > 1].min(initial=int(n.max())))
-    spread, means = (expanded(count, eve, budget.systematic, both) for count in (repeated, fewest))
+    spread, means = (expanded_uncertainties(count, eve, budget.systematic, both) for count in (repeated, fewest))
     found = {**means, **{name: u for name, u in spread.items() if name[0] in "RA"}}
     return {name: u for name, u in found.items() if values[name] is not None}

@@ -11,11 +11,11 @@ from numpy.typing import ArrayLike
 
 from drivers.units import DeviationUnit, deg_to_rad
 from gateway.domain.values import COVERED, FloatArray
-from gateway.evaluate.standards import readings
-from gateway.evaluate.uncertainty import montecarlo, turning
+from gateway.evaluate.standards import statistics
+from gateway.evaluate.uncertainty import budget as turning
+from gateway.evaluate.uncertainty import montecarlo
 from gateway.evaluate.uncertainty.budget import Budget
-from gateway.evaluate.uncertainty.distributions import Distribution, Normal, Rectangular
-from gateway.evaluate.uncertainty.montecarlo import TrialOutcome
+from gateway.evaluate.uncertainty.montecarlo import Distribution, Normal, Rectangular, TrialOutcome
 
 MOST_TRIALS, LEAST_TRIALS = 100_000, 3000
 SHARE = 0.1
@@ -61,20 +61,22 @@ def scatter_of_test(
     standard deviations (..., m, 2): of n normal readings the mean is normal and the variance chi-squared with n - 1
     degrees of freedom, independent of each other (Cochran), so that these are drawn themselves.
     """
-    at, x = readings.checked(targets, deviations)
+    at, x = statistics.check_readings(targets, deviations)
     sigma = _sigma(x, budget)
     if sigma is None:
         return {}
     common = _common(at, unit, budget)
     if of_table is not None:
-        trial, size = _of_moments(x, sigma, common, of_table), readings.means(x).size
+        trial, size = _of_moments(x, sigma, common, of_table), statistics.means(x).size
     elif formulas is not None:
         trial, size = _of_readings(x, sigma, common, formulas), x.size
     else:
         raise TypeError("a standard has formulas on readings or on their table")
     block = int(np.clip(SCATTER // size, 500, montecarlo.BLOCK))
     trial, most = _in_parts(trial, SCATTER // size), min(most, max(DRAWN // size, LEAST_TRIALS))
-    return montecarlo.run(trial, probability=COVERED, digits=digits, share=SHARE, seed=seed, block=block, most=most)
+    return montecarlo.run_trials(
+        trial, probability=COVERED, digits=digits, share=SHARE, seed=seed, block=block, most=most
+    )
 
 
 def _in_parts(trial: montecarlo.Trial, together: int) -> montecarlo.Trial:
@@ -94,7 +96,7 @@ def _in_parts(trial: montecarlo.Trial, together: int) -> montecarlo.Trial:
 
 
 def _of_readings(x: FloatArray, sigma: FloatArray, common: Common, formulas: Formulas) -> montecarlo.Trial:
-    mean = (readings.means(x)[:, None, :] + np.where(np.isfinite(x), 0.0, np.nan))[..., None]
+    mean = (statistics.means(x)[:, None, :] + np.where(np.isfinite(x), 0.0, np.nan))[..., None]
 
     def trial(rng: Generator, count: int) -> Mapping[str, FloatArray]:
         noise = rng.standard_normal((*x.shape, count)) * sigma[:, None, :, None]
@@ -104,8 +106,8 @@ def _of_readings(x: FloatArray, sigma: FloatArray, common: Common, formulas: For
 
 
 def _of_moments(x: FloatArray, sigma: FloatArray, common: Common, of_table: TableFormulas) -> montecarlo.Trial:
-    n = readings.counts(x)
-    mean = np.where(n > 0, readings.means(x), np.nan)
+    n = statistics.counts(x)
+    mean = np.where(n > 0, statistics.means(x), np.nan)
     u = np.where(n > 0, sigma / np.sqrt(np.maximum(n, 1)), np.nan)
     freedom = np.maximum(n - 1, 1)
     spread = np.where(n > 1, sigma / np.sqrt(freedom), np.nan)
@@ -121,7 +123,7 @@ def _of_moments(x: FloatArray, sigma: FloatArray, common: Common, of_table: Tabl
 
 def _sigma(x: FloatArray, budget: Budget) -> FloatArray | None:
     """Standard deviation of one reading (m, 2): its own s, the pooled one where n = 1, at least eve / 2."""
-    s = readings.standard_deviations(x)
+    s = statistics.standard_deviations(x)
     known = s[np.isfinite(s)]
     if not known.size and budget.eve is None:
         return None

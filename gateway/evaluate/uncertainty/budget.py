@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from math import hypot, inf, sqrt
 from types import MappingProxyType
@@ -12,9 +12,9 @@ import scipy
 
 from drivers.types.doubts import Doubt
 from drivers.types.results import MeasuredSet
-from drivers.units import DeviationUnit, deviation_unit
+from drivers.units import DeviationUnit, deg_to_rad, deviation_unit
 from gateway.domain.captures import Capture
-from gateway.domain.values import COVERAGE
+from gateway.domain.values import COVERAGE, COVERED, FloatArray
 from gateway.errors import ModelError
 
 LABEL = "U (k = 2): GUM, own coefficients"
@@ -188,7 +188,7 @@ def with_lever(budget: Budget, capture: Capture) -> Budget:
     return replace(budget, misalignment=hypot(budget.misalignment, lever))
 
 
-def expanded(n: int, eve: float, systematic: float, targets: int = 1) -> Mapping[str, float]:
+def expanded_uncertainties(n: int, eve: float, systematic: float, targets: int = 1) -> Mapping[str, float]:
     """U (k = 2) of every ISO 230-2 parameter for n readings per target and approach; `targets` have both.
 
     Derived for independent readings with expanded uncertainty `eve` each: U(B) = eve sqrt(2/n), U(M) from
@@ -236,3 +236,36 @@ def variance_limit(confidence: float, numerator: int, denominator: int) -> float
         if not 0 < value < inf:
             raise ModelError("E-EVAL-NUMBER", "variance", key=key, value=value, must="above 0")
     return float(scipy.special.fdtri(numerator, denominator, confidence))
+
+
+# ---- Effect of a rotary calibrator's own error on a range of deviations, by its shape around the turn.
+#
+# A certificate tells how far a single position may be off. A range is a difference of two positions, and the error
+# there is not the same: an eccentric scale is wrong by a wave of one turn, an oval one by a wave of two, each of any
+# phase (as the calibrator happened to be clamped), their variances alike. Which two positions make the range may
+# change with it, so the error is drawn and taken off (JCGM 101:2008) instead of a law of propagation at the two (GUM
+# 5.2).
+
+ORDERS = (1, 2)
+DRAWS = 2000
+Figures = Callable[[FloatArray], Mapping[str, FloatArray]]
+
+
+def drawn_errors(at_deg: FloatArray, single: float, rng: np.random.Generator, count: int) -> FloatArray:
+    """Errors (count, m) of a calibrator at positions (m,), ``single`` the expanded uncertainty (k = 2) of one."""
+    phase = deg_to_rad(at_deg)
+    waves = np.concatenate([(np.cos(order * phase), np.sin(order * phase)) for order in ORDERS])
+    sizes = rng.standard_normal((count, waves.shape[0])) * single / COVERAGE / np.sqrt(len(ORDERS))
+    return np.asarray(sizes @ waves)
+
+
+def uncertainty_of_ranges(
+    at_deg: FloatArray, means: FloatArray, single: float, figures: Figures
+) -> Mapping[str, float]:
+    """Expanded uncertainty by name: how far figures of means (m, 2) lie from those of the true ones, 95.45 %.
+
+    ``figures`` takes means (draws, m, 2) and gives (draws,) by name; NaN where a figure does not exist.
+    """
+    errors = drawn_errors(at_deg, single, np.random.default_rng(1), DRAWS)
+    read, true = figures(means[None]), figures(means - errors[:, :, None])
+    return {name: float(np.quantile(np.abs(one - read[name]), COVERED)) for name, one in true.items()}

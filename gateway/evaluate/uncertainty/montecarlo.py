@@ -1,10 +1,11 @@
-"""Propagation of distributions by Monte Carlo, adaptive, with coverage intervals (JCGM 101:2008, clause 7)."""
+"""Propagation of distributions by Monte Carlo, adaptive, with coverage intervals (JCGM 101:2008, clauses 6.4 and 7)."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from math import ceil, floor, log10
+from math import ceil, floor, log10, sqrt
+from typing import Protocol
 
 import numpy as np
 from numpy.random import Generator
@@ -41,7 +42,7 @@ class TrialOutcome:
         return (self.symmetric[1] - self.symmetric[0]) / 2.0
 
 
-def run(
+def run_trials(
     trial: Trial,
     *,
     probability: float = 0.95,
@@ -63,7 +64,7 @@ def run(
     while not stable and (len(blocks) + 1) * block <= most:
         drawn = trial(rng, block)
         blocks.append({name: y for name, y in drawn.items() if np.isfinite(y).all()})
-        stable = len(blocks) > 1 and all(_settled(name, blocks, probability, (digits, share)) for name in blocks[0])
+        stable = len(blocks) > 1 and all(_is_stable(name, blocks, probability, (digits, share)) for name in blocks[0])
     return {name: _outcome(name, blocks, probability, (digits, share), seed) for name in blocks[0]}
 
 
@@ -78,7 +79,7 @@ def numerical_tolerance(u: float, digits: int, share: float = 0.0) -> float:
     return max(0.5 * 10.0 ** (floor(log10(u)) - digits + 1), share * u) if u > 0.0 else 0.0
 
 
-def _settled(name: str, blocks: list[dict[str, FloatArray]], probability: float, wanted: tuple[int, float]) -> bool:
+def _is_stable(name: str, blocks: list[dict[str, FloatArray]], probability: float, wanted: tuple[int, float]) -> bool:
     figures = np.array([_figures(part[name], probability) for part in blocks])
     tolerance = numerical_tolerance(float(figures[:, 1].mean()), *wanted)
     scatter = figures.std(axis=0, ddof=1) / np.sqrt(len(blocks))
@@ -103,7 +104,7 @@ def _outcome(
         trials=y.size,
         seed=seed,
         tolerance=numerical_tolerance(u, *wanted),
-        converged=len(blocks) > 1 and _settled(name, blocks, probability, wanted),
+        converged=len(blocks) > 1 and _is_stable(name, blocks, probability, wanted),
     )
 
 
@@ -124,3 +125,53 @@ def shortest_interval(ordered: FloatArray, probability: float) -> tuple[float, f
     inside = _inside(ordered.size, probability)
     first = int(np.argmin(ordered[inside:] - ordered[: ordered.size - inside]))
     return float(ordered[first]), float(ordered[first + inside])
+
+
+# ---- Distributions of input quantities (JCGM 101:2008, clause 6.4).
+
+
+class Distribution(Protocol):
+    """An input quantity: its estimate, its standard uncertainty, and draws of it."""
+
+    @property
+    def estimate(self) -> float:
+        """Expectation."""
+        ...
+
+    @property
+    def u(self) -> float:
+        """Standard deviation."""
+        ...
+
+    def draw(self, rng: Generator, count: int) -> FloatArray:
+        """Independent draws (count,)."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class Normal:
+    """Known by estimate and standard uncertainty (6.4.7)."""
+
+    estimate: float
+    u: float
+
+    def draw(self, rng: Generator, count: int) -> FloatArray:
+        """Draws (count,)."""
+        return self.estimate + self.u * rng.standard_normal(count)
+
+
+@dataclass(frozen=True, slots=True)
+class Rectangular:
+    """Anywhere within +/- `half` of the estimate (6.4.2)."""
+
+    estimate: float
+    half: float
+
+    @property
+    def u(self) -> float:
+        """half / sqrt 3."""
+        return self.half / sqrt(3.0)
+
+    def draw(self, rng: Generator, count: int) -> FloatArray:
+        """Draws (count,)."""
+        return self.estimate + self.half * rng.uniform(-1.0, 1.0, count)

@@ -9,7 +9,7 @@ import numpy as np
 
 from gateway.domain.figures import Evaluation
 from gateway.errors import ModelError
-from gateway.evaluate.geometry.harmonics import harmonics
+from gateway.evaluate.geometry.rotary_motion import harmonics
 from gateway.report.document.content import Block, Heading, Pair, Paragraph, PictureBlock, TableBlock, Whole
 from gateway.report.document.words import Tongue
 from gateway.report.drawings import environment, plots

@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MultipleLocator
 
 from gateway.evaluate.behaviour.drive import DriveFigures
-from gateway.evaluate.behaviour.ordercauses import in_words
+from gateway.evaluate.behaviour.order_causes import in_words
 from gateway.report.drawings.curves import NEW, REVERSE, RULE, calm
 from gateway.report.drawings.plots import SIMULATED, png, svg_file
 from gateway.report.drawings.ruler import INK, QUIET, ruled

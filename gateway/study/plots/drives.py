@@ -14,7 +14,7 @@ from matplotlib.patches import Circle
 from drivers.types.drives import DriveRecord
 from drivers.types.values import FloatArray
 from gateway.evaluate.behaviour.drive import DriveFigures
-from gateway.evaluate.behaviour.ordercauses import CauseKind, OrderCause
+from gateway.evaluate.behaviour.order_causes import CauseKind, OrderCause
 from gateway.reducer.figures import Transmission
 from gateway.reducer.pairing import Matching
 from gateway.reducer.records import Reducer

@@ -18,7 +18,7 @@ from gateway.capture.dynamic import DynamicCapture
 from gateway.capture.dynamicrecords import Ended, LiveView, Sink, StreamShape, Trigger, unit_of
 from gateway.config import InstrumentSection, SiteFile
 from gateway.errors import CaptureError, NotIdentifiable
-from gateway.evaluate.behaviour.dynamic import DynamicSpectrum, Settling, settling, spectrum
+from gateway.evaluate.behaviour.dynamics import DynamicSpectrum, SettlingResult, amplitude_spectrum, evaluate_settling
 from gateway.events import RunStarted
 from gateway.say import Say
 from gateway.store import RunFolder
@@ -50,7 +50,7 @@ class Shown:
     """What a record shows. ``settling`` None with ``why_not`` where it shows no move."""
 
     spectrum: DynamicSpectrum | None
-    settling: Settling | None
+    settling: SettlingResult | None
     why_not: str = ""
 
 
@@ -80,13 +80,13 @@ class DynamicOutcome:
 def show(recording: Recording, band: float | None = None) -> Shown:
     """Spectrum and settling of a record; what it does not show is said in words."""
     try:
-        made: DynamicSpectrum | None = spectrum(recording)
+        made: DynamicSpectrum | None = amplitude_spectrum(recording)
     except NotIdentifiable:
         made = None
     try:
         if len(recording) > MOST_FOR_SETTLING:
             raise NotIdentifiable("E-DYN-LONG", "settling", samples=len(recording), limit=MOST_FOR_SETTLING)
-        return Shown(made, settling(recording, band or DEFAULT_BAND[recording.unit]))
+        return Shown(made, evaluate_settling(recording, band or DEFAULT_BAND[recording.unit]))
     except NotIdentifiable as error:
         return Shown(made, None, error.what)
 

@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 
 from drivers.local.ownfiles import open_own
 from drivers.recordings import Recording
-from gateway.evaluate.behaviour.dynamic import DynamicSpectrum
+from gateway.evaluate.behaviour.dynamics import DynamicSpectrum
 
 INK, QUIET, FILL = "#22282e", "#6d757d", "#1f4e79"
 SIGN = {"um": "µm", "arcsec": "arcsec"}

@@ -10,7 +10,7 @@ from drivers.message import Message
 from drivers.types.values import FloatArray
 from gateway.config import AxisSection, SiteFile
 from gateway.domain.captures import Capture
-from gateway.evaluate.geometry.lever import Lever
+from gateway.evaluate.geometry.measurement import Lever
 from gateway.model.known import ErrorModel
 from gateway.store import RunFolder
 from gateway.workflow import stages

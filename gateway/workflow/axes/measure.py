@@ -27,9 +27,9 @@ from gateway.domain.captures import Capture
 from gateway.domain.equipment import Equipment, Item, SenseProof
 from gateway.domain.figures import Evaluation
 from gateway.domain.stated import StatedFacts
-from gateway.evaluate.behaviour.doubts import notable, remarks
-from gateway.evaluate.behaviour.whole_travel import over_travel
-from gateway.evaluate.standards.iso230_2 import evaluate, told_incurable
+from gateway.evaluate.behaviour.doubts import notable_doubts, remarks
+from gateway.evaluate.behaviour.fine_structure import over_travel
+from gateway.evaluate.standards.iso230_2 import describe_incurable, evaluate_iso230_2
 from gateway.evaluate.uncertainty.budget import budget_of
 from gateway.events import AxisMeasurementStarted
 from gateway.store import Maps, RunFolder
@@ -99,13 +99,15 @@ def evaluated(
 ) -> MeasuredAxis:
     """A capture of an axis, stored and evaluated."""
     digest = folder.put(stages.capture(axis.name, phase), capture, parents)
-    result = evaluate(capture.targets, capture.deviations, deviation_unit(axis.unit), budget=budget_of(capture))
+    result = evaluate_iso230_2(
+        capture.targets, capture.deviations, deviation_unit(axis.unit), budget=budget_of(capture)
+    )
     result = over_travel(result, capture)
     if capture.cycle != "standard":
         result = replace(result, flags=(*result.flags, Message.of("S-EVAL-CYCLE", cycle=capture.cycle)))
     line = (line_remark(capture),) if axis.kind == "linear" else ()
-    doubtful = remarks(notable(capture.doubts))
-    result = replace(result, flags=(*result.flags, *doubtful, *told_incurable(result), *line))
+    doubtful = remarks(notable_doubts(capture.doubts))
+    result = replace(result, flags=(*result.flags, *doubtful, *describe_incurable(result), *line))
     folder.put(stages.evaluation(axis.name, phase), result, (digest,))
     return MeasuredAxis(capture, result, digest)
 

@@ -15,7 +15,7 @@ from gateway.config import AxisSection
 from gateway.domain.captures import Capture
 from gateway.domain.proposals import Proposal, TableChange
 from gateway.errors import CaptureError
-from gateway.evaluate.behaviour.doubts import blocking
+from gateway.evaluate.behaviour.doubts import blocking_doubts
 from gateway.evaluate.behaviour.repetitions import RobustMeans
 from gateway.table import Grid, MeasuredMeans
 from gateway.table import propose as propose_table
@@ -68,7 +68,7 @@ async def _changes(at: Bench, axis: AxisSection, item: MeasuredAxis, taken: Coll
     at.folder.put(stages.component(axis.name), shown.doubted, (item.digest,))
     can = at.supervisor.controller.capabilities
     limits = await at.supervisor.controller.table_limits(axis.name, "axis", axis.encoder)
-    if blocking(capture.doubts):
+    if blocking_doubts(capture.doubts):
         return [change_of(axis, shown, capture.live, limits)]
     beside = await reversal_changes(at, axis, shown, capture.live, resolution=limits.resolution, taken=taken)
     turned = next(iter(beside), None)

@@ -12,9 +12,9 @@ from gateway.domain.captures import Capture
 from gateway.domain.figures import Component
 from gateway.evaluate.behaviour.fine_structure import (
     FLOOR,
-    Hidden,
+    HiddenStructure,
     hidden_structure,
-    lonely,
+    isolated_outlier,
     means_between,
     out_of_line,
 )
@@ -37,7 +37,7 @@ class Structure:
     capture: Capture
     means: RobustMeans
     component: Component
-    hidden: Hidden
+    hidden: HiddenStructure
     lone: float | None
 
     @property
@@ -102,11 +102,11 @@ def structure_of(axis: AxisSection, capture: Capture) -> Structure:
         kind=axis.kind,
         modulo=axis.modulo,
     )
-    lone = lonely(capture.targets, means.mean, means.u)
+    lone = isolated_outlier(capture.targets, means.mean, means.u)
     return Structure(capture, means, component, hidden=between_targets(component, capture), lone=lone)
 
 
-def between_targets(component: Component, capture: Capture) -> Hidden:
+def between_targets(component: Component, capture: Capture) -> HiddenStructure:
     """What the capture's check stops say of the curve fitted to its targets."""
     period = component.parameters.get("period")
 

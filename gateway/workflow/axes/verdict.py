@@ -13,7 +13,7 @@ from gateway.domain.figures import Evaluation
 from gateway.domain.outcomes import AxisVerdict, PushRecord, Verdict
 from gateway.domain.proposals import TableChange
 from gateway.evaluate.behaviour import repetitions
-from gateway.evaluate.behaviour.spread_change import SpreadChange, spread_change
+from gateway.evaluate.behaviour.repeatability import SpreadChange, compare_spread
 from gateway.evaluate.behaviour.table_effect import Kind
 from gateway.evaluate.standards.iso230_2 import scatter_alone
 from gateway.workflow.axes.explaining import WIDEN, Checked, check_between, explain
@@ -86,7 +86,7 @@ def judge_measured(
         after=new,
         change=change,
         checked=check_between(change, after.capture) if tabled else None,
-        spread=spread_change(before.capture, after.capture, (old.R, new.R)),
+        spread=compare_spread(before.capture, after.capture, (old.R, new.R)),
         turned=turned,
     )
 

@@ -11,7 +11,7 @@ from drivers.errors import ConfigError
 from drivers.local.names import shown
 from gateway.config import AxisSection, SiteFile
 from gateway.domain.values import component_unit
-from gateway.evaluate.behaviour.doubts import all_doubts, blocking
+from gateway.evaluate.behaviour.doubts import all_doubts, blocking_doubts
 from gateway.siteplan import LOCATIONS
 from gateway.workflow.day.answers import ALL, UNKNOWN, Answers
 from gateway.workflow.day.gathering import DayFile, copies
@@ -313,7 +313,7 @@ class _Sorter:
         if error[1] != "0":
             unit = component_unit(error, moved.unit)
             found = all_doubts(replace(one.measured, axis_unit=moved.unit), unit, modulo=moved.modulo)
-        for doubt in blocking(found):
+        for doubt in blocking_doubts(found):
             if doubt.code not in accepted:
                 fields = {"name": one.name, "doubt": doubt.text, "named": doubt.code, "accepted": accepted}
                 self._ask(OpenQuestion(f"files.{one.name}", "accept_doubts", "P-DAY-DOUBT", fields=fields))

@@ -21,8 +21,8 @@ from gateway.correct.plan.plan import AxisGrid
 from gateway.domain.captures import Capture
 from gateway.domain.equipment import Equipment
 from gateway.errors import CaptureError, IllegalTransition, Incomplete
-from gateway.evaluate.behaviour.doubts import all_doubts, blocking, demand_settled, settled
-from gateway.evaluate.geometry.errormodel import error_model
+from gateway.evaluate.behaviour.doubts import accept_doubts, all_doubts, blocking_doubts, demand_settled
+from gateway.evaluate.geometry.error_model import error_model
 from gateway.events import RunStarted, SetupStarted
 from gateway.interlocks import aged, crowded
 from gateway.model.chain import LETTERS
@@ -143,7 +143,7 @@ def _done(folder: RunFolder, one: Planned, now_utc: datetime, say: Say) -> bool:
         return True
     capture = folder.get(stages.setup(one.key), Capture)
     why = _unfit(capture, now_utc, positioning=one.positioning)
-    why = why or "; ".join(doubt.text for doubt in blocking(_settled(one, capture)))
+    why = why or "; ".join(doubt.text for doubt in blocking_doubts(_settled(one, capture)))
     if why:
         say("P-SETUP-ANEW", setup=one.key, words=why)
     return not why
@@ -245,7 +245,7 @@ def conclude(site: SiteFile, folder: RunFolder, tooth: Tooth | None) -> PlanOutc
 
 def _settled(one: Planned, capture: Capture) -> tuple[Doubt, ...]:
     """The doubts of a set-up's capture, with what the site file accepts of them now."""
-    return settled(all_doubts(capture, modulo=one.axis.modulo), one.axis.measure.accept_doubts)
+    return accept_doubts(all_doubts(capture, modulo=one.axis.modulo), one.axis.measure.accept_doubts)
 
 
 def _unproved(done: Sequence[Planned], captures: Sequence[Capture]) -> tuple[Message, ...]:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from gateway.config import SiteFile
 from gateway.correct.outlook.next_setup import ALSO_SHOWN, OpenDoubt, Tooth, what_next
-from gateway.evaluate.geometry.errormodel import error_model
+from gateway.evaluate.geometry.error_model import error_model
 from gateway.workflow.errors21.components import grids
 from gateway.workflow.errors21.setups import Planned, planned, spans
 

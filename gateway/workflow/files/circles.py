@@ -13,7 +13,7 @@ from drivers import registry
 from drivers.types.circles import CircleRecord, MakersFigures
 from gateway.errors import ModelError
 from gateway.evaluate.geometry.ballbar import BallbarFigures, Cause, Circle, evaluate_ballbar, squareness_arcsec
-from gateway.evaluate.geometry.squareness import Plane, of_plane
+from gateway.evaluate.geometry.straightness import Plane, of_plane
 from gateway.workflow.files.kindrecords import Drawn, Figure, KindAnswer
 
 KIND = "ballbar"

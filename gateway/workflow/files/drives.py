@@ -20,10 +20,10 @@ from gateway.evaluate.behaviour.drive import (
     TestedDrive,
     TorqueLoop,
     evaluate_drive,
-    expanded,
+    expanded_uncertainty,
 )
-from gateway.evaluate.behaviour.ordercauses import in_words
-from gateway.evaluate.standards.decision import Decision
+from gateway.evaluate.behaviour.order_causes import in_words
+from gateway.evaluate.standards.conformity import Decision
 from gateway.workflow.doubles import SAID
 from gateway.workflow.files.kindrecords import Drawn, Figure, KindAnswer
 
@@ -173,17 +173,19 @@ def _figures(found: DriveFigures) -> tuple[Figure, ...]:
     two = sqrt(2.0)
     if found.running:
         worst = max(found.running, key=lambda run: run.peak_to_peak)
-        figures.append(Figure("transmission error", worst.peak_to_peak, "arcsec", expanded(two, U, worst.each)))
+        figures.append(
+            Figure("transmission error", worst.peak_to_peak, "arcsec", expanded_uncertainty(two, U, worst.each))
+        )
         loud = max(found.running, key=lambda run: run.rms)
-        figures.append(Figure("transmission error RMS", loud.rms, "arcsec", expanded(1.0, U, ())))
+        figures.append(Figure("transmission error RMS", loud.rms, "arcsec", expanded_uncertainty(1.0, U, ())))
     for run in found.running:
         name = SENSES[run.sense]
-        figures.append(Figure(f"{name} p-p", run.peak_to_peak, "arcsec", expanded(two, U, run.each)))
-        figures.append(Figure(f"{name} RMS", run.rms, "arcsec", expanded(1.0, U, ())))
+        figures.append(Figure(f"{name} p-p", run.peak_to_peak, "arcsec", expanded_uncertainty(two, U, run.each)))
+        figures.append(Figure(f"{name} RMS", run.rms, "arcsec", expanded_uncertainty(1.0, U, ())))
     if found.loop is not None:
         loop = found.loop
-        figures.append(Figure("lost motion", loop.lost_motion, "arcsec", expanded(two, U, loop.each)))
-        figures.append(Figure("backlash", loop.backlash, "arcsec", expanded(two, U, ())))
+        figures.append(Figure("lost motion", loop.lost_motion, "arcsec", expanded_uncertainty(two, U, loop.each)))
+        figures.append(Figure("backlash", loop.backlash, "arcsec", expanded_uncertainty(two, U, ())))
         if loop.stiffness is not None:
             share = None if U is None else two * U / loop.stiffness_span_arcsec
             U_stiff = None if share is None else share * loop.stiffness

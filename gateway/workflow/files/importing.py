@@ -16,7 +16,7 @@ from drivers.types.results import MeasuredSet
 from gateway.config import SiteFile
 from gateway.domain.stated import StatedFacts
 from gateway.errors import StoreError
-from gateway.evaluate.behaviour.doubts import told, with_doubts
+from gateway.evaluate.behaviour.doubts import describe_doubts, with_doubts
 from gateway.say import Say, silence
 from gateway.store import Maps, RunFolder, Store
 from gateway.store.disk import disk_errors
@@ -140,7 +140,7 @@ def _doubted(read: Read, accepted: Mapping[str, str]) -> Read:
     if not isinstance(read.content, MeasuredSet) or across:
         return read
     content = with_doubts(read.content, accepted)
-    said = told(one for one in content.doubts if one.blocking or one.settled)
+    said = describe_doubts(one for one in content.doubts if one.blocking or one.settled)
     return replace(read, content=content, notes=(*read.notes, *said))
 
 

@@ -12,7 +12,7 @@ from drivers.types.results import MeasuredSet
 from gateway.domain.values import FloatArray
 from gateway.errors import ModelError
 from gateway.evaluate.behaviour.repetitions import mean_of_both
-from gateway.evaluate.standards.decision import Decision, decide
+from gateway.evaluate.standards.conformity import Decision, decide
 
 MANY = range(1, 33)
 

@@ -16,17 +16,19 @@ from gateway.domain.values import COVERAGE
 from gateway.errors import ModelError
 from gateway.evaluate.geometry.angular import COMPONENTS, Kind, angular_motion
 from gateway.evaluate.geometry.six_motions import motions_of_axis, point_error, six_motions
-from gateway.evaluate.geometry.squareness import (
+from gateway.evaluate.geometry.straightness import (
     COUNTINGS,
     Plane,
+    Reference,
     SquarenessRuns,
+    StraightnessRun,
     above_90,
     from_runs,
     in_words,
     of_plane,
     reversed_square,
+    straightness,
 )
-from gateway.evaluate.geometry.straightness import Reference, StraightnessRun, straightness
 from gateway.evaluate.standards import iso230_2
 from gateway.evaluate.uncertainty.budget import measured_budget
 from gateway.workflow.files.kindrecords import (
@@ -57,7 +59,7 @@ def positioning(files: Files, _asked: KindQuestion) -> KindAnswer:
     for one in files:
         budget, supposed = measured_budget(one.measured)
         notes |= dict.fromkeys(one.text for one in supposed)
-        found = iso230_2.evaluate(one.measured.targets, one.measured.deviations, unit, budget=budget)
+        found = iso230_2.evaluate_iso230_2(one.measured.targets, one.measured.deviations, unit, budget=budget)
         stated = {"A": found.A, "E": found.E, "M": found.M, "R": found.R, "B": found.B}
         figures += [
             Figure(f"{one.label} {key}", value, unit, found.U.get(key))
@@ -288,7 +290,7 @@ def reversal(files: Files, _asked: KindQuestion) -> KindAnswer:
     unit: DeviationUnit = "um" if files[0].measured.axis_unit == "mm" else "arcsec"
     unit_of("reversal", files, unit)
     for one in files:
-        found = iso230_2.evaluate(one.measured.targets, one.measured.deviations, unit)
+        found = iso230_2.evaluate_iso230_2(one.measured.targets, one.measured.deviations, unit)
         if found.B is None:
             raise ModelError("E-KIND-ONE-WAY", one.label)
         there = np.isfinite(found.B_i)

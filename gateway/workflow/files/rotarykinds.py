@@ -11,7 +11,7 @@ from gateway.domain.values import FloatArray
 from gateway.errors import ModelError
 from gateway.evaluate.geometry import rotary_motion
 from gateway.evaluate.geometry.axis_location import FRAMES, RotaryAxis, from_bar
-from gateway.evaluate.geometry.harmonics import harmonics
+from gateway.evaluate.geometry.rotary_motion import harmonics
 from gateway.evaluate.geometry.straightness import StraightnessRun
 from gateway.workflow.files.kindrecords import (
     Drawn,

@@ -12,9 +12,8 @@ from gateway.config import SiteFile
 from gateway.config.paper.sections import GearToleranceSection, ToleranceSection
 from gateway.domain.values import COVERAGE
 from gateway.evaluate.behaviour.doubts import all_doubts
-from gateway.evaluate.behaviour.positioning import undecided
-from gateway.evaluate.standards.decision import Decision, decide
-from gateway.evaluate.standards.flank_tolerances import STANDARD, class_limits
+from gateway.evaluate.behaviour.positioning import withhold_verdicts
+from gateway.evaluate.standards.conformity import STANDARD, Decision, class_limits, decide
 from gateway.evaluate.standards.registry import evaluate_by, standard
 from gateway.report.material import AxisMaterial, Judged, ReportMaterial, ToothMaterial
 from gateway.report.sentences import number
@@ -107,12 +106,12 @@ def _decisions(axis: AxisMaterial, name: str, said: ToleranceSection) -> tuple[D
     if name == RUN_STANDARD:
         limits = said.limits.items()
         by_run = (decide(key, getattr(found, key), U=found.U.get(key), limit=limit) for key, limit in limits)
-        return undecided(tuple(by_run), doubts)
+        return withhold_verdicts(tuple(by_run), doubts)
     if capture is None:
         return ()
     unit = axis.deviation_unit
     result = evaluate_by(name, capture.targets, capture.deviations, unit, budget=axis.budget)
-    return undecided(result.decided(said.limits), doubts)
+    return withhold_verdicts(result.decided(said.limits), doubts)
 
 
 def _gear(tooth: ToothMaterial, said: GearToleranceSection) -> Iterator[Judged]:

@@ -11,7 +11,7 @@ from pathlib import Path
 from drivers.errors import ConfigError
 from drivers.types.doubts import Doubt
 from gateway.config import SiteFile
-from gateway.evaluate.behaviour.doubts import all_doubts, blocking
+from gateway.evaluate.behaviour.doubts import all_doubts, blocking_doubts
 from gateway.report import ReportMaterial, as_json
 from gateway.report.certificate.dcc import dcc, evaluated
 from gateway.report.document.pdf import Attached, pdf
@@ -115,5 +115,5 @@ def write_document(material: ReportMaterial, folder: Path, written: datetime) ->
 def _open_doubts(material: ReportMaterial) -> Iterator[tuple[str, Doubt]]:
     for axis in material.axes:
         capture = axis.capture_after if axis.capture_after is not None else axis.capture_before
-        for one in blocking(all_doubts(capture)) if capture is not None else ():
+        for one in blocking_doubts(all_doubts(capture)) if capture is not None else ():
             yield axis.axis, one

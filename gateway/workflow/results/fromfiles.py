@@ -17,10 +17,10 @@ from drivers.units import deviation_unit
 from gateway.config import SiteFile
 from gateway.domain.captures import Capture, Corrections
 from gateway.domain.stated import StatedFacts
-from gateway.evaluate.behaviour.doubts import told, with_doubts
-from gateway.evaluate.behaviour.positioning import Surroundings, budget_with, contributions, said_contributions
+from gateway.evaluate.behaviour.doubts import describe_doubts, with_doubts
+from gateway.evaluate.behaviour.positioning import Surroundings, budget_with, contributions, describe_contributions
 from gateway.evaluate.optics import corrections
-from gateway.evaluate.standards.iso230_2 import evaluate
+from gateway.evaluate.standards.iso230_2 import evaluate_iso230_2
 from gateway.report.material import AxisMaterial, FileUsed, ReportMaterial
 from gateway.store import Maps, RunFolder, Store
 from gateway.store.disk import disk_errors
@@ -203,14 +203,14 @@ def _axis(name: str, item: MeasuredItem, site: SiteFile | None, accepted: Mappin
     measured = with_doubts(measured, accepted, modulo=axis is not None and axis.modulo)
     known = Surroundings(equipment=stated_of(site, letter) if site is not None else None)
     budget, supposed = budget_with(item.capture or measured, known)
-    result = evaluate(measured.targets, measured.deviations, unit, budget=budget)
+    result = evaluate_iso230_2(measured.targets, measured.deviations, unit, budget=budget)
     done = item.capture.corrections if item.capture is not None else corrections.begin(measured.compensated_for)
     notes = (
         *measured.warnings,
         *item.notes,
         *(one.text for one in supposed),
-        said_contributions(contributions(measured, budget), unit),
-        *told(measured.doubts),
+        describe_contributions(contributions(measured, budget), unit),
+        *describe_doubts(measured.doubts),
     )
     return AxisMaterial(
         axis=name,

@@ -14,7 +14,7 @@ from gateway.config import SiteFile, WorkSection, load_site
 from gateway.correct.outlook.flank_uncertainty import Shop
 from gateway.correct.plan.plan import AxisGrid
 from gateway.domain.captures import Capture
-from gateway.evaluate.behaviour.fine_structure import Hidden
+from gateway.evaluate.behaviour.fine_structure import HiddenStructure
 from gateway.gear.grinding import Grinding
 from gateway.model.known import ErrorModel
 from gateway.store import RunFolder
@@ -64,7 +64,7 @@ def known_machine(path: Path, height_mm: float | None = None) -> KnownMachine:
 def with_between(model: ErrorModel, folder: RunFolder, site: SiteFile) -> ErrorModel:
     """The model with what the axes' check stops saw between the targets as structure that no fit follows."""
     seen = {
-        axis.measure.component: folder.get(stages.hidden(axis.name), Hidden).u
+        axis.measure.component: folder.get(stages.hidden(axis.name), HiddenStructure).u
         for axis in site.axes
         if folder.has(stages.hidden(axis.name))
     }

@@ -12,7 +12,7 @@ from drivers.units import arcsec_to_rad, mm_to_um
 from gateway.config import WorkSection
 from gateway.domain.captures import Capture
 from gateway.domain.proposals import TableChange
-from gateway.evaluate.behaviour.approach_scatter import approach_of
+from gateway.evaluate.behaviour.repeatability import approach_of
 
 
 def ground_one_way(

@@ -11,7 +11,7 @@ from gateway.config import WorkSection
 from gateway.correct.outlook.flank_uncertainty import Shop
 from gateway.domain.captures import Capture
 from gateway.domain.values import COVERAGE
-from gateway.evaluate.behaviour.approach_scatter import approach_of, instrument_noise
+from gateway.evaluate.behaviour.repeatability import approach_of, instrument_noise
 from gateway.gear.grinding import Grinding
 from gateway.workflow.axes.measure import MeasuredAxis
 

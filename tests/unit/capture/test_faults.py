@@ -26,8 +26,8 @@ from gateway.capture.targets import positions
 from gateway.config import AxisSection
 from gateway.domain.equipment import SenseProof
 from gateway.errors import AmbientOutOfRange, CaptureError, ModelError, Unstable
-from gateway.evaluate.optics import rotary
-from gateway.evaluate.optics.corrections import applied, begin
+from gateway.evaluate.optics import rotary_calibration
+from gateway.evaluate.optics.corrections import begin, record_step
 from gateway.walk import Patience
 from tests.unit.capture.double import LittleMachine
 from tests.unit.capture.test_live import AXIS
@@ -145,7 +145,7 @@ def test_fault_27_the_wavelength_is_compensated_once_by_whoever_says_so() -> Non
     assert by_us / span * 1000.0 == pytest.approx(271.3, abs=1.0)  # ppm of Edlen at 20 degC, 1013.25 hPa, 50 %
     assert rise("air+material") == pytest.approx(rise("air"), abs=1e-6)  # material stands at 20 degC
     with pytest.raises(ModelError, match="E-EVAL-TWICE"):
-        applied(begin("air"), "air", Message.stored("once more"))
+        record_step(begin("air"), "air", Message.stored("once more"))
 
 
 def test_fault_28_a_clock_that_starts_anew_is_no_time_before_time_and_costs_a_new_datum() -> None:
@@ -348,7 +348,7 @@ def test_fault_42_whole_turns_of_laser_or_device_are_no_deviation(laser: int, de
     lasers[0] -= 360.0 * laser
     devices = np.zeros_like(readings)
     devices[1] += 360.0 * device
-    found = rotary.rotary_deviations(devices, lasers, targets, reference_deg=0.0, sense=1)
+    found = rotary_calibration.rotary_deviations(devices, lasers, targets, reference_deg=0.0, sense=1)
     wanted = 2.0 if at else 0.0
     assert wrap_deg(found[1, 0, 0] / 3600.0) * 3600.0 == pytest.approx(wanted, abs=1e-6)
 

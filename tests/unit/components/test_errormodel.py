@@ -8,9 +8,8 @@ import numpy as np
 import pytest
 
 from gateway.errors import ModelError
-from gateway.evaluate.geometry.errormodel import error_model
-from gateway.evaluate.geometry.lever import arms, lever_um
-from gateway.evaluate.geometry.measurement import Measurement
+from gateway.evaluate.geometry.error_model import error_model
+from gateway.evaluate.geometry.measurement import Measurement, arms, lever_um
 from gateway.model.components import standard_uncertainty, value
 from gateway.model.known import ErrorModel, chain_of_errors
 from gateway.model.preset import TWENTY_ONE

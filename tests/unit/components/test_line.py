@@ -12,8 +12,7 @@ import pytest
 from drivers.types.sensing import Ambient
 from gateway.config import SiteFile
 from gateway.domain.captures import Between, Capture
-from gateway.evaluate.geometry.lever import arms
-from gateway.evaluate.geometry.measurement import Measurement, means_of
+from gateway.evaluate.geometry.measurement import Measurement, arms, means_of
 from gateway.evaluate.optics.corrections import begin
 from gateway.model.components import value
 from gateway.store import RunFolder, Store

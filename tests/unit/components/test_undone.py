@@ -9,7 +9,7 @@ import pytest
 
 from gateway.correct.outlook.next_setup import THRESHOLD_UM, OpenDoubt, Tooth, what_next
 from gateway.correct.plan.plan import AxisGrid
-from gateway.evaluate.geometry.errormodel import error_model
+from gateway.evaluate.geometry.error_model import error_model
 from gateway.gear.cycloid import CycloidGear
 from gateway.model.known import ErrorModel, Unknown
 from gateway.workflow.errors21.components import advise

@@ -14,7 +14,7 @@ from gateway.correct.outlook.agreement import compare_part
 from gateway.correct.outlook.flank_uncertainty import Shop
 from gateway.correct.outlook.prediction import flank_map
 from gateway.correct.plan.plan import AxisGrid, Plan
-from gateway.evaluate.geometry.errormodel import error_model
+from gateway.evaluate.geometry.error_model import error_model
 from gateway.evaluate.geometry.measurement import Measurement
 from gateway.gear.cycloid import CycloidGear
 from gateway.gear.flank import flank_grid

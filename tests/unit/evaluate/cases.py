@@ -13,10 +13,11 @@ from gateway.correct.plan.ownlayer import own_deviation
 from gateway.correct.plan.records import table_of
 from gateway.domain.figures import Component, Evaluation
 from gateway.evaluate.behaviour.repetitions import robust_means
-from gateway.evaluate.geometry import harmonics, squareness, straightness
+from gateway.evaluate.geometry import rotary_motion, straightness
+from gateway.evaluate.geometry import straightness as squareness
 from gateway.evaluate.geometry.straightness import StraightnessRun
-from gateway.evaluate.optics import air, length, rotary
-from gateway.evaluate.standards import flank_tolerances, iso230_2, other_standards, readings
+from gateway.evaluate.optics import air, displacement, rotary_calibration
+from gateway.evaluate.standards import conformity, iso230_2, registry, statistics
 from gateway.evaluate.uncertainty import budget
 from gateway.gear.cycloid import CycloidGear
 from gateway.model import components, fit, regression
@@ -27,21 +28,26 @@ from tests.steps import said
 
 Input = dict[str, Any]
 NO_AIR = Ambient(20.0, 1013.25, 50.0, (20.0,))
-AS_READ = length.LinearSetup(datum_mm=0.0, dead_path_mm=0.0, expansion_ppm_per_k=0.0)
+AS_READ = displacement.LinearSetup(datum_mm=0.0, dead_path_mm=0.0, expansion_ppm_per_k=0.0)
 GEAR = CycloidGear(rp=64.0, rrp=3.0, a=1.3, zp=40, zc=39, b=10.0)
 
 
 def evaluation(given: Input) -> Evaluation:
     positions = given.get("positions_up"), given.get("positions_down")
     edition = "1988" if given.get("k") == 3 else "2014"
-    rows = readings.from_rows(given.get("up"), given.get("down")) if positions == (None, None) else None
+    rows = statistics.from_rows(given.get("up"), given.get("down")) if positions == (None, None) else None
     if rows is None:
-        deviations, _ = length.linear_deviations(
-            readings.from_rows(*positions), given["targets"], AS_READ, start=NO_AIR, end=NO_AIR, already="air+material"
+        deviations, _ = displacement.linear_deviations(
+            statistics.from_rows(*positions),
+            given["targets"],
+            AS_READ,
+            start=NO_AIR,
+            end=NO_AIR,
+            already="air+material",
         )
-        return iso230_2.evaluate(given["targets"], um_to_mm(deviations), "um", edition=edition)
+        return iso230_2.evaluate_iso230_2(given["targets"], um_to_mm(deviations), "um", edition=edition)
     targets = given.get("targets", range(rows.shape[0]))
-    return iso230_2.evaluate(np.asarray(list(targets), dtype=float), rows, "um", edition=edition)
+    return iso230_2.evaluate_iso230_2(np.asarray(list(targets), dtype=float), rows, "um", edition=edition)
 
 
 def _iso(given: Input) -> Input:
@@ -50,17 +56,20 @@ def _iso(given: Input) -> Input:
     found = {name: getattr(result, name) for name in (*names, "R", "R_up", "R_down", "A", "A_up", "A_down")}
     if given.get("up") and given.get("down"):
         found["mean_bi"] = robust_means(result.targets, _rows(given)).mean
-        alone = [iso230_2.evaluate([at], row[None], "um") for at, row in zip(result.targets, _rows(given), strict=True)]
+        alone = [
+            iso230_2.evaluate_iso230_2([at], row[None], "um")
+            for at, row in zip(result.targets, _rows(given), strict=True)
+        ]
         found |= {f"R_i_{way}": [getattr(one, f"R_{way}") for one in alone] for way in ("up", "down")}
     return found | {"flags": list(said(result))}
 
 
 def _rows(given: Input) -> np.ndarray:
-    return readings.from_rows(given["up"], given["down"])
+    return statistics.from_rows(given["up"], given["down"])
 
 
 def _harmonics(given: Input) -> Input:
-    found = harmonics.harmonics(given["angle"], given["error"], given["orders"])
+    found = rotary_motion.harmonics(given["angle"], given["error"], given["orders"])
     named = {
         str(order): {"amplitude": item.amplitude, "phase_deg": item.phase_deg}
         for order, item in found.harmonics.items()
@@ -94,7 +103,7 @@ def _ciddor(given: Input) -> Input:
 
 
 def _expansion(given: Input) -> Input:
-    return {"L": length.at_20_degc(given["L"], given["alpha"] * 1e6, given["T"])}
+    return {"L": displacement.at_20_degc(given["L"], given["alpha"] * 1e6, given["T"])}
 
 
 def _env_factor(given: Input) -> Input:
@@ -103,12 +112,12 @@ def _env_factor(given: Input) -> Input:
 
 
 def _tolerances(given: Input) -> Input:
-    return dict(flank_tolerances.flank_tolerances(given["d"], given["mn"], given["b"], given["A"]))
+    return dict(conformity.flank_tolerances(given["d"], given["mn"], given["b"], given["A"]))
 
 
 def _drift(given: Input) -> Input:
     start, end = (given["t0"], given["z0"]), (given["t1"], given["z1"])
-    return {"x": length.drift_removed(given["t"], given["x"], start, end)}
+    return {"x": displacement.drift_removed(given["t"], given["x"], start, end)}
 
 
 def _poly_fit(given: Input) -> Input:
@@ -164,9 +173,9 @@ RUN = {
     "iso230_2_min_targets": lambda g: dict(
         zip(("targets", "runs"), iso230_2.minimum_targets(g["kind"], g["travel"]), strict=True)
     ),
-    "vdi3441": lambda g: other_standards.vdi3441(_rows(g)).values,
-    "asme_b554": lambda g: other_standards.asme_b554_1992(_rows(g)).values,
-    "nmtba": lambda g: other_standards.nmtba(_rows(g), offset=g["offset"]).values,
+    "vdi3441": lambda g: registry.vdi3441(_rows(g)).values,
+    "asme_b554": lambda g: registry.asme_b554_1992(_rows(g)).values,
+    "nmtba": lambda g: registry.nmtba(_rows(g), offset=g["offset"]).values,
     "straightness_lsq": _straightness("lsq"),
     "straightness_minzone": _straightness("minimum-zone"),
     "squareness_runs": _runs,
@@ -176,11 +185,13 @@ RUN = {
     "svp": lambda g: {"p": air.saturation_pressure_pa(g["t"])},
     "sensitivities": lambda g: dict(zip(("dT", "dP", "dRH"), air.sensitivities(g["t"], g["p"], g["rh"]), strict=True)),
     "env_factor": _env_factor,
-    "dead_path": lambda g: {"L": length.dead_path_corrected(g["L"], g["dead"], g["n0"], g["n1"])},
+    "dead_path": lambda g: {"L": displacement.dead_path_corrected(g["L"], g["dead"], g["n0"], g["n1"])},
     "expansion": _expansion,
-    "cosine": lambda g: {"err": length.cosine_error_mm(g["L"], g["lateral"])},
+    "cosine": lambda g: {"err": displacement.cosine_error_mm(g["L"], g["lateral"])},
     "drift": _drift,
-    "rotary_combine": lambda g: {"error": rotary.combine(g["command"], g["device"], g["interf"], g["reference"])},
+    "rotary_combine": lambda g: {
+        "error": rotary_calibration.combine(g["command"], g["device"], g["interf"], g["reference"])
+    },
     "harmonics": _harmonics,
     "t_factor": lambda g: {"k": budget.coverage_factor(g["p"], g["nu"])},
     "iso1328": _tolerances,

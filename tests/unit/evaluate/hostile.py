@@ -10,9 +10,9 @@ import numpy as np
 from gateway.capture.cycles import Cycle, visits
 from gateway.capture.targets import CHECK_REPETITIONS, between_places
 from gateway.domain.captures import Between
-from gateway.evaluate.behaviour.fine_structure import Hidden, hidden_structure
+from gateway.evaluate.behaviour.dynamics import Steadiness, steadiness
+from gateway.evaluate.behaviour.fine_structure import HiddenStructure, hidden_structure
 from gateway.evaluate.behaviour.repetitions import robust_means
-from gateway.evaluate.behaviour.steadiness import Steadiness, steadiness
 from gateway.model.components import standard_uncertainty, value
 from gateway.model.fit import fit_positioning
 
@@ -42,7 +42,7 @@ class Captured:
             self.targets, means.mean, means.u, name="E", axis="A", axis_unit=unit, kind=kind, modulo=self.rotary
         )
 
-    def hidden(self, *, fitted: bool = True) -> Hidden:
+    def hidden(self, *, fitted: bool = True) -> HiddenStructure:
         """Against the usual fit, given or left to the room."""
         component = self._component(robust_means(self.targets, self.deviations))
 

@@ -9,7 +9,7 @@ import pytest
 
 from drivers.types.sensing import Ambient
 from gateway.domain.captures import Capture, Corrections
-from gateway.evaluate.behaviour.approach_scatter import approach_of
+from gateway.evaluate.behaviour.repeatability import approach_of
 
 TARGETS = np.linspace(0.0, 345.0, 24)
 

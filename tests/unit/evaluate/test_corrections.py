@@ -12,9 +12,9 @@ from drivers.types.results import MeasuredSet
 from drivers.types.sensing import Ambient
 from gateway.domain.captures import Corrections
 from gateway.errors import AmbientOutOfRange, ModelError
-from gateway.evaluate.optics import air, corrections, recompensation
-from gateway.evaluate.optics.corrections import applied, begin, standing, told, undone
-from gateway.evaluate.optics.recompensation import Compensation, recompensate, recompensated_set
+from gateway.evaluate.optics import air, corrections, displacement
+from gateway.evaluate.optics.corrections import begin, describe_step, describe_steps, record_step, revert_step
+from gateway.evaluate.optics.displacement import Compensation, recompensate, recompensated_set
 
 REAL_START = Ambient(20.337280, 990.39005, 46.954897, (20.203292,))
 REAL_END = Ambient(20.384956, 990.49346, 46.893887, (20.321342,))
@@ -22,38 +22,42 @@ AT = np.array([0.0, 250.0, 500.0, 1000.0])
 
 
 def test_the_chain_says_what_by_whom_and_with_which_coefficients() -> None:
-    record = applied(begin("air"), "expansion", Message.stored("11.7 ppm/K, by the gateway"), ppm_per_k=11.7)
+    record = record_step(begin("air"), "expansion", Message.stored("11.7 ppm/K, by the gateway"), ppm_per_k=11.7)
     assert [(item.step, item.by) for item in record.chain] == [("air", "instrument"), ("expansion", "gateway")]
     assert record.chain[1].coefficients == {"ppm_per_k": 11.7}
     assert record.details["expansion.ppm_per_k"] == 11.7
-    assert told(record) == ("air: by the instrument", "expansion: 11.7 ppm/K, by the gateway")
+    assert describe_steps(record) == ("air: by the instrument", "expansion: 11.7 ppm/K, by the gateway")
 
 
 @pytest.mark.parametrize("step", ["air", "expansion", "dead_path", "drift", "cosine", "abbe", "closure"])
 def test_no_step_is_done_twice(step: corrections.Step) -> None:
-    once = applied(begin("nothing"), step, Message.stored("once"), x=1.0)
+    once = record_step(begin("nothing"), step, Message.stored("once"), x=1.0)
     with pytest.raises(ModelError, match="E-EVAL-TWICE") as caught:
-        applied(once, step, Message.stored("again"), x=1.0)
+        record_step(once, step, Message.stored("again"), x=1.0)
     assert "once" in caught.value.what
-    assert standing(once, step) == "once"
+    assert describe_step(once, step) == "once"
 
 
 def test_only_the_instruments_own_step_can_be_taken_back_and_once() -> None:
-    back = undone(begin("air"), "air", Message.stored("undone"))
-    assert standing(back, "air") == "none"
-    for wrong in (back, begin("nothing"), applied(begin("nothing"), "air", Message.stored("edlen, by the gateway"))):
+    back = revert_step(begin("air"), "air", Message.stored("undone"))
+    assert describe_step(back, "air") == "none"
+    for wrong in (
+        back,
+        begin("nothing"),
+        record_step(begin("nothing"), "air", Message.stored("edlen, by the gateway")),
+    ):
         with pytest.raises(ModelError, match="E-EVAL-UNDO"):
-            undone(wrong, "air", Message.stored("undone"))
-    assert standing(applied(back, "air", Message.stored("ciddor")), "air") == "ciddor"
+            revert_step(wrong, "air", Message.stored("undone"))
+    assert describe_step(record_step(back, "air", Message.stored("ciddor")), "air") == "ciddor"
 
 
 def test_records_stored_before_there_was_a_chain_are_still_refused_and_undone() -> None:
     old = Corrections("by the instrument", "edlen, by the gateway", "none", "none")
     with pytest.raises(ModelError, match="E-EVAL-TWICE"):
-        applied(old, "air", Message.stored("again"))
-    assert standing(undone(old, "air", Message.stored("undone")), "air") == "none"
+        record_step(old, "air", Message.stored("again"))
+    assert describe_step(revert_step(old, "air", Message.stored("undone")), "air") == "none"
     with pytest.raises(ModelError, match="E-EVAL-UNDO"):
-        undone(old, "expansion", Message.stored("undone"))
+        revert_step(old, "expansion", Message.stored("undone"))
 
 
 def real(factor: str = "0.31641096 0.31641067", **changes: object) -> MeasuredSet:
@@ -110,7 +114,7 @@ def test_what_cannot_be_recompensated_is_refused() -> None:
         recompensated_set(real("much"))
     with pytest.raises(AmbientOutOfRange, match="pressure_hpa"):
         recompensated_set(real("", ambient_start=replace(REAL_START, pressure_hpa=None)))
-    assert recompensation.stated_factor({}) is None
+    assert displacement.stated_factor({}) is None
 
 
 def test_all_28_index_values_of_nist_and_env_factors() -> None:

@@ -16,8 +16,8 @@ from drivers.types.results import MeasuredSet
 from drivers.units import AxisUnit
 from gateway.cli import app
 from gateway.errors import InDoubt
-from gateway.evaluate.behaviour.doubts import blocking, doubts_of, gap_across
-from gateway.evaluate.optics.rotary import closure, rotary_deviations
+from gateway.evaluate.behaviour.doubts import blocking_doubts, doubts_of, gap_across
+from gateway.evaluate.optics.rotary_calibration import closure, rotary_deviations
 from gateway.store import RunFolder
 from gateway.table.conversion import FileDatum, TableRequest, convert
 
@@ -258,7 +258,7 @@ def test_what_blocks_is_first_and_named() -> None:
     x[-1] = 2e6
     found = doubts_of(at, x, "deg")
     assert [one.code for one in found[:2]] == ["S-EVAL-SPREAD", "S-EVAL-CLOSURE-FAR"]
-    assert all(one.remedy for one in blocking(found))
+    assert all(one.remedy for one in blocking_doubts(found))
 
 
 def test_an_import_keeps_its_doubts_and_what_a_person_said_of_them(tmp_path: Path) -> None:

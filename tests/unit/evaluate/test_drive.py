@@ -10,8 +10,8 @@ import pytest
 from drivers.types.drives import DriveRecord
 from gateway.errors import ModelError
 from gateway.evaluate.behaviour.drive import TestedDrive as Drive
-from gateway.evaluate.behaviour.drive import causes, evaluate_drive, expanded
-from gateway.evaluate.behaviour.ordercauses import CODES, CauseKind, OrderCause, in_words
+from gateway.evaluate.behaviour.drive import causes, evaluate_drive, expanded_uncertainty
+from gateway.evaluate.behaviour.order_causes import CODES, CauseKind, OrderCause, in_words
 
 ARCSEC = 1.0 / 3600.0
 RV = Drive(pins=40, ratio=121.0, rated_torque_nm=400.0, cranks=3, sun_teeth=16, output_encoder_U_arcsec=1.0)
@@ -84,10 +84,10 @@ def test_turns_are_averaged_and_repeat() -> None:
     one = evaluate_drive(running(RV, (40, 5.0, 0.0), turned=730.0), RV, "x").running[0]
     assert len(one.each) == 2
     assert one.each[0] == pytest.approx(one.each[1], abs=1e-6)
-    assert expanded(np.sqrt(2.0), 1.0, one.each) == pytest.approx(np.sqrt(2.0), abs=1e-4)
+    assert expanded_uncertainty(np.sqrt(2.0), 1.0, one.each) == pytest.approx(np.sqrt(2.0), abs=1e-4)
     # Student, two repeats that differ by 2: 13.97 x sqrt(2) / sqrt(2)
-    assert expanded(0.0, 1.0, (4.0, 6.0)) == pytest.approx(13.97, abs=0.01)
-    assert expanded(1.0, None, (4.0, 6.0)) is None
+    assert expanded_uncertainty(0.0, 1.0, (4.0, 6.0)) == pytest.approx(13.97, abs=0.01)
+    assert expanded_uncertainty(1.0, None, (4.0, 6.0)) is None
 
 
 def test_the_loop_gives_lost_motion_backlash_and_stiffness_as_its_shape_has_them() -> None:

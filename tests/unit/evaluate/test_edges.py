@@ -11,18 +11,23 @@ import pytest
 
 from drivers.types.sensing import Ambient
 from gateway.errors import AmbientOutOfRange, ModelError
-from gateway.evaluate.geometry.errormodel import error_model
-from gateway.evaluate.geometry.harmonics import harmonics
+from gateway.evaluate.geometry.error_model import error_model
 from gateway.evaluate.geometry.measurement import Measurement
-from gateway.evaluate.geometry.squareness import from_face_diagonals
-from gateway.evaluate.geometry.straightness import straightness
-from gateway.evaluate.optics import air, length
-from gateway.evaluate.optics.rotary import closure
+from gateway.evaluate.geometry.rotary_motion import harmonics
+from gateway.evaluate.geometry.straightness import from_face_diagonals, straightness
+from gateway.evaluate.optics import air, displacement
+from gateway.evaluate.optics.rotary_calibration import closure
 from gateway.evaluate.standards import iso230_2
-from gateway.evaluate.standards.flank_tolerances import class_limits
-from gateway.evaluate.standards.other_standards import asme_b554_1992, nmtba, vdi3441
-from gateway.evaluate.standards.readings import from_rows
-from gateway.evaluate.uncertainty.budget import Budget, coverage_factor, expanded, misalignment_um, variance_limit
+from gateway.evaluate.standards.conformity import class_limits
+from gateway.evaluate.standards.registry import asme_b554_1992, nmtba, vdi3441
+from gateway.evaluate.standards.statistics import from_rows
+from gateway.evaluate.uncertainty.budget import (
+    Budget,
+    coverage_factor,
+    expanded_uncertainties,
+    misalignment_um,
+    variance_limit,
+)
 from gateway.gear.cycloid import limits
 from gateway.gear.inspection import trace_values
 from gateway.model.components import value
@@ -54,8 +59,8 @@ REFUSED: dict[str, Callable[[], object]] = {
     "no degrees of freedom": lambda: coverage_factor(0.95, 0.0),
     "a variance limit in percent": lambda: variance_limit(95, 4, 9),
     "a variance of no readings": lambda: variance_limit(0.95, 0, 9),
-    "no reading": lambda: expanded(0, 1.0, 0.1),
-    "an uncertainty that is none": lambda: expanded(5, NAN, 0.1),
+    "no reading": lambda: expanded_uncertainties(0, 1.0, 0.1),
+    "an uncertainty that is none": lambda: expanded_uncertainties(5, NAN, 0.1),
     "more means than targets": lambda: fit_means(AT, np.zeros(5), 0.1, **EXX),
     "means that are words": lambda: fit_means(AT, ["a"] * 6, 0.1, **EXX),
     "uncertainties of other targets": lambda: fit_means(AT, AT, [0.1, 0.1], **EXX),
@@ -69,9 +74,9 @@ REFUSED: dict[str, Callable[[], object]] = {
     "a pin circle of nothing": lambda: limits(0.0, 5.0, 1.0, 12, 11),
     "a pin circle that is no number": lambda: limits(NAN, 5.0, 1.0, 12, 11),
     "a trace along nothing": lambda: trace_values(np.zeros(9), np.full(9, NAN)),
-    "a unit of length for deviations": lambda: iso230_2.evaluate(AT, X, ANY or "mm"),
-    "readings that are words": lambda: iso230_2.evaluate(AT, [["a"]], "um"),
-    "an edition there is none of": lambda: iso230_2.evaluate(AT, X, "um", edition="2015"),
+    "a unit of length for deviations": lambda: iso230_2.evaluate_iso230_2(AT, X, ANY or "mm"),
+    "readings that are words": lambda: iso230_2.evaluate_iso230_2(AT, [["a"]], "um"),
+    "an edition there is none of": lambda: iso230_2.evaluate_iso230_2(AT, X, "um", edition="2015"),
     "an unknown kind of axis": lambda: iso230_2.minimum_targets(ANY or "spindle", 300.0),
     "no travel": lambda: iso230_2.minimum_targets("linear", 0.0),
     "an unknown line": lambda: straightness(AT, AT, ANY or "chebyshev"),
@@ -79,7 +84,7 @@ REFUSED: dict[str, Callable[[], object]] = {
     "angles that are words": lambda: harmonics(["a", "b"], [1.0, 2.0], [1]),
     "an unknown equation": lambda: air.index(Ambient(20.0, 1013.25, 50.0), equation=ANY or "owens"),
     "a travel of nothing": lambda: misalignment_um(0.0, 1.0),
-    "a beam of nothing": lambda: length.cosine_error_mm(0.0, 1.0),
+    "a beam of nothing": lambda: displacement.cosine_error_mm(0.0, 1.0),
     "a rectangle of nothing": lambda: from_face_diagonals(1.0, 1.0, 0.0, 100.0),
     "one place twice": lambda: straightness([0.0, 0.0], [1.0, 2.0]),
     "errors as a list": lambda: chain_of(linear_axis([1.0])),  # type: ignore[arg-type]
@@ -112,14 +117,14 @@ def test_dry_and_cold_air_is_air(ambient: Ambient) -> None:
 
 
 def test_an_edition_may_be_a_number() -> None:
-    assert iso230_2.evaluate(AT, X, "um", edition=ANY or 2014).edition == "2014"
+    assert iso230_2.evaluate_iso230_2(AT, X, "um", edition=ANY or 2014).edition == "2014"
 
 
 def test_the_two_directions_may_have_unequal_repetitions() -> None:
     rows = from_rows(np.ones((4, 5)), np.zeros((4, 3)))
     assert rows.shape == (4, 5, 2)
     assert np.isnan(rows[:, 3:, 1]).all()
-    assert pytest.approx(1.0) == iso230_2.evaluate(np.arange(4.0), rows, "um").B
+    assert pytest.approx(1.0) == iso230_2.evaluate_iso230_2(np.arange(4.0), rows, "um").B
     with pytest.raises(ModelError):
         from_rows(np.ones((4, 5)), np.zeros((3, 5)))
 
@@ -128,8 +133,8 @@ def test_a_target_left_with_one_reading_is_left_out_of_R_and_A_alone() -> None:
     gap = X.copy()
     gap[2, 1:, 0] = np.nan
     whole = np.delete(X, 2, axis=0)
-    found = iso230_2.evaluate(AT, gap, "um", budget=Budget(eve=0.2))
-    rest = iso230_2.evaluate(np.delete(AT, 2), whole, "um", budget=Budget(eve=0.2))
+    found = iso230_2.evaluate_iso230_2(AT, gap, "um", budget=Budget(eve=0.2))
+    rest = iso230_2.evaluate_iso230_2(np.delete(AT, 2), whole, "um", budget=Budget(eve=0.2))
     assert found.R_up == pytest.approx(rest.R_up)
     assert found.R is not None
     assert found.A is not None
@@ -155,9 +160,9 @@ def test_a_gap_in_a_capture_leaves_no_nan_in_its_record() -> None:
     shown = np.broadcast_to(AT[:, None, None], X.shape) / 1e6 + AT[:, None, None]
     fraction = np.linspace(0.0, 1.0, X.size).reshape(X.shape)
     fraction[3, 4, 1] = np.nan
-    setup = length.LinearSetup(datum_mm=0.0, dead_path_mm=20.0, expansion_ppm_per_k=11.5)
+    setup = displacement.LinearSetup(datum_mm=0.0, dead_path_mm=20.0, expansion_ppm_per_k=11.5)
     start, end = Ambient(20.0, 1013.25, 50.0, (20.0,)), Ambient(21.0, 1013.25, 50.0, (21.0,))
-    found, done = length.linear_deviations(shown, AT, setup, start=start, end=end, fraction=fraction)
+    found, done = displacement.linear_deviations(shown, AT, setup, start=start, end=end, fraction=fraction)
     assert np.isnan(found).sum() == 1
     assert all(math.isfinite(value) for value in done.details.values() if isinstance(value, float))
 

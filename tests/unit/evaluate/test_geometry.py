@@ -13,7 +13,9 @@ from scipy.optimize import linprog
 
 from gateway.domain.figures import Component
 from gateway.errors import ModelError
-from gateway.evaluate.geometry import angular, axis_location, harmonics, rotary_motion, squareness, straightness
+from gateway.evaluate.geometry import angular, axis_location, rotary_motion, straightness
+from gateway.evaluate.geometry import rotary_motion as harmonics
+from gateway.evaluate.geometry import straightness as squareness
 from gateway.evaluate.geometry.straightness import StraightnessRun
 from gateway.evaluate.standards import iso230_2
 from gateway.model.fit import fit_positioning
@@ -115,7 +117,7 @@ def test_angular_motions_by_their_letters() -> None:
     ]  # fmt: skip
     x = np.random.default_rng(5).normal(size=(6, 5, 2))
     found = angular.angular_motion("Z", "tilt about X", np.arange(6.0), x, sense=-1)
-    turned = iso230_2.evaluate(np.arange(6.0), -x, "arcsec")
+    turned = iso230_2.evaluate_iso230_2(np.arange(6.0), -x, "arcsec")
     assert found.component == "EAZ"
     assert found.evaluation.E == turned.E
     np.testing.assert_array_equal(found.evaluation.mean_up, turned.mean_up)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from gateway.domain.captures import Between
-from gateway.evaluate.behaviour.fine_structure import hidden_structure, lonely, means_between
+from gateway.evaluate.behaviour.fine_structure import hidden_structure, isolated_outlier, means_between
 from gateway.evaluate.behaviour.repetitions import robust_means
 from tests.sizes import few
 from tests.unit.evaluate.hostile import Captured, Curve, captured
@@ -76,10 +76,10 @@ def test_a_stop_out_of_line_once_does_no_harm() -> None:
 def test_a_single_target_out_of_line_is_called_lonely_and_no_good_one_is() -> None:
     bad = captured(9, extra=lambda q: 20.0 * np.clip(1.0 - np.abs(q - 100.0) / 2.5, 0.0, 1.0), even=True)
     means = robust_means(bad.targets, bad.deviations)
-    assert lonely(bad.targets, means.mean, means.u) == 100.0
+    assert isolated_outlier(bad.targets, means.mean, means.u) == 100.0
     good = [captured(seed, rotary=bool(seed % 2)) for seed in range(100)]
     means_of = [robust_means(one.targets, one.deviations) for one in good]
-    alarms = [lonely(one.targets, m.mean, m.u) for one, m in zip(good, means_of, strict=True)]
+    alarms = [isolated_outlier(one.targets, m.mean, m.u) for one, m in zip(good, means_of, strict=True)]
     assert sum(alarm is not None for alarm in alarms) <= 2
 
 

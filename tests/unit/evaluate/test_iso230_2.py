@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from gateway.errors import ModelError
-from gateway.evaluate.standards import iso230_2, readings
-from gateway.evaluate.standards.iso230_2 import evaluate
+from gateway.evaluate.standards import iso230_2, statistics
+from gateway.evaluate.standards.iso230_2 import evaluate_iso230_2
 from gateway.evaluate.uncertainty.budget import Budget, linear_budget
 from tests.steps import said
 
@@ -20,7 +20,7 @@ SCALARS = ("B", "B_mean", "M", "E", "E_up", "E_down", "R", "R_up", "R_down", "A"
 
 
 def figures(x: np.ndarray, **kwargs: object) -> dict[str, float]:
-    result = evaluate(np.arange(x.shape[0], dtype=float), x, "um", **kwargs)
+    result = evaluate_iso230_2(np.arange(x.shape[0], dtype=float), x, "um", **kwargs)
     return {name: getattr(result, name) for name in SCALARS}
 
 
@@ -62,7 +62,7 @@ def test_edition_1988_takes_three_sigma(x: np.ndarray) -> None:
 def test_repeatability_decided_by_one_direction() -> None:
     s = np.array([-1, -1, 0, 1, 1.0])
     x = np.stack([s + 0.5, 3 * s], axis=1)[None]
-    result = evaluate([0.0], x, "um")
+    result = evaluate_iso230_2([0.0], x, "um")
     repeatability = result.R
     assert repeatability == pytest.approx(12.0)
     assert "one target" in said(result)
@@ -75,7 +75,7 @@ def complete() -> np.ndarray:
 def test_missing_reading_uses_its_own_n_and_is_flagged() -> None:
     x = complete()
     x[2, 1, 0] = np.nan
-    result = evaluate(np.arange(6.0), x, "um")
+    result = evaluate_iso230_2(np.arange(6.0), x, "um")
     row = np.delete(x[2, :, 0], 1)
     assert result.mean_up[2] == pytest.approx(row.mean())
     assert result.s_up[2] == pytest.approx(row.std(ddof=1))
@@ -87,7 +87,7 @@ def test_target_without_one_approach_stays_out_of_B_M_R() -> None:
     x = complete()
     x[5, :, 1] = np.nan
     x[5, :, 0] += 100.0
-    result, rest = evaluate(np.arange(6.0), x, "um"), evaluate(np.arange(5.0), x[:5], "um")
+    result, rest = evaluate_iso230_2(np.arange(6.0), x, "um"), evaluate_iso230_2(np.arange(5.0), x[:5], "um")
     assert (result.B, result.M, result.R) == (rest.B, rest.M, rest.R)
     assert np.isnan(result.B_i[5])
     assert result.E is not None
@@ -101,7 +101,7 @@ def test_target_without_one_approach_stays_out_of_B_M_R() -> None:
 def test_unidirectional_has_no_bidirectional_results() -> None:
     x = complete()
     x[:, :, 1] = np.nan
-    result = evaluate(np.arange(6.0), x, "arcsec")
+    result = evaluate_iso230_2(np.arange(6.0), x, "arcsec")
     assert [result.B, result.M, result.E, result.R, result.A, result.E_down] == [None] * 6
     assert result.A_up is not None
     assert said(result) == ("unidirectional",)
@@ -109,7 +109,7 @@ def test_unidirectional_has_no_bidirectional_results() -> None:
 
 
 def test_one_run_has_no_spread() -> None:
-    result = evaluate(np.arange(6.0), complete()[:, :1], "um")
+    result = evaluate_iso230_2(np.arange(6.0), complete()[:, :1], "um")
     assert result.R is None
     assert result.A is None
     assert result.E is not None
@@ -119,14 +119,14 @@ def test_one_run_has_no_spread() -> None:
 def test_one_lone_reading_is_left_out_of_R_and_A() -> None:
     x = complete()
     x[0, 1:, 0] = np.nan
-    result = evaluate(np.arange(6.0), x, "um")
+    result = evaluate_iso230_2(np.arange(6.0), x, "um")
     assert result.A is not None
     assert np.isnan(result.R_i[0])
     assert "a target has one reading: left out of R, A" in said(result)
 
 
 def test_uncertainty_coefficients_and_systematic_terms() -> None:
-    u = evaluate(np.arange(6.0), complete(), "um", budget=Budget(device=3.0, temperature=4.0, eve=1.0)).U
+    u = evaluate_iso230_2(np.arange(6.0), complete(), "um", budget=Budget(device=3.0, temperature=4.0, eve=1.0)).U
     assert u["B"] == pytest.approx(0.632, abs=1e-3)
     assert u["M"] == pytest.approx(np.hypot(0.447, 5.0), abs=1e-3)
     assert u["R_up"] == pytest.approx(1.414, abs=1e-3)
@@ -158,21 +158,21 @@ def test_temperature_dominates_the_usual_budget() -> None:
 )
 def test_bad_input_is_refused(targets: list[float], x: np.ndarray, code: str) -> None:
     with pytest.raises(ModelError) as caught:
-        evaluate(targets, x, "um")
+        evaluate_iso230_2(targets, x, "um")
     assert caught.value.code == code
     assert caught.value.hint
 
 
 def test_unknown_edition_and_shapeless_rows() -> None:
     with pytest.raises(ModelError, match="E-EVAL-EDITION"):
-        evaluate([0.0], np.zeros((1, 5, 2)), "um", edition="2030")
+        evaluate_iso230_2([0.0], np.zeros((1, 5, 2)), "um", edition="2030")
     with pytest.raises(ModelError, match="E-EVAL-SHAPE"):
-        readings.from_rows([[0, 1]], [[0, 1], [2, 3]])
+        statistics.from_rows([[0, 1]], [[0, 1], [2, 3]])
 
 
 def test_numacc4_by_two_passes() -> None:
     row = [10000000.2] + [10000000.1, 10000000.3] * 500
-    result = iso230_2.evaluate([10000000.0], readings.from_rows([row]), "um")
+    result = iso230_2.evaluate_iso230_2([10000000.0], statistics.from_rows([row]), "um")
     assert result.s_up[0] == pytest.approx(0.1, rel=1e-7)
 
 

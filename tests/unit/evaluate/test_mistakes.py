@@ -12,9 +12,10 @@ from drivers.types.sensing import Ambient
 from drivers.units import arcsec_to_rad, rad_to_arcsec
 from gateway.errors import AmbientOutOfRange, ModelError
 from gateway.evaluate.behaviour.doubts import doubts_of
-from gateway.evaluate.geometry import harmonics, lever, squareness, straightness
+from gateway.evaluate.geometry import measurement, rotary_motion, straightness
+from gateway.evaluate.geometry import straightness as squareness
 from gateway.evaluate.geometry.straightness import StraightnessRun
-from gateway.evaluate.optics import air, length, rotary
+from gateway.evaluate.optics import air, displacement, rotary_calibration
 from gateway.evaluate.optics.corrections import begin
 from gateway.evaluate.standards import iso230_2
 from gateway.evaluate.standards.registry import evaluate_by
@@ -31,13 +32,13 @@ GOOD = Ambient(20.0, 1013.25, 50.0, (20.0,))
 
 
 def gap_of(at: object, x: object) -> float:
-    found = rotary.closure(at, x)  # type: ignore[arg-type]
+    found = rotary_calibration.closure(at, x)  # type: ignore[arg-type]
     assert found is not None
     return found.gap
 
 
 def figures(x: np.ndarray = X, **options: object) -> dict[str, float | None]:
-    found = iso230_2.evaluate(AT, x, "um", **options)
+    found = iso230_2.evaluate_iso230_2(AT, x, "um", **options)
     return {name: getattr(found, name) for name in ("B", "B_mean", "E", "E_up", "E_down", "R", "R_up", "R_down", "A")}
 
 
@@ -56,23 +57,23 @@ def test_mistake_01_R_and_E_of_both_directions_are_no_maxima_of_one() -> None:
 
 
 def test_mistake_02_s_is_of_one_direction_over_n_minus_1() -> None:
-    found = iso230_2.evaluate(AT, X, "um")
+    found = iso230_2.evaluate_iso230_2(AT, X, "um")
     np.testing.assert_allclose(found.s_up, 1.0)
     np.testing.assert_allclose(found.s_down, [1.0, 1.0, 2.0, 1.0, 1.0])
 
 
 def test_mistake_03_mean_reversal_keeps_its_sign() -> None:
-    found = iso230_2.evaluate(AT, X, "um")
+    found = iso230_2.evaluate_iso230_2(AT, X, "um")
     assert (found.B, found.B_mean) == pytest.approx((3.0, -2.2))
     np.testing.assert_allclose(found.B_i, [-2.0, -3.0, -2.0, -3.0, -1.0])
     mixed = X + np.array([3.0, 0.0]) * np.array([1, -1, 1, -1, 1.0])[:, None, None]
-    assert iso230_2.evaluate(AT, mixed, "um").B_mean == pytest.approx(-2.2 + 3.0 / 5.0)
+    assert iso230_2.evaluate_iso230_2(AT, mixed, "um").B_mean == pytest.approx(-2.2 + 3.0 / 5.0)
 
 
 def test_mistake_04_deviation_is_measured_less_target() -> None:
-    plain = length.LinearSetup(datum_mm=0.0, dead_path_mm=0.0, expansion_ppm_per_k=0.0)
+    plain = displacement.LinearSetup(datum_mm=0.0, dead_path_mm=0.0, expansion_ppm_per_k=0.0)
     measured = [[[10.002, 9.999]]]
-    found, _ = length.linear_deviations(measured, [10.0], plain, start=GOOD, end=GOOD, already="air+material")
+    found, _ = displacement.linear_deviations(measured, [10.0], plain, start=GOOD, end=GOOD, already="air+material")
     np.testing.assert_allclose(found[0, 0], [2.0, -1.0])
 
 
@@ -87,7 +88,7 @@ def test_mistake_06_the_edition_decides_2_or_3_s_and_stands_beside_the_figures()
     assert (figures()["A"], figures(edition="1988")["A"]) == pytest.approx((10.0, 13.0))
     assert figures(edition="1988")["R"] == pytest.approx(12.0)
     for edition in iso230_2.SIGMAS:
-        found = iso230_2.evaluate(AT, X, "um", edition=edition)
+        found = iso230_2.evaluate_iso230_2(AT, X, "um", edition=edition)
         assert (found.standard, found.edition) == (f"ISO 230-2:{edition}", edition)
         assert found.certainty
 
@@ -95,7 +96,7 @@ def test_mistake_06_the_edition_decides_2_or_3_s_and_stands_beside_the_figures()
 def test_mistake_07_a_missing_reading_is_no_zero_and_never_silent() -> None:
     gappy = X + 100.0
     gappy[2, 3, 0] = np.nan
-    found = iso230_2.evaluate(AT, gappy, "um")
+    found = iso230_2.evaluate_iso230_2(AT, gappy, "um")
     assert found.mean_up[2] == pytest.approx(100.0 + 2.0 - 0.25)
     assert said(found) == ("n = 4 of 5 at i = 3",)
     assert figures(gappy)["A"] == pytest.approx(10.0)
@@ -103,10 +104,12 @@ def test_mistake_07_a_missing_reading_is_no_zero_and_never_silent() -> None:
 
 def test_mistake_08_expansion_has_its_sign_acts_on_lengths_and_once() -> None:
     warm = replace(GOOD, material_degc=(23.5,))
-    found, record = length.expansion_corrected([0.0], [1000.0], 11.7, begin("air"), datum_mm=0.0, start=warm, end=warm)
+    found, record = displacement.expansion_corrected(
+        [0.0], [1000.0], 11.7, begin("air"), datum_mm=0.0, start=warm, end=warm
+    )
     assert found[0] == pytest.approx(-40.948, abs=1e-3)
     with pytest.raises(ModelError, match="E-EVAL-TWICE"):
-        length.expansion_corrected(found, [1000.0], 11.7, record, datum_mm=0.0, start=warm, end=warm)
+        displacement.expansion_corrected(found, [1000.0], 11.7, record, datum_mm=0.0, start=warm, end=warm)
 
 
 @pytest.mark.parametrize(
@@ -130,13 +133,13 @@ def test_mistake_11_dead_path_is_that_at_the_datum_with_its_sign() -> None:
     true = 500.0
     shown = (n1 * (2000.0 + true) - n0 * 2000.0) / n1
     assert (true - shown) * 1000.0 == pytest.approx(1.909, abs=2e-3)
-    assert float(length.dead_path_corrected(shown, 2000.0, n0, n1)) == pytest.approx(true, abs=1e-10)
+    assert float(displacement.dead_path_corrected(shown, 2000.0, n0, n1)) == pytest.approx(true, abs=1e-10)
     beyond = (n1 * (2000.0 - true) - n0 * 2000.0) / n1
-    assert float(length.dead_path_corrected(beyond, 2000.0, n0, n1)) == pytest.approx(-true, abs=1e-10)
+    assert float(displacement.dead_path_corrected(beyond, 2000.0, n0, n1)) == pytest.approx(-true, abs=1e-10)
 
 
 def test_mistake_12_angles_are_wrapped_before_they_are_subtracted() -> None:
-    found = rotary.rotary_deviations([-359.999, -90.0], [0.0, 0.0], [0.0, 90.0], reference_deg=90.0)
+    found = rotary_calibration.rotary_deviations([-359.999, -90.0], [0.0, 0.0], [0.0, 90.0], reference_deg=90.0)
     assert found[0] == pytest.approx(-3.6, abs=1e-6)
 
 
@@ -144,16 +147,16 @@ def test_mistake_13_0_and_360_are_one_position_in_harmonics() -> None:
     angle = np.arange(0.0, 361.0, 30.0)
     error = 5.0 * np.cos(np.radians(angle - 40.0)) + 2.0 + np.where(angle == 360.0, 1.0, 0.0)
     closed = np.where(angle == 0.0, error + 0.5, error)[:-1]
-    both, once = harmonics.harmonics(angle, error, (1, 2)), harmonics.harmonics(angle[:-1], closed, (1, 2))
+    both, once = rotary_motion.harmonics(angle, error, (1, 2)), rotary_motion.harmonics(angle[:-1], closed, (1, 2))
     assert both.harmonics[1].amplitude == pytest.approx(once.harmonics[1].amplitude, rel=1e-12)
     assert both.mean == pytest.approx(once.mean, rel=1e-12)
     with pytest.raises(ModelError, match="E-EVAL-ORDERS"):
-        harmonics.harmonics([0.0, 120.0, 240.0, 360.0, 720.0], np.zeros(5), (1, 2))
+        rotary_motion.harmonics([0.0, 120.0, 240.0, 360.0, 720.0], np.zeros(5), (1, 2))
 
 
 def test_mistake_14_unequal_targets_are_fitted_and_equal_ones_said() -> None:
     angle = np.array([0.0, 33.0, 95.0, 141.0, 170.0, 222.0, 260.0, 301.0, 340.0])
-    found = harmonics.harmonics(angle, 3.0 * np.cos(np.radians(2 * angle - 25.0)), (1, 2))
+    found = rotary_motion.harmonics(angle, 3.0 * np.cos(np.radians(2 * angle - 25.0)), (1, 2))
     assert (found.harmonics[2].amplitude, found.harmonics[1].amplitude) == pytest.approx((3.0, 0.0), abs=1e-9)
     assert [one.code for one in doubts_of(np.arange(0.0, 100.0, 20.0), np.zeros((5, 5, 2)), "mm")] == ["S-EVAL-STEPS"]
     assert doubts_of(AT, np.zeros((len(AT), 5, 2)), "mm") == ()
@@ -178,12 +181,12 @@ def test_mistake_16_least_squares_is_not_reported_as_minimum_zone() -> None:
 
 def test_mistake_17_an_arcsecond_is_4_848_microradians() -> None:
     assert arcsec_to_rad(1.0) * 1e6 == pytest.approx(4.848, abs=2e-4)
-    assert lever.arms("X", "X", (0.0, 0.0, 1000.0))["EBX"] == pytest.approx(4.848, abs=2e-4)
+    assert measurement.arms("X", "X", (0.0, 0.0, 1000.0))["EBX"] == pytest.approx(4.848, abs=2e-4)
 
 
 def test_mistake_18_drift_is_spread_by_time_not_by_index() -> None:
     times = np.array([0.0, 1.0, 2.0, 100.0])
-    found = length.drift_removed(times, times / 100.0, (0.0, 0.0), (100.0, 1.0))
+    found = displacement.drift_removed(times, times / 100.0, (0.0, 0.0), (100.0, 1.0))
     np.testing.assert_allclose(found, 0.0, atol=1e-15)
 
 
@@ -191,7 +194,7 @@ def test_mistake_19_a_closing_error_is_reported_and_stays() -> None:
     at = np.array([0.0, 90.0, 180.0, 270.0, 360.0])
     error = np.array([0.0, 1.0, 2.0, 3.0, 4.0])
     device = -(at + error / 3600.0)
-    found = rotary.rotary_deviations(device, np.zeros(5), at, reference_deg=0.0)
+    found = rotary_calibration.rotary_deviations(device, np.zeros(5), at, reference_deg=0.0)
     np.testing.assert_allclose(found - found[0], error, atol=1e-8)
     assert gap_of(at, found) == pytest.approx(4.0)
     said = doubts_of(at, found.reshape(5, 1, 1).repeat(2, axis=2), "deg")[0]

@@ -9,8 +9,8 @@ import pytest
 
 from drivers.types.sensing import Ambient
 from gateway.errors import AmbientOutOfRange, ModelError, NotIdentifiable
-from gateway.evaluate.geometry import harmonics, straightness
-from gateway.evaluate.optics import air, length, rotary
+from gateway.evaluate.geometry import rotary_motion, straightness
+from gateway.evaluate.optics import air, displacement, rotary_calibration
 from gateway.evaluate.optics.corrections import begin
 
 GOOD = Ambient(20.0, 1013.25, 50.0, (20.0,))
@@ -18,7 +18,7 @@ TARGETS = np.array([0.0, 100.0, 250.0, 400.0])
 
 
 def gap_of(at: object, x: object) -> float:
-    found = rotary.closure(at, x)  # type: ignore[arg-type]
+    found = rotary_calibration.closure(at, x)  # type: ignore[arg-type]
     assert found is not None
     return found.gap
 
@@ -87,8 +87,8 @@ def test_material_is_required_and_checked() -> None:
     assert air.material_degc(replace(GOOD, material_degc=(20.0, 21.0))) == 20.5
 
 
-def setup(**changes: float) -> length.LinearSetup:
-    usual = length.LinearSetup(datum_mm=0.0, dead_path_mm=0.0, expansion_ppm_per_k=11.5)
+def setup(**changes: float) -> displacement.LinearSetup:
+    usual = displacement.LinearSetup(datum_mm=0.0, dead_path_mm=0.0, expansion_ppm_per_k=11.5)
     return replace(usual, **changes)
 
 
@@ -96,7 +96,7 @@ def test_optical_path_comes_back_as_deviation() -> None:
     deviation = np.array([0.0, 3.0, -2.0, 5.0])
     n = air.index(GOOD)
     optical = (TARGETS + deviation / 1000.0) * n
-    found, record = length.linear_deviations(optical, TARGETS, setup(), start=GOOD, end=GOOD)
+    found, record = displacement.linear_deviations(optical, TARGETS, setup(), start=GOOD, end=GOOD)
     np.testing.assert_allclose(found, deviation, atol=1e-9)
     assert "edlen" in record.air
     assert record.details["air.n_start"] == n
@@ -112,7 +112,7 @@ def test_expansion_dead_path_and_changing_air_together() -> None:
     deviation = np.array([0.0, 3.0, -2.0, 5.0])
     true = (TARGETS + deviation / 1000.0) * (1 + 11.5e-6 * (material - 20.0))
     optical = n * (150.0 + true) - n0 * 150.0
-    found, record = length.linear_deviations(
+    found, record = displacement.linear_deviations(
         optical, TARGETS, setup(dead_path_mm=150.0), start=start, end=end, fraction=fraction
     )
     np.testing.assert_allclose(found, deviation, atol=1e-9)
@@ -123,7 +123,7 @@ def test_beam_against_the_axis_turns_the_dead_path_only() -> None:
     end = replace(GOOD, air_degc=22.0)
     n0, n1 = air.index(GOOD), air.index(end)
     away = n1 * (300.0 - TARGETS) - n0 * 300.0
-    found, _ = length.linear_deviations(
+    found, _ = displacement.linear_deviations(
         -away, TARGETS, setup(dead_path_mm=300.0, beam=-1), start=GOOD, end=end, fraction=1.0
     )
     np.testing.assert_allclose(found, 0.0, atol=1e-9)
@@ -131,28 +131,30 @@ def test_beam_against_the_axis_turns_the_dead_path_only() -> None:
 
 def test_what_the_instrument_did_is_left_out() -> None:
     none = Ambient()
-    found, record = length.linear_deviations(
+    found, record = displacement.linear_deviations(
         TARGETS + 0.001, TARGETS, setup(), start=none, end=none, already="air+material"
     )
     np.testing.assert_allclose(found, 1.0, atol=1e-9)
     assert record.air == record.expansion == "by the instrument"
     with pytest.raises(AmbientOutOfRange):
-        length.linear_deviations(TARGETS, TARGETS, setup(), start=none, end=none, already="air")
+        displacement.linear_deviations(TARGETS, TARGETS, setup(), start=none, end=none, already="air")
 
 
 def test_nothing_is_corrected_twice() -> None:
-    _, record = length.linear_deviations(TARGETS, TARGETS, setup(), start=GOOD, end=GOOD)
+    _, record = displacement.linear_deviations(TARGETS, TARGETS, setup(), start=GOOD, end=GOOD)
     with pytest.raises(ModelError, match="E-EVAL-TWICE"):
-        length.linear_deviations(TARGETS, TARGETS, setup(), start=GOOD, end=GOOD, record=record)
+        displacement.linear_deviations(TARGETS, TARGETS, setup(), start=GOOD, end=GOOD, record=record)
     with pytest.raises(ModelError, match="expansion"):
-        length.expansion_corrected(TARGETS, TARGETS, 11.5, record, datum_mm=0.0, start=GOOD, end=GOOD)
+        displacement.expansion_corrected(TARGETS, TARGETS, 11.5, record, datum_mm=0.0, start=GOOD, end=GOOD)
     with pytest.raises(ModelError, match="E-EVAL-TWICE"):
-        length.expansion_corrected(TARGETS, TARGETS, 11.5, begin("air+material"), datum_mm=0.0, start=GOOD, end=GOOD)
+        displacement.expansion_corrected(
+            TARGETS, TARGETS, 11.5, begin("air+material"), datum_mm=0.0, start=GOOD, end=GOOD
+        )
 
 
 def test_expansion_of_a_file_acts_on_target_and_deviation() -> None:
     warm = replace(GOOD, material_degc=(23.5,))
-    found, _ = length.expansion_corrected(
+    found, _ = displacement.expansion_corrected(
         [0.0, 0.0], [0.0, 1000.0], 11.7, begin("air"), datum_mm=0.0, start=warm, end=warm
     )
     np.testing.assert_allclose(found, [0.0, -40.948], atol=1e-3)
@@ -160,10 +162,10 @@ def test_expansion_of_a_file_acts_on_target_and_deviation() -> None:
 
 def test_drift_goes_by_time_not_by_index() -> None:
     times = np.array([0.0, 10.0, 40.0, 100.0])
-    found = length.drift_removed(times, 0.02 * times + 7.0, (0.0, 7.0), (100.0, 9.0))
+    found = displacement.drift_removed(times, 0.02 * times + 7.0, (0.0, 7.0), (100.0, 9.0))
     np.testing.assert_allclose(found, 0.0, atol=1e-12)
     with pytest.raises(ModelError, match="E-EVAL-DRIFT-TIME"):
-        length.drift_removed([0.0], [0.0], (5.0, 0.0), (5.0, 1.0))
+        displacement.drift_removed([0.0], [0.0], (5.0, 0.0), (5.0, 1.0))
 
 
 @pytest.mark.parametrize("sense", [1, -1])
@@ -173,7 +175,7 @@ def test_rotary_readings_over_turns_and_any_device_zero(sense: int, zero: float)
     deviation = np.array([0.0, 12.0, -7.0, 3.0, 1.0])
     laser = np.array([0.001, -0.002, 0.0005, 0.0, 0.002])
     device = laser - (targets + deviation / 3600.0 + zero)
-    found = rotary.rotary_deviations(
+    found = rotary_calibration.rotary_deviations(
         device[:, None, None], sense * laser[:, None, None], targets, reference_deg=0.0, sense=sense
     )
     np.testing.assert_allclose(found[:, 0, 0], deviation, atol=1e-8)
@@ -181,26 +183,26 @@ def test_rotary_readings_over_turns_and_any_device_zero(sense: int, zero: float)
 
 def test_rotary_zero_may_be_given_and_a_missing_datum_is_refused() -> None:
     targets = np.array([0.0, 90.0])
-    found = rotary.rotary_deviations(-targets - 5.0, [0.0, 0.0], targets, reference_deg=0.0, zero_deg=5.0)
+    found = rotary_calibration.rotary_deviations(-targets - 5.0, [0.0, 0.0], targets, reference_deg=0.0, zero_deg=5.0)
     np.testing.assert_allclose(found, 0.0, atol=1e-9)
     with pytest.raises(ModelError, match="E-EVAL-DATUM"):
-        rotary.rotary_deviations([np.nan, -90.0], [0.0, 0.0], targets, reference_deg=0.0)
+        rotary_calibration.rotary_deviations([np.nan, -90.0], [0.0, 0.0], targets, reference_deg=0.0)
 
 
 def test_closure_is_reported_for_whole_turns_only() -> None:
     assert gap_of([0.0, 180.0, 360.0], [0.1, 3.0, 0.4]) == pytest.approx(0.3)
-    assert rotary.closure([0.0, 345.0], [0.0, 1.0]) is None
+    assert rotary_calibration.closure([0.0, 345.0], [0.0, 1.0]) is None
 
 
 def test_unequal_angles_keep_their_harmonics_and_too_few_are_refused() -> None:
     angle = np.sort(np.random.default_rng(3).uniform(0, 360, 24))
     error = 5 * np.cos(np.radians(3 * angle - 40)) + 2
-    found = harmonics.harmonics(angle, error, (1, 3))
+    found = rotary_motion.harmonics(angle, error, (1, 3))
     assert found.harmonics[3].amplitude == pytest.approx(5.0)
     assert found.harmonics[3].phase_deg == pytest.approx(40.0)
     assert found.harmonics[1].amplitude == pytest.approx(0.0, abs=1e-9)
     with pytest.raises(NotIdentifiable):
-        harmonics.harmonics(np.arange(0, 360, 45.0), np.zeros(8), (1, 7))
+        rotary_motion.harmonics(np.arange(0, 360, 45.0), np.zeros(8), (1, 7))
 
 
 def test_straightness_references() -> None:

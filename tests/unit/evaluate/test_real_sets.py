@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from gateway.evaluate.standards import parameters
+from gateway.evaluate.standards import statistics
 from gateway.evaluate.standards.registry import evaluate_by, standards
 from tests.unit.evaluate.real_sets import SETS, table
 
@@ -54,7 +54,7 @@ RELATIONS = (
 def test_parameters_as_by_hand_and_their_relations(name: str) -> None:
     targets, x = table(name)
     found = evaluate_by("ISO 230-2:2014", targets, x, "um", monte_carlo=False).values
-    for parameter, expected in zip(parameters.NAMES, BY_HAND[name], strict=True):
+    for parameter, expected in zip(statistics.NAMES, BY_HAND[name], strict=True):
         assert found[parameter] == pytest.approx(expected, rel=1e-5), parameter
     for small, large in RELATIONS:
         assert found[small] <= found[large] * (1 + 1e-12), (small, large)

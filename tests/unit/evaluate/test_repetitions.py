@@ -8,7 +8,7 @@ import pytest
 from gateway.domain.values import FloatArray
 from gateway.evaluate.behaviour import repetitions
 from gateway.evaluate.behaviour.doubts import doubts_of
-from gateway.evaluate.behaviour.repetitions import in_doubt, robust_means
+from gateway.evaluate.behaviour.repetitions import doubtful_readings, robust_means
 
 
 def run(seed: int, m: int = 24, n: int = 5, noise: float = 0.15) -> tuple[np.ndarray, np.ndarray]:
@@ -75,13 +75,13 @@ def test_a_place_whose_readings_do_not_agree_is_taken_again_and_left_to_the_othe
     assert found.s == pytest.approx(0.15, rel=0.2)
     assert found.mean[4] == pytest.approx(curve[4], abs=5.0 * 0.15 / np.sqrt(n))
     assert found.u[4] == pytest.approx(found.s / np.sqrt(n))
-    doubted = in_doubt(x - found.pass_offsets[None])
+    doubted = doubtful_readings(x - found.pass_offsets[None])
     assert doubted[4, :, 1].all()
     assert doubted.sum() == n
 
 
 def test_nothing_is_taken_again_of_clean_readings() -> None:
-    assert sum(int(in_doubt(run(seed, n=3)[1]).sum()) for seed in range(60)) <= 2
+    assert sum(int(doubtful_readings(run(seed, n=3)[1]).sum()) for seed in range(60)) <= 2
 
 
 def test_readings_alike_to_the_last_digit_are_not_outliers() -> None:

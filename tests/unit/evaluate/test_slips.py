@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from gateway.evaluate.behaviour.doubts import doubts_of
-from gateway.evaluate.behaviour.slips import limit_of, slips
+from gateway.evaluate.behaviour.repetitions import find_slips, slip_limit
 
 LAYOUTS = ((1, 1), (1, 2), (2, 1), (2, 2))
 
@@ -42,7 +42,7 @@ def test_the_limit_is_what_normal_scatter_reaches_in_two_of_a_thousand_sets(orde
     templates = np.array([np.diff(np.asarray(shape, float), n=order) for shape in shapes])
     found = np.abs(r @ (templates / np.linalg.norm(templates, axis=1)[:, None]).T).max(axis=1)
     largest = found / np.sqrt((np.sum(r**2, axis=1) - found**2) / (r.shape[1] - 1))
-    share = float(np.mean(largest > limit_of(count - order, order)))
+    share = float(np.mean(largest > slip_limit(count - order, order)))
     assert 0.0001 < share < 0.004
 
 
@@ -51,7 +51,9 @@ def test_honest_sets_raise_no_false_alarm(kind: str) -> None:
     rng = np.random.default_rng(11)
     sets = 60
     for repetitions, ways in LAYOUTS:
-        alarms = sum(bool(slips(*honest(rng, kind, int(rng.integers(5, 30)), repetitions, ways))) for _ in range(sets))
+        alarms = sum(
+            bool(find_slips(*honest(rng, kind, int(rng.integers(5, 30)), repetitions, ways))) for _ in range(sets)
+        )
         assert alarms <= 1, f"{alarms} of {sets}: below 1 of 100 in the long run"
 
 
@@ -80,14 +82,14 @@ def test_three_repetitions_vote_and_few_or_rounded_readings_say_nothing() -> Non
     at = 50.0 * np.arange(15)
     x = np.random.default_rng(4).normal(0.0, 0.2, (15, 3, 2))
     x[6:, 0, 0] += 9.0
-    assert not slips(at, x)
+    assert not find_slips(at, x)
     assert [one for one in doubts_of(at, x, "mm") if one.code.startswith("S-EVAL-OUT")], "its repetitions show it"
-    assert not slips(at[:5], x[:5, :1])
+    assert not find_slips(at[:5], x[:5, :1])
     whole = np.round(at / 400.0)[:, None, None] * np.ones((15, 1, 2)) + np.array([0.0, 1.0])
-    assert not slips(at, whole)
+    assert not find_slips(at, whole)
     kept = whole.copy()
     kept[3, 0, 0] = np.nan
-    assert not slips(at, kept)
+    assert not find_slips(at, kept)
 
 
 def test_positions_under_the_heading_of_deviations_stop_the_verdict() -> None:

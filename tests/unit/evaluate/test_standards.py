@@ -14,8 +14,8 @@ from numpy.typing import ArrayLike
 from drivers.units import AxisUnit
 from gateway.errors import ModelError
 from gateway.evaluate.behaviour.doubts import doubts_of
-from gateway.evaluate.standards import other_standards
-from gateway.evaluate.standards.decision import RULE, decide
+from gateway.evaluate.standards import registry
+from gateway.evaluate.standards.conformity import RULE, decide
 from gateway.evaluate.standards.registry import evaluate_by, standard, standards
 from gateway.evaluate.uncertainty.budget import Budget, file_budget
 from tests.steps import said
@@ -90,10 +90,10 @@ def test_worked_example_of_every_family() -> None:
 
 
 def test_the_range_estimator_of_3441() -> None:
-    found = other_standards.vdi3441(X, estimator="range").values
+    found = registry.vdi3441(X, estimator="range").values
     assert found["Ps_max"] == pytest.approx(6.0 * (2.0 + 4.0) / 2.0 / 2.326)
     with pytest.raises(ModelError, match="E-EVAL-RANGE-RUNS"):
-        other_standards.vdi3441(np.zeros((2, 11, 2)), estimator="range")
+        registry.vdi3441(np.zeros((2, 11, 2)), estimator="range")
 
 
 def test_a_missing_reading_is_flagged_and_evaluated_with_its_own_n() -> None:
@@ -148,14 +148,14 @@ def test_gaps_never_leak_and_are_always_said(x: np.ndarray, data: st.DataObject)
 @settings(max_examples=40, deadline=None)
 @given(READINGS)
 def test_relations_within_the_other_standards(x: np.ndarray) -> None:
-    asme = other_standards.asme_b554_1992(x).values
+    asme = registry.asme_b554_1992(x).values
     for small, large in [*pairwise(("rep_up", "rep_bi", "acc_bi")), ("acc_up", "acc_bi"), ("lost_motion", "rep_bi")]:
         assert asme[small] <= asme[large] + 1e-9
-    vdi = other_standards.vdi3441(x).values
+    vdi = registry.vdi3441(x).values
     assert vdi["Pa"] <= vdi["P"] + 1e-9
     assert vdi["Ps_max"] <= vdi["P"] + 1e-9
     assert vdi["U_mean"] <= vdi["U_max"] + 1e-9
-    wide, off = other_standards.nmtba(x).values, other_standards.nmtba(x, offset=False).values
+    wide, off = registry.nmtba(x).values, registry.nmtba(x, offset=False).values
     assert max(wide["A_up"], wide["A_down"]) <= wide["A_bi"] + 1e-9
     assert wide["A_bi"] <= off["A_bi"] + 1e-9
 

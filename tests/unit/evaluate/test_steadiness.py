@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from gateway.capture.cycles import Cycle
-from gateway.evaluate.behaviour.steadiness import steadiness
-from gateway.evaluate.standards.iso230_2 import evaluate, incurable, told_incurable
+from gateway.evaluate.behaviour.dynamics import steadiness
+from gateway.evaluate.standards.iso230_2 import describe_incurable, evaluate_iso230_2, incurable_part
 from tests.unit.evaluate.hostile import captured
 
 
@@ -48,10 +48,10 @@ def test_reversal_and_scatter_are_named_as_what_no_table_cures() -> None:
     targets = np.linspace(0.0, 400.0, 11)
     rng = np.random.default_rng(3)
     x = 2.0 * np.sin(targets / 80.0)[:, None, None] + 7.5 * np.array([1.0, -1.0]) + rng.normal(size=(11, 5, 2)) * 0.2
-    loose = evaluate(targets, x, "um")
-    left, share = incurable(loose)
+    loose = evaluate_iso230_2(targets, x, "um")
+    left, share = incurable_part(loose)
     assert left == pytest.approx(15.0 + 4.0 * 0.2 + 0.3, abs=0.5)
     assert share > 0.75
-    assert "scatter alone would leave 1.7" in str(told_incurable(loose)[0])
-    assert told_incurable(evaluate(targets, x - 7.5 * np.array([1.0, -1.0]), "um")) == ()
-    assert incurable(evaluate(targets, x[:, :1], "um")) is None
+    assert "scatter alone would leave 1.7" in str(describe_incurable(loose)[0])
+    assert describe_incurable(evaluate_iso230_2(targets, x - 7.5 * np.array([1.0, -1.0]), "um")) == ()
+    assert incurable_part(evaluate_iso230_2(targets, x[:, :1], "um")) is None

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from gateway.domain.captures import Between
-from gateway.evaluate.behaviour.whole_travel import over_travel
-from gateway.evaluate.standards.iso230_2 import evaluate
+from gateway.evaluate.behaviour.fine_structure import over_travel
+from gateway.evaluate.standards.iso230_2 import evaluate_iso230_2
 from tests.sizes import few
 from tests.steps import said
 from tests.unit.evaluate.hostile import Captured, captured
@@ -38,7 +38,7 @@ def judged(one: Captured) -> tuple[float, float]:
         unit="um",
         axis_unit="deg" if one.rotary else "mm",
     )
-    found = over_travel(evaluate(one.targets, one.deviations, "um"), capture)
+    found = over_travel(evaluate_iso230_2(one.targets, one.deviations, "um"), capture)
     end = one.targets[0] + 360.0 if one.rotary else one.targets[-1]
     true = float(np.ptp(one.truth(np.linspace(one.targets[0], end, 4001))))
     assert found.M is not None
@@ -60,7 +60,7 @@ def test_a_smooth_machine_is_not_made_worse_than_it_is() -> None:
     capture: Any = SimpleNamespace(
         targets=one.targets, deviations=one.deviations, between=one.between, unit="um", axis_unit="mm"
     )
-    found = over_travel(evaluate(one.targets, one.deviations, "um"), capture)
+    found = over_travel(evaluate_iso230_2(one.targets, one.deviations, "um"), capture)
     assert found.M_travel == pytest.approx(found.M, abs=0.3)
     assert found.U["M_travel"] < 0.6
 
@@ -71,6 +71,6 @@ def test_without_anything_between_the_targets_there_is_no_figure() -> None:
     capture: Any = SimpleNamespace(
         targets=one.targets, deviations=one.deviations, between=blind, unit="um", axis_unit="mm"
     )
-    found = over_travel(evaluate(one.targets, one.deviations, "um"), capture)
+    found = over_travel(evaluate_iso230_2(one.targets, one.deviations, "um"), capture)
     assert found.M_travel is None
     assert any("whole travel" in flag for flag in said(found))

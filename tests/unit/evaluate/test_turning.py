@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from gateway.evaluate.standards.iso230_2 import evaluate
+from gateway.evaluate.standards.iso230_2 import evaluate_iso230_2
 from gateway.evaluate.uncertainty.budget import Budget
 
 AT = np.arange(0.0, 360.0, 15.0)
@@ -26,7 +26,7 @@ def test_far_apart_extremes_have_the_uncertainty_of_a_difference(apart: int, var
     """Waves of one and of two turns of variance 1/2 each: var(e(a) - e(b)) = 2 - cos d - cos 2d."""
     mean = np.zeros(AT.size)
     mean[[2, 2 + apart // 15]] = 40.0, -40.0
-    U = evaluate(AT, read(mean), "arcsec", budget=CALIBRATOR).U
+    U = evaluate_iso230_2(AT, read(mean), "arcsec", budget=CALIBRATOR).U
     assert U["M"] == pytest.approx(2.0 * 0.5 * np.sqrt(variance), rel=0.04)
     assert U["E"] == pytest.approx(U["A"], rel=0.03)
     assert U["B"] < 0.05
@@ -40,7 +40,7 @@ def test_a_table_made_of_the_calibrators_own_error_is_within_the_ranges_uncertai
         order = 1 + number % 2
         error = wave(order, 1.0, 0.0) * rng.normal(0.0, 0.5) + wave(order, 1.0, np.pi / 2.0) * rng.normal(0.0, 0.5)
         left = 0.05 * rng.standard_normal(AT.size)
-        found = evaluate(AT, read(left), "arcsec", budget=CALIBRATOR)
+        found = evaluate_iso230_2(AT, read(left), "arcsec", budget=CALIBRATOR)
         assert found.M is not None
         beyond += abs(np.ptp(left - error) - found.M) > found.U["M"]
     assert 0.01 * machines <= beyond <= 0.1 * machines

@@ -9,12 +9,13 @@ import numpy as np
 import pytest
 
 from gateway.errors import ModelError
-from gateway.evaluate.standards import positioning_trials, readings, registry
-from gateway.evaluate.standards.parameters import of_table
+from gateway.evaluate.standards import positioning_trials, registry, statistics
 from gateway.evaluate.standards.positioning_trials import scatter_of_test
-from gateway.evaluate.uncertainty import distributions, montecarlo
-from gateway.evaluate.uncertainty.budget import Budget, expanded
-from gateway.evaluate.uncertainty.distributions import Normal, Rectangular
+from gateway.evaluate.standards.statistics import parameters_of_moments
+from gateway.evaluate.uncertainty import montecarlo
+from gateway.evaluate.uncertainty import montecarlo as distributions
+from gateway.evaluate.uncertainty.budget import Budget, expanded_uncertainties
+from gateway.evaluate.uncertainty.montecarlo import Normal, Rectangular
 from tests.steps import said
 
 ROW = np.array([-1.0, -1.0, 0.0, 1.0, 1.0])
@@ -26,7 +27,9 @@ def total(drawn: dict) -> dict:
 
 def trials(inputs: dict, model: Callable[[dict], dict], **how: object) -> Mapping[str, montecarlo.TrialOutcome]:
     """Trials of independent inputs through a model."""
-    return montecarlo.run(lambda rng, count: model({k: one.draw(rng, count) for k, one in inputs.items()}), **how)
+    return montecarlo.run_trials(
+        lambda rng, count: model({k: one.draw(rng, count) for k, one in inputs.items()}), **how
+    )
 
 
 def four(last: distributions.Distribution, rest: type = Rectangular) -> dict:
@@ -36,7 +39,9 @@ def four(last: distributions.Distribution, rest: type = Rectangular) -> dict:
 
 def iso_scatter(at: np.ndarray, x: np.ndarray, unit: str, budget: Budget, **more: object) -> dict:
     """The test made again by ISO 230-2 (2 s)."""
-    return dict(scatter_of_test(at, x, unit, None, budget, of_table=lambda mean, s: of_table(mean, s, 2.0), **more))
+    return dict(
+        scatter_of_test(at, x, unit, None, budget, of_table=lambda mean, s: parameters_of_moments(mean, s, 2.0), **more)
+    )
 
 
 def test_s1_additive_normal() -> None:
@@ -126,7 +131,7 @@ def sloped(noisy: tuple[int, ...] = tuple(range(6))) -> np.ndarray:
 def test_law_and_monte_carlo_of_a_test_agree_where_it_is_linear(systematic: Budget) -> None:
     at = np.linspace(0.0, 500.0, 6)
     found = iso_scatter(at, sloped(), "um", systematic, seed=1)
-    by_law = expanded(5, 2.0, systematic.systematic, targets=6)
+    by_law = expanded_uncertainties(5, 2.0, systematic.systematic, targets=6)
     for name, share in (
         ("B", 0.03),
         ("B_mean", 0.03),
@@ -143,7 +148,7 @@ def test_repeatability_by_the_law_is_a_little_large_as_sampling_theory_says() ->
     at = np.linspace(0.0, 500.0, 6)
     found = iso_scatter(at, sloped((2,)), "um", Budget(), seed=1)
     assert 2.0 * found["R_up"].u == pytest.approx(1.364 * 2.0, rel=0.02)
-    assert expanded(5, 2.0, 0.0)["R_up"] == pytest.approx(1.414 * 2.0, rel=1e-3)
+    assert expanded_uncertainties(5, 2.0, 0.0)["R_up"] == pytest.approx(1.414 * 2.0, rel=1e-3)
 
 
 def test_systematic_terms_act_on_ranges_not_on_reversal_and_repeatability() -> None:
@@ -176,7 +181,9 @@ def test_means_and_deviations_drawn_themselves_scatter_as_those_of_readings_draw
         x[2, 1:3, 0], x[5, 1:, 1], x[7, :, 1] = np.nan, np.nan, np.nan
     budget = Budget(device=0.3, expansion=0.5)
     drawn = iso_scatter(at, x, "um", budget, seed=3)
-    one_by_one = scatter_of_test(at, x, "um", lambda y: of_table(*readings.moments(y), 2.0), budget, seed=4)
+    one_by_one = scatter_of_test(
+        at, x, "um", lambda y: parameters_of_moments(*statistics.moments(y), 2.0), budget, seed=4
+    )
     assert set(drawn) == set(one_by_one)
     assert {"A", "B", "R", "E"} <= set(drawn)
     for name, outcome in drawn.items():
@@ -197,7 +204,7 @@ def test_a_test_of_very_many_targets_is_drawn_in_parts_and_less_often(monkeypatc
 
     def formulas(mean: np.ndarray, s: np.ndarray) -> Mapping[str, np.ndarray]:
         seen.append(mean.size)
-        return of_table(mean, s, 2.0)
+        return parameters_of_moments(mean, s, 2.0)
 
     parts = scatter_of_test(at, x, "um", None, Budget(device=0.3), of_table=formulas, seed=4)
     assert max(seen) <= 2000

@@ -12,9 +12,8 @@ from gateway.correct.flank.compensability import cures
 from gateway.domain.figures import Component
 from gateway.errors import ModelError
 from gateway.evaluate.geometry.axis_location import from_ball
-from gateway.evaluate.geometry.errormodel import error_model
-from gateway.evaluate.geometry.lever import Lever, said_beyond
-from gateway.evaluate.geometry.measurement import Measurement
+from gateway.evaluate.geometry.error_model import error_model
+from gateway.evaluate.geometry.measurement import Lever, Measurement, said_beyond
 from gateway.gear.cycloid import CycloidGear
 from gateway.gear.flank import flank_grid
 from gateway.gear.grinding import Grinding

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from lxml import etree
 
-from gateway.evaluate.standards.decision import decide
+from gateway.evaluate.standards.conformity import decide
 from gateway.report import ReportMaterial
 from gateway.report.certificate.dcc import NAMESPACES, dcc
 from gateway.report.material import Judged

@@ -10,7 +10,7 @@ from drivers.sinumerik.tablefile import reader, writer
 from drivers.sinumerik.tablefile.format import TableFiles
 from drivers.tablefile import TableFile, TableMachine
 from drivers.types.results import MeasuredSet
-from gateway.evaluate.standards.iso230_2 import evaluate
+from gateway.evaluate.standards.iso230_2 import evaluate_iso230_2
 from gateway.table.conversion import FileDatum, TableRequest, convert
 from gateway.table.filediff import compare
 
@@ -136,7 +136,7 @@ class TestMeansDividedByPositions:
         readings = np.zeros((5, 3, 2))
         readings[:, :, 0] = np.array([1.0, 2.0, 3.0])  # mean 2, s = 1; a fifth of the sum would be 1.2
         readings[0, :, 0] = np.array([-2.0, 2.0, 6.0])  # s = 4 at the first position only
-        result = evaluate(np.arange(5.0), readings, "um", edition="2014")
+        result = evaluate_iso230_2(np.arange(5.0), readings, "um", edition="2014")
         assert list(result.mean_up) == [2.0] * 5
         assert list(result.s_up) == pytest.approx([4.0, 1.0, 1.0, 1.0, 1.0])
         assert result.R_up == pytest.approx(16.0)  # 4 s of the worst position, not s, not of the last

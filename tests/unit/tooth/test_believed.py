@@ -17,7 +17,7 @@ from gateway.capture.cycles import visits
 from gateway.config import SiteFile
 from gateway.correct.outlook.flank_uncertainty import Shop
 from gateway.domain.outcomes import Verdict
-from gateway.evaluate.behaviour.steadiness import steadiness
+from gateway.evaluate.behaviour.dynamics import steadiness
 from gateway.siteplan import WorkSection
 from gateway.store import Store
 from gateway.tooth import FlankMap, FlankPrediction, SetupValues, ToothProposal, ToothVerdict

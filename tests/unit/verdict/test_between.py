@@ -13,7 +13,7 @@ from drivers.types.sensing import Ambient
 from gateway.domain.captures import Between, Capture
 from gateway.domain.outcomes import AxisVerdict, PushRecord
 from gateway.evaluate.optics.corrections import begin
-from gateway.evaluate.standards.iso230_2 import evaluate
+from gateway.evaluate.standards.iso230_2 import evaluate_iso230_2
 from gateway.workflow.axes.explaining import check_between
 from gateway.workflow.axes.verdict import judge, judge_axis
 from tests.unit.verdict.test_explaining import CHANGE, OLD
@@ -40,7 +40,7 @@ def verdict(machine: Truth) -> AxisVerdict:
     new = replace(OLD, deviations=CHANGE.new.deviations)
     before = measured(machine, 1)
     after = measured(lambda q: machine(q) - new.at(q) + OLD.at(q), 2)
-    known = [evaluate(one.targets, one.deviations, "arcsec") for one in (before, after)]
+    known = [evaluate_iso230_2(one.targets, one.deviations, "arcsec") for one in (before, after)]
     left = machine(TARGETS) - new.at(TARGETS) + OLD.at(TARGETS)
     change = replace(CHANGE, predicted=left, predicted_U=np.full(24, 1.0))
     return judge_axis("C1", known[0], known[1], change=change, checked=check_between(change, after))

@@ -12,7 +12,7 @@ from drivers.types.tables import CompensationTable
 from gateway.domain.figures import Evaluation
 from gateway.domain.proposals import TableChange
 from gateway.domain.values import FloatArray
-from gateway.evaluate.standards.iso230_2 import evaluate
+from gateway.evaluate.standards.iso230_2 import evaluate_iso230_2
 from gateway.evaluate.uncertainty.budget import Budget
 from gateway.workflow.axes.explaining import explain
 from gateway.workflow.axes.verdict import judge_axis
@@ -57,7 +57,7 @@ def test_other_targets_decide_nothing() -> None:
 def test_one_verdict_in_one_sentence_and_no_reason_against_it(slope: float, U: float) -> None:
     def figures(mean: FloatArray) -> Evaluation:
         x = np.repeat(mean[:, None, None], 2, axis=2) + np.array([[-0.05], [0.05]])
-        return evaluate(TARGETS, x, "arcsec", budget=Budget(device=U))
+        return evaluate_iso230_2(TARGETS, x, "arcsec", budget=Budget(device=U))
 
     told = judge_axis("C1", figures(SHAPE), figures(SHAPE + slope * SHAPE), replace(CHANGE, predicted_U=np.full(24, U)))
     verdict, *reasons = prose(told.words).split(". ")

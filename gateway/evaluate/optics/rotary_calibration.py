@@ -95,7 +95,7 @@ def _gaps(first: FloatArray, last: FloatArray) -> list[Closure]:
     """Last less first for each approach that both have; of all readings where they share none."""
     ways = (first.T, last.T) if first.ndim == 2 else (first[None], last[None])
     shared = [
-        _closed(np.atleast_1d(here), np.atleast_1d(there))
+        _closure_of(np.atleast_1d(here), np.atleast_1d(there))
         for here, there in zip(*ways, strict=True)
         if np.isfinite(here).any() and np.isfinite(there).any()
     ]
@@ -104,7 +104,7 @@ def _gaps(first: FloatArray, last: FloatArray) -> list[Closure]:
     return [Closure(float(np.nanmean(last) - np.nanmean(first)), 0.0)]
 
 
-def _closed(here: FloatArray, there: FloatArray) -> Closure:
+def _closure_of(here: FloatArray, there: FloatArray) -> Closure:
     """Of one approach (n,): the difference of the means, and the scatter of what the single runs differ by."""
     gap = float(np.nanmean(there) - np.nanmean(here))
     runs = (there - here)[np.isfinite(there - here)]

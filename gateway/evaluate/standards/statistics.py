@@ -1,6 +1,9 @@
-"""Readings of a positioning test in one shape: deviations (m, n, 2), checked."""
+"""Readings of a positioning test (m, n, 2), checked; their moments, and the parameters calculated from these."""
 
 from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Final, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -10,7 +13,7 @@ from gateway.domain.values import FloatArray
 from gateway.errors import ModelError
 
 
-def checked(targets: ArrayLike, deviations: ArrayLike) -> tuple[FloatArray, FloatArray]:
+def check_readings(targets: ArrayLike, deviations: ArrayLike) -> tuple[FloatArray, FloatArray]:
     """Targets (m,) and deviations (m, n, 2) as float arrays; NaN marks a missing reading.
 
     Raises ModelError: E-EVAL-NUMBER (no numbers), E-EVAL-SHAPE (shapes do not fit), E-EVAL-INFINITE, E-EVAL-EMPTY (no
@@ -108,3 +111,84 @@ def gaps(n: np.ndarray[tuple[int, ...], np.dtype[np.int64]], wanted: int, lost: 
     elif 1 in used:
         found.append(Message.of("S-EVAL-LEFT-OUT", lost=lost.removeprefix("s, ")))
     return tuple(found)
+
+
+# ---- The parameters of ISO 230-2 from means and standard deviations, of one test or of many trials at once.
+
+NAMES = ("B", "B_mean", "M", "E", "E_up", "E_down", "R", "R_up", "R_down", "A", "A_up", "A_down")
+"""In the order of the standard; every one carries the deviation unit, B_mean and B_i with their sign."""
+
+
+def parameters_of_moments(mean: FloatArray, s: FloatArray, k: float) -> Mapping[str, FloatArray]:
+    """All parameters of means and standard deviations (..., m, 2); ``k`` is 2, in the edition of 1988 3.
+
+    A mean that stands on one reading takes no part in R and A, a target without one approach none in B, M, R. Absent
+    (NaN) are R, A where nothing is repeated; E, A, B, M, R of one direction only (ISO 230-2:2014, clause 3; gaps by our
+    own policy).
+    """
+    reversal = mean[..., 0] - mean[..., 1]
+    return {
+        "B": largest(np.abs(reversal)),
+        "B_mean": average(reversal),
+        "R": largest(repeatability(mean, s, k)),
+        "R_up": largest(2.0 * k * s[..., 0]),
+        "R_down": largest(2.0 * k * s[..., 1]),
+        **ranges(mean, s, k),
+    }
+
+
+def ranges(mean: FloatArray, s: FloatArray, k: float) -> Mapping[str, FloatArray]:
+    """Those of `of_table` that are ranges over the travel: what is wrong by another amount elsewhere is in them."""
+    both = np.isfinite(mean).any(axis=-2).all(axis=-1)
+    repeated = np.isfinite(s).any(axis=-2).all(axis=-1)
+    high, low = mean + k * s, mean - k * s
+    return {
+        "M": span(centres := mean.mean(axis=-1), centres),
+        "E": np.where(both, whole_span(mean, mean), np.nan),
+        "E_up": span(mean[..., 0], mean[..., 0]),
+        "E_down": span(mean[..., 1], mean[..., 1]),
+        "A": np.where(both & repeated, whole_span(high, low), np.nan),
+        "A_up": span(high[..., 0], low[..., 0]),
+        "A_down": span(high[..., 1], low[..., 1]),
+    }
+
+
+def repeatability(mean: FloatArray, s: FloatArray, k: float) -> FloatArray:
+    """R_i (..., m) = max(k s+ + k s- + |B_i|, 2k s+, 2k s-), NaN where it cannot be had."""
+    both = k * s.sum(axis=-1) + np.abs(mean[..., 0] - mean[..., 1])
+    return np.asarray(np.maximum(both, np.max(2.0 * k * s, axis=-1)))
+
+
+def largest(values: FloatArray) -> FloatArray:
+    """Largest over the last axis, NaN left out; NaN where nothing is known."""
+    return np.asarray(np.fmax.reduce(values, axis=-1))
+
+
+def average(values: FloatArray) -> FloatArray:
+    """Mean over the last axis, NaN left out; NaN where nothing is known."""
+    n = np.isfinite(values).sum(axis=-1)
+    return np.asarray(np.where(n > 0, np.nansum(values, axis=-1) / np.maximum(n, 1), np.nan))
+
+
+def span(high: FloatArray, low: FloatArray) -> FloatArray:
+    """Largest of `high` less smallest of `low` over the last axis, NaN left out."""
+    return np.asarray(np.fmax.reduce(high, axis=-1) - np.fmin.reduce(low, axis=-1))
+
+
+def whole_span(high: FloatArray, low: FloatArray) -> FloatArray:
+    """As `span`, over the last two axes."""
+    return np.asarray(np.fmax.reduce(high, axis=(-2, -1)) - np.fmin.reduce(low, axis=(-2, -1)))
+
+
+def stated_values(values: Mapping[str, FloatArray]) -> dict[str, float | None]:
+    """One test's parameters as numbers, None for what does not exist."""
+    return {name: float(value) if np.isfinite(value) else None for name, value in values.items()}
+
+
+# How sure we are of a standard's formulas; stated with every result.
+
+Certainty = Literal["from the text of the standard", "from secondary sources", "recalled"]
+
+FROM_TEXT: Final = "from the text of the standard"
+SECONDARY: Final = "from secondary sources"
+RECALLED: Final = "recalled"
