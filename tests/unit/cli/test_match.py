@@ -176,7 +176,8 @@ def test_a_pair_that_cannot_be_assembled_is_named_with_its_surplus_by_command_an
     assert "may squeeze 3 µm" in said
     (pair,) = json.loads(called(gear, *files[2:], "--mark", 0, *WORDS, "--json").output)["pairs"]
     assert pair["assembles"] is False
-    assert 5.0 < pair["interference_um"] < 15.0 - 6.0 + 1.0
+    # 15 - 6 um where nothing moves; the normals all point to the pitch point, so the disc moves, by less than that
+    assert 15.0 - 6.0 - 1.0 < pair["interference_um"] < 2.0 * (15.0 - 6.0)
     assert "cannot be assembled" not in called(gear, *files[:2], "--mark", 0, *WORDS).output
     gear_given = tf.Gear.load(gear)
     parts = [tf.read_flank(path, gear_given, columns=dict(_how().columns or {})) for path in files]
