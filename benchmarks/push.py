@@ -31,8 +31,7 @@ from drivers.types.tables import CompensationTable, LiveSet
 from gateway.axes import AxisRecord
 from gateway.domain.outcomes import PushRecord
 from gateway.domain.proposals import TableChange
-from gateway.push import PushContext, push_table
-from gateway.push.records import journal
+from gateway.push import PushContext, journal, push_table
 from simulators.cell.control import CellNck
 from simulators.nck import AxisSpec, NckSpec
 from simulators.opcua import SinumerikServer

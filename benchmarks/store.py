@@ -12,7 +12,7 @@ from time import perf_counter
 from benchmarks.report import Report, main, slope, spent
 from drivers.clock import LoopClock
 from gateway import audit
-from gateway.audit.chain import AUDIT, files
+from gateway.audit import AUDIT, audit_files
 from gateway.index.keeping import RunIndex
 from gateway.index.rows import IndexedFigure, IndexedRun
 
@@ -21,14 +21,14 @@ def log_of(root: Path, count: int) -> bytes:
     """An audit log of ``count`` chained records, written at once; its bytes."""
     (root / AUDIT).mkdir(parents=True)
     head, lines = audit.ChainHead(), []
-    happening = audit.Happening("push-start", "ann", "operator", "SN-1", 7, "ab" * 32, "cd" * 32, "", {"axis": "C1"})
+    happening = audit.AuditEvent("push-start", "ann", "operator", "SN-1", 7, "ab" * 32, "cd" * 32, "", {"axis": "C1"})
     for number in range(1, count + 1):
         entry = audit.AuditEntry(number, "2026-11-21T10:00:00.000+00:00", 1.5, 77, "0.1.0", happening, head.hash)
-        line, head = audit.line_of(entry)
+        line, head = audit.encode_line(entry)
         lines.append(line)
     (root / AUDIT / "audit-000001.jsonl").write_bytes(b"".join(lines))
     (root / AUDIT / "head").write_text(f"{head}\n")
-    return files(root / AUDIT)[0].read_bytes()
+    return audit_files(root / AUDIT)[0].read_bytes()
 
 
 def log(report: Report, folder: Path) -> None:
@@ -59,7 +59,7 @@ async def recorded(root: Path, count: int) -> float:
 
 
 def _sound(root: Path) -> None:
-    if not audit.check(root).sound:
+    if not audit.check_log(root).sound:
         raise SystemExit("the benchmark's own log is not sound")
 
 

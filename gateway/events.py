@@ -191,7 +191,7 @@ class PushPhaseChanged(Event):
 class TableStateChanged(Event):
     """What is true of a table in the control has changed while a push is at work.
 
-    ``axis`` is the table as in a `PushPhaseChanged`, ``state`` the value of a `gateway.push.records.phases.TableNow`.
+    ``axis`` is the table as in a `PushPhaseChanged`, ``state`` the value of a `gateway.push.phases.TableNow`.
     """
 
     code: ClassVar[str] = "P-TABLE-STATE"

@@ -20,7 +20,7 @@ from gateway.config import AxisSection
 from gateway.conform import prober_of
 from gateway.domain.proposals import TableChange
 from gateway.errors import VerifyError
-from gateway.push.trials import triangle_of
+from gateway.push import triangle_for_axes
 from gateway.say import silence
 from gateway.workflow.axes.measure import fetch_tables
 from gateway.workflow.bench import Bench
@@ -168,7 +168,7 @@ async def _written(desk: SiteDesk, name: str) -> SeenLine:
 
 async def _proof(at: Bench, axis: AxisSection, before: LiveSet) -> float:
     grid, facts = axis.table, at.facts(axis)
-    table, _ = triangle_of(facts, facts, minimum=grid.minimum, maximum=grid.maximum, step=grid.step)
+    table, _ = triangle_for_axes(facts, facts, minimum=grid.minimum, maximum=grid.maximum, step=grid.step)
     nothing = np.zeros(0)
     change = TableChange(
         axis=axis.name,

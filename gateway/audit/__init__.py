@@ -6,13 +6,21 @@ only against a head exported earlier to where he cannot reach it.
 
 from __future__ import annotations
 
-from gateway.audit.actor import acting, os_user, person, signed_in
-from gateway.audit.chain import AUDIT, append
-from gateway.audit.checking import Health, Problem, check, demand, sound
-from gateway.audit.entries import CORRECTION, TORN, AuditEntry, ChainHead, Happening, head_of, line_of
-from gateway.audit.reading import entries
-from gateway.audit.recording import correct, note, record
-from gateway.audit.standing import (
+from gateway.audit.chain import (
+    AUDIT,
+    CORRECTION,
+    TORN,
+    AuditEntry,
+    AuditEvent,
+    ChainHead,
+    append,
+    audit_files,
+    encode_line,
+    parse_head,
+    read_entries,
+)
+from gateway.audit.integrity import Health, Problem, check_log, is_sound, require_sound
+from gateway.audit.log_state import (
     APPROVED,
     AS_PUSHED,
     BEGUN,
@@ -21,11 +29,12 @@ from gateway.audit.standing import (
     MARKER_LOST,
     PROPOSED,
     USED,
-    Standing,
-    head_now,
-    size,
-    standing,
+    LogState,
+    current_head,
+    file_sizes,
+    read_log_state,
 )
+from gateway.audit.recording import act_as, acting_person, correct, note, os_user, record, signed_in
 from gateway.audit.syslog import forward
 
 __all__ = [
@@ -41,27 +50,28 @@ __all__ = [
     "TORN",
     "USED",
     "AuditEntry",
+    "AuditEvent",
     "ChainHead",
-    "Happening",
     "Health",
+    "LogState",
     "Problem",
-    "Standing",
-    "acting",
+    "act_as",
+    "acting_person",
     "append",
-    "check",
+    "audit_files",
+    "check_log",
     "correct",
-    "demand",
-    "entries",
+    "current_head",
+    "encode_line",
+    "file_sizes",
     "forward",
-    "head_now",
-    "head_of",
-    "line_of",
+    "is_sound",
     "note",
     "os_user",
-    "person",
+    "parse_head",
+    "read_entries",
+    "read_log_state",
     "record",
+    "require_sound",
     "signed_in",
-    "size",
-    "sound",
-    "standing",
 ]

@@ -21,8 +21,7 @@ from urllib.parse import urlsplit
 from drivers.clock import Clock
 from drivers.errors import LinkBroken, TrueflankError
 from drivers.local.ownfiles import make_own_folder, open_own, read_own
-from gateway.audit.chain import AUDIT, content, files
-from gateway.audit.entries import head_of_line
+from gateway.audit.chain import AUDIT, audit_files, head_of_line, read_log_file
 
 FACILITY = 13
 """Log audit."""
@@ -32,7 +31,7 @@ BLOCK = "trueflank@32473"
 """32473 is the number that RFC 5612 leaves to whoever has none."""
 LONGEST = 8000
 EVERY_S, PAUSE_S, ANSWER_S = 1.0, 30.0, 5.0
-STANDING = "syslog.json"
+LAST_SENT_FILE = "syslog.json"
 _LOG = logging.getLogger("trueflank.syslog")
 
 
@@ -40,9 +39,9 @@ def message_of(record: Mapping[str, Any], host: str) -> bytes:
     """A record as one message: head, structured data, and the record itself as JSON behind a byte order mark."""
     severity = WARNING if record["action"] in LOUD else NOTICE
     names = ("seq", "action", "actor", "role", "serial", "transaction", "hash")
-    told = " ".join(f'{name}="{_quoted(str(record[name]))}"' for name in names if record.get(name))
+    told = " ".join(f'{name}="{_escape(str(record[name]))}"' for name in names if record.get(name))
     clock = str(record.get("clock", {}).get("synchronised", "unknown")).lower()
-    about = f'[{BLOCK} {told} synchronised="{_quoted(clock)}"]'
+    about = f'[{BLOCK} {told} synchronised="{_escape(clock)}"]'
     head = f"<{FACILITY * 8 + severity}>1 {record['utc']} {_word(host, 255)} trueflank {record['process']}"
     action = _word(str(record["action"]), 32)
     text = json.dumps({"details": record["details"], "clock": record.get("clock", {})})
@@ -54,7 +53,7 @@ def _word(text: str, longest: int) -> str:
     return "".join(letter for letter in text if "!" <= letter <= "~")[:longest] or "-"
 
 
-def _quoted(text: str) -> str:
+def _escape(text: str) -> str:
     plain = text.encode("ascii", "backslashreplace").decode("ascii").replace("\\", "\\\\")
     return "".join(letter for letter in plain.replace('"', '\\"').replace("]", "\\]") if " " <= letter <= "~")
 
@@ -69,11 +68,11 @@ class Unsent:
     def new(self) -> list[dict[str, Any]]:
         """Sound records that were added, in order. Raises StoreError (E-STORE-DISK)."""
         found: list[dict[str, Any]] = []
-        for path in files(self._folder):
+        for path in audit_files(self._folder):
             at = self._at.get(path.name, 0)
             if path.stat().st_size <= at:
                 continue
-            data = content(path)
+            data = read_log_file(path)
             *lines, rest = data[at:].split(b"\n")
             self._at[path.name] = len(data) - len(rest)
             records = (json.loads(line) for line in lines if head_of_line(line) is not None)
@@ -130,24 +129,24 @@ async def forward(root: Path, address: str, clock: Clock) -> None:
 
 
 async def _forward(root: Path, send: Callable[[bytes], Any], clock: Clock) -> None:
-    place, host = root / "service" / STANDING, socket.gethostname()
-    unsent = Unsent(root, await asyncio.to_thread(_standing, place))
+    place, host = root / "service" / LAST_SENT_FILE, socket.gethostname()
+    unsent = Unsent(root, await asyncio.to_thread(_read_last_sent, place))
     while True:
         for record in await asyncio.to_thread(unsent.new):
             await send(message_of(record, host))
             unsent.after = record["seq"]
-            await asyncio.to_thread(_keep, place, unsent.after)
+            await asyncio.to_thread(_write_last_sent, place, unsent.after)
         await clock.sleep(EVERY_S)
 
 
-def _standing(place: Path) -> int:
+def _read_last_sent(place: Path) -> int:
     try:
         return int(json.loads(read_own(place))["seq"])
     except (OSError, ValueError, KeyError, TypeError):
         return 0
 
 
-def _keep(place: Path, seq: int) -> None:
+def _write_last_sent(place: Path, seq: int) -> None:
     with contextlib.suppress(OSError):  # then a few are sent again, with their numbers
         make_own_folder(place.parent)
         new = place.with_suffix(".new")

@@ -89,7 +89,7 @@ async def _having(
     reader, writer = talk
     listening: asyncio.Task[None] | None = None
     try:
-        asked = {"token": notice.token, "root": str(root), "run": run, "who": audit.person()}
+        asked = {"token": notice.token, "root": str(root), "run": run, "who": audit.acting_person()}
         answer = await _answer(talk, clock, asked, ANSWER_S)
         if answer is None:
             raise TransportError("E-BROKER-SILENT", str(root), pid=notice.pid, seconds=f"{ANSWER_S:g}")

@@ -20,7 +20,7 @@ from gateway.capture.collecting import Collection
 from gateway.domain.captures import Capture
 from gateway.errors import Incomplete
 from gateway.evaluate.behaviour.repetitions import doubtful_readings, good_readings, pass_offsets
-from gateway.interlocks.limits import MAX_SUSPECT_SHARE, MIN_REPETITIONS
+from gateway.interlocks import MAX_SUSPECT_SHARE, MIN_REPETITIONS
 
 # Of three, one may be out of line itself.
 NEIGHBOURS = 3

@@ -43,10 +43,10 @@ def run(
         only("run --plan")
         show_day_of_run(site, tuple(axis or ()), apply=apply, as_json=as_json)
         return
-    from gateway.approve import risking
+    from gateway.approve import take_risk
     from gateway.cli.machine.running import run_site_command
 
-    with risking(risk):
+    with take_risk(risk):
         run_site_command(site, apply, machine, axes=tuple(axis or ()), as_json=as_json)
 
 
@@ -67,12 +67,12 @@ def push(
     as_json: JsonOption = False,
 ) -> None:
     """Show a stored proposal's difference and every refusal; with --apply write it and measure again."""
-    from gateway.approve import risking
+    from gateway.approve import take_risk
     from gateway.cli.machine.running import PushAsked, push_run_command
     from gateway.workflow.carrying import way_of
 
     asked = PushAsked(tuple(axis or ()), apply, machine, points)
-    with risking(risk), way_of(offline=offline, resume=resume):
+    with take_risk(risk), way_of(offline=offline, resume=resume):
         push_run_command(run_folder, store, asked, as_json=as_json)
 
 
@@ -221,9 +221,9 @@ def schema(
         return
     if states:
         only("schema --states")
-        from gateway.push.records.phases import in_markdown
+        from gateway.push import transitions_in_markdown
 
-        echo(in_markdown().rstrip())
+        echo(transitions_in_markdown().rstrip())
         return
     from gateway.config.reference import page
     from gateway.config.reference import schema as site_schema

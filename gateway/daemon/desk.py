@@ -190,7 +190,7 @@ class Desk:
 
     async def _done(self, job: Job) -> None:
         try:
-            with audit.acting(job.view.who), held_here(), looked_on_by(self._onlooker), of_run(lambda: job.view.run_id):
+            with audit.act_as(job.view.who), held_here(), looked_on_by(self._onlooker), of_run(lambda: job.view.run_id):
                 job.done(await obey(self._work_of(job), job.stop, self._clock), self._clock)
         except TrueflankError as error:
             self._failed(job, error)

@@ -13,8 +13,7 @@ from gateway.config import SiteFile
 from gateway.errors import InvalidOption
 from gateway.index.keeping import RunIndex
 from gateway.index.rows import FLANK, FLANK_PARAMETERS, PARAMETERS, journals_seal, read_run, seal_of, tables_of
-from gateway.push.records.history import machines
-from gateway.push.records.journal import JOURNALS
+from gateway.push import JOURNALS, journalled_machines
 from gateway.store import Store
 
 BATCH = 200
@@ -63,7 +62,7 @@ def _tables_caught_up(index: RunIndex, journals: Path) -> None:
     known = index.tables_seal()
     if known == seal or (not known and index.no_tables == seal):
         return
-    rows = [row for serial in machines(journals) for row in tables_of(index.gateway, journals, serial, seal)]
+    rows = [row for serial in journalled_machines(journals) for row in tables_of(index.gateway, journals, serial, seal)]
     index.put_tables(rows)
     index.no_tables = "" if rows else seal
 

@@ -11,8 +11,7 @@ from pathlib import Path
 
 from gateway.domain.figures import Evaluation
 from gateway.errors import StoreError
-from gateway.push.records.history import table_id
-from gateway.push.records.holding import table_states
+from gateway.push import table_id, table_states
 from gateway.store import RunFolder, RunSummary
 from gateway.store.records import canonical, sha256
 from gateway.tooth import ToothVerdict

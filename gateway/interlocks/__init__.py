@@ -1,28 +1,55 @@
 """May we write? Every reason against it at once, from facts read before; pure.
 
-`drivers.limits` holds the limits of a table, `gateway.interlocks.limits` the others; what only warns asks for a second
+`drivers.limits` holds the limits of a table, `gateway.interlocks.facts` the others; what only warns asks for a second
 person.
 """
 
 from __future__ import annotations
 
-from gateway.interlocks.approval import APPROVED, needed, warnings
-from gateway.interlocks.cross import CROSS, CROSS_RELEASE
-from gateway.interlocks.facts import MAX_JUMP, PushFacts, Refusal, Rule, value_at
-from gateway.interlocks.machine import CONSENT, MACHINE, NAMED, RELEASE, proves
-from gateway.interlocks.measured import MEASURED, MEASURED_CROSS, MEASURED_REVERSAL, aged, crowded, not_worth_it
-from gateway.interlocks.table import FITS, TABLE
+from gateway.interlocks.approval import APPROVED, people_needed, warnings
+from gateway.interlocks.facts import (
+    APPROVED_FOR,
+    MAX_JUMP,
+    MAX_SUSPECT_SHARE,
+    MIN_REPETITIONS,
+    MarkerCheck,
+    PushFacts,
+    Refusal,
+    Rule,
+    other_cross_tables,
+    refuse,
+    value_at,
+)
+from gateway.interlocks.machine import CONSENT, MACHINE, NAMED, RELEASE, proves, switching_refusals
+from gateway.interlocks.measurement import (
+    MEASURED,
+    MEASURED_CROSS,
+    MEASURED_REVERSAL,
+    age_refusals,
+    gain_refusals,
+    suspect_refusals,
+)
+from gateway.interlocks.table import CROSS, CROSS_RELEASE, FITS, TABLE, largest_change, steepest
 
 __all__ = [
+    "APPROVED_FOR",
     "MAX_JUMP",
+    "MAX_SUSPECT_SHARE",
+    "MIN_REPETITIONS",
+    "MarkerCheck",
     "PushFacts",
     "Refusal",
-    "aged",
-    "crowded",
-    "needed",
-    "not_worth_it",
+    "age_refusals",
+    "gain_refusals",
+    "largest_change",
+    "other_cross_tables",
+    "people_needed",
     "proves",
     "refusals",
+    "refuse",
+    "steepest",
+    "suspect_refusals",
+    "switching_refusals",
     "value_at",
     "warnings",
 ]

@@ -8,9 +8,18 @@ from datetime import datetime
 from drivers.errors import words
 from drivers.local.names import person_key
 from gateway.domain.proposals import Approval, FindingWeight
-from gateway.interlocks.facts import ROUNDING, PushFacts, Refusal, Rule, no
-from gateway.interlocks.limits import APPROVED_AHEAD, APPROVED_FOR, MAX_AGE, WARN_AGE
-from gateway.interlocks.measured import unmeasured
+from gateway.interlocks.facts import (
+    APPROVED_AHEAD,
+    APPROVED_FOR,
+    MAX_AGE,
+    ROUNDING,
+    WARN_AGE,
+    PushFacts,
+    Refusal,
+    Rule,
+    refuse,
+)
+from gateway.interlocks.measurement import unmeasured_range
 from gateway.interlocks.table import largest_change, steepest
 
 
@@ -19,7 +28,7 @@ def warnings(facts: PushFacts) -> tuple[Refusal, ...]:
     return tuple(warning for rule in _WARNING for warning in rule(facts))
 
 
-def needed(facts: PushFacts) -> int:
+def people_needed(facts: PushFacts) -> int:
     """How many people must agree, the one who pushes among them."""
     if facts.request.approvals_needed is not None:
         return facts.request.approvals_needed
@@ -30,14 +39,14 @@ def _steep(facts: PushFacts) -> Iterator[Refusal]:
     slope, limit = steepest(facts.table), facts.bounds.warn_slope
     if limit + ROUNDING < slope <= facts.bounds.slope + ROUNDING:
         fields = {"slope": round(slope, 4), "limit": limit, "per": facts.table.input_unit}
-        yield from no("W-INT-SLOPE", table=facts.table.called, unit=facts.table.deviation_unit, **fields)
+        yield from refuse("W-INT-SLOPE", table=facts.table.called, unit=facts.table.deviation_unit, **fields)
 
 
 def _far(facts: PushFacts) -> Iterator[Refusal]:
     change, limit = largest_change(facts.change), facts.bounds.warn_change
     if limit + ROUNDING < change <= facts.bounds.change + ROUNDING:
         fields = {"change": round(change, 3), "limit": limit}
-        yield from no("W-INT-CHANGE", table=facts.table.called, unit=facts.table.deviation_unit, **fields)
+        yield from refuse("W-INT-CHANGE", table=facts.table.called, unit=facts.table.deviation_unit, **fields)
 
 
 def _old(facts: PushFacts) -> Iterator[Refusal]:
@@ -50,51 +59,61 @@ def _old(facts: PushFacts) -> Iterator[Refusal]:
         return
     if WARN_AGE < age <= MAX_AGE:
         hours, limit = round(age.total_seconds() / 3600.0, 1), WARN_AGE.total_seconds() / 3600.0
-        yield from no("W-INT-AGE", axis=capture.axis, hours=hours, limit=limit)
+        yield from refuse("W-INT-AGE", axis=capture.axis, hours=hours, limit=limit)
 
 
-def _found(facts: PushFacts) -> Iterator[Refusal]:
+def _doubtful_findings(facts: PushFacts) -> Iterator[Refusal]:
     """What the proposal itself found doubtful, but for what is judged here by its own limit."""
     for finding in facts.change.findings:
         if finding.weight is FindingWeight.ASKS:
-            yield from no("W-INT-FINDING", table=facts.table.called, finding=finding.message)
+            yield from refuse("W-INT-FINDING", table=facts.table.called, finding=finding.message)
 
 
-def _flat(facts: PushFacts) -> Iterator[Refusal]:
-    beyond, widest = unmeasured(facts) if facts.table.kind == "axis" else (0.0, 0.0)
+def _extrapolated(facts: PushFacts) -> Iterator[Refusal]:
+    beyond, widest = unmeasured_range(facts) if facts.table.kind == "axis" else (0.0, 0.0)
     if ROUNDING < beyond <= 0.5 * widest + ROUNDING:
-        yield from no("W-INT-COVERAGE", table=facts.table.called, beyond=round(beyond + widest, 3), interval=widest)
+        yield from refuse("W-INT-COVERAGE", table=facts.table.called, beyond=round(beyond + widest, 3), interval=widest)
 
 
-def _forgetful(facts: PushFacts) -> Iterator[Refusal]:
+def _no_marker(facts: PushFacts) -> Iterator[Refusal]:
     if not facts.can.marker:
-        yield from no("W-INT-NO-MARKER", axis=facts.change.axis)
+        yield from refuse("W-INT-NO-MARKER", axis=facts.change.axis)
 
 
-def _marked(facts: PushFacts) -> Iterator[Refusal]:
+def _marker_doubts(facts: PushFacts) -> Iterator[Refusal]:
     """A control that lost its memory, or one that another gateway has pushed to since."""
     if facts.mark.lost:
-        yield from no("W-INT-MARK-LOST", number=facts.mark.lost)
+        yield from refuse("W-INT-MARK-LOST", number=facts.mark.lost)
     if facts.mark.stranger and facts.marker is not None and facts.marker.state in ("none", "committed"):
-        yield from no("W-INT-STRANGER", number=facts.mark.stranger)
+        yield from refuse("W-INT-STRANGER", number=facts.mark.stranger)
 
 
-def _alarmed(facts: PushFacts) -> Iterator[Refusal]:
+def _live_alarms(facts: PushFacts) -> Iterator[Refusal]:
     for alarm in facts.request.alarms:
-        yield from no("W-INT-ALARM", axis=facts.change.axis, alarm=alarm)
+        yield from refuse("W-INT-ALARM", axis=facts.change.axis, alarm=alarm)
 
 
-def _open(facts: PushFacts) -> Iterator[Refusal]:
+def _unprotected(facts: PushFacts) -> Iterator[Refusal]:
     if facts.can.unprotected:
-        yield from no("W-INT-UNPROTECTED", road=facts.can.unprotected)
+        yield from refuse("W-INT-UNPROTECTED", road=facts.can.unprotected)
 
 
-_WARNING: tuple[Rule, ...] = (_steep, _far, _old, _flat, _found, _forgetful, _marked, _alarmed, _open)
+_WARNING: tuple[Rule, ...] = (
+    _steep,
+    _far,
+    _old,
+    _extrapolated,
+    _doubtful_findings,
+    _no_marker,
+    _marker_doubts,
+    _live_alarms,
+    _unprotected,
+)
 
 
-def _agreed(facts: PushFacts) -> Iterator[Refusal]:
-    wanted = needed(facts)
-    problems = {approval: tuple(_problem(facts, approval)) for approval in facts.request.approvals}
+def _approvals(facts: PushFacts) -> Iterator[Refusal]:
+    wanted = people_needed(facts)
+    problems = {approval: tuple(_approval_problem(facts, approval)) for approval in facts.request.approvals}
     people = _people(problems)
     if len(people) + 1 >= wanted:
         return
@@ -102,47 +121,49 @@ def _agreed(facts: PushFacts) -> Iterator[Refusal]:
     yield from found
     if not found:
         why = "; ".join(warning.words for warning in warnings(facts)) or words("W-INT-APPROVAL-ASKED")
-        yield from no("E-INT-APPROVAL-MISSING", table=facts.table.called, needed=wanted, have=len(people) + 1, why=why)
+        yield from refuse(
+            "E-INT-APPROVAL-MISSING", table=facts.table.called, needed=wanted, have=len(people) + 1, why=why
+        )
 
 
 def _people(problems: Mapping[Approval, tuple[Refusal, ...]]) -> set[str]:
     return {person_key(approval.actor) for approval, problem in problems.items() if not problem}
 
 
-def _risked(facts: PushFacts) -> Iterator[Refusal]:
+def _risk(facts: PushFacts) -> Iterator[Refusal]:
     """Where this site lets one person push alone, that person types the risk of a road that lies open."""
-    if not facts.can.unprotected or facts.request.risk_taken or needed(facts) > 1:
+    if not facts.can.unprotected or facts.request.risk_taken or people_needed(facts) > 1:
         return
-    if not _people({approval: tuple(_problem(facts, approval)) for approval in facts.request.approvals}):
-        yield from no("E-INT-RISK", road=facts.can.unprotected)
+    if not _people({approval: tuple(_approval_problem(facts, approval)) for approval in facts.request.approvals}):
+        yield from refuse("E-INT-RISK", road=facts.can.unprotected)
 
 
-def _problem(facts: PushFacts, approval: Approval) -> Iterator[Refusal]:
+def _approval_problem(facts: PushFacts, approval: Approval) -> Iterator[Refusal]:
     """Why this approval does not count, if it does not."""
     wanted = (facts.plan, facts.change.base_digest, facts.request.machine.serial)
     if (approval.plan_hash, approval.base_digest, approval.serial) != wanted:
-        yield from no("E-INT-APPROVAL-OTHER-PLAN", actor=approval.actor)
+        yield from refuse("E-INT-APPROVAL-OTHER-PLAN", actor=approval.actor)
     elif approval.run_id != facts.request.run_id:
-        yield from no("E-INT-APPROVAL-OTHER-RUN", actor=approval.actor, run=approval.run_id or "none")
+        yield from refuse("E-INT-APPROVAL-OTHER-RUN", actor=approval.actor, run=approval.run_id or "none")
     elif approval in facts.request.used:
-        yield from no("E-INT-APPROVAL-USED", actor=approval.actor)
+        yield from refuse("E-INT-APPROVAL-USED", actor=approval.actor)
     elif approval in facts.request.unrecorded:
-        yield from no("E-INT-APPROVAL-UNRECORDED", actor=approval.actor)
-    elif not _bounded(approval):
-        yield from no("E-INT-APPROVAL-TOO-LONG", actor=approval.actor, given=approval.given_utc, **_times(approval))
-    elif not _holds(approval, facts.request.consent_utc or facts.now_utc):
-        yield from no("E-INT-APPROVAL-EXPIRED", actor=approval.actor, given=approval.given_utc, **_times(approval))
+        yield from refuse("E-INT-APPROVAL-UNRECORDED", actor=approval.actor)
+    elif not _is_short_enough(approval):
+        yield from refuse("E-INT-APPROVAL-TOO-LONG", actor=approval.actor, given=approval.given_utc, **_times(approval))
+    elif not _is_valid_at(approval, facts.request.consent_utc or facts.now_utc):
+        yield from refuse("E-INT-APPROVAL-EXPIRED", actor=approval.actor, given=approval.given_utc, **_times(approval))
     elif person_key(approval.actor) == person_key(facts.request.actor):
-        yield from no("E-INT-APPROVAL-SAME-PERSON", actor=approval.actor)
+        yield from refuse("E-INT-APPROVAL-SAME-PERSON", actor=approval.actor)
     elif person_key(facts.request.actor) in map(person_key, approval.kept_by):
-        yield from no("E-INT-APPROVAL-OWN-ACCOUNT", actor=approval.actor, by=facts.request.actor)
+        yield from refuse("E-INT-APPROVAL-OWN-ACCOUNT", actor=approval.actor, by=facts.request.actor)
 
 
 def _times(approval: Approval) -> dict[str, object]:
     return {"until": approval.expires_utc, "minutes": round(APPROVED_FOR.total_seconds() / 60.0)}
 
 
-def _bounded(approval: Approval) -> bool:
+def _is_short_enough(approval: Approval) -> bool:
     """Whether it ends soon enough after it was given."""
     try:
         given, until = datetime.fromisoformat(approval.given_utc), datetime.fromisoformat(approval.expires_utc)
@@ -151,7 +172,7 @@ def _bounded(approval: Approval) -> bool:
         return True  # then it never holds
 
 
-def _holds(approval: Approval, now: datetime) -> bool:
+def _is_valid_at(approval: Approval, now: datetime) -> bool:
     """Whether ``now`` lies between its own two dates; another PC's clock may be a little ahead."""
     try:
         given, until = datetime.fromisoformat(approval.given_utc), datetime.fromisoformat(approval.expires_utc)
@@ -162,12 +183,12 @@ def _holds(approval: Approval, now: datetime) -> bool:
 
 def _audit(facts: PushFacts) -> Iterator[Refusal]:
     if facts.request.audit_broken:
-        yield from no("E-INT-AUDIT-BROKEN", why=facts.request.audit_broken)
+        yield from refuse("E-INT-AUDIT-BROKEN", why=facts.request.audit_broken)
 
 
-def _proposed(facts: PushFacts) -> Iterator[Refusal]:
+def _proposal(facts: PushFacts) -> Iterator[Refusal]:
     if not facts.request.proposed:
-        yield from no("E-INT-NOT-PROPOSED", table=facts.table.called, plan=facts.plan[:12])
+        yield from refuse("E-INT-NOT-PROPOSED", table=facts.table.called, plan=facts.plan[:12])
 
 
-APPROVED: tuple[Rule, ...] = (_agreed, _risked, _audit, _proposed)
+APPROVED: tuple[Rule, ...] = (_approvals, _risk, _audit, _proposal)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
-from datetime import datetime
+from datetime import datetime, timedelta
 from typing import Literal, Protocol
 
 import numpy as np
@@ -25,19 +25,18 @@ from drivers.units import AxisUnit
 from gateway.axes import AxisRecord
 from gateway.domain.captures import Capture
 from gateway.domain.proposals import Approval, TableChange
-from gateway.interlocks.limits import MAX_JUMP
 
 __all__ = [
     "MAX_JUMP",
     "ROUNDING",
-    "Mark",
+    "MarkerCheck",
     "PushFacts",
     "PushRequest",
     "Refusal",
     "Rule",
-    "no",
-    "others_now",
-    "rest_of",
+    "other_cross_tables",
+    "other_tables_now",
+    "refuse",
     "value_at",
 ]
 
@@ -123,7 +122,7 @@ class PushRequest(Protocol):
 
 
 @dataclass(frozen=True, slots=True)
-class Mark:
+class MarkerCheck:
     """What the control's marker says of this store.
 
     ``ours`` whether its transaction was given here, or there is none. ``behind`` says why the audit log is older than
@@ -165,7 +164,7 @@ class PushFacts:
     unfinished: tuple[str, ...] = ()
     live: LiveSet | None = None
     marker: Marker | None = None
-    mark: Mark = field(default_factory=Mark)
+    mark: MarkerCheck = field(default_factory=MarkerCheck)
     plan: str = ""
     key_taken: str = ""
     missing: tuple[int, ...] = ()
@@ -218,7 +217,7 @@ class PushFacts:
 Rule = Callable[[PushFacts], Iterator[Refusal]]
 
 
-def no(code: str, **fields: object) -> Iterator[Refusal]:
+def refuse(code: str, **fields: object) -> Iterator[Refusal]:
     """One reason, for a rule to yield from."""
     yield Refusal(code, fields)
 
@@ -231,12 +230,12 @@ def value_at(table: CompensationTable, position: float, approach: Approach = 1) 
     return float(table.at(np.array([position]), approach)[0])
 
 
-def rest_of(live: LiveSet, table: CompensationTable) -> tuple[LiveTable, ...]:
+def other_cross_tables(live: LiveSet, table: CompensationTable) -> tuple[LiveTable, ...]:
     """The cross tables of the set's axis but for ``table``."""
     return tuple(one for one in live.cross if table.kind != "cross" or one.table.index != table.index)
 
 
-def others_now(facts: PushFacts) -> float:
+def other_tables_now(facts: PushFacts) -> float:
     """What the other cross tables of the output axis add where their input axes stand; 0 for an axis table.
 
     A cross table's push switches all tables of its output axis off and on again, so this moves the axis too. Before
@@ -248,5 +247,36 @@ def others_now(facts: PushFacts) -> float:
     if facts.moment == "start" and facts.agreeing_position is not None:
         places |= facts.brought
         places[facts.table.input_axis] = facts.agreeing_position
-    enabled = [one.table for one in rest_of(facts.live, facts.table) if one.enabled]
+    enabled = [one.table for one in other_cross_tables(facts.live, facts.table) if one.enabled]
     return sum(value_at(table, places.get(table.input_axis, table.minimum)) for table in enabled)
+
+
+# Limits of a push beside those of the table itself (`drivers.limits`): age, warmth, repetitions, proofs.
+
+MAX_AGE = timedelta(hours=24)
+WARN_AGE = timedelta(hours=4)
+MAX_AHEAD = timedelta(minutes=2)
+APPROVED_FOR = timedelta(minutes=10)
+APPROVED_AHEAD = timedelta(seconds=10)
+# A table may be pushed at another temperature than it was measured at, as long as that spoils little of what it
+# corrects: never less than normal conditions change in a shift, never more than a machine in use should.
+LEAST_DRIFT_K, MOST_DRIFT_K = 2.0, 8.0
+SPOILT_SHARE = 0.25
+# Of straightness and squareness, which a uniform change of a shift in an ordinary hall leaves as they are.
+CROSS_DRIFT_K = 4.0
+# 1e-6/K: by so much may the expansion of an axis differ from the one its readings were corrected with (steel, glass).
+EXPANSION_DOUBT = 3.5
+MIN_REPETITIONS = 3
+MAX_SUSPECT_SHARE = 0.1
+MAX_REMAINING = 0.5
+MAX_REPEATABILITY = 1.0 / 3.0
+COARSEST_UM = 1.0
+PROOF_WITHIN = 0.2
+PROOF_COVERAGE = 2.0
+PROOF_TIMES_U = 4.0
+# Midway between one and half or twice.
+PROOF_SIZES = (0.75, 1.5)
+
+MAX_JUMP = Limits.of("mm").jump
+# um or arcsec: by so little temperature compensation may have changed since the measurement.
+TEMPERATURE_MOVED = 0.1

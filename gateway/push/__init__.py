@@ -9,42 +9,123 @@ from drivers.errors import TrueflankError, words
 from drivers.message import Message
 from gateway.domain.outcomes import PushRecord
 from gateway.errors import RollbackFailed, StillOn, VerifyError, WriteRefused
-from gateway.push.asking import Asked, ask, ended_before, goes_on
-from gateway.push.context import PushContext
-from gateway.push.places import together
-from gateway.push.plan import plan_hash
-from gateway.push.proofs.switching import Steps, quiet
-from gateway.push.signproof import prove_sign, prove_signs
-from gateway.push.transaction import Stays, push_table, push_tables
-from gateway.push.trials import SignQuestion
-from gateway.push.undo.finding import PushFinding
-from gateway.push.undo.recovery import look, recover, unfinished
-from gateway.push.work import Reading, ReadStop
+from gateway.push.compare import table_facts, table_in, tolerance
+from gateway.push.context import PushContext, plan_hash
+from gateway.push.controller_access import PlanAxes, read_live_of_axes, table_questions
+from gateway.push.disable import DisablePreflight, disable_order, disable_table, preflight_disable
+from gateway.push.effect import make_effect_plan, proof_positions
+from gateway.push.history import (
+    CommittedPush,
+    ConsentSet,
+    RollbackPreview,
+    all_pushes,
+    committed_pushes,
+    consent_set,
+    journalled_machines,
+    point_changes,
+    pushed_tables,
+    rollback_previews,
+    sense_conversion,
+    table_id,
+    tables_of,
+)
+from gateway.push.journal import JOURNALS, JournalRead, hold_lock, machine_folder, set_ended_aside
+from gateway.push.load import other_tables_enabled
+from gateway.push.phases import transitions_in_markdown
+from gateway.push.preflight import (
+    MovedTable,
+    PreflightResult,
+    group_transactions,
+    has_ended,
+    is_resumed,
+    positions_of,
+    run_preflight,
+    transaction_groups,
+)
+from gateway.push.recovery import Choice, LiveReadings, inspect_unfinished, recover_table, unfinished_tables
+from gateway.push.recovery_findings import PushFinding, make_finding, with_rest
+from gateway.push.rollback import RollbackRequest, group_rollbacks, preflight_rollbacks, roll_back_pushes
+from gateway.push.sent_programs import SentPrograms
+from gateway.push.sign_proof import prove_sign, prove_signs
+from gateway.push.sign_proof_tables import ROUNDS, TIMES, SignQuestion, Steps, trials_stay_off, triangle_for_axes
+from gateway.push.state import Reading, ReadStop
+from gateway.push.table_status import TableState, held_pushes, table_states
+from gateway.push.transaction import PartialCommitPolicy, push_table, push_tables
 
 __all__ = [
-    "Asked",
+    "JOURNALS",
+    "ROUNDS",
+    "TIMES",
+    "Choice",
+    "CommittedPush",
+    "ConsentSet",
+    "DisablePreflight",
+    "JournalRead",
+    "LiveReadings",
+    "MovedTable",
+    "PartialCommitPolicy",
+    "PlanAxes",
+    "PreflightResult",
     "PushContext",
     "PushFinding",
     "ReadStop",
     "Reading",
+    "RollbackPreview",
+    "RollbackRequest",
+    "SentPrograms",
     "SignQuestion",
-    "Stays",
     "Steps",
-    "ask",
-    "ended_before",
-    "goes_on",
-    "look",
+    "TableState",
+    "all_pushes",
+    "committed_pushes",
+    "consent_set",
+    "disable_order",
+    "disable_table",
+    "group_rollbacks",
+    "group_transactions",
+    "has_ended",
+    "held_pushes",
+    "hold_lock",
+    "inspect_unfinished",
+    "is_resumed",
+    "journalled_machines",
+    "machine_folder",
+    "make_effect_plan",
+    "make_finding",
+    "other_tables_enabled",
     "outcome_alarms",
     "outcome_error",
     "plan_hash",
+    "point_changes",
+    "positions_of",
+    "preflight_disable",
+    "preflight_rollbacks",
+    "proof_positions",
     "prove_sign",
     "prove_signs",
     "push_table",
     "push_tables",
-    "quiet",
-    "recover",
-    "together",
-    "unfinished",
+    "pushed_tables",
+    "read_live_of_axes",
+    "recover_table",
+    "roll_back_pushes",
+    "rollback_previews",
+    "run_preflight",
+    "sense_conversion",
+    "set_ended_aside",
+    "table_facts",
+    "table_id",
+    "table_in",
+    "table_questions",
+    "table_states",
+    "tables_of",
+    "tolerance",
+    "transaction_groups",
+    "transitions_in_markdown",
+    "trials_stay_off",
+    "triangle_for_axes",
+    "unfinished_tables",
+    "with_rest",
 ]
 
 

@@ -12,8 +12,7 @@ from drivers.types.abilities import Capabilities, TableLimits
 from drivers.types.tables import CompensationTable, LiveSet, LiveTable
 from drivers.units import deviation_scale
 from gateway.axes import AxisRecord
-from gateway.interlocks import MAX_JUMP, value_at
-from gateway.interlocks.facts import rest_of
+from gateway.interlocks import MAX_JUMP, other_cross_tables, value_at
 from gateway.table.comparison import GRID_TOLERANCE, PARTS, differences
 
 # A driver's stated resolution is taken up to this much, so that a wrong one cannot make all tables alike.
@@ -36,14 +35,14 @@ def same_set(one: LiveSet, two: LiveSet, allowed: float) -> bool:
     """Same tables, switches and backlash, whatever their text looks like."""
     if one.digest == two.digest:
         return True
-    kept, found = _filled(one.cross), _filled(two.cross)
+    kept, found = _without_empty_tables(one.cross), _without_empty_tables(two.cross)
     if len(kept) != len(found) or abs(one.backlash - two.backlash) > GRID_TOLERANCE:
         return False
     pairs = ((one.own, two.own), *zip(kept, found, strict=True))
     return all(same_table(first, second, allowed) for first, second in pairs)
 
 
-def same_rest(
+def same_other_tables(
     one: LiveSet, two: LiveSet, table: CompensationTable, allowed: float, *, beside: Sequence[CompensationTable] = ()
 ) -> bool:
     """Whether everything but ``table`` is the same. A cross table's push switches all tables of its output: those
@@ -53,30 +52,38 @@ def same_rest(
     turned = table.kind != "reversal" and abs(one.backlash - two.backlash) > GRID_TOLERANCE
     if turned or (table.kind != "axis" and not same_table(one.own, two.own, allowed)):
         return False
-    kept, found = _filled(rest_of(one, table)), _filled(rest_of(two, table))
+    kept, found = (
+        _without_empty_tables(other_cross_tables(one, table)),
+        _without_empty_tables(other_cross_tables(two, table)),
+    )
     if cross:
-        kept, found = _all_off(kept), _all_off(found)
-    pairs = (*zip(kept, found, strict=False), *zip(_not_this(one, table), _not_this(two, table), strict=False))
-    lengths = len(kept) == len(found) and len(_not_this(one, table)) == len(_not_this(two, table))
+        kept, found = _switched_off_all(kept), _switched_off_all(found)
+    pairs = (
+        *zip(kept, found, strict=False),
+        *zip(_other_outputs(one, table), _other_outputs(two, table), strict=False),
+    )
+    lengths = len(kept) == len(found) and len(_other_outputs(one, table)) == len(_other_outputs(two, table))
     return lengths and all(same_table(first, second, allowed) for first, second in pairs)
 
 
-def _filled(tables: tuple[LiveTable, ...]) -> tuple[LiveTable, ...]:
+def _without_empty_tables(tables: tuple[LiveTable, ...]) -> tuple[LiveTable, ...]:
     """Without those that are off and hold nothing but zeros: they are as good as never loaded."""
     return tuple(one for one in tables if one.enabled or any(one.table.deviations))
 
 
-def _all_off(tables: tuple[LiveTable, ...]) -> tuple[LiveTable, ...]:
-    return tuple(_off(one) for one in tables)
+def _switched_off_all(tables: tuple[LiveTable, ...]) -> tuple[LiveTable, ...]:
+    return tuple(_switched_off(one) for one in tables)
 
 
-def _off(one: LiveTable) -> LiveTable:
+def _switched_off(one: LiveTable) -> LiveTable:
     return dataclasses.replace(one, enabled=False)
 
 
-def _not_this(live: LiveSet, table: CompensationTable) -> tuple[LiveTable, ...]:
+def _other_outputs(live: LiveSet, table: CompensationTable) -> tuple[LiveTable, ...]:
     """Tables of other outputs, without what an order to ``table``'s number takes over from them."""
-    return _filled(tuple(one for one in live.others if table.kind != "cross" or one.table.index != table.index))
+    return _without_empty_tables(
+        tuple(one for one in live.others if table.kind != "cross" or one.table.index != table.index)
+    )
 
 
 def table_in(live: LiveSet, wanted: CompensationTable) -> LiveTable:
@@ -104,7 +111,7 @@ def with_table(live: LiveSet, table: CompensationTable) -> LiveSet:
     return dataclasses.replace(live, cross=tuple(sorted((*cross, now), key=lambda one: one.table.index)), digest="")
 
 
-def aside(live: LiveSet, tables: Sequence[CompensationTable]) -> LiveSet:
+def without_tables(live: LiveSet, tables: Sequence[CompensationTable]) -> LiveSet:
     """The set without these tables: they are judged by themselves. For comparison only.
 
     To write a cross table all of its output are switched: of other axes' tables those switches are left out as well.
@@ -122,7 +129,7 @@ def aside(live: LiveSet, tables: Sequence[CompensationTable]) -> LiveSet:
         own=off if "axis" in kinds else live.own,
         cross=tuple(one for one in live.cross if one.table.index not in gone),
         backlash=0.0 if "reversal" in kinds else live.backlash,
-        others=tuple(_off(one) if one.table.output_axis in switched else one for one in others),
+        others=tuple(_switched_off(one) if one.table.output_axis in switched else one for one in others),
         digest="",
     )
 
@@ -145,7 +152,7 @@ def _point(table: CompensationTable, number: int) -> float | None:
     return table.deviations[number] if number < len(table.deviations) else None
 
 
-def place_for(old: LiveTable, new: CompensationTable, axis: AxisRecord, can: Capabilities) -> float | None:
+def switch_position(old: LiveTable, new: CompensationTable, axis: AxisRecord, can: Capabilities) -> float | None:
     """Where the input axis must stand for the switching of old and new; anywhere where only a restart switches."""
     if not can.switches_now:
         return float(np.clip(axis.reference, *axis.room))
@@ -166,7 +173,7 @@ def agreeing_position(
         return float(np.clip(reference, *travel))
     places = [
         float(np.clip(reference, *travel)),
-        *sorted(_inside(new, travel), key=lambda place: abs(place - reference)),
+        *sorted(_points_inside(new, travel), key=lambda place: abs(place - reference)),
     ]
     for place in places:
         before = value_at(old.table, place) if old.enabled else 0.0
@@ -175,7 +182,7 @@ def agreeing_position(
     return None
 
 
-def _inside(table: CompensationTable, travel: tuple[float, float]) -> list[float]:
+def _points_inside(table: CompensationTable, travel: tuple[float, float]) -> list[float]:
     return [float(place) for place in table.positions if travel[0] <= place <= travel[1]]
 
 
@@ -195,22 +202,22 @@ def effect_positions(
         places = places[places < new.maximum - GRID_TOLERANCE]
     if places.size == 0:
         places = np.clip(grid[[0, -1]], min(low, high), max(low, high))
-    return _three(new, old, places)
+    return _choose_three(new, old, places)
 
 
-def _three(new: CompensationTable, old: LiveTable, places: np.ndarray[Any, Any]) -> tuple[float, ...]:
-    worth, slope = _worth(new, old, places), _slopes(new, places)
+def _choose_three(new: CompensationTable, old: LiveTable, places: np.ndarray[Any, Any]) -> tuple[float, ...]:
+    worth, slope = _distinctness(new, old, places), _slopes(new, places)
     order = np.argsort(-worth, kind="stable")
     best, rank = places[order], slope[order]
     far = 0.1 * abs(new.maximum - new.minimum)
     chosen: list[float] = []
     for side, apart in ((best[rank > 0], far), (best[rank < 0], far), (best, far), (best, 0.0)):
         room = 1 if apart and side is not best else 3 - len(chosen)
-        chosen += _apart(side, chosen, apart, room)
+        chosen += _spaced_positions(side, chosen, apart, room)
     return tuple(sorted(chosen))
 
 
-def _apart(places: np.ndarray[Any, Any], chosen: list[float], apart: float, room: int) -> list[float]:
+def _spaced_positions(places: np.ndarray[Any, Any], chosen: list[float], apart: float, room: int) -> list[float]:
     """The first places, at most ``room``, that keep their distance from those chosen and from each other."""
     found: list[float] = []
     for place in places:
@@ -219,7 +226,7 @@ def _apart(places: np.ndarray[Any, Any], chosen: list[float], apart: float, room
     return found
 
 
-def _worth(new: CompensationTable, old: LiveTable, places: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
+def _distinctness(new: CompensationTable, old: LiveTable, places: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
     after = np.array([value_at(new, place) for place in places])
     before = np.array([value_at(old.table, place) if old.enabled else 0.0 for place in places])
     return np.asarray(np.abs(after) + np.abs(after - before))
@@ -238,7 +245,7 @@ def table_facts(table: CompensationTable) -> dict[str, Any]:
     return facts
 
 
-def table_from(facts: Mapping[str, Any]) -> CompensationTable:
+def table_from_facts(facts: Mapping[str, Any]) -> CompensationTable:
     """The table that `table_facts` noted."""
     known: dict[str, Any] = {"places": (), "reverse": (), **facts}
     return CompensationTable(**{**known, **{name: tuple(map(float, known[name])) for name in _CURVES}})

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import hashlib
+import json
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from datetime import datetime
@@ -21,10 +23,11 @@ from drivers.types.values import Sense
 from gateway.axes import AxisRecord
 from gateway.domain.captures import Capture
 from gateway.domain.proposals import Approval, TableChange
+from gateway.push.compare import table_facts
 from gateway.say import Say, silence
 
 
-class Keeper(Protocol):
+class TextArchive(Protocol):
     """Where texts are kept for good: a run folder. Returns the path once the text is durable."""
 
     @property
@@ -103,7 +106,7 @@ class PushContext:
 
     controller: Controller
     clock: Clock
-    folder: Keeper
+    folder: TextArchive
     journals: Path
     axis: AxisRecord
     machine: MachineIdentity
@@ -152,3 +155,26 @@ class PushContext:
     def meant(self, table: CompensationTable, sense: Sense) -> CompensationTable:
         """A table that a journal kept in ``sense``, as a deviation by this push's proof."""
         return self.controller.table_by(table, sense, self.proof)
+
+
+# What exactly is to be written, as one hash: table, base and machine. People approve this and nothing else.
+
+PLAN = 2
+"""The form of what is hashed: another form is another plan, whatever stands in it."""
+
+
+def plan_hash(change: TableChange, machine: MachineIdentity) -> str:
+    """sha256 (hex) of the canonical form of a change on a machine; pure.
+
+    Canonical: JSON with sorted keys and no blanks; floats by `repr` (the shortest text of the same double).
+    Enters: the form of the plan itself, every field of the new table, the digest of the live tables it was made on,
+    the machine's fingerprint. What was predicted and found does not: it is not written.
+    """
+    plan = {
+        "plan": PLAN,
+        "table": table_facts(change.new),
+        "base_digest": change.base_digest,
+        "machine": [machine.serial, machine.version, list(machine.axis_names), machine.unit_system],
+    }
+    text = json.dumps(plan, sort_keys=True, separators=(",", ":"), ensure_ascii=True)
+    return hashlib.sha256(text.encode("ascii")).hexdigest()

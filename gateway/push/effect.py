@@ -17,16 +17,13 @@ from drivers.types.tables import CompensationTable, LiveSet, LiveTable
 from drivers.units import deviation_scale
 from gateway.axes import AxisRecord
 from gateway.errors import VerifyError
-from gateway.interlocks import value_at
-from gateway.interlocks.facts import rest_of
-from gateway.interlocks.table import steepest
-from gateway.push import conversation
-from gateway.push.asking import with_all
-from gateway.push.compare import aside, effect_positions, same_rest, same_table, table_in
-from gateway.push.loading import Faults
-from gateway.push.records.phases import PushEvent
-from gateway.push.snapshot import live_of
-from gateway.push.work import Work
+from gateway.interlocks import other_cross_tables, steepest, value_at
+from gateway.push import controller_access
+from gateway.push.compare import effect_positions, same_other_tables, same_table, table_in, without_tables
+from gateway.push.load import TableFaults, read_live_sets
+from gateway.push.phases import PushEvent
+from gateway.push.preflight import with_tables
+from gateway.push.state import TableTransactionState
 from gateway.table.comparison import differences
 
 # The axis stands within its exact stop window of the target: 0.01 mm or deg.
@@ -35,7 +32,7 @@ SHOWN_SLACK = 0.01
 
 
 @dataclass(frozen=True, slots=True)
-class _Shown:
+class _ShownEffect:
     """One position: what each way of adding up predicts, and what the controller says."""
 
     position: float
@@ -43,43 +40,49 @@ class _Shown:
     found: float
 
 
-async def prove_all(works: Sequence[Work], bases: dict[Work, LiveSet], faults: Faults) -> None:
+async def prove_effects(
+    works: Sequence[TableTransactionState], bases: dict[TableTransactionState, LiveSet], faults: TableFaults
+) -> None:
     """Each table that moves while it is proved by one program; then reversals, by what that program has read.
 
     What one table lacks joins ``faults``. Raises VerifyError where it is the only one, and what the port raises.
     """
     moved = [work for work in works if work.change.new.kind != "reversal"]
-    places = {work: _places(work, bases[work]) for work in works}
+    places = {work: _proof_positions_of(work, bases[work]) for work in works}
     context = works[0].context
-    await conversation.foresee(context, [*(effect_plan(work, places[work]) for work in moved), *context.follows])
+    await controller_access.foresee(context, [*(effect_plan(work, places[work]) for work in moved), *context.follows])
     seen: dict[str, LiveSet] = {}
     for work in moved:
-        live = await _proved(work, bases[work], places[work], faults)
+        live = await _prove_table(work, bases[work], places[work], faults)
         if live is not None and work.change.new.kind == "axis":
             seen[work.axis] = live
     if not context.follows:
-        await conversation.foresee(context, ())
+        await controller_access.foresee(context, ())
     still = [work for work in works if work not in moved]
     unseen = [work for work in still if work.axis not in seen]
-    seen |= dict(zip([work.axis for work in unseen], await live_of(unseen), strict=True)) if unseen else {}
+    seen |= dict(zip([work.axis for work in unseen], await read_live_sets(unseen), strict=True)) if unseen else {}
     for work in still:
-        await _proved(work, bases[work], places[work], faults, seen[work.axis])
+        await _prove_table(work, bases[work], places[work], faults, seen[work.axis])
 
 
-def _places(work: Work, base: LiveSet) -> tuple[float, ...]:
-    return proved_at(work.change.new, table_in(base, work.change.new), work.context.moved)
+def _proof_positions_of(work: TableTransactionState, base: LiveSet) -> tuple[float, ...]:
+    return proof_positions(work.change.new, table_in(base, work.change.new), work.context.moved)
 
 
-def proved_at(new: CompensationTable, old: LiveTable, axis: AxisRecord) -> tuple[float, ...]:
+def proof_positions(new: CompensationTable, old: LiveTable, axis: AxisRecord) -> tuple[float, ...]:
     """Where the input ``axis`` stops to prove that ``new`` acts in place of ``old``; pure."""
     return effect_positions(new, old, axis.room, axis.overrun)
 
 
-async def _proved(
-    work: Work, base: LiveSet, places: tuple[float, ...], faults: Faults, seen: LiveSet | None = None
+async def _prove_table(
+    work: TableTransactionState,
+    base: LiveSet,
+    places: tuple[float, ...],
+    faults: TableFaults,
+    seen: LiveSet | None = None,
 ) -> LiveSet | None:
     try:
-        live = await prove_effect(work, places, with_all(base, work.acting), seen)
+        live = await prove_effect(work, places, with_tables(base, work.acting), seen)
     except VerifyError as fault:
         if not work.of:
             raise
@@ -89,7 +92,9 @@ async def _proved(
     return live
 
 
-async def prove_effect(work: Work, positions: tuple[float, ...], base: LiveSet, seen: LiveSet | None = None) -> LiveSet:
+async def prove_effect(
+    work: TableTransactionState, positions: tuple[float, ...], base: LiveSet, seen: LiveSet | None = None
+) -> LiveSet:
     """Visit positions and compare what the controller says it applies with the table; then read all once more.
 
     What was read is returned. ``seen`` was read of its axis after all had been switched on: enough for a reversal.
@@ -97,49 +102,49 @@ async def prove_effect(work: Work, positions: tuple[float, ...], base: LiveSet, 
     """
     context, table = work.context, work.change.new
     if table.kind == "reversal":  # no control shows what it takes up: the value is read anew, its effect is measured
-        live = seen if seen is not None else await conversation.read_live(context)
-        _still_there(work, live, base)
+        live = seen if seen is not None else await controller_access.read_live_tables(context)
+        _require_still_live(work, live, base)
         await work.same_machine()
         return live
-    shown: list[_Shown] = []
+    shown: list[_ShownEffect] = []
 
     async def at_stop(stop: Stop, reached: StopReached) -> None:
-        shown.append(await _look(work, base, stop, reached))
+        shown.append(await _read_position(work, base, stop, reached))
 
     order = work.order(table, True, "table", work.whole.number)
     ask = ("P-PUSH-EFFECT", {"axis": context.moved.name, "count": len(positions)})
-    await conversation.visit(context, effect_plan(work, positions), at_stop, order, ask=ask)
-    work.effect = _judged(work, table, shown)
+    await controller_access.visit(context, effect_plan(work, positions), at_stop, order, ask=ask)
+    work.effect = _match_shown(work, table, shown)
     live = await context.controller.saved_tables(context.axis.name, context.proof)
-    _still_there(work, live, base)
+    _require_still_live(work, live, base)
     await work.same_machine()
     return live
 
 
-def effect_plan(work: Work, positions: tuple[float, ...]) -> StopPlan:
+def effect_plan(work: TableTransactionState, positions: tuple[float, ...]) -> StopPlan:
     """The stops of one proof of effect; no table is switched there."""
-    along = conversation.along_of(work.context)
+    along = controller_access.plan_axes(work.context)
     ends = work.agreeing_position if work.context.controller.capabilities.stops else None
-    return plan_to_prove(work.change.new, positions, along, ends)
+    return make_effect_plan(work.change.new, positions, along, ends)
 
 
-def plan_to_prove(
-    table: CompensationTable, positions: tuple[float, ...], along: conversation.Along, ends: float | None
+def make_effect_plan(
+    table: CompensationTable, positions: tuple[float, ...], along: controller_access.PlanAxes, ends: float | None
 ) -> StopPlan:
     """As `effect_plan`; ``ends`` is where old and new agree, None where no program of ours leads there. Pure."""
     # The input axis of a cross table ends where it disturbs the next table of the same output least.
     where = (*positions, ends) if table.kind == "cross" and ends is not None else positions
-    stops = conversation.stops_at(along.moved, where, both=bool(table.reverse), direction=table.direction)
-    return conversation.plan_along(along, "TFEFFECT", stops)
+    stops = controller_access.stops_at(along.moved, where, both=bool(table.reverse), direction=table.direction)
+    return controller_access.make_stop_plan(along, "TFEFFECT", stops)
 
 
-async def _look(work: Work, base: LiveSet, stop: Stop, reached: StopReached) -> _Shown:
+async def _read_position(work: TableTransactionState, base: LiveSet, stop: Stop, reached: StopReached) -> _ShownEffect:
     table = work.change.new
     if table.kind == "axis":
-        return _Shown(
+        return _ShownEffect(
             reached.target, (value_at(table, reached.target, reached.approach),), reached.encoder_compensation
         )
-    rest = (one.table for one in rest_of(aside(base, work.beside), table) if one.enabled)
+    rest = (one.table for one in other_cross_tables(without_tables(base, work.beside), table) if one.enabled)
     every = (table, *rest, *(one for one in work.acting if one.kind == "cross"))
     # One for a single direction of the axis that moves acts only where that axis came from.
     acting = [one for one in every if one.input_axis != table.input_axis or one.direction in (0, stop.approach)]
@@ -147,10 +152,10 @@ async def _look(work: Work, base: LiveSet, stop: Stop, reached: StopReached) -> 
     if len(acting) > 1:
         state = await work.context.controller.state()
         places = {name: axis.position for name, axis in state.axes.items()} | places
-    return _Shown(reached.target, sums(acting, places), reached.cross_compensation)
+    return _ShownEffect(reached.target, possible_sums(acting, places), reached.cross_compensation)
 
 
-def sums(acting: list[CompensationTable], places: Mapping[str, float]) -> tuple[float, ...]:
+def possible_sums(acting: list[CompensationTable], places: Mapping[str, float]) -> tuple[float, ...]:
     """What tables of one output may add up to: each alone; with products on top; factors by their products only."""
     alone = {table.index: value_at(table, places.get(table.input_axis, table.minimum)) for table in acting}
     plain = sum(alone.values())
@@ -166,7 +171,9 @@ def sums(acting: list[CompensationTable], places: Mapping[str, float]) -> tuple[
     return (plain + sum(products.values()), only)
 
 
-def _judged(work: Work, table: CompensationTable, shown: list[_Shown]) -> tuple[tuple[float, float, float], ...]:
+def _match_shown(
+    work: TableTransactionState, table: CompensationTable, shown: list[_ShownEffect]
+) -> tuple[tuple[float, float, float], ...]:
     """The first way of counting that fits everywhere. Raises VerifyError (E-PUSH-EFFECT)."""
     allowed = effect_tolerance(work, table)
     ways = range(max((len(one.expected) for one in shown), default=1))
@@ -183,18 +190,21 @@ def _judged(work: Work, table: CompensationTable, shown: list[_Shown]) -> tuple[
     raise VerifyError("E-PUSH-EFFECT", work.axis, unit=table.deviation_unit, **fields)
 
 
-def effect_tolerance(work: Work, table: CompensationTable) -> float:
+def effect_tolerance(work: TableTransactionState, table: CompensationTable) -> float:
     """How far the controller's own value may be from the table: last place, standing still, display."""
     return 2.0 * work.allowed + POSITION_SLACK * steepest(table) + SHOWN_SLACK
 
 
-def _still_there(work: Work, live: LiveSet, base: LiveSet) -> None:
+def _require_still_live(work: TableTransactionState, live: LiveSet, base: LiveSet) -> None:
     wanted, found = LiveTable(work.change.new, enabled=True), table_in(live, work.change.new)
     if not same_table(wanted, found, work.allowed):
         different = differences(wanted.table, found.table, work.allowed) or ("the switch is off",)
         raise VerifyError("E-PUSH-OVERWRITTEN", work.axis, axis=work.axis, first=different[0])
-    base, live = aside(base, work.siblings), aside(live, work.siblings)  # each of those is proved by itself
-    switches = [one.enabled for one in rest_of(base, wanted.table)]
-    again = [one.enabled for one in rest_of(live, wanted.table)]
-    if not same_rest(base, live, wanted.table, work.allowed) or switches != again:
+    base, live = (
+        without_tables(base, work.siblings),
+        without_tables(live, work.siblings),
+    )  # each of those is proved by itself
+    switches = [one.enabled for one in other_cross_tables(base, wanted.table)]
+    again = [one.enabled for one in other_cross_tables(live, wanted.table)]
+    if not same_other_tables(base, live, wanted.table, work.allowed) or switches != again:
         raise VerifyError("E-PUSH-COUPLED", work.axis, axis=work.axis)

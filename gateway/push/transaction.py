@@ -8,49 +8,71 @@ and proved by itself. A failure after the first half was prepared leads back to 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import replace
+import asyncio
+import contextlib
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
 
 from drivers.errors import TrueflankError
 from drivers.message import Message
-from drivers.types.tables import LiveSet
+from drivers.types.abilities import Marker, TableLimits
+from drivers.types.tables import LiveSet, LiveTable
 from gateway.domain.outcomes import PushRecord
 from gateway.domain.proposals import TableChange
 from gateway.errors import StoreError, VerifyError
 from gateway.events import PushEnded
-from gateway.interlocks import MAX_JUMP, Refusal
-from gateway.interlocks.facts import no
-from gateway.push import conversation
-from gateway.push.asking import NOTHING, Asked, ask, refused, still_allowed, under_key, waiting
-from gateway.push.beginning import Task, abort, begun
-from gateway.push.context import PushContext
-from gateway.push.effect import prove_all
-from gateway.push.loading import Faults, TableLoad, load, release
-from gateway.push.places import common_places
-from gateway.push.plan import plan_hash
-from gateway.push.readback import leave_out
-from gateway.push.records import journal
-from gateway.push.records.lock import machine_lock
-from gateway.push.records.phases import PushEvent, PushPhase
-from gateway.push.records.replaying import replaying
-from gateway.push.records.steps import noted_step
-from gateway.push.snapshot import already, snapshot
-from gateway.push.undo.leasing import leased
-from gateway.push.undo.restoring import all_back, still_held
-from gateway.push.unexpected import foreseen, unheard
-from gateway.push.work import Outcome, Work, note_all
+from gateway.interlocks import MAX_JUMP, Refusal, refuse
+from gateway.push import controller_access, journal
+from gateway.push.compare import table_facts
+from gateway.push.context import PushContext, plan_hash
+from gateway.push.effect import prove_effects
+from gateway.push.journal import ReplayedJournal, is_replaying, machine_lock, replayed_value
+from gateway.push.load import (
+    TableFaults,
+    TableLoad,
+    is_already_live,
+    leave_out_live,
+    load_tables,
+    release_tables,
+    take_snapshot,
+)
+from gateway.push.phases import PushEvent, PushPhase, step_with_facts
+from gateway.push.preflight import (
+    NOTHING,
+    PreflightResult,
+    common_positions,
+    journals_under_key,
+    pending_transaction,
+    refusals_with_live,
+    refused_record,
+    run_preflight,
+)
+from gateway.push.recovery_findings import marker_before
+from gateway.push.restore import keep_marker_held, roll_back_all
+from gateway.push.state import (
+    Outcome,
+    Purpose,
+    TableTransactionState,
+    Transaction,
+    mute_during_replay,
+    note_together,
+    number_seed,
+    with_safe_logger,
+    wrap_unexpected,
+)
 
-_ENDED: dict[PushPhase, Outcome] = {
+_EARLIER_OUTCOMES: dict[PushPhase, Outcome] = {
     PushPhase.COMMITTED: "committed",
     PushPhase.ROLLED_BACK: "rolled-back",
     PushPhase.CLOSED: "rolled-back",
 }
-Wish = tuple[TableChange, PushContext]
-Stays = Callable[[Sequence[TableChange]], bool]
+TableRequest = tuple[TableChange, PushContext]
+PartialCommitPolicy = Callable[[Sequence[TableChange]], bool]
 """Whether these tables alone are predicted to leave the machine no worse than none of the transaction would."""
 
 
-def _alone_is_fine(_changes: Sequence[TableChange]) -> bool:
+def _allow_partial_commit(_changes: Sequence[TableChange]) -> bool:
     return True
 
 
@@ -63,7 +85,9 @@ async def push_table(change: TableChange, context: PushContext) -> PushRecord:
     return record
 
 
-async def push_tables(wishes: Sequence[Wish], stays: Stays = _alone_is_fine) -> tuple[PushRecord, ...]:
+async def push_tables(
+    wishes: Sequence[TableRequest], stays: PartialCommitPolicy = _allow_partial_commit
+) -> tuple[PushRecord, ...]:
     """Push tables of one machine in one transaction; a record for each, in order.
 
     Several are handed over together only where the control takes them so (`Capabilities.together`). When one fails,
@@ -79,73 +103,76 @@ async def push_tables(wishes: Sequence[Wish], stays: Stays = _alone_is_fine) -> 
             why = (change.skipped,)
             found[place] = PushRecord(0, change.axis, outcome="skipped", steps=why, backup_path="", reasons=why)
     if asked:
-        with foreseen(", ".join(dict.fromkeys(change.axis for change, _ in asked.values()))):
-            quiet = [(change, unheard(context)) for change, context in asked.values()]
-            found |= dict(zip(asked, await _pushed(quiet, stays), strict=True))
+        with wrap_unexpected(", ".join(dict.fromkeys(change.axis for change, _ in asked.values()))):
+            quiet = [(change, with_safe_logger(context)) for change, context in asked.values()]
+            found |= dict(zip(asked, await _push_locked(quiet, stays), strict=True))
     return tuple(found[place] for place in range(len(wishes)))
 
 
-async def _pushed(wishes: Sequence[Wish], stays: Stays) -> tuple[PushRecord, ...]:
+async def _push_locked(wishes: Sequence[TableRequest], stays: PartialCommitPolicy) -> tuple[PushRecord, ...]:
     context = wishes[0][1]
     with machine_lock(journal.machine_folder(context.journals, context.machine.serial)):
-        earlier = tuple(_same_again(change, one) for change, one in wishes)
+        earlier = tuple(_earlier_record(change, one) for change, one in wishes)
         known = tuple(record for record in earlier if record is not None)
         if len(known) == len(wishes):
             return known
-        if (waits := waiting(context)) is not None:
-            return await _all_of(await leased(wishes, waits), stays, waits)
-        places = common_places(wishes)
-        answers = [await _answer(change, one, places[one.moved.name]) for change, one in wishes]
-        if any(_against(asked) for asked in answers):
-            return _all_refused(wishes, answers)
+        if (waits := pending_transaction(context)) is not None:
+            return await _run_transaction(await resume_transaction(wishes, waits), stays, waits)
+        places = common_positions(wishes)
+        answers = [await _preflight_table(change, one, places[one.moved.name]) for change, one in wishes]
+        if any(_is_refused(asked) for asked in answers):
+            return _refuse_all(wishes, answers)
         tasks = [
-            Task(change, one, asked.limits, agreeing_position=asked.agreeing_position or 0.0, marker=asked.marker)
+            AdmittedTable(
+                change, one, asked.limits, agreeing_position=asked.agreeing_position or 0.0, marker=asked.marker
+            )
             for (change, one), asked in zip(wishes, answers, strict=True)
         ]
-        return await _all_of(tasks, stays)
+        return await _run_transaction(tasks, stays)
 
 
-async def _all_of(
-    tasks: Sequence[Task], stays: Stays, waits: journal.JournalRead | None = None
+async def _run_transaction(
+    tasks: Sequence[AdmittedTable], stays: PartialCommitPolicy, waits: journal.JournalRead | None = None
 ) -> tuple[PushRecord, ...]:
-    with begun(tasks, "table", waits) as works:
-        ended = await _push(works, stays)
+    with open_transaction(tasks, "table", waits) as works:
+        ended = await _push_admitted(works, stays)
         for outcome in dict.fromkeys(ended[work] for work in works):
             names = ", ".join(work.change.name for work in works if ended[work] == outcome)
             PushEnded(names, outcome).tell(tasks[0].context.say)
         return tuple(work.record(ended[work], told=True) for work in works)
 
 
-async def _answer(change: TableChange, context: PushContext, place: float | None) -> Asked:
+async def _preflight_table(change: TableChange, context: PushContext, place: float | None) -> PreflightResult:
     """What speaks against it; no place that suits all tables of the input axis does (E-INT-NOWHERE)."""
-    asked = await ask(change, context, "table", place=place)
+    asked = await run_preflight(change, context, "table", place=place)
     if place is not None or asked.agreeing_position is None:
         return asked
     told = {"axis": change.axis, "limit": MAX_JUMP, "unit": change.new.deviation_unit}
-    return replace(asked, agreeing_position=None, refusals=(*asked.refusals, *no("E-INT-NOWHERE", **told)))
+    return replace(asked, agreeing_position=None, refusals=(*asked.refusals, *refuse("E-INT-NOWHERE", **told)))
 
 
-def _against(asked: Asked) -> bool:
+def _is_refused(asked: PreflightResult) -> bool:
     return asked.agreeing_position is None or any(refusal.code != NOTHING for refusal in asked.refusals)
 
 
-def _all_refused(wishes: Sequence[Wish], answers: Sequence[Asked]) -> tuple[PushRecord, ...]:
+def _refuse_all(wishes: Sequence[TableRequest], answers: Sequence[PreflightResult]) -> tuple[PushRecord, ...]:
     """What speaks against one speaks against all: they would go together."""
     each = [tuple(one for one in asked.refusals if one.code != NOTHING) for asked in answers]
     rest = tuple({refusal.words: refusal for reasons in each for refusal in reasons}.values())
     return tuple(
-        refused(context, change.axis, reasons or rest) for (change, context), reasons in zip(wishes, each, strict=True)
+        refused_record(context, change.axis, reasons or rest)
+        for (change, context), reasons in zip(wishes, each, strict=True)
     )
 
 
-def _same_again(change: TableChange, context: PushContext) -> PushRecord | None:
+def _earlier_record(change: TableChange, context: PushContext) -> PushRecord | None:
     """The answer already given under this key to this very plan, if that push ended."""
     plan = plan_hash(change, context.machine)
-    found = next((part for part in under_key(context) if part.latest("plan") == plan), None)
-    outcome = _ENDED.get(found.state.phase) if found is not None else None
+    found = next((part for part in journals_under_key(context) if part.latest("plan") == plan), None)
+    outcome = _EARLIER_OUTCOMES.get(found.state.phase) if found is not None else None
     if found is None or outcome is None:
         return None
-    steps = tuple(noted_step(one.kind, str(one.facts.get("utc", "")), {}) for one in found.entries)
+    steps = tuple(step_with_facts(one.kind, str(one.facts.get("utc", "")), {}) for one in found.entries)
     shown = tuple((float(one[0]), float(one[1]), float(one[2])) for one in found.latest("shown") or ())
     return PushRecord(
         found.number,
@@ -158,31 +185,41 @@ def _same_again(change: TableChange, context: PushContext) -> PushRecord | None:
     )
 
 
-async def _push(works: Sequence[Work], stays: Stays) -> dict[Work, Outcome]:
+async def _push_admitted(
+    works: Sequence[TableTransactionState], stays: PartialCommitPolicy
+) -> dict[TableTransactionState, Outcome]:
     try:
-        with foreseen(_names(works)):
-            bases = dict(zip(works, await snapshot(works), strict=True))
+        with wrap_unexpected(_names(works)):
+            bases = dict(zip(works, await take_snapshot(works), strict=True))
             brought = {work.context.moved.name: work.agreeing_position for work in works}
-            reasons = {work: await still_allowed(work, bases[work], brought) for work in works}
+            reasons = {work: await refusals_with_live(work, bases[work], brought) for work in works}
     except TrueflankError as error:
         abort(works, error.message)
         raise
-    there: dict[Work, Outcome] = {work: "already-applied" for work in works if already(work, bases[work])}
+    there: dict[TableTransactionState, Outcome] = {
+        work: "already-applied" for work in works if is_already_live(work, bases[work])
+    }
     abort(tuple(there), Message.of("W-PUSH-ALREADY"))
     left = tuple(work for work in works if work not in there)
-    if not left or (any(reasons[work] for work in left) and not replaying(left[0].whole.journal)):
+    if not left or (any(reasons[work] for work in left) and not is_replaying(left[0].whole.journal)):
         return there | _refuse(left, reasons)
     _leave_out(left, there, bases)
     return there | await _exchange(left, bases, stays)
 
 
-def _leave_out(left: Sequence[Work], there: dict[Work, Outcome], bases: dict[Work, LiveSet]) -> None:
+def _leave_out(
+    left: Sequence[TableTransactionState],
+    there: dict[TableTransactionState, Outcome],
+    bases: dict[TableTransactionState, LiveSet],
+) -> None:
     """A table that is live already is no part of what is sent: it stands beside as any other of its axis does."""
     for work in left:
-        leave_out(work, there, bases[work])
+        leave_out_live(work, there, bases[work])
 
 
-def _refuse(works: Sequence[Work], reasons: dict[Work, tuple[Refusal, ...]]) -> dict[Work, Outcome]:
+def _refuse(
+    works: Sequence[TableTransactionState], reasons: dict[TableTransactionState, tuple[Refusal, ...]]
+) -> dict[TableTransactionState, Outcome]:
     every = tuple(reason for work in works for reason in reasons[work])
     for work in works:
         told = reasons[work] or every
@@ -194,26 +231,30 @@ def _refuse(works: Sequence[Work], reasons: dict[Work, tuple[Refusal, ...]]) -> 
     return dict.fromkeys(works, "refused")
 
 
-async def _exchange(works: Sequence[Work], bases: dict[Work, LiveSet], stays: Stays) -> dict[Work, Outcome]:
+async def _exchange(
+    works: Sequence[TableTransactionState], bases: dict[TableTransactionState, LiveSet], stays: PartialCommitPolicy
+) -> dict[TableTransactionState, Outcome]:
     """Write, and commit what is proved; what is not goes back, and with it all where the rest may not stay."""
-    faults: Faults = {}
-    ended: dict[Work, Outcome] = {}
+    faults: TableFaults = {}
+    ended: dict[TableTransactionState, Outcome] = {}
     try:
-        with foreseen(_names(works)):
+        with wrap_unexpected(_names(works)):
             await _write(works, bases, faults, stays)
     except TrueflankError as failure:
         if all(work.marked is None for work in works):  # nothing was sent: nothing to take back
             abort(works, failure.message)
             raise
-        return await all_back(works, failure.message)
+        return await roll_back_all(works, failure.message)
     good = tuple(work for work in works if work not in faults)
     for work, fault in faults.items():
-        ended |= await all_back((work,), fault.message)
-    why = await _disturbed(good, ended) if faults else None
-    return ended | (await all_back(good, why) if why else await _committed(good, ended))
+        ended |= await roll_back_all((work,), fault.message)
+    why = await _reason_to_doubt(good, ended) if faults else None
+    return ended | (await roll_back_all(good, why) if why else await _commit(good, ended))
 
 
-async def _disturbed(good: Sequence[Work], ended: dict[Work, Outcome]) -> Message | None:
+async def _reason_to_doubt(
+    good: Sequence[TableTransactionState], ended: dict[TableTransactionState, Outcome]
+) -> Message | None:
     """Why the tables that were proved are in doubt, after others of theirs went back; None if they are not.
 
     A way back switches an output axis' cross tables off and on again, so these are read once more.
@@ -221,35 +262,42 @@ async def _disturbed(good: Sequence[Work], ended: dict[Work, Outcome]) -> Messag
     if any(outcome != "rolled-back" for outcome in ended.values()):
         return Message.of("W-PUSH-REST-HELD")
     try:
-        with foreseen(_names(good)):
+        with wrap_unexpected(_names(good)):
             for work in good:
-                live = await conversation.read_live(work.context) if work.beside else None
-                if live is not None and not already(work, live):
+                live = await controller_access.read_live_tables(work.context) if work.beside else None
+                if live is not None and not is_already_live(work, live):
                     return Message.of("W-PUSH-REST-LOST", name=work.name)
     except TrueflankError as error:
         return error.message
     return None
 
 
-async def _committed(works: Sequence[Work], ended: dict[Work, Outcome]) -> dict[Work, Outcome]:
+async def _commit(
+    works: Sequence[TableTransactionState], ended: dict[TableTransactionState, Outcome]
+) -> dict[TableTransactionState, Outcome]:
     """The marker, then one line of the journal for all. A failure before that leads back; raises StoreError."""
     try:
-        with foreseen(_names(works)):
+        with wrap_unexpected(_names(works)):
             await works[0].finish("committed")
-            note_all(works, PushEvent.COMMITTED)
+            note_together(works, PushEvent.COMMITTED)
     except StoreError:
         raise
     except TrueflankError as failure:
-        return await all_back(works, failure.message)
-    await still_held({**ended, works[0]: "committed"})
+        return await roll_back_all(works, failure.message)
+    await keep_marker_held({**ended, works[0]: "committed"})
     return dict.fromkeys(works, "committed")
 
 
-def _names(works: Sequence[Work]) -> str:
+def _names(works: Sequence[TableTransactionState]) -> str:
     return ", ".join(work.name for work in works)
 
 
-async def _write(works: Sequence[Work], bases: dict[Work, LiveSet], faults: Faults, stays: Stays) -> None:
+async def _write(
+    works: Sequence[TableTransactionState],
+    bases: dict[TableTransactionState, LiveSet],
+    faults: TableFaults,
+    stays: PartialCommitPolicy,
+) -> None:
     """Both halves and the proof of each. What fails of one table alone joins ``faults``, if the others may stay.
 
     Raises VerifyError (E-PUSH-LAYER, or the fault itself where it is the only table) when they may not.
@@ -257,18 +305,20 @@ async def _write(works: Sequence[Work], bases: dict[Work, LiveSet], faults: Faul
     loads = tuple(
         TableLoad(work, work.order(work.change.new, True, "table", work.whole.number), bases[work]) for work in works
     )
-    faults |= await load(loads)
-    _may_stay(works, faults, stays)
+    faults |= await load_tables(loads)
+    _require_partial_commit(works, faults, stays)
     passed = tuple(one for one in loads if one.work not in faults)
     for one in passed:
         tables = {other.work.change.new for other in passed}
         one.work.acting = tuple(table for table in one.work.beside if table in tables)
-    await release(passed, tuple(one.order for one in loads))
-    await prove_all([one.work for one in passed], bases, faults)
-    _may_stay(works, faults, stays)
+    await release_tables(passed, tuple(one.order for one in loads))
+    await prove_effects([one.work for one in passed], bases, faults)
+    _require_partial_commit(works, faults, stays)
 
 
-def _may_stay(works: Sequence[Work], faults: Faults, stays: Stays) -> None:
+def _require_partial_commit(
+    works: Sequence[TableTransactionState], faults: TableFaults, stays: PartialCommitPolicy
+) -> None:
     if not faults:
         return
     good = [work.change for work in works if work not in faults]
@@ -279,3 +329,142 @@ def _may_stay(works: Sequence[Work], faults: Faults, stays: Stays) -> None:
     if not stays(good):
         raise VerifyError("E-PUSH-LAYER", failed, failed=failed, names=names, why=first.message)
     works[0].context.say("P-PUSH-REST-STAYS", names=names, failed=failed, why=first.message)
+
+
+# A transaction's begin and end on the disk: number, journal, what each table is, and the journal set aside.
+
+
+@dataclass(frozen=True, slots=True)
+class AdmittedTable:
+    """One table that nothing speaks against: where its input axis must stand, and the control's marker until then."""
+
+    change: TableChange
+    context: PushContext
+    limits: TableLimits
+    agreeing_position: float
+    marker: Marker | None = None
+
+
+@contextmanager
+def open_transaction(
+    tasks: Sequence[AdmittedTable], purpose: Purpose, waits: journal.JournalRead | None = None
+) -> Iterator[tuple[TableTransactionState, ...]]:
+    """A new transaction for all these tables of one machine: number, journal, each table's first entry.
+
+    With ``waits``, its journal, one that was begun before goes on. The journal is set aside once every table has ended.
+    """
+    context = tasks[0].context
+    folder = journal.machine_folder(context.journals, context.machine.serial)
+    journal.set_ended_aside(folder, context.log.begun if context.log is not None else None)
+    number = waits.number if waits is not None else journal.allocate_number(folder, number_seed(context))
+    kept = ReplayedJournal.follow(waits) if waits is not None else journal.Journal.create(folder, number)
+    before = tasks[0].marker
+    whole = Transaction(folder, kept, number, purpose=purpose, before=before)
+    works = tuple(_table_state(whole, task, tasks) for task in tasks)
+    with close_at_end(works):
+        for work in works:
+            _note_first_entry(work)
+        _announce_to_audit(works)
+        yield works
+
+
+def _table_state(whole: Transaction, task: AdmittedTable, tasks: Sequence[AdmittedTable]) -> TableTransactionState:
+    change = task.change
+    others = [other.change for other in tasks if other is not task]
+    return TableTransactionState(
+        mute_during_replay(task.context, whole.journal),
+        whole,
+        change=change,
+        limits=task.limits,
+        agreeing_position=task.agreeing_position,
+        restore_to=LiveTable(change.old, change.old_enabled),
+        of=change.name if len(tasks) > 1 else "",
+        beside=tuple(other.new for other in others if other.axis == change.axis),
+        along=tuple(other.new for other in others if other.axis != change.axis),
+    )
+
+
+def _note_first_entry(work: TableTransactionState) -> None:
+    context, change = work.context, work.change
+    work.note(
+        PushEvent.LEASED,
+        transaction=work.whole.number,
+        purpose=work.whole.purpose,
+        axis=change.axis,
+        serial=context.machine.serial,
+        old=table_facts(change.old),
+        old_enabled=change.old_enabled,
+        new=table_facts(change.new),
+        base_digest=change.base_digest,
+        place=work.agreeing_position,
+        plan=plan_hash(change, context.machine),
+        key=context.key,
+        actor=context.actor,
+        approved_by=sorted({approval.actor for approval in context.approvals}),
+        sign=context.sense,
+        consent=_consent_id(context),
+    )
+
+
+def _consent_id(context: PushContext) -> str:
+    """The same for every transaction that one consent leads to: its run and when that push began; else ""."""
+    return f"{context.run_id} {context.consent_utc.isoformat()}" if context.run_id and context.consent_utc else ""
+
+
+def _announce_to_audit(works: Sequence[TableTransactionState]) -> None:
+    """The audit log knows of each table before anything is sent, and the journal names the log's line.
+
+    Raises CorruptRecord, BusyError, StoreError: then nothing is sent.
+    """
+    try:
+        for work in works:
+            if work.context.log is not None:
+                said = replayed_value(work.whole.journal, PushEvent.AUDITED, "audit")
+                work.note(PushEvent.AUDITED, audit=said or work.context.log.begin(work.whole.number, work.change))
+    except TrueflankError as error:
+        abort(works, error.message)
+        raise
+
+
+def abort(works: Sequence[TableTransactionState], why: Message) -> None:
+    """Nothing was written for these tables, and nothing will be."""
+    for work in works:
+        work.note(PushEvent.ABORTED, why=why)
+
+
+@contextmanager
+def close_at_end(works: Sequence[TableTransactionState]) -> Iterator[None]:
+    """Let go of the journal's file, and move the journal to `done` when the last entry of each table is final.
+
+    A disk that refuses here changes nothing of how the push ended: the journal is read and moved later.
+    """
+    kept = works[0].whole.journal
+    try:
+        yield
+    except asyncio.CancelledError:
+        for work in works:
+            if not work.state.phase.final:
+                work.stopped()
+        raise
+    finally:
+        kept.close()
+    with contextlib.suppress(StoreError):
+        if journal.read(kept.path).finished:
+            journal.set_aside(kept.path)
+
+
+# What a transaction that goes on was begun with, by its journal.
+
+
+async def resume_transaction(
+    wishes: Sequence[tuple[TableChange, PushContext]], waits: journal.JournalRead
+) -> list[AdmittedTable]:
+    """The tasks of a transaction that goes on, as its journal has them: nothing spoke against them then."""
+    controller = wishes[0][1].controller
+    marker = marker_before(waits) or (await controller.marker() if controller.capabilities.marker else None)
+    tasks: list[AdmittedTable] = []
+    for change, context in wishes:
+        limits = await controller.table_limits(change.axis, change.new.kind, change.new.index)
+        place = float(waits.part(change.name if len(wishes) > 1 else "").entries[0].facts["place"])
+        tasks.append(AdmittedTable(change, context, limits, agreeing_position=place, marker=marker))
+    return tasks

@@ -5,10 +5,17 @@ from __future__ import annotations
 from typing import Any
 
 from gateway import audit
-from gateway.push.records.history import Committed, consent_set, every_push
-from gateway.push.records.holding import TableState, held_pushes, table_states
-from gateway.push.records.journal import JOURNALS
-from gateway.push.records.preview import by_senses, previews
+from gateway.push import (
+    JOURNALS,
+    CommittedPush,
+    TableState,
+    all_pushes,
+    consent_set,
+    held_pushes,
+    rollback_previews,
+    sense_conversion,
+    table_states,
+)
 from gateway.store import Store
 from gateway.store.proofs import Proofs
 
@@ -18,7 +25,7 @@ def standing_tables(store: Store, serial: str) -> dict[str, Any]:
 
     ``settled`` is false while anything must be put right before the next push.
     """
-    journals, known = store.root / JOURNALS, audit.standing(store.root, serial)
+    journals, known = store.root / JOURNALS, audit.read_log_state(store.root, serial)
     looks = {name: (utc, known.kinds.get(name, "differs")) for name, utc in known.looked.items()}
     states, held = table_states(journals, serial, looks), held_pushes(journals)
     rolling = _Rollbacks(store, serial)
@@ -37,15 +44,15 @@ class _Rollbacks:
 
     def __init__(self, store: Store, serial: str) -> None:
         proofs, journals = Proofs(store.root), store.root / JOURNALS
-        self._kept = every_push(journals, serial)
-        self._pushes = every_push(journals, serial, by_senses(lambda axis: proofs.sense_of(serial, axis)))
+        self._kept = all_pushes(journals, serial)
+        self._pushes = all_pushes(journals, serial, sense_conversion(lambda axis: proofs.sense_of(serial, axis)))
 
     def of(self, asked: str) -> dict[str, Any]:
         """``back`` are the tables with names and moves, ``stays`` tables of the same consent that go on acting."""
         found = consent_set(self._pushes, asked)
         if found is None:
             return {"back": [], "stays": []}
-        back = [one.as_data() for one in previews(self._kept, found).values()]
+        back = [one.as_data() for one in rollback_previews(self._kept, found).values()]
         return {"back": back, "stays": [one.table for one in found.rest]}
 
 
@@ -65,7 +72,7 @@ def _state(state: TableState, rolling: _Rollbacks) -> dict[str, Any]:
     return told | rolling.of(state.axis) | _points(state.push)
 
 
-def _points(push: Committed | None) -> dict[str, Any]:
+def _points(push: CommittedPush | None) -> dict[str, Any]:
     """An axis' own table with its points; a cross table's are kept in the control's sense, so they stay out."""
     if push is None:
         return {"kind": "", "unit": ""}

@@ -5,8 +5,7 @@ from __future__ import annotations
 from drivers.local.names import is_file_name
 from gateway.domain.outcomes import ActingCheck, Verdict
 from gateway.errors import CorruptRecord, RecordNotFound, StoreError
-from gateway.push.records.holding import held_pushes
-from gateway.push.records.journal import JOURNALS
+from gateway.push import JOURNALS, held_pushes
 from gateway.store import RunFolder, Store
 from gateway.store.disk import read_whole
 from gateway.store.folder import RUN_FILE

@@ -77,7 +77,7 @@ def run_facts(request: Request, site: str, run: str) -> dict[str, Any]:
     at = site_of(request, site)
     folder = run_of(at, run)
     facts = {key: value for key, value in folder.facts.items() if key not in ("plan", "errors")}
-    notes = [one for one in audit.entries(at.store.root) if _is_note(one, folder.run_id)]
+    notes = [one for one in audit.read_entries(at.store.root) if _is_note(one, folder.run_id)]
     return {**facts, "run_id": folder.run_id, "errors": [dict(one) for one in folder.errors], "notes": notes}
 
 
@@ -119,7 +119,7 @@ def report(request: Request, site: str, run: str) -> Response:
 def audit_log(request: Request, site: str, last: Annotated[int, Query(ge=1, le=1000)] = 100) -> dict[str, Any]:
     """The newest records of who did what, oldest first, and whether each is as it was written."""
     root = site_of(request, site).store.root
-    return {"records": list(deque(audit.entries(root), maxlen=last)), "head": audit.head_now(root)}
+    return {"records": list(deque(audit.read_entries(root), maxlen=last)), "head": audit.current_head(root)}
 
 
 @routes.get("/sites/{site}/tables")

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from drivers.clock import Clock
-from gateway.approve import risking
+from gateway.approve import take_risk
 from gateway.config import SiteFile
 from gateway.correct.outlook.next_setup import Tooth
 from gateway.domain.proposals import Approval
@@ -65,7 +65,7 @@ def close(at: ServedSite, clock: Clock, body: bodies.Close, resume: RunFolder | 
     async def work(say: Say) -> object:
         asked: dict[str, Any] = {"apply": body.apply, "machine_name": body.machine, "resume": resume}
         asked["back"] = not body.keep_worse
-        with risking(body.risk):
+        with take_risk(body.risk):
             return await close_site(at.site, at.path, clock=clock, say=say, **asked)
 
     return work
@@ -75,7 +75,7 @@ def push(folder: RunFolder, clock: Clock, body: bodies.Push) -> Work:
     """A stored proposal shown, or written."""
 
     async def work(say: Say) -> object:
-        with risking(body.risk):
+        with take_risk(body.risk):
             return await push_run(folder, apply=body.apply, machine_name=body.machine, clock=clock, say=say)
 
     return work

@@ -13,9 +13,7 @@ from drivers.types.orders import SignProof
 from drivers.types.tables import CompensationTable, LiveSet
 from gateway import audit
 from gateway.errors import StoreError
-from gateway.push.compare import table_in, tolerance
-from gateway.push.records.history import Committed, committed, pushed_tables
-from gateway.push.records.journal import JOURNALS
+from gateway.push import JOURNALS, CommittedPush, committed_pushes, pushed_tables, table_in, tolerance
 from gateway.store import Store
 from gateway.table.threeway import ThreeWay, compare
 from gateway.workflow.bench import Bench
@@ -30,7 +28,7 @@ class PushedTable:
     ``meant`` gives a live set by the proof that the push is known by.
     """
 
-    push: Committed
+    push: CommittedPush
     meant: Callable[[LiveSet], LiveSet]
     allowed: float
 
@@ -86,7 +84,7 @@ async def expected_of(at: Bench, axis: str = "") -> tuple[PushedTable, ...]:
 async def _expected(at: Bench, name: str, proof: SignProof | None) -> PushedTable:
     controller = at.supervisor.controller
     meant = partial(controller.table_by, proof=proof)
-    last = committed(at.store.root / JOURNALS, at.machine.serial, name, meant)[-1]
+    last = committed_pushes(at.store.root / JOURNALS, at.machine.serial, name, meant)[-1]
     shape = last.new.table
     limits = await controller.table_limits(shape.output_axis, shape.kind, shape.index)
     return PushedTable(last, partial(controller.tables_by, proof=proof), tolerance(limits, shape))
@@ -151,7 +149,7 @@ def standing_alarms(at: Bench, axis: str = "") -> tuple[str, ...]:
     return alarms_of(known, axis) if axis else every_alarm(known)
 
 
-def every_alarm(known: audit.Standing) -> tuple[str, ...]:
+def every_alarm(known: audit.LogState) -> tuple[str, ...]:
     """All alarms of a machine: tables that are not as pushed, and a marker that could not be written, with its code."""
     lost = (f"W-PUSH-MARKER: {words('W-PUSH-MARKER', **known.marker_lost)}",) if known.marker_lost else ()
     return (*known.alarms.values(), *lost)
@@ -161,7 +159,7 @@ def due(store: Store, serial: str, now: datetime, hour: int) -> tuple[str, ...]:
     """Tables that no look has met since the last ``hour`` o'clock (UTC). Raises StoreError."""
     last = now.replace(hour=hour, minute=0, second=0, microsecond=0)
     last = last if last <= now else last - timedelta(days=1)
-    looked = audit.standing(store.root, serial).looked
+    looked = audit.read_log_state(store.root, serial).looked
     names = pushed_tables(store.root / JOURNALS, serial)
     return tuple(name for name in names if not _since(looked.get(name, ""), last))
 
@@ -177,9 +175,9 @@ class StandingAlarms:
     def __call__(self) -> tuple[str, ...]:
         """What stands now; a log that cannot be read is an alarm of its own."""
         try:
-            as_of = audit.size(self._root)
+            as_of = audit.file_sizes(self._root)
             if as_of != self._as_of:
-                known = audit.standing(self._root, self._serial)
+                known = audit.read_log_state(self._root, self._serial)
                 self._alarms, self._as_of = every_alarm(known), as_of
         except StoreError as error:
             return (str(error),)

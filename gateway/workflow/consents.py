@@ -12,8 +12,7 @@ from gateway.approve import Approvals
 from gateway.domain.outcomes import PushRecord
 from gateway.domain.proposals import Approval, Proposal, TableChange
 from gateway.errors import CorruptRecord, WriteRefused
-from gateway.push import PushContext, plan_hash
-from gateway.push.compare import table_facts
+from gateway.push import PushContext, plan_hash, table_facts
 from gateway.store import RunFolder
 from gateway.store.records import canonical, sha256
 from gateway.workflow import stages
@@ -35,7 +34,7 @@ def consented(at: Bench, change: TableChange, context: PushContext, taken: Taken
     digests = {approval: Approvals.digest(approval) for approval in approvals}
     return replace(
         context,
-        actor=audit.person(),
+        actor=audit.acting_person(),
         approvals=approvals,
         audit_broken=audit_problem(at),
         log=log,
@@ -60,18 +59,18 @@ def audit_problem(at: Bench) -> str:
     root = at.store.root
     try:
         heads = anchors(root, at.machine.serial, at.folder.anchor)
-        problem = audit.check(root, heads).problem
+        problem = audit.check_log(root, heads).problem
     except CorruptRecord as error:
         return str(error)
     return problem.words if problem is not None else ""
 
 
-def alarms_of(known: audit.Standing, axis: str) -> tuple[str, ...]:
+def alarms_of(known: audit.LogState, axis: str) -> tuple[str, ...]:
     """What stands against the tables of an axis."""
     return tuple(told for table, told in known.alarms.items() if spoken().axis_of(table) == axis)
 
 
-def _is_proposed(at: Bench, change: TableChange, known: audit.Standing, context: PushContext) -> bool:
+def _is_proposed(at: Bench, change: TableChange, known: audit.LogState, context: PushContext) -> bool:
     """Whether the log holds this plan's proposal as it is stored, made of the very capture it is judged by."""
     folder = at.folder
     if not folder.has(stages.PROPOSAL):
@@ -108,7 +107,9 @@ def take_up(at: Bench, proposal: Proposal) -> dict[str, Taken]:
     for change in proposal.changes:
         fresh = () if change.skipped else _unused(at, change)
         approvals = tuple(one for one in fresh if Approvals.digest(one) not in known.used)
-        Approvals(at.folder.path).use(approvals, f"push of {change.name} by {audit.person()} at {now.isoformat()}")
+        Approvals(at.folder.path).use(
+            approvals, f"push of {change.name} by {audit.acting_person()} at {now.isoformat()}"
+        )
         for approval in approvals:
             _used(at, change, approval)
         held[change.name] = Taken(approvals, now)
@@ -212,7 +213,7 @@ def proposed(at: Bench, proposal: Proposal) -> str:
             audit.note(at.store.root, "propose-nothing", clock=at.clock, serial=at.machine.serial, details=told)
         ]
     if not any(problems):
-        at.folder.set_anchor(audit.head_now(at.store.root))
+        at.folder.set_anchor(audit.current_head(at.store.root))
     return next((one for one in problems if one), "")
 
 

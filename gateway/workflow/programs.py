@@ -24,12 +24,17 @@ from gateway.axes import AxisRecord
 from gateway.capture.targets import plan_of
 from gateway.config import AxisSection, SiteFile
 from gateway.domain.proposals import Proposal, TableChange
-from gateway.push.conversation import Along
-from gateway.push.effect import plan_to_prove, proved_at
-from gateway.push.places import Moved, places_of, transactions
-from gateway.push.proofs.switching import TIMES
-from gateway.push.readback import others_on
-from gateway.push.trials import triangle_of
+from gateway.push import (
+    TIMES,
+    MovedTable,
+    PlanAxes,
+    make_effect_plan,
+    other_tables_enabled,
+    positions_of,
+    proof_positions,
+    transaction_groups,
+    triangle_for_axes,
+)
 from gateway.store.proofs import Proofs
 from gateway.store.selftests import SelfTestBook
 from gateway.tooth import SetupValues, ToothProposal
@@ -148,7 +153,7 @@ def _loaded(site: SiteFile, proposal: Proposal | None) -> tuple[CompensationTabl
 
 def _triangle(axis: AxisSection) -> tuple[CompensationTable, float]:
     facts, grid = axis.facts, axis.table
-    return triangle_of(facts, facts, minimum=grid.minimum, maximum=grid.maximum, step=grid.step)
+    return triangle_for_axes(facts, facts, minimum=grid.minimum, maximum=grid.maximum, step=grid.step)
 
 
 def known_control(site: SiteFile, site_path: Path) -> Mapping[str, SelfTested]:
@@ -265,18 +270,18 @@ def _loads(made: _For) -> Iterator[tuple[str, Order]]:
             on += [change.new for change, _ in together]
 
 
-def _groups(made: _For, layer: Layer) -> list[tuple[str, Sequence[Moved]]]:
+def _groups(made: _For, layer: Layer) -> list[tuple[str, Sequence[MovedTable]]]:
     """The transactions of a layer, each with a name of its own."""
     changes = [one for one in made.proposal.changes if one.layer == layer] if made.proposal is not None else []
     moved = [(one, _facts(made, one.new.input_axis)) for one in changes if not one.skipped]
-    groups = transactions(moved, ON_PAPER)
+    groups = transaction_groups(moved, ON_PAPER)
     names = [layer if len(groups) == 1 else f"{layer}-{number}" for number, _ in enumerate(groups, start=1)]
     return [(name, [moved[place] for place in group]) for name, group in zip(names, groups, strict=True)]
 
 
-def _place(together: Sequence[Moved], axis: AxisRecord) -> float:
+def _place(together: Sequence[MovedTable], axis: AxisRecord) -> float:
     """Where the input axis stands while its tables are switched."""
-    found = places_of(together, ON_PAPER)[axis.name]
+    found = positions_of(together, ON_PAPER)[axis.name]
     return axis.reference if found is None else found
 
 
@@ -307,7 +312,7 @@ def _read_together(made: _For) -> Iterator[tuple[str, Order]]:
 
 
 def _behind(
-    made: _For, name: str, together: Sequence[Moved], follows: tuple[StopPlan, ...]
+    made: _For, name: str, together: Sequence[MovedTable], follows: tuple[StopPlan, ...]
 ) -> Iterator[tuple[str, Order]]:
     """Behind one load; where reversals alone are to be read after the proofs, what follows is a program of its own."""
     proved = [(change, axis) for change, axis in together if change.new.kind != "reversal"]
@@ -321,10 +326,10 @@ def _behind(
             yield f"{name}-again", Visits(follows)
 
 
-def _proved(made: _For, change: TableChange, axis: AxisRecord, together: Sequence[Moved]) -> StopPlan:
+def _proved(made: _For, change: TableChange, axis: AxisRecord, together: Sequence[MovedTable]) -> StopPlan:
     old = LiveTable(change.old, change.old_enabled)
-    along = Along(axis, _facts(made, change.axis), made.site.moves.places)
-    return plan_to_prove(change.new, proved_at(change.new, old, axis), along, _place(together, axis))
+    along = PlanAxes(axis, _facts(made, change.axis), made.site.moves.places)
+    return make_effect_plan(change.new, proof_positions(change.new, old, axis), along, _place(together, axis))
 
 
 def _reads(made: _For, changes: Sequence[TableChange]) -> tuple[StopPlan, ...]:
@@ -333,7 +338,9 @@ def _reads(made: _For, changes: Sequence[TableChange]) -> tuple[StopPlan, ...]:
     return tuple(reading_plan(question(_facts(made, axis), Patience(0.0, 0.0))) for axis in axes)
 
 
-def _coupled(made: _For, change: TableChange, together: Sequence[Moved], on: Sequence[CompensationTable]) -> PushOrder:
+def _coupled(
+    made: _For, change: TableChange, together: Sequence[MovedTable], on: Sequence[CompensationTable]
+) -> PushOrder:
     """The order of a change; tables of other transactions that act on its output are on again at its end.
 
     Those are what was live before, and what the transactions before this one have put ``on``.
@@ -344,7 +351,7 @@ def _coupled(made: _For, change: TableChange, together: Sequence[Moved], on: Seq
     if change.new.kind != "cross":
         return order
     pushed = any(one.kind == "cross" and one.output_axis == change.axis and one not in beside for one in on)
-    stood = change.base is not None and others_on(change.base, change.new, beside)
+    stood = change.base is not None and other_tables_enabled(change.base, change.new, beside)
     return replace(order, coupled=pushed or stood)
 
 

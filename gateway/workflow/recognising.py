@@ -91,7 +91,7 @@ async def accept(
     UnsupportedDevice (E-SUP-MACHINE: more than one is another), StoreError.
     """
     fact, reason = answer_of(texts)
-    audit.demand(store.root)
+    audit.require_sound(store.root)
     _machine, found, _known = await looked_at(site, store.root, clock)
     change = next((one for one in found.changed if one.fact == fact), None)
     if change is None:

@@ -22,7 +22,7 @@ def remove_run(folder: RunFolder, *, clock: Clock) -> None:
     if pushed:
         raise StoreError("E-STORE-RESTS", str(folder.path), run=folder.run_id, pushes=", ".join(pushed))
     root = folder.path.parent
-    audit.demand(root)
+    audit.require_sound(root)
     told = {"run": folder.run_id, "state": folder.state, "head": folder.anchor}
     audit.record(root, "remove-run", clock=clock, role="operator", details=told)
     with disk_errors(folder.path):

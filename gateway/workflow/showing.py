@@ -12,7 +12,7 @@ from drivers.errors import ConfigError, words
 from drivers.limits import Limits
 from drivers.local.names import shown as shown_name
 from gateway.domain.proposals import Proposal, TableChange, torn
-from gateway.interlocks.table import largest_change, steepest
+from gateway.interlocks import largest_change, steepest
 from gateway.store import RunFolder
 from gateway.workflow.outcome import Outcome
 

@@ -7,9 +7,7 @@ from pathlib import Path
 from drivers.errors import TrueflankError
 from gateway import audit
 from gateway.domain.proposals import TableChange
-from gateway.push.compare import table_facts
-from gateway.push.records import journal
-from gateway.push.records.journal import JOURNALS
+from gateway.push import JOURNALS, journal, table_facts
 from gateway.store.records import canonical, sha256
 from gateway.workflow.bench import Bench
 
@@ -20,7 +18,7 @@ class Witness:
     def __init__(self, at: Bench) -> None:
         self._root, self._clock, self._serial = at.store.root, at.clock, at.machine.serial
         self._run = at.folder.run_id
-        self._known = audit.Standing()
+        self._known = audit.LogState()
         self._as_of = ""
 
     def begin(self, transaction: int, change: TableChange) -> str:
@@ -59,7 +57,7 @@ class Witness:
     def head(self) -> int:
         """The first 64 bits of the head; 0 where the log has none to give."""
         try:
-            number, _, digest = audit.head_now(self._root).partition(":")
+            number, _, digest = audit.current_head(self._root).partition(":")
         except TrueflankError:
             return 0
         return int(digest[:16], 16) if int(number) else 0
@@ -81,20 +79,20 @@ class Witness:
         return self.standing.last_mark
 
     @property
-    def standing(self) -> audit.Standing:
+    def standing(self) -> audit.LogState:
         """What the log says now."""
         try:
-            as_of = audit.head_now(self._root)
+            as_of = audit.current_head(self._root)
         except TrueflankError:
             as_of = ""  # a log that is not whole is told elsewhere; what it says is read afresh
         if not as_of or as_of != self._as_of:
-            self._known, self._as_of = audit.standing(self._root, self._serial), as_of
+            self._known, self._as_of = audit.read_log_state(self._root, self._serial), as_of
         return self._known
 
 
 def anchors(root: Path, serial: str, *named: str) -> tuple[audit.ChainHead, ...]:
     """Heads that the journals of a machine, and ``named`` others, say the log has had. Raises CorruptRecord."""
     folder = journal.machine_folder(root / JOURNALS, serial)
-    every = (*journal.all_of(folder), *journal.all_of(folder / "done"))
+    every = (*journal.read_all(folder), *journal.read_all(folder / "done"))
     told = {str(found.latest("audit")) for found in every if found.latest("audit")}
-    return tuple(audit.head_of(text) for text in sorted({*told, *(one for one in named if one)}))
+    return tuple(audit.parse_head(text) for text in sorted({*told, *(one for one in named if one)}))

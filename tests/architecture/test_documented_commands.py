@@ -16,7 +16,7 @@ from drivers.errors import catalogue
 from gateway.cli import app
 from gateway.cli.begin.checking import checked
 from gateway.cli.files.commandpage import page
-from gateway.push.records.phases import in_markdown
+from gateway.push.phases import transitions_in_markdown
 from simulators.pytest_plugin import CellStarter
 
 ROOT = Path(__file__).parents[2]
@@ -208,7 +208,7 @@ def test_the_page_of_commands_is_current() -> None:
 
 def test_the_page_of_the_states_of_a_push_is_current() -> None:
     wanted = "run: trueflank schema --states > docs/push-states.md"
-    assert (DOCS / "push-states.md").read_text(encoding="utf-8") == in_markdown().rstrip() + "\n", wanted
+    assert (DOCS / "push-states.md").read_text(encoding="utf-8") == transitions_in_markdown().rstrip() + "\n", wanted
 
 
 def test_the_output_in_the_readme_is_real() -> None:

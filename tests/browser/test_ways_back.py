@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 from playwright.sync_api import expect
 
-from gateway.push.records.history import every_push
-from gateway.push.records.journal import JOURNALS
+from gateway.push.history import all_pushes
+from gateway.push.journal import JOURNALS
 from simulators.cellfile import load_cell
 from tests.browser.hall import Hall, hall
 from tests.browser.person import CHROMIUM, Person, chromium, opened
@@ -69,7 +69,7 @@ def _shown_before(anna: Person, at: Hall) -> None:
     page = anna.page
     page.locator("#roll-back-all").click()
     told = page.locator("dialog ul.moves li").all_text_contents()
-    pushes = {push.table: push for push in every_push(at.store.root / JOURNALS, at.serial)}
+    pushes = {push.table: push for push in all_pushes(at.store.root / JOURNALS, at.serial)}
     assert {one.split(" ")[0] for one in told} == set(pushes)
     for name, push in pushes.items():
         line = next(one for one in told if one.split(" ")[0] == name)

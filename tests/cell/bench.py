@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from drivers.clock import LoopClock, run_virtual
-from gateway.approve import UNPROTECTED, risking
+from gateway.approve import UNPROTECTED, take_risk
 from gateway.config import load_site
 from gateway.workflow.loop.run import run_site
 from gateway.workflow.outcome import Outcome
@@ -67,7 +67,7 @@ def main_job(
                     heard(running, code, fields)
 
             name = site.site.name if apply else ""
-            with risking(UNPROTECTED):
+            with take_risk(UNPROTECTED):
                 outcome = await run_site(site, path, apply=apply, machine_name=name, clock=clock, say=say)
             return Judged(outcome, before, {name: running.figures(name) for name in names}, said)
 

@@ -24,10 +24,10 @@ from drivers.types.orders import SignProof
 from gateway.config import SiteFile, load_site
 from gateway.daemon.desk import Desk
 from gateway.errors import StoreError
-from gateway.push import unfinished
-from gateway.push.records import journal, lock
-from gateway.push.records.journal import JOURNALS
-from gateway.push.records.sent import SentBook
+from gateway.push import journal
+from gateway.push.journal import JOURNALS
+from gateway.push.recovery import unfinished_tables
+from gateway.push.sent_programs import SentPrograms
 from gateway.say import Say
 from gateway.stopping import StopAsked, Stopped, current, obey
 from gateway.store.proofs import Proofs
@@ -93,7 +93,7 @@ class Shop:
     async def served(self) -> None:
         """What `trueflank serve` does when a run is started from its page: watch, run, watch."""
         store = store_of(self.site, self.path)
-        devices = Supervisor(self.site, self.clock, only=(), book=SentBook(store.root / JOURNALS, self.serial))
+        devices = Supervisor(self.site, self.clock, only=(), book=SentPrograms(store.root / JOURNALS, self.serial))
 
         async def starter(_say: Say) -> object:
             return await self.work(apply=False)
@@ -114,7 +114,7 @@ class Shop:
     async def page(self) -> tuple[LeftOver, tuple[str, ...]]:
         """What a daemon that opens the devices now sees in the control, and the codes its page shows."""
         store = store_of(self.site, self.path)
-        book = SentBook(store.root / JOURNALS, self.serial)
+        book = SentPrograms(store.root / JOURNALS, self.serial)
         devices = Supervisor(self.site, self.clock, only=(), book=book)
         try:
             await devices.open_all()
@@ -125,7 +125,7 @@ class Shop:
 
     def journal(self) -> tuple[Any, ...]:
         """Pushes that did not end."""
-        return unfinished(store_of(self.site, self.path).root / JOURNALS, self.serial)
+        return unfinished_tables(store_of(self.site, self.path).root / JOURNALS, self.serial)
 
 
 @contextlib.asynccontextmanager
@@ -210,7 +210,7 @@ class Killing:
         self._dead: set[asyncio.Task[Any]] = set()
         self._killed: set[asyncio.Task[Any]] = set()
         self._files: list[BinaryIO] = []
-        take, request, sleep, append = lock._take, UaSession._request, LoopClock.sleep, journal.Journal.append
+        take, request, sleep, append = journal._lock, UaSession._request, LoopClock.sleep, journal.Journal.append
 
         def taking(file: BinaryIO) -> bool:
             taken = take(file)
@@ -235,7 +235,7 @@ class Killing:
             append(kept, kind, **facts)
 
         patch.setattr(journal.Journal, "append", appending)
-        patch.setattr(lock, "_take", taking)
+        patch.setattr(journal, "_lock", taking)
         patch.setattr(UaSession, "_request", requesting)
         patch.setattr(LoopClock, "sleep", sleeping)
 
@@ -249,7 +249,7 @@ class Killing:
         self._killed.add(task)
         for file in self._files:
             if not file.closed:
-                lock._give_back(file)
+                journal._unlock(file)
 
     @contextlib.asynccontextmanager
     async def gateway(self, work: Coroutine[Any, Any, Any]) -> AsyncIterator[asyncio.Task[Any]]:

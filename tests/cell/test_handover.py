@@ -17,7 +17,7 @@ from gateway.approve import Approvals
 from gateway.config import load_site
 from gateway.domain.proposals import Proposal
 from gateway.errors import WriteRefused
-from gateway.push import push_table
+from gateway.push.transaction import push_table
 from gateway.say import silence
 from gateway.store import Store
 from gateway.workflow import consents, stages
@@ -130,7 +130,7 @@ async def switched_off(at: Story) -> None:
     assert (await at.tables())["tables"]["C1"] == {**before, "enabled": False}
     assert (await at.compare()).data["kind"] == "switched-off"
     assert (await at.switch_off(apply=True)).data["outcome"] == "already-off"
-    actions = [entry["action"] for entry in audit.entries(at.root)]
+    actions = [entry["action"] for entry in audit.read_entries(at.root)]
     done = ["disable-start", "disable-off", "table-differs", "verify-table-looked"]
     assert actions[-6:] == [*done, "disable-start", "disable-already-off"]
 
@@ -161,7 +161,7 @@ def test_approved_pushed_compared_taken_back(tmp_path: Path) -> None:
         assert (live.exit_code, live.data["kind"]) == (9, "differs")
         assert any(name.startswith("live-tables") for name in Store(at.root).open(live.run_folder).files)
         assert "at 1 of " in live.lines[1]
-        (alarm,) = audit.standing(at.root, at.site.controller.serial).alarms.values()
+        (alarm,) = audit.read_log_state(at.root, at.site.controller.serial).alarms.values()
         assert "neither the approved nor" in alarm
         edited = await at.tables()
         with pytest.raises(WriteRefused) as caught:
@@ -171,7 +171,7 @@ def test_approved_pushed_compared_taken_back(tmp_path: Path) -> None:
         await at.foreign_edit(7)
         every = await verify_table(at.site, at.path, table="", run=None, **at.asked)
         assert (every.exit_code, [one["axis"] for one in every.data["tables"]]) == (0, ["C1"])
-        assert audit.standing(at.root, at.site.controller.serial).alarms == {}
+        assert audit.read_log_state(at.root, at.site.controller.serial).alarms == {}
 
         assert (await at.take_back(apply=True)).data["outcome"] == "committed"
         assert (await at.compare()).data["kind"] == "as-approved"
@@ -181,7 +181,7 @@ def test_approved_pushed_compared_taken_back(tmp_path: Path) -> None:
             await at.take_back(apply=True)
         assert caught.value.code == "E-ROLLBACK-NOTHING"
 
-        look, done = "verify-table-looked", [entry["action"] for entry in audit.entries(at.root)]
+        look, done = "verify-table-looked", [entry["action"] for entry in audit.read_entries(at.root)]
         assert done == [
             *("propose", "propose", "push-looked", "approve", "approval-used"),  # one of two is taken
             *("push-start", "push-begun", "push-ending", "push-committed"),
@@ -191,11 +191,11 @@ def test_approved_pushed_compared_taken_back(tmp_path: Path) -> None:
             *("rollback-start", "push-begun", "rollback-refused", "table-as-pushed", look),
             *("rollback-start", "push-begun", "push-ending", "rollback-committed", "table-as-pushed", look),
         ]
-        given_by, used, start = list(audit.entries(at.root))[3:6]
+        given_by, used, start = list(audit.read_entries(at.root))[3:6]
         assert used["details"]["approval"] == given_by["details"]["approval"]
         assert given_by["actor"] == "ann"
         assert (start["actor"], start["details"]["approved_by"]) == (audit.os_user(), "ann")
         assert given_by["plan_hash"] == start["plan_hash"]
-        assert audit.sound(at.root)
+        assert audit.is_sound(at.root)
 
     told(tmp_path, story)

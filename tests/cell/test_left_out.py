@@ -12,8 +12,10 @@ from drivers.types.orders import SignProof
 from gateway import audit
 from gateway.domain.outcomes import PushRecord
 from gateway.errors import VerifyError
-from gateway.push import PushContext, Steps, signproof
-from gateway.push.trials import judged as judged_by
+from gateway.push import sign_proof
+from gateway.push.context import PushContext
+from gateway.push.sign_proof_tables import Steps
+from gateway.push.sign_proof_tables import judge_steps as judged_by
 from gateway.store import RunFolder
 from gateway.tooth import ToothProposal, ToothVerdict
 from gateway.workflow import stages
@@ -35,12 +37,12 @@ def unprovable(monkeypatch: pytest.MonkeyPatch, which: Collection[tuple[str, Tab
             raise VerifyError("E-PUSH-NO-PROOF", context.axis.name, **told)
         return judged_by(context, steps, kind)
 
-    monkeypatch.setattr(signproof, "judged", judged)
+    monkeypatch.setattr(sign_proof, "judge_steps", judged)
 
 
 def left_out(root: Path) -> list[str]:
     (folder,) = {path.parent.parent for path in root.rglob("audit/*.jsonl")}
-    return [entry["details"]["table"] for entry in audit.entries(folder) if entry["action"] == "push-left-out"]
+    return [entry["details"]["table"] for entry in audit.read_entries(folder) if entry["action"] == "push-left-out"]
 
 
 def test_a_run_pushes_the_other_axis_and_says_why_not_the_first(

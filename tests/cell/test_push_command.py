@@ -61,7 +61,7 @@ def test_a_proposal_is_shown_then_pushed(tmp_path: Path) -> None:
                 "M": (before, cell.figures("C1")["M"]),
                 "steps": folder.stages,
                 "state": folder.state,
-                "last": list(audit.entries(folder.path.parent))[-1],
+                "last": list(audit.read_entries(folder.path.parent))[-1],
             }
 
     seen = run_virtual(job)

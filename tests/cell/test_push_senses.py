@@ -19,9 +19,9 @@ from drivers.types.tables import CompensationTable
 from gateway.config import load_site
 from gateway.domain.outcomes import PushRecord
 from gateway.domain.proposals import TableChange
-from gateway.interlocks import value_at
-from gateway.push import push_table
+from gateway.interlocks.facts import value_at
 from gateway.push.compare import table_in
+from gateway.push.transaction import push_table
 from gateway.say import silence
 from gateway.workflow.axes.measure import fetch_tables
 from gateway.workflow.bench import Bench, bench

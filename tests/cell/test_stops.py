@@ -12,8 +12,8 @@ import pytest
 
 from drivers.clock import run_virtual
 from gateway.errors import RollbackFailed
-from gateway.push.undo import recovery
-from gateway.push.undo.restoring import hold
+from gateway.push import recovery
+from gateway.push.restore import hold
 from tests import attacks
 from tests.cell.stops import ACTIVE, RESET, Killing, Moment, Shop, cleared, come, shop, stopped, table_of
 

@@ -108,7 +108,7 @@ async def test_a_flank_that_became_worse_takes_all_tables_of_the_run_back(
         after = await BackDoor(cell).answer({"ask": "tables"})
         switched = {axis: table["enabled"] for axis, table in after["tables"].items()}
         assert switched == {axis: table["enabled"] for axis, table in before["tables"].items()}
-        actions = [entry["action"] for entry in audit.entries(tmp_path / "runs")]
+        actions = [entry["action"] for entry in audit.read_entries(tmp_path / "runs")]
         assert actions.count("close-goes-back") == 1
         assert actions.count("rollback-committed") == len(verdict.taken_back)
 

@@ -79,7 +79,7 @@ def test_a_short_plan_ends_at_the_floor_of_its_machine(tmp_path: Path, name: str
     pressed = by_kind(found.presses.starts)
     assert name != "demo" or all(count <= PRESSED.get(cause, 0) for cause, count in pressed.items()), pressed
     assert name != "demo" or unlike(tmp_path / "site.toml", found.presses, found.virtual_s) == []
-    assert audit.standing(tmp_path / "runs", file.machine.serial).alarms == {}
+    assert audit.read_log_state(tmp_path / "runs", file.machine.serial).alarms == {}
 
 
 @pytest.mark.long

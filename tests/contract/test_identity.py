@@ -20,7 +20,7 @@ from drivers.clock import LoopClock
 from drivers.errors import TrueflankError
 from drivers.sinumerik.offline.device import OfflineDoctor, SinumerikOffline
 from drivers.types.identity import KnownAs, MachineIdentity, likeness
-from gateway.audit import entries
+from gateway.audit.chain import read_entries
 from gateway.cli import app
 from gateway.config import load_site
 from gateway.domain.identity import KnownFact, known_machine
@@ -139,7 +139,7 @@ async def test_a_card_that_was_moved_is_asked_kept_and_told(tmp_path: Path) -> N
         (line,) = [one for one in doctor["lines"] if one["code"] == "W-DOC-ACCEPTED"]
         assert "card exchanged at service" in line["what"]
         assert not [one for one in doctor["lines"] if one["check"] in ("identity", "serial number") and one["fix"]]
-        (kept,) = [one for one in entries(tmp_path / "runs") if one["action"] == "identity-accept"]
+        (kept,) = [one for one in read_entries(tmp_path / "runs") if one["action"] == "identity-accept"]
         assert (kept["serial"], kept["details"]["now"]) == ("CARD-1", "CARD-2")
         sheet = tmp_path / "sheet.html"
         accepted = await at.typed("accept", site, "--sheet", str(sheet))

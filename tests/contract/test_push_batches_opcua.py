@@ -14,8 +14,11 @@ from drivers.types.tables import CompensationTable, LiveSet
 from gateway.axes import AxisRecord
 from gateway.domain.outcomes import PushRecord
 from gateway.domain.proposals import TableChange
-from gateway.push import PushContext, push_tables, recover, together, unfinished
 from gateway.push.compare import table_in
+from gateway.push.context import PushContext
+from gateway.push.preflight import group_transactions
+from gateway.push.recovery import recover_table, unfinished_tables
+from gateway.push.transaction import push_tables
 from gateway.say import silence
 from tests.contract.opcua_stage import Stage, on_stage, plan
 from tests.contract.test_batches_opcua import BATCH, MANY
@@ -55,7 +58,7 @@ async def wish(on: Stage, root: Path, table: CompensationTable, live: LiveSet) -
 
 
 async def pushed(on: Stage, asked: list[Wish], *, stays: bool = True) -> tuple[PushRecord, ...]:
-    (group,) = together(asked)
+    (group,) = group_transactions(asked)
     async with starting(on):
         return await push_tables(group, lambda _changes: stays)
 
@@ -99,7 +102,7 @@ async def test_a_layer_goes_by_one_program_and_one_restart(keys: Path, tmp_path:
         marker = await on.device.marker()
         assert marker is not None
         assert (marker.transaction, marker.state) == (records[0].transaction, "committed")
-        assert not unfinished(tmp_path / "journal", identity_of(on).serial)
+        assert not unfinished_tables(tmp_path / "journal", identity_of(on).serial)
 
 
 @pytest.mark.parametrize("stays", few([True, False]))
@@ -125,9 +128,9 @@ async def test_nobody_restarts_the_control_and_a_later_gateway_leads_back(keys: 
         on.restarts = True
         on.nck.channel_reset()
         async with starting(on):
-            for found in unfinished(tmp_path / "journal", identity_of(on).serial):
+            for found in unfinished_tables(tmp_path / "journal", identity_of(on).serial):
                 context = next(one for change, one in asked if change.name == found.of)
-                record = await recover(found, context)
+                record = await recover_table(found, context)
                 assert record.outcome == "rolled-back", record.steps
         assert not any(on.nck.get(f"$MA_ENC_COMP_ENABLE[0,{axis}]") for axis in ("X1", "Z1", "C1"))
-        assert not unfinished(tmp_path / "journal", identity_of(on).serial)
+        assert not unfinished_tables(tmp_path / "journal", identity_of(on).serial)

@@ -14,7 +14,7 @@ from drivers.linuxcnc.device import LinuxCnc
 from drivers.types.abilities import Marker
 from drivers.types.stops import Stop, StopPlan
 from gateway.errors import VerifyError
-from gateway.push import look, prove_sign, push_table, recover, unfinished
+from gateway.push import inspect_unfinished, prove_sign, push_table, recover_table, unfinished_tables
 from tests.contract.linuxcnc_pushing import BENT, change_of, person
 from tests.contract.linuxcnc_stage import on_stage
 from tests.steps import lines
@@ -54,9 +54,9 @@ async def test_after_a_gateway_that_died_before_the_restart_the_old_table_comes_
             await asyncio.gather(dying, return_exceptions=True)
             on.new_agent()
             assert on.machine.rows[0][1][1] == -0.001  # the old table acts until the restart
-            (work,) = unfinished(context.journals, context.machine.serial)
-            assert (await look(work, context)).code == "R-PUSH-WAITS"
-            assert (await recover(work, context)).outcome == "rolled-back"  # nobody needs to restart for that
+            (work,) = unfinished_tables(context.journals, context.machine.serial)
+            assert (await inspect_unfinished(work, context)).code == "R-PUSH-WAITS"
+            assert (await recover_table(work, context)).outcome == "rolled-back"  # nobody needs to restart for that
             assert heard.count("P-PUSH-NEXT-START") == 2
             live = await on.device.saved_tables("X")
             assert live.digest == before.digest
@@ -171,4 +171,4 @@ async def test_a_sign_is_proved_by_the_same_stops_before_and_after_a_restart(tmp
                 assert caught.value.code == "E-PUSH-SIGN"
             assert heard.count("P-PUSH-SIGN-STOPS") == heard.count("P-PUSH-NEXT-START") == 2
             assert (await on.device.saved_tables("X")).own == base.own
-        assert unfinished(context.journals, context.machine.serial) == ()
+        assert unfinished_tables(context.journals, context.machine.serial) == ()

@@ -11,8 +11,10 @@ import pytest
 from drivers.linuxcnc.agent import screwfiles
 from drivers.linuxcnc.wire import AgentWire
 from drivers.types.tables import CompensationTable
-from gateway.push import PushContext, push_table, recover, unfinished
-from gateway.push.records.journal import Journal
+from gateway.push.context import PushContext
+from gateway.push.journal import Journal
+from gateway.push.recovery import recover_table, unfinished_tables
+from gateway.push.transaction import push_table
 from tests.contract.linuxcnc_pushing import BENT, change_of, person
 from tests.contract.linuxcnc_stage import Killed, Stage, on_stage
 from tests.sizes import few
@@ -66,9 +68,9 @@ def _dying(monkeypatch: pytest.MonkeyPatch, do: str, when: str) -> None:
 
 async def _recovered(on: Stage, context: PushContext, ended: tuple[str, ...] = ("none", "committed")) -> None:
     for _ in range(3):
-        for work in unfinished(context.journals, context.machine.serial):
-            assert (await recover(work, context)).outcome in ("rolled-back", "committed")
-    assert unfinished(context.journals, context.machine.serial) == ()
+        for work in unfinished_tables(context.journals, context.machine.serial):
+            assert (await recover_table(work, context)).outcome in ("rolled-back", "committed")
+    assert unfinished_tables(context.journals, context.machine.serial) == ()
     marker = await on.device.marker()
     assert marker is not None
     assert marker.state in ended

@@ -19,8 +19,10 @@ from drivers.types.stops import Stop
 from drivers.types.tables import CompensationTable, LiveSet, LiveTable
 from gateway.axes import AxisRecord
 from gateway.domain.proposals import TableChange
-from gateway.push import PushContext, prove_sign, push_table
 from gateway.push.compare import table_in
+from gateway.push.context import PushContext
+from gateway.push.sign_proof import prove_sign
+from gateway.push.transaction import push_table
 from tests.contract.modbus_stage import Stage, cross, on_stage, table
 from tests.placed import PLACES
 from tests.signed import signed

@@ -22,9 +22,12 @@ from drivers.types.tables import CompensationTable, LiveSet
 from gateway.axes import AxisRecord
 from gateway.domain.proposals import TableChange
 from gateway.errors import VerifyError
-from gateway.push import PushContext, look, prove_sign, push_table, recover, unfinished
 from gateway.push.compare import table_in
-from gateway.push.undo.finding import PushFinding
+from gateway.push.context import PushContext
+from gateway.push.recovery import inspect_unfinished, recover_table, unfinished_tables
+from gateway.push.recovery_findings import PushFinding
+from gateway.push.sign_proof import prove_sign
+from gateway.push.transaction import push_table
 from simulators.nck import NckSpec
 from tests.contract.opcua_stage import AXES, Stage, on_stage, plan
 from tests.placed import PLACES, placed
@@ -239,7 +242,7 @@ async def test_what_somebody_changed_before_the_press_is_never_overwritten(
         left = await on.device.marker()
         assert left is not None
         assert left.state == "none"
-        assert unfinished(tmp_path / "journal", context.machine.serial) == ()
+        assert unfinished_tables(tmp_path / "journal", context.machine.serial) == ()
         assert not on.nck.get("$MA_CEC_ENABLE[X1]")
         assert on.nck.get("$AN_CEC_MAX[1]") == 100.0
         found = await live_of(on, tmp_path)
@@ -294,15 +297,15 @@ async def test_the_marker_outlives_session_and_programs_until_it_is_recovered(ke
         assert any(step.startswith("E-INT-MARKER") for step in lines(refused)), refused.steps
         on.nck.channel_reset()
         on.restarts = True
-        (found,) = unfinished(tmp_path / "journal", context.machine.serial)
+        (found,) = unfinished_tables(tmp_path / "journal", context.machine.serial)
         mine = replace(context, controller=other, start_timeout_s=200.0)
         async with starting(on):
-            finding = await look(found, mine)
+            finding = await inspect_unfinished(found, mine)
             assert finding.action == "restore", finding
             told: list[PushFinding] = []
             heard: list[str] = []
             mine = replace(mine, say=lambda code, /, **fields: heard.append(code))
-            assert (await recover(found, mine, tell=told.append)).outcome == "rolled-back"
+            assert (await recover_table(found, mine, tell=told.append)).outcome == "rolled-back"
         assert told == [finding]
         assert [heard.count(code) for code in ("P-NC-READ", "P-PUSH-START")] == [
             2,

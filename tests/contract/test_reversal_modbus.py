@@ -15,7 +15,7 @@ from drivers.sinumerik.mailbox.codec.grids import MailboxAxis, numbers_of
 from drivers.types.orders import DisableOrder, PushOrder, SwitchReading
 from drivers.types.tables import CompensationTable, reversal_of
 from gateway.domain.outcomes import PushRecord
-from gateway.push import push_table, push_tables, together
+from gateway.push import group_transactions, push_table, push_tables
 from tests.contract.modbus_stage import Stage, on_stage, order_for, table
 from tests.contract.test_push_modbus import change_of, people, proof_of
 from tests.sizes import few
@@ -162,7 +162,7 @@ async def test_the_gateway_hands_over_table_and_reversal_in_one_transaction(tmp_
         async with people(on, tmp_path, await proof_of(on, "axis"), None) as context:
             turned = replace(context, proof=await proof_of(on, "reversal"))
             asked = [(change_of(live, table()), context), (change_of(live, NEW), turned)]
-            (group,) = together(asked)
+            (group,) = group_transactions(asked)
             records = await push_tables(group, lambda _changes: True)
         assert [one.outcome for one in records] == ["committed", "committed"], records
         now = await on.device.saved_tables("X1")
@@ -202,7 +202,7 @@ async def test_a_pair_acts_each_half_in_its_direction_and_goes_by_one_order(tmp_
         live, pair = await on.device.saved_tables("X1"), halves()
         async with people(on, tmp_path, await proof_of(on, "cross", sign), None) as context:
             asked = [(change_of(live, one), context) for one in pair]
-            (group,) = together(asked)
+            (group,) = group_transactions(asked)
             records = await push_tables(group, lambda _changes: True)
         assert [one.outcome for one in records] == ["committed", "committed"], records
         assert records[0].transaction == records[1].transaction

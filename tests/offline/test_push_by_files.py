@@ -19,9 +19,9 @@ from drivers.sinumerik.ncprogram.words import Phase, Word, Words
 from drivers.types.orders import TableQuestion
 from drivers.types.tables import LiveSet
 from gateway.domain.outcomes import PushRecord
-from gateway.push import push_table
-from gateway.push.records import journal
-from gateway.push.undo.recovery import recover, unfinished
+from gateway.push import journal
+from gateway.push.recovery import recover_table, unfinished_tables
+from gateway.push.transaction import push_table
 from tests.offline.world import OfflineWorld, offline_world
 from tests.push.uaworld import ua_change, ua_context
 from tests.sizes import few
@@ -198,9 +198,11 @@ async def test_recover_fetches_the_backup_that_never_came_back(tmp_path: Path) -
         with carrying(PieceOfWork("recover", "instead")):
             await device.open(60.0)
             machine = await device.identify()
-            (found,) = unfinished(tmp_path / "journal", machine.serial)
+            (found,) = unfinished_tables(tmp_path / "journal", machine.serial)
             patient = {"start_timeout_s": 3600.0}
-            record = await recover(found, ua_context(device, world.clock, tmp_path, machine, say=heard, **patient))
+            record = await recover_table(
+                found, ua_context(device, world.clock, tmp_path, machine, say=heard, **patient)
+            )
             device.conclude()
         await device.close()
         await world.porter.stop()

@@ -129,10 +129,10 @@ def test_a_table_goes_in_by_files_and_comes_out_again(tmp_path: Path) -> None:
         asked = {"apply": True, "machine_name": site.tree.site.name, **site.asked}
         await roll_back_site(site.tree, site.path, table="C1", **asked)
         assert site.cell.figures("C1")["M"] == pytest.approx(before, abs=0.01)
-        entries = audit.entries(site.root)
+        entries = audit.read_entries(site.root)
         actions = [entry["action"] for entry in entries]
         assert actions.count("push-start") == actions.count("push-committed") == 1
-        assert audit.check(site.root, ()).problem is None
+        assert audit.check_log(site.root, ()).problem is None
 
     told(tmp_path, story)
 

@@ -10,8 +10,10 @@ from typing import Any
 
 from drivers.clock import LoopClock, run_virtual
 from drivers.types.identity import MachineIdentity
-from gateway.push import PushContext, push_table, unfinished
-from gateway.push.records import journal
+from gateway.push import journal
+from gateway.push.context import PushContext
+from gateway.push.recovery import unfinished_tables
+from gateway.push.transaction import push_table
 from tests.push.judging import Played, ended, judge, settle
 from tests.push.mischief import COMMANDS, Mischief, Moment
 from tests.push.world import NEW, OLD, Scene, World, change_of, context_for, world
@@ -110,7 +112,7 @@ def _note(at: World, wire: Mischief, context: PushContext, story: Story) -> None
     story.writes, story.marker = oracle.writes, at.station.plc.memory.marker_state
     story.as_before, story.as_wanted, story.off = oracle.as_before, oracle.as_wanted, oracle.off
     folder = journal.machine_folder(context.journals, context.machine.serial)
-    for one in (*journal.all_of(folder / "done"), *unfinished(context.journals, context.machine.serial)):
+    for one in (*journal.read_all(folder / "done"), *unfinished_tables(context.journals, context.machine.serial)):
         for entry in one.entries:
             story.steps += [entry.kind, str(entry.facts.get("why", ""))]
 

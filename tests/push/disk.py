@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any, BinaryIO
 
-from gateway.push.records import journal
+from gateway.push import journal
 
 FAULTS = ("full", "broken", "short", "fsync")
 

@@ -24,7 +24,7 @@ from drivers.errors import TrueflankError
 from drivers.link import Link
 from drivers.sinumerik.mailbox.wire import ModbusWire
 from drivers.sinumerik.opcua.session.client import UaSession
-from gateway.push.records.journal import Journal
+from gateway.push.journal import Journal
 from tests.push import schedules, uaschedules
 from tests.push.judging import Played
 from tests.push.mischief import Mischief

@@ -11,9 +11,10 @@ from typing import Any
 from drivers.errors import TrueflankError
 from gateway.domain.outcomes import PushRecord
 from gateway.errors import RollbackFailed, StillOn, VerifyError, WriteRefused
-from gateway.push import PushContext, look, outcome_error, recover, unfinished
-from gateway.push.records import journal
-from gateway.push.records.holding import held_pushes
+from gateway.push import journal, outcome_error
+from gateway.push.context import PushContext
+from gateway.push.recovery import inspect_unfinished, recover_table, unfinished_tables
+from gateway.push.table_status import held_pushes
 from tests.push.oracle import Oracle
 
 
@@ -53,7 +54,7 @@ def judge(oracle: Oracle, found: Played, said: list[str], context: PushContext) 
     oracle.look("at the end")
     found.wrong += oracle.broken
     serial, outcome = context.machine.serial, found.outcome
-    left = unfinished(context.journals, serial)
+    left = unfinished_tables(context.journals, serial)
     found.unseen = oracle.unseen
     if outcome == "committed" and not oracle.as_wanted and not oracle.unseen:
         found.wrong.append("committed, but the new table is not on")
@@ -89,7 +90,7 @@ def lies(oracle: Oracle) -> bool:
 def as_kept(oracle: Oracle, journals: Path, serial: str) -> bool:
     """Whether the machine is as the last journal that ended says: a disk may fail after the last word is on it."""
     folder = journal.machine_folder(journals, serial)
-    kept = [one.kinds[-1] for one in (*journal.all_of(folder / "done"), *journal.all_of(folder)) if one.kinds]
+    kept = [one.kinds[-1] for one in (*journal.read_all(folder / "done"), *journal.read_all(folder)) if one.kinds]
     return oracle.as_wanted if kept[-1:] == ["COMMITTED"] else oracle.as_before
 
 
@@ -99,8 +100,8 @@ async def settle(oracle: Oracle, context: PushContext, found: Played, *, willing
     ``willing``: control and people do what is asked of them, so nothing may be held.
     """
     serial = context.machine.serial
-    journal.tidy(journal.machine_folder(context.journals, serial))
-    left = unfinished(context.journals, serial)
+    journal.set_ended_aside(journal.machine_folder(context.journals, serial))
+    left = unfinished_tables(context.journals, serial)
     found.recovered = "" if left else "nothing open"
     for one in left:
         found.recovered += await _settled(oracle, one, context, found, willing=willing)
@@ -112,7 +113,7 @@ async def _settled(
     oracle: Oracle, one: journal.JournalRead, context: PushContext, found: Played, *, willing: bool
 ) -> str:
     writes, expected = oracle.writes, truth(oracle, one.kinds)
-    finding = await look(one, context)
+    finding = await inspect_unfinished(one, context)
     if oracle.writes != writes:
         found.wrong.append("looking wrote")
     if finding.code != expected and not oracle.foreign:
@@ -122,7 +123,7 @@ async def _settled(
     if finding.action == "disable":
         return f"{finding.code} " + await _switched_off(oracle, one, context, found, willing=willing)
     try:
-        record = await recover(one, context)
+        record = await recover_table(one, context)
     except TrueflankError as error:
         found.wrong.append(f"the recovery failed: {error}")
         return f"{finding.code} failed "
@@ -138,7 +139,7 @@ async def _switched_off(
 ) -> str:
     """What was found on goes off by the first recovery, with no value written; the next is a restore."""
     before = oracle.content
-    record = await recover(one, context)
+    record = await recover_table(one, context)
     if record.outcome != "held" and willing:
         found.wrong.append(f"it could not be switched off: {record.outcome} {record.steps[-2:]}")
     if record.outcome == "held" and not (oracle.off or lies(oracle)):
@@ -147,7 +148,9 @@ async def _switched_off(
         found.wrong.append("switching off wrote values")
     if record.outcome != "held":
         return f"{record.outcome} "
-    again = next(left for left in unfinished(context.journals, context.machine.serial) if left.number == one.number)
+    again = next(
+        left for left in unfinished_tables(context.journals, context.machine.serial) if left.number == one.number
+    )
     return "off " + await _settled(oracle, again, context, found, willing=willing)
 
 

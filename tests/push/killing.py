@@ -27,8 +27,10 @@ from drivers.transport import ByteTransport, listen_memory, memory, open_transpo
 from drivers.types.identity import MachineIdentity
 from drivers.types.tables import LiveSet
 from gateway import audit
-from gateway.push import PushContext, look, push_table, recover, unfinished
-from gateway.push.records import journal
+from gateway.push import journal
+from gateway.push.context import PushContext
+from gateway.push.recovery import inspect_unfinished, recover_table, unfinished_tables
+from gateway.push.transaction import push_table
 from tests.placed import placed
 from tests.push.world import URL, Scene, World, change_of, context_for, driver_settings
 
@@ -295,12 +297,12 @@ async def pushing(scene: Scene, context: PushContext, base: LiveSet) -> Any:
 async def recovering(_scene: Scene, context: PushContext, _base: LiveSet) -> Any:
     """Start, look, tell, and carry out what is offered: (codes found, outcomes)."""
     root, serial = context.journals.parent, context.machine.serial
-    journal.tidy(journal.machine_folder(context.journals, serial))
-    found = [await look(one, context) for one in unfinished(context.journals, serial)]
+    journal.set_ended_aside(journal.machine_folder(context.journals, serial))
+    found = [await inspect_unfinished(one, context) for one in unfinished_tables(context.journals, serial)]
     context.say(LOOKED)
     outcomes = []
-    for one in unfinished(context.journals, serial):
-        record = await recover(one, context)
+    for one in unfinished_tables(context.journals, serial):
+        record = await recover_table(one, context)
         audit.note(root, f"recover-{record.outcome}", clock=context.clock, transaction=record.transaction)
         outcomes.append(record.outcome)
     return [finding.code for finding in found], outcomes

@@ -10,8 +10,9 @@ from typing import Any
 import pytest
 
 from drivers.clock import LoopClock, run_virtual
-from gateway.push import look, push_table, recover, unfinished
-from gateway.push.records.holding import held_pushes
+from gateway.push.recovery import inspect_unfinished, recover_table, unfinished_tables
+from gateway.push.table_status import held_pushes
+from gateway.push.transaction import push_table
 from tests.push.bench import Plan, Story, told
 from tests.push.judging import ended
 from tests.push.mischief import Moment
@@ -88,9 +89,9 @@ async def pushed(at: UaWorld, root: Path, **more: Any) -> tuple[str, list[str], 
 async def recovered(root: Path, context: Any) -> list[tuple[str, str]]:
     """Every recovery until nothing is open."""
     steps = []
-    while found := unfinished(root / "journal", context.machine.serial):
-        finding = await look(found[0], context)
-        steps.append((finding.code, (await recover(found[0], context)).outcome))
+    while found := unfinished_tables(root / "journal", context.machine.serial):
+        finding = await inspect_unfinished(found[0], context)
+        steps.append((finding.code, (await recover_table(found[0], context)).outcome))
         assert len(steps) < 4
     return steps
 

@@ -17,10 +17,12 @@ from drivers.clock import run_virtual
 from drivers.types.tables import CompensationTable, LiveSet, LiveTable
 from gateway import audit
 from gateway.domain.proposals import TableChange
-from gateway.push import PushContext, push_tables, recover, unfinished
+from gateway.push import journal
 from gateway.push.compare import table_in
-from gateway.push.records import journal
-from gateway.push.records.history import tables_of
+from gateway.push.context import PushContext
+from gateway.push.history import tables_of
+from gateway.push.recovery import recover_table, unfinished_tables
+from gateway.push.transaction import push_tables
 from tests import attacks
 from tests.push.killing import IDLE, Ended, gateway
 from tests.push.oracle import Oracle
@@ -86,11 +88,11 @@ async def pushing_all(scene: Scene, context: PushContext, base: LiveSet) -> Any:
 async def recovering_all(_scene: Scene, context: PushContext, _base: LiveSet) -> Any:
     """Each table by itself, as `recover` does."""
     serial = context.machine.serial
-    journal.tidy(journal.machine_folder(context.journals, serial))
+    journal.set_ended_aside(journal.machine_folder(context.journals, serial))
     outcomes = []
-    for one in unfinished(context.journals, serial):
+    for one in unfinished_tables(context.journals, serial):
         used = own(context) if tables_of(one)[1].kind == "axis" else context
-        outcomes.append((await recover(one, used)).outcome)
+        outcomes.append((await recover_table(one, used)).outcome)
     return tuple(outcomes)
 
 
@@ -128,7 +130,7 @@ async def killed_at(at: World, root: Path, step: int) -> None:
     assert all(one.as_before for one in every) or all(one.as_wanted for one in every), "a part of the tables stayed"
     assert [one.broken for one in every] == [[]] * len(every)
     assert at.station.plc.memory.marker_state == (COMMITTED if every[0].as_wanted else 0)
-    assert audit.check(case.root).sound
+    assert audit.check_log(case.root).sound
 
 
 @pytest.mark.parametrize(("count", "part", "most"), shards())

@@ -14,8 +14,8 @@ import pytest
 from drivers.clock import run_virtual
 from drivers.types.tables import LiveSet
 from gateway import audit
-from gateway.push import unfinished
-from gateway.push.records import journal
+from gateway.push import journal
+from gateway.push.recovery import unfinished_tables
 from tests import attacks
 from tests.push.judging import truth
 from tests.push.killing import IDLE, Ended, gateway, memory_of, pushing, recovering
@@ -53,7 +53,7 @@ class Case:
     base: LiveSet
 
     def open_journals(self) -> tuple[journal.JournalRead, ...]:
-        return unfinished(self.root / "journal", self.world.nck.spec.serial)
+        return unfinished_tables(self.root / "journal", self.world.nck.spec.serial)
 
 
 async def prepared(at: World, root: Path) -> Case:
@@ -89,7 +89,7 @@ async def settled(case: Case) -> str:
     before, expected = memory_of(at), truth(at.oracle)
     if not announced:
         assert expected in ("R-PUSH-UNTOUCHED", "R-PUSH-ENABLED"), expected
-        assert all(one.finished for one in journal.all_of(case.root / "journal" / at.nck.spec.serial))
+        assert all(one.finished for one in journal.read_all(case.root / "journal" / at.nck.spec.serial))
         return "nothing open"
     done = await gateway(at, case.root, case.base, recovering)
     assert done.looked == before, "looking has changed the machine"
@@ -107,7 +107,7 @@ async def killed_at(at: World, root: Path, step: int) -> str:
     ended = await gateway(at, case.root, case.base, pushing, step)
     assert ended.killed
     found = await settled(case)
-    health = audit.check(case.root)
+    health = audit.check_log(case.root)
     assert health.sound, health.problem
     assert health.head.seq >= 1 or at.oracle.writes == 0, "something was written that the audit does not know"
     assert at.oracle.broken == []
@@ -193,7 +193,7 @@ def killed_twice(scene: Scene, root: Path, first: int, second: int) -> str:
             await at.clock.sleep(GONE_S)
             assert (await gateway(at, case.root, case.base, recovering, second)).killed
             found = await settled(case)
-            assert audit.check(case.root).sound
+            assert audit.check_log(case.root).sound
             assert at.oracle.broken == []
             return found
 

@@ -18,9 +18,10 @@ from gateway.domain.outcomes import PushRecord
 from gateway.domain.proposals import TableChange, TableFinding
 from gateway.errors import BusyError
 from gateway.interlocks import refusals
-from gateway.push import PushContext, conversation, push_table
-from gateway.push.records.journal import Journal, machine_folder
-from gateway.push.records.lock import machine_lock
+from gateway.push import controller_access
+from gateway.push.context import PushContext
+from gateway.push.journal import Journal, machine_folder, machine_lock
+from gateway.push.transaction import push_table
 from simulators.modbus import registers
 from tests.push.mischief import Mischief
 from tests.push.oracle import content_of
@@ -254,7 +255,7 @@ def met(monkeypatch: pytest.MonkeyPatch) -> Callable[[Any], None]:
         async def found(*_args: Any, **_more: Any) -> Any:
             return facts
 
-        monkeypatch.setattr(conversation, "facts_at_start", found)
+        monkeypatch.setattr(controller_access, "read_facts", found)
 
     return meet
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from drivers.clock import LoopClock
-from gateway.push import push_table, unfinished
+from gateway.push import push_table, unfinished_tables
 from gateway.stopping import StopAsked, Stopped, obey
 from tests.push.world import Scene, change_of, context_for, world
 
@@ -30,7 +30,7 @@ async def test_a_stop_ends_the_session_and_the_panels_button_does_nothing(tmp_pa
         assert left.kind == "closed"
         assert left.clear
         await device.close()
-        (found,) = unfinished(context.journals, context.machine.serial)
+        (found,) = unfinished_tables(context.journals, context.machine.serial)
         assert found.kinds[-1] == "STOPPED"
         assert stop.transactions == [found.number]
         at.station.plc.confirm()

@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 
 from gateway.events import PushEnded, TableStateChanged, received
-from gateway.push import PushContext
-from gateway.push.records.phases import TRANSITIONS, PushPhase, PushState, Switch, TableNow
+from gateway.push.context import PushContext
+from gateway.push.phases import TRANSITIONS, PushPhase, PushState, Switch, TableNow
 from tests.push.bench import Plan, told
 from tests.push.mischief import Moment
 from tests.push.oracle import Oracle

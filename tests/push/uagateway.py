@@ -18,8 +18,8 @@ from drivers.clock import LoopClock
 from drivers.sinumerik.opcua.device import SinumerikOpcUa
 from drivers.sinumerik.opcua.session.client import UaSession
 from drivers.types.stops import Stop, StopPlan
-from gateway.push import push_table
-from gateway.push.records import journal
+from gateway.push import journal
+from gateway.push.transaction import push_table
 from tests.push.uaworld import SETTINGS, ua_change, ua_context
 from tests.push.world import NEW
 

@@ -18,8 +18,8 @@ from drivers.types.stops import Stop, StopPlan
 from drivers.types.tables import CompensationTable, LiveSet, LiveTable
 from gateway.axes import AxisRecord
 from gateway.domain.proposals import TableChange
-from gateway.push import PushContext
 from gateway.push.compare import table_in
+from gateway.push.context import PushContext
 from simulators.nck import AxisSpec, Nck, NckSpec
 from simulators.nck.machine.data import CEC_ENABLE, ENC_ENABLE
 from simulators.opcua import SinumerikServer

@@ -21,8 +21,8 @@ from drivers.types.orders import SignProof
 from drivers.types.tables import CompensationTable, LiveSet, LiveTable
 from gateway.axes import AxisRecord
 from gateway.domain.proposals import TableChange
-from gateway.push import PushContext
 from gateway.push.compare import table_in
+from gateway.push.context import PushContext
 from simulators.instrument_server import WireWrapper
 from simulators.modbus import PlcStation, make_station
 from simulators.nck import AxisSpec, Nck, NckSpec

@@ -109,7 +109,7 @@ def kept(store: Store, seen: Seen) -> None:
             folder.envelope(stage)
     for run_id, stages in seen.stages.items():
         assert stages <= now[run_id], run_id
-    records = list(audit.entries(store.root))
+    records = list(audit.read_entries(store.root))
     assert not [one for one in records if one["damaged"]]
     assert len(records) >= seen.audit
     seen.stages, seen.audit = now, len(records)

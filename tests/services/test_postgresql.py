@@ -17,7 +17,7 @@ from sqlalchemy.exc import SQLAlchemyError
 from drivers.errors import TrueflankError
 from gateway.index.catching import caught_up, rebuilt
 from gateway.index.keeping import RunIndex
-from gateway.push.records.journal import JOURNALS
+from gateway.push.journal import JOURNALS
 from gateway.store import Store
 from tests.services.peers import lasting_port
 from tests.unit.push.test_history import SERIAL, written

@@ -22,11 +22,11 @@ def verify_command(
 ) -> None:
     """Check every record, every file of every run, and heads exported earlier; exit code 11 when one is not whole."""
     from gateway import audit
-    from gateway.audit import runs
+    from gateway.audit import integrity
 
     root = store_root(store)
-    exported, kept = tuple(audit.head_of(text) for text in head or ()), runs.look(root)
-    health = audit.check(root, (*exported, *kept.heads))
+    exported, kept = tuple(audit.parse_head(text) for text in head or ()), integrity.check_store(root)
+    health = audit.check_log(root, (*exported, *kept.heads))
     if as_json:
         show_json({**health.as_data(), "runs": kept.runs, "files": health.files, "wrong": list(kept.problems)})
         if not health.sound or kept.problems:
@@ -34,7 +34,7 @@ def verify_command(
         return
     for problem in kept.problems:
         echo(problem)
-    audit.demand(root, (*exported, *kept.heads))
+    audit.require_sound(root, (*exported, *kept.heads))
     files = counted(health.files, "file", "files")
     echo(f"{root}: {health.head.seq} records in {files} are whole; head {health.head}")
     wrong = counted(len(kept.problems), "file is not as it was kept", "files are not as they were kept")
@@ -51,7 +51,7 @@ def head_command(store: PlaceArgument) -> None:
     """Print the head (number:hash); keep it where nobody who can write the store can change it."""
     from gateway import audit
 
-    echo(str(audit.demand(store_root(store)).head))
+    echo(str(audit.require_sound(store_root(store)).head))
 
 
 def show_command(
@@ -64,7 +64,7 @@ def show_command(
 
     from gateway import audit
 
-    found = list(deque(audit.entries(store_root(store)), maxlen=last))
+    found = list(deque(audit.read_entries(store_root(store)), maxlen=last))
     if as_json:
         show_json(found)
         return
@@ -83,7 +83,7 @@ def correct_command(
     from gateway import audit
 
     root = store_root(store)
-    count = audit.demand(root).head.seq
+    count = audit.require_sound(root).head.seq
     if number > count:
         raise ConfigError("E-AUDIT-NO-RECORD", str(root), number=number, count=count)
 

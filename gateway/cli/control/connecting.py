@@ -94,7 +94,7 @@ def accept_command(
     from gateway import audit
     from gateway.workflow.control.trusting import accepted
 
-    work = accepted(load(site), site, thumbprint, who=audit.person(), clock=LoopClock(), reason=reason)
+    work = accepted(load(site), site, thumbprint, who=audit.acting_person(), clock=LoopClock(), reason=reason)
     tell(run_to_end(work, at=site), as_json=as_json)
 
 
@@ -116,18 +116,16 @@ def port(tree: Any, role: str, clock: Clock) -> Any:
 
 def sent_before(tree: Any, site: Path) -> tuple[Sent, ...]:
     """Every program this store sent to the control; none while a gateway is at work with them."""
-    from gateway.push.records.journal import JOURNALS
-    from gateway.push.records.sent import SentBook
+    from gateway.push import JOURNALS, SentPrograms
     from gateway.workflow.runsite import store_of
 
-    book = SentBook(store_of(tree, site).root / JOURNALS, tree.controller.serial)
+    book = SentPrograms(store_of(tree, site).root / JOURNALS, tree.controller.serial)
     return () if book.at_work() else book.known()
 
 
 def unended(tree: Any, site: Path) -> tuple[CheckLine, ...]:
     """A line for each push of this store that did not end and that nobody is at work with, the loud ones first."""
-    from gateway.push.records.holding import held_pushes
-    from gateway.push.records.journal import JOURNALS
+    from gateway.push import JOURNALS, held_pushes
     from gateway.workflow.runsite import store_of
 
     return tuple(wrong(one.code, "journal", **one.fields) for one in held_pushes(store_of(tree, site).root / JOURNALS))

@@ -105,7 +105,7 @@ def _accept(tree: Any, site: Path, texts: list[str], *, quiet: bool = False) -> 
     from gateway.workflow.recognising import accept
     from gateway.workflow.runsite import store_of
 
-    work = accept(tree, site, store_of(tree, site), texts, who=audit.person(), clock=LoopClock())
+    work = accept(tree, site, store_of(tree, site), texts, who=audit.acting_person(), clock=LoopClock())
     with carrying(SELF_TEST):
         kept = run_to_end(work)
     if not quiet:

@@ -42,9 +42,9 @@ def close_command(
         only("close --plan")
         show_day_of_closing(site, apply=apply, as_json=as_json)
         return
-    from gateway.approve import risking
+    from gateway.approve import take_risk
 
-    with risking(risk):
+    with take_risk(risk):
         close_site_command(site, apply, machine, resume, as_json=as_json, keep_worse=keep_worse)
 
 

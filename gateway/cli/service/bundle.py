@@ -22,12 +22,11 @@ from drivers.local.ownfiles import read_own
 from drivers.local.scrub import masked, masked_text, without_secrets_text
 from drivers.terms import shown
 from gateway import audit
-from gateway.audit.chain import files
-from gateway.audit.reading import entries
+from gateway.audit import audit_files, read_entries
 from gateway.broker.notice import notice_of
 from gateway.broker.token import token_path
 from gateway.config import SiteFile
-from gateway.push.records.journal import JOURNALS
+from gateway.push import JOURNALS
 from gateway.store import Store
 from gateway.store.logbook import FOLDER as LOGS
 from gateway.users import first_token_path
@@ -73,8 +72,8 @@ def _members(
     yield "doctor.json", _json(doctor)
     for found in sorted((store.root / LOGS).glob("trueflank.log*")):
         yield f"logs/{found.name}", read_own(found)
-    records = list(entries(store.root))[-AUDIT_RECORDS:] if files(store.root / audit.AUDIT) else []
-    yield "audit.json", _json({"newest": records, "problem": str(audit.check(store.root).problem or "")})
+    records = list(read_entries(store.root))[-AUDIT_RECORDS:] if audit_files(store.root / audit.AUDIT) else []
+    yield "audit.json", _json({"newest": records, "problem": str(audit.check_log(store.root).problem or "")})
     for found in _plain(store.root / JOURNALS):
         yield f"journal/{found.relative_to(store.root / JOURNALS).as_posix()}", read_own(found)
     for run_id in reversed(store.newest(runs)):

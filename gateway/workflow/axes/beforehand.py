@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from drivers.errors import words
 from gateway.config import SiteFile
-from gateway.interlocks.limits import MIN_REPETITIONS
+from gateway.interlocks import MIN_REPETITIONS
 
 SPARE = 2
 

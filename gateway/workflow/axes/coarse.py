@@ -13,7 +13,7 @@ from drivers.types.tables import LiveTable
 from drivers.types.values import FloatArray
 from gateway.config import AxisSection
 from gateway.domain.proposals import TableChange
-from gateway.interlocks import Refusal, not_worth_it
+from gateway.interlocks import Refusal, gain_refusals
 from gateway.model.components import value
 from gateway.table import Grid, reasons
 from gateway.table.chances import held_by
@@ -56,10 +56,10 @@ def if_worth(change: TableChange, shown: Structure, instrument: InstrumentU) -> 
     """The change, labelled where its chances speak for it; or skipped with every reason why it gains too little."""
     if change.skipped:
         return change
-    against = not_worth_it(shown.capture, change)
+    against = gain_refusals(shown.capture, change)
     if against:
         change = by_its_chances(change, shown, instrument, against)
-        against = not_worth_it(shown.capture, change)
+        against = gain_refusals(shown.capture, change)
     return replace(change, skipped=reasons_of(*(one.message for one in against))) if against else change
 
 

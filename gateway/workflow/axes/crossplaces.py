@@ -15,7 +15,7 @@ from drivers.types.tables import CompensationTable, LiveSet, LiveTable
 from drivers.units import deviation_scale
 from gateway.domain.proposals import TableChange, TableFinding
 from gateway.errors import CaptureError
-from gateway.push.compare import table_in
+from gateway.push import table_in
 from gateway.table import check, effective
 from gateway.table.comparison import acting
 from gateway.table.projection import quantised

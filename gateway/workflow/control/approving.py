@@ -5,7 +5,7 @@ from __future__ import annotations
 from drivers.clock import Clock
 from drivers.errors import ConfigError
 from gateway import audit
-from gateway.approve import Approvals, consent
+from gateway.approve import Approvals, give_consent
 from gateway.domain.proposals import Approval, Proposal, TableChange
 from gateway.errors import WriteRefused
 from gateway.say import Say
@@ -38,13 +38,13 @@ async def approve_plan(
     with nothing approved, ConfigError (E-RUN-AXIS), CorruptRecord (E-AUDIT-BROKEN), StoreError.
     """
     site, path = site_of(folder)
-    root, person = store_of(site, path).root, actor or audit.person()
+    root, person = store_of(site, path).root, actor or audit.acting_person()
     proposal = folder.get(stages.PROPOSAL, Proposal)
     demand_todays(folder)
     kept = Approvals(folder.path)
-    audit.demand(root)
+    audit.require_sound(root)
     made = [
-        consent(
+        give_consent(
             change,
             proposal.machine,
             actor=person,

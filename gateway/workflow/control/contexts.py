@@ -9,12 +9,11 @@ from typing import TypeVar
 
 from drivers.errors import TrueflankError
 from drivers.types.tables import CompensationTable
-from gateway.approve import risk_taken
+from gateway.approve import is_risk_taken
 from gateway.config import AxisSection
 from gateway.domain.captures import Capture
 from gateway.domain.proposals import TableChange
-from gateway.push import PushContext
-from gateway.push.records.journal import JOURNALS
+from gateway.push import JOURNALS, PushContext
 from gateway.workflow.bench import Bench
 from gateway.workflow.consents import failed, tell
 from gateway.workflow.selftests import last_of
@@ -48,7 +47,7 @@ def push_context(at: Bench, axis: AxisSection, capture: Capture | None) -> PushC
         access_level_needed=at.site.controller.access_level,
         say=at.say,
         self_test=last_of(at, axis),
-        risk_taken=risk_taken(),
+        risk_taken=is_risk_taken(),
     )
 
 

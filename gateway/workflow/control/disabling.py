@@ -18,11 +18,17 @@ from gateway import audit
 from gateway.config import AxisSection, SiteFile
 from gateway.domain.outcomes import SwitchRecord
 from gateway.errors import StillOn, StoreError, WriteRefused
-from gateway.push.context import PushContext
-from gateway.push.records.history import tables_of
-from gateway.push.records.journal import JOURNALS, JournalRead
-from gateway.push.undo.disabling import Switch, ask_disable, disable, order_of
-from gateway.push.undo.recovery import unfinished
+from gateway.push import (
+    JOURNALS,
+    DisablePreflight,
+    JournalRead,
+    PushContext,
+    disable_order,
+    disable_table,
+    preflight_disable,
+    tables_of,
+    unfinished_tables,
+)
 from gateway.say import Say
 from gateway.workflow.bench import Bench, axis_named, bench, check_name, run_or_look
 from gateway.workflow.consents import looked, tell, why_of, word_of
@@ -45,9 +51,9 @@ async def disable_site(
     with run_or_look(site, site_path, "disabling", look=not apply) as folder:
         async with bench(site, site_path, folder=folder, clock=clock, say=say, instruments=()) as at:
             await _there(at, order, table or cross)
-            context = replace(push_context(at, section, None), actor=audit.person())
+            context = replace(push_context(at, section, None), actor=audit.acting_person())
             if not apply:
-                return _shown(at, await ask_disable(order, context))
+                return _shown(at, await preflight_disable(order, context))
             return _told(at, await _applied(at, order, context))
 
 
@@ -86,7 +92,7 @@ async def _applied(at: Bench, order: DisableOrder, context: PushContext) -> Swit
     """Kept in the audit at both ends, but a log that cannot be written is told and keeps no table on."""
     tell(at, _note(at, "disable-start", order.name, 0))
     try:
-        record = await disable(order, context, _left_by(at, order))
+        record = await disable_table(order, context, _left_by(at, order))
     except (TrueflankError, asyncio.CancelledError) as error:
         tell(at, _note(at, f"disable-{word_of(error)}", order.name, 0, why=why_of(error)))
         raise
@@ -105,9 +111,9 @@ def _note(at: Bench, action: str, table: str, transaction: int, **told: Any) -> 
 
 def _left_by(at: Bench, order: DisableOrder) -> JournalRead | None:
     """The journal of a push of this very table that did not end: its hold is told there."""
-    for found in unfinished(at.store.root / JOURNALS, at.machine.serial):
+    for found in unfinished_tables(at.store.root / JOURNALS, at.machine.serial):
         try:
-            same = not found.broken and order_of(tables_of(found)[1]) == order
+            same = not found.broken and disable_order(tables_of(found)[1]) == order
         except StoreError:
             continue
         if same:
@@ -115,7 +121,7 @@ def _left_by(at: Bench, order: DisableOrder) -> JournalRead | None:
     return None
 
 
-def _shown(at: Bench, asked: Switch) -> Outcome:
+def _shown(at: Bench, asked: DisablePreflight) -> Outcome:
     looked(at, "disable", table=asked.order.name)
     carried = isinstance(at.supervisor.controller, Carried)  # what its files say is not what its switch reads now
     lines = [_line(asked, carried=carried), *(f"  {reason.words}" for reason in asked.refusals), words("W-DISABLE-DRY")]
@@ -130,7 +136,7 @@ def _shown(at: Bench, asked: Switch) -> Outcome:
     return Outcome(state="looked", run_folder="", rows=(), lines=tuple(lines), data=data)
 
 
-def _line(asked: Switch, *, carried: bool) -> str:
+def _line(asked: DisablePreflight, *, carried: bool) -> str:
     fields = {"table": asked.order.name, "axis": asked.order.axis, "unit": asked.unit}
     if asked.reading is None:
         return words("W-DISABLE-UNREAD", **fields)

@@ -19,7 +19,7 @@ from gateway.config import AxisSection
 from gateway.domain.proposals import TableChange
 from gateway.errors import VerifyError, WriteRefused
 from gateway.events import SignProofStarted
-from gateway.push import PushContext, Reading, ReadStop, SignQuestion, Steps, prove_signs, quiet
+from gateway.push import PushContext, Reading, ReadStop, SignQuestion, Steps, prove_signs, trials_stay_off
 from gateway.workflow.bench import Bench
 from gateway.workflow.consents import proving, proving_again
 
@@ -114,7 +114,9 @@ async def prove(
         if not provable(at, at.axis(change.axis)):
             raise WriteRefused("E-RUN-NO-PROOF", change.axis)
     for change, context in wishes:
-        if not quiet(context):  # its table will act from the restart on: what needs the axis as it is comes before
+        if not trials_stay_off(
+            context
+        ):  # its table will act from the restart on: what needs the axis as it is comes before
             await eyes.on(change.axis)
     for change, _ in wishes:
         proving(at, change)

@@ -18,7 +18,17 @@ from gateway.domain.outcomes import PushRecord, Verdict
 from gateway.domain.proposals import Proposal, TableChange, torn
 from gateway.errors import StoreError, WriteRefused
 from gateway.interlocks import Refusal
-from gateway.push import Asked, PushContext, Stays, ask, ended_before, goes_on, outcome_error, push_tables, together
+from gateway.push import (
+    PartialCommitPolicy,
+    PreflightResult,
+    PushContext,
+    group_transactions,
+    has_ended,
+    is_resumed,
+    outcome_error,
+    push_tables,
+    run_preflight,
+)
 from gateway.say import Say
 from gateway.store import RunFolder
 from gateway.workflow import carrying, stages
@@ -133,7 +143,7 @@ async def _push(
     for wish in wishes:
         if wish[0].skipped:
             await _handed_over(at, (wish,), done)
-    groups = together([wish for wish in wishes if not wish[0].skipped])
+    groups = group_transactions([wish for wish in wishes if not wish[0].skipped])
     for number, group in enumerate(groups, start=1):
         last, first = follows if number == len(groups) else (), read if number == 1 else {}
         ready = [(change, replace(one, follows=last, read=first.get(change.axis))) for change, one in group]
@@ -144,7 +154,7 @@ async def _handed_over(at: Bench, group: Sequence[tuple[TableChange, PushContext
     wishes = [(change, await _ready(at, change, context, done)) for change, context in group]
     changes = [change for change, _ in wishes]
     wishes = [(change, carrying.keyed(context, done.going, changes)) for change, context in wishes]
-    known = all(ended_before(context) for _, context in wishes)
+    known = all(has_ended(context) for _, context in wishes)
     records = await kept(at, changes, _begun(at, wishes))
     if not known and not all(change.skipped for change in changes):
         conclude(at.supervisor.controller)
@@ -170,7 +180,7 @@ async def _handed_over(at: Bench, group: Sequence[tuple[TableChange, PushContext
 
 async def _begun(at: Bench, wishes: Sequence[tuple[TableChange, PushContext]]) -> tuple[PushRecord, ...]:
     for change, context in wishes:
-        if not change.skipped and not goes_on(context):
+        if not change.skipped and not is_resumed(context):
             begin(at, change, context)
     return await push_tables(wishes, _may_stay(at))
 
@@ -187,7 +197,7 @@ async def _ready(at: Bench, change: TableChange, context: PushContext, done: _Do
     return replace(context, on_live=await in_push(at, change.axis))
 
 
-def _may_stay(at: Bench) -> Stays:
+def _may_stay(at: Bench) -> PartialCommitPolicy:
     """Whether part of a layer may stay when the rest failed.
 
     An axis' own table was predicted for that axis alone. Tables for a tooth were found together: where one cures what
@@ -226,10 +236,12 @@ async def _nothing_against(at: Bench, proposal: Proposal, measured: Mapping[str,
         raise WriteRefused("E-PUSH-REFUSED", name, count=len(reasons), reasons="; ".join(reasons))
 
 
-async def _asked(at: Bench, change: TableChange, measured: Mapping[str, MeasuredAxis]) -> Asked:
+async def _asked(at: Bench, change: TableChange, measured: Mapping[str, MeasuredAxis]) -> PreflightResult:
     known = measured.get(change.axis)
     context = table_context(at, change.new, known.capture if known is not None else None)
-    return await ask(change, consented(at, change, replace(context, ambient_now=await _ambient(at, change))), "table")
+    return await run_preflight(
+        change, consented(at, change, replace(context, ambient_now=await _ambient(at, change))), "table"
+    )
 
 
 async def _ambient(at: Bench, change: TableChange) -> Ambient | None:

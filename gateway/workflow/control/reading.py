@@ -10,8 +10,7 @@ from drivers.programs import ForeseesPlans, reading_plan
 from drivers.types.stops import StopPlan
 from drivers.types.tables import LiveSet
 from gateway.domain.proposals import TableChange
-from gateway.push import PushContext
-from gateway.push.conversation import questions_of, read_all
+from gateway.push import PushContext, read_live_of_axes, table_questions
 from gateway.workflow.axes.measure import MeasuredAxis
 from gateway.workflow.bench import Bench
 from gateway.workflow.control.contexts import table_context
@@ -22,18 +21,18 @@ Measured = Mapping[str, MeasuredAxis]
 def reads_of(at: Bench, changes: Sequence[TableChange], measured: Measured) -> tuple[StopPlan, ...]:
     """The plans of `read_before`, to be foreseen behind what is visited before it."""
     contexts = _contexts(at, changes, measured)
-    return tuple(reading_plan(one) for one in questions_of(contexts)) if contexts else ()
+    return tuple(reading_plan(one) for one in table_questions(contexts)) if contexts else ()
 
 
 async def read_before(at: Bench, changes: Sequence[TableChange], measured: Measured) -> dict[str, LiveSet]:
     """What acts on each output axis of these changes, by its name; nothing where the road makes no program of plans.
 
-    Raises as `gateway.push.conversation.read_all`.
+    Raises as `gateway.push.controller_access.read_live_of_axes`.
     """
     contexts = _contexts(at, changes, measured)
     if not contexts:
         return {}
-    found = await read_all(contexts)
+    found = await read_live_of_axes(contexts)
     return {context.axis.name: live for context, live in zip(contexts, found, strict=True)}
 
 

@@ -13,11 +13,25 @@ from drivers.types.tables import CompensationTable
 from gateway.config import SiteFile
 from gateway.domain.outcomes import PushRecord
 from gateway.errors import StoreError
-from gateway.push import PushContext, outcome_error
-from gateway.push.records.history import Committed, every_push, tables_of
-from gateway.push.records.journal import JOURNALS, JournalRead, machine_folder, tidy
-from gateway.push.undo.finding import PushFinding, verdict, with_rest
-from gateway.push.undo.recovery import Choice, Read, look, recover, unfinished
+from gateway.push import (
+    JOURNALS,
+    Choice,
+    CommittedPush,
+    JournalRead,
+    LiveReadings,
+    PushContext,
+    PushFinding,
+    all_pushes,
+    inspect_unfinished,
+    machine_folder,
+    make_finding,
+    outcome_error,
+    recover_table,
+    set_ended_aside,
+    tables_of,
+    unfinished_tables,
+    with_rest,
+)
 from gateway.say import Say
 from gateway.workflow.bench import Bench, bench, check_name, run_or_look
 from gateway.workflow.consents import looked, not_recovered, recovered, tell
@@ -71,11 +85,11 @@ async def _all(at: Bench, *, apply: bool, choice: Choice) -> tuple[list[PushFind
         others.append(told := await _left(at, left, apply=apply))
         may_write = apply and told.after is not None and told.after.clear
     begun = Witness(at).begun
-    for ended in tidy(machine_folder(at.store.root / JOURNALS, at.machine.serial), begun):
+    for ended in set_ended_aside(machine_folder(at.store.root / JOURNALS, at.machine.serial), begun):
         if ended.entries:
-            at.say("P-RECOVER", words=verdict(ended, None, 0.0).words)
-    read: Read | None = None if may_write else {}
-    open_ = unfinished(at.store.root / JOURNALS, at.machine.serial, begun)
+            at.say("P-RECOVER", words=make_finding(ended, None, 0.0).words)
+    read: LiveReadings | None = None if may_write else {}
+    open_ = unfinished_tables(at.store.root / JOURNALS, at.machine.serial, begun)
     for found in open_:
         finding, record = await _one(at, found, choice if may_write else None, read=read)
         findings.append(finding)
@@ -84,10 +98,10 @@ async def _all(at: Bench, *, apply: bool, choice: Choice) -> tuple[list[PushFind
     return [*others, *named], sorted(held, key=lambda record: HELD.index(record.outcome))
 
 
-def _pushes(at: Bench) -> tuple[Committed, ...]:
+def _pushes(at: Bench) -> tuple[CommittedPush, ...]:
     """What is committed by now; nothing where a journal cannot be believed, which a finding says."""
     try:
-        return every_push(at.store.root / JOURNALS, at.machine.serial)
+        return all_pushes(at.store.root / JOURNALS, at.machine.serial)
     except StoreError:
         return ()
 
@@ -102,12 +116,12 @@ async def _left(at: Bench, found: LeftOver, *, apply: bool) -> LeftFinding:
 
 
 async def _one(
-    at: Bench, found: JournalRead, choice: Choice | None, read: Read | None
+    at: Bench, found: JournalRead, choice: Choice | None, read: LiveReadings | None
 ) -> tuple[PushFinding, PushRecord | None]:
     """One finding, looked at (None) or carried out."""
     context = _context(at, found)
     if context is None or choice is None:
-        finding = verdict(found, None, 0.0) if context is None else await look(found, context, read)
+        finding = make_finding(found, None, 0.0) if context is None else await inspect_unfinished(found, context, read)
         if choice is not None:
             at.say("P-RECOVER", words=finding.words)
         return finding, None
@@ -118,7 +132,7 @@ async def _recovered(
     at: Bench, found: JournalRead, context: PushContext, choice: Choice
 ) -> tuple[PushFinding, PushRecord]:
     """Look and carry out the offer; one that ends without a record is kept in the audit log too."""
-    finding = verdict(found, None, 0.0)
+    finding = make_finding(found, None, 0.0)
 
     def hear(seen: PushFinding) -> None:
         nonlocal finding
@@ -126,7 +140,7 @@ async def _recovered(
         at.say("P-RECOVER", words=seen.words)
 
     try:
-        record = await recover(found, context, _chosen(found, choice), tell=hear)
+        record = await recover_table(found, context, _chosen(found, choice), tell=hear)
     except (TrueflankError, asyncio.CancelledError) as error:
         tell(at, not_recovered(at, finding.code, found.number, error))
         raise

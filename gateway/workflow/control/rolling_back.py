@@ -18,11 +18,23 @@ from gateway import audit
 from gateway.config import SiteFile
 from gateway.domain.outcomes import PushRecord
 from gateway.errors import StillOn, VerifyError, WriteRefused
-from gateway.push import PushContext, outcome_alarms, outcome_error
-from gateway.push.records.history import Committed, ConsentSet, consent_set, every_push
-from gateway.push.records.journal import JOURNALS
-from gateway.push.records.preview import RollbackPreview, changes, previews
-from gateway.push.undoing import Undo, ask_undos, groups, undo_tables
+from gateway.push import (
+    JOURNALS,
+    CommittedPush,
+    ConsentSet,
+    PushContext,
+    RollbackPreview,
+    RollbackRequest,
+    all_pushes,
+    consent_set,
+    group_rollbacks,
+    outcome_alarms,
+    outcome_error,
+    point_changes,
+    preflight_rollbacks,
+    roll_back_pushes,
+    rollback_previews,
+)
 from gateway.say import Say
 from gateway.table.comparison import effective
 from gateway.workflow.bench import Bench, axis_named, bench, check_name, run_or_look
@@ -50,7 +62,7 @@ async def roll_back_site(
             found = to_take_back(at, table)
             if found is None:
                 raise WriteRefused("E-ROLLBACK-NOTHING", table, table=table or "any table", serial=at.machine.serial)
-            undos = groups([(done, context_of(at, done.new.table)) for done in found.tables])
+            undos = group_rollbacks([(done, context_of(at, done.new.table)) for done in found.tables])
             return await (_applied(at, found, undos) if apply else _shown(at, found, undos))
 
 
@@ -62,7 +74,7 @@ async def take_back_run(at: Bench) -> Outcome | None:
     found = to_take_back(at, "")
     if found is None or found.tables[0].consent.split(" ")[0] != at.folder.run_id:
         return None
-    return await _applied(at, found, groups([(done, context_of(at, done.new.table)) for done in found.tables]))
+    return await _applied(at, found, group_rollbacks([(done, context_of(at, done.new.table)) for done in found.tables]))
 
 
 def to_take_back(at: Bench, asked: str) -> ConsentSet | None:
@@ -78,7 +90,7 @@ def to_take_back(at: Bench, asked: str) -> ConsentSet | None:
         proof = proofs.get(kept.output_axis) if kept.kind == "cross" else None
         return kept if kept.kind == "cross" and proof is None else controller.table_by(kept, sense, proof)
 
-    found = consent_set(every_push(at.store.root / JOURNALS, at.machine.serial, meant), asked)
+    found = consent_set(all_pushes(at.store.root / JOURNALS, at.machine.serial, meant), asked)
     unproved = [
         one for one in (found.tables if found else ()) if spoken().is_cross(one.table) and not proofs.get(one.axis)
     ]
@@ -90,14 +102,14 @@ def to_take_back(at: Bench, asked: str) -> ConsentSet | None:
 def context_of(at: Bench, table: CompensationTable) -> PushContext:
     """What a transaction without a capture works with, with who asks for it and the state of the audit."""
     broken = audit_problem(at)
-    return replace(table_context(at, table, None), actor=audit.person(), audit_broken=broken, log=Witness(at))
+    return replace(table_context(at, table, None), actor=audit.acting_person(), audit_broken=broken, log=Witness(at))
 
 
-async def _shown(at: Bench, found: ConsentSet, undos: Sequence[Sequence[Undo]]) -> Outcome:
+async def _shown(at: Bench, found: ConsentSet, undos: Sequence[Sequence[RollbackRequest]]) -> Outcome:
     against: dict[str, list[str]] = {}
     codes: dict[str, None] = {}
     for group in undos:
-        for (done, _), asked in zip(group, await ask_undos(group), strict=True):
+        for (done, _), asked in zip(group, await preflight_rollbacks(group), strict=True):
             for refusal in asked.refusals:
                 against.setdefault(refusal.words, []).append(done.table)
                 codes[refusal.code] = None
@@ -115,7 +127,7 @@ async def _shown(at: Bench, found: ConsentSet, undos: Sequence[Sequence[Undo]]) 
 
 def _seen(at: Bench, found: ConsentSet) -> Mapping[str, RollbackPreview]:
     """What acts in each table's place until the rollback, and after it. Raises StoreError."""
-    return previews(every_push(at.store.root / JOURNALS, at.machine.serial), found)
+    return rollback_previews(all_pushes(at.store.root / JOURNALS, at.machine.serial), found)
 
 
 def _rest(found: ConsentSet) -> list[str]:
@@ -137,7 +149,7 @@ def _data(found: ConsentSet) -> dict[str, Any]:
     return {"transaction": first.transaction, "table": found.names, "tables": told, "rest": rest}
 
 
-def _difference(done: Committed) -> list[str]:
+def _difference(done: CommittedPush) -> list[str]:
     """What the table would become, at the points of the larger of both."""
     new, old = done.new, done.old
     if new.table.kind == "reversal":
@@ -145,13 +157,13 @@ def _difference(done: Committed) -> list[str]:
         return [f"  {was:+9.3f} -> {becomes:+9.3f} {new.table.deviation_unit}"]
     unit, both = new.table.deviation_unit, bool(new.table.reverse or old.table.reverse)
     lines = [words("W-ROLLBACK-POINTS", table=done.table)]
-    for place, way, was, becomes in changes(done):
+    for place, way, was, becomes in point_changes(done):
         side = f"  {'+-'[way < 0]}" if both else ""
         lines.append(f"  {place:10.3f}{side} {was:+9.3f} -> {becomes:+9.3f} {unit}")
     return lines
 
 
-async def _applied(at: Bench, found: ConsentSet, undos: Sequence[Sequence[Undo]]) -> Outcome:
+async def _applied(at: Bench, found: ConsentSet, undos: Sequence[Sequence[RollbackRequest]]) -> Outcome:
     """One transaction after the other, the newest pushed first; what one of them leaves on keeps the rest as it is.
 
     Raises what became of the first that did not end as asked, with what is back and what stays on.
@@ -215,14 +227,14 @@ def _ended(
     return alarmed(outcome, outcome_alarms(records.values()))
 
 
-async def _taken_back(at: Bench, group: Sequence[Undo]) -> dict[str, PushRecord]:
+async def _taken_back(at: Bench, group: Sequence[RollbackRequest]) -> dict[str, PushRecord]:
     """One transaction, kept in the audit log at both ends, each table with its record in the run folder."""
     told = {done.table: {"table": done.table, "undoes": done.transaction, "run": at.folder.run_id} for done, _ in group}
     root, serial = at.store.root, at.machine.serial
     for details in told.values():
         audit.record(root, "rollback-start", clock=at.clock, serial=serial, details=details)
     try:
-        records = await undo_tables(group)
+        records = await roll_back_pushes(group)
     except (TrueflankError, asyncio.CancelledError) as error:
         for details in told.values():
             action, why = f"rollback-{word_of(error)}", {**details, "why": why_of(error)}

@@ -11,7 +11,7 @@ from dataclasses import replace
 from drivers.message import Message
 from gateway.domain.proposals import TableChange, torn
 from gateway.errors import VerifyError
-from gateway.push import PushContext, quiet
+from gateway.push import PushContext, trials_stay_off
 from gateway.workflow import stages
 from gateway.workflow.axes.measure import MeasuredAxis
 from gateway.workflow.bench import Bench
@@ -67,7 +67,7 @@ def in_turn(at: Bench, axes: Sequence[str]) -> list[str]:
 
 def _groups(wishes: Sequence[Wish]) -> list[Sequence[Wish]]:
     """All together where no trial table acts but while it is measured; else one by one."""
-    if wishes and quiet(wishes[0][1]):
+    if wishes and trials_stay_off(wishes[0][1]):
         return [wishes]
     return [(wish,) for wish in wishes]
 

@@ -34,7 +34,7 @@ async def accept(
 
     Raises as `Trust.accept`, StoreError.
     """
-    audit.demand(root)
+    audit.require_sound(root)
     view = await trust.accept(thumbprint, who, timeout_s, reason)
     told = {"url": view.url, "sha256": view.shown.sha256, "subject": view.shown.subject}
     told |= {"reason": view.reason} if view.reason else {}

@@ -14,11 +14,7 @@ from drivers.types.tables import LiveSet, LiveTable
 from gateway.config import SiteFile
 from gateway.domain.proposals import Proposal
 from gateway.errors import StoreError
-from gateway.push import conversation
-from gateway.push.compare import table_in, tolerance
-from gateway.push.records.history import consent_set, every_push
-from gateway.push.records.journal import JOURNALS
-from gateway.push.undo.recovery import unfinished
+from gateway.push import JOURNALS, all_pushes, consent_set, controller_access, table_in, tolerance, unfinished_tables
 from gateway.say import Say
 from gateway.store import RunFolder
 from gateway.table.threeway import compare
@@ -73,7 +69,7 @@ def _outcome(at: Bench, table: str, looks: list[Look]) -> Outcome:
     at.folder.set_state(f"table-{min(kinds) if kinds else 'as-approved'}")
     rows = [{"axis": one.name, "against": one.against, "digest": one.digest, **one.found.as_data()} for one in looks]
     journals, serial = at.store.root / JOURNALS, at.machine.serial
-    left, back = unfinished(journals, serial), consent_set(every_push(journals, serial), table)
+    left, back = unfinished_tables(journals, serial), consent_set(all_pushes(journals, serial), table)
     data: dict[str, Any] = {**(rows[0] if table else {"tables": rows}), "unfinished": len(left)}
     data["rollback"] = [one.table for one in back.tables] if back is not None else []
     return Outcome(
@@ -102,14 +98,14 @@ def _said(looks: Sequence[Look]) -> Iterator[str]:
 
 async def read_axes(at: Bench, names: Sequence[str]) -> tuple[LiveSet, ...]:
     """The live tables of axes as stored; with programs the operator starts one that saves those of all."""
-    return await conversation.read_all([push_context(at, at.axis(name), None) for name in names])
+    return await controller_access.read_live_of_axes([push_context(at, at.axis(name), None) for name in names])
 
 
 async def _against_run(at: Bench, table: str, run: RunFolder) -> Outcome:
     approved, before, said = _proposed(run, table)
     shape, context = approved.table, context_of(at, approved.table)
     limits = await context.controller.table_limits(shape.output_axis, shape.kind, shape.index)
-    live = await conversation.read_live(context)
+    live = await controller_access.read_live_tables(context)
     found = compare(table_in(live, shape), approved, before, tolerance(limits, shape))
     at.folder.write_text(f"live-tables{spoken().program_suffix}", live.native)
     at.folder.set_state(f"table-{found.kind}")

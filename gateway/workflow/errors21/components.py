@@ -24,7 +24,7 @@ from gateway.errors import CaptureError, IllegalTransition, Incomplete
 from gateway.evaluate.behaviour.doubts import accept_doubts, all_doubts, blocking_doubts, demand_settled
 from gateway.evaluate.geometry.error_model import error_model
 from gateway.events import RunStarted, SetupStarted
-from gateway.interlocks import aged, crowded
+from gateway.interlocks import age_refusals, suspect_refusals
 from gateway.model.chain import LETTERS
 from gateway.model.known import ErrorModel
 from gateway.model.preset import LOCATION_NAMES
@@ -155,7 +155,7 @@ def _unfit(capture: Capture, now_utc: datetime, *, positioning: bool) -> str:
         demand_complete(capture)
     except Incomplete as error:
         return error.what
-    against = (*crowded(capture), *aged(capture, now_utc)) if positioning else ()
+    against = (*suspect_refusals(capture), *age_refusals(capture, now_utc)) if positioning else ()
     return "; ".join(one.words for one in against)
 
 

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from drivers.types.stops import StopPlan
 from gateway.capture.duration import HANDSHAKE_S, plan_s, reading_s
 from gateway.config import AxisSection, SiteFile, one_start
-from gateway.push.proofs.switching import ROUNDS, TIMES
+from gateway.push import ROUNDS, TIMES
 from gateway.workflow.control.proving import SWITCH_SETTLE_S
 from gateway.workflow.loop.dayplan import Asks
 

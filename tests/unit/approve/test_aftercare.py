@@ -17,7 +17,7 @@ from gateway import audit
 from gateway.daemon.daily import LOOK_EVERY_S, TRY_AGAIN_S, Daily, each_day
 from gateway.domain.outcomes import PushRecord
 from gateway.errors import BusyError
-from gateway.push import ask, push_table
+from gateway.push import push_table, run_preflight
 from gateway.say import silence
 from gateway.workflow import aftercare, consents
 from gateway.workflow.outcome import Outcome, alarmed
@@ -51,7 +51,7 @@ def look(shop: Shop) -> tuple[str, ...]:
 
 
 def actions(shop: Shop) -> list[str]:
-    return [entry["action"] for entry in audit.entries(shop.store.root)]
+    return [entry["action"] for entry in audit.read_entries(shop.store.root)]
 
 
 def by_hand(shop: Shop, **changed: Any) -> None:
@@ -108,7 +108,7 @@ def test_a_push_to_that_axis_asks_for_a_second_person(shop: Shop) -> None:
     async def asked() -> Any:
         (change,) = shop.stored.changes
         context = consents.consented(shop.at, change, replace(shop.context(), approvals_needed=None))
-        return await ask(change, context, "table")
+        return await run_preflight(change, context, "table")
 
     found = run_virtual(asked)
     assert [one.code for one in found.warnings] == ["W-INT-ALARM"]
@@ -138,7 +138,7 @@ def test_a_push_compares_what_it_reads_and_a_committed_one_ends_the_alarm(shop: 
 
 def test_it_is_due_once_a_day_from_its_hour_on(shop: Shop) -> None:
     look(shop)
-    seen = datetime.fromisoformat(audit.standing(shop.store.root, MACHINE.serial).looked["X1"])
+    seen = datetime.fromisoformat(audit.read_log_state(shop.store.root, MACHINE.serial).looked["X1"])
     assert aftercare.due(shop.store, MACHINE.serial, seen, seen.hour) == ()
     next_day = (seen + timedelta(days=1)).replace(hour=6, minute=0)
     assert aftercare.due(shop.store, MACHINE.serial, next_day - timedelta(minutes=1), 6) == ()

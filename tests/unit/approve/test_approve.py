@@ -13,10 +13,10 @@ import pytest
 from drivers.message import Message
 from drivers.types.identity import MachineIdentity
 from drivers.types.tables import CompensationTable
-from gateway.approve import VALID, Approvals, consent
+from gateway.approve import VALID, Approvals, give_consent
 from gateway.domain.proposals import Approval, TableChange
 from gateway.errors import CorruptRecord, WriteRefused
-from gateway.push import plan_hash
+from gateway.push.context import plan_hash
 
 NOW = datetime(2026, 11, 21, 10, tzinfo=UTC)
 MACHINE = MachineIdentity("SN-1", "V4.8", ("X1", "C1"))
@@ -29,7 +29,7 @@ def approve(
     actor: str = "ann", typed: str = "mill", given: tuple[Approval, ...] = (), now: datetime = NOW, **changed: object
 ) -> Approval:
     change = replace(CHANGE, **changed)
-    return consent(change, MACHINE, actor=actor, typed_name=typed, site_name="mill", now_utc=now, given=given)
+    return give_consent(change, MACHINE, actor=actor, typed_name=typed, site_name="mill", now_utc=now, given=given)
 
 
 def test_an_approval_names_plan_base_machine_person_and_time() -> None:

@@ -18,13 +18,14 @@ from drivers.types.abilities import Marker
 from drivers.types.identity import MachineIdentity
 from drivers.types.tables import LiveTable
 from gateway import audit
-from gateway.approve import Approvals, consent
+from gateway.approve import Approvals, give_consent
 from gateway.audit.chain import AUDIT
 from gateway.domain.outcomes import PushRecord
 from gateway.domain.proposals import Approval, Proposal, TableChange, TableFinding
-from gateway.push import PushContext, push_table
-from gateway.push.records import journal, numbering
-from gateway.push.records.journal import JOURNALS
+from gateway.push import journal
+from gateway.push.context import PushContext
+from gateway.push.journal import JOURNALS
+from gateway.push.transaction import push_table
 from gateway.store import RunFolder, Store, records
 from gateway.workflow import consents, stages
 from tests.steps import lines
@@ -82,7 +83,7 @@ class Shop:
             now, run = self.at.clock.utc(), run_id or self.at.folder.run_id
             (change,) = self.stored.changes
             names = {"typed_name": "mill", "site_name": "mill", "now_utc": now, "run_id": run}
-            made = replace(consent(change, MACHINE, actor="second", **names), **changed)
+            made = replace(give_consent(change, MACHINE, actor="second", **names), **changed)
             if known:
                 told = {"approval": Approvals.digest(made)}
                 audit.record(self.store.root, audit.APPROVED, clock=self.at.clock, serial=MACHINE.serial, details=told)
@@ -149,13 +150,13 @@ def shop(tmp_path: Path) -> Shop:
 
 def test_without_an_attack_it_is_pushed_and_the_next_one_too(shop: Shop) -> None:
     assert shop.push().outcome == "committed"
-    known = audit.standing(shop.store.root, MACHINE.serial)
+    known = audit.read_log_state(shop.store.root, MACHINE.serial)
     assert len(known.begun) == 1
     again = replace(NEW, deviations=(0.0, 4.0, 9.0, 12.5, 9.0, 4.0, -3.0, -6.0, 0.0))
     shop.proposal = replace(shop.proposal, changes=(change_of(shop.double.machine, again),))
     shop.propose()
     assert shop.push().outcome == "committed"
-    assert audit.check(shop.store.root).sound
+    assert audit.check_log(shop.store.root).sound
 
 
 def forge(shop: Shop, change: Callable[[TableChange], TableChange]) -> None:
@@ -219,8 +220,8 @@ def test_a_log_from_before_is_behind_the_controls_mark_even_when_the_store_is_as
     shutil.copytree(copy, shop.store.root)
     number = shop.double.machine.marker.transaction
     (shop.store.root / JOURNALS).mkdir(exist_ok=True)
-    part = shop.store.root / JOURNALS / numbering.PART
-    part.write_text(str(number // numbering.PART_SIZE))
+    part = shop.store.root / JOURNALS / journal.PART
+    part.write_text(str(number // journal.PART_SIZE))
     shop.double.machine.own = before.own
     shop.double.machine.writes.clear()
     assert str(number) in shop.refused("E-INT-AUDIT-BEHIND")
@@ -251,7 +252,7 @@ def test_a_log_cut_behind_the_last_push_is_behind_the_controls_mark(shop: Shop) 
     path.write_bytes(b"".join(lines[:ending]))
     digest = json.loads(lines[ending - 1])["hash"]
     (shop.store.root / AUDIT / "head").write_text(f"{ending}:{digest}\n")
-    assert audit.check(shop.store.root).sound
+    assert audit.check_log(shop.store.root).sound
     shop.double.machine.writes.clear()
     assert "the marker in the control" in shop.refused("E-INT-AUDIT-BEHIND")
 
@@ -266,10 +267,10 @@ def test_a_control_that_lost_its_memory_warns_and_refuses_nothing(shop: Shop) ->
     shop.propose()
 
     async def asked() -> tuple[tuple[str, ...], tuple[str, ...]]:
-        from gateway.push import ask
+        from gateway.push.preflight import run_preflight
 
         (change,) = shop.stored.changes
-        found = await ask(change, consents.consented(shop.at, change, shop.context()), "table")
+        found = await run_preflight(change, consents.consented(shop.at, change, shop.context()), "table")
         return tuple(one.code for one in found.refusals), tuple(one.code for one in found.warnings)
 
     refusals, warned = run_virtual(asked)

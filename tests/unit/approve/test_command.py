@@ -74,7 +74,7 @@ def test_shown_then_approved_by_the_machines_name(run: RunFolder) -> None:
     assert f"approved by {audit.os_user()} until " in result.output
     (kept,) = Approvals(run.path).unused()
     assert kept.actor == audit.os_user()
-    (entry,) = audit.entries(run.path.parent)
+    (entry,) = audit.read_entries(run.path.parent)
     assert (entry["action"], entry["role"], entry["plan_hash"]) == ("approve", "approver", kept.plan_hash)
     again = approve(run, "mill", "--json").exception
     assert isinstance(again, WriteRefused)
@@ -102,7 +102,7 @@ def test_refused_leaves_nothing(run: RunFolder, typed: str, words: tuple[str, ..
     assert isinstance(found, error)
     assert getattr(found, "code", "") == code
     assert Approvals(run.path).unused() == ()
-    assert list(audit.entries(run.path.parent)) == []
+    assert list(audit.read_entries(run.path.parent)) == []
 
 
 @pytest.mark.parametrize(

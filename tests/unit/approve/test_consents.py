@@ -13,7 +13,7 @@ from drivers.errors import DeadlineExceeded
 from drivers.message import Message
 from drivers.types.identity import MachineIdentity
 from gateway import audit
-from gateway.approve import Approvals, consent
+from gateway.approve import Approvals, give_consent
 from gateway.audit.chain import AUDIT
 from gateway.domain.outcomes import PushRecord
 from gateway.domain.proposals import Proposal
@@ -56,7 +56,7 @@ def at(tmp_path: Path) -> Any:
 def given(at: At, actor: str, ago: timedelta = timedelta(0)) -> None:
     now = at.clock.utc() - ago
     run = at.folder.run_id
-    made = consent(CHANGE, MACHINE, actor=actor, typed_name="mill", site_name="mill", now_utc=now, run_id=run)
+    made = give_consent(CHANGE, MACHINE, actor=actor, typed_name="mill", site_name="mill", now_utc=now, run_id=run)
     Approvals(at.folder.path).keep(made)
     told = {"approval": Approvals.digest(made)}
     audit.record(at.store.root, audit.APPROVED, clock=at.clock, serial=MACHINE.serial, details=told)
@@ -72,7 +72,7 @@ def test_taken_up_once_and_held_for_the_push(at: Any) -> None:
     assert (held.consent_utc, held.used, held.run_id) == (taken["X1"].at_utc, (), at.folder.run_id)
     again = consents.take_up(at, PROPOSAL)
     assert {name: one.approvals for name, one in again.items()} == {"X1": (), "C1": ()}
-    used = [entry for entry in audit.entries(at.store.root) if entry["action"] == audit.USED]
+    used = [entry for entry in audit.read_entries(at.store.root) if entry["action"] == audit.USED]
     assert {entry["details"]["approved_by"] for entry in used} == {"ann", "eve"}
 
 
@@ -82,7 +82,7 @@ def test_two_pushes_cannot_take_up_the_same(at: Any, monkeypatch: pytest.MonkeyP
     consents.take_up(at, PROPOSAL)
     monkeypatch.setattr(Approvals, "unused", lambda *_: both)
     assert consents.take_up(at, PROPOSAL)["X1"].approvals == (), "the log knows them as used"
-    monkeypatch.setattr(audit.Standing, "take", lambda *_: None)
+    monkeypatch.setattr(audit.LogState, "take", lambda *_: None)
     with pytest.raises(WriteRefused) as caught:
         consents.take_up(at, PROPOSAL)
     assert caught.value.code == "E-APPROVE-USED"
@@ -117,7 +117,7 @@ def test_every_end_leaves_its_record(at: Any, tmp_path: Path) -> None:
     assert consents.recovered(at, "R-PUSH-HALF", PushRecord(9, "X1", "rolled-back", (), "")) == ""
     consents.proving(at, CHANGE)
     consents.proving_again(at, CHANGE, mean=-2.1234, u=0.5, count=3)
-    found = list(audit.entries(tmp_path))
+    found = list(audit.read_entries(tmp_path))
     assert found.pop(0)["action"] == audit.APPROVED
     assert [entry["action"] for entry in found] == [
         "push-start",
@@ -133,4 +133,4 @@ def test_every_end_leaves_its_record(at: Any, tmp_path: Path) -> None:
     assert plan["details"]["proposal"] == at.folder.digest("proposal")
     assert at.folder.anchor.partition(":")[2] == plan["hash"]
     assert {"mean": -2.123, "u": 0.5, "steps": 3}.items() <= found[-1]["details"].items()
-    assert audit.sound(tmp_path)
+    assert audit.is_sound(tmp_path)

@@ -7,9 +7,7 @@ from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
-from gateway.audit import ChainHead, Happening
-from gateway.audit.chain import AUDIT, HEAD, file_name, files
-from gateway.audit.entries import AuditEntry, line_of
+from gateway.audit.chain import AUDIT, HEAD, AuditEntry, AuditEvent, ChainHead, audit_files, encode_line, file_name
 
 
 @dataclass
@@ -38,9 +36,11 @@ def bulk(root: Path, count: int, per_file: int) -> ChainHead:
     folder.mkdir(parents=True)
     head, lines = ChainHead(), []
     for number in range(1, count + 1):
-        happening = Happening("push-start", "ann", "operator", "SN-1", number, "ab" * 32, "cd" * 32, "", {"axis": "C1"})
+        happening = AuditEvent(
+            "push-start", "ann", "operator", "SN-1", number, "ab" * 32, "cd" * 32, "", {"axis": "C1"}
+        )
         entry = AuditEntry(number, "2026-11-21T10:00:00.000+00:00", float(number), 77, "0.1.0", happening, head.hash)
-        line, head = line_of(entry)
+        line, head = encode_line(entry)
         lines.append(line)
         if number % per_file == 0 or number == count:
             (folder / file_name((number - 1) // per_file + 1)).write_bytes(b"".join(lines))
@@ -51,4 +51,4 @@ def bulk(root: Path, count: int, per_file: int) -> ChainHead:
 
 def log_files(root: Path) -> list[Path]:
     """Every file that counts."""
-    return [*files(root / AUDIT), root / AUDIT / HEAD]
+    return [*audit_files(root / AUDIT), root / AUDIT / HEAD]

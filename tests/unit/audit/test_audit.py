@@ -12,8 +12,8 @@ import pytest
 
 from drivers.errors import TrueflankError
 from gateway import audit
-from gateway.audit.chain import AUDIT, HEAD, file_name, files
-from gateway.audit.checking import judge
+from gateway.audit.chain import AUDIT, HEAD, audit_files, file_name
+from gateway.audit.integrity import judge_log
 from gateway.errors import CorruptRecord, StoreError
 from tests.sizes import long
 from tests.unit.audit.log import Moments, bulk, log_files
@@ -31,7 +31,7 @@ def test_what_is_recorded_is_read_again(tmp_path: Path) -> None:
     odd = {"why": 'a "quoted" \\ line\nµ', "share": float("nan"), "many": (1, 2), "on": True, "hash": "f" * 64}
     audit.record(tmp_path, "push-start", clock=clock, serial="SN-1", transaction=7, plan_hash="ab", details=odd)
     head = audit.correct(tmp_path, 1, "wrong machine", clock=clock, actor="bob")
-    first, second = audit.entries(tmp_path)
+    first, second = audit.read_entries(tmp_path)
     assert first["actor"] == audit.os_user()
     assert (first["seq"], first["transaction"], first["plan_hash"], first["serial"]) == (1, 7, "ab", "SN-1")
     assert first["details"] == {**odd, "share": "nan", "many": "(1, 2)"}
@@ -39,13 +39,13 @@ def test_what_is_recorded_is_read_again(tmp_path: Path) -> None:
     assert second["prev_hash"] == first["hash"]
     assert second["details"] == {"corrects": 1, "why": "wrong machine"}
     assert second["monotonic_s"] > first["monotonic_s"]
-    assert audit.check(tmp_path).head == head == audit.ChainHead(2, second["hash"])
-    assert audit.sound(tmp_path)
+    assert audit.check_log(tmp_path).head == head == audit.ChainHead(2, second["hash"])
+    assert audit.is_sound(tmp_path)
 
 
 def test_an_empty_store_has_a_sound_empty_log(tmp_path: Path) -> None:
-    assert audit.check(tmp_path) == audit.Health(audit.ChainHead())
-    assert list(audit.entries(tmp_path)) == []
+    assert audit.check_log(tmp_path) == audit.Health(audit.ChainHead())
+    assert list(audit.read_entries(tmp_path)) == []
 
 
 def test_the_user_is_the_processs_and_not_the_environments(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -57,13 +57,13 @@ def test_the_user_is_the_processs_and_not_the_environments(monkeypatch: pytest.M
 def test_files_rotate_and_stay_one_chain(tmp_path: Path) -> None:
     clock = Moments()
     for number in range(12):
-        entry = audit.AuditEntry(0, "t", clock.now(), 1, "0", audit.Happening("a", "ann", transaction=number), "")
+        entry = audit.AuditEntry(0, "t", clock.now(), 1, "0", audit.AuditEvent("a", "ann", transaction=number), "")
         head = audit.append(tmp_path, entry, rotate_bytes=1500)
-    health = audit.check(tmp_path)
+    health = audit.check_log(tmp_path)
     assert health.sound
     assert health.head == head
     assert health.files > 2
-    assert [entry["transaction"] for entry in audit.entries(tmp_path)] == list(range(12))
+    assert [entry["transaction"] for entry in audit.read_entries(tmp_path)] == list(range(12))
 
 
 def test_every_single_bit_counts(tmp_path: Path) -> None:
@@ -76,9 +76,9 @@ def test_every_single_bit_counts(tmp_path: Path) -> None:
             changed = bytearray(data)
             changed[place // 8] ^= 1 << place % 8
             *log, (_, head) = [*parts[:number], (name, bytes(changed)), *parts[number + 1 :]]
-            assert not judge(head, log).sound, (name, place)
+            assert not judge_log(head, log).sound, (name, place)
             flips += 1
-    assert judge(parts[-1][1], parts[:-1]).sound
+    assert judge_log(parts[-1][1], parts[:-1]).sound
     assert flips > 10_000
 
 
@@ -87,13 +87,13 @@ def test_changes_of_a_long_log_are_all_found(tmp_path: Path, turns: int) -> None
     """10 000 records: bits, deletions, swaps and repetitions at seeded places."""
     bulk(tmp_path, 10_000, per_file=500)
     *parts, (_, head) = [(path.name, path.read_bytes()) for path in log_files(tmp_path)]
-    assert judge(head, parts).head.seq == 10_000
+    assert judge_log(head, parts).head.seq == 10_000
     rng = random.Random(1)
     for turn in range(turns):
         number = rng.randrange(len(parts))
         name, data = parts[number]
         log = [*parts[:number], (name, _changed(data, turn, rng)), *parts[number + 1 :]]
-        assert not judge(head, log).sound, turn
+        assert not judge_log(head, log).sound, turn
 
 
 def _changed(data: bytes, turn: int, rng: random.Random) -> bytes:
@@ -114,13 +114,13 @@ def _changed(data: bytes, turn: int, rng: random.Random) -> bytes:
 
 def test_a_lost_end_shows_by_the_kept_head(tmp_path: Path) -> None:
     bulk(tmp_path, 10, per_file=4)
-    last = files(tmp_path / AUDIT)[-1]
+    last = audit_files(tmp_path / AUDIT)[-1]
     data = last.read_bytes()
     *parts, (_, head) = [(path.name, path.read_bytes()) for path in log_files(tmp_path)]
     for cut in range(len(data)):
-        assert not judge(head, [*parts[:-1], (last.name, data[:cut])]).sound, cut
+        assert not judge_log(head, [*parts[:-1], (last.name, data[:cut])]).sound, cut
     last.unlink()
-    assert not audit.check(tmp_path).sound
+    assert not audit.check_log(tmp_path).sound
     with pytest.raises(CorruptRecord) as caught:
         _small(tmp_path, 1)
     assert caught.value.code == "E-AUDIT-BROKEN"
@@ -129,17 +129,17 @@ def test_a_lost_end_shows_by_the_kept_head(tmp_path: Path) -> None:
 def test_an_end_cut_together_with_its_head_shows_by_an_exported_head(tmp_path: Path) -> None:
     exported = _small(tmp_path, 6)
     later = _small(tmp_path, 2)
-    by_hash = audit.head_of(exported.hash)
-    for heads in ((exported,), (by_hash,), (exported, later), (audit.head_of(str(later)),)):
-        assert audit.check(tmp_path, heads).sound
-    path = files(tmp_path / AUDIT)[0]
+    by_hash = audit.parse_head(exported.hash)
+    for heads in ((exported,), (by_hash,), (exported, later), (audit.parse_head(str(later)),)):
+        assert audit.check_log(tmp_path, heads).sound
+    path = audit_files(tmp_path / AUDIT)[0]
     lines = path.read_bytes().splitlines(keepends=True)
     path.write_bytes(b"".join(lines[:5]))
     kept = audit.ChainHead(5, json.loads(lines[4])["hash"])
     (tmp_path / AUDIT / HEAD).write_text(f"{kept}\n")
-    assert audit.check(tmp_path).sound
+    assert audit.check_log(tmp_path).sound
     for head in (exported, by_hash, later):
-        problem = audit.check(tmp_path, (head,)).problem
+        problem = audit.check_log(tmp_path, (head,)).problem
         assert problem is not None
         assert problem.code == "W-AUDIT-EXPORT"
 
@@ -147,7 +147,7 @@ def test_an_end_cut_together_with_its_head_shows_by_an_exported_head(tmp_path: P
 def test_a_log_written_anew_shows_by_an_exported_head(tmp_path: Path) -> None:
     bulk(tmp_path / "one", 10, per_file=4)
     exported = audit.ChainHead(5, "0" * 63 + "1")
-    problem = audit.check(tmp_path / "one", (exported,)).problem
+    problem = audit.check_log(tmp_path / "one", (exported,)).problem
     assert problem is not None
     assert problem.code == "W-AUDIT-EXPORT"
     assert "exported head" in problem.words
@@ -157,7 +157,7 @@ def test_a_log_written_anew_shows_by_an_exported_head(tmp_path: Path) -> None:
 def test_a_missing_file_shows(tmp_path: Path, gone: int) -> None:
     bulk(tmp_path, 10, per_file=4)
     (tmp_path / AUDIT / file_name(gone)).unlink()
-    assert not audit.sound(tmp_path)
+    assert not audit.is_sound(tmp_path)
 
 
 def test_a_missing_or_strange_head_shows(tmp_path: Path) -> None:
@@ -166,17 +166,17 @@ def test_a_missing_or_strange_head_shows(tmp_path: Path) -> None:
     text = head.read_text()
     for wrong in ("", "5", text.strip(), text + "\n", text.partition(":")[2], "0:" + "0" * 64 + "\n" + text):
         head.write_text(wrong)
-        assert not audit.sound(tmp_path), wrong
+        assert not audit.is_sound(tmp_path), wrong
     head.unlink()
-    assert not audit.sound(tmp_path)
+    assert not audit.is_sound(tmp_path)
     head.write_text(text)
-    assert audit.sound(tmp_path)
+    assert audit.is_sound(tmp_path)
 
 
 def _torn(root: Path, keep: int) -> bytes:
     """As a crash in the middle of the last record leaves it: `head` was not written yet."""
     before = _small(root, 3)
-    path = files(root / AUDIT)[-1]
+    path = audit_files(root / AUDIT)[-1]
     whole = path.read_bytes()
     _small(root, 1)
     line = path.read_bytes()[len(whole) :]
@@ -188,16 +188,16 @@ def _torn(root: Path, keep: int) -> bytes:
 @pytest.mark.parametrize("keep", [1, 40, -1])
 def test_a_torn_end_stays_and_is_spoken_of_by_a_record(tmp_path: Path, keep: int) -> None:
     fragment = _torn(tmp_path, keep)
-    assert audit.check(tmp_path).torn_bytes == len(fragment)
-    assert audit.sound(tmp_path)
+    assert audit.check_log(tmp_path).torn_bytes == len(fragment)
+    assert audit.is_sound(tmp_path)
     head = _small(tmp_path, 1)
-    found = list(audit.entries(tmp_path))
+    found = list(audit.read_entries(tmp_path))
     assert [entry["action"] for entry in found] == ["approve"] * 3 + ["torn-line", "approve"]
     assert found[3]["details"]["bytes"] == len(fragment)
-    assert audit.check(tmp_path) == audit.Health(head, 2)
-    old = files(tmp_path / AUDIT)[0]
+    assert audit.check_log(tmp_path) == audit.Health(head, 2)
+    old = audit_files(tmp_path / AUDIT)[0]
     old.write_bytes(old.read_bytes()[:-1])
-    problem = audit.check(tmp_path).problem
+    problem = audit.check_log(tmp_path).problem
     assert problem is not None
     assert problem.code == "W-AUDIT-TORN"
 
@@ -206,42 +206,42 @@ def test_torn_again_while_speaking_of_a_torn_end(tmp_path: Path) -> None:
     fragment = _torn(tmp_path, 30)
     (tmp_path / AUDIT / file_name(2)).write_bytes(b'{"acti')
     (tmp_path / AUDIT / file_name(3)).write_bytes(b"")
-    assert audit.sound(tmp_path)
+    assert audit.is_sound(tmp_path)
     _small(tmp_path, 2)
-    found = list(audit.entries(tmp_path))
+    found = list(audit.read_entries(tmp_path))
     assert found[3]["details"]["bytes"] == len(fragment) + 6
-    assert audit.check(tmp_path).head.seq == 6
+    assert audit.check_log(tmp_path).head.seq == 6
 
 
 def test_a_crash_between_record_and_head_is_nothing(tmp_path: Path) -> None:
     before = _small(tmp_path, 3)
     _small(tmp_path, 1)
     (tmp_path / AUDIT / HEAD).write_text(f"{before}\n")
-    assert audit.sound(tmp_path)
+    assert audit.is_sound(tmp_path)
     assert _small(tmp_path, 1).seq == 5
-    assert audit.sound(tmp_path)
+    assert audit.is_sound(tmp_path)
 
 
 def test_the_first_record_torn(tmp_path: Path) -> None:
     (tmp_path / AUDIT).mkdir()
     (tmp_path / AUDIT / HEAD).write_text(f"{audit.ChainHead()}\n")
     (tmp_path / AUDIT / file_name(1)).write_bytes(b'{"action":"ap')
-    assert audit.sound(tmp_path)
+    assert audit.is_sound(tmp_path)
     assert _small(tmp_path, 1).seq == 2
-    assert audit.sound(tmp_path)
+    assert audit.is_sound(tmp_path)
 
 
 def test_a_broken_log_stops_writes_and_no_reads(tmp_path: Path) -> None:
     bulk(tmp_path, 10, per_file=20)
-    path = files(tmp_path / AUDIT)[0]
+    path = audit_files(tmp_path / AUDIT)[0]
     path.write_bytes(path.read_bytes().replace(b'"transaction":9', b'"transaction":8'))
-    assert not audit.sound(tmp_path)
+    assert not audit.is_sound(tmp_path)
     with pytest.raises(CorruptRecord) as caught:
-        audit.demand(tmp_path)
+        audit.require_sound(tmp_path)
     assert caught.value.code == "E-AUDIT-BROKEN"
     assert "record 9" in str(caught.value)
     assert audit.note(tmp_path, "propose", clock=Moments()) == ""
-    shown = list(audit.entries(tmp_path))
+    shown = list(audit.read_entries(tmp_path))
     assert [entry["damaged"] for entry in shown] == [False] * 8 + [True] + [False] * 2
 
 
@@ -251,7 +251,7 @@ def test_a_log_that_cannot_be_written_stops_a_push_and_no_proposal(tmp_path: Pat
     with pytest.raises(StoreError):
         audit.record(tmp_path, "push-start", clock=clock)
     assert "E-" in audit.note(tmp_path, "propose", clock=clock)
-    assert not audit.sound(tmp_path)
+    assert not audit.is_sound(tmp_path)
 
 
 def test_many_at_once_make_one_chain(tmp_path: Path) -> None:
@@ -271,14 +271,14 @@ def test_many_at_once_make_one_chain(tmp_path: Path) -> None:
     for thread in threads:
         thread.join()
     assert not problems
-    assert audit.check(tmp_path).head.seq == 30
+    assert audit.check_log(tmp_path).head.seq == 30
     for name in ("ann", "bob", "eve"):
-        own = [entry["transaction"] for entry in audit.entries(tmp_path) if entry["actor"] == name]
+        own = [entry["transaction"] for entry in audit.read_entries(tmp_path) if entry["actor"] == name]
         assert own == list(range(10))
 
 
 @pytest.mark.parametrize("text", ["", "x", "12", "5:" + "0" * 63, "5:" + "g" * 64, "A" * 64])
 def test_what_is_no_head_is_refused(text: str) -> None:
     with pytest.raises(CorruptRecord) as caught:
-        audit.head_of(text)
+        audit.parse_head(text)
     assert caught.value.code == "E-AUDIT-HEAD"

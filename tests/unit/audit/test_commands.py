@@ -11,7 +11,7 @@ from typer.testing import CliRunner
 
 from drivers.errors import ConfigError
 from gateway import audit
-from gateway.audit.chain import AUDIT, files
+from gateway.audit.chain import AUDIT, audit_files
 from gateway.cli import app
 from gateway.errors import CorruptRecord
 from tests.unit.audit.log import Moments
@@ -31,7 +31,7 @@ def store(tmp_path: Path) -> Path:
 
 def test_a_whole_log_is_verified_against_an_exported_head(store: Path) -> None:
     head = run("head", store).stdout.strip()
-    assert head == str(audit.check(store).head)
+    assert head == str(audit.check_log(store).head)
     result = run("verify", store, "--head", head)
     assert result.exit_code == 0
     assert "3 records in 1 file are whole" in result.stdout
@@ -40,7 +40,7 @@ def test_a_whole_log_is_verified_against_an_exported_head(store: Path) -> None:
 
 
 def test_a_broken_log_ends_with_its_exit_code(store: Path) -> None:
-    path = files(store / AUDIT)[0]
+    path = audit_files(store / AUDIT)[0]
     path.write_bytes(path.read_bytes().replace(b'"actor":"ann"', b'"actor":"bob"', 1))
     for words in (("verify", store), ("head", store)):
         failed = run(*words).exception
@@ -62,7 +62,7 @@ def test_records_are_shown_and_corrected(store: Path) -> None:
     assert "corrects=2  why=wrong axis named" in lines[1]
     assert [entry["seq"] for entry in json.loads(run("show", store, "--json").stdout)] == [1, 2, 3, 4]
     assert isinstance(run("correct", store, 9, "no such").exception, ConfigError)
-    assert audit.check(store).head.seq == 4
+    assert audit.check_log(store).head.seq == 4
 
 
 def test_no_store_no_log(tmp_path: Path) -> None:

@@ -9,8 +9,8 @@ import pytest
 from typer.testing import CliRunner
 
 from gateway import audit
-from gateway.approve import Approvals, consent
-from gateway.audit import runs
+from gateway.approve import Approvals, give_consent
+from gateway.audit import integrity
 from gateway.cli import app
 from gateway.store import RunFolder, Store
 from gateway.workflow.outcome import Outcome
@@ -29,11 +29,11 @@ def run(tmp_path: Path) -> RunFolder:
     (folder.path / "traces" / "laser.trace").write_bytes(b"wire")
     (folder.path / "before-after.png").write_bytes(b"picture")
     folder.adopt(folder.path / "traces" / "laser.trace", folder.path / "before-after.png", folder.path / "none.png")
-    made = consent(CHANGE, MACHINE, actor="ann", typed_name="mill", site_name="mill", now_utc=NOW)
+    made = give_consent(CHANGE, MACHINE, actor="ann", typed_name="mill", site_name="mill", now_utc=NOW)
     Approvals(folder.path).keep(made)
     told = {"approval": Approvals.digest(made)}
     audit.record(tmp_path, audit.APPROVED, clock=Moments(), actor="ann", serial="SN-1", details=told)
-    folder.set_anchor(audit.head_now(tmp_path))
+    folder.set_anchor(audit.current_head(tmp_path))
     return folder
 
 
@@ -41,7 +41,7 @@ NAMES = ("done.json", "done.2.json", "site.toml", "traces/laser.trace", "before-
 
 
 def test_a_run_as_it_was_kept(run: RunFolder) -> None:
-    kept = runs.look(run.path.parent)
+    kept = integrity.check_store(run.path.parent)
     assert (kept.runs, kept.problems) == (1, ())
     assert [str(head) for head in kept.heads] == [run.anchor]
     assert sum(path.is_file() for path in run.path.rglob("*")) == len(NAMES) + 2, "and run.json and an approval"
@@ -51,11 +51,11 @@ def test_a_run_as_it_was_kept(run: RunFolder) -> None:
 def test_every_changed_and_every_missing_file_is_told(run: RunFolder, name: str) -> None:
     path = run.path / name
     path.write_bytes(path.read_bytes() + b" ")
-    (told,) = runs.look(run.path.parent).problems
+    (told,) = integrity.check_store(run.path.parent).problems
     assert name in told
     assert "changed" in told
     path.unlink()
-    (told,) = runs.look(run.path.parent).problems
+    (told,) = integrity.check_store(run.path.parent).problems
     assert name in told
     assert "missing" in told
 
@@ -63,13 +63,13 @@ def test_every_changed_and_every_missing_file_is_told(run: RunFolder, name: str)
 @pytest.mark.parametrize("name", ["new.json", "traces/other.trace"])
 def test_a_file_that_is_not_the_runs_is_told(run: RunFolder, name: str) -> None:
     (run.path / name).write_bytes(b"x")
-    (told,) = runs.look(run.path.parent).problems
+    (told,) = integrity.check_store(run.path.parent).problems
     assert name in told
 
 
 def test_an_approval_that_nobody_gave_is_told(run: RunFolder) -> None:
-    Approvals(run.path).keep(consent(CHANGE, MACHINE, actor="eve", typed_name="m", site_name="m", now_utc=NOW))
-    (told,) = runs.look(run.path.parent).problems
+    Approvals(run.path).keep(give_consent(CHANGE, MACHINE, actor="eve", typed_name="m", site_name="m", now_utc=NOW))
+    (told,) = integrity.check_store(run.path.parent).problems
     assert "approval" in told
 
 

@@ -12,8 +12,8 @@ import pytest
 
 from drivers.clock import LoopClock
 from gateway import audit
+from gateway.audit.recording import clock_from, clock_now
 from gateway.audit.syslog import message_of
-from gateway.audit.timekeeping import clock_from, clock_now
 from tests.unit.audit.log import Moments
 
 # Written from the ABNF of RFC 5424, section 6: head, structured data, message.
@@ -33,7 +33,7 @@ def records(root: Path, count: int, first: int = 1) -> None:
 def test_a_record_is_one_message_whatever_it_says(tmp_path: Path) -> None:
     odd = {"why": 'a "quoted" ] \\ line\n<13>1 forged', "name": "µ\x1b[31m"}
     audit.record(tmp_path, "sign-in-refused", clock=Moments(), actor='e"v]il\\\n', details=odd)
-    (found,) = audit.entries(tmp_path)
+    (found,) = audit.read_entries(tmp_path)
     message = message_of(found, "hall 3\n<1>")
     told = RFC5424.fullmatch(message)
     assert told is not None, message
@@ -131,10 +131,10 @@ async def test_over_udp_each_record_is_a_datagram(tmp_path: Path) -> None:
 
 def test_every_record_says_what_is_known_of_the_clock(tmp_path: Path) -> None:
     records(tmp_path, 1)
-    (found,) = audit.entries(tmp_path)
+    (found,) = audit.read_entries(tmp_path)
     assert found["clock"] == dict(clock_now())
     assert found["clock"]["synchronised"] in (True, False, "unknown")
-    assert audit.sound(tmp_path)
+    assert audit.is_sound(tmp_path)
 
 
 @pytest.mark.parametrize(

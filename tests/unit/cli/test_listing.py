@@ -184,7 +184,7 @@ def test_a_run_is_removed_unless_a_push_rests_on_it(tmp_path: Path) -> None:
     assert isinstance(told.exception, StoreError)
     assert told.exception.code == "E-STORE-RESTS"
     assert kept.path.exists()
-    assert any(entry["action"] == "remove-run" for entry in audit.entries(tmp_path))
+    assert any(entry["action"] == "remove-run" for entry in audit.read_entries(tmp_path))
 
 
 @pytest.mark.parametrize("command", ["rollback", "verify-table", "self-test", "disable", "run"])

@@ -11,8 +11,8 @@ import pytest
 from typer.testing import CliRunner
 
 from gateway.cli import app
-from gateway.push.records.history import committed
-from gateway.push.records.journal import JOURNALS
+from gateway.push.history import committed_pushes
+from gateway.push.journal import JOURNALS
 
 KEPT = Path(__file__).parents[2] / "golden" / "older" / "runs"
 PUSHED, IMPORTED = "20261124T075746412Z-demo-grinder-1757", "20261124T075810436Z-import-4fea"
@@ -63,5 +63,5 @@ def test_a_report_says_the_figures_that_were_kept_and_every_seal_holds(site: Pat
 
 
 def test_its_push_can_still_be_taken_back() -> None:
-    (push,) = committed(KEPT / JOURNALS, SERIAL, "C1")
+    (push,) = committed_pushes(KEPT / JOURNALS, SERIAL, "C1")
     assert (push.axis, push.undoes, push.old.enabled, push.new.enabled) == ("C1", 0, False, True)

@@ -24,8 +24,7 @@ from gateway.cli.screen.scene import Scene, clock_text
 from gateway.cli.screen.telling import progress
 from gateway.cli.show import echo
 from gateway.cli.voice import Voice
-from gateway.push.records.phases import PushEvent
-from gateway.push.records.steps import SAID, step_message
+from gateway.push.phases import STEP_CODES, PushEvent, step_message
 from gateway.store import Store
 from gateway.store.logbook import lines_of
 
@@ -39,7 +38,7 @@ def plain(monkeypatch: pytest.MonkeyPatch) -> pytest.MonkeyPatch:
 
 
 def test_every_step_that_a_push_notes_has_words_without_capitals() -> None:
-    assert set(PushEvent) == set(SAID)
+    assert set(PushEvent) == set(STEP_CODES)
     for kind in (*PushEvent, "A_NEW_ONE"):
         assert not re.search(r"[A-Z]{2}", str(step_message(kind))), str(step_message(kind))
 

@@ -22,8 +22,8 @@ from gateway.broker.lock import LOCK_FILE, locked
 from gateway.broker.token import TOKEN_FILE, token_of, token_path
 from gateway.domain.proposals import Approval
 from gateway.errors import StoreError
-from gateway.push.records import journal, numbering
-from gateway.push.records.lock import held
+from gateway.push import journal
+from gateway.push.journal import hold_lock
 from gateway.store import Store
 from gateway.store.proofs import Proofs
 from gateway.store.rawstream import RawRecorder, StreamFacts
@@ -47,7 +47,7 @@ def record(root: Path) -> None:
 
 
 def with_lock(root: Path) -> None:
-    with held(root / "audit"):
+    with hold_lock(root / "audit"):
         pass
 
 
@@ -68,7 +68,7 @@ OPENERS: list[tuple[str, Callable[[Path], object]]] = [
     (LOCK_FILE, with_daemon),
     (TOKEN_FILE, token_of),
     ("tx-000007.jnl", with_journal),
-    ("number", lambda root: numbering.allocate(root, 1)),
+    ("number", lambda root: journal.allocate_number(root, 1)),
     ("watch/journal.jsonl", lambda root: Watched(root).note("0" * 64, "run", "f")),
     ("s.f64", lambda root: RawRecorder(root, "s", StreamFacts(1.0, "um"))),
 ]
@@ -123,7 +123,7 @@ def test_an_approval_and_a_stage_behind_a_link_do_not_count(tmp_path: Path) -> N
 
 def test_a_pipe_in_a_files_place_keeps_nobody_waiting(tmp_path: Path) -> None:
     os.mkfifo(tmp_path / "lock")
-    with pytest.raises(StoreError), held(tmp_path):
+    with pytest.raises(StoreError), hold_lock(tmp_path):
         pytest.fail("a pipe was locked")
     os.mkfifo(tmp_path / "pipe")
     with pytest.raises(OSError, match="regular file"):
@@ -169,8 +169,8 @@ def filled(root: Path) -> Path:
     record(root)
     Watched(root).note("0" * 64, "run", "f")
     token_of(root)
-    with held(root / "journal" / "SN-1"), locked(root):
-        numbering.allocate(root / "journal" / "SN-1", 1)
+    with hold_lock(root / "journal" / "SN-1"), locked(root):
+        journal.allocate_number(root / "journal" / "SN-1", 1)
         with_journal(root / "journal" / "SN-1")
     TraceRecorder(folder.path / "traces", "laser", Told(), {}).close()
     return root

@@ -19,7 +19,7 @@ from drivers.types.sensing import Ambient
 from gateway.cli import app
 from gateway.config import load_site
 from gateway.errors import CorruptRecord, StoreError
-from gateway.push.records.journal import machine_folder
+from gateway.push.journal import machine_folder
 from gateway.store import Store, records
 from gateway.study.files import load_gear
 from gateway.web import reading

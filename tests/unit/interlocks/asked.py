@@ -17,8 +17,7 @@ from drivers.types.sensing import Ambient
 from gateway.axes import AxisRecord
 from gateway.domain.captures import Capture
 from gateway.domain.proposals import Approval
-from gateway.interlocks import PushFacts
-from gateway.interlocks.facts import Mark
+from gateway.interlocks.facts import MarkerCheck, PushFacts
 
 CAN = Capabilities(stops=True, tables=HELD_KINDS, switched="at-stop", marker=True, consent="start")
 MARKS = {"marker_ours": "ours", "behind": "behind", "mark_lost": "lost", "stranger": "stranger"}
@@ -70,5 +69,5 @@ def replace(one: Any, /, **values: Any) -> Any:
     if "self_tests" in values:
         values["can"] = dataclasses.replace(one.can, self_test=values.pop("self_tests"))
     request: Any = one.request
-    mark: Mark = dataclasses.replace(one.mark, **marks)
+    mark: MarkerCheck = dataclasses.replace(one.mark, **marks)
     return dataclasses.replace(one, request=dataclasses.replace(request, **asked), mark=mark, **values)

@@ -19,9 +19,13 @@ from drivers.types.orders import SignProof
 from drivers.types.sensing import Ambient
 from drivers.types.tables import LiveSet, LiveTable, TemperatureShift, reversal_of
 from gateway.domain.proposals import Approval, Chance, TableFinding
-from gateway.interlocks import PushFacts, needed, refusals, warnings
-from gateway.interlocks.measured import allowed_drift_k
-from gateway.push import conversation, plan_hash, push_table
+from gateway.interlocks import refusals
+from gateway.interlocks.approval import people_needed, warnings
+from gateway.interlocks.facts import PushFacts
+from gateway.interlocks.measurement import allowed_drift_k
+from gateway.push import controller_access
+from gateway.push.context import plan_hash
+from gateway.push.transaction import push_table
 from tests.selftested import passed
 from tests.steps import lines
 from tests.unit.interlocks.asked import replace
@@ -254,7 +258,7 @@ def test_a_push_that_meets_it_asks_the_controller_for_no_write(
     async def met(*_args: Any, **_more: Any) -> PushFacts:
         return facts
 
-    monkeypatch.setattr(conversation, "facts_at_start", met)
+    monkeypatch.setattr(controller_access, "read_facts", met)
     at = bench(tmp_path, by_hand=True)
     before = at.machine.live()
     record = run_virtual(lambda: push_table(change_of(at.machine), at.context))
@@ -277,7 +281,7 @@ def test_no_code_of_the_interlocks_is_left_out() -> None:
 
 
 def test_a_second_person_counts_and_one_is_enough_without_a_warning() -> None:
-    assert (needed(GOOD), needed(TWO)) == (1, 2)
+    assert (people_needed(GOOD), people_needed(TWO)) == (1, 2)
     assert {warning.code for warning in warnings(TWO)} == {"W-INT-SLOPE"}
     third = replace(GIVEN, actor="third", plan_hash="0")
     assert codes(replace(TWO, approvals=(third, GIVEN))) == set()
@@ -322,7 +326,7 @@ def test_each_warning_asks_for_a_second_person(code: str, facts: PushFacts) -> N
         targets = np.linspace(5.0, 395.0, 9)
         facts = replace(facts, capture=replace(CAPTURE, targets=targets))
     assert {warning.code for warning in warnings(facts)} == {code}
-    assert needed(facts) == 2
+    assert people_needed(facts) == 2
     assert warnings(facts)[0].words.startswith(code)
     assert codes(facts) == {"E-INT-APPROVAL-MISSING"}
 

@@ -28,9 +28,9 @@ from drivers.types.tables import CompensationTable, LiveSet, LiveTable
 from drivers.types.values import Sense
 from gateway.axes import AxisRecord
 from gateway.domain.proposals import TableChange
-from gateway.interlocks import value_at
-from gateway.push import PushContext
-from gateway.push.records import journal
+from gateway.interlocks.facts import value_at
+from gateway.push import journal
+from gateway.push.context import PushContext
 from tests.placed import PLACES
 from tests.signed import signed
 
@@ -571,7 +571,7 @@ def change_of(machine: Machine, new: CompensationTable = NEW) -> TableChange:
 
 def journals_of(root: Path) -> Sequence[journal.JournalRead]:
     folder = journal.machine_folder(root / "journal", MACHINE.serial)
-    return (*journal.all_of(folder), *journal.all_of(folder / "done"))
+    return (*journal.read_all(folder), *journal.read_all(folder / "done"))
 
 
 def only_old_or_new_enabled(machine: Machine, *allowed: CompensationTable) -> bool:

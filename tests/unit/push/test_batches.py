@@ -14,11 +14,12 @@ from drivers.types.machine import ChannelStatus
 from drivers.types.tables import CompensationTable, LiveTable
 from gateway.domain.outcomes import PushRecord
 from gateway.domain.proposals import TableChange
-from gateway.push import look, push_table, push_tables, recover, unfinished
-from gateway.push.places import common_places, together
-from gateway.push.records import journal
-from gateway.push.records.history import committed
-from gateway.push.records.holding import held_pushes
+from gateway.push import journal
+from gateway.push.history import committed_pushes
+from gateway.push.preflight import common_positions, group_transactions
+from gateway.push.recovery import inspect_unfinished, recover_table, unfinished_tables
+from gateway.push.table_status import held_pushes
+from gateway.push.transaction import push_table, push_tables
 from tests.sizes import few, soak
 from tests.steps import lines
 from tests.unit.push.double import (
@@ -74,11 +75,11 @@ def recovered(root: Path, machine: Machine) -> list[str]:
         machine.end()
 
     async def all_of_it() -> list[str]:
-        journal.tidy(journal.machine_folder(here.context.journals, MACHINE.serial))
+        journal.set_ended_aside(journal.machine_folder(here.context.journals, MACHINE.serial))
         return [
-            (await recover(found, here.context)).outcome
-            for found in unfinished(here.context.journals, MACHINE.serial)
-            if (await look(found, here.context)).action != "none"
+            (await recover_table(found, here.context)).outcome
+            for found in unfinished_tables(here.context.journals, MACHINE.serial)
+            if (await inspect_unfinished(found, here.context)).action != "none"
         ]
 
     return run_virtual(all_of_it)
@@ -115,9 +116,9 @@ def test_all_go_by_one_start_and_one_restart_and_each_has_its_own_story(tmp_path
     assert at.machine.marker.state == "committed"
     assert all(len(record.effect) == 4 for record in records)
     assert max(map(abs, at.machine.jumps)) <= 1.0
-    assert not unfinished(at.context.journals, MACHINE.serial)
+    assert not unfinished_tables(at.context.journals, MACHINE.serial)
     for change in wishes(stage(tmp_path, machine=machine_of(count)), count):
-        (done,) = committed(at.context.journals, MACHINE.serial, change.name)
+        (done,) = committed_pushes(at.context.journals, MACHINE.serial, change.name)
         assert (done.old.table, done.old.enabled, done.new.table) == (change.old, change.old_enabled, change.new)
 
 
@@ -144,7 +145,7 @@ def test_killed_at_any_step_it_leads_home(
             push(at, count)
         assert only_whole(at.machine, count), step
         recovered(root, at.machine)
-        assert not unfinished(root / "journal", MACHINE.serial), step
+        assert not unfinished_tables(root / "journal", MACHINE.serial), step
         assert held_now(at.machine, count) in (olds(count), news(count)), step
         assert only_whole(at.machine, count), step
         assert not held_pushes(root / "journal")
@@ -204,7 +205,7 @@ def test_one_that_is_stored_wrongly_goes_back_alone_or_with_all(tmp_path: Path, 
         assert held_now(at.machine, count) == tuple(wanted)
         assert only_whole(at.machine, count)
         assert at.machine.marker.state == ("committed" if stays else "none")
-        assert not unfinished(root / "journal", MACHINE.serial)
+        assert not unfinished_tables(root / "journal", MACHINE.serial)
 
 
 @pytest.mark.parametrize("count", few([3, 7], 1))
@@ -244,12 +245,12 @@ def test_what_is_live_already_is_left_alone(tmp_path: Path) -> None:
 def test_one_table_each_where_the_control_takes_no_batch_or_no_place_suits_all(tmp_path: Path) -> None:
     at = stage(tmp_path, machine=machine_of(3))
     every = [(change, at.context) for change in wishes(at, 3)]
-    assert [len(group) for group in together(every)] == [1, 1, 1]
+    assert [len(group) for group in group_transactions(every)] == [1, 1, 1]
     at.controller.batches = True
-    assert [len(group) for group in together(every)] == [3]
+    assert [len(group) for group in group_transactions(every)] == [3]
     away = replace(every[1][0], new=replace(new(3), deviations=tuple(value + 5.0 for value in new(3).deviations)))
-    assert common_places([every[0], (away, at.context)])["Z1"] is None
-    assert [len(group) for group in together([every[0], (away, at.context), every[2]])] == [1, 1, 1]
+    assert common_positions([every[0], (away, at.context)])["Z1"] is None
+    assert [len(group) for group in group_transactions([every[0], (away, at.context), every[2]])] == [1, 1, 1]
 
 
 def test_tables_without_a_place_for_all_are_refused_together(tmp_path: Path) -> None:

@@ -11,15 +11,8 @@ from hypothesis import strategies as st
 
 from drivers.types.abilities import TableLimits
 from drivers.types.tables import CompensationTable, LiveSet, LiveTable
-from gateway.interlocks import MAX_JUMP, value_at
-from gateway.push.compare import (
-    agreeing_position,
-    effect_positions,
-    same_set,
-    table_facts,
-    table_from,
-    tolerance,
-)
+from gateway.interlocks.facts import MAX_JUMP, value_at
+from gateway.push.compare import agreeing_position, effect_positions, same_set, table_facts, table_from_facts, tolerance
 from gateway.table.comparison import differences
 from tests.unit.push.double import NEVER, NEW, OLD, table
 
@@ -126,4 +119,4 @@ def test_where_old_and_new_differ_is_worth_more() -> None:
 @given(st.lists(st.floats(allow_nan=False, allow_infinity=False), min_size=1, max_size=9))
 def test_the_journal_keeps_every_digit(deviations: list[float]) -> None:
     noted = replace(OLD, deviations=tuple(deviations))
-    assert table_from(table_facts(noted)) == noted
+    assert table_from_facts(table_facts(noted)) == noted

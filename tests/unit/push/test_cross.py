@@ -19,11 +19,13 @@ from drivers.types.tables import CompensationTable, LiveTable
 from gateway.domain.outcomes import PushRecord
 from gateway.domain.proposals import TableChange
 from gateway.errors import RollbackFailed, VerifyError, WriteRefused
-from gateway.push import look, prove_sign, push_table, recover, unfinished
-from gateway.push.byhand import room_of
+from gateway.push import journal
 from gateway.push.compare import table_in
-from gateway.push.effect import sums
-from gateway.push.records import numbering
+from gateway.push.controller_access import position_tolerance
+from gateway.push.effect import possible_sums
+from gateway.push.recovery import inspect_unfinished, recover_table, unfinished_tables
+from gateway.push.sign_proof import prove_sign
+from gateway.push.transaction import push_table
 from tests.signed import signed
 from tests.sizes import few
 from tests.steps import lines
@@ -375,20 +377,20 @@ def test_killed_at_every_call_and_recovered(tmp_path: Path, by_hand: bool, sign:
 
 def _recovered(root: Path, machine: Machine, sign: int, by_hand: bool, neighbour: LiveTable) -> set[str]:
     codes: set[str] = set()
-    for found in unfinished(root / "journal", MACHINE.serial):
+    for found in unfinished_tables(root / "journal", MACHINE.serial):
         if not found.entries:
             continue
         other = stage(root, -sign if found.number % 2 else sign, by_hand=by_hand, machine=machine)
         before = machine.live()
-        finding = run_virtual(lambda other=other, found=found: look(found, other.context))
+        finding = run_virtual(lambda other=other, found=found: inspect_unfinished(found, other.context))
         assert machine.live() == before
         codes.add(finding.code)
         assert finding.action != "none", finding
-        record = run_virtual(lambda other=other, found=found: recover(found, other.context))
+        record = run_virtual(lambda other=other, found=found: recover_table(found, other.context))
         assert record.outcome == "rolled-back", record.steps
         assert filled(machine) == (neighbour,)
         assert machine.marker.state == "none"
-    assert unfinished(root / "journal", MACHINE.serial) == ()
+    assert unfinished_tables(root / "journal", MACHINE.serial) == ()
     return codes
 
 
@@ -398,9 +400,9 @@ def test_finishing_a_cross_push_proves_it_first(tmp_path: Path) -> None:
     assert push(at).outcome == "held-on"
     at.machine.operator = True
     at.machine.nck_reset()
-    (found,) = unfinished(tmp_path / "journal", MACHINE.serial)
+    (found,) = unfinished_tables(tmp_path / "journal", MACHINE.serial)
     again = stage(tmp_path, machine=at.machine)
-    record = run_virtual(lambda: recover(found, again.context, "finish"))
+    record = run_virtual(lambda: recover_table(found, again.context, "finish"))
     assert record.outcome == "committed"
     assert at.machine.marker == Marker(found.number, "committed")
 
@@ -412,12 +414,12 @@ def test_a_left_triangle_cannot_be_finished_as_a_table(tmp_path: Path) -> None:
         prove(at, 1)
     at.machine.operator = True
     at.machine.nck_reset()
-    (found,) = unfinished(tmp_path / "journal", MACHINE.serial)
+    (found,) = unfinished_tables(tmp_path / "journal", MACHINE.serial)
     again = stage(tmp_path, machine=at.machine)
     with pytest.raises(WriteRefused) as caught:
-        run_virtual(lambda: recover(found, again.context, "finish"))
+        run_virtual(lambda: recover_table(found, again.context, "finish"))
     assert caught.value.code == "E-PUSH-NO-OFFER"
-    assert run_virtual(lambda: recover(found, again.context)).outcome == "rolled-back"
+    assert run_virtual(lambda: recover_table(found, again.context)).outcome == "rolled-back"
 
 
 @pytest.mark.parametrize("seed", few(range(60), 25))
@@ -468,15 +470,15 @@ def test_seeded_faults_never_enable_a_wrong_table_nor_leave_a_neighbour_behind(t
 def test_sums_of_tables_and_products() -> None:
     two = replace(TILT, multiply_by=WAVE.index + 1)
     places = {"Z1": 100.0}
-    assert sums([WAVE, TILT], places) == (9.0,)
+    assert possible_sums([WAVE, TILT], places) == (9.0,)
     both = 7.0 * 2.0 / 1000.0
-    assert sums([WAVE, two], places) == pytest.approx((9.0 + both, both))
-    assert sums([WAVE, two, FLAT], places) == pytest.approx((9.4 + both, 0.4 + both))
+    assert possible_sums([WAVE, two], places) == pytest.approx((9.0 + both, both))
+    assert possible_sums([WAVE, two, FLAT], places) == pytest.approx((9.4 + both, 0.4 + both))
 
 
 def test_room_to_jog_shrinks_with_the_slope() -> None:
-    assert room_of() == 1.0
-    assert room_of(WAVE) == 1.0
-    assert room_of(replace(WAVE, deviations=(0.0, 50.0) * 4 + (0.0,))) == pytest.approx(0.25)
-    assert numbering.MAX_NUMBER < 2**31
+    assert position_tolerance() == 1.0
+    assert position_tolerance(WAVE) == 1.0
+    assert position_tolerance(replace(WAVE, deviations=(0.0, 50.0) * 4 + (0.0,))) == pytest.approx(0.25)
+    assert journal.MAX_NUMBER < 2**31
     assert issubclass(UnsupportedDevice, TrueflankError)

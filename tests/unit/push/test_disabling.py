@@ -12,10 +12,11 @@ from drivers.errors import TableActs
 from drivers.types.orders import DisableOrder
 from drivers.types.tables import LiveTable
 from gateway.errors import StillOn
-from gateway.push import look, outcome_error, push_table, recover, unfinished
-from gateway.push.records import journal
-from gateway.push.records.holding import held_pushes
-from gateway.push.undo.disabling import ask_disable, disable
+from gateway.push import journal, outcome_error
+from gateway.push.disable import disable_table, preflight_disable
+from gateway.push.recovery import inspect_unfinished, recover_table, unfinished_tables
+from gateway.push.table_status import held_pushes
+from gateway.push.transaction import push_table
 from tests.steps import lines
 from tests.unit.push.double import (
     MACHINE,
@@ -73,8 +74,8 @@ def test_a_hand_that_switches_on_in_mid_write(tmp_path: Path, stays: bool) -> No
     assert at.machine.own == LiveTable(ODD, enabled=stays)
     (left,) = held_pushes(tmp_path / "journal")
     assert (left.standing, left.loud) == (("still-on", True) if stays else ("off", False))
-    (found,) = unfinished(tmp_path / "journal", MACHINE.serial)
-    finding = run_virtual(lambda: look(found, bench(tmp_path, machine=at.machine).context))
+    (found,) = unfinished_tables(tmp_path / "journal", MACHINE.serial)
+    finding = run_virtual(lambda: inspect_unfinished(found, bench(tmp_path, machine=at.machine).context))
     assert (finding.action, finding.still_on) == (("disable", True) if stays else ("restore", False))
 
 
@@ -124,14 +125,14 @@ def test_recovery_switches_off_and_then_restores_however_often_it_was_tried(tmp_
     at.machine.stuck_on = True
     assert push(at) == "held-on"
     for _ in range(4):
-        (found,) = unfinished(tmp_path / "journal", MACHINE.serial)
+        (found,) = unfinished_tables(tmp_path / "journal", MACHINE.serial)
         again = bench(tmp_path, machine=at.machine)
-        assert run_virtual(lambda found=found, again=again: recover(found, again.context)).outcome == "held-on"
+        assert run_virtual(lambda found=found, again=again: recover_table(found, again.context)).outcome == "held-on"
     at.machine.stuck_on = False
     for wanted in ("held", "rolled-back"):
-        (found,) = unfinished(tmp_path / "journal", MACHINE.serial)
+        (found,) = unfinished_tables(tmp_path / "journal", MACHINE.serial)
         again = bench(tmp_path, machine=at.machine)
-        assert run_virtual(lambda found=found, again=again: recover(found, again.context)).outcome == wanted
+        assert run_virtual(lambda found=found, again=again: recover_table(found, again.context)).outcome == wanted
     assert at.machine.own == LiveTable(OLD, enabled=True)
 
 
@@ -140,12 +141,12 @@ def test_tables_that_cannot_be_read_are_switched_off(tmp_path: Path) -> None:
     at.controller.faults[("read_back", 1, "after")] = by_hand
     at.controller.faults[("prepare_disable", 0, "before")] = refuse
     push(at)
-    (found,) = unfinished(tmp_path / "journal", MACHINE.serial)
+    (found,) = unfinished_tables(tmp_path / "journal", MACHINE.serial)
     again = bench(tmp_path, machine=at.machine)
     again.controller.faults[("saved_tables", 0, "before")] = refuse
-    finding = run_virtual(lambda: look(found, again.context))
+    finding = run_virtual(lambda: inspect_unfinished(found, again.context))
     assert (finding.code, finding.action) == ("R-PUSH-UNREADABLE", "disable")
-    assert run_virtual(lambda: recover(found, again.context)).outcome == "held"
+    assert run_virtual(lambda: recover_table(found, again.context)).outcome == "held"
     assert not at.machine.own.enabled
 
 
@@ -155,16 +156,16 @@ def test_tables_that_cannot_be_read_are_switched_off(tmp_path: Path) -> None:
 def test_the_order_of_its_own_ends_its_journal_and_says_when_it_is_off_already(tmp_path: Path) -> None:
     at = bench(tmp_path)
     at.machine.position = 100.0
-    asked = run_virtual(lambda: ask_disable(ORDER, at.context))
+    asked = run_virtual(lambda: preflight_disable(ORDER, at.context))
     assert asked.reading is not None
     assert (asked.reading.enabled, asked.reading.acting, asked.unit, asked.refusals) == (True, 4.0, "um", ())
-    record = run_virtual(lambda: disable(ORDER, at.context))
+    record = run_virtual(lambda: disable_table(ORDER, at.context))
     assert (record.outcome, record.before, record.after, record.table) == ("off", 4.0, 0.0, "X1")
     assert at.machine.own == LiveTable(OLD, enabled=False)
     assert at.machine.writes == []
-    assert unfinished(tmp_path / "journal", MACHINE.serial) == ()
+    assert unfinished_tables(tmp_path / "journal", MACHINE.serial) == ()
     assert ("P-PUSH-DISABLE-MOVES", {"axis": "X1", "table": "X1", "acting": 4.0, "unit": "um"}) in at.told
-    again = run_virtual(lambda: disable(ORDER, at.context))
+    again = run_virtual(lambda: disable_table(ORDER, at.context))
     assert (again.outcome, again.transaction) == ("already-off", 0)
     assert at.controller.calls["wait_disabled"] == 1
 
@@ -172,7 +173,7 @@ def test_the_order_of_its_own_ends_its_journal_and_says_when_it_is_off_already(t
 def test_another_machine_or_a_running_program_is_refused_with_every_reason(tmp_path: Path) -> None:
     at = bench(tmp_path)
     at.machine.identity = replace(MACHINE, serial="SN-2")
-    record = run_virtual(lambda: disable(replace(ORDER, axis="Q9"), at.context))
+    record = run_virtual(lambda: disable_table(replace(ORDER, axis="Q9"), at.context))
     assert record.outcome == "refused"
     assert [step.split(":")[0] for step in lines(record)] == ["E-INT-MACHINE", "E-INT-AXIS"]
     assert "prepare_disable" not in at.controller.calls
@@ -181,10 +182,10 @@ def test_another_machine_or_a_running_program_is_refused_with_every_reason(tmp_p
 def test_what_stays_on_is_told_and_its_journal_ends(tmp_path: Path) -> None:
     at = bench(tmp_path)
     at.machine.stuck_on = True
-    record = run_virtual(lambda: disable(ORDER, at.context))
+    record = run_virtual(lambda: disable_table(ORDER, at.context))
     assert record.outcome == "still-on"
     assert record.steps
-    assert unfinished(tmp_path / "journal", MACHINE.serial) == ()
+    assert unfinished_tables(tmp_path / "journal", MACHINE.serial) == ()
 
 
 def test_it_goes_on_in_the_journal_of_the_push_it_came_from(tmp_path: Path) -> None:
@@ -192,12 +193,12 @@ def test_it_goes_on_in_the_journal_of_the_push_it_came_from(tmp_path: Path) -> N
     at.controller.faults[("read_back", 1, "after")] = by_hand
     at.controller.faults[("prepare_disable", 1, "before")] = refuse
     assert push(at) == "held-on"
-    (found,) = unfinished(tmp_path / "journal", MACHINE.serial)
-    record = run_virtual(lambda: disable(ORDER, bench(tmp_path, machine=at.machine).context, found))
+    (found,) = unfinished_tables(tmp_path / "journal", MACHINE.serial)
+    record = run_virtual(lambda: disable_table(ORDER, bench(tmp_path, machine=at.machine).context, found))
     assert record.outcome == "off"
     (left,) = held_pushes(tmp_path / "journal")
     assert (left.transaction, left.standing) == (found.number, "off")
-    assert record.transaction in journal.orders_of(unfinished(tmp_path / "journal", MACHINE.serial)[0])
+    assert record.transaction in journal.order_numbers(unfinished_tables(tmp_path / "journal", MACHINE.serial)[0])
 
 
 @pytest.mark.parametrize("step", range(16))
@@ -205,15 +206,15 @@ def test_killed_at_every_step_of_the_order(tmp_path: Path, monkeypatch: pytest.M
     reaper = Reaper(step)
     at = bench(tmp_path, reaper=reaper)
     with journal_under(reaper, monkeypatch), pytest.raises(Killed):
-        run_virtual(lambda: disable(ORDER, at.context))
+        run_virtual(lambda: disable_table(ORDER, at.context))
     assert at.machine.own.table == OLD
     assert at.machine.writes == []
-    for found in unfinished(tmp_path / "journal", MACHINE.serial):
+    for found in unfinished_tables(tmp_path / "journal", MACHINE.serial):
         again = bench(tmp_path, machine=at.machine)
-        finding = run_virtual(lambda again=again, found=found: look(found, again.context))
+        finding = run_virtual(lambda again=again, found=found: inspect_unfinished(found, again.context))
         assert finding.code == "R-DISABLE-LEFT"
-        run_virtual(lambda again=again, found=found: recover(found, again.context))
-    assert unfinished(tmp_path / "journal", MACHINE.serial) == ()
+        run_virtual(lambda again=again, found=found: recover_table(found, again.context))
+    assert unfinished_tables(tmp_path / "journal", MACHINE.serial) == ()
     again = bench(tmp_path, machine=at.machine)
-    assert run_virtual(lambda: disable(ORDER, again.context)).outcome in ("off", "already-off")
+    assert run_virtual(lambda: disable_table(ORDER, again.context)).outcome in ("off", "already-off")
     assert at.machine.own == LiveTable(OLD, enabled=False)

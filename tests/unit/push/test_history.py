@@ -8,9 +8,9 @@ import pytest
 
 from drivers.types.tables import CompensationTable
 from gateway.errors import StoreError
+from gateway.push import journal
 from gateway.push.compare import table_facts
-from gateway.push.records import journal, numbering
-from gateway.push.records.history import committed, to_undo
+from gateway.push.history import committed_pushes, newest_not_undone
 
 SERIAL = "SN-1"
 
@@ -39,8 +39,8 @@ def written(
 
 
 def test_nothing_was_ever_pushed(tmp_path: Path) -> None:
-    assert committed(tmp_path, SERIAL, "X1") == ()
-    assert to_undo(()) is None
+    assert committed_pushes(tmp_path, SERIAL, "X1") == ()
+    assert newest_not_undone(()) is None
 
 
 def test_only_committed_pushes_of_this_table_count_in_the_order_of_their_numbers(tmp_path: Path) -> None:
@@ -50,13 +50,13 @@ def test_only_committed_pushes_of_this_table_count_in_the_order_of_their_numbers
     written(tmp_path, 7, 2.0, 9.0, end="HELD")
     written(tmp_path, 8, 2.0, 9.0, purpose="sign-proof")
     written(tmp_path, 9, 0.0, 9.0, axis="C1")
-    pushes = committed(tmp_path, SERIAL, "X1")
+    pushes = committed_pushes(tmp_path, SERIAL, "X1")
     assert [push.transaction for push in pushes] == [2, 5]
     assert [push.old.enabled for push in pushes] == [False, True]
     assert pushes[1].new.table == table(2.0)
     assert pushes[1].new.enabled
     assert pushes[1].backup == "live-5.mpf"
-    undo = to_undo(pushes)
+    undo = newest_not_undone(pushes)
     assert undo is not None
     assert undo.transaction == 5
 
@@ -65,33 +65,33 @@ def test_numbers_that_begin_again_are_in_order(tmp_path: Path) -> None:
     for number, old in ((999_998, 0.0), (999_999, 1.0), (1, 2.0), (2, 3.0)):
         written(tmp_path, number, old, old + 1.0)
     (journal.machine_folder(tmp_path, SERIAL) / "number").write_text("2")
-    assert [push.transaction for push in committed(tmp_path, SERIAL, "X1")] == [999_998, 999_999, 1, 2]
+    assert [push.transaction for push in committed_pushes(tmp_path, SERIAL, "X1")] == [999_998, 999_999, 1, 2]
 
 
 def test_numbers_with_a_part_are_newer_than_those_without_and_the_newest_part_is_last(tmp_path: Path) -> None:
-    last = 4_321 * numbering.PART_SIZE + 2
-    wrapped = 4_321 * numbering.PART_SIZE + numbering.MAX_COUNT
-    for number in (523_456, 999_999, 9_000 * numbering.PART_SIZE + 7, wrapped, last):
+    last = 4_321 * journal.PART_SIZE + 2
+    wrapped = 4_321 * journal.PART_SIZE + journal.MAX_COUNT
+    for number in (523_456, 999_999, 9_000 * journal.PART_SIZE + 7, wrapped, last):
         written(tmp_path, number, 0.0, 1.0)
     (journal.machine_folder(tmp_path, SERIAL) / "number").write_text(str(last))
-    given = [push.transaction for push in committed(tmp_path, SERIAL, "X1")]
-    assert given == [523_456, 999_999, 9_000 * numbering.PART_SIZE + 7, wrapped, last]
+    given = [push.transaction for push in committed_pushes(tmp_path, SERIAL, "X1")]
+    assert given == [523_456, 999_999, 9_000 * journal.PART_SIZE + 7, wrapped, last]
 
 
 def test_what_was_taken_back_is_not_taken_back_again(tmp_path: Path) -> None:
     written(tmp_path, 1, 0.0, 1.0)
     written(tmp_path, 2, 1.0, 2.0)
     written(tmp_path, 3, 2.0, 1.0, purpose="restore", undoes=2, enable=True)
-    pushes = committed(tmp_path, SERIAL, "X1")
-    undo = to_undo(pushes)
+    pushes = committed_pushes(tmp_path, SERIAL, "X1")
+    undo = newest_not_undone(pushes)
     assert undo is not None
     assert undo.transaction == 1
     written(tmp_path, 4, 1.0, 0.0, purpose="restore", undoes=1, enable=False)
-    pushes = committed(tmp_path, SERIAL, "X1")
-    assert to_undo(pushes) is None
+    pushes = committed_pushes(tmp_path, SERIAL, "X1")
+    assert newest_not_undone(pushes) is None
     assert not pushes[-1].new.enabled
     written(tmp_path, 5, 0.0, 3.0)
-    again = to_undo(committed(tmp_path, SERIAL, "X1"))
+    again = newest_not_undone(committed_pushes(tmp_path, SERIAL, "X1"))
     assert again is not None
     assert again.transaction == 5
 
@@ -103,5 +103,5 @@ def test_a_journal_that_cannot_be_believed_is_told(tmp_path: Path) -> None:
     data[30] ^= 1
     path.write_bytes(bytes(data))
     with pytest.raises(StoreError) as caught:
-        committed(tmp_path, SERIAL, "X1")
+        committed_pushes(tmp_path, SERIAL, "X1")
     assert caught.value.code == "E-PUSH-JOURNAL"

@@ -12,13 +12,13 @@ from drivers.types.machine import ChannelStatus
 from drivers.types.tables import LiveTable
 from gateway.domain.outcomes import PushRecord
 from gateway.errors import WriteRefused
-from gateway.push import look, push_table, recover, unfinished
-from gateway.push.records import journal, numbering
-from gateway.push.records.history import every_push, two_tables
-from gateway.push.records.holding import TableState, held_pushes, standing, table_states
-from gateway.push.undo.finding import PushFinding
-from gateway.push.undo.recovery import Choice
-from gateway.push.undoing import undo
+from gateway.push import journal
+from gateway.push.history import all_pushes, table_exchange
+from gateway.push.recovery import Choice, inspect_unfinished, recover_table, unfinished_tables
+from gateway.push.recovery_findings import PushFinding
+from gateway.push.rollback import roll_back_push
+from gateway.push.table_status import TableState, held_pushes, switch_state, table_states
+from gateway.push.transaction import push_table
 from tests.unit.push.double import MACHINE, NEVER, NEW, OLD, Bench, Killed, Reaper, bench, change_of
 from tests.unit.push.test_undoing import again, last, pushed
 
@@ -31,7 +31,7 @@ def stopped(root: Path, step: int, earlier: LiveTable) -> Bench | None:
     at = pushed(root, earlier)
     here, done = again(root, at.machine, Reaper(step)), last(at)
     try:
-        run_virtual(lambda: undo(done, here.context))
+        run_virtual(lambda: roll_back_push(done, here.context))
     except Killed:
         if at.machine.channel is not ChannelStatus.RESET:
             at.machine.end()
@@ -40,13 +40,13 @@ def stopped(root: Path, step: int, earlier: LiveTable) -> Bench | None:
 
 
 def seen(at: Bench) -> PushFinding:
-    (found,) = unfinished(at.context.journals, MACHINE.serial)
-    return run_virtual(lambda: look(found, at.context))
+    (found,) = unfinished_tables(at.context.journals, MACHINE.serial)
+    return run_virtual(lambda: inspect_unfinished(found, at.context))
 
 
 def carried_out(at: Bench, choice: Choice) -> PushRecord:
-    (found,) = unfinished(at.context.journals, MACHINE.serial)
-    return run_virtual(lambda: recover(found, at.context, choice))
+    (found,) = unfinished_tables(at.context.journals, MACHINE.serial)
+    return run_virtual(lambda: recover_table(found, at.context, choice))
 
 
 def state(at: Bench) -> TableState:
@@ -62,7 +62,7 @@ def test_wherever_it_was_stopped_the_person_chooses_and_what_acts_is_named(
     codes, step = set(), 1
     while (at := stopped(tmp_path / str(step), step, earlier)) is not None:
         step += 7
-        if not unfinished(at.context.journals, MACHINE.serial):
+        if not unfinished_tables(at.context.journals, MACHINE.serial):
             continue
         finding = seen(at)
         codes.add(finding.code)
@@ -103,14 +103,14 @@ def test_a_rollback_that_has_switched_off_is_read_as_off_on_every_screen(tmp_pat
     step = 1
     while (at := stopped(tmp_path / str(step), step, LiveTable(NEVER, enabled=False))) is not None:
         step += 1
-        found = unfinished(at.context.journals, MACHINE.serial)
+        found = unfinished_tables(at.context.journals, MACHINE.serial)
         if not found or found[0].said_last != "LEFT_DISABLED":
             continue
-        assert standing(found[0]) == "off"
+        assert switch_state(found[0]) == "off"
         (held,) = held_pushes(at.context.journals)
         assert (held.code, held.loud) == ("R-UNDO-OFF", False)
         assert (state(at).acts, state(at).settled) == ("off", False)
-        both = two_tables(found[0], every_push(at.context.journals, MACHINE.serial))
+        both = table_exchange(found[0], all_pushes(at.context.journals, MACHINE.serial))
         assert (both.back, both.new.enabled, both.new_name.id) == (True, False, "")
         assert both.old_name.words in held.words
         return
@@ -120,7 +120,7 @@ def test_a_rollback_that_has_switched_off_is_read_as_off_on_every_screen(tmp_pat
 def test_the_newest_of_journal_and_read_back_tells_how_a_table_stands(tmp_path: Path) -> None:
     at = bench(tmp_path, LiveTable(OLD, enabled=True))
     assert run_virtual(lambda: push_table(change_of(at.machine), at.context)).outcome == "committed"
-    (push,) = every_push(at.context.journals, MACHINE.serial)
+    (push,) = all_pushes(at.context.journals, MACHINE.serial)
     early, late = "2020-01-01T00:00:00+00:00", "2099-01-01T00:00:00+00:00"
     for kind, acts in (("switched-off", "off"), ("differs", "differs"), ("before", "differs"), ("as-approved", "on")):
         (now,) = table_states(at.context.journals, MACHINE.serial, {"X1": (late, kind)})
@@ -129,7 +129,7 @@ def test_the_newest_of_journal_and_read_back_tells_how_a_table_stands(tmp_path: 
         (now,) = table_states(at.context.journals, MACHINE.serial, {"X1": (early, kind)})
         assert (now.acts, now.utc) == ("on", push.utc)
     folder = journal.machine_folder(at.context.journals, MACHINE.serial)
-    number = numbering.allocate(folder, 7)
+    number = journal.allocate_number(folder, 7)
     order = journal.Journal.create(folder, number)
     order.append("LEASED", purpose="disable", axis="X1", kind_of_table="axis", index=0, utc=late)
     order.append("SWITCH_OFF", utc=late, order=number)

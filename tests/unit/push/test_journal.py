@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from gateway.errors import StoreError
-from gateway.push.records import journal, numbering
+from gateway.push import journal
 
 
 def _written(folder: Path, count: int = 4) -> Path:
@@ -89,7 +89,7 @@ def test_going_on_after_a_torn_end(tmp_path: Path) -> None:
 
 def test_empty_means_nothing_was_announced(tmp_path: Path) -> None:
     journal.Journal.create(tmp_path, 5).close()
-    (found,) = journal.all_of(tmp_path)
+    (found,) = journal.read_all(tmp_path)
     assert found.finished
     assert found.entries == ()
 
@@ -114,16 +114,16 @@ def test_an_fsync_error_poisons(tmp_path: Path, monkeypatch: pytest.MonkeyPatch)
 def test_numbers_go_up_and_survive_a_lost_counter(tmp_path: Path) -> None:
     folder = tmp_path / "SN-1"
     folder.mkdir()
-    first = numbering.allocate(folder, 1_763_000_123)
+    first = journal.allocate_number(folder, 1_763_000_123)
     assert 100_000_000 < first < 1_000_000_000
-    assert numbering.allocate(folder, 0) == first + 1
+    assert journal.allocate_number(folder, 0) == first + 1
     journal.Journal.create(folder, first + 40).close()
     for damage in (b"", b"what", b"\xff", b"99999999999"):
         (folder / "number").write_bytes(damage)
-        assert numbering.allocate(folder, 0) > first + 40
-    part = first // numbering.PART_SIZE
-    (folder / "number").write_text(str(part * numbering.PART_SIZE + numbering.MAX_COUNT))
-    assert numbering.allocate(folder, 0) == part * numbering.PART_SIZE + 1
+        assert journal.allocate_number(folder, 0) > first + 40
+    part = first // journal.PART_SIZE
+    (folder / "number").write_text(str(part * journal.PART_SIZE + journal.MAX_COUNT))
+    assert journal.allocate_number(folder, 0) == part * journal.PART_SIZE + 1
 
 
 def test_two_stores_begun_in_the_same_second_give_no_number_twice(tmp_path: Path) -> None:
@@ -131,9 +131,9 @@ def test_two_stores_begun_in_the_same_second_give_no_number_twice(tmp_path: Path
     for name in ("one", "two", "three"):
         folder = tmp_path / name / "SN-1"
         folder.mkdir(parents=True)
-        given.append({numbering.allocate(folder, 1_763_000_123) for _ in range(20)})
-        assert all(numbering.is_ours(folder, number) for number in given[-1])
-        assert not numbering.is_ours(tmp_path / "nowhere" / "SN-1", min(given[-1]))
+        given.append({journal.allocate_number(folder, 1_763_000_123) for _ in range(20)})
+        assert all(journal.is_own_number(folder, number) for number in given[-1])
+        assert not journal.is_own_number(tmp_path / "nowhere" / "SN-1", min(given[-1]))
     assert len(set().union(*given)) == 60
 
 
@@ -144,26 +144,26 @@ def test_a_store_with_numbers_of_six_digits_goes_on(tmp_path: Path) -> None:
     old.append("COMMITTED")
     old.close()
     (folder / "number").write_text("523456")
-    number = numbering.allocate(folder, 0)
+    number = journal.allocate_number(folder, 0)
     journal.Journal.create(folder, number).close()
-    assert [found.number for found in journal.all_of(folder)] == [523_456, number]
-    assert journal.knows(folder, 523_456)
-    assert not numbering.is_ours(folder, 523_456)
+    assert [found.number for found in journal.read_all(folder)] == [523_456, number]
+    assert journal.is_known_number(folder, 523_456)
+    assert not journal.is_own_number(folder, 523_456)
 
 
 def test_an_emptied_journal_of_a_transaction_that_had_begun_is_not_finished(tmp_path: Path) -> None:
     path = _written(tmp_path)
     path.write_bytes(b"")
-    assert journal.left_open(tmp_path) == ()
-    (found,) = journal.left_open(tmp_path, lambda number: number == 12)
+    assert journal.unfinished_journals(tmp_path) == ()
+    (found,) = journal.unfinished_journals(tmp_path, lambda number: number == 12)
     assert not found.finished
-    assert journal.tidy(tmp_path, lambda number: True) == ()
+    assert journal.set_ended_aside(tmp_path, lambda number: True) == ()
     assert path.exists()
 
 
 def test_an_unfinished_journal_among_the_ended_ones_is_still_open(tmp_path: Path) -> None:
     journal.set_aside(_written(tmp_path))
-    (found,) = journal.left_open(tmp_path)
+    (found,) = journal.unfinished_journals(tmp_path)
     journal.set_aside(found.path)
     assert found.path.parent.name == "done"
     assert found.path.exists()
@@ -180,7 +180,7 @@ def test_set_aside_keeps_the_journal(tmp_path: Path) -> None:
     data = path.read_bytes()
     journal.set_aside(path)
     assert (tmp_path / "done" / path.name).read_bytes() == data
-    assert journal.all_of(tmp_path) == ()
+    assert journal.read_all(tmp_path) == ()
 
 
 def test_a_number_is_never_used_twice(tmp_path: Path) -> None:

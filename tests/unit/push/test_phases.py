@@ -7,16 +7,7 @@ import random
 import pytest
 
 from gateway.errors import IllegalTransition
-from gateway.push.records.phases import (
-    FINAL,
-    NOTHING_NOTED,
-    TRANSITIONS,
-    PushEvent,
-    PushPhase,
-    PushState,
-    Switch,
-    state_of,
-)
+from gateway.push.phases import FINAL, INITIAL_STATE, TRANSITIONS, PushEvent, PushPhase, PushState, Switch, state_of
 
 ANNOUNCED = (PushEvent.DISABLE, PushEvent.ENABLE, PushEvent.SWITCH_OFF)
 READ_OFF = (PushEvent.OFF, PushEvent.LEFT_DISABLED)
@@ -28,7 +19,7 @@ def nexts(state: PushState) -> list[PushEvent]:
 
 def paths(seed: int, length: int = 40) -> list[PushEvent]:
     """A path through the table, as long as one may go on."""
-    draw, state, path = random.Random(seed), NOTHING_NOTED, []
+    draw, state, path = random.Random(seed), INITIAL_STATE, []
     while len(path) < length and (may := nexts(state)):
         path.append(draw.choice(may))
         state = state.after(path[-1], {})

@@ -17,9 +17,10 @@ from drivers.types.machine import ChannelStatus
 from drivers.types.tables import LiveTable
 from gateway.domain.outcomes import PushRecord
 from gateway.errors import StoreError, WriteRefused
-from gateway.push import PushFinding, look, push_table, recover, unfinished
-from gateway.push.records import journal
-from gateway.push.undo.finding import verdict
+from gateway.push import journal
+from gateway.push.recovery import inspect_unfinished, recover_table, unfinished_tables
+from gateway.push.recovery_findings import PushFinding, make_finding
+from gateway.push.transaction import push_table
 from tests.sizes import few
 from tests.steps import lines
 from tests.unit.push.double import (
@@ -132,7 +133,7 @@ def test_killed_at_every_step(
 
 def recovered(root: Path, machine: Machine, old: LiveTable) -> str:
     """Look, check the verdict, carry out the offer, look again; returns the verdict."""
-    open_ones = unfinished(root / "journal", MACHINE.serial)
+    open_ones = unfinished_tables(root / "journal", MACHINE.serial)
     if not open_ones:
         assert machine.own in (old, LiveTable(NEW, enabled=True))
         return "nothing open"
@@ -141,15 +142,15 @@ def recovered(root: Path, machine: Machine, old: LiveTable) -> str:
         return "nothing announced"
     before, writes = machine.live(), list(machine.writes)
     again = bench(root, machine=machine)
-    finding = run_virtual(lambda: look(found, again.context))
+    finding = run_virtual(lambda: inspect_unfinished(found, again.context))
     assert (machine.live(), machine.writes) == (before, writes)
     assert finding.code == expected(machine, old, found.kinds)
-    record = run_virtual(lambda: recover(found, again.context))
+    record = run_virtual(lambda: recover_table(found, again.context))
     assert record.outcome == "rolled-back"
     assert finding.at_last == finding.words
     assert replace(finding, ended=record.outcome).at_last == f"X1: now acts: {finding.old}"
     assert machine.own == old
-    assert unfinished(root / "journal", MACHINE.serial) == ()
+    assert unfinished_tables(root / "journal", MACHINE.serial) == ()
     return finding.code
 
 
@@ -157,20 +158,20 @@ def recovered(root: Path, machine: Machine, old: LiveTable) -> str:
 def test_killed_again_during_recovery(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, step: int) -> None:
     here, _ = killed(tmp_path, 40, OLD_ON, monkeypatch, False)
     here.machine.nck_reset()
-    (found,) = unfinished(tmp_path / "journal", MACHINE.serial)
+    (found,) = unfinished_tables(tmp_path / "journal", MACHINE.serial)
     reaper = Reaper(step)
     second = bench(tmp_path, reaper=reaper, machine=here.machine)
     with journal_under(reaper, monkeypatch):
         try:
-            run_virtual(lambda: recover(found, second.context))
+            run_virtual(lambda: recover_table(found, second.context))
         except Killed:
             here.machine.nck_reset()
     assert only_old_or_new_enabled(here.machine, OLD, NEW)
-    for found in unfinished(tmp_path / "journal", MACHINE.serial):
+    for found in unfinished_tables(tmp_path / "journal", MACHINE.serial):
         third = bench(tmp_path, machine=here.machine)
-        run_virtual(lambda found=found, third=third: recover(found, third.context))
+        run_virtual(lambda found=found, third=third: recover_table(found, third.context))
     assert here.machine.own == OLD_ON
-    assert unfinished(tmp_path / "journal", MACHINE.serial) == ()
+    assert unfinished_tables(tmp_path / "journal", MACHINE.serial) == ()
 
 
 def _held(root: Path) -> tuple[Bench, journal.JournalRead]:
@@ -178,7 +179,7 @@ def _held(root: Path) -> tuple[Bench, journal.JournalRead]:
     here.controller.faults[("restarted", 1, "before")] = changing(operator=False)
     assert run_virtual(lambda: push_table(change_of(here.machine), here.context)).outcome == "held-on"
     here.machine.operator = True
-    (found,) = unfinished(root / "journal", MACHINE.serial)
+    (found,) = unfinished_tables(root / "journal", MACHINE.serial)
     return here, found
 
 
@@ -186,11 +187,11 @@ def test_while_the_program_still_waits_the_finding_says_press_reset(tmp_path: Pa
     here, found = _held(tmp_path)
     assert here.machine.channel is ChannelStatus.INTERRUPTED
     again = bench(tmp_path, machine=here.machine)
-    finding = run_virtual(lambda: look(found, again.context))
+    finding = run_virtual(lambda: inspect_unfinished(found, again.context))
     assert (finding.code, finding.action) == ("R-PUSH-UNKNOWN", "none")
     assert ("P-PUSH-RESET", {"axis": "X1"}) in again.told
     with pytest.raises(WriteRefused) as caught:
-        run_virtual(lambda: recover(found, again.context))
+        run_virtual(lambda: recover_table(found, again.context))
     assert caught.value.code == "E-PUSH-NO-OFFER"
 
 
@@ -199,10 +200,10 @@ def test_looks_at_tables_of_one_axis_share_one_program(tmp_path: Path) -> None:
     here, found = _held(tmp_path)
     here.machine.nck_reset()
     again, read = bench(tmp_path, machine=here.machine), {}
-    first = run_virtual(lambda: look(found, again.context, read))
+    first = run_virtual(lambda: inspect_unfinished(found, again.context, read))
     assert first.code == "R-PUSH-ENABLED"
     asked = len(again.told)
-    second = run_virtual(lambda: look(replace(found, of="X1-reversal"), again.context, read))
+    second = run_virtual(lambda: inspect_unfinished(replace(found, of="X1-reversal"), again.context, read))
     assert (second.code, len(again.told), len(read)) == (first.code, asked, 1)
     assert (first.words.split(",")[0], second.words.split(",")[0]) == (
         "R-PUSH-ENABLED: X1",
@@ -214,7 +215,7 @@ def test_what_is_restored_is_said_with_a_reason_and_no_code(tmp_path: Path) -> N
     here, found = _held(tmp_path)
     here.machine.nck_reset()
     again = bench(tmp_path, machine=here.machine)
-    run_virtual(lambda: recover(found, again.context))
+    run_virtual(lambda: recover_table(found, again.context))
     (told,) = [fields for code, fields in again.told if code == "P-PUSH-RESTORE"]
     assert told == {"axis": "X1", "why": Message.of("W-PUSH-UNFINISHED")}
     assert str(told["why"]) == "its push was interrupted"
@@ -224,19 +225,19 @@ def test_finish_proves_the_new_table(tmp_path: Path) -> None:
     here, found = _held(tmp_path)
     here.machine.nck_reset()
     again = bench(tmp_path, machine=here.machine)
-    record = run_virtual(lambda: recover(found, again.context, "finish"))
+    record = run_virtual(lambda: recover_table(found, again.context, "finish"))
     assert record.outcome == "committed"
     assert here.machine.own == LiveTable(NEW, enabled=True)
-    assert unfinished(tmp_path / "journal", MACHINE.serial) == ()
+    assert unfinished_tables(tmp_path / "journal", MACHINE.serial) == ()
 
 
 def test_finish_without_effect_is_held(tmp_path: Path) -> None:
     here, found = _held(tmp_path)
     here.machine.end()
     again = bench(tmp_path, machine=here.machine)
-    record = run_virtual(lambda: recover(found, again.context, "finish"))
+    record = run_virtual(lambda: recover_table(found, again.context, "finish"))
     assert record.outcome == "held-on"
-    assert len(unfinished(tmp_path / "journal", MACHINE.serial)) == 1
+    assert len(unfinished_tables(tmp_path / "journal", MACHINE.serial)) == 1
 
 
 def test_recovery_is_tried_three_times_at_most(tmp_path: Path) -> None:
@@ -244,14 +245,14 @@ def test_recovery_is_tried_three_times_at_most(tmp_path: Path) -> None:
     here.machine.nck_reset()
     here.machine.wrong_point = 1.0
     for _ in range(3):
-        (found,) = unfinished(tmp_path / "journal", MACHINE.serial)
+        (found,) = unfinished_tables(tmp_path / "journal", MACHINE.serial)
         again = bench(tmp_path, machine=here.machine)
-        assert run_virtual(lambda again=again, found=found: recover(found, again.context)).outcome == "held"
+        assert run_virtual(lambda again=again, found=found: recover_table(found, again.context)).outcome == "held"
         here.machine.nck_reset()
-    (found,) = unfinished(tmp_path / "journal", MACHINE.serial)
+    (found,) = unfinished_tables(tmp_path / "journal", MACHINE.serial)
     again = bench(tmp_path, machine=here.machine)
     with pytest.raises(WriteRefused) as caught:
-        run_virtual(lambda: recover(found, again.context))
+        run_virtual(lambda: recover_table(found, again.context))
     assert caught.value.code in ("E-PUSH-TRIES", "E-PUSH-NO-OFFER")
     assert not here.machine.own.enabled
 
@@ -262,7 +263,7 @@ def test_recovery_needs_the_machines_name(tmp_path: Path) -> None:
     again = bench(tmp_path, machine=here.machine)
     writes = list(here.machine.writes)
     with pytest.raises(WriteRefused) as caught:
-        run_virtual(lambda: recover(found, replace(again.context, typed_name="")))
+        run_virtual(lambda: recover_table(found, replace(again.context, typed_name="")))
     assert caught.value.code == "E-INT-NAME"
     assert here.machine.writes == writes
 
@@ -272,9 +273,9 @@ def test_another_machine_or_a_dead_one_is_unknown(tmp_path: Path) -> None:
     here.machine.nck_reset()
     again = bench(tmp_path, machine=here.machine)
     here.machine.identity = replace(MACHINE, serial="SN-2")
-    assert run_virtual(lambda: look(found, again.context)).code == "R-PUSH-UNKNOWN"
+    assert run_virtual(lambda: inspect_unfinished(found, again.context)).code == "R-PUSH-UNKNOWN"
     here.machine.identity, here.machine.operator = MACHINE, False
-    assert run_virtual(lambda: look(found, again.context)).code == "R-PUSH-UNKNOWN"
+    assert run_virtual(lambda: inspect_unfinished(found, again.context)).code == "R-PUSH-UNKNOWN"
 
 
 def _told(root: Path, *kinds: str) -> journal.JournalRead:
@@ -305,7 +306,7 @@ def _told(root: Path, *kinds: str) -> journal.JournalRead:
     ],
 )
 def test_verdicts(tmp_path: Path, kinds: tuple[str, ...], live: LiveTable | None, code: str, action: str) -> None:
-    finding = verdict(_told(tmp_path, *kinds), live, 1e-6)
+    finding = make_finding(_told(tmp_path, *kinds), live, 1e-6)
     assert (finding.code, finding.action) == (code, action)
     assert "<" not in finding.words
     assert json.dumps(finding.as_data())
@@ -317,10 +318,10 @@ def test_a_damaged_journal_offers_nothing_and_refuses_pushes(tmp_path: Path) -> 
     data = bytearray(found.path.read_bytes())
     data[len(data) // 2] ^= 1
     found.path.write_bytes(bytes(data))
-    (damaged,) = unfinished(tmp_path / "journal", MACHINE.serial)
+    (damaged,) = unfinished_tables(tmp_path / "journal", MACHINE.serial)
     assert damaged.broken
     again = bench(tmp_path, machine=here.machine)
-    finding: PushFinding = run_virtual(lambda: look(damaged, again.context))
+    finding: PushFinding = run_virtual(lambda: inspect_unfinished(damaged, again.context))
     assert (finding.code, finding.action) == ("R-PUSH-DAMAGED", "none")
     record: PushRecord = run_virtual(lambda: push_table(change_of(here.machine, OLD), again.context))
     assert any(step.startswith("E-INT-UNFINISHED") for step in lines(record))
@@ -332,10 +333,10 @@ def test_a_journal_that_names_no_tables_is_our_error(tmp_path: Path) -> None:
     written = journal.Journal.create(folder, 7)
     written.append("LEASED", axis="X1")
     written.close()
-    (found,) = unfinished(tmp_path / "journal", MACHINE.serial)
+    (found,) = unfinished_tables(tmp_path / "journal", MACHINE.serial)
     again = bench(tmp_path)
     with pytest.raises(TrueflankError):
-        run_virtual(lambda: recover(found, again.context))
+        run_virtual(lambda: recover_table(found, again.context))
     with pytest.raises(StoreError):
-        verdict(found, OLD_ON, 0.0)
+        make_finding(found, OLD_ON, 0.0)
     assert issubclass(DeadlineExceeded, TrueflankError)

@@ -16,10 +16,12 @@ from drivers.types.tables import LiveTable
 from gateway.domain.outcomes import PushRecord
 from gateway.domain.proposals import Approval
 from gateway.errors import BusyError, WriteRefused
-from gateway.push import look, plan_hash, push_table, recover, unfinished
-from gateway.push.records import journal
-from gateway.push.records.lock import machine_lock
-from gateway.push.undo.finding import Seen, verdict
+from gateway.push import journal
+from gateway.push.context import plan_hash
+from gateway.push.journal import machine_lock
+from gateway.push.recovery import inspect_unfinished, recover_table, unfinished_tables
+from gateway.push.recovery_findings import ControllerReading, make_finding
+from gateway.push.transaction import push_table
 from tests.steps import lines
 from tests.unit.push.double import (
     MACHINE,
@@ -69,8 +71,8 @@ def test_what_two_readings_do_not_agree_on_is_never_put_back_after_a_crash(tmp_p
     at.machine.backup_number += lost == "of another order"
     other = replace(at.machine.backup, backlash=0.5, digest="other")
     at.machine.backup = {"none": None, "another set": other}.get(lost, at.machine.backup)
-    (found,) = unfinished(tmp_path / "journal", MACHINE.serial)
-    record = run_virtual(lambda: recover(found, bench(tmp_path, machine=at.machine).context))
+    (found,) = unfinished_tables(tmp_path / "journal", MACHINE.serial)
+    record = run_virtual(lambda: recover_table(found, bench(tmp_path, machine=at.machine).context))
     assert record.outcome == "held"
     assert any("E-PUSH-UNCONFIRMED" in step for step in lines(record))
     assert at.machine.own == LiveTable(ODD, False)
@@ -106,32 +108,32 @@ ROWS: list[tuple[str, str, Callable[[Machine], None], str, str]] = [
 @pytest.mark.parametrize(("name", "kind", "change", "code", "action"), ROWS, ids=[row[0] for row in ROWS])
 def test_row(tmp_path: Path, name: str, kind: str, change: Any, code: str, action: str) -> None:
     at = stopped_at(tmp_path, kind, change)
-    (found,) = unfinished(tmp_path / "journal", MACHINE.serial)
+    (found,) = unfinished_tables(tmp_path / "journal", MACHINE.serial)
     again = bench(tmp_path, machine=at.machine)
     before, writes = at.machine.live(), list(at.machine.writes)
-    finding = run_virtual(lambda: look(found, again.context))
+    finding = run_virtual(lambda: inspect_unfinished(found, again.context))
     assert (finding.code, finding.action) == (code, action), name
     assert (at.machine.live(), at.machine.writes) == (before, writes)
     assert set(again.controller.calls) <= READS | {"abort_program"}
     if action == "none":
         with pytest.raises(WriteRefused) as caught:
-            run_virtual(lambda: recover(found, again.context))
+            run_virtual(lambda: recover_table(found, again.context))
         assert caught.value.code == "E-PUSH-NO-OFFER"
         assert (at.machine.live(), at.machine.writes) == (before, writes)
-        assert unfinished(tmp_path / "journal", MACHINE.serial)
+        assert unfinished_tables(tmp_path / "journal", MACHINE.serial)
         return
-    record = run_virtual(lambda: recover(found, again.context))
+    record = run_virtual(lambda: recover_table(found, again.context))
     if action == "disable":  # off first, with every value as it was; then the old table goes back
         assert finding.still_on
         assert (record.outcome, at.machine.writes) == ("held", writes)
         assert at.machine.own == replace(before.own, enabled=False)
-        (found,) = unfinished(tmp_path / "journal", MACHINE.serial)
-        assert run_virtual(lambda: look(found, again.context)).action == "restore"
-        record = run_virtual(lambda: recover(found, again.context))
+        (found,) = unfinished_tables(tmp_path / "journal", MACHINE.serial)
+        assert run_virtual(lambda: inspect_unfinished(found, again.context)).action == "restore"
+        record = run_virtual(lambda: recover_table(found, again.context))
     assert record.outcome == "rolled-back"
     assert at.machine.own == OLD_ON
     assert at.machine.marker.state == "none"
-    assert unfinished(tmp_path / "journal", MACHINE.serial) == ()
+    assert unfinished_tables(tmp_path / "journal", MACHINE.serial) == ()
 
 
 def test_every_row_refuses_the_next_push_until_it_is_settled(tmp_path: Path) -> None:
@@ -144,23 +146,23 @@ def test_every_row_refuses_the_next_push_until_it_is_settled(tmp_path: Path) -> 
 
 def test_a_foreign_edit_is_told_three_ways(tmp_path: Path) -> None:
     at = stopped_at(tmp_path, "LOADED", live(LiveTable(ODD, True)))
-    (found,) = unfinished(tmp_path / "journal", MACHINE.serial)
+    (found,) = unfinished_tables(tmp_path / "journal", MACHINE.serial)
     again = bench(tmp_path, machine=at.machine)
-    finding = run_virtual(lambda: look(found, again.context))
+    finding = run_virtual(lambda: inspect_unfinished(found, again.context))
     assert "point 2: old 4.0, new 12.0, live 9.0 um" in finding.difference
     assert "point 2: old 4.0" in finding.words
     assert finding.as_data()["difference"] == list(finding.difference)
     longer = replace(ODD, deviations=(*ODD.deviations, *range(20)), maximum=1400.0)
-    told = verdict(found, LiveTable(longer, True), 1e-6).difference
+    told = make_finding(found, LiveTable(longer, True), 1e-6).difference
     assert any(line.startswith("maximum: old 400.0, new 400.0, live 1400.0") for line in told)
     assert told[-1].startswith("and ")
 
 
 def test_the_fourth_try_is_not_offered(tmp_path: Path) -> None:
     stopped_at(tmp_path, "LOADED", nothing)
-    (found,) = unfinished(tmp_path / "journal", MACHINE.serial)
+    (found,) = unfinished_tables(tmp_path / "journal", MACHINE.serial)
     tried = replace(found, entries=(*found.entries, *(journal.Entry("RECOVERING", {}) for _ in range(3))))
-    finding = verdict(tried, LiveTable(NEW, False), 1e-6)
+    finding = make_finding(tried, LiveTable(NEW, False), 1e-6)
     assert (finding.code, finding.action) == ("R-PUSH-TRIES", "none")
     assert "3 attempts" in finding.words
 
@@ -168,14 +170,14 @@ def test_the_fourth_try_is_not_offered(tmp_path: Path) -> None:
 def test_committed_but_not_put_away_is_only_put_away(tmp_path: Path) -> None:
     at = stopped_at(tmp_path, "COMMITTED", nothing)
     folder = journal.machine_folder(tmp_path / "journal", MACHINE.serial)
-    (found,) = journal.all_of(folder)
-    assert unfinished(tmp_path / "journal", MACHINE.serial) == ()
+    (found,) = journal.read_all(folder)
+    assert unfinished_tables(tmp_path / "journal", MACHINE.serial) == ()
     again = bench(tmp_path, machine=at.machine)
-    finding = run_virtual(lambda: look(found, again.context))
+    finding = run_virtual(lambda: inspect_unfinished(found, again.context))
     assert (finding.code, finding.action) == ("R-PUSH-DONE", "close")
     assert again.controller.calls == {}
-    assert [one.number for one in journal.tidy(folder)] == [found.number]
-    assert journal.all_of(folder) == ()
+    assert [one.number for one in journal.set_ended_aside(folder)] == [found.number]
+    assert journal.read_all(folder) == ()
     assert at.machine.own == NEW_ON
 
 
@@ -188,27 +190,27 @@ def test_the_marker_is_committed_before_the_journal_says_so(tmp_path: Path) -> N
 
 def test_a_journal_damaged_in_its_first_line_holds(tmp_path: Path) -> None:
     at = stopped_at(tmp_path, "LOADED", nothing)
-    (found,) = unfinished(tmp_path / "journal", MACHINE.serial)
+    (found,) = unfinished_tables(tmp_path / "journal", MACHINE.serial)
     data = bytearray(found.path.read_bytes())
     data[20] ^= 1
     found.path.write_bytes(bytes(data))
-    (damaged,) = unfinished(tmp_path / "journal", MACHINE.serial)
+    (damaged,) = unfinished_tables(tmp_path / "journal", MACHINE.serial)
     assert (damaged.entries, damaged.broken) == ((), f"line 1 of {len(found.entries)} is damaged")
-    finding = verdict(damaged, None, 0.0)
+    finding = make_finding(damaged, None, 0.0)
     assert (finding.code, finding.action, finding.axis) == ("R-PUSH-DAMAGED", "none", "")
     again = bench(tmp_path, machine=at.machine)
-    assert run_virtual(lambda: look(damaged, again.context)).code == "R-PUSH-DAMAGED"
+    assert run_virtual(lambda: inspect_unfinished(damaged, again.context)).code == "R-PUSH-DAMAGED"
     with pytest.raises(WriteRefused):
-        run_virtual(lambda: recover(damaged, again.context))
+        run_virtual(lambda: recover_table(damaged, again.context))
     assert again.controller.calls == {}
 
 
 def test_neighbours_switched_off_count_as_disabled(tmp_path: Path) -> None:
     stopped_at(tmp_path, "DISABLE", nothing)
-    (found,) = unfinished(tmp_path / "journal", MACHINE.serial)
+    (found,) = unfinished_tables(tmp_path / "journal", MACHINE.serial)
     noted = replace(found, entries=(*found.entries, journal.Entry("SNAPSHOT", {"coupled": True})))
-    assert verdict(noted, Seen(OLD_ON, neighbours_on=False), 1e-6).code == "R-PUSH-DISABLED"
-    assert verdict(noted, Seen(OLD_ON, neighbours_on=True), 1e-6).code == "R-PUSH-UNTOUCHED"
+    assert make_finding(noted, ControllerReading(OLD_ON, neighbours_on=False), 1e-6).code == "R-PUSH-DISABLED"
+    assert make_finding(noted, ControllerReading(OLD_ON, neighbours_on=True), 1e-6).code == "R-PUSH-UNTOUCHED"
 
 
 # ---- the key ----------------------------------------------------------------------------------------

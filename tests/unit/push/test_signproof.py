@@ -17,10 +17,18 @@ from drivers.types.stops import Stop
 from drivers.types.tables import LiveTable
 from gateway.axes import AxisRecord
 from gateway.errors import RollbackFailed, VerifyError, WriteRefused
-from gateway.interlocks import proves, value_at
-from gateway.push import SignQuestion, prove_sign, prove_signs
-from gateway.push.proofs.switching import PEAK, Steps, steps_of
-from gateway.push.trials import AlreadyOn, judged, triangle
+from gateway.interlocks.facts import value_at
+from gateway.interlocks.machine import proves
+from gateway.push.sign_proof import prove_sign, prove_signs
+from gateway.push.sign_proof_tables import (
+    PEAK,
+    MountedInstrument,
+    SignQuestion,
+    Steps,
+    judge_steps,
+    steps_from_readings,
+    triangle,
+)
 from tests.unit.push.double import (
     MACHINE,
     NEVER,
@@ -93,7 +101,7 @@ def test_a_step_is_judged_with_its_uncertainty_and_the_interlock_takes_what_was_
     tmp_path: Path, kind: TableKind
 ) -> None:
     async def asked(slope: float, u: float) -> SignProof:
-        return judged(bench(tmp_path).context, Steps(slope * PEAK, u * PEAK, ()), kind)
+        return judge_steps(bench(tmp_path).context, Steps(slope * PEAK, u * PEAK, ()), kind)
 
     found = run_virtual(lambda: asked(-1.25, 0.16))
     assert (found.sign, found.slope, found.slope_u) == (1, pytest.approx(-1.25), pytest.approx(0.16))
@@ -215,10 +223,10 @@ def test_no_triangle_on_two_points(tmp_path: Path) -> None:
 
 
 def test_uncertainty_is_the_larger_of_stated_and_seen() -> None:
-    quiet = steps_of([(0.0, 0.3), (3.0, 0.4)] * 3)
+    quiet = steps_from_readings([(0.0, 0.3), (3.0, 0.4)] * 3)
     assert quiet.mean == pytest.approx(3.0)
     assert quiet.u == pytest.approx(np.sqrt(3 * (0.09 + 0.16)) / 3)
-    loud = steps_of([(0.0, 0.0), (2.0, 0.0), (0.0, 0.0), (3.0, 0.0), (0.0, 0.0), (4.0, 0.0)])
+    loud = steps_from_readings([(0.0, 0.0), (2.0, 0.0), (0.0, 0.0), (3.0, 0.0), (0.0, 0.0), (4.0, 0.0)])
     assert loud.u == pytest.approx(1.0 / np.sqrt(3))
 
 
@@ -238,7 +246,7 @@ def test_one_reading_out_of_line_costs_as_many_steps_again_and_not_the_proof(tmp
         said.append((code, fields))
 
     question = SignQuestion(replace(at.context, say=say), 0.0, maximum=400.0, step=50.0, again=first.append)
-    (found,) = run_virtual(lambda: prove_signs((question,), AlreadyOn(lambda: nullcontext(read))))
+    (found,) = run_virtual(lambda: prove_signs((question,), MountedInstrument(lambda: nullcontext(read))))
     assert isinstance(found, SignProof)
     assert found.slope == pytest.approx(-1.0)
     assert count == 12
@@ -273,9 +281,9 @@ def test_six_steps_prove_what_scatters_and_none_is_proved_wrong() -> None:
         values = -PEAK * np.tile([0.0, 1.0], 6) + rng.normal(0.0, 0.45, 12)
         values[rng.integers(6)] += 8.0
         readings = [(float(value), 0.05) for value in values]
-        if not steps_of(readings[:6]).prove:
+        if not steps_from_readings(readings[:6]).prove:
             open_at_three += 1
-            found = steps_of(readings)
+            found = steps_from_readings(readings)
             open_at_six += not found.prove
             assert not (found.prove and found.mean > 0)
     assert open_at_three == 2000

@@ -15,7 +15,7 @@ from drivers.types.orders import SignProof
 from drivers.types.stops import Stop, StopPlan
 from drivers.types.tables import LiveTable
 from gateway.errors import VerifyError
-from gateway.push import Reading, ReadStop, SignQuestion, prove_signs, unfinished
+from gateway.push import Reading, ReadStop, SignQuestion, prove_signs, unfinished_tables
 from tests.sizes import few
 from tests.unit.push.double import MACHINE, OLD, Bench, Killed, Machine, Reaper, deadline, journals_of, refuse
 from tests.unit.push.test_batches import old, recovered
@@ -134,7 +134,7 @@ def test_killed_at_any_step_the_old_tables_return(tmp_path: Path, every: int, mo
         with journal_under(reaper, monkeypatch), pytest.raises(Killed):
             prove(at, Watching(at))
         recovered(root, at.machine)
-        assert not unfinished(root / "journal", MACHINE.serial), step
+        assert not unfinished_tables(root / "journal", MACHINE.serial), step
         assert as_before(at.machine), step
 
 

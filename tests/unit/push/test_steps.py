@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from gateway.push.records.phases import PushEvent
-from gateway.push.records.steps import SAID, step_message
+from gateway.push.phases import STEP_CODES, PushEvent, step_message
 
 
 def test_every_kind_of_a_journal_has_words_without_capitals() -> None:
-    assert set(SAID) == set(PushEvent)
+    assert set(STEP_CODES) == set(PushEvent)
     assert [kind for kind in PushEvent if str(step_message(kind)).isupper()] == []
 
 

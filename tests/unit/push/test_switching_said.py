@@ -7,7 +7,7 @@ from typing import Any
 
 from drivers.errors import words
 from drivers.types.tables import CompensationTable
-from gateway.push.loading import OFF, _say_moves
+from gateway.push.load import OFF_CODES, _say_moves
 
 
 def test_tables_that_move_nothing_share_one_line_and_the_others_have_one_each() -> None:
@@ -34,7 +34,7 @@ def test_tables_that_move_nothing_share_one_line_and_the_others_have_one_each() 
         load("Z1-reversal", "reversal", "Z1"),
         load("X1-cec2", "cross", "X1"),
     )
-    _say_moves(OFF, loads, (0.004, -1.48, 0.0))
+    _say_moves(OFF_CODES, loads, (0.004, -1.48, 0.0))
     assert [words(code, **fields) for code, fields in said] == [
         "switching Z1-reversal off will move Z1 by 1.48 \u00b5m, with Z1 at 40 mm",
         "switching Z1, X1-cec2 off moves no axis",

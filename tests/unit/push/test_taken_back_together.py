@@ -16,11 +16,12 @@ from drivers.types.tables import LiveTable
 from gateway.cli.onward import after_recovery
 from gateway.domain.outcomes import PushRecord
 from gateway.errors import RollbackFailed, VerifyError
-from gateway.push import outcome_alarms, outcome_error, push_tables, unfinished
-from gateway.push.records.history import consent_set, every_push, named
-from gateway.push.records.preview import previews
-from gateway.push.undo.finding import verdict, with_rest
-from gateway.push.undoing import Undo, ask_undos, groups, undo_tables
+from gateway.push import outcome_alarms, outcome_error
+from gateway.push.history import all_pushes, consent_set, identify_table, rollback_previews
+from gateway.push.recovery import unfinished_tables
+from gateway.push.recovery_findings import make_finding, with_rest
+from gateway.push.rollback import RollbackRequest, group_rollbacks, preflight_rollbacks, roll_back_pushes
+from gateway.push.transaction import push_tables
 from gateway.store import Store
 from gateway.store.encoding import read_typed, write_typed
 from gateway.store.proofs import Proofs
@@ -49,8 +50,8 @@ def pushed(root: Path, reaper: Reaper | None = None) -> Bench:
     return at if reaper is None else replace(stage(root, machine=machine, reaper=reaper))
 
 
-def undos_of(at: Bench, asked: str = "X1") -> list[Undo]:
-    found = consent_set(every_push(at.context.journals, MACHINE.serial, at.context.meant), asked)
+def undos_of(at: Bench, asked: str = "X1") -> list[RollbackRequest]:
+    found = consent_set(all_pushes(at.context.journals, MACHINE.serial, at.context.meant), asked)
     assert found is not None
     own = replace(at.context, input=None, proof=None)
     return [(done, own if done.table == "X1" else at.context) for done in found.tables]
@@ -59,8 +60,8 @@ def undos_of(at: Bench, asked: str = "X1") -> list[Undo]:
 def take_back(at: Bench, asked: str = "X1") -> dict[str, PushRecord]:
     async def all_of_it() -> dict[str, PushRecord]:
         ended: dict[str, PushRecord] = {}
-        for group in groups(undos_of(at, asked)):
-            records = await undo_tables(group)
+        for group in group_rollbacks(undos_of(at, asked)):
+            records = await roll_back_pushes(group)
             ended |= {done.table: record for (done, _), record in zip(group, records, strict=True)}
         return ended
 
@@ -69,7 +70,7 @@ def take_back(at: Bench, asked: str = "X1") -> dict[str, PushRecord]:
 
 def test_all_four_tables_of_one_consent_go_back_and_nothing_is_left_to_take_back(tmp_path: Path) -> None:
     at = pushed(tmp_path)
-    found = consent_set(every_push(at.context.journals, MACHINE.serial), "X1")
+    found = consent_set(all_pushes(at.context.journals, MACHINE.serial), "X1")
     assert found is not None
     assert sorted(one.table for one in found.tables) == ["X1", "X1-cec2", "X1-cec3", "X1-cec4"]
     assert len({one.transaction for one in found.tables}) == 2
@@ -81,18 +82,18 @@ def test_all_four_tables_of_one_consent_go_back_and_nothing_is_left_to_take_back
     assert [one.enabled for one in live] == [old(index).enabled for index in range(2, 2 + COUNT)]
     assert [one.table for one in live] == [old(index).table for index in range(2, 2 + COUNT)]
     assert max(map(abs, at.machine.jumps)) <= 1.0
-    assert consent_set(every_push(at.context.journals, MACHINE.serial), "X1") is None
-    assert consent_set(every_push(at.context.journals, MACHINE.serial)) is None
+    assert consent_set(all_pushes(at.context.journals, MACHINE.serial), "X1") is None
+    assert consent_set(all_pushes(at.context.journals, MACHINE.serial)) is None
 
 
 def test_one_table_by_its_name_leaves_the_others_and_says_so(tmp_path: Path) -> None:
     at = pushed(tmp_path)
-    found = consent_set(every_push(at.context.journals, MACHINE.serial), "X1-cec3")
+    found = consent_set(all_pushes(at.context.journals, MACHINE.serial), "X1-cec3")
     assert found is not None
     assert found.names == "X1-cec3"
     assert sorted(one.table for one in found.rest) == ["X1", "X1-cec2", "X1-cec4"]
     assert take_back(at, "X1-cec3")["X1-cec3"].outcome == "committed"
-    left = consent_set(every_push(at.context.journals, MACHINE.serial))
+    left = consent_set(all_pushes(at.context.journals, MACHINE.serial))
     assert left is not None
     assert sorted(one.table for one in left.tables) == ["X1", "X1-cec2", "X1-cec4"]
     assert {record.outcome for record in take_back(at).values()} == {"committed"}
@@ -104,12 +105,12 @@ def test_a_table_of_the_consent_that_stays_on_is_no_success_whatever_axis_it_mov
     tmp_path: Path, rest: str, code: int
 ) -> None:
     at = pushed(tmp_path)
-    pushes = every_push(at.context.journals, MACHINE.serial, at.context.meant)
+    pushes = all_pushes(at.context.journals, MACHINE.serial, at.context.meant)
     found = consent_set(pushes, "X1-cec3")
     assert found is not None
     moved = replace(found.rest[0], axis=rest, table=f"{rest}-cec9")
     found = replace(found, rest=(moved,) if rest else ())
-    seen = previews(pushes, found)
+    seen = rollback_previews(pushes, found)
     run = SimpleNamespace(folder=SimpleNamespace(state="rollback-committed", path=tmp_path))
     ended = _ended(run, found, take_back(at, "X1-cec3"), seen)  # type: ignore[arg-type]
     assert ended.exit_code == code
@@ -123,7 +124,7 @@ def test_a_failure_leads_all_tables_of_the_transaction_to_the_newer_ones(tmp_pat
     at.controller.faults[call, 1, "before"] = deadline
 
     async def first_group() -> tuple[PushRecord, ...]:
-        return await undo_tables(groups(undos_of(at))[0])
+        return await roll_back_pushes(group_rollbacks(undos_of(at))[0])
 
     records = run_virtual(first_group)
     assert len({record.outcome for record in records}) == 1
@@ -164,7 +165,7 @@ def test_asking_shows_a_place_for_all_and_writes_nothing(tmp_path: Path) -> None
     at.controller.calls.clear()
 
     async def asked() -> list[bool]:
-        return [not one.refusals for group in groups(undos_of(at)) for one in await ask_undos(group)]
+        return [not one.refusals for group in group_rollbacks(undos_of(at)) for one in await preflight_rollbacks(group)]
 
     assert all(run_virtual(asked))
     assert "stage" not in at.controller.calls
@@ -172,19 +173,19 @@ def test_asking_shows_a_place_for_all_and_writes_nothing(tmp_path: Path) -> None
 
 def test_a_table_is_named_by_the_push_that_wrote_it(tmp_path: Path) -> None:
     at = pushed(tmp_path)
-    pushes = every_push(at.context.journals, MACHINE.serial)
+    pushes = all_pushes(at.context.journals, MACHINE.serial)
     own = next(one for one in pushes if one.table == "X1")
-    assert named(pushes, "X1", LiveTable(NEW, True)).id == named(pushes, "X1", own.new).id
+    assert identify_table(pushes, "X1", LiveTable(NEW, True)).id == identify_table(pushes, "X1", own.new).id
     rounded = replace(NEW, deviations=tuple(value + 0.01 for value in NEW.deviations))
-    assert named(pushes, "X1", LiveTable(rounded, True)).id == named(pushes, "X1", own.new).id
-    assert named(pushes, "X1", LiveTable(OLD, True), "2026-01-01").utc == "2026-01-01"
-    assert named(pushes, "X1", LiveTable(OLD, False)).id == ""
+    assert identify_table(pushes, "X1", LiveTable(rounded, True)).id == identify_table(pushes, "X1", own.new).id
+    assert identify_table(pushes, "X1", LiveTable(OLD, True), "2026-01-01").utc == "2026-01-01"
+    assert identify_table(pushes, "X1", LiveTable(OLD, False)).id == ""
 
 
 def test_a_journal_of_an_older_version_is_tied_by_its_run(tmp_path: Path) -> None:
     at = bench(tmp_path)
     (record,) = run_virtual(lambda: push_tables([(change_of(at.machine), at.context)]))
-    (push,) = every_push(at.context.journals, MACHINE.serial)
+    (push,) = all_pushes(at.context.journals, MACHINE.serial)
     assert record.backup_path.startswith(f"{push.consent}/")
 
 
@@ -279,10 +280,10 @@ def test_a_marker_that_cannot_be_written_is_an_alarm_with_a_code_and_is_audited(
 def test_the_page_shows_the_set_and_the_figures_of_the_terminal(tmp_path: Path) -> None:
     """Largest moves by hand: NEW 15.5 to OLD 6.0 at 150 mm, 1.2, 1.3 and 1.4 of 9.0 to 0.3 of it, or to a table off."""
     at, store = pushed(tmp_path), Store(tmp_path)
-    pushes = every_push(at.context.journals, MACHINE.serial)
+    pushes = all_pushes(at.context.journals, MACHINE.serial)
     found = consent_set(pushes)
     assert found is not None
-    terminal = previews(pushes, found)
+    terminal = rollback_previews(pushes, found)
     page = standing_tables(store, MACHINE.serial)["rollback"]
     moves = {one["table"]: one["move"]["fields"] for one in page["back"]}
     assert {name: (one["was"], one["becomes"], one["size"], one["place"]) for name, one in moves.items()} == {
@@ -309,9 +310,9 @@ def test_recovery_names_what_else_of_the_consent_acts(tmp_path: Path) -> None:
     here = stage(tmp_path, machine=at.machine, reaper=Reaper(50))
     with pytest.raises(Killed):
         take_back(here)
-    left = unfinished(at.context.journals, MACHINE.serial)
-    pushes = every_push(at.context.journals, MACHINE.serial)
-    found = with_rest([verdict(one, None, 0.0, pushes=pushes) for one in left], left, pushes)
+    left = unfinished_tables(at.context.journals, MACHINE.serial)
+    pushes = all_pushes(at.context.journals, MACHINE.serial)
+    found = with_rest([make_finding(one, None, 0.0, pushes=pushes) for one in left], left, pushes)
     assert {one.table for one in found} <= {"X1-cec2", "X1-cec3", "X1-cec4"}
     named_once = [*(one.table for one in found), *(name for one in found for name in one.rest)]
     assert sorted(named_once) == ["X1", "X1-cec2", "X1-cec3", "X1-cec4"]
@@ -325,5 +326,5 @@ def test_a_push_that_failed_alone_has_nothing_beside_it(tmp_path: Path) -> None:
     at = bench(tmp_path, reaper=Reaper(20))
     with pytest.raises(Killed):
         run_virtual(lambda: push_tables([(change_of(at.machine), at.context)]))
-    left = unfinished(at.context.journals, MACHINE.serial)
-    assert [one.rest for one in with_rest([verdict(one, None, 0.0) for one in left], left, ())] == [()]
+    left = unfinished_tables(at.context.journals, MACHINE.serial)
+    assert [one.rest for one in with_rest([make_finding(one, None, 0.0) for one in left], left, ())] == [()]

@@ -16,9 +16,10 @@ from drivers.types.tables import LiveTable
 from gateway.domain.outcomes import PushRecord
 from gateway.domain.proposals import TableChange
 from gateway.errors import BusyError, RollbackFailed, StoreError, VerifyError, WriteRefused
-from gateway.push import outcome_error, push_table, recover
-from gateway.push.records import journal
-from gateway.push.records.lock import machine_lock
+from gateway.push import journal, outcome_error
+from gateway.push.journal import machine_lock
+from gateway.push.recovery import recover_table
+from gateway.push.transaction import push_table
 from tests.sizes import few
 from tests.steps import lines
 from tests.unit.push.double import (
@@ -274,7 +275,7 @@ def test_changed_between_snapshot_and_load_goes_back_to_neither_reading(tmp_path
     context = bench(tmp_path, machine=at.machine).context
 
     async def main() -> PushRecord:
-        return await recover(left, context)
+        return await recover_table(left, context)
 
     assert run_virtual(main).outcome == "held"
     assert not at.machine.own.enabled

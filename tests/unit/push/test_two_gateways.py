@@ -15,8 +15,8 @@ from drivers.types.machine import ChannelStatus
 from drivers.types.tables import LiveTable
 from gateway.domain.outcomes import PushRecord
 from gateway.errors import BusyError, VerifyError
-from gateway.push import push_table
-from gateway.push.undo.recovery import look, recover, unfinished
+from gateway.push.recovery import inspect_unfinished, recover_table, unfinished_tables
+from gateway.push.transaction import push_table
 from tests.steps import lines
 from tests.unit.push.double import MACHINE, NEW, Bench, Machine, bench, change_of, journals_of
 
@@ -91,7 +91,7 @@ def test_what_the_other_did_meanwhile_stays(
     assert at.machine.writes == []
     told = found if isinstance(found, str) else found.outcome
     assert told in ("E-PUSH-ANOTHER", "refused", "E-LINK-DEADLINE", "E-TEST-RESET"), told
-    assert unfinished(tmp_path / "journal", MACHINE.serial) == ()
+    assert unfinished_tables(tmp_path / "journal", MACHINE.serial) == ()
 
 
 @pytest.mark.parametrize("act", [they_push, they_load])
@@ -129,11 +129,11 @@ def test_a_killed_gateway_recovers_nothing_that_is_anothers(tmp_path: Path, when
     at.controller.faults.clear()
     they_push(at.machine)
     kept = at.machine.own, at.machine.marker
-    (found,) = unfinished(tmp_path / "journal", MACHINE.serial)
-    finding = run_virtual(lambda: look(found, at.context))
+    (found,) = unfinished_tables(tmp_path / "journal", MACHINE.serial)
+    finding = run_virtual(lambda: inspect_unfinished(found, at.context))
     assert (finding.code, finding.action) == ("R-PUSH-SUPERSEDED", "close")
-    record = run_virtual(lambda: recover(found, at.context))
+    record = run_virtual(lambda: recover_table(found, at.context))
     assert record.outcome == "rolled-back"
     assert (at.machine.own, at.machine.marker) == kept
     assert at.machine.writes == []
-    assert unfinished(tmp_path / "journal", MACHINE.serial) == ()
+    assert unfinished_tables(tmp_path / "journal", MACHINE.serial) == ()

@@ -12,10 +12,10 @@ from drivers.errors import DeadlineExceeded
 from drivers.types.tables import LiveTable
 from gateway.domain.outcomes import PushRecord
 from gateway.errors import RollbackFailed, VerifyError
-from gateway.push import outcome_error, push_table
-from gateway.push.records import journal
-from gateway.push.records.history import Committed, committed, to_undo
-from gateway.push.undoing import ask_undo, compare_live, undo
+from gateway.push import journal, outcome_error
+from gateway.push.history import CommittedPush, committed_pushes, newest_not_undone
+from gateway.push.rollback import compare_with_push, preflight_rollback, roll_back_push
+from gateway.push.transaction import push_table
 from tests.steps import lines
 from tests.unit.push.double import (
     MACHINE,
@@ -52,15 +52,15 @@ def again(root: Path, machine: Machine, reaper: Reaper | None = None, *, by_hand
     return at
 
 
-def last(at: Bench) -> Committed:
-    done = to_undo(committed(at.context.journals, MACHINE.serial, "X1"))
+def last(at: Bench) -> CommittedPush:
+    done = newest_not_undone(committed_pushes(at.context.journals, MACHINE.serial, "X1"))
     assert done is not None
     return done
 
 
 def take_back(at: Bench, **context: object) -> PushRecord:
     done = last(at)
-    return run_virtual(lambda: undo(done, replace(at.context, **context)))
+    return run_virtual(lambda: roll_back_push(done, replace(at.context, **context)))
 
 
 @pytest.mark.parametrize("by_hand", [False, True])
@@ -73,8 +73,8 @@ def test_the_table_from_before_is_live_again(tmp_path: Path, old: LiveTable, by_
     assert at.machine.own.enabled == old.enabled
     assert at.machine.own.table.deviations == old.table.deviations
     assert only_old_or_new_enabled(at.machine, OLD, NEW)
-    assert to_undo(committed(at.context.journals, MACHINE.serial, "X1")) is None
-    history = committed(at.context.journals, MACHINE.serial, "X1")
+    assert newest_not_undone(committed_pushes(at.context.journals, MACHINE.serial, "X1")) is None
+    history = committed_pushes(at.context.journals, MACHINE.serial, "X1")
     assert history[-1].new.enabled == old.enabled
     assert at.machine.marker.state == "committed"
 
@@ -164,7 +164,7 @@ def test_an_unfinished_push_is_recovered_first(tmp_path: Path) -> None:
 def test_asking_writes_nothing(tmp_path: Path) -> None:
     at = pushed(tmp_path)
     done = last(at)
-    assert run_virtual(lambda: ask_undo(done, at.context)).refusals == ()
+    assert run_virtual(lambda: preflight_rollback(done, at.context)).refusals == ()
     assert set(at.controller.calls) <= {"identify", "state", "marker", "table_limits"}
 
 
@@ -187,7 +187,7 @@ def test_a_wire_that_fails_before_anything_is_written_ends_it(tmp_path: Path) ->
     with pytest.raises(DeadlineExceeded):
         take_back(at)
     assert at.machine.own == NEW_ON
-    assert to_undo(committed(at.context.journals, MACHINE.serial, "X1")) is not None
+    assert newest_not_undone(committed_pushes(at.context.journals, MACHINE.serial, "X1")) is not None
 
 
 def _killed(root: Path, step: int) -> bool:
@@ -196,7 +196,7 @@ def _killed(root: Path, step: int) -> bool:
     at = pushed(root)
     here, done = again(root, at.machine, Reaper(step)), last(at)
     try:
-        assert run_virtual(lambda: undo(done, here.context)).outcome == "committed"
+        assert run_virtual(lambda: roll_back_push(done, here.context)).outcome == "committed"
     except Killed:
         assert only_old_or_new_enabled(at.machine, OLD, NEW)
         return True
@@ -222,7 +222,7 @@ def test_killed_anywhere_old_or_new_is_live_or_nothing(tmp_path: Path) -> None:
 def test_the_live_table_is_compared(tmp_path: Path, live: LiveTable, kind: str) -> None:
     at = pushed(tmp_path)
     at.machine.become(live)
-    assert compare_live(at.machine.own, last(at), allowed=1e-6).kind == kind
+    assert compare_with_push(at.machine.own, last(at), allowed=1e-6).kind == kind
 
 
 LATER_WAVE = replace(WAVE, deviations=(0.0, 4.0, 8.0, 9.5, 4.0, 0.0, -5.0, -2.0, 0.0))
@@ -235,14 +235,14 @@ def test_cross_tables_are_taken_back_in_the_proved_sign(tmp_path: Path, sign: in
     for wanted in (WAVE, LATER_WAVE):
         change = change_for(at.machine, wanted, sign)
         assert run_virtual(lambda change=change: push_table(change, at.context)).outcome == "committed"
-    done = to_undo(committed(at.context.journals, MACHINE.serial, "X1-cec2", at.context.meant))
+    done = newest_not_undone(committed_pushes(at.context.journals, MACHINE.serial, "X1-cec2", at.context.meant))
     assert done is not None
-    assert run_virtual(lambda: undo(done, at.context)).outcome == "committed"
+    assert run_virtual(lambda: roll_back_push(done, at.context)).outcome == "committed"
     assert held(at.machine, 2) == LiveTable(stored(WAVE, sign), enabled=True)
-    first = to_undo(committed(at.context.journals, MACHINE.serial, "X1-cec2", at.context.meant))
+    first = newest_not_undone(committed_pushes(at.context.journals, MACHINE.serial, "X1-cec2", at.context.meant))
     assert first is not None
-    record = run_virtual(lambda: undo(first, at.context))
+    record = run_virtual(lambda: roll_back_push(first, at.context))
     assert record.outcome == "committed", record.steps
     assert not any(one.enabled and one.table.index == 2 for one in at.machine.live().cross)
-    assert to_undo(committed(at.context.journals, MACHINE.serial, "X1-cec2", at.context.meant)) is None
+    assert newest_not_undone(committed_pushes(at.context.journals, MACHINE.serial, "X1-cec2", at.context.meant)) is None
     assert max(map(abs, at.machine.jumps)) <= 1.0

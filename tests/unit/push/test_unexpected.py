@@ -13,9 +13,9 @@ from drivers.clock import run_virtual
 from drivers.errors import DeviceRefused
 from drivers.types.tables import LiveTable
 from gateway.errors import StoreError, Unexpected
-from gateway.push import push_table
-from gateway.push.records import journal
-from gateway.push.unexpected import foreseen
+from gateway.push import journal
+from gateway.push.state import wrap_unexpected
+from gateway.push.transaction import push_table
 from gateway.workflow.consents import why_of, word_of
 from tests.unit.push.double import NEW, OLD, bench, change_of, journals_of
 
@@ -108,7 +108,7 @@ async def _stopped(task: asyncio.Task[Any]) -> None:
 
 def test_a_cancel_of_our_own_is_an_error_and_one_from_outside_is_not() -> None:
     async def own() -> None:
-        with foreseen("X1"):
+        with wrap_unexpected("X1"):
             raise asyncio.CancelledError
 
     with pytest.raises(Unexpected, match="CancelledError"):
@@ -122,7 +122,7 @@ def test_a_cancel_of_our_own_is_an_error_and_one_from_outside_is_not() -> None:
         return task.cancelled()
 
     async def own_wait() -> None:
-        with foreseen("X1"):
+        with wrap_unexpected("X1"):
             await asyncio.Event().wait()
 
     assert run_virtual(outside)

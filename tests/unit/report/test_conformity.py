@@ -11,7 +11,7 @@ import pytest
 from typer.testing import CliRunner
 
 from drivers.types.identity import Identity
-from gateway.audit import acting
+from gateway.audit import act_as
 from gateway.cli import app
 from gateway.config import AxisSection, SiteFile, load_site, read_site
 from gateway.domain.captures import Conditions
@@ -180,7 +180,7 @@ def test_who_is_signed_in_is_who_measured_unless_the_site_file_names_somebody(tm
         return "nobody" if found is None else found.operator
 
     assert named(tree) == ""
-    with acting("anna"):
+    with act_as("anna"):
         assert named(tree) == "anna"
         assert named(tree, read) == "", "who gives a file has not measured it"
         own = tree.model_copy(update={"report": tree.report.model_copy(update={"operator": "B. Smith"})})

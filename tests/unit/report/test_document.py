@@ -19,7 +19,7 @@ from drivers.types.identity import Identity
 from gateway.cli.control.connecting import report_font
 from gateway.domain.outcomes import PushRecord
 from gateway.errors import StoreError, VerifyError
-from gateway.push.records.steps import SAID, noted_step, step_message
+from gateway.push.phases import STEP_CODES, step_message, step_with_facts
 from gateway.report import InstrumentNote, ReportMaterial
 from gateway.report.document import words
 from gateway.report.document.content import Document, FactsBlock, Heading, Pair, Signatures, TableBlock, Whole
@@ -177,15 +177,18 @@ def test_a_report_in_another_language_is_whole(language: str) -> None:
 
 @pytest.mark.parametrize("language", ["de", "zh"])
 def test_each_step_of_a_push_has_its_name_in_each_language(language: str) -> None:
-    english = {render(step_message(kind)) for kind in SAID}
-    assert len(english) == len(SAID)
-    assert not english & {render(step_message(kind), language) for kind in SAID}
+    english = {render(step_message(kind)) for kind in STEP_CODES}
+    assert len(english) == len(STEP_CODES)
+    assert not english & {render(step_message(kind), language) for kind in STEP_CODES}
     assert render(step_message("BACKUP"), "de") == "alte Tabelle gesichert"
 
 
 def test_the_protocol_and_its_reasons_are_in_the_documents_language_and_older_ones_as_stored() -> None:
     why = VerifyError("E-PUSH-UNCONFIRMED", "X1", axis="X1", why=Message.of("W-PUSH-TWO-READS"))
-    steps = (noted_step("BACKUP", "2026-01-02T03:04:05.678+00:00", {}), Message.stored("2026-01-02T03:04:06 held: x"))
+    steps = (
+        step_with_facts("BACKUP", "2026-01-02T03:04:05.678+00:00", {}),
+        Message.stored("2026-01-02T03:04:06 held: x"),
+    )
     record = PushRecord(7, "X1", "rolled-back", steps, "", reasons=(why.message, Message.stored("an old reason")))
     first, *others = synthetic.material().axes
     said = replace(synthetic.material(), axes=(replace(first, push=record), *others))

@@ -19,7 +19,7 @@ from gateway.index import IndexedFigure, IndexedRun, SiteIndex, keeping
 from gateway.index.catching import caught_up, compared, due_of, rebuilt
 from gateway.index.keeping import RunIndex, index_url
 from gateway.index.schema import METADATA
-from gateway.push.records.journal import JOURNALS
+from gateway.push.journal import JOURNALS
 from gateway.store import RunFolder, RunSummary, Store
 from gateway.views.pushed import standing_tables
 from tests.unit.audit.log import Moments
@@ -277,8 +277,8 @@ def test_a_back_up_put_back_is_whole_and_is_found_again(tmp_path: Path) -> None:
     shutil.copytree(store.root, backup, ignore=shutil.ignore_patterns("index.db*"))
     shutil.rmtree(store.root)
     shutil.copytree(backup, store.root)
-    assert audit.sound(store.root)
-    assert audit.check(store.root).head.seq == 2
+    assert audit.is_sound(store.root)
+    assert audit.check_log(store.root).head.seq == 2
     again = Store(store.root)
     assert rebuilt(RunIndex(store.root), again) == 2
     assert RunIndex(store.root).trend("E") == figures

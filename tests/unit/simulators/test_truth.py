@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from pydantic import ValidationError
 
 from drivers.errors import ConfigError
-from gateway.interlocks.limits import LEAST_DRIFT_K
+from gateway.interlocks.facts import LEAST_DRIFT_K
 from simulators.cellfile import CellFile, InspectionMachine, limit_sample_rate, load_cell, packaged_cells
 from simulators.truth import AxisMotion, Climate, Hysteresis, Truth, drift_time_s
 from tests.unit.simulators.motion import plain_cell

@@ -15,7 +15,7 @@ from drivers.errors import words
 from drivers.sinumerik.mailbox.device import SinumerikModbus
 from drivers.sinumerik.opcua.device import SinumerikOpcUa
 from gateway import audit
-from gateway.approve import UNPROTECTED, risk_taken, risking
+from gateway.approve import UNPROTECTED, is_risk_taken, take_risk
 from gateway.audience import Audience, kind_of
 from gateway.cli.screen.panel import LivePanel
 from gateway.cli.screen.scene import Scene
@@ -106,13 +106,13 @@ def test_the_audit_names_it_with_plan_and_push_and_who_took_the_risk(tmp_path: P
     context = replace(bench(tmp_path / "control").context, risk_taken=True)
     consents.begin(at, CHANGE, context)
     consents.begin(replace(at, open_road=""), CHANGE, context)
-    first, second = (entry["details"] for entry in audit.entries(at.store.root))
+    first, second = (entry["details"] for entry in audit.read_entries(at.store.root))
     assert (first["unprotected"], first["risk"]) == (at.open_road, "typed")
     assert {"unprotected", "risk"} & set(second) == set()
 
 
 def test_the_risk_is_taken_word_for_word_and_for_one_command() -> None:
     for typed, taken in ((UNPROTECTED, True), (f" {UNPROTECTED} ", True), ("yes", False), ("", False)):
-        with risking(typed):
-            assert risk_taken() is taken
-        assert not risk_taken()
+        with take_risk(typed):
+            assert is_risk_taken() is taken
+        assert not is_risk_taken()

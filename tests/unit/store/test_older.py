@@ -15,8 +15,8 @@ from drivers.types.orders import SignProof
 from drivers.types.tables import CompensationTable, LiveSet, LiveTable
 from gateway.domain.proposals import Proposal, TableChange
 from gateway.errors import FutureSchema, WriteRefused
-from gateway.push.records import journal
-from gateway.push.records.history import tables_of
+from gateway.push import journal
+from gateway.push.history import tables_of
 from gateway.store import RunFolder, Store, records
 from gateway.store.proofs import Proofs
 from gateway.workflow import stages
@@ -89,7 +89,7 @@ def test_an_older_journal_that_did_not_end_names_its_tables(tmp_path: Path) -> N
     facts = {"old": before(_facts(OWN)), "new": before(_facts(CROSS)), "old_enabled": True}
     kept.append("LEASED", purpose="table", axis="X1", machine=before({"version": "V4.8"}), **facts)
     kept.close()
-    (found,) = journal.left_open(folder)
+    (found,) = journal.unfinished_journals(folder)
     assert tables_of(found) == (LiveTable(OWN, True), CROSS)
     assert found.entries[0].facts["machine"] == {"version": "V4.8"}
 

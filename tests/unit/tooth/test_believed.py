@@ -166,5 +166,5 @@ def test_a_flank_that_became_worse_takes_the_tables_back_unless_told_not_to(
     assert ("X1: the old one acts" in prose(stored.words)) == bool(taken)
     assert said[0] == ("P-CLOSE-BACK" if back else "P-CLOSE-BACK-NOT")
     assert ("P-CLOSE-STAYS" in said) == (outcome == "worse" and not back)
-    actions = [one["action"] for one in audit.entries(store.root)]
+    actions = [one["action"] for one in audit.read_entries(store.root)]
     assert actions.count("close-goes-back") == taken

@@ -181,7 +181,7 @@ def test_only_a_known_proxy_says_who_asks_and_that_it_was_over_tls(tmp_path: Pat
         told.append("strict-transport-security" in answer.headers)
 
     served(tmp_path, body, site=site)
-    (refused,) = (one for one in audit.entries(tmp_path) if one["action"] == "sign-in-refused")
+    (refused,) = (one for one in audit.read_entries(tmp_path) if one["action"] == "sign-in-refused")
     assert refused["details"]["address"] == ("10.0.0.7" if proxies else "127.0.0.1")
     assert told == [bool(proxies)]
 

@@ -40,7 +40,7 @@ from gateway.daemon import RunStarter, Serving, serve
 from gateway.daemon.desk import Desk, interrupt, unless
 from gateway.domain.outcomes import AxisVerdict, Verdict
 from gateway.errors import BusyError, StoreError
-from gateway.push.records import journal
+from gateway.push import journal
 from gateway.say import Say
 from gateway.stopping import StopAsked, Stopped, current, obey
 from gateway.store import Store
@@ -720,7 +720,7 @@ async def test_devices_of_a_daemon_that_hangs_are_taken_with_a_reason_and_its_lo
                 assert hung.wait() != 0
                 with pytest.raises(BusyError), locked(tmp_path):
                     pytest.fail("a new daemon came between")
-    (entry,) = audit.entries(tmp_path)
+    (entry,) = audit.read_entries(tmp_path)
     assert (entry["action"], entry["details"]["why"]) == ("devices-taken", "the page does not answer")
 
 

@@ -11,7 +11,7 @@ import pytest
 
 from drivers.errors import catalogue
 from drivers.languages import LANGUAGES, page_texts
-from gateway.push.work import Outcome
+from gateway.push.state import Outcome
 from gateway.store import Store
 from tests.unit.report.synthetic import axis_material
 from tests.unit.web.client import Client

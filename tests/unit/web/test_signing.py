@@ -82,7 +82,7 @@ def test_the_audit_log_gets_one_record_an_hour_in_nobodys_name(tmp_path: Path) -
         await keep_refused(refused, tmp_path, LoopClock())
 
     asyncio.run(kept())
-    (entry,) = audit.entries(tmp_path)
+    (entry,) = audit.read_entries(tmp_path)
     assert (entry["action"], entry["actor"]) == ("sign-in-refused", "nobody")
     told = {"name": "bert", "address": "10.0.0.66", "count": 300}
     assert entry["details"] == told | {
