@@ -8,7 +8,7 @@ from typing import Literal
 
 import numpy as np
 
-from drivers.types.values import FloatArray
+from gateway.domain.values import FloatArray
 from gateway.errors import ModelError
 from gateway.gear.envelope import exact
 from gateway.gear.first_order import judged

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from drivers.types.values import FloatArray
+from gateway.domain.values import FloatArray
 from gateway.errors import ModelError
 from gateway.sensitivity.morris import elementary_effects, trajectories
 from gateway.sensitivity.ranks import Ranked, ranking
