@@ -13,14 +13,13 @@ from benchmarks import compiled
 from benchmarks.report import Report, main, slope, spent
 from gateway.gear.cycloid import CycloidGear
 from gateway.gear.envelope import TOLERANCE, exact, prepare
-from gateway.gear.first_order import first_order
+from gateway.gear.first_order import ErrorParameter, LinearFlank, first_order, linear_flank
 from gateway.gear.flank import FlankGrid, flank_grid
 from gateway.gear.grinding import Grinding
-from gateway.gear.linear import ErrorParameter, LinearFlank, linear_flank
-from gateway.gear.ray import RayState, residual
+from gateway.gear.wheel_passage import RayState, residual
 from gateway.model.chain import Chain
+from gateway.model.error_model import MOTION_NAMES, TWENTY_ONE, yk7350b
 from gateway.model.motion import Fourier, Polynomial
-from gateway.model.preset import MOTION_NAMES, TWENTY_ONE, yk7350b
 
 GEAR = CycloidGear(64.0, 3.0, 1.3, 40, 39, 10.0)
 DISTANCE = 160.0

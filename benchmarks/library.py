@@ -11,9 +11,9 @@ import numpy as np
 
 import trueflank as tf
 from benchmarks.report import Report, main, spent
-from gateway.gear.first_order import judged
+from gateway.gear.first_order import bounded_first_order
 from gateway.study.machine import grid_of, grinding_of
-from gateway.study.relative import relative_sweep
+from gateway.study.relative_errors import relative_sweep
 
 EXAMPLES = Path(__file__).resolve().parent.parent / "examples"
 IMPORT = "from time import process_time as t; a = t(); import trueflank; print(t() - a)"
@@ -32,7 +32,7 @@ def measure(report: Report) -> None:
     machine = tf.Machine(seed=7)
     grinding = grinding_of(gear.data, machine.data)
     grid = grid_of(gear.data, grinding.gear)
-    floor = spent(lambda: judged(grinding, grid.k, grid.theta, grid.z))
+    floor = spent(lambda: bounded_first_order(grinding, grid.k, grid.theta, grid.z))
     report.say("flank to second order by the gateway's function", 1e3 * floor, "ms")
     report.at_most("tf.flank / that function", spent(lambda: tf.flank(machine, gear)) / floor, 3.0)
     floor = spent(lambda: relative_sweep(grinding))

@@ -20,11 +20,10 @@ from gateway.gear.cycloid import CycloidGear
 from gateway.gear.envelope import exact
 from gateway.gear.flank import flank_grid
 from gateway.gear.grinding import Grinding
+from gateway.model.error_model import TWENTY_ONE, yk7350b
 from gateway.model.motion import Fourier, Polynomial
-from gateway.model.preset import TWENTY_ONE, yk7350b
-from gateway.sensitivity.morris import elementary_effects, trajectories
 from gateway.sensitivity.outputs import OUTPUTS, FlankOutputs, equal_spans
-from gateway.sensitivity.sweep import screen, sweep
+from gateway.sensitivity.screening import elementary_effects, run_sweep, screen, trajectories
 from gateway.study.workers import workers
 
 GEAR = CycloidGear(64.0, 3.0, 1.3, 40, 39, 10.0)
@@ -66,9 +65,9 @@ def pools(report: Report, made: FlankOutputs, points: np.ndarray) -> None:
     for _ in range(2):
         bare_s = two_bare(made, points.reshape(-1, points.shape[-1]))
         with workers(count=2) as pool:
-            sweep(made, np.repeat(points[:1, :1], 4, axis=0), pool)  # every worker imports and runs once
+            run_sweep(made, np.repeat(points[:1, :1], 4, axis=0), pool)  # every worker imports and runs once
             begun = perf_counter()
-            sweep(made, points, pool)
+            run_sweep(made, points, pool)
             ratios.append((perf_counter() - begun) / bare_s)
     text = "Morris: two workers / two bare processes, wall time"
     if quiet:

@@ -8,10 +8,10 @@ import numpy as np
 
 from benchmarks.report import Report, main, spent
 from drivers.types.values import FloatArray
+from gateway.gear.first_order import linear_flank
 from gateway.gear.flank import flank_grid
 from gateway.gear.grinding import Grinding
-from gateway.gear.linear import linear_flank
-from gateway.model.preset import TWENTY_ONE, yk7350b
+from gateway.model.error_model import TWENTY_ONE, yk7350b
 from gateway.reducer.contact import Assembly
 from gateway.reducer.figures import crank_angles, transmission
 from gateway.reducer.firstorder import MachineTransmission, transmission_map

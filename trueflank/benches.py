@@ -51,10 +51,10 @@ class DriveTest:
 
     def plot(self) -> Any:
         """Angles in deg and torque in Nm in the order of the readings; a matplotlib figure."""
+        from gateway.study.plots.charts import new_sheet
         from gateway.study.plots.drives import readings_of_bench
-        from gateway.study.plots.sheet import painted
 
-        return painted((9.0, 5.0), lambda figure: readings_of_bench(figure, self.record, self.source))
+        return new_sheet((9.0, 5.0), lambda figure: readings_of_bench(figure, self.record, self.source))
 
     def __repr__(self) -> str:
         return f"DriveTest({self.source}: {len(self.record.lines)} readings)"
@@ -113,8 +113,8 @@ class EvaluatedDrive:
 
         Raises ConfigError (E-LIBRARY-KIND) where the curves are not there.
         """
+        from gateway.study.plots.charts import new_sheet
         from gateway.study.plots.drives import bench_sheet
-        from gateway.study.plots.sheet import painted
 
         found = self.found
         if found is None:
@@ -125,7 +125,7 @@ class EvaluatedDrive:
         rows = (2 if found.running else 0) + (1 if found.loop is not None else 0)
         verdicts = "".join(f"; {name}: {word}" for name, word in self.verdicts.items())
         simulated = SAID in self.notes
-        return painted(
+        return new_sheet(
             (9.0, 1.0 + 2.3 * rows), lambda figure: bench_sheet(figure, found, verdicts, simulated=simulated)
         )
 

@@ -97,10 +97,10 @@ class Reducer:
 
     def plot(self) -> Any:
         """The drive along its axis in mm: ring pins, discs on their eccentrics, cranks; a matplotlib figure."""
+        from gateway.study.plots.charts import new_sheet
         from gateway.study.plots.drives import reducer_sheet
-        from gateway.study.plots.sheet import painted
 
-        return painted((7.0, 6.6), lambda figure: reducer_sheet(figure, self.data))
+        return new_sheet((7.0, 6.6), lambda figure: reducer_sheet(figure, self.data))
 
     def __repr__(self) -> str:
         d = self.data
@@ -179,11 +179,11 @@ class Drive:
 
     def plot(self) -> Any:
         """The error over one output turn in arcsec, its orders by cause, lost motion, backlash; a matplotlib figure."""
+        from gateway.study.plots.charts import new_sheet
         from gateway.study.plots.drives import drive_sheet
-        from gateway.study.plots.sheet import painted
 
         expected = "" if self.u is None else f"; expected {_said(self.u)} arcsec"
-        return painted((10.0, 6.0), lambda figure: drive_sheet(figure, self.found, expected))
+        return new_sheet((10.0, 6.0), lambda figure: drive_sheet(figure, self.found, expected))
 
     def __repr__(self) -> str:
         f = self.found
@@ -252,10 +252,10 @@ class Matched:
 
     def plot(self) -> Any:
         """Every pair's transmission error in arcsec, matched and as the discs came; a matplotlib figure."""
+        from gateway.study.plots.charts import new_sheet
         from gateway.study.plots.drives import pairs_sheet
-        from gateway.study.plots.sheet import painted
 
-        return painted((9.0, 4.2), lambda figure: pairs_sheet(figure, self.found))
+        return new_sheet((9.0, 4.2), lambda figure: pairs_sheet(figure, self.found))
 
     def __repr__(self) -> str:
         f = self.found

@@ -13,7 +13,7 @@ from drivers.errors import ConfigError
 from drivers.units import DeviationUnit, deg_to_rad, mm_to_um, rad_to_arcsec
 from gateway.domain.values import FloatArray
 from gateway.gear.grinding import Grinding
-from gateway.model import se3
+from gateway.model import transforms
 from gateway.model.chain import Chain, Frame
 from gateway.model.frames import RELATIVE, RelativeOrder, joints, relative_errors
 from trueflank.frames import frame as table
@@ -52,7 +52,7 @@ class RelativeErrors:
     def matrix(self) -> FloatArray:
         """E to first order, I + hat, (..., 4, 4), with lengths in mm and angles in rad; exactly of "first" order."""
         e = np.stack([self[name] / (mm_to_um(1.0) if name[0] == "d" else rad_to_arcsec(1.0)) for name in RELATIVE], -1)
-        return se3.rigid(np.eye(3) + se3.hat(e[..., 3:]), e[..., :3])
+        return transforms.rigid(np.eye(3) + transforms.hat(e[..., 3:]), e[..., :3])
 
     def to_dict(self) -> dict[str, Any]:
         """Plain data, with units in the names."""
@@ -75,12 +75,12 @@ class RelativeErrors:
 
         Returns a matplotlib figure. Raises ConfigError (E-LIBRARY-KIND) where no axis moves.
         """
+        from gateway.study.plots.charts import new_sheet
         from gateway.study.plots.kinematics import relative_curves
-        from gateway.study.plots.sheet import painted
 
         label, at = moved_axis(self, along, "RelativeErrors.plot")
         values = {name: self[name] for name in RELATIVE}
-        return painted((9.0, 4.8), lambda figure: relative_curves(figure, label, at, values, frame=self.frame))
+        return new_sheet((9.0, 4.8), lambda figure: relative_curves(figure, label, at, values, frame=self.frame))
 
     def __repr__(self) -> str:
         largest = ", ".join(f"{name} {np.max(np.abs(self[name])):.3g}" for name in RELATIVE)
@@ -126,12 +126,12 @@ class RelativeError:
 
         ``positions`` as in a call. Raises ConfigError (E-LIBRARY-KIND) where no axis moves.
         """
+        from gateway.study.plots.charts import new_sheet
         from gateway.study.plots.kinematics import one_relative_curve
-        from gateway.study.plots.sheet import painted
 
         found = relative(self.chain, positions, self.frame, self.order)
         label, at = moved_axis(found, "", "RelativeError.plot")
-        return painted(
+        return new_sheet(
             (7.5, 3.4),
             lambda figure: one_relative_curve(
                 figure, label, at, name=self.name, values=found[self.name], frame=self.frame

@@ -25,8 +25,8 @@ from gateway.evaluate.behaviour.repetitions import robust_means
 from gateway.evaluate.standards.statistics import check_readings
 from gateway.model.components import TURN_DEG, is_periodic, standard_uncertainty, value
 from gateway.model.fit import SMALLEST_U
-from gateway.model.means import fit_means
-from gateway.study.fromrun import function_of
+from gateway.model.waves import fit_means
+from gateway.study.inputs import function_of
 from trueflank.benches import DriveTest, EvaluatedDrive, evaluated_bench
 from trueflank.frames import frame
 from trueflank.given import (
@@ -159,8 +159,7 @@ class Measured:
 
         Returns a matplotlib figure. Raises ConfigError (E-LIBRARY-KIND, E-LIBRARY-UNIT).
         """
-        from gateway.study.plots.axes import readings_sheet
-        from gateway.study.plots.sheet import painted
+        from gateway.study.plots.charts import new_sheet, readings_sheet
 
         second = None
         if after is not None:
@@ -173,7 +172,7 @@ class Measured:
         label = (f"position  {self.axis_unit}", f"{self.name or 'deviation'}  {SHOWN[self.unit]}")
         first = (self.targets, self.deviations)
         title = self.source or "readings"
-        return painted((8.0, 3.8), lambda figure: readings_sheet(figure, label, first, second, title=title))
+        return new_sheet((8.0, 3.8), lambda figure: readings_sheet(figure, label, first, second, title=title))
 
     def __repr__(self) -> str:
         m, n, _ = self.deviations.shape
@@ -299,8 +298,7 @@ class Evaluated:
 
     def plot(self) -> Any:
         """Every figure as a bar with U (k = 2), um or arcsec; a matplotlib figure."""
-        from gateway.study.plots.axes import bars_sheet
-        from gateway.study.plots.sheet import painted
+        from gateway.study.plots.charts import bars_sheet, new_sheet
 
         there = {name: value for name, value in self.values.items() if value is not None}
         spread = [self.U.get(name) for name in there]
@@ -308,7 +306,7 @@ class Evaluated:
         note = f"{source}   lines: U (k = 2)" if source else "lines: U (k = 2)"
         words = {"label": SHOWN[self.unit], "title": f"figures to {self.standard}", "note": note}
         names, values = list(there), list(there.values())
-        return painted((8.0, 3.6), lambda figure: bars_sheet(figure, names, values, spread, **words))
+        return new_sheet((8.0, 3.6), lambda figure: bars_sheet(figure, names, values, spread, **words))
 
     def __repr__(self) -> str:
         told = ", ".join(f"{name} {value:.3f}" for name, value in self.values.items() if value is not None)
@@ -446,8 +444,7 @@ class ErrorMotion:
 
     def plot(self) -> Any:
         """The curve with U (k = 2) of the fit, um or arcsec over mm or deg; a matplotlib figure."""
-        from gateway.study.plots.axes import MotionCurve, curve_sheet
-        from gateway.study.plots.sheet import painted
+        from gateway.study.plots.charts import MotionCurve, curve_sheet, new_sheet
 
         at, values = self.points(361)
         one = self.component
@@ -455,7 +452,7 @@ class ErrorMotion:
             name=one.name, axis=one.axis, unit=one.unit, axis_unit=one.axis_unit, at=at, values=values,
             U=COVERAGE * self.u(at),
         )  # fmt: skip
-        return painted((7.5, 3.4), lambda figure: curve_sheet(figure, curve))
+        return new_sheet((7.5, 3.4), lambda figure: curve_sheet(figure, curve))
 
     def to_dict(self) -> dict[str, Any]:
         """Plain data: basis, coefficients and the curve at 51 positions."""

@@ -14,15 +14,15 @@ from drivers.units import mm_to_um
 from gateway.correct.outlook.prediction import predict
 from gateway.correct.plan.layers import correct as solve
 from gateway.errors import ModelError
-from gateway.gear.first_order import judged
+from gateway.gear.first_order import bounded_first_order
 from gateway.sensitivity.outputs import OUTPUTS, FlankOutputs, equal_spans, measured_spans
-from gateway.sensitivity.sweep import screen
-from gateway.study import tell
+from gateway.sensitivity.screening import screen
+from gateway.study import describe
+from gateway.study.calculate import Study as Worked
+from gateway.study.calculate import prepare_study
+from gateway.study.calculate import study as worked
 from gateway.study.machine import error_names, grid_of, grinding_of, plan_of, travels
 from gateway.study.paper import sigma_bounds
-from gateway.study.work import Study as Worked
-from gateway.study.work import prepared
-from gateway.study.work import study as worked
 from gateway.tooth import FlankPrediction
 from trueflank.frames import frame
 from trueflank.given import of_kind, path_given, wholes_given
@@ -52,8 +52,7 @@ class Ranking:
 
     def plot(self) -> Any:
         """Normalised mu* and sigma of each error with their intervals, and the same in um; a matplotlib figure."""
-        from gateway.study.plots.screening import screening_bars
-        from gateway.study.plots.sheet import painted
+        from gateway.study.plots.charts import new_sheet, screening_bars
 
         rows = [
             {
@@ -62,7 +61,7 @@ class Ranking:
             }
             for row in self.rows
         ]
-        return painted((11.0, 5.8), lambda figure: screening_bars(figure, rows, self.output))
+        return new_sheet((11.0, 5.8), lambda figure: screening_bars(figure, rows, self.output))
 
     def __repr__(self) -> str:
         first = ", ".join(f"{row['name']} {row['mu_star_um']:.3f}" for row in self.rows[:5])
@@ -93,7 +92,7 @@ def rank(
     grid = grid_of(gear.data, grinding.gear)
     found = screen(FlankOutputs(grinding, grid, widths, "first"), names, OUTPUTS, r=trajectories, seed=seed)
     bounds = sigma_bounds(found, output)
-    rows = ({**tell.ranked(one), "sigma_interval_um": bounds[one.name]} for one in found.rankings[output])
+    rows = ({**describe.ranking_row(one), "sigma_interval_um": bounds[one.name]} for one in found.rankings[output])
     return Ranking(output, tuple(rows))
 
 
@@ -124,7 +123,7 @@ class Corrected:
     def to_dict(self) -> dict[str, Any]:
         """Plain data."""
         return {
-            "tables": [tell.table_data(one) for one in self.tables],
+            "tables": [describe.table_data(one) for one in self.tables],
             "setup": [{"name": name, "value": value, "unit": unit} for name, value, unit in self.setup],
             "rms_before_um": self.rms_before,
             "rms_after_um": self.rms_after,
@@ -145,11 +144,10 @@ class Corrected:
 
     def plot(self) -> Any:
         """Every table's points, um or arcsec over mm or deg; a matplotlib figure."""
-        from gateway.study.plots.axes import table_panels
-        from gateway.study.plots.sheet import painted
+        from gateway.study.plots.charts import new_sheet, table_panels
 
         rows = -(-len(self.tables) // 3) or 1
-        return painted((10.0, 0.6 + 2.1 * rows), lambda figure: table_panels(figure, self.tables))
+        return new_sheet((10.0, 0.6 + 2.1 * rows), lambda figure: table_panels(figure, self.tables))
 
     def __repr__(self) -> str:
         kinds = {kind: [one.name for one in self.tables if one.kind == kind] for kind in ("axis", "cross")}
@@ -166,10 +164,10 @@ def correct(machine: Machine, gear: Gear) -> Corrected:
     of_kind(machine, Machine, "correct")
     of_kind(gear, Gear, "correct")
     model = machine.known.model
-    ready = prepared(gear.data, machine.data, model)
+    ready = prepare_study(gear.data, machine.data, model)
     grinding, grid = ready.grinding, ready.grid
     found = solve(grinding, grid, ready.used)
-    e = np.broadcast_to(judged(found.machine, grid.k, grid.theta, grid.z).second, grid.shape)
+    e = np.broadcast_to(bounded_first_order(found.machine, grid.k, grid.theta, grid.z).second, grid.shape)
     shop = machine.known.shop(grinding)
     return Corrected(
         flank=flank_of(gear.data, grid, e, doubts_of(machine, gear)),
@@ -177,7 +175,7 @@ def correct(machine: Machine, gear: Gear) -> Corrected:
         if model is None
         else predict(grinding, grid, plan=ready.used, model=model, found=found, shop=shop).flank,
         tables=(*found.own, *found.cross),
-        setup=tuple(tell.setup_values(found, grinding)),
+        setup=tuple(describe.setup_values(found, grinding)),
         rms_before=mm_to_um(found.before.rms),
         rms_after=mm_to_um(found.checked.rms),
         findings=tuple(map(str, found.said)),
@@ -196,21 +194,21 @@ class Study:
 
     def to_dict(self) -> dict[str, Any]:
         """Plain data, as `trueflank study --json` prints it."""
-        return tell.as_data(self.found)
+        return describe.as_data(self.found)
 
     def to_pandas(self) -> Any:
         """The tooth's values as it is, with axis tables, with everything. Raises ConfigError (E-LIBRARY-PANDAS)."""
-        rows = tell.tooth_rows(self.found)
+        rows = describe.tooth_rows(self.found)
         names = ("value", "before", "with_own", "after", "unit")
         return frame({name: [row[place] for row in rows] for place, name in enumerate(names)})
 
     def plot(self) -> Any:
         """All flanks before and after on one scale, um; a matplotlib figure."""
-        from gateway.study.draw import flank_maps
-        from gateway.study.plots.sheet import painted
+        from gateway.study.drawing import flank_maps
+        from gateway.study.plots.charts import new_sheet
 
         states = (("before", self.found.before.deviation), ("after", self.found.after.deviation))
-        return painted((10.0, 4.2), lambda figure: flank_maps(figure, self.found, states))
+        return new_sheet((10.0, 4.2), lambda figure: flank_maps(figure, self.found, states))
 
     def paper(self, folder: str | Path) -> tuple[Path, ...]:
         """Every figure and table of the paper into a folder, as `trueflank study --paper` (mm, um, arcsec).
@@ -229,7 +227,7 @@ class Study:
         Raises ConfigError (E-LIBRARY-KIND) that names those there are.
         """
         from gateway.study.paper import sheets
-        from gateway.study.plots.sheet import painted
+        from gateway.study.plots.charts import new_sheet
 
         found = {one.name: one for one in sheets(self.found, self._evidence())}
         if name not in found:
@@ -237,7 +235,7 @@ class Study:
             raise ConfigError(
                 "E-LIBRARY-KIND", "figure", call="tf.Study.figure", wanted="a picture", given=repr(name), how=how
             )
-        return painted(found[name].size, found[name].paint)
+        return new_sheet(found[name].size, found[name].paint)
 
     def _evidence(self) -> Any:
         """What the run measured, or None."""
@@ -253,7 +251,7 @@ class Study:
 
     def __repr__(self) -> str:
         before, after = (
-            tell.tooth_values(one)["RMS normal deviation"] for one in (self.found.before, self.found.after)
+            describe.tooth_values(one)["RMS normal deviation"] for one in (self.found.before, self.found.after)
         )
         return f"Study({self.found.gear.name} on {self.found.errors.name}: RMS {before:.3f} -> {after:.3f} µm)"
 

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from gateway.domain.values import FloatArray
 from gateway.gear.cycloid import CycloidGear
 from gateway.gear.grinding import WheelSection, wheel_section, wheel_surface
-from gateway.gear.passage import ContactCondition
+from gateway.gear.wheel_passage import ContactCondition
 from gateway.study.export import WHEEL_COLUMNS, wheel_rows, write_rows
 from trueflank.frames import frame
 from trueflank.given import numbers_given, path_given
@@ -65,10 +65,10 @@ class Profile:
 
     def plot(self) -> Any:
         """The disc, this space with its normals on equal scales, and the curvature over the arc (mm, 1/mm)."""
-        from gateway.study.plots.sheet import painted
+        from gateway.study.plots.charts import new_sheet
         from gateway.study.plots.surfaces import profile_sheet
 
-        return painted((11.0, 4.2), lambda figure: profile_sheet(figure, self.gear, self.space))
+        return new_sheet((11.0, 4.2), lambda figure: profile_sheet(figure, self.gear, self.space))
 
     def _columns(self) -> dict[str, FloatArray]:
         return {
@@ -101,10 +101,10 @@ class Surface:
 
     def plot(self) -> Any:
         """The surface in space on equal scales, mm, with some of its normals; a matplotlib figure."""
-        from gateway.study.plots.sheet import painted
+        from gateway.study.plots.charts import new_sheet
         from gateway.study.plots.surfaces import surface_sheet
 
-        return painted((7.0, 6.0), lambda figure: surface_sheet(figure, self.points, self.normals))
+        return new_sheet((7.0, 6.0), lambda figure: surface_sheet(figure, self.points, self.normals))
 
     def __repr__(self) -> str:
         return f"Surface({' x '.join(str(one) for one in self.points.shape[:-1])} points, mm)"
@@ -156,10 +156,10 @@ class Wheel:
 
     def plot(self) -> Any:
         """The axial section with its normals on equal scales, and the surface in space (mm)."""
-        from gateway.study.plots.sheet import painted
+        from gateway.study.plots.charts import new_sheet
         from gateway.study.plots.surfaces import wheel_sheet
 
-        return painted((10.0, 4.4), lambda figure: wheel_sheet(figure, self.gear, self.centre_distance))
+        return new_sheet((10.0, 4.4), lambda figure: wheel_sheet(figure, self.gear, self.centre_distance))
 
     def _columns(self) -> dict[str, FloatArray]:
         return dict(zip(WHEEL_COLUMNS, (self.angle, self.y, self.R, self.ny, self.nR), strict=True))
@@ -210,10 +210,12 @@ class Contact:
 
     def plot(self, scale: float = 0.0) -> Any:
         """The lines of the first space in mm, what errors change enlarged ``scale`` times (0: chosen)."""
-        from gateway.study.plots.sheet import painted
+        from gateway.study.plots.charts import new_sheet
         from gateway.study.plots.surfaces import contact_sheet
 
-        return painted((7.0, 5.2), lambda figure: contact_sheet(figure, self.ideal[0], self.points[0], enlarged=scale))
+        return new_sheet(
+            (7.0, 5.2), lambda figure: contact_sheet(figure, self.ideal[0], self.points[0], enlarged=scale)
+        )
 
     def __repr__(self) -> str:
         k, s, t = self.turn.shape

@@ -12,22 +12,21 @@ from numpy.typing import ArrayLike
 
 from drivers.errors import ConfigError
 from drivers.units import arcsec_to_rad, deg_to_rad, mm_to_um, rad_to_arcsec, rad_to_deg, um_to_mm
-from gateway.correct.outlook.flank_uncertainty import FlankDoubts
-from gateway.correct.outlook.next_setup import doubts
-from gateway.correct.outlook.prediction import point_u_um, unturned
+from gateway.correct.outlook.flank_uncertainty import FlankDoubts, doubts
+from gateway.correct.outlook.prediction import point_u_um, without_rotation
 from gateway.correct.plan.plan import Plan
 from gateway.domain.values import FloatArray
 from gateway.errors import ModelError
 from gateway.evaluate.standards.statistics import numbers
 from gateway.gear.cycloid import CycloidGear, GearLimits
 from gateway.gear.envelope import exact
-from gateway.gear.first_order import judged
+from gateway.gear.first_order import ErrorParameter, bounded_first_order
 from gateway.gear.flank import FlankGrid, flank_figure
-from gateway.gear.linear import ErrorParameter
-from gateway.gear.passage import contact_condition, contact_line
+from gateway.gear.wheel_passage import contact_condition, contact_line
 from gateway.model.chain import Chain, Frame
 from gateway.model.frames import RELATIVE, RelativeOrder, State
 from gateway.model.frames import matrix as link_matrix
+from gateway.study.calculate import prepare_study
 from gateway.study.export import (
     FEWEST,
     MOST_TOLERANCE_UM,
@@ -38,8 +37,7 @@ from gateway.study.export import (
     write_dxf,
     write_rows,
 )
-from gateway.study.files import ErrorFile, GearFile, load_gear, validated
-from gateway.study.fromrun import is_run
+from gateway.study.inputs import ErrorFile, GearFile, is_run, load_gear, validate_file
 from gateway.study.machine import (
     error_names,
     gear_of,
@@ -49,8 +47,7 @@ from gateway.study.machine import (
     machine_of,
     table_grids,
 )
-from gateway.study.relative import relative_u
-from gateway.study.work import prepared
+from gateway.study.relative_errors import relative_u
 from gateway.workflow.tooth.known import KnownMachine, known_machine
 from trueflank.frames import frame
 from trueflank.given import (
@@ -111,7 +108,7 @@ class Gear:
             "drot_arcsec": drot_arcsec,
         }  # fmt: skip
         whole = {"name": name, "gear": data, "grinding": {"centre_distance_mm": centre_distance}}
-        gear = cls(validated(whole, GearFile, name))
+        gear = cls(validate_file(whole, GearFile, name))
         gear_of(gear.data)
         return gear
 
@@ -228,7 +225,7 @@ class Machine:
             told["seeded"] = {"seed": seed}
         elif not errors:
             told["errors"] = {"EXX": 0.0}
-        data = validated(told, ErrorFile, name)
+        data = validate_file(told, ErrorFile, name)
         machine_of(data)  # names and curves that cannot be are said now, not when a tooth is reckoned
         object.__setattr__(self, "data", data)
         fitted = {key: one for key, one in (errors or {}).items() if isinstance(one, ErrorMotion)}
@@ -340,11 +337,11 @@ class Machine:
 
     def plot(self) -> Any:
         """The machine's bodies as a tree and its frames in space at a position (mm, deg); a matplotlib figure."""
+        from gateway.study.plots.charts import new_sheet
         from gateway.study.plots.kinematics import machine_frames
-        from gateway.study.plots.sheet import painted
 
         chain = machine_of(self.data)
-        return painted((10.0, 5.0), lambda figure: machine_frames(figure, chain))
+        return new_sheet((10.0, 5.0), lambda figure: machine_frames(figure, chain))
 
     def to_dict(self) -> dict[str, Any]:
         """Plain data, as in an error file."""
@@ -412,7 +409,7 @@ class Flank:
 
         One rotation is taken out of each way to be wrong too; clamping and drift of the shop are not in it.
         """
-        return None if self.doubts is None else point_u_um(unturned(self.doubts)).reshape(self.deviation.shape)
+        return None if self.doubts is None else point_u_um(without_rotation(self.doubts)).reshape(self.deviation.shape)
 
     @property
     def rms_u(self) -> float | None:
@@ -422,7 +419,7 @@ class Flank:
         """
         if self.doubts is None:
             return None
-        doubt, e = unturned(self.doubts), self.deviation.ravel()
+        doubt, e = without_rotation(self.doubts), self.deviation.ravel()
         parts = np.moveaxis(doubt.patterns, -1, 0)
         moved = (
             np.stack([mm_to_um(doubt.places.along_normal(one)) for one in parts])
@@ -452,18 +449,17 @@ class Flank:
 
         Returns a matplotlib figure. Raises ConfigError (E-LIBRARY-KIND).
         """
-        from gateway.study.plots.flanks import one_map
-        from gateway.study.plots.sheet import painted
+        from gateway.study.plots.charts import new_sheet, one_map
         from gateway.study.plots.surfaces import error_surfaces
 
         gear = gear_of(self.gear)
         if space is None:
-            return painted((10.0, 2.4), lambda figure: one_map(figure, gear, self.deviation, self.height))
+            return new_sheet((10.0, 2.4), lambda figure: one_map(figure, gear, self.deviation, self.height))
         wholes_given("Flank.plot", space=space)
         nominal = self.surface(0.0)
         case = (f"space {space}", nominal.points[space], nominal.normals[space], um_to_mm(self.deviation[space]))
         title = f"{self.gear.name}: tooth space {space}"
-        return painted((6.0, 5.0), lambda figure: error_surfaces(figure, [case], columns=1, title=title))
+        return new_sheet((6.0, 5.0), lambda figure: error_surfaces(figure, [case], columns=1, title=title))
 
     def to_dict(self) -> dict[str, Any]:
         """Plain data."""
@@ -502,7 +498,7 @@ def flank(machine: Machine, gear: Gear, *, order: str = "second") -> Flank:
     if order == "exact":
         e = exact(grinding, grid.k, grid.theta, grid.z)
     else:
-        found = judged(grinding, grid.k, grid.theta, grid.z)
+        found = bounded_first_order(grinding, grid.k, grid.theta, grid.z)
         e = found.deviation if order == "first" else found.second
     return flank_of(gear.data, grid, np.broadcast_to(e, grid.shape), doubts_of(machine, gear))
 
@@ -540,7 +536,7 @@ def doubts_of(machine: Machine, gear: Gear) -> FlankDoubts | None:
     """How the machine's errors may be wrong, as patterns of the gear's flank; None where nobody said."""
     if machine.known.model is None and machine.data.uncertainty is None:
         return None
-    return prepared(gear.data, machine.data, machine.known.model).doubt
+    return prepare_study(gear.data, machine.data, machine.known.model).doubt
 
 
 def flank_of(file: GearFile, grid: FlankGrid, e: FloatArray, doubt: FlankDoubts | None = None) -> Flank:

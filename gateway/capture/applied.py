@@ -9,7 +9,7 @@ import numpy as np
 
 from drivers.types.tables import CompensationTable, LiveSet
 from gateway.errors import CaptureError
-from gateway.table.comparison import acting, effective
+from gateway.table.comparison import acting_mean, effective
 
 WHOLE = 1e-6
 POSITION_SLACK = 0.01  # mm or deg: the exact stop window
@@ -33,7 +33,7 @@ def check_applied(live: LiveSet, shown: Iterable[tuple[float, float]]) -> None:
     seen = np.asarray(sorted(shown), dtype=np.float64).reshape(-1, 2)
     if not is_uneven(table) or not live.own.enabled or not len(seen):
         return
-    expected = acting(table, seen[:, 0])
+    expected = acting_mean(table, seen[:, 0])
     steepest = float(np.max(np.abs(np.diff(table.deviations)), initial=0.0)) / table.step
     off = np.abs(seen[:, 1] - expected)
     worst = int(np.argmax(off))

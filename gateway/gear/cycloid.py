@@ -7,7 +7,7 @@ K = a z_p / r_p, S = 1 + K^2 - 2 K cos z_c t and outward unit normal n = (cos t 
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields
 from math import isfinite, pi, sqrt
 
@@ -264,3 +264,73 @@ def _check_shape(gear: CycloidGear) -> None:
         raise ModelError("E-GEAR-UNDERCUT", "gear", rrp=gear.pin, limit=round(largest, 3))
     if abs(gear.drot) >= 0.5 * gear.half_pitch:
         raise ModelError("E-GEAR-ROTATION", "gear", drot=gear.drot, limit=0.5 * gear.half_pitch)
+
+
+# ---- The dressed wheel: profile deviation and offsets of its axial section against the wanted profile (mm, rad).
+
+STEP = 1e-5  # rad of theta, for the slope of the profile deviation
+
+
+@dataclass(frozen=True, slots=True)
+class DressingError:
+    """How the dressed profile differs from the one wanted.
+
+    ``offset`` (mm) is the shift of the whole profile along the wheel's axis Y, ``radius`` (mm) the excess of the
+    wheel's radius; ``profile`` gives, for theta (any shape), the deviation (mm) along the gear's outward normal:
+    positive leaves material on the tooth.
+    """
+
+    offset: float = 0.0
+    radius: float = 0.0
+    profile: Callable[[FloatArray], FloatArray] | None = None
+
+    def __post_init__(self) -> None:
+        if not (np.isfinite(self.offset) and np.isfinite(self.radius)):
+            raise ModelError("E-GEAR-DRESSING", "wheel", offset=self.offset, radius=self.radius)
+
+    @property
+    def perfect(self) -> bool:
+        """True when the wheel has exactly the wanted profile."""
+        return self.offset == 0.0 and self.radius == 0.0 and self.profile is None
+
+    def deviation(self, theta: FloatArray) -> FloatArray:
+        """Profile deviation (mm) at theta, same shape."""
+        if self.profile is None:
+            return np.zeros_like(theta)
+        return np.asarray(self.profile(theta), dtype=np.float64) + np.zeros_like(theta)
+
+    def first_order(self, section: ProfileSection, theta: FloatArray) -> FloatArray:
+        """Normal deviation (mm, + surplus) it leaves on the flank to first order."""
+        return self.deviation(theta) + self.offset * section.ny - self.radius * section.nx
+
+    def section(self, gear: CycloidGear, theta: FloatArray) -> ProfileSection:
+        """The profile the wheel really has, in the frame of the space, exact; `Section.speed` is per theta."""
+        plain = gear.section(theta)
+        if self.perfect:
+            return plain
+        if self.profile is None:
+            return _shift_profile(plain, self)
+        return _shift_profile(self._bent(plain, theta), self)
+
+    def _bent(self, s: ProfileSection, theta: FloatArray) -> ProfileSection:
+        """P + p n: the tangent is (1 + kappa p) speed t + p' n."""
+        p = self.deviation(theta)
+        slope = (self.deviation(theta + STEP) - self.deviation(theta - STEP)) / (2.0 * STEP)
+        along = s.speed * (1.0 + s.curvature * p)
+        speed = np.hypot(along, slope)
+        c, q = along / speed, slope / speed
+        nx, ny = c * s.nx + q * s.ny, c * s.ny - q * s.nx
+        return ProfileSection(
+            x=s.x + p * s.nx,
+            y=s.y + p * s.ny,
+            nx=nx,
+            ny=ny,
+            curvature=s.curvature / (1.0 + s.curvature * p),
+            speed=speed,
+        )
+
+
+def _shift_profile(s: ProfileSection, dressing: DressingError) -> ProfileSection:
+    return ProfileSection(
+        x=s.x - dressing.radius, y=s.y + dressing.offset, nx=s.nx, ny=s.ny, curvature=s.curvature, speed=s.speed
+    )

@@ -17,16 +17,15 @@ from numpy.typing import ArrayLike
 
 from drivers.types.values import FloatArray
 from gateway.errors import ModelError
-from gateway.gear.cycloid import CycloidGear
-from gateway.gear.dressing import Dressing
-from gateway.model import se3
+from gateway.gear.cycloid import CycloidGear, DressingError
+from gateway.model import transforms
 from gateway.model.chain import Chain, Positions, position
 
 ALIGNED = 1e-6  # rad and mm/mm: how exactly the ideal machine must be a form grinder
 PROFILE_SAMPLES = 721
 
 
-class Acting(Protocol):
+class ActingTable(Protocol):
     """What a control adds to one axis' command: a table, or a product of two. Plain data, sent to other processes."""
 
     @property
@@ -54,12 +53,12 @@ class Grinding:
     chain: Chain
     gear: CycloidGear
     E: float
-    dressing: Dressing = field(default_factory=Dressing)
+    dressing: DressingError = field(default_factory=DressingError)
     infeed: str = "X"
     stroke: str = "Z"
     index: str = "C"
     rest: Mapping[str, float] = field(default_factory=dict)
-    tables: tuple[Acting, ...] = ()
+    tables: tuple[ActingTable, ...] = ()
 
     def __post_init__(self) -> None:
         tip = self.gear.limits().r_tip
@@ -134,9 +133,9 @@ class WheelSection:
     ny: FloatArray
 
 
-def wheel_section(gear: CycloidGear, E: float, theta: ArrayLike, dressing: Dressing | None = None) -> WheelSection:
+def wheel_section(gear: CycloidGear, E: float, theta: ArrayLike, dressing: DressingError | None = None) -> WheelSection:
     """Axial section of the wheel that grinds the space at centre distance E: y = y_g, R = E - x_g."""
-    s = (dressing or Dressing()).section(gear, np.asarray(theta, dtype=np.float64))
+    s = (dressing or DressingError()).section(gear, np.asarray(theta, dtype=np.float64))
     R = E - s.x
     if np.any(R <= 0.0):
         raise ModelError("E-GEAR-DISTANCE", "wheel", E=E, limit=float(np.max(s.x)))
@@ -182,4 +181,4 @@ def _sense(move: FloatArray, which: int) -> float:
 
 
 def _turn(angle: float) -> FloatArray:
-    return se3.rigid(se3.rpy(0.0, 0.0, angle), np.zeros(3))
+    return transforms.rigid(transforms.rpy(0.0, 0.0, angle), np.zeros(3))

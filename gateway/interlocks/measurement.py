@@ -32,7 +32,7 @@ from gateway.interlocks.facts import (
     refuse,
 )
 from gateway.interlocks.table import largest_change
-from gateway.table.comparison import apart
+from gateway.table.comparison import directional_difference
 
 
 def _age(facts: PushFacts) -> Iterator[Refusal]:
@@ -194,7 +194,9 @@ def _both_ways(capture: Capture, change: TableChange) -> tuple[float, float]:
     ways = np.stack([_means(capture.deviations[:, :, side : side + 1]) for side in (0, 1)])
     if ways.shape[1] != change.targets.size:
         return _spread(_means(capture.deviations)), _spread(change.predicted)
-    taken = apart(change.new, change.targets) - (apart(change.old, change.targets) if change.old_enabled else 0.0)
+    taken = directional_difference(change.new, change.targets) - (
+        directional_difference(change.old, change.targets) if change.old_enabled else 0.0
+    )
     half = (ways[0] - ways[1] - taken) / 2.0
     return _spread(ways.ravel()), _spread(np.concatenate([change.predicted + half, change.predicted - half]))
 

@@ -1,4 +1,4 @@
-"""Error motions as functions of position: the bases, their values and standard uncertainties."""
+"""Error motions as functions of position: bases, values, uncertainties, and what belongs to set-up or location."""
 
 from __future__ import annotations
 
@@ -14,7 +14,6 @@ from drivers.units import rad_to_deg
 from gateway.domain.figures import Component
 from gateway.domain.values import FloatArray
 from gateway.errors import ModelError
-from gateway.model.cubic import cardinal
 
 LONGEST_WAVE = 12
 """Orders of a turn above this are waves of worm or scale, not the axis' shape."""
@@ -260,7 +259,7 @@ def _cubic(parameters: Parameters, positions: FloatArray) -> FloatArray:
     return cardinal(np.asarray(parameters["nodes"], dtype=np.float64), positions)
 
 
-def _waved(parameters: Parameters, positions: FloatArray) -> FloatArray:
+def _smooth_with_waves(parameters: Parameters, positions: FloatArray) -> FloatArray:
     """A smooth basis, then cosine and sine of each wave."""
     phases = [2.0 * np.pi * positions / length for length in parameters["lengths"]]
     waves = [one for phase in phases for one in (np.cos(phase), np.sin(phase))]
@@ -274,7 +273,7 @@ _BASES: Mapping[str, Callable[[Parameters, FloatArray], FloatArray]] = {
     "bspline": _bspline,
     "piecewise": _piecewise,
     "cubic": _cubic,
-    "waved": _waved,
+    "waved": _smooth_with_waves,
 }
 
 
@@ -300,3 +299,121 @@ def periodic_hats(nodes: FloatArray, period: float, positions: FloatArray) -> Fl
     found = closed[:, :-1].copy()
     found[:, 0] += closed[:, -1]
     return found
+
+
+# ---- Takes out of a fitted motion what belongs to set-up or location: line, mean, the wave of an eccentric artefact.
+#
+# Means and waves are those of the axis' own travel: the whole turn of a motion that repeats, else the range measured.
+
+DENSE = 720
+
+
+def without_line(component: Component, positions: ArrayLike) -> Component:
+    """The component less the least-squares line through its values at positions (m,), mm; nothing is known of a line.
+
+    Straightness has no slope of its own: it is the mounting's, or a squareness error.
+    """
+    x = np.asarray(positions, dtype=np.float64)
+    return _less(component, x, np.column_stack([np.ones_like(x), x - x.mean()]))
+
+
+def without_mean(component: Component) -> Component:
+    """A component of a turning axis less its mean over the axis' travel: that is a location error."""
+    x = travel(component)
+    return _less(component, x, np.ones((DENSE, 1)))
+
+
+def travel(component: Component) -> FloatArray:
+    """Places (720,) evenly over the travel: the turn of a component that repeats, else the range that was measured."""
+    if is_periodic(component):
+        return np.arange(DENSE) * TURN_DEG / DENSE
+    return np.linspace(*component.domain, DENSE)
+
+
+def _less(component: Component, x: FloatArray, shapes: FloatArray) -> Component:
+    """The component less its projection on shapes (m, s) at positions x (m,); they must lie in its basis."""
+    columns = design(component.basis, component.parameters, x)
+    rest = columns - shapes @ np.linalg.lstsq(shapes, columns, rcond=None)[0]
+    keep = np.linalg.lstsq(columns, rest, rcond=None)[0]
+    covariance = keep @ component.covariance @ keep.T
+    return replace(component, coefficients=keep @ component.coefficients, covariance=covariance)
+
+
+def mean_of(component: Component) -> tuple[float, float]:
+    """Mean over the axis' travel and its standard uncertainty."""
+    g = design(component.basis, component.parameters, travel(component)).mean(axis=0)
+    return float(g @ component.coefficients), float(np.sqrt(max(g @ component.covariance @ g, 0.0)))
+
+
+@dataclass(frozen=True, slots=True)
+class Wave:
+    """a cos(q) + b sin(q)."""
+
+    a: float
+    b: float
+
+    def __call__(self, positions_deg: FloatArray) -> FloatArray:
+        """Values at positions, same shape."""
+        q = np.deg2rad(positions_deg)
+        return np.asarray(self.a * np.cos(q) + self.b * np.sin(q))
+
+
+def first_harmonic(component: Component) -> Wave:
+    """The once-per-turn part: over a part of a turn that of the least-squares wave with a constant."""
+    x = travel(component)
+    values, q = value(component, x), np.deg2rad(x)
+    found = np.linalg.lstsq(np.column_stack([np.ones_like(q), np.cos(q), np.sin(q)]), values, rcond=None)[0]
+    return Wave(float(found[1]), float(found[2]))
+
+
+def in_phase(first: Wave, second: Wave) -> tuple[Wave, Wave]:
+    """What an eccentric artefact makes of a pair of cross directions (X and Y, or A and B): u, v turning with the axis.
+
+    first = u cos q - v sin q, second = u sin q + v cos q. The counter-rotating rest is error motion and stays.
+    """
+    u, v = (first.a + second.b) / 2.0, (second.a - first.b) / 2.0
+    return Wave(u, -v), Wave(v, u)
+
+
+# ---- The curve that bends least through values at places: natural cubic splines, as sums over their nodes.
+
+FEWEST = 6
+"""Nodes that carry a curve; fewer carry straight lines."""
+CLOSE = 0.1
+"""Nodes closer than this share of a gap beside them are one: their scatter is a slope that swings over the gap."""
+
+
+def separate_nodes(places: FloatArray) -> FloatArray:
+    """Nodes for places of any order, ascending: those too close together are one in their middle; both ends stay."""
+    nodes, counts = np.unique(np.round(places, 6), return_counts=True)
+    while nodes.size > 2:
+        gaps = np.diff(nodes)
+        beside = np.maximum(np.append(gaps[1:], 0.0), np.append(0.0, gaps[:-1]))
+        i = int(np.argmin(gaps / beside))
+        if gaps[i] >= CLOSE * beside[i]:
+            break
+        middle = (nodes[i] * counts[i] + nodes[i + 1] * counts[i + 1]) / (counts[i] + counts[i + 1])
+        one = nodes[0] if i == 0 else nodes[-1] if i == gaps.size - 1 else middle
+        counts = np.concatenate([counts[:i], [counts[i] + counts[i + 1]], counts[i + 2 :]])
+        nodes = np.concatenate([nodes[:i], [one], nodes[i + 2 :]])
+    return nodes
+
+
+def cardinal(nodes: FloatArray, positions: FloatArray) -> FloatArray:
+    """What each node's value adds at positions within them: (points, nodes), each row's sum 1; nodes ascend."""
+    return np.asarray(scipy.interpolate.CubicSpline(nodes, np.eye(nodes.size), bc_type="natural")(positions))
+
+
+def leave_one_out_rows(nodes: FloatArray) -> FloatArray:
+    """Rows (nodes - 2, nodes): each inner value less the curve through all others.
+
+    What a curve bends, the integral of its second derivative squared, is y' K y in the values y at its nodes (Green and
+    Silverman 1994, section 2.1). The others' curve goes where that is least, so a value misses it by (K y)_k / K_kk.
+    """
+    h, inner = np.diff(nodes), np.arange(nodes.size - 2)
+    q = np.zeros((nodes.size, nodes.size - 2))
+    q[inner, inner], q[inner + 1, inner], q[inner + 2, inner] = 1.0 / h[:-1], -1.0 / h[:-1] - 1.0 / h[1:], 1.0 / h[1:]
+    beside = np.diag(h[1:-1] / 6.0, 1)
+    r = np.diag((h[:-1] + h[1:]) / 3.0) + beside + beside.T
+    bent = q @ np.linalg.solve(r, q.T)
+    return np.asarray((bent / np.diag(bent)[:, None])[1:-1])

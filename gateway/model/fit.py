@@ -1,4 +1,4 @@
-"""Fits measured means of an axis: the order is chosen so that structure is taken and noise is left."""
+"""Fits the measured means of an axis: weighted least squares, of an order that takes structure and leaves noise."""
 
 from __future__ import annotations
 
@@ -14,9 +14,73 @@ from drivers.units import AxisUnit
 from gateway.domain.figures import Component
 from gateway.domain.values import FloatArray
 from gateway.errors import ModelError, NotIdentifiable
-from gateway.model.components import at_datum, design
-from gateway.model.cubic import FEWEST, apart, missing
-from gateway.model.regression import Regression, alike, weighted
+from gateway.model.components import FEWEST, at_datum, design, leave_one_out_rows, separate_nodes
+
+# ---- Weighted least squares with an honest covariance: the scatter of what is left is in it.
+
+LARGEST_CONDITION = 1e10
+
+
+@dataclass(frozen=True, slots=True)
+class Regression:
+    """A solved fit: coefficients (p,), covariance (p, p), residual (m,), leverage (m,) and chi-square.
+
+    ``covariance`` is (A'WA)^-1 times the larger of 1 and chi-square / (m - p).
+    """
+
+    coefficients: FloatArray
+    covariance: FloatArray
+    residual: FloatArray
+    leverage: FloatArray
+    chi_square: float
+
+    @property
+    def left_out(self) -> FloatArray:
+        """What each point would be off if it had not been fitted (PRESS residual), shape (m,)."""
+        return self.residual / np.maximum(1.0 - self.leverage, 1e-9)
+
+
+def check_means(
+    targets: ArrayLike, means: ArrayLike, u: ArrayLike | float
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Targets, means and uncertainties (m,) as numbers; a target without a place is one without a mean (NaN).
+
+    Raises ModelError (E-MODEL-SHAPE) where they are no numbers or not as many.
+    """
+    try:
+        at, values, sigma = (np.asarray(one, dtype=np.float64) for one in (targets, means, u))
+    except (TypeError, ValueError):
+        at, values, sigma = (np.zeros((0, 0)) for _ in range(3))
+    if at.ndim != 1 or values.shape != at.shape or sigma.shape not in ((), at.shape):
+        raise ModelError("E-MODEL-SHAPE", "fit", targets=str(at.shape), means=str(values.shape), u=str(sigma.shape))
+    return at, np.where(np.isfinite(at), values, np.nan), np.broadcast_to(sigma, at.shape)
+
+
+def solve_weighted(design: FloatArray, values: FloatArray, u: FloatArray, where: str = "fit") -> Regression:
+    """Fit values (m,) with standard uncertainties u (m,) by the columns of design (m, p).
+
+    Raises NotIdentifiable (E-MODEL-POINTS: fewer points than unknowns; E-MODEL-CONDITION).
+    """
+    m, p = design.shape
+    if m < p:
+        raise NotIdentifiable("E-MODEL-POINTS", where, points=m, unknowns=p)
+    rows, target = design / u[:, None], values / u
+    left, singular, right = np.linalg.svd(rows, full_matrices=False)
+    if singular[-1] <= singular[0] / LARGEST_CONDITION:
+        raise NotIdentifiable("E-MODEL-CONDITION", where, unknowns=p, points=m)
+    inverse = right.T / singular
+    coefficients = inverse @ (left.T @ target)
+    residual = values - design @ coefficients
+    chi_square = float(np.sum((residual / u) ** 2))
+    scatter = max(1.0, chi_square / (m - p)) if m > p else 1.0
+    return Regression(
+        coefficients=coefficients,
+        covariance=inverse @ inverse.T * scatter,
+        residual=residual,
+        leverage=np.sum(left**2, axis=1),
+        chi_square=chi_square,
+    )
+
 
 HIGHEST_DEGREE = 9
 HIGHEST_ORDER = 12
@@ -119,7 +183,7 @@ def _component(best: Candidate, data: _Data, name: str, axis: str, axis_unit: Ax
         coefficients=best.regression.coefficients,
         covariance=best.regression.covariance,
         parameters=best.parameters,
-        residual_rms=_unseen(best, data),
+        residual_rms=_unresolved_rms(best, data),
     )
 
 
@@ -152,7 +216,7 @@ def candidates(data: _Data) -> tuple[Candidate, ...]:
 
 
 def _data(targets: ArrayLike, means: ArrayLike, u: ArrayLike | float, name: str) -> _Data:
-    at, values, sigma = alike(targets, means, u)
+    at, values, sigma = check_means(targets, means, u)
     known = np.isfinite(values) & np.isfinite(at)
     places = np.unique(at[known]).size
     if places < 2:
@@ -199,7 +263,7 @@ def _gaps(at: FloatArray) -> tuple[int, float]:
 
 
 def _candidate(basis: str, parameters: Mapping[str, Any], data: _Data, choices: int = 1) -> Candidate:
-    solved = weighted(design(basis, parameters, data.at), data.values, data.u, basis)
+    solved = solve_weighted(design(basis, parameters, data.at), data.values, data.u, basis)
     size = solved.coefficients.size
     missed = float(np.sqrt(np.mean(solved.left_out**2)))
     return Candidate(
@@ -232,7 +296,7 @@ def _polynomials(data: _Data) -> Iterable[Candidate]:
 
 
 def _splines(data: _Data) -> Iterable[Candidate]:
-    places = apart(data.at)
+    places = separate_nodes(data.at)
     for count in range(1, max(1, places.size - 7)):
         quantiles = np.linspace(0.0, 1.0, count + 2)[1:-1]
         interior = np.quantile(places, quantiles)
@@ -276,7 +340,7 @@ def _through(data: _Data) -> Candidate:
     axis that it drives these go.
     """
     at = data.at if data.period is None else np.mod(data.at, data.period)
-    nodes = apart(at)
+    nodes = separate_nodes(at)
     if data.period is not None or data.driven or nodes.size < FEWEST:
         return _node_fit("piecewise", np.unique(np.round(at, 6)), data)
     return _node_fit("cubic", nodes, data)
@@ -284,14 +348,14 @@ def _through(data: _Data) -> Candidate:
 
 def _node_fit(basis: str, nodes: FloatArray, data: _Data) -> Candidate:
     parameters = {"nodes": tuple(float(q) for q in nodes), "period": data.period}
-    solved = weighted(design(basis, parameters, data.at), data.values, data.u, basis)
+    solved = solve_weighted(design(basis, parameters, data.at), data.values, data.u, basis)
     means = solved.coefficients
-    skipped = missing(nodes) @ means if basis == "cubic" else _skipped(nodes, means, data.period)
+    skipped = leave_one_out_rows(nodes) @ means if basis == "cubic" else _off_neighbours(nodes, means, data.period)
     missed = max(float(np.sqrt(np.mean(skipped**2))), data.noise)
     return Candidate(basis=basis, parameters=parameters, regression=solved, criterion=float("inf"), left_out=missed)
 
 
-def _skipped(nodes: FloatArray, values: FloatArray, period: float | None) -> FloatArray:
+def _off_neighbours(nodes: FloatArray, values: FloatArray, period: float | None) -> FloatArray:
     """Value at each inner node less the line between its neighbours."""
     if period is not None:
         nodes = np.concatenate(([nodes[-1] - period], nodes, [nodes[0] + period]))
@@ -300,15 +364,15 @@ def _skipped(nodes: FloatArray, values: FloatArray, period: float | None) -> Flo
     return np.asarray(values[1:-1] - (1.0 - share) * values[:-2] - share * values[2:])
 
 
-def _unseen(best: Candidate, data: _Data) -> float:
+def _unresolved_rms(best: Candidate, data: _Data) -> float:
     """Rms of structure that the fit does not follow, less the noise it must leave."""
     if best.basis in THROUGH:
         nodes, means = np.asarray(best.parameters["nodes"]), best.regression.coefficients
         # A target misses the line between its neighbours by sqrt(1.5) times what scatters independently. A curve that
         # was chosen because it misses little may do so by luck: then the line tells.
-        missed = [_skipped(nodes, means, data.period) / 1.5**0.5]
+        missed = [_off_neighbours(nodes, means, data.period) / 1.5**0.5]
         if best.basis == "cubic":
-            rows = missing(nodes)
+            rows = leave_one_out_rows(nodes)
             missed.append(rows @ means / float(np.mean(np.sum(rows**2, axis=1))) ** 0.5)
         square = max(float(np.mean(one**2)) for one in missed)
         return float(np.sqrt(max(square - data.noise**2, 0.0)))

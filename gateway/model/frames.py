@@ -17,6 +17,7 @@ differ by the lever of the angles. To first order E = I + hat(xi) with the six n
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -24,9 +25,9 @@ import numpy as np
 
 from drivers.types.values import FloatArray
 from gateway.errors import ModelError
-from gateway.model import se3
-from gateway.model.axis import Axis
-from gateway.model.chain import Chain, Element, Frame, Positions, position
+from gateway.model import transforms
+from gateway.model.chain import Axis, Chain, Element, FixedLink, Frame, Positions, position
+from gateway.model.motion import motion_of
 
 State = Literal["ideal", "actual", "small-angle"]
 RelativeOrder = Literal["exact", "first", "small-angle"]
@@ -69,7 +70,7 @@ def matrix(chain: Chain, frame: str, into: str, q: Positions, *, state: State = 
     if frame == into:
         return np.eye(4)
     there, here = (_product(ways[one][shared:], q, state) for one in (frame, into))
-    back = np.linalg.inv(here) if state == "small-angle" else se3.inverse(here)
+    back = np.linalg.inv(here) if state == "small-angle" else transforms.inverse(here)
     return np.asarray(back @ there)
 
 
@@ -85,7 +86,7 @@ def relative_errors(chain: Chain, q: Positions, frame: Frame = "work", order: Re
         return chain.exact_twist(q, frame)
     if order == "first":
         return chain.twist(q, frame)
-    actual, back = matrix(chain, WHEEL, WORK, q, state="small-angle"), se3.inverse(chain.ideal(q))
+    actual, back = matrix(chain, WHEEL, WORK, q, state="small-angle"), transforms.inverse(chain.ideal(q))
     error = actual @ back if frame == "work" else back @ actual
     turning = 0.5 * (error[..., :3, :3] - np.swapaxes(error[..., :3, :3], -1, -2))
     angles = (turning[..., 2, 1], turning[..., 0, 2], turning[..., 1, 0])
@@ -134,3 +135,60 @@ def _product(way: list[Joint], q: Positions, state: State) -> FloatArray:
         elif one.element is not None:
             T = T @ one.element.matrix()
     return T
+
+
+# ---- A chain from the plain mapping of a site or error file.
+
+SIDES = ("work", "tool")
+AXIS_KEYS = ("kind", "name", "axis", "err", "loc", "err_frame")
+LINK_KEYS = ("kind", "xyz", "abc", "name")
+
+
+def chain_of(data: Mapping[str, object]) -> Chain:
+    """The chain of {"work": [...], "tool": [...]}, each side from the bed outward, mm and rad.
+
+    An element has ``kind`` "prismatic" or "revolute" with ``name``, ``axis`` and, if wanted, ``err``, ``loc`` and
+    ``err_frame``; or "fixed" with ``xyz`` and ``abc``. Raises ModelError E-CHAIN-... naming what is wrong.
+    """
+    for key in data:
+        if key not in SIDES:
+            raise ModelError("E-CHAIN-WORD", "chain", key="side", value=key, known=", ".join(SIDES))
+    work, tool = (_side_elements(data.get(side, ()), side) for side in SIDES)
+    return Chain(work, tool)
+
+
+def _side_elements(elements: object, side: str) -> tuple[Element, ...]:
+    if not isinstance(elements, Sequence) or isinstance(elements, str):
+        raise ModelError("E-CHAIN-ELEMENT", side, why="a side is a list of elements")
+    return tuple(_element(element, f"{side}[{number}]") for number, element in enumerate(elements))
+
+
+def _element(data: object, where: str) -> Element:
+    if not isinstance(data, Mapping):
+        raise ModelError("E-CHAIN-ELEMENT", where, why="an element is a table of keys")
+    known = LINK_KEYS if data.get("kind") == "fixed" else AXIS_KEYS
+    for key in data:
+        if key not in known:
+            raise ModelError("E-CHAIN-WORD", where, key="key", value=key, known=", ".join(known))
+    if data.get("kind") == "fixed":
+        return FixedLink(data.get("xyz", (0.0, 0.0, 0.0)), data.get("abc", (0.0, 0.0, 0.0)))
+    for key in AXIS_KEYS[:3]:
+        if key not in data:
+            raise ModelError("E-CHAIN-ELEMENT", where, why=f"key {key} is missing")
+    for key in ("err", "loc"):
+        if not isinstance(data.get(key, {}), Mapping):
+            raise ModelError("E-CHAIN-ELEMENT", where, why=f"{key} is a table of keys")
+    turning = data["kind"] == "revolute"
+    err = {
+        key: motion_of(value, f"{where} {key}", name=f"{key} of {data['name']}", turning=turning)
+        for key, value in dict(data.get("err", {})).items()
+    }
+    frame = data.get("err_frame", "moving")
+    return Axis(
+        name=str(data["name"]),
+        kind=data["kind"],
+        direction=data["axis"],
+        err=err,
+        loc=dict(data.get("loc", {})),
+        err_frame=frame,
+    )

@@ -12,7 +12,7 @@ from drivers.types.values import FloatArray
 from drivers.units import arcsec_to_rad, deg_to_rad, rad_to_deg, um_to_mm
 from gateway.domain.figures import Component
 from gateway.errors import ModelError
-from gateway.model.axis import Motion
+from gateway.model.chain import Motion
 from gateway.model.components import KnownRange, value
 
 FULL_TURN = 2.0 * np.pi
@@ -91,7 +91,7 @@ Plain = Polynomial | Fourier | PiecewiseLinear
 
 
 @dataclass(frozen=True, slots=True)
-class Within:
+class BoundedMotion:
     """A motion in mm or rad that is known over a range alone: elsewhere it raises ModelError (E-MODEL-RANGE)."""
 
     motion: Plain
@@ -103,7 +103,7 @@ class Within:
 
 
 @dataclass(frozen=True, slots=True)
-class Fitted:
+class FittedMotion:
     """A fitted component (um or arcsec over mm or deg) as a motion in mm or rad over mm or rad; raises as `value`."""
 
     component: Component
@@ -125,7 +125,7 @@ class Fitted:
 
 
 @dataclass(frozen=True, slots=True)
-class Sum:
+class MotionSum:
     """Several motions at once."""
 
     parts: tuple[Motion, ...]
@@ -143,10 +143,10 @@ def travel_of(motion: Motion, low: float, high: float) -> tuple[float, float]:
 
     Raises ModelError (E-MODEL-RANGE) where nothing of it is known.
     """
-    if isinstance(motion, Sum):
+    if isinstance(motion, MotionSum):
         for part in motion.parts:
             low, high = travel_of(part, low, high)
-    if isinstance(motion, Within | Fitted):
+    if isinstance(motion, BoundedMotion | FittedMotion):
         return motion.known.within(low, high)
     return low, high
 
@@ -166,8 +166,8 @@ def motion_of(data: object, where: str = "motion", *, name: str = "", turning: b
         raise ModelError("E-CHAIN-MOTION-DATA", where, why=f"neither a number nor one of {', '.join(_TYPES)}")
     rest = {key: part for key, part in data.items() if key not in ("type", "range")}
     try:
-        found = _checked(_TYPES[str(data["type"])](rest), where)
-        return _ranged(found, data.get("range"), name or where, turning=turning)
+        found = _check_keys(_TYPES[str(data["type"])](rest), where)
+        return _with_range(found, data.get("range"), name or where, turning=turning)
     except (KeyError, TypeError, ValueError) as error:
         raise ModelError("E-CHAIN-MOTION-DATA", where, why=f"{type(error).__name__} {error}") from error
 
@@ -177,13 +177,13 @@ def motion_from(component: Component) -> Motion:
 
     The second letter of its name says what it is: X, Y, Z a displacement, A, B, C a rotation (ISO 230-1).
     """
-    return Fitted(component)
+    return FittedMotion(component)
 
 
-def _ranged(motion: Plain, limits: Any, name: str, *, turning: bool) -> Motion:
+def _with_range(motion: Plain, limits: Any, name: str, *, turning: bool) -> Motion:
     if isinstance(motion, PiecewiseLinear):
         if motion.period is None and turning and limits is None:
-            motion = _around(motion)
+            motion = _periodic_line(motion)
         if motion.period is not None:
             return motion
         limits = limits if limits is not None else (motion.q[0], motion.q[-1])
@@ -194,10 +194,10 @@ def _ranged(motion: Plain, limits: Any, name: str, *, turning: bool) -> Motion:
     low, high = _floats(limits)
     if not low < high and not isinstance(motion, PiecewiseLinear):
         raise ValueError("the range must ascend")
-    return Within(motion, KnownRange(name, low, high, "rad" if turning else "mm"))
+    return BoundedMotion(motion, KnownRange(name, low, high, "rad" if turning else "mm"))
 
 
-def _around(motion: PiecewiseLinear) -> PiecewiseLinear:
+def _periodic_line(motion: PiecewiseLinear) -> PiecewiseLinear:
     """The same line; it repeats if its points lie around a whole turn and its ends, where they meet, agree."""
     q, v = np.asarray(motion.q), np.asarray(motion.v)
     span = float(q[-1] - q[0])
@@ -234,7 +234,7 @@ def _floats(values: Sequence[float]) -> tuple[float, ...]:
     return tuple(float(v) for v in values)
 
 
-def _checked(motion: Plain, where: str) -> Plain:
+def _check_keys(motion: Plain, where: str) -> Plain:
     why = ""
     if isinstance(motion, Polynomial) and (not motion.c or motion.scale == 0.0):
         why = "a polynomial needs coefficients and a scale that is not 0"

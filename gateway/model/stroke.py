@@ -13,10 +13,21 @@ import numpy as np
 
 from drivers.types.values import FloatArray
 from gateway.errors import ModelError
-from gateway.model import se3
-from gateway.model.axis import MOTIONS, Axis
-from gateway.model.chain import Chain, Element, Positions, fold
-from gateway.model.parts import Rotation, Vector, add, cross, rotation, rpy, scale, sub, transpose, turn, vector
+from gateway.model import transforms
+from gateway.model.chain import MOTIONS, Axis, Chain, Element, Positions, fold
+from gateway.model.transforms import (
+    Rotation,
+    Vector,
+    add,
+    cross,
+    rotation,
+    rpy_rows,
+    scale,
+    sub,
+    transpose,
+    turn,
+    vector,
+)
 
 STEP = 1e-4  # mm: half the base of the difference quotients of the error motions
 ZERO = np.zeros(())
@@ -99,7 +110,7 @@ class Stroke:
         direction, shift = self.axis.path()
         d = vector(direction)
         path = add(scale(s, d), vector(shift))
-        offset, R = (value[0], value[1], value[2]), rpy(value[3], value[4], value[5])
+        offset, R = (value[0], value[1], value[2]), rpy_rows(value[3], value[4], value[5])
         twist = self._twist(R, path, offset, _spin(value, first), (first[0], first[1], first[2]), d)
         rate = self._twist(R, path, offset, _spin(value, second), (second[0], second[1], second[2]), NOWHERE)
         return StrokePose(stroke=self, R=R, path=path, offset=offset, twist=twist, rate=rate)
@@ -141,15 +152,15 @@ def split(chain: Chain, name: str, q: Positions) -> Stroke:
     if axis.kind != "prismatic":
         raise ModelError("E-CHAIN-STROKE", f"axis {name}", name=name)
     on_tool = axis in chain.tool
-    before, after = _around(chain.tool if on_tool else chain.work, axis)
+    before, after = _about_axis(chain.tool if on_tool else chain.work, axis)
     other = fold(chain.work if on_tool else chain.tool, q, actual=True)
     first, last = fold(before, q, actual=True), fold(after, q, actual=True)
     if on_tool:
-        return Stroke(axis, on_tool, se3.inverse(first) @ other, se3.inverse(last))
-    return Stroke(axis, on_tool, last, se3.inverse(other) @ first)
+        return Stroke(axis, on_tool, transforms.inverse(first) @ other, transforms.inverse(last))
+    return Stroke(axis, on_tool, last, transforms.inverse(other) @ first)
 
 
-def _around(side: tuple[Element, ...], axis: Axis) -> tuple[tuple[Element, ...], tuple[Element, ...]]:
+def _about_axis(side: tuple[Element, ...], axis: Axis) -> tuple[tuple[Element, ...], tuple[Element, ...]]:
     at = next(i for i, element in enumerate(side) if element is axis)
     return side[:at], side[at + 1 :]
 

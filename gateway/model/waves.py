@@ -1,19 +1,31 @@
-"""Short waves of screw, scale or worm beside the smooth part of an axis: found by period, or not believed."""
+"""The one curve of a measured axis: its smooth part, with short waves of screw or worm where these are significant."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from math import log
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 import scipy
+from numpy.typing import ArrayLike
 
+from drivers.units import AxisUnit
+from gateway.domain.figures import Component
 from gateway.domain.values import FloatArray
 from gateway.errors import NotIdentifiable
-from gateway.model.components import LONGEST_WAVE, design
-from gateway.model.regression import Regression, weighted
+from gateway.model.components import LONGEST_WAVE, KnownRange, design, is_periodic, value
+from gateway.model.fit import (
+    SMALLEST_U,
+    THROUGH,
+    TURN_DEG,
+    Regression,
+    check_means,
+    fit_positioning,
+    fit_through,
+    solve_weighted,
+)
 
 MOST_WAVES = 2
 WIDER_THAN = 0.75  # of all gaps
@@ -90,14 +102,14 @@ def _with_waves(
     """The base with one and with two waves, as far as each is told from scatter."""
     found: tuple[float, ...] = ()
     try:
-        before = _solved(base, found, at, mean, u)
+        before = _solve_wave(base, found, at, mean, u)
         for _ in range(MOST_WAVES):
             if at.size - before.unknowns - 3 < FEWEST_FREE:
                 return
             rate, rival = _strongest(base, found, at, mean, u, rates)
             found = (*found, rate)
-            after = _solved(base, found, at, mean, u)
-            if not _told(before, after, at.size, rates.size) or not _alone(before, after, at.size, rival):
+            after = _solve_wave(base, found, at, mean, u)
+            if not _is_significant(before, after, at.size, rates.size) or not _alone(before, after, at.size, rival):
                 return
             yield after
             before = after
@@ -105,7 +117,7 @@ def _with_waves(
         return
 
 
-def _told(before: WavedFit, after: WavedFit, m: int, tries: int) -> bool:
+def _is_significant(before: WavedFit, after: WavedFit, m: int, tries: int) -> bool:
     """Whether a wave takes more of chi-square than the best of all that were tried would of scatter."""
     taken, left = before.solved.chi_square - after.solved.chi_square, after.solved.chi_square
     freedom = m - after.unknowns
@@ -120,7 +132,7 @@ def _alone(before: WavedFit, after: WavedFit, m: int, rival: float) -> bool:
     return best - rival > max(CLEARLY * scatter, NO_RIVAL * best)
 
 
-def _solved(
+def _solve_wave(
     base: tuple[str, dict[str, Any]], rates: tuple[float, ...], at: FloatArray, mean: FloatArray, u: FloatArray
 ) -> WavedFit:
     name, parameters = base
@@ -129,7 +141,7 @@ def _solved(
         named, kept = name, {**parameters, "orders": (*parameters["orders"], *orders)}
     else:
         named, kept = "waved", {**parameters, "smooth": name, "lengths": tuple(1.0 / rate for rate in rates)}
-    solved = weighted(design(named, kept, at), mean, u, named)
+    solved = solve_weighted(design(named, kept, at), mean, u, named)
     unknowns = int(solved.coefficients.size) + len(rates)
     per_point = solved.chi_square / at.size
     misfit = at.size * (log(per_point) + 1.0 if per_point > 1.0 else per_point)
@@ -148,17 +160,17 @@ def _strongest(
     """The rate whose wave takes most of what the base and the waves ``found`` leave, and what another would take."""
     columns = np.column_stack([design(*base, at), *(_wave(rate, at) for rate in found)]) / u[:, None]
     q = np.linalg.qr(columns)[0]
-    taken = _taken(q, at, mean / u, u, rates)
+    taken = _chi_square_gain(q, at, mean / u, u, rates)
     best, fourier = float(rates[int(np.argmax(taken))]), base[0] == "fourier"
     others = np.abs(rates - best) > (0.0 if fourier else 1.5 / float(np.ptp(at)))
     rival = float(np.max(taken[others], initial=0.0))
     if fourier:
         return best, rival
     near = best + np.linspace(-1.0, 1.0, 41) * float(np.diff(rates[:2])[0])
-    return float(near[int(np.argmax(_taken(q, at, mean / u, u, near)))]), rival
+    return float(near[int(np.argmax(_chi_square_gain(q, at, mean / u, u, near)))]), rival
 
 
-def _taken(q: FloatArray, at: FloatArray, y: FloatArray, u: FloatArray, rates: FloatArray) -> FloatArray:
+def _chi_square_gain(q: FloatArray, at: FloatArray, y: FloatArray, u: FloatArray, rates: FloatArray) -> FloatArray:
     """How much of chi-square a wave of each rate takes beyond the columns ``q``."""
     phase = 2.0 * np.pi * np.outer(at, rates)
     c, s = ((one / u[:, None]) for one in (np.cos(phase), np.sin(phase)))
@@ -173,3 +185,67 @@ def _taken(q: FloatArray, at: FloatArray, y: FloatArray, u: FloatArray, rates: F
 def _wave(rate: float, at: FloatArray) -> FloatArray:
     phase = 2.0 * np.pi * rate * at
     return np.stack([np.cos(phase), np.sin(phase)], axis=1)
+
+
+# ---- The one curve of a measured axis, for its table and for the error model: smooth, with waves, or through the
+# means.
+
+LEAVES, FAR_ABOVE = 0.15, 4.0
+"""What a smooth fit may leave at a target: um or arcsec, and times the standard uncertainty of a mean."""
+WAVE_LEAVES = 0.25
+"""A curve with waves may leave this share of what the smooth one does."""
+
+
+def fit_means(
+    targets: ArrayLike,
+    means: ArrayLike,
+    u: ArrayLike,
+    *,
+    name: str,
+    axis: str,
+    axis_unit: AxisUnit,
+    kind: Literal["linear", "rotary"],
+    modulo: bool = False,
+) -> Component:
+    """The one curve of a measured axis; arguments as `fit_positioning`.
+
+    Where a smooth curve leaves far more than the scatter at a target it is one with short waves, if the targets can
+    tell these, and on a linear axis else one through the means.
+    """
+    at, mean, own = check_means(targets, means, u)
+    named: dict[str, Any] = {"name": name, "axis": axis, "axis_unit": axis_unit}
+    smooth = fit_positioning(at, mean, own, kind=kind, modulo=modulo, **named)
+    known = np.isfinite(mean)
+    at, mean, own = at[known], mean[known], own[known]
+    through = smooth.basis in THROUGH
+    # What goes through the means leaves nothing at the targets: what they miss is told by each that is left out.
+    left = smooth.residual_rms if through else float(np.max(np.abs(mean - value(smooth, at))))
+    allowed = max(LEAVES, FAR_ABOVE * float(np.max(own)))
+    if left <= allowed:
+        return smooth
+    waved = _fit_with_waves(smooth, at, mean, np.maximum(own, SMALLEST_U))
+    if waved is not None and float(np.max(np.abs(mean - value(waved, at)))) <= max(allowed, WAVE_LEAVES * left):
+        return waved
+    return smooth if through or kind == "rotary" else fit_through(at, mean, own, **named)
+
+
+def _fit_with_waves(smooth: Component, at: FloatArray, mean: FloatArray, u: FloatArray) -> Component | None:
+    """The curve with waves that the means tell; None where they tell none."""
+    at = KnownRange.of(smooth).inside(at)
+    order = np.argsort(at, kind="stable")
+    fit = fit_waves(at[order], mean[order], u[order], TURN_DEG if is_periodic(smooth) else None)
+    if fit is None:
+        return None
+    freedom = max(at.size - fit.unknowns, 1)
+    spread = float(np.sum(fit.solved.residual**2)) / freedom - float(np.mean(u**2))
+    return Component(
+        name=smooth.name,
+        axis=smooth.axis,
+        axis_unit=smooth.axis_unit,
+        basis=fit.basis,
+        domain=smooth.domain,
+        coefficients=fit.solved.coefficients,
+        covariance=fit.solved.covariance,
+        parameters=fit.parameters,
+        residual_rms=float(np.sqrt(max(spread, 0.0))),
+    )

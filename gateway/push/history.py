@@ -20,7 +20,7 @@ from gateway.push import journal
 from gateway.push.compare import COARSEST, table_facts, table_from_facts
 from gateway.push.journal import JournalRead
 from gateway.push.phases import PushEvent
-from gateway.table.comparison import differences, effective, toward
+from gateway.table.comparison import deviations_toward, differences, effective
 
 SenseConversion = Callable[[CompensationTable, Sense], CompensationTable]
 """A table that was kept in a sense, as it is meant now: the driver's `table_by` with today's proof."""
@@ -416,6 +416,6 @@ def point_changes(done: CommittedPush) -> Iterator[tuple[float, Approach, float,
     places = max((new.table, old.table), key=lambda table: len(table.deviations)).positions
     ways: tuple[Approach, ...] = (1, -1) if new.table.reverse or old.table.reverse else (1,)
     for way in ways:
-        now, then = toward(effective(new), places, way), toward(effective(old), places, way)
+        now, then = deviations_toward(effective(new), places, way), deviations_toward(effective(old), places, way)
         for place, was, becomes in zip(places, now, then, strict=True):
             yield float(place), way, float(was), float(becomes)

@@ -45,7 +45,7 @@ from gateway.push.restore import roll_back_all
 from gateway.push.state import Outcome, TableTransactionState, note_together, with_safe_logger, wrap_unexpected
 from gateway.push.transaction import AdmittedTable, abort, open_transaction
 from gateway.table.comparison import differences
-from gateway.table.threeway import ThreeWay, compare
+from gateway.table.live_comparison import ThreeWay, compare_three_tables
 
 RollbackRequest = tuple[CommittedPush, PushContext]
 
@@ -297,4 +297,4 @@ def _is_there(wanted: LiveTable, live: LiveTable, allowed: float) -> bool:
 
 def compare_with_push(live: LiveTable, done: CommittedPush, allowed: float) -> ThreeWay:
     """The live table against the one a push wrote and the one before it."""
-    return compare(live, done.new, done.old, allowed)
+    return compare_three_tables(live, done.new, done.old, allowed)

@@ -189,9 +189,9 @@ def table_states(
     """Every table of a machine that a push, a rollback or an order to switch off has been about, by its name.
 
     ``looks`` are the newest comparisons with the control by the table's name: when (UTC), and what was found (the kind
-    of `gateway.table.threeway.ThreeWay`). Journals count in the order of their transactions, a look where it is newer
-    than the last of them; a push that did not end counts before all. Raises StoreError (E-PUSH-JOURNAL) when a journal
-    cannot be believed.
+    of `gateway.table.live_comparison.ThreeWay`). Journals count in the order of their transactions, a look where it is
+    newer than the last of them; a push that did not end counts before all. Raises StoreError (E-PUSH-JOURNAL) when a
+    journal cannot be believed.
     """
     folder = journal.machine_folder(journals, serial)
     pushes = pushes_in_folder(folder)

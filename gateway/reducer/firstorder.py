@@ -3,7 +3,7 @@
 At equilibrium g(u, e) = 0. A surplus de on the contacts changes u by -H^-1 sum f'(p) b J de: the output's row of it,
 taken at the pose of the *mean drive* (every space with the same modification, clearance and mean deviation, at the
 torque asked), is linear in e and, through the tables' own interpolation, in the points of the flank maps. With the
-Jacobian of the flank (`gateway.gear.linear`) it is linear in the 21 errors, tables and set-up values.
+Jacobian of the flank (`gateway.gear.first_order`) it is linear in the 21 errors, tables and set-up values.
 
 About the perfect drive, where half of the pins share by their levers, the figure is up to 44 % low. About the mean
 drive peak to peak is within some per cent, the curve less so, and lost motion, where few pins touch, is no more than a

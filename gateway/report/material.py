@@ -12,7 +12,7 @@ from drivers.types.orders import SignProof
 from drivers.types.sensing import Ambient
 from drivers.types.values import FloatArray
 from drivers.units import AxisUnit, DeviationUnit, deviation_unit
-from gateway.correct.outlook.next_setup import OpenDoubt
+from gateway.correct.outlook.flank_uncertainty import OpenDoubt
 from gateway.domain.captures import Capture
 from gateway.domain.equipment import SenseProof
 from gateway.domain.figures import Component, Evaluation
@@ -23,7 +23,7 @@ from gateway.domain.stated import StatedFacts
 from gateway.evaluate.standards.conformity import Decision
 from gateway.evaluate.uncertainty.budget import Budget
 from gateway.gear.cycloid import CycloidGear
-from gateway.model.known import ErrorModel
+from gateway.model.error_model import ErrorModel
 from gateway.report.particulars import Particulars
 from gateway.tooth import AxisOutlook, GearProposal, GroundPart, InspectedFlank, ToothProposal, ToothVerdict
 

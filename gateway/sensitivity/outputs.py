@@ -1,4 +1,4 @@
-"""What a ranking looks at: figures of the flank and of the inspection chart for given sizes of the errors (mm, rad)."""
+"""Figures of flank and inspection chart for given sizes of the errors (mm, rad), and the error to measure next."""
 
 from __future__ import annotations
 
@@ -7,16 +7,15 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from gateway.domain.values import FloatArray
 from gateway.errors import ModelError
 from gateway.gear.envelope import exact
-from gateway.gear.first_order import judged
-from gateway.gear.flank import FlankGrid, flank_figure
+from gateway.gear.first_order import ErrorParameter, bounded_first_order, linear_flank
+from gateway.gear.flank import FlankGrid, flank_figure, inspect
 from gateway.gear.grinding import Grinding
-from gateway.gear.inspection import inspect
-from gateway.gear.linear import ErrorParameter, linear_flank
-from gateway.model.axis import Motion
+from gateway.model.chain import Motion
 from gateway.model.motion import travel_of
 
 OUTPUTS = ("rms", "largest", "profile", "lead", "pitch", "runout")
@@ -40,7 +39,7 @@ class Span:
 
 
 @dataclass(frozen=True, slots=True)
-class Scaled:
+class ScaledMotion:
     """A motion times a factor; plain data, so that it can be sent to another process."""
 
     motion: Motion
@@ -86,7 +85,7 @@ class FlankOutputs:
         clean = self._clean()
         one = replace(clean, chain=clean.chain.with_errors(errors))
         if self.order == "second":
-            return judged(one, self.grid.k, self.grid.theta, self.grid.z).second
+            return bounded_first_order(one, self.grid.k, self.grid.theta, self.grid.z).second
         return exact(one, self.grid.k, self.grid.theta, self.grid.z)
 
     def _clean(self) -> Grinding:
@@ -150,4 +149,51 @@ def _parameter(span: Span) -> ErrorParameter:
 
 
 def _motion(span: Span, size: float) -> Motion:
-    return Scaled(span.shape, size) if callable(span.shape) else size * span.shape
+    return ScaledMotion(span.shape, size) if callable(span.shape) else size * span.shape
+
+
+# ---- What to measure next: the error whose better knowledge would change the proposed correction most.
+
+RANK = 1e-10
+
+
+@dataclass(frozen=True, slots=True)
+class MeasurementPriority:
+    """One error's doubt: what it moves the proposal by on the flank, what no proposal can follow (both RMS, in the
+    unit of the columns), and its share of all that the proposal may be wrong by."""
+
+    name: str
+    change: float
+    beyond: float
+    share: float
+
+
+def measure_next(
+    names: Sequence[str], doubts: ArrayLike, cures: ArrayLike, points: int
+) -> tuple[MeasurementPriority, ...]:
+    """Errors by what their doubt changes in the proposal, the most important first.
+
+    ``doubts`` (R, d): the flank of one standard uncertainty, named by the error it belongs to (several independent
+    columns of one error count together); ``cures`` (R, m): the flank of one unit of
+    each value that may be set; both in coordinates whose sum of squares is ``points`` times the mean square. A least-
+    squares proposal follows the part of a doubt that the cures span: so much it would change if the error were known.
+    """
+    W, A = np.asarray(doubts, dtype=np.float64), np.asarray(cures, dtype=np.float64)
+    if W.ndim != 2 or A.ndim != 2 or W.shape != (A.shape[0], len(names)):
+        raise ModelError("E-SENS-SHAPE", "what next", points=W.shape, outputs=A.shape)
+    size = np.linalg.norm(A, axis=0)
+    used = A[:, size > 0.0] / size[size > 0.0]
+    u, s, _ = np.linalg.svd(used, full_matrices=False)
+    followed = u[:, s > RANK * np.max(s, initial=0.0)].T @ W
+    errors = list(dict.fromkeys(names))
+    moved, whole = np.zeros(len(errors)), np.zeros(len(errors))
+    for i, name in enumerate(names):
+        moved[errors.index(name)] += float(np.sum(followed[:, i] ** 2)) / points
+        whole[errors.index(name)] += float(np.sum(W[:, i] ** 2)) / points
+    beyond = np.sqrt(np.maximum(whole - moved, 0.0))
+    total = float(np.sum(moved))
+    share = moved / total if total > 0.0 else moved
+    order = np.argsort(-moved, kind="stable")
+    return tuple(
+        MeasurementPriority(errors[i], float(np.sqrt(moved[i])), float(beyond[i]), float(share[i])) for i in order
+    )

@@ -17,15 +17,15 @@ from drivers.units import mm_to_um
 from gateway.correct.outlook.drive_outlook import costliest
 from gateway.correct.outlook.flank_uncertainty import FlankDoubts
 from gateway.gear.cycloid import CycloidGear
+from gateway.gear.first_order import ErrorParameter, linear_flank
 from gateway.gear.flank import FlankGrid
 from gateway.gear.grinding import Grinding
-from gateway.gear.linear import ErrorParameter, linear_flank
 from gateway.reducer import records
 from gateway.reducer.figures import Transmission, transmission, without_limit
 from gateway.reducer.firstorder import MachineTransmission, lost_motion_map, transmission_map
 from gateway.sensitivity.outputs import equal_size
-from gateway.sensitivity.sweep import Screening, screen
-from gateway.study.files import ReducerData
+from gateway.sensitivity.screening import ScreeningResult, screen
+from gateway.study.inputs import ReducerData
 from gateway.tooth import DriveDoubt, FlankMap
 
 DRIVE_OUTPUTS = ("transmission", "lost motion")
@@ -68,7 +68,7 @@ class DriveStudy:
 
     reducer: records.Reducer
     alone: tuple[DriveAlone, ...]
-    ranking: Screening
+    ranking: ScreeningResult
     states: Mapping[str, Transmission]
     missed_arcsec: float
     doubts: tuple[DriveDoubt, ...] = ()

@@ -18,11 +18,10 @@ from drivers.units import arcsec_to_rad, um_to_mm
 from gateway.correct.part.inspected import LINE_POINTS, PROFILE, WIDTH
 from gateway.domain.captures import Capture
 from gateway.gear.cycloid import CycloidGear
-from gateway.gear.flank import FlankGrid, flank_grid
-from gateway.gear.inspection import inspect
+from gateway.gear.flank import FlankGrid, flank_grid, inspect
 from gateway.store import RunFolder
-from gateway.study.fromrun import run_folder
-from gateway.study.plots.axes import Measurement
+from gateway.study.inputs import run_folder
+from gateway.study.plots.charts import Measurement
 from gateway.study.plots.laboratory import Chart, Traces
 from gateway.tooth import InspectedFlank
 
@@ -82,10 +81,10 @@ def evidence_of(path: Path) -> Evidence | None:
     Raises CorruptRecord where a record is not what the run stored.
     """
     folder = run_folder(path)
-    return None if folder is None else _found(folder)
+    return None if folder is None else _find_records(folder)
 
 
-def _found(folder: RunFolder) -> Evidence:
+def _find_records(folder: RunFolder) -> Evidence:
     own, others = [], []
     for stage in folder.stages:
         if match := CAPTURE.fullmatch(stage):

@@ -8,19 +8,18 @@ from dataclasses import replace
 import numpy as np
 
 from drivers.units import arcsec_to_rad, deg_to_rad, um_to_mm
-from gateway.correct.plan.ownlayer import known_travel
+from gateway.correct.plan.layers import known_travel
 from gateway.correct.plan.plan import AxisGrid, Plan
 from gateway.errors import ModelError
 from gateway.gear.cycloid import CycloidGear
 from gateway.gear.flank import FlankGrid, flank_grid
 from gateway.gear.grinding import Grinding
-from gateway.model.axis import Motion
-from gateway.model.chain import LETTERS, Chain
+from gateway.model.chain import LETTERS, Chain, Motion
 from gateway.model.components import SLACK
-from gateway.model.layout import chain_of
-from gateway.model.motion import Fourier, Polynomial, Sum, motion_of
-from gateway.model.preset import LOCATION_NAMES, yk7350b
-from gateway.study.files import ErrorFile, ErrorFunction, GearFile, Seeded
+from gateway.model.error_model import LOCATION_NAMES, yk7350b
+from gateway.model.frames import chain_of
+from gateway.model.motion import Fourier, MotionSum, Polynomial, motion_of
+from gateway.study.inputs import ErrorFile, ErrorFunction, GearFile, SeededErrors
 
 REACH_MM = 5.0
 ORDERS = 3
@@ -91,7 +90,7 @@ def motion_in_mm_rad(
     Raises ModelError (E-CHAIN-MOTION-DATA, a series over a linear axis without its period too).
     """
     if isinstance(value, tuple):
-        return Sum(tuple(motion_in_mm_rad(chain, name, one) for one in value))
+        return MotionSum(tuple(motion_in_mm_rad(chain, name, one) for one in value))
     axis, _ = chain.error_place(name)
     size = arcsec_to_rad(1.0) if is_angle(name) else um_to_mm(1.0)
     if not isinstance(value, ErrorFunction):
@@ -111,7 +110,7 @@ def motion_in_mm_rad(
     return motion_of({"type": value.type, **data[value.type], **known}, name, name=name, turning=turning)
 
 
-def drawn_errors(chain: Chain, seeded: Seeded) -> dict[str, Motion]:
+def drawn_errors(chain: Chain, seeded: SeededErrors) -> dict[str, Motion]:
     """Smooth errors of a machine nobody knows: cubics on linear axes, three harmonics on rotary ones, three tilts."""
     rng = np.random.default_rng(seeded.seed)
     found: dict[str, Motion] = {}

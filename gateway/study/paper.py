@@ -17,17 +17,18 @@ from drivers.types.values import FloatArray
 from drivers.units import mm_to_um, rad_to_arcsec, rad_to_deg
 from gateway.errors import StoreError
 from gateway.gear.cycloid import CycloidGear
-from gateway.gear.first_order import judged
+from gateway.gear.first_order import bounded_first_order
 from gateway.gear.flank import FlankGrid, flank_grid
 from gateway.gear.grinding import Grinding
-from gateway.gear.passage import contact_line
+from gateway.gear.wheel_passage import contact_line
 from gateway.model.chain import LETTERS
 from gateway.model.frames import RELATIVE, with_relative
 from gateway.model.motion import travel_of
 from gateway.sensitivity.outputs import EQUAL_MM, EQUAL_RAD, equal_size
-from gateway.sensitivity.ranks import sigma_intervals
-from gateway.sensitivity.sweep import Screening
-from gateway.study.draw import axes_before_after, flank_maps
+from gateway.sensitivity.screening import ScreeningResult, sigma_intervals
+from gateway.study.calculate import State, Study
+from gateway.study.describe import tooth_values
+from gateway.study.drawing import axes_before_after, flank_maps
 from gateway.study.evidence import Evidence, inspected_chart, part_rows
 from gateway.study.export import (
     PROFILE_COLUMNS,
@@ -40,14 +41,18 @@ from gateway.study.export import (
 )
 from gateway.study.machine import is_angle, travels
 from gateway.study.pictures import write_relative
-from gateway.study.plots.axes import MotionCurve, measured_pairs, measured_panels, motion_panels
+from gateway.study.plots.charts import (
+    MotionCurve,
+    Paint,
+    measured_pairs,
+    measured_panels,
+    motion_panels,
+    screening_bars,
+    write_sheet,
+)
 from gateway.study.plots.laboratory import Chart, Traces, laboratory_page, rooms_um
-from gateway.study.plots.screening import screening_bars
-from gateway.study.plots.sheet import Paint, written
 from gateway.study.plots.surfaces import contact_sheet, error_surfaces, profile_sheet, wheel_sheet
-from gateway.study.relative import relative_rows, relative_sweep
-from gateway.study.tell import tooth_values
-from gateway.study.work import State, Study
+from gateway.study.relative_errors import relative_rows, relative_sweep
 
 POINTS, HEIGHTS, SAMPLES = 23, 9, 181
 PROFILE, WIDTH = 41, 21
@@ -80,11 +85,11 @@ def error_cases(grinding: Grinding, grid: FlankGrid, names: tuple[str, ...]) -> 
 
 
 def _raw(grinding: Grinding, grid: FlankGrid) -> FloatArray:
-    e = judged(grinding, grid.k, grid.theta, grid.z).second
+    e = bounded_first_order(grinding, grid.k, grid.theta, grid.z).second
     return np.asarray(np.broadcast_to(e, grid.shape)[0])
 
 
-def sigma_bounds(screening: Screening, output: str) -> dict[str, list[float]]:
+def sigma_bounds(screening: ScreeningResult, output: str) -> dict[str, list[float]]:
     """Bounds of sigma of each error by its name, um."""
     bounds = sigma_intervals(screening.effects[..., screening.outputs.index(output)])
     low, high = (mm_to_um(one) for one in bounds)
@@ -135,7 +140,7 @@ def motion_curves(study: Study, known: Mapping[str, float]) -> list[MotionCurve]
     return found
 
 
-def traced(gear: CycloidGear) -> tuple[int, ...]:
+def traced_spaces(gear: CycloidGear) -> tuple[int, ...]:
     """The spaces whose traces are drawn: four, a quarter of a turn apart."""
     return tuple(sorted({round(share * gear.zc) % gear.zc for share in ASKED}))
 
@@ -143,9 +148,9 @@ def traced(gear: CycloidGear) -> tuple[int, ...]:
 def chart_of(study: Study, grinding: Grinding, state: State, title: str) -> Chart:
     """Figures 11 and 12: traces of four spaces on both flanks, and pitch and runout of all, of one state."""
     gear = grinding.gear
-    spaces = traced(gear)
+    spaces = traced_spaces(gear)
     grid = flank_grid(gear, profile=PROFILE, width=WIDTH, fraction=study.gear.flank.fraction, spaces=spaces)
-    e = np.broadcast_to(judged(grinding, grid.k, grid.theta, grid.z).second, grid.shape)
+    e = np.broadcast_to(bounded_first_order(grinding, grid.k, grid.theta, grid.z).second, grid.shape)
     e = e - state.figure.rotation * grid.section.h
     middle = int(np.argmin(np.abs(grid.zs)))
     arc, half = gear.arc(grid.thetas), 0.5 * gear.limits().half_lobe_arc
@@ -196,7 +201,7 @@ def pages_of(study: Study, evidence: Evidence | None) -> tuple[tuple[Chart, str]
     gear, found = study.grinding.gear, []
     ours = evidence is not None and evidence.is_of(gear)
     parts = evidence.parts if evidence is not None and ours else {}
-    spaces = traced(gear)
+    spaces = traced_spaces(gear)
     for name, machine, state in (
         ("before", study.grinding, study.before),
         ("after", study.correction.machine, study.after),
@@ -343,7 +348,7 @@ def write_paper(study: Study, folder: Path, evidence: Evidence | None = None) ->
     gear, rows = study.grinding.gear, screening_rows(study)
     files = [frames, curves]
     found = sheets(study, evidence)
-    files += [written(folder / f"{one.name}.png", one.size, one.paint) for one in found]
+    files += [write_sheet(folder / f"{one.name}.png", one.size, one.paint) for one in found]
     columns = ("error", "space_0", "least", "greatest", "rms", "first_order_misses", "unit")
     files += [
         write_rows(folder / "table-1.csv", ("parameter", "symbol", "value", "unit"), gear_rows(study)),

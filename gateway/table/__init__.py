@@ -2,7 +2,7 @@
 
 from gateway.table.comparison import effective
 from gateway.table.limits import check
-from gateway.table.projection import Grid, project
+from gateway.table.merging import Grid, project
 from gateway.table.proposal import MeasuredMeans, propose
 
 __all__ = [

@@ -45,7 +45,7 @@ def effective(live: LiveTable) -> CompensationTable:
     return replace(live.table, deviations=(0.0,) * len(live.table.deviations), reverse=())
 
 
-def unlike(
+def differing_parts(
     wanted: CompensationTable, found: CompensationTable, names: Sequence[str] = FORM, within: float = GRID_TOLERANCE
 ) -> Iterator[tuple[str, object, object]]:
     """Parts beside the values that differ: name, wanted, found; numbers by more than ``within``, NaN always."""
@@ -68,7 +68,7 @@ def differences(wanted: CompensationTable, found: CompensationTable, allowed: fl
     """
     if wanted.step <= 0 and not wanted.places and not any((*wanted.deviations, *found.deviations)):
         return ()
-    parts = (f"{name} {one} is {two}" for name, one, two in unlike(wanted, found, PARTS))
+    parts = (f"{name} {one} is {two}" for name, one, two in differing_parts(wanted, found, PARTS))
     points = _points("point", wanted.deviations, found.deviations, allowed)
     return (*parts, *points, *curves_apart(wanted, found, allowed))
 
@@ -90,10 +90,10 @@ def taken_by_cross(tables: Iterable[CompensationTable], axis: str, at: FloatArra
     every = list(tables)
     factors = factors_of(every)
     own = [one for one in every if one.input_axis == axis and one.index not in factors]
-    return np.sum([acting(one, at) * (0.5 if one.direction else 1.0) for one in own], axis=0) + np.zeros_like(at)
+    return np.sum([acting_mean(one, at) * (0.5 if one.direction else 1.0) for one in own], axis=0) + np.zeros_like(at)
 
 
-def toward(table: CompensationTable, positions: FloatArray, approach: Approach) -> FloatArray:
+def deviations_toward(table: CompensationTable, positions: FloatArray, approach: Approach) -> FloatArray:
     """Deviations a table cancels at positions (m,) come to in one direction; one that was never loaded cancels nothing.
 
     A reversal has one value, which holds everywhere.
@@ -105,11 +105,11 @@ def toward(table: CompensationTable, positions: FloatArray, approach: Approach) 
     return np.asarray(table.at(positions, approach))
 
 
-def acting(table: CompensationTable, positions: FloatArray) -> FloatArray:
+def acting_mean(table: CompensationTable, positions: FloatArray) -> FloatArray:
     """The mean of `toward` in both directions of travel, shape (m,)."""
-    return (toward(table, positions, 1) + toward(table, positions, -1)) / 2.0
+    return (deviations_toward(table, positions, 1) + deviations_toward(table, positions, -1)) / 2.0
 
 
-def apart(table: CompensationTable, positions: FloatArray) -> FloatArray:
+def directional_difference(table: CompensationTable, positions: FloatArray) -> FloatArray:
     """What a table cancels more of at positions in the positive than in the negative direction: its part of B."""
-    return toward(table, positions, 1) - toward(table, positions, -1)
+    return deviations_toward(table, positions, 1) - deviations_toward(table, positions, -1)

@@ -21,8 +21,8 @@ from drivers.units import AxisUnit, DeviationUnit, deviation_scale, deviation_un
 from gateway.domain.proposals import TableFinding
 from gateway.domain.values import FloatArray
 from gateway.errors import InDoubt
-from gateway.table.limits import check, check_reach, finding
-from gateway.table.projection import Grid, project, quantised, zeroed
+from gateway.table.limits import check, check_reach, second_person_finding
+from gateway.table.merging import Grid, project, round_to_resolution, zero_at_reference
 
 TURN_DEG = 360.0
 WIDEST_BRIDGE_DEG = 60.0
@@ -131,10 +131,12 @@ def curves(measured: MeasuredSet, datum: FileDatum, *, modulo: bool) -> Curves:
         positions = np.mod(np.round(positions, 9), TURN_DEG)
     order = np.argsort(positions, kind="stable")
     at, places = np.unique(np.round(positions[order], 9), return_inverse=True)
-    return Curves(at, _joined(plus[order], places), _joined(minus[order], places), measured.axis_unit)
+    return Curves(
+        at, _mean_of_positions(plus[order], places), _mean_of_positions(minus[order], places), measured.axis_unit
+    )
 
 
-def _joined(values: FloatArray, places: np.ndarray) -> FloatArray:
+def _mean_of_positions(values: FloatArray, places: np.ndarray) -> FloatArray:
     """Readings of one position (0 and 360 deg are one) to their mean."""
     sums = np.bincount(places, weights=values)
     return np.asarray(sums / np.bincount(places))
@@ -206,7 +208,9 @@ def _table(
     def curve(at: FloatArray) -> FloatArray:
         return np.asarray(np.interp(at, found.positions, means, period=period))
 
-    values = zeroed(project(curve, grid, modulo=request.modulo), grid, request.reference, modulo=request.modulo)
+    values = zero_at_reference(
+        project(curve, grid, modulo=request.modulo), grid, request.reference, modulo=request.modulo
+    )
     return CompensationTable(
         kind=request.to,
         input_axis=request.axis,
@@ -214,7 +218,7 @@ def _table(
         minimum=grid.minimum,
         maximum=grid.maximum,
         step=grid.step,
-        deviations=quantised(values, VALUE_RESOLUTION * deviation_scale(found.unit)),
+        deviations=round_to_resolution(values, VALUE_RESOLUTION * deviation_scale(found.unit)),
         modulo=request.modulo,
         index=request.index + (1 if direction == -1 else 0),
         input_unit=found.unit,
@@ -226,30 +230,69 @@ def _table(
 def _coverage(found: Curves, grid: Grid, request: TableRequest) -> list[TableFinding]:
     if request.modulo:
         gap = _widest_gap(found.positions)
-        return [finding("W-COMP-BRIDGE", request.axis, gap=f"{gap:g}", unit="deg")] if gap > WIDEST_BRIDGE_DEG else []
+        return (
+            [second_person_finding("W-COMP-BRIDGE", request.axis, gap=f"{gap:g}", unit="deg")]
+            if gap > WIDEST_BRIDGE_DEG
+            else []
+        )
     low, high, unit = float(found.positions[0]), float(found.positions[-1]), found.unit
     # Whoever asks for a table chooses its range too, so nothing of it needs to lie beyond the targets.
     check_reach((low, high), (grid.minimum, grid.maximum), unit, request.axis, beyond=0.0)
     findings = []
     if not grid.minimum <= request.reference <= grid.maximum:
         at = f"{request.reference:g}"
-        findings.append(finding("W-COMP-OUTSIDE", request.axis, reference=at, low=low, high=high, unit=unit))
+        findings.append(
+            second_person_finding("W-COMP-OUTSIDE", request.axis, reference=at, low=low, high=high, unit=unit)
+        )
     return findings
 
 
 def _remarks(found: Curves, request: TableRequest) -> list[TableFinding]:
     unit: DeviationUnit = deviation_unit(found.unit)
-    findings = [finding("W-COMP-REPLACES", request.axis)]
+    findings = [second_person_finding("W-COMP-REPLACES", request.axis)]
     reversal = found.plus - found.minus
     if np.isnan(reversal).any():
-        return [*findings, finding("W-COMP-ONE-WAY", request.axis)]
+        return [*findings, second_person_finding("W-COMP-ONE-WAY", request.axis)]
     if request.to == "axis":
         mean = f"{float(reversal.mean()):.3f}"
-        return [*findings, finding("W-COMP-REVERSAL", request.axis, reversal=mean, unit=unit)]
+        return [*findings, second_person_finding("W-COMP-REVERSAL", request.axis, reversal=mean, unit=unit)]
     period = TURN_DEG if request.modulo else None
     there = f"{float(np.interp(request.reference, found.positions, reversal, period=period)):.3f}"
     return [
         *findings,
-        finding("W-COMP-REVERSAL-LEFT", request.axis, reversal=there, reference=f"{request.reference:g}", unit=unit),
-        finding("W-COMP-CROSS-SIGN", request.axis),
+        second_person_finding(
+            "W-COMP-REVERSAL-LEFT", request.axis, reversal=there, reference=f"{request.reference:g}", unit=unit
+        ),
+        second_person_finding("W-COMP-CROSS-SIGN", request.axis),
     ]
+
+
+# ---- A measured result file -> an axis' own table as it was measured: free positions, a curve for each direction.
+#
+# For controls that take such tables. The mean of both directions is zero at the reference; the reversal stays.
+
+
+def convert_as_measured(measured: MeasuredSet, axis: str, reference: float, datum: FileDatum) -> CompensationTable:
+    """The table at the machine positions of the targets, um or arcsec. Raises Gap (E-COMP-MISSING, E-COMP-FREE)."""
+    found = curves(measured, datum, modulo=False)
+    plus = np.where(np.isnan(found.plus), found.minus, found.plus)
+    minus = np.where(np.isnan(found.minus), found.plus, found.minus)
+    low, high = float(found.positions[0]), float(found.positions[-1])
+    if found.positions.size < 2 or not low <= reference <= high:
+        raise Gap("E-COMP-FREE", axis, reference=f"{reference:g}", low=f"{low:g}", high=f"{high:g}")
+    zero = float(np.interp(reference, found.positions, (plus + minus) / 2.0))
+    resolution = VALUE_RESOLUTION * deviation_scale(found.unit)
+    forward, reverse = (round_to_resolution(one - zero, resolution) for one in (plus, minus))
+    return CompensationTable(
+        kind="axis",
+        input_axis=axis,
+        output_axis=axis,
+        minimum=low,
+        maximum=high,
+        step=0.0,
+        deviations=forward,
+        input_unit=found.unit,
+        output_unit=found.unit,
+        places=tuple(float(one) for one in found.positions),
+        reverse=() if forward == reverse else reverse,
+    )

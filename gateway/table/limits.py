@@ -1,12 +1,13 @@
-"""Is a table within its limits: number of points, values, slopes, and change against the live one?"""
+"""Is a table within its limits: points, values, slopes, change against the live one; is a foreign table plausible?"""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any, Literal
 
 import numpy as np
 
-from drivers.errors import Gap, TooManyPoints, ValueOutOfRange
+from drivers.errors import Gap, TableError, TooManyPoints, ValueOutOfRange, words
 from drivers.limits import Limits
 from drivers.message import Form, Message
 from drivers.terms import spoken
@@ -14,7 +15,7 @@ from drivers.types.tables import CompensationTable
 from drivers.units import AxisUnit
 from gateway.domain.proposals import FindingWeight, TableFinding
 from gateway.domain.values import FloatArray
-from gateway.table.comparison import acting
+from gateway.table.comparison import acting_mean
 
 BEYOND = 0.05  # of a table's range, at either end: targets are set off from an even grid by so much
 
@@ -41,12 +42,12 @@ def check(new: CompensationTable, live: CompensationTable, limits: Limits, axis:
     slopes = np.diff(values) / new.step
     middles = new.positions[:-1] + new.step / 2.0
     _refuse("E-COMP-SLOPE", slopes, middles, limits.slope, new, axis)
-    _refuse("E-COMP-CHANGE", values - acting(live, new.positions), new.positions, limits.change, new, axis)
+    _refuse("E-COMP-CHANGE", values - acting_mean(live, new.positions), new.positions, limits.change, new, axis)
     steepest = int(np.argmax(np.abs(slopes)))
     if abs(slopes[steepest]) <= limits.warn_slope:
         return ()
     return (
-        judged(
+        interlock_finding(
             "W-COMP-STEEP",
             axis,
             slope=f"{slopes[steepest]:.3g}",
@@ -72,12 +73,12 @@ def check_reach(
         raise Gap("E-COMP-REACH", axis, retryable=False, unit=unit, **ends)
 
 
-def finding(code: str, axis: str, **fields: Any) -> TableFinding:
+def second_person_finding(code: str, axis: str, **fields: Any) -> TableFinding:
     """A finding that asks for a second person, by its code and fields."""
     return TableFinding(Message(code, fields, Form.ERROR, axis), FindingWeight.ASKS)
 
 
-def judged(code: str, axis: str, **fields: Any) -> TableFinding:
+def interlock_finding(code: str, axis: str, **fields: Any) -> TableFinding:
     """A finding that an interlock judges by a limit of its own."""
     return TableFinding(Message(code, fields, Form.ERROR, axis), FindingWeight.JUDGED)
 
@@ -103,3 +104,42 @@ def _refuse(code: str, values: FloatArray, at: FloatArray, limit: float, table: 
             limit=limit,
             unit=table.deviation_unit,
         )
+
+
+# ---- Whether a table of another program can be one of a machine's errors: what no axis has is refused, what few have
+# told.
+#
+# Its limits are wider than those of a push: a small mill's screw may well be off by more than we would load anywhere.
+
+IMPLAUSIBLE = 5.0
+"""How many times the largest value of a push no axis has: 1 mm, 900 arcsec."""
+
+
+def implausible_values(tables: Sequence[CompensationTable]) -> tuple[str, ...]:
+    """What is doubtful, in words: the largest value and the largest change from a point to its neighbour, once a table.
+
+    Raises TableError (E-EXCHANGE-LARGE).
+    """
+    return tuple(told for table in tables for told in _doubts(table))
+
+
+def _doubts(table: CompensationTable) -> list[str]:
+    limits, at = Limits.of(table.output_unit), table.positions
+    curves = np.asarray([table.deviations, table.reverse or table.deviations], dtype=np.float64)  # (2, m)
+    sizes, jumps = np.abs(curves).max(axis=0), np.abs(np.diff(curves, axis=1)).max(axis=0)
+    worst = int(sizes.argmax())
+    told: dict[str, Any] = {"table": table.name, "axis_unit": table.input_unit, "unit": table.deviation_unit}
+    seen: dict[str, Any] = {**told, "position": f"{at[worst]:g}", "value": f"{sizes[worst]:g}"}
+    if sizes[worst] > IMPLAUSIBLE * limits.value:
+        raise TableError("E-EXCHANGE-LARGE", table.name, limit=f"{IMPLAUSIBLE * limits.value:g}", **seen)
+    found = []
+    if sizes[worst] > limits.value:
+        found.append(words("W-EXCHANGE-LARGE", limit=f"{limits.value:g}", **seen))
+    if jumps.size and (beyond := jumps - limits.reversal - limits.slope * np.diff(at)).max() > 0.0:
+        place = int(beyond.argmax())
+        found.append(
+            words(
+                "W-EXCHANGE-JUMP", low=f"{at[place]:g}", high=f"{at[place + 1]:g}", change=f"{jumps[place]:g}", **told
+            )
+        )
+    return found

@@ -6,9 +6,8 @@ from typing import Any
 
 from gateway.capture.targets import targets_of
 from gateway.config import AxisSection, SiteFile
-from gateway.model.axis import Axis
-from gateway.model.chain import Element
-from gateway.model.preset import yk7350b
+from gateway.model.chain import Axis, Element
+from gateway.model.error_model import yk7350b
 from gateway.workflow.errors21.setups import Planned, planned, remountings
 
 

@@ -12,9 +12,9 @@ import numpy as np
 from drivers.errors import ConfigError
 from drivers.types.values import FloatArray
 from gateway.config import SiteFile
-from gateway.correct.outlook.next_setup import THRESHOLD_UM, what_next
+from gateway.correct.outlook.flank_uncertainty import THRESHOLD_UM, what_next
 from gateway.correct.outlook.prediction import flank_map
-from gateway.correct.outlook.ranking import ConstantShape, Sized, cure_errors, errors_of, rank_errors
+from gateway.correct.outlook.ranking import ConstantShape, SizedError, cure_errors, errors_of, rank_errors
 from gateway.correct.plan.plan import Plan
 from gateway.domain.figures import Component
 from gateway.domain.values import COVERAGE
@@ -22,9 +22,9 @@ from gateway.errors import InvalidRequest, ModelError
 from gateway.gear.flank import FlankGrid, flank_grid
 from gateway.gear.grinding import Grinding
 from gateway.model.components import is_periodic, motion_uncertainty, value
-from gateway.model.known import ErrorModel, chain_of_errors
+from gateway.model.error_model import ErrorModel, chain_of_errors
 from gateway.report.tooth.errors import error_rows
-from gateway.sensitivity.outputs import Scaled
+from gateway.sensitivity.outputs import ScaledMotion
 from gateway.store import RunFolder
 from gateway.tooth import ToothProposal
 from gateway.workflow import stages
@@ -94,7 +94,7 @@ class _Seen:
         )
 
     @property
-    def errors(self) -> dict[str, Sized]:
+    def errors(self) -> dict[str, SizedError]:
         """Every error by its name."""
         return {one.parameter.name: one for one in errors_of(self.grinding, self.plan, self.model)}
 
@@ -108,16 +108,16 @@ class _Seen:
         return replace(self.grinding, chain=self.grinding.chain.with_errors(changed))
 
 
-def _range(one: Sized) -> dict[str, float]:
+def _range(one: SizedError) -> dict[str, float]:
     """What a person may try: a measured error from none to twice, an unknown one within its span."""
     return {"low": one.low, "high": MOST + one.low, "at": 1.0 + one.low}
 
 
-def _times(one: Sized, size: float) -> Scaled | float:
+def _times(one: SizedError, size: float) -> ScaledMotion | float:
     basis = one.parameter.basis
     if basis is None or (isinstance(basis, ConstantShape) and not one.parameter.name.startswith("E")):
         return size * (basis.value if isinstance(basis, ConstantShape) else 1.0)
-    return Scaled(basis, size)
+    return ScaledMotion(basis, size)
 
 
 def _curve(one: Component, systematic: float) -> dict[str, Any]:

@@ -8,11 +8,11 @@ from typing import Any
 from drivers.clock import Clock
 from gateway.approve import take_risk
 from gateway.config import SiteFile
-from gateway.correct.outlook.next_setup import Tooth
+from gateway.correct.outlook.flank_uncertainty import ToothSpec
 from gateway.domain.proposals import Approval
 from gateway.say import Say
 from gateway.store import RunFolder
-from gateway.study.files import load_gear
+from gateway.study.inputs import load_gear
 from gateway.study.machine import gear_of
 from gateway.web import bodies
 from gateway.web.ports import ServedSite, Work
@@ -56,7 +56,7 @@ def _tooth(site: SiteFile, path: Path) -> Any:
     if site.work is None:
         return None
     file = load_gear(path.parent / site.work.gear)
-    return Tooth(gear_of(file), file.grinding.centre_distance_mm, site.work.height_mm)
+    return ToothSpec(gear_of(file), file.grinding.centre_distance_mm, site.work.height_mm)
 
 
 def close(at: ServedSite, clock: Clock, body: bodies.Close, resume: RunFolder | None) -> Work:

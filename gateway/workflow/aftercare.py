@@ -15,7 +15,7 @@ from gateway import audit
 from gateway.errors import StoreError
 from gateway.push import JOURNALS, CommittedPush, committed_pushes, pushed_tables, table_in, tolerance
 from gateway.store import Store
-from gateway.table.threeway import ThreeWay, compare
+from gateway.table.live_comparison import ThreeWay, compare_three_tables
 from gateway.workflow.bench import Bench
 from gateway.workflow.consents import alarms_of, tell
 from gateway.workflow.witness import Witness
@@ -95,7 +95,7 @@ def compare_with(wanted: tuple[PushedTable, ...], live: LiveSet) -> tuple[Look, 
     return tuple(
         Look(
             one,
-            compare(table_in(one.meant(live), one.table), one.push.new, one.push.old, one.allowed),
+            compare_three_tables(table_in(one.meant(live), one.table), one.push.new, one.push.old, one.allowed),
             live.digest,
         )
         for one in wanted

@@ -11,7 +11,7 @@ import pytest
 from playwright.sync_api import expect
 
 from drivers.languages import LANGUAGES
-from gateway.model.known import ErrorModel, Unknown
+from gateway.model.error_model import ErrorModel, UnmeasuredError
 from gateway.report.tooth.errors import error_rows
 from simulators.cell.site import section
 from tests.browser.hall import Hall, hall
@@ -48,7 +48,7 @@ def errors() -> ErrorModel:
     """Most is measured; of two errors only one matters to the tooth."""
     known = closing.errors()
     kept = tuple(one for one in known.motions if one.name != "EYC")
-    return replace(known, motions=kept, unknown=(*known.unknown, Unknown("EYC", 4.0, "um")))
+    return replace(known, motions=kept, unknown=(*known.unknown, UnmeasuredError("EYC", 4.0, "um")))
 
 
 def measured(at: Hall) -> None:

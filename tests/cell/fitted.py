@@ -13,7 +13,7 @@ from drivers.types.tables import LiveSet
 from gateway.domain.captures import Capture, Corrections
 from gateway.evaluate.geometry.error_model import error_model
 from gateway.evaluate.geometry.measurement import Measurement
-from gateway.model.known import ErrorModel, LocationError
+from gateway.model.error_model import ErrorModel, LocationError
 from simulators.truth import Truth
 
 FloatArray = NDArray[np.float64]

@@ -13,13 +13,13 @@ import pytest
 from drivers.clock import LoopClock, run_virtual
 from drivers.errors import ConfigError, TrueflankError, UnsupportedDevice
 from gateway.config import SiteFile, load_site
-from gateway.correct.outlook.next_setup import Tooth
+from gateway.correct.outlook.flank_uncertainty import ToothSpec
 from gateway.domain.captures import Capture
 from gateway.errors import CaptureError
 from gateway.model.components import value
 from gateway.say import silence
 from gateway.store import RunFolder, Store
-from gateway.study.files import load_gear
+from gateway.study.inputs import load_gear
 from gateway.study.machine import gear_of
 from gateway.supervisor import DevicesFailed, Supervisor
 from gateway.workflow.axes.guard import GuardOutcome, guard_site
@@ -244,7 +244,7 @@ def test_the_whole_plan_identifies_all_21(tmp_path: Path) -> None:
     async def story(cell: Cell, site: SiteFile, clock: LoopClock) -> None:
         assert site.work is not None
         file = load_gear(cell.site_path.parent / site.work.gear)
-        tooth = Tooth(gear_of(file), file.grinding.centre_distance_mm, site.work.height_mm)
+        tooth = ToothSpec(gear_of(file), file.grinding.centre_distance_mm, site.work.height_mm)
         ask: dict[str, Any] = {"clock": clock, "say": silence, "tooth": tooth}
         part = tuple(one.key for one in planned(site) if one.setup.component != "EBC")
         first = await measure_site(site, cell.site_path, wanted=part, **ask)

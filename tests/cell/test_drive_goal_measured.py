@@ -17,14 +17,13 @@ import pytest
 from drivers.types.tables import CompensationTable
 from drivers.units import mm_to_um
 from gateway.correct.flank.noise import noise_patterns
-from gateway.correct.outlook.flank_uncertainty import error_doubts
-from gateway.correct.outlook.next_setup import doubts
+from gateway.correct.outlook.flank_uncertainty import doubts, error_doubts
 from gateway.correct.plan.layers import correct
 from gateway.gear.cycloid import CycloidGear
-from gateway.gear.first_order import judged
+from gateway.gear.first_order import bounded_first_order
 from gateway.gear.flank import flank_grid
 from gateway.gear.grinding import Grinding
-from gateway.model.known import chain_of_errors
+from gateway.model.error_model import chain_of_errors
 from gateway.reducer.figures import without_limit
 from gateway.reducer.firstorder import transmission_map
 from gateway.reducer.goal import goal_of
@@ -64,7 +63,11 @@ def test_a_measured_machine_s_drive_has_half_the_error_that_axis_tables_leave_or
         grid.thetas,
         grid.zs,
         np.asarray(
-            mm_to_um(np.array(np.broadcast_to(judged(found.machine, grid.k, grid.theta, grid.z).second, grid.shape)))
+            mm_to_um(
+                np.array(
+                    np.broadcast_to(bounded_first_order(found.machine, grid.k, grid.theta, grid.z).second, grid.shape)
+                )
+            )
         ),
     )
     predicted = essentials(without_limit(drive), [told] * len(drive.discs), steps=24).error_arcsec

@@ -15,18 +15,17 @@ from drivers.clock import LoopClock, run_virtual
 from drivers.types.tables import CompensationTable
 from gateway.config import load_site
 from gateway.correct.flank.noise import noise_patterns
-from gateway.correct.outlook.flank_uncertainty import Shop
-from gateway.correct.outlook.next_setup import doubts
+from gateway.correct.outlook.flank_uncertainty import ProcessUncertainty, doubts
 from gateway.correct.outlook.prediction import predict
-from gateway.correct.part.setupvalues import setup_from_part
+from gateway.correct.part.inspected import setup_from_part
 from gateway.correct.plan.layers import correct
 from gateway.correct.plan.plan import AxisGrid, Plan
 from gateway.domain.proposals import Proposal
 from gateway.gear.cycloid import CycloidGear
 from gateway.gear.flank import flank_figure, flank_grid
 from gateway.gear.grinding import Grinding
-from gateway.gear.setright import set_right
-from gateway.model.known import chain_of_errors
+from gateway.gear.process_drift import set_right
+from gateway.model.error_model import chain_of_errors
 from gateway.say import silence
 from gateway.store import RunFolder
 from gateway.tooth import FlankMap, InspectedFlank, ToothProposal
@@ -165,7 +164,7 @@ def test_the_uncertainty_is_neither_too_small_nor_too_large_on_true_machines(
     assert cell.part is not None
     gear = CycloidGear(**cell.part.gear.model_dump())
     grid, clamping = flank_grid(gear), cell.part.clamping.eccentric_um
-    shop = Shop(clamping_um=clamping)
+    shop = ProcessUncertainty(clamping_um=clamping)
     for seed in range(21, 29):
         rng, truth = np.random.default_rng(seed), Truth(cell, seed)
         model = read(truth, seed, repetitions, counts).model()

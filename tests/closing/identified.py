@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from gateway.domain.captures import Capture
 from gateway.model.components import value
-from gateway.model.known import ErrorModel
+from gateway.model.error_model import ErrorModel
 from gateway.store import RunFolder
 from gateway.workflow import stages
 from simulators.truth import Truth

@@ -14,7 +14,7 @@ from drivers.clock import LoopClock
 from drivers.errors import TrueflankError
 from drivers.types.gears import GearInspection
 from gateway.config import SiteFile, load_site
-from gateway.correct.part.inspected import About, inspected_flank
+from gateway.correct.part.inspected import InspectionSource, inspected_flank
 from gateway.domain.captures import Capture
 from gateway.say import silence
 from gateway.store import RunFolder
@@ -63,7 +63,7 @@ def part_of(file: CellFile, site: SiteFile, site_path: Path) -> InspectedFlank:
     work = ground(truth, file.part, x_mm=X_MM, dressing_mm=DRESSING_MM)
     seen = GearMachine(spec, truth.seed).inspect(work, 11, 5)
     found = GearInspection(seen.points_mm, seen.space, seen.flank, deviation_um=seen.deviation_um)
-    return inspected_flank(gear, found, About(BEFORE, "truth", heights="middle"))
+    return inspected_flank(gear, found, InspectionSource(BEFORE, "truth", heights="middle"))
 
 
 async def asked(

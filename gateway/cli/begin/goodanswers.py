@@ -38,7 +38,7 @@ def with_height(text: str) -> tuple[str, float]:
 
 def gear_file(text: str, folder: Path) -> Why | None:
     """A gear file beside the site file, the example, or none."""
-    from gateway.study.files import load_gear
+    from gateway.study.inputs import load_gear
 
     name, _ = with_height(text)
     if text == NONE or name == SAMPLE:

@@ -254,7 +254,7 @@ def _gear(tree: Any, site: Any, folder: Path) -> Iterator[Fault]:
 def _built(tree: Any, file: Path) -> Iterator[Fault]:
     """The gear of a file, and the wheel beside it: what is wrong is in that file, and the path is right."""
     from gateway.errors import ModelError
-    from gateway.study.files import load_gear
+    from gateway.study.inputs import load_gear
     from gateway.study.machine import gear_of
 
     try:

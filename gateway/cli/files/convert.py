@@ -146,8 +146,7 @@ def _exchange(wish: ConversionOptions, *, as_json: bool) -> None:
 
 def _measured(wish: ConversionOptions) -> tuple[Any, bool, tuple[str, ...]]:
     """The table of a measured file, at its own targets and with a curve for each direction; of a double?; and notes."""
-    from gateway.table.conversion import datum_of
-    from gateway.table.free import as_measured
+    from gateway.table.conversion import convert_as_measured, datum_of
     from gateway.workflow.doubles import simulated_set
 
     if not wish.axis:
@@ -155,7 +154,7 @@ def _measured(wish: ConversionOptions) -> tuple[Any, bool, tuple[str, ...]]:
     measured, notes = _read(wish)
     reference = _complete(wish, measured)
     datum = datum_of([_pair(word) for word in wish.datum])
-    table = as_measured(measured, wish.axis.strip().upper(), reference, datum)
+    table = convert_as_measured(measured, wish.axis.strip().upper(), reference, datum)
     return table, simulated_set(measured), (*measured.warnings, *notes, *_said(measured))
 
 

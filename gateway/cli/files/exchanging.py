@@ -16,7 +16,7 @@ from drivers.units import AxisUnit
 from gateway.cli.files.tables import table_data, table_format, write_text
 from gateway.cli.options import open_run
 from gateway.cli.show import echo, show_json
-from gateway.table.plausible import doubts
+from gateway.table.limits import implausible_values
 
 ZIPPED = b"PK\3\4"
 """How a workbook begins, whatever its name ends with."""
@@ -78,7 +78,7 @@ def exchange(wish: ExchangeOptions, measured: CompensationTable | None, *, as_js
         notes: tuple[str, ...] = ()
         text, rows, largest = _errors(wish, content)
     else:
-        notes = (*wish.notes, *doubts(content))
+        notes = (*wish.notes, *implausible_values(content))
         text, rows, largest = _tables(wish, content, _form_of(wish))
     write_text(wish.output, text, force=wish.force)
     if as_json:

@@ -25,9 +25,9 @@ def study_command(
     height: float | None = None,
 ) -> None:
     """Work out a study and show it; pictures into ``plots``, the paper's figures and tables into ``paper``."""
-    from gateway.study import tell
-    from gateway.study.files import load_gear
-    from gateway.study.work import study, the_order
+    from gateway.study import describe
+    from gateway.study.calculate import study, the_order
+    from gateway.study.inputs import load_gear
     from gateway.study.workers import workers as open_workers
     from gateway.workflow.tooth.known import known_machine
 
@@ -52,25 +52,27 @@ def study_command(
 
         written += tuple(str(path) for path in write_paper(found, paper, evidence_of(errors)))
     if as_json:
-        show_json({**tell.as_data(found), "pictures": list(written)})
+        show_json({**describe.as_data(found), "pictures": list(written)})
         return
     echo(f"{gear_file.name} on {error_file.name}")
     headings = ("error", "RMS um", "largest um", "rank", "cured by", "here um", "left um")
-    show_table("each error: alone at 5 um or 0.01 deg; in this machine", headings, tell.error_rows(found))
+    show_table("each error: alone at 5 um or 0.01 deg; in this machine", headings, describe.error_rows(found))
     own = spoken().own
-    show_table("by axis (range)", ("axis", "as it is", own, f"{own} + {spoken().cross}", "unit"), tell.axis_rows(found))
-    show_table("by tooth (predicted)", ("value", "as it is", own, "everything", "unit"), tell.tooth_rows(found))
+    show_table(
+        "by axis (range)", ("axis", "as it is", own, f"{own} + {spoken().cross}", "unit"), describe.axis_rows(found)
+    )
+    show_table("by tooth (predicted)", ("value", "as it is", own, "everything", "unit"), describe.tooth_rows(found))
     if found.drive is not None:
         _tell_drive(found.drive)
-    setup = ", ".join(f"{name} {value:+.2f} {unit}" for name, value, unit in tell.setup_rows(found))
+    setup = ", ".join(f"{name} {value:+.2f} {unit}" for name, value, unit in describe.setup_rows(found))
     lines = [
         f"set-up values: {setup}",
         *map(str, found.correction.said),
-        *tell.floor_lines(found),
-        *tell.product_lines(found),
-        *tell.visible_lines(found),
+        *describe.floor_lines(found),
+        *describe.product_lines(found),
+        *describe.visible_lines(found),
     ]
-    for line in (*lines, tell.next_line(found), tell.order_line(found)):
+    for line in (*lines, describe.next_line(found), describe.order_line(found)):
         echo(line)
     for path in written:
         echo(f"written: {path}" if Path(path).suffix != ".png" else f"picture: {path}")
@@ -78,11 +80,10 @@ def study_command(
 
 def show_relative(gear: Path, errors: Path, folder: Path, height: float | None = None, *, as_json: bool) -> None:
     """Show the six relative errors of wheel to work where the gear is ground, and draw them into a folder."""
-    from gateway.study.files import load_gear
-    from gateway.study.fromrun import errors_from
+    from gateway.study.inputs import errors_from, load_gear
     from gateway.study.machine import grinding_of
     from gateway.study.pictures import write_relative
-    from gateway.study.relative import relative_data, relative_rows, relative_sweep
+    from gateway.study.relative_errors import relative_data, relative_rows, relative_sweep
 
     gear_file, error_file = load_gear(gear), errors_from(errors, height)
     grinding = grinding_of(gear_file, error_file)

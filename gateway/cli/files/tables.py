@@ -114,14 +114,14 @@ def show_findings(
 
 def diff_files(first: Path, second: Path, units: Mapping[str, AxisUnit], *, as_json: bool) -> None:
     """Compare two table files as diff(1) does: exit code 0 the same, 1 different, 2 trouble."""
-    from gateway.table.filediff import compare
+    from gateway.table.file_comparison import compare_files
 
     try:
         files = _read_both((first, second), units)
     except TrueflankError as error:
         show_error(error, as_json=as_json)
         raise typer.Exit(2) from error
-    difference = compare(*files)
+    difference = compare_files(*files)
     if as_json:
         show_json(_record(first, second, difference, [note for file in files for note in file.notes]))
     else:

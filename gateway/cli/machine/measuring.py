@@ -101,12 +101,12 @@ def _tooth(tree: Any, site: Path) -> Any:
     """The work the site file names; None without. Raises what reading a gear file raises."""
     if tree.work is None:
         return None
-    from gateway.correct.outlook.next_setup import Tooth
-    from gateway.study.files import load_gear
+    from gateway.correct.outlook.flank_uncertainty import ToothSpec
+    from gateway.study.inputs import load_gear
     from gateway.study.machine import gear_of
 
     file = load_gear(site.parent / tree.work.gear)
-    return Tooth(gear_of(file), file.grinding.centre_distance_mm, tree.work.height_mm)
+    return ToothSpec(gear_of(file), file.grinding.centre_distance_mm, tree.work.height_mm)
 
 
 def _show_plan(tree: Any, *, as_json: bool) -> None:

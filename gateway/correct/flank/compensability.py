@@ -15,9 +15,9 @@ from numpy.typing import ArrayLike, NDArray
 from drivers.types.values import FloatArray
 from gateway.errors import ModelError
 from gateway.gear.cycloid import CycloidGear
+from gateway.gear.first_order import OFFSET, ErrorParameter, LinearFlank, linear_flank
 from gateway.gear.flank import FlankGrid
 from gateway.gear.grinding import Grinding
-from gateway.gear.linear import OFFSET, ErrorParameter, LinearFlank, linear_flank
 
 NULL = 1e-9  # of the largest column: what counts as no effect on the flank
 SAME = 1e-9  # relative, for the rank
@@ -124,21 +124,21 @@ def cures(
     flank = linear_flank(grinding, grid, columns)
     names = [one if isinstance(one, str) else one.name for one in errors]
     spans = {name: len(group) for name, group in groups.items()}
-    judged = _standing(flank.normal_form().root, names, spans, share)
+    judged = _judge_cures(flank.normal_form().root, names, spans, share)
     if not figure:
         return judged
-    sized = _standing(flank.normal_form(without_rotation=True).root, names, spans, share)
+    sized = _judge_cures(flank.normal_form(without_rotation=True).root, names, spans, share)
     return tuple(replace(one, by=other.by) for one, other in zip(sized, judged, strict=True))
 
 
-def _standing(root: FloatArray, names: Sequence[str], spans: Mapping[str, int], share: float) -> tuple[Cure, ...]:
+def _judge_cures(root: FloatArray, names: Sequence[str], spans: Mapping[str, int], share: float) -> tuple[Cure, ...]:
     """Cures by a root whose first columns are the errors', then those of each family."""
     wanted = root[:, : len(names)]
     left, first = {}, len(names)
     for name, count in spans.items():
-        left[name] = _left(root[:, first : first + count], wanted)
+        left[name] = _residual_norms(root[:, first : first + count], wanted)
         first += count
-    floor = _left(root[:, len(names) :], wanted)
+    floor = _residual_norms(root[:, len(names) :], wanted)
     size = np.linalg.norm(wanted, axis=0)
     null = size <= NULL * np.max(np.linalg.norm(root, axis=0))
     return tuple(
@@ -155,7 +155,7 @@ def _cure(name: str, size: float, left: Mapping[str, float], share: float, floor
     return Cure(error=name, rms=size, left=left, by=[*whole, *good, "mechanical only"][0], floor=floor)
 
 
-def _left(span: FloatArray, columns: FloatArray) -> FloatArray:
+def _residual_norms(span: FloatArray, columns: FloatArray) -> FloatArray:
     """Norm of the part of each column that a span cannot make."""
     size = np.linalg.norm(span, axis=0)
     used = size > 0.0

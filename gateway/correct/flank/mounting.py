@@ -12,11 +12,11 @@ import numpy as np
 
 from drivers.types.values import FloatArray
 from drivers.units import mm_to_um, rad_to_arcsec
-from gateway.correct.flank.wheel_places import Places
+from gateway.correct.flank.flank_model import Places
 from gateway.gear.first_order import abg, flank_abg, to_space
 from gateway.gear.grinding import Grinding
-from gateway.model.axis import Motion
-from gateway.model.motion import Fourier, Sum
+from gateway.model.chain import Motion
+from gateway.model.motion import Fourier, MotionSum
 
 UNIT = np.array([[-1.0, 0, 0, 0, 0, 0], [0, -1.0, 0, 0, 0, 0], [0, 0, 0, -1.0, 0, 0], [0, 0, 0, 0, -1.0, 0]])
 KEYS = ("dx", "dy", "ea", "eb")
@@ -86,7 +86,7 @@ def mounting_in(grinding: Grinding, places: Places, terms: FloatArray) -> WorkMo
     return WorkMounting(*(float(v) for v in found[:4]))
 
 
-def centred(grinding: Grinding, mounting: WorkMounting) -> Grinding:
+def without_mounting(grinding: Grinding, mounting: WorkMounting) -> Grinding:
     """The machine with the work set right: that eccentricity and tilt taken out of the index axis' errors."""
     axis = grinding.chain.axis(grinding.index)
     sense = float(axis.vector[2])
@@ -96,13 +96,13 @@ def centred(grinding: Grinding, mounting: WorkMounting) -> Grinding:
     for (first, second), keys in pairs:
         if first == 0.0 and second == 0.0:
             continue
-        for key, motion in zip(keys, _seen(first, second, axis.err_frame == "moving", sense), strict=True):
-            err[key] = Sum((err.get(key, 0.0), motion))
+        for key, motion in zip(keys, _in_error_frame(first, second, axis.err_frame == "moving", sense), strict=True):
+            err[key] = MotionSum((err.get(key, 0.0), motion))
     names = {key: f"E{'XYZABC'[['dx', 'dy', 'dz', 'ea', 'eb', 'ec'].index(key)]}{axis.name}" for key in err}
     return replace(grinding, chain=grinding.chain.with_errors({names[key]: motion for key, motion in err.items()}))
 
 
-def _seen(first: float, second: float, moving: bool, sense: float) -> tuple[Motion, Motion]:
+def _in_error_frame(first: float, second: float, moving: bool, sense: float) -> tuple[Motion, Motion]:
     """The pair in the frame of the axis' errors: constant if they ride with it, turning with it if not."""
     if moving:
         return first, second

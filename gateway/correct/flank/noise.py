@@ -8,12 +8,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from drivers.types.values import FloatArray
-from gateway.correct.flank.flankmodel import FlankModel
+from gateway.correct.flank.flank_model import FlankModel
 from gateway.domain.figures import Component
 from gateway.domain.values import COVERAGE
+from gateway.gear.first_order import ErrorParameter, linear_flank
 from gateway.gear.flank import FlankGrid
 from gateway.gear.grinding import Grinding
-from gateway.gear.linear import ErrorParameter, linear_flank
+from gateway.model.chain import Chain
 from gateway.model.motion import motion_from
 
 SMALL = 1e-12  # of the largest variance
@@ -41,7 +42,7 @@ class FitNoise:
 
 
 @dataclass(frozen=True, slots=True)
-class Omitted:
+class OmittedCorrection:
     """A table or set-up value that is not proposed: what it would gain and the uncertainty (k = 2) of that, mm RMS.
 
     ``idle``: it would hold single steps only and gain next to nothing.
@@ -77,7 +78,7 @@ def component_doubts(components: Sequence[Component]) -> list[tuple[ErrorParamet
     return found
 
 
-def worth_it(model: FlankModel, noise: FitNoise) -> tuple[FlankModel, tuple[Omitted, ...]]:
+def significant_tables(model: FlankModel, noise: FitNoise) -> tuple[FlankModel, tuple[OmittedCorrection, ...]]:
     """The model without the blocks that would correct less than their uncertainty, the weakest taken out first.
 
     What a block adds to the others decides: a table to the other tables and all set-up values, a set-up value to the
@@ -93,7 +94,7 @@ def worth_it(model: FlankModel, noise: FitNoise) -> tuple[FlankModel, tuple[Omit
     return model.without([one.name for one in omitted]), omitted
 
 
-def _weak(short: _Short, names: Sequence[str]) -> tuple[Omitted, ...]:
+def _weak(short: _Short, names: Sequence[str]) -> tuple[OmittedCorrection, ...]:
     """Those of the names that are not worth it."""
     left, omitted = list(names), []
     while left:
@@ -106,7 +107,7 @@ def _weak(short: _Short, names: Sequence[str]) -> tuple[Omitted, ...]:
     return tuple(omitted)
 
 
-def carried(model: FlankModel, noise: FitNoise) -> float:
+def propagated_rms(model: FlankModel, noise: FitNoise) -> float:
     """RMS (mm) that the errors' uncertainty puts on the flank through the corrections."""
     basis = _basis(model.rows)
     square = float(np.sum((basis.T @ noise.rows(model)) ** 2)) + noise.point**2 * basis.shape[1]
@@ -135,7 +136,7 @@ class _Short:
     def without(self, *names: str) -> _Short:
         return replace(self, columns={key: value for key, value in self.columns.items() if key not in names})
 
-    def worth(self, name: str) -> Omitted:
+    def worth(self, name: str) -> OmittedCorrection:
         """What a block adds to all the others."""
         others = [value for key, value in self.columns.items() if key != name]
         rest = _basis(np.concatenate(others, axis=1) if others else np.zeros((self.right.size, 0)))
@@ -143,10 +144,12 @@ class _Short:
         basis = _basis(whole - rest @ (rest.T @ whole), np.linalg.norm(whole, axis=0))
         gain = float(np.sum((basis.T @ self.right) ** 2))
         doubt = float(np.sum((basis.T @ self.doubts) ** 2)) + self.point**2 * basis.shape[1]
-        return Omitted(name, float(np.sqrt(gain / self.points)), COVERAGE * float(np.sqrt(doubt / self.points)))
+        return OmittedCorrection(
+            name, float(np.sqrt(gain / self.points)), COVERAGE * float(np.sqrt(doubt / self.points))
+        )
 
 
-def _ratio(one: Omitted) -> float:
+def _ratio(one: OmittedCorrection) -> float:
     return one.gain / one.U if one.U > 0.0 else (np.inf if one.gain > 0.0 else 0.0)
 
 
@@ -158,3 +161,32 @@ def _basis(columns: FloatArray, sizes: FloatArray | None = None) -> FloatArray:
         return np.zeros((columns.shape[0], 0))
     u, s, _ = np.linalg.svd(used, full_matrices=False)
     return np.asarray(u[:, s > RANK])
+
+
+# ---- Smooth shapes by which an error motion may be wrong: Legendre polynomials over a travel, harmonics of a turn.
+
+
+@dataclass(frozen=True, slots=True)
+class Shape:
+    """A smooth shape of RMS 1: a Legendre polynomial over a travel, or a harmonic of the turn."""
+
+    order: int
+    low: float
+    high: float
+    turning: bool
+
+    def __call__(self, q: FloatArray) -> FloatArray:
+        """Values at q, same shape."""
+        if self.turning:
+            wave = np.cos if self.order % 2 else np.sin
+            return np.asarray(np.sqrt(2.0) * wave(((self.order + 1) // 2) * q))
+        x = np.clip((2.0 * q - self.low - self.high) / (self.high - self.low), -1.0, 1.0)
+        legendre = x if self.order == 1 else 0.5 * (3.0 * x**2 - 1.0)
+        return np.asarray(np.sqrt(2.0 * self.order + 1.0) * legendre)
+
+
+def shapes_over(chain: Chain, axis: str, travel: tuple[float, float]) -> list[Shape]:
+    """First and second order over a travel (mm), or two harmonics around the turn."""
+    if chain.axis(axis).kind == "revolute":
+        return [Shape(order, 0.0, 0.0, turning=True) for order in (1, 2, 3, 4)]
+    return [Shape(order, *travel, turning=False) for order in (1, 2)]

@@ -16,13 +16,13 @@ from numpy.random import Generator
 from drivers.types.tables import CompensationTable
 from drivers.types.values import FloatArray
 from drivers.units import mm_to_um
-from gateway.correct.flank.wheel_places import Places
+from gateway.correct.flank.flank_model import Places
 from gateway.correct.outlook.flank_uncertainty import FlankDoubts
 from gateway.correct.plan.layers import LayeredCorrection, correct
 from gateway.correct.plan.plan import Plan
 from gateway.domain.values import COVERAGE
 from gateway.evaluate.standards.conformity import decide
-from gateway.gear.first_order import judged
+from gateway.gear.first_order import bounded_first_order
 from gateway.gear.flank import FlankGrid, flank_figure
 from gateway.gear.grinding import Grinding
 from gateway.reducer.figures import without_limit
@@ -203,7 +203,7 @@ def _row(name: str, drive: Reducer, machine: Grinding, grid: FlankGrid, *, steps
 
 
 def _flank(machine: Grinding, grid: FlankGrid) -> FlankMap:
-    e: FloatArray = np.broadcast_to(judged(machine, grid.k, grid.theta, grid.z).second, grid.shape)
+    e: FloatArray = np.broadcast_to(bounded_first_order(machine, grid.k, grid.theta, grid.z).second, grid.shape)
     return FlankMap(grid.thetas, grid.zs, mm_to_um(np.array(e)))
 
 

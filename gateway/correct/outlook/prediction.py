@@ -11,31 +11,42 @@ the doubts.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from math import pi
 
 import numpy as np
 
 from drivers.types.values import FloatArray
-from drivers.units import mm_to_um
-from gateway.correct.flank.flankmodel import FlankModel, command_effects
-from gateway.correct.flank.wheel_places import Places
-from gateway.correct.outlook.flank_uncertainty import FlankDoubts, Shop, lasting, passing
+from drivers.units import AxisUnit, mm_to_um
+from gateway.correct.flank.flank_model import FlankModel, Places, command_effects
+from gateway.correct.outlook.flank_uncertainty import (
+    THRESHOLD_UM,
+    FlankDoubts,
+    ProcessUncertainty,
+    between_targets,
+    near,
+    nodes_of,
+    part_specific_doubts,
+    persistent_doubts,
+)
 from gateway.correct.plan.layers import LayeredCorrection
 from gateway.correct.plan.plan import Plan
+from gateway.domain.figures import Component
+from gateway.domain.proposals import Chance
 from gateway.domain.values import COVERAGE
-from gateway.gear.first_order import judged
+from gateway.gear.first_order import bounded_first_order
 from gateway.gear.flank import FlankGrid, flank_figure
 from gateway.gear.grinding import Grinding
-from gateway.gear.setright import set_right
-from gateway.model.known import ErrorModel
-from gateway.table.chances import Chance
+from gateway.gear.process_drift import set_right
+from gateway.model.error_model import ErrorModel
 from gateway.tooth import FlankMap, FlankPrediction
 
 DRAWS = 4000
 
 
 @dataclass(frozen=True, slots=True)
-class Outlook:
+class Prediction:
     """A prediction, and what the tooth's tables gain: RMS with axis tables alone less RMS after, both set right, um.
 
     ``gain_u_um`` is the standard deviation of that gain, for both flanks have the same doubts; ``worse`` is how likely
@@ -66,11 +77,11 @@ def predict(
     plan: Plan,
     model: ErrorModel,
     found: LayeredCorrection,
-    shop: Shop,
+    shop: ProcessUncertainty,
     *,
     seed: int = 1,
     draws: int = DRAWS,
-) -> Outlook:
+) -> Prediction:
     """What a correction of a fitted machine will leave; maps to second order, doubts to first.
 
     ``after`` is the flank with the work where it sits and the set-up values right, as the trial part will make them.
@@ -78,10 +89,10 @@ def predict(
     gear = grid.gear
     before, with_own, plain = (flank_map(one, grid) for one in (grinding, found.machine_with_own, found.unmoved))
     after = set_right(plain, gear)
-    doubt = without_setup(grinding, lasting(grinding, grid, plan=plan, model=model, shop=shop)).plus(
-        passing(grinding, grid, shop)
+    doubt = without_setup(grinding, persistent_doubts(grinding, grid, plan=plan, model=model, shop=shop)).plus(
+        part_specific_doubts(grinding, grid, shop)
     )
-    doubt = unturned(doubt)
+    doubt = without_rotation(doubt)
     steps = (set_right(before, gear), set_right(with_own, gear), after)
     drawn = _Drawn.of(doubt, steps, seed, draws)
     flank = FlankPrediction(
@@ -100,7 +111,7 @@ def predict(
         (one.rms_um, float(np.sqrt(np.mean((rms - one.rms_um) ** 2))))
         for one, rms in zip(steps, drawn.rms, strict=True)
     )
-    return Outlook(
+    return Prediction(
         flank,
         gain_um=float(np.mean(gains)),
         gain_u_um=float(np.std(gains)),
@@ -111,12 +122,12 @@ def predict(
 
 def flank_map(grinding: Grinding, grid: FlankGrid) -> FlankMap:
     """A machine's flank to second order, um, one rotation removed."""
-    e = np.broadcast_to(judged(grinding, grid.k, grid.theta, grid.z).second, grid.shape)
+    e = np.broadcast_to(bounded_first_order(grinding, grid.k, grid.theta, grid.z).second, grid.shape)
     rest = e - flank_figure(e, grid.section.h).rotation * grid.section.h
     return FlankMap(grid.thetas, grid.zs, np.asarray(mm_to_um(rest)))
 
 
-def unturned(doubt: FlankDoubts) -> FlankDoubts:
+def without_rotation(doubt: FlankDoubts) -> FlankDoubts:
     """Patterns less one rotation of the gear each, as the flank figure counts them."""
     return less(doubt, [_turn(doubt.places)])
 
@@ -192,3 +203,149 @@ class _Drawn:
             rest = short[:, count + i, None] + drawn
             rms.append(np.sqrt((np.einsum("rd,rd->d", rest, rest) + lost) / points))
         return _Drawn(np.sum(patterns**2, axis=0), tuple(rms))
+
+
+# ---- Which cross tables are worth loading together: all, or what is left when those that may do harm are taken out.
+#
+# One error that is hardly known would else take tables away that cure what is known well.
+
+Worked = tuple[LayeredCorrection, Prediction]
+
+
+@dataclass(frozen=True)
+class CrossTableSelection:
+    """What is proposed and its outlook; ``whole`` is the outlook of all the cross tables that the plan allowed.
+
+    ``left_out`` names the tables (output first, as X(Z)) that were taken out because with them harm is too likely.
+    """
+
+    found: LayeredCorrection
+    outlook: Prediction
+    whole: Prediction
+    left_out: tuple[str, ...] = ()
+
+    @property
+    def told(self) -> Prediction:
+        """The outlook that says why cross tables are proposed, or why none is."""
+        return self.outlook if self.found.optimum.tables else self.whole
+
+
+def select_cross_tables(plan: Plan, work_out: Callable[[Plan], Worked]) -> CrossTableSelection:
+    """The cross tables of the plan that are worth it together, one after the other taken out until they are.
+
+    ``work_out`` gives correction and outlook of a plan. Of those that could go next, the one goes without which the
+    rest is worth it and gains most; where none is so, the one without which harm is least likely.
+    """
+    found, outlook = work_out(plan)
+    whole, cross = outlook, plan.cross
+    while found.optimum.tables and not outlook.worth:
+        acting = {table.grid.name for table in found.optimum.tables}
+        rest = [tuple(one for one in cross if one != out) for out in cross if _name(out) in acting]
+        tried = [(left, *work_out(replace(plan, cross=left))) for left in rest]
+        cross, found, outlook = max(tried, key=lambda one: _rank(one[1], one[2]))
+    gone = tuple(_name(one) for one in plan.cross if one not in cross)
+    return CrossTableSelection(found, outlook, whole, gone if found.optimum.tables else ())
+
+
+def _name(cross: tuple[str, str]) -> str:
+    return f"{cross[0]}({cross[1]})"
+
+
+def _rank(found: LayeredCorrection, outlook: Prediction) -> tuple[bool, float]:
+    worth = bool(found.optimum.tables) and outlook.worth
+    return worth, outlook.gain_um if worth else -outlook.worse
+
+
+# ---- The measured error that makes most of the flank's uncertainty: are its targets too coarse, and what cures that.
+#
+# Targets h apart show no wave shorter than 2 h, and straight lines leave (pi s / 2 h)^2 / 2 of that once targets stand
+# s apart. So a step over the face is found at which the error no longer matters.
+
+DOMINATES = 0.5  # of u squared
+CURED = 1.0 / 3.0  # of what it was
+FEWEST, MOST = 4, 20  # steps over the face
+BESIDE = 2  # steps on either side of it: the outermost may be too close together for the gap beyond them
+
+
+@dataclass(frozen=True, slots=True)
+class FinerTargets:
+    """Where to measure at which step, machine coordinates in the axis' unit, and what is left then, um RMS."""
+
+    first: float
+    last: float
+    step: float
+    unit: AxisUnit
+    left_um: float
+
+
+@dataclass(frozen=True, slots=True)
+class DominantError:
+    """One measured error whose doubt is more than half of the flank's u squared, um RMS.
+
+    ``window`` cures it; None where its targets are fine enough and noise or the instrument make its doubt.
+    """
+
+    name: str
+    part_um: float
+    u_um: float
+    window: FinerTargets | None
+
+
+def diagnose_sampling(
+    grinding: Grinding, grid: FlankGrid, model: ErrorModel, flank: FlankPrediction
+) -> DominantError | None:
+    """The error to measure better, if one makes most of the doubt and enough to matter; None else."""
+    motions = {one.name: one for one in model.motions}
+    name, part = max(flank.parts_um.items(), key=lambda item: item[1], default=("", 0.0))
+    if name not in motions or part <= THRESHOLD_UM or part**2 <= DOMINATES * flank.u_um**2:
+        return None
+    unseen = _unseen_um(grinding, grid, motions[name])
+    coarse = unseen**2 > DOMINATES * part**2
+    return DominantError(name, part, flank.u_um, _window(grinding, grid, motions[name], unseen) if coarse else None)
+
+
+def _unseen_um(grinding: Grinding, grid: FlankGrid, one: Component) -> float:
+    """What of an error's doubt lies between its targets, set-up values right."""
+    if one.residual_rms <= 0.0:
+        return 0.0
+    doubt = without_setup(grinding, between_targets(grinding, grid, one))
+    return float(np.sqrt(np.sum(np.asarray(mm_to_um(rows_of(doubt))) ** 2) / doubt.places.points))
+
+
+def _window(grinding: Grinding, grid: FlankGrid, one: Component, unseen_um: float) -> FinerTargets | None:
+    axis, _ = grinding.chain.error_place(one.name)
+    if axis == grinding.index:
+        return _every_space(grinding, grid)
+    if axis != grinding.stroke:
+        return None
+    face = grid.gear.b
+    middle = float(grinding.stroke_command(np.zeros(())))
+    count, share = next(
+        ((n, share) for n in range(FEWEST, MOST) if (share := _remaining_share(one, face, middle, face / n)) <= CURED),
+        (MOST, _remaining_share(one, face, middle, face / MOST)),
+    )
+    step = face / count
+    return FinerTargets(
+        first=middle - face / 2.0 - BESIDE * step,
+        last=middle + face / 2.0 + BESIDE * step,
+        step=step,
+        unit=one.axis_unit,
+        left_um=share * unseen_um,
+    )
+
+
+def _every_space(grinding: Grinding, grid: FlankGrid) -> FinerTargets:
+    """An index error is seen where the spaces are ground: between them no flank asks."""
+    places = np.asarray(grinding.commands(grid.ks, 0.0)[grinding.index])
+    at = np.sort(np.mod(np.rad2deg(places), 360.0))
+    return FinerTargets(first=float(at[0]), last=float(at[-1]), step=360.0 / at.size, unit="deg", left_um=0.0)
+
+
+def _remaining_share(one: Component, face: float, middle: float, step: float) -> float:
+    """The share of what lies between the targets that stays there with others ``step`` apart; all of it at most.
+
+    The shortest wave that targets show is twice their distance. A smooth fit does not keep that: down to the face.
+    """
+    here = near(one, face, middle)
+    shortest = face if here is None else 2.0 * float(np.mean(np.diff(nodes_of(one)[here])))
+    return min((pi * step / shortest) ** 2 / 2.0, 1.0)

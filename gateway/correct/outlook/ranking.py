@@ -9,18 +9,17 @@ import numpy as np
 from drivers.types.values import FloatArray
 from drivers.units import mm_to_um
 from gateway.correct.flank.compensability import Cure, cures
-from gateway.correct.flank.travel_shapes import Shape
-from gateway.correct.flank.wheel_places import places_of_grid
+from gateway.correct.flank.flank_model import places_of_grid
+from gateway.correct.flank.noise import Shape
 from gateway.correct.outlook.flank_uncertainty import FlankDoubts
 from gateway.correct.outlook.prediction import rows_of, without_setup
 from gateway.correct.plan.plan import Plan
+from gateway.gear.first_order import ErrorParameter, linear_flank
 from gateway.gear.flank import FlankGrid
 from gateway.gear.grinding import Grinding
-from gateway.gear.linear import ErrorParameter, linear_flank
-from gateway.model.known import ErrorModel, Unknown, in_mm_rad
-from gateway.model.preset import TWENTY_ONE
-from gateway.sensitivity.outputs import Scaled
-from gateway.sensitivity.sweep import screen
+from gateway.model.error_model import TWENTY_ONE, ErrorModel, UnmeasuredError, in_mm_rad
+from gateway.sensitivity.outputs import ScaledMotion
+from gateway.sensitivity.screening import screen
 from gateway.tooth import CureRecord, RankRecord
 
 TRAJECTORIES = 40
@@ -39,7 +38,7 @@ class ConstantShape:
 
 
 @dataclass(frozen=True, slots=True)
-class Sized:
+class SizedError:
     """An error as it is in a machine, and between which multiples of that it may lie."""
 
     parameter: ErrorParameter
@@ -47,7 +46,7 @@ class Sized:
     high: float
 
 
-def errors_of(grinding: Grinding, plan: Plan, model: ErrorModel) -> tuple[Sized, ...]:
+def errors_of(grinding: Grinding, plan: Plan, model: ErrorModel) -> tuple[SizedError, ...]:
     """Every error of the model: a measured one from nothing to what it is, an unknown one anywhere in its span.
 
     An unknown motion is taken for a slope over the travel, around the turn for two waves.
@@ -58,26 +57,26 @@ def errors_of(grinding: Grinding, plan: Plan, model: ErrorModel) -> tuple[Sized,
             continue
         gap = next((one for one in model.unknown if one.name == name), None)
         if gap is not None:
-            found.append(Sized(ErrorParameter(name, _assumed(grinding, plan, gap)), -1.0, 1.0))
+            found.append(SizedError(ErrorParameter(name, _assumed_error(grinding, plan, gap)), -1.0, 1.0))
             continue
         axis, key = grinding.chain.error_place(name)
         one = grinding.chain.axis(axis)
         motion = one.err.get(key, one.loc.get(key, 0.0))
         found.append(
-            Sized(ErrorParameter(name, motion if callable(motion) else ConstantShape(float(motion))), 0.0, 1.0)
+            SizedError(ErrorParameter(name, motion if callable(motion) else ConstantShape(float(motion))), 0.0, 1.0)
         )
     return tuple(found)
 
 
-def _assumed(grinding: Grinding, plan: Plan, gap: Unknown) -> ConstantShape | Scaled:
+def _assumed_error(grinding: Grinding, plan: Plan, gap: UnmeasuredError) -> ConstantShape | ScaledMotion:
     size = in_mm_rad(gap.unit, gap.span)
     if not gap.name.startswith("E"):
         return ConstantShape(size)
     axis, _ = grinding.chain.error_place(gap.name)
     if grinding.chain.axis(axis).kind == "revolute":
-        return Scaled(Shape(3, 0.0, 0.0, turning=True), size / 2.0**0.5)
+        return ScaledMotion(Shape(3, 0.0, 0.0, turning=True), size / 2.0**0.5)
     low, high = next(((one.minimum, one.maximum) for one in plan.grids if one.axis == axis), (-1.0, 1.0))
-    return Scaled(Shape(1, low, high, turning=False), size / 3.0**0.5)
+    return ScaledMotion(Shape(1, low, high, turning=False), size / 3.0**0.5)
 
 
 def rank_errors(
@@ -113,7 +112,7 @@ class _Rms:
     """RMS (n, 1) um of points (n, d) of the unit cube; ``root`` (m, d) um per whole error."""
 
     root: FloatArray
-    errors: tuple[Sized, ...]
+    errors: tuple[SizedError, ...]
 
     def __call__(self, points: FloatArray) -> FloatArray:
         low = np.array([one.low for one in self.errors])

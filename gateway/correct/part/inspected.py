@@ -11,19 +11,22 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from drivers.errors import words
+from drivers.limits import SOLVED_STEP
 from drivers.message import Message, digits, fixed
 from drivers.types.gears import GearInspection
 from drivers.types.values import FloatArray
 from drivers.units import UM_PER_MM, mm_to_um, rad_to_arcsec, um_to_mm
-from gateway.correct.flank.wheel_places import Places, places_of_grid
-from gateway.correct.part.fitted_places import FittedPlaces, check_points, of_record, placed
+from gateway.correct.flank.flank_model import Places, command_effects, places_of_grid, places_of_points
+from gateway.correct.part.fitted_places import FittedPlaces, check_points, fit_points, fit_record
 from gateway.domain.values import COVERAGE
 from gateway.gear.cycloid import CycloidGear
-from gateway.gear.flank import FlankGrid, flank_figure, flank_grid
-from gateway.gear.inspection import TraceValues, inspect, trace_values
-from gateway.gear.setright import with_curvature
-from gateway.gear.touched import Heights, touched
-from gateway.tooth import FlankMap, InspectedFlank
+from gateway.gear.flank import FlankGrid, TraceValues, flank_figure, flank_grid, inspect, trace_values
+from gateway.gear.grinding import Grinding
+from gateway.gear.measured_points import Heights, touched_points
+from gateway.gear.process_drift import with_curvature
+from gateway.model.error_model import yk7350b
+from gateway.tooth import FlankMap, InspectedFlank, SetupValues
 
 PROFILE, WIDTH = 11, 5
 USUAL_CLAMPING_UM = 0.5
@@ -32,7 +35,7 @@ TO_UM = np.array([UM_PER_MM, UM_PER_MM, rad_to_arcsec(1.0)])
 
 
 @dataclass(frozen=True, slots=True)
-class About:
+class InspectionSource:
     """What was inspected by whom: part's name in the run, source, serial number, when, how well it clamps (k = 2).
 
     ``heights`` says what the heights count from; ``said`` goes before what the points themselves say.
@@ -47,16 +50,16 @@ class About:
     said: tuple[Message, ...] = ()
 
 
-def inspected_flank(gear: CycloidGear, found: GearInspection, about: About) -> InspectedFlank:
+def inspected_flank(gear: CycloidGear, found: GearInspection, about: InspectionSource) -> InspectedFlank:
     """The record of measured points: fitted flank, uncertainties, figures, what must be minded.
 
-    Raises what `gateway.gear.touched.touched` and `gateway.correct.part.fitted_places.placed` raise.
+    Raises what `gateway.gear.measured_points.touched_points` and `gateway.correct.part.fitted_places.fit_points` raise.
     """
-    seen = touched(gear, found, about.heights)
+    seen = touched_points(gear, found, about.heights)
     probe = um_to_mm(found.probe_u_um or 0.0)
-    told = placed(gear, seen.points, probe)
+    told = fit_points(gear, seen.points, probe)
     grid = flank_grid(gear, profile=PROFILE, width=WIDTH)
-    flank = _Fitted.of(told, grid)
+    flank = _FittedFlank.of(told, grid)
     point_um = float(mm_to_um(told.fit.u))
     form = float(np.sqrt(max(told.fit.u**2 - probe**2, 0.0))) if probe else 0.0
     clamping = um_to_mm(about.clamping_um / COVERAGE) * _clamping_share(grid)
@@ -77,7 +80,7 @@ def inspected_flank(gear: CycloidGear, found: GearInspection, about: About) -> I
         fitted=FlankMap(grid.thetas, grid.zs, flank.deviation * UM_PER_MM),
         rms_u_um=float(mm_to_um(rms_u)),
         figures=_figures(grid, flank, told),
-        said=(*about.said, *_said(told, seen.shift, about, probe), *map(Message.stored, found.warnings)),
+        said=(*about.said, *_inspection_remarks(told, seen.shift, about, probe), *map(Message.stored, found.warnings)),
         measured_utc=about.measured_utc,
         turned_arcsec=rad_to_arcsec(flank.rotation),
     )
@@ -91,7 +94,7 @@ def inspection_patterns(
     A, B, G of every measured place by the scatter of its points, straight between heights as the flank is fitted; and
     the clamping's eccentricity, as likely along x as along y. No pattern is one rotation: the datum of angles is free.
     """
-    told, grid = of_record(gear, found), flank_grid(gear, profile=PROFILE, width=WIDTH)
+    told, grid = fit_record(gear, found), flank_grid(gear, profile=PROFILE, width=WIDTH)
     places = places_of_grid(grid)
     roots = np.linalg.cholesky(told.places.inverses) * told.fit.u
     columns = []
@@ -113,11 +116,11 @@ def check_gear(gear: CycloidGear, found: GearInspection, heights: Heights = "low
 
     Raises what `touched` raises, ModelError E-INSPECT-GEAR.
     """
-    check_points(gear, touched(gear, found, heights).points)
+    check_points(gear, touched_points(gear, found, heights).points)
 
 
 @dataclass(frozen=True)
-class _Fitted:
+class _FittedFlank:
     """The flank (K, T, Z) in mm without its rotation (rad), and the variance of each point by the probe's noise."""
 
     deviation: FloatArray
@@ -125,7 +128,7 @@ class _Fitted:
     rotation: float
 
     @staticmethod
-    def of(told: FittedPlaces, grid: FlankGrid) -> _Fitted:
+    def of(told: FittedPlaces, grid: FlankGrid) -> _FittedFlank:
         section = grid.gear.section(grid.thetas)
         form = np.stack([section.nx, section.ny, section.h], axis=-1)
         spread = told.places.inverses * told.fit.u**2
@@ -139,7 +142,7 @@ class _Fitted:
         straight = FlankMap(grid.thetas, grid.zs, deviation * UM_PER_MM)
         deviation = with_curvature(straight, grid.gear).deviation_um / UM_PER_MM
         turned = flank_figure(deviation, grid.section.h).rotation
-        return _Fitted(deviation - turned * grid.section.h, variance, turned)
+        return _FittedFlank(deviation - turned * grid.section.h, variance, turned)
 
 
 def along_face(measured: FloatArray, wanted: FloatArray) -> FloatArray:
@@ -163,7 +166,7 @@ def _clamping_share(grid: FlankGrid) -> float:
     return float(np.hypot(x, y))
 
 
-def _figures(grid: FlankGrid, flank: _Fitted, told: FittedPlaces) -> dict[str, float]:
+def _figures(grid: FlankGrid, flank: _FittedFlank, told: FittedPlaces) -> dict[str, float]:
     """Largest over all flanks, um: profile on the measured lines where there are any, the rest on the fitted flank."""
     chart = inspect(grid, flank.deviation)
     lines = _profile_lines(grid.gear, told, flank.rotation)
@@ -198,7 +201,7 @@ def _profile_lines(gear: CycloidGear, told: FittedPlaces, rotation: float) -> Fl
     return np.array([[abs(float(value)) for value in _values(one)] for one in traces]).reshape(-1, 3)
 
 
-def _said(told: FittedPlaces, shift: int, about: About, probe: float) -> tuple[Message, ...]:
+def _inspection_remarks(told: FittedPlaces, shift: int, about: InspectionSource, probe: float) -> tuple[Message, ...]:
     said = [Message.of("S-INSPECT-CLAMPING", U=digits(about.clamping_um, 6))]
     if told.glitches:
         said.append(Message.of("S-INSPECT-GLITCHES", count=told.glitches))
@@ -209,3 +212,67 @@ def _said(told: FittedPlaces, shift: int, about: About, probe: float) -> tuple[M
     if not probe:
         said.append(Message.of("S-INSPECT-PROBE", u=fixed(mm_to_um(told.fit.u))))
     return (*said, Message.of("S-INSPECT-FIGURES"))
+
+
+# ---- Set-up values from an inspected trial part: what of its flanks is constant, and which values take it.
+
+RESOLUTION_UM = float(mm_to_um(SOLVED_STEP))
+
+
+@dataclass(frozen=True, slots=True)
+class SetupChange:
+    """Changes of the set-up values in whole steps, their standard uncertainties, and in words what was left alone."""
+
+    setup: SetupValues
+    u: SetupValues
+    said: tuple[str, ...]
+
+
+def setup_from_part(
+    inspected: InspectedFlank, gear: CycloidGear, *, resolution_um: float = RESOLUTION_UM
+) -> SetupChange:
+    """What to add to the set-up values so that the next part shows no constant A and no constant B.
+
+    The constants are those of the fitted flank by least squares over the judged grid, one rotation with them: C zero
+    stays, a rotation is no figure. Corrections are added to commands: a part with surplus in the bottom of its spaces
+    (A > 0) asks for more infeed. A value within its uncertainty (k = 2) or half a step stays as it is. ``u`` is that of
+    the constants by the scatter of the points and the step. An eccentric clamping of the inspection makes no constant;
+    a probe whose size is wrong makes one, is in ``Shop.size_um`` and nowhere here.
+    """
+    flank = inspected.fitted
+    shape = flank.deviation_um.shape
+    section = gear.section(flank.theta_rad)
+    ways = (np.broadcast_to(one[None, :, None], shape).ravel() for one in (section.nx, section.ny, section.h))
+    found = np.linalg.lstsq(np.stack(list(ways), axis=1), flank.deviation_um.ravel(), rcond=None)[0]
+    effects = _effects(gear)
+    u = _scatter(inspected, gear)[:2] / np.abs(effects)
+    wanted = -found[:2] / effects
+    steps = np.rint(wanted / resolution_um)
+    kept = (np.abs(wanted) > COVERAGE * u) & (steps != 0.0)
+    said = [
+        words("S-SETUP-WITHIN-U", name=name, value=f"{value:+.2f}", U=f"{COVERAGE * one:.2f}")
+        for name, value, one, keep in zip(("x zero", "dressing offset"), wanted, u, kept, strict=True)
+        if not keep
+    ]
+    x, dressing = (float(round(one * resolution_um, 6)) for one in np.where(kept, steps, 0.0))
+    whole = np.hypot(u, resolution_um / 12.0**0.5)
+    return SetupChange(
+        SetupValues(x_um=x, dressing_um=dressing),
+        SetupValues(x_um=float(whole[0]), dressing_um=float(whole[1])),
+        tuple(said),
+    )
+
+
+def _effects(gear: CycloidGear) -> FloatArray:
+    """A per um of x zero, B per um of dressing offset: the same in every space and at every height."""
+    grinding = Grinding(yk7350b(), gear, 2.0 * float(gear.limits().r_tip))
+    one = places_of_points(gear, 0.0, 0.0, 0.0)
+    return np.array([command_effects(grinding, one)[grinding.infeed][0, 0], 1.0])
+
+
+def _scatter(inspected: InspectedFlank, gear: CycloidGear) -> FloatArray:
+    """Standard uncertainties (3,) of constant A, B, G by the scatter of the points measured (um, um, um per mm)."""
+    section = gear.section(inspected.theta_rad)
+    form = np.stack([section.nx, section.ny, section.h], axis=1)
+    inverse = np.linalg.pinv(form.T @ form, hermitian=True)
+    return np.asarray(inspected.u_um * np.sqrt(np.maximum(np.diag(inverse), 0.0)))

@@ -16,10 +16,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from drivers.types.values import FloatArray
-from gateway.correct.flank.flankmodel import FlankModel, command_effects, flank_model, with_acting
+from gateway.correct.flank.flank_model import FlankModel, command_effects, flank_model, with_acting
 from gateway.correct.flank.tables import Product, Table, TableGrid
 from gateway.correct.plan.plan import Plan, table_spec
-from gateway.correct.solve.leastsquares import nearest
+from gateway.correct.solve.constraints import nearest
 from gateway.errors import ModelError
 from gateway.gear.flank import FlankGrid
 from gateway.gear.grinding import Grinding
@@ -54,7 +54,7 @@ def best_product(
     left, right = (grid.weights(np.broadcast_to(q[grid.over], places.k.shape)) for grid in (first, second))
     plain = replace(model, blocks=())
     before = plain.rms(np.zeros(0))
-    f, g = _alternated(plain, effect, left, right)
+    f, g = _alternating_fit(plain, effect, left, right)
     if not (np.any(f) and np.any(g)):
         return None
     f, g = _balanced(f, g)
@@ -82,7 +82,7 @@ def product_layer(grinding: Grinding, grid: FlankGrid, plan: Plan, *, proved: bo
     return tuple(found)
 
 
-def _alternated(
+def _alternating_fit(
     model: FlankModel, effect: FloatArray, left: FloatArray, right: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     g = _leading(model, effect, left, right)

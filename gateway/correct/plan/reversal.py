@@ -21,8 +21,7 @@ from gateway.errors import ModelError
 from gateway.model.components import is_periodic, value
 from gateway.table import Grid, project
 from gateway.table.limits import check_reach
-from gateway.table.merging import held, travelled
-from gateway.table.projection import zeroed
+from gateway.table.merging import curve_for_grid, travel_places, zero_at_reference
 from gateway.table.proposal import band
 
 SHARE = 0.1  # of the largest |B|: less than this may stay of what depends on position
@@ -63,7 +62,7 @@ def reversal_advice(curve: Component, B: ArrayLike, u: ArrayLike, common_u: floa
     if not np.any(known) or not np.all(doubt[known] > 0.0):
         raise ModelError("E-CORRECT-REVERSAL", curve.axis, positions=b.size)
     b, doubt = b[known], doubt[known]
-    fitted = value(curve, travelled(curve))
+    fitted = value(curve, travel_places(curve))
     mean = float(np.mean(b))
     mean_U = COVERAGE * float(np.hypot(np.sqrt(np.mean(doubt**2) / b.size), common_u))
     U = COVERAGE * float(np.hypot(np.median(doubt), common_u))
@@ -84,7 +83,7 @@ def reversal_advice(curve: Component, B: ArrayLike, u: ArrayLike, common_u: floa
 
 def _depends(curve: Component) -> bool:
     """Whether the curve leaves its own mean by more than its band, which holds for all positions at once (99 %)."""
-    at = travelled(curve)
+    at = travel_places(curve)
     fitted = value(curve, at)
     U = np.hypot(band(curve, at), COVERAGE * curve.residual_rms)
     return bool(np.any(np.abs(fitted - np.mean(fitted)) > U))
@@ -101,9 +100,9 @@ def reversal_pair(
     """
     if not is_periodic(curve):
         check_reach(curve.domain, (grid.minimum, grid.maximum), unit, curve.axis)
-    at_reference = float(held(curve, np.asarray([reference]))[0])
-    projected = project(lambda q: 0.5 * (held(curve, q) - at_reference), grid, modulo=modulo)
-    half = zeroed(projected, grid, reference, modulo=modulo)
+    at_reference = float(curve_for_grid(curve, np.asarray([reference]))[0])
+    projected = project(lambda q: 0.5 * (curve_for_grid(curve, q) - at_reference), grid, modulo=modulo)
+    half = zero_at_reference(projected, grid, reference, modulo=modulo)
     up, down = (_table(curve.axis, unit, grid, sign * half, modulo, sign) for sign in (1, -1))
     return up, down
 

@@ -19,10 +19,10 @@ import numpy as np
 from drivers.types.values import FloatArray
 from drivers.units import mm_to_um, rad_to_arcsec
 from gateway.correct.flank.compensability import tangential_cure
-from gateway.correct.flank.flankmodel import FlankModel, SetupUnknown, UnknownsBlock, flank_model
+from gateway.correct.flank.flank_model import FlankModel, SetupUnknown, UnknownsBlock, flank_model
 from gateway.correct.flank.mounting import mounting_terms
 from gateway.correct.flank.tables import TableGrid
-from gateway.correct.solve.leastsquares import nearest
+from gateway.correct.solve.constraints import nearest
 from gateway.gear.flank import FlankGrid
 from gateway.gear.grinding import Grinding
 

@@ -13,8 +13,7 @@ from gateway.domain.figures import Component
 from gateway.domain.values import COVERAGE, FloatArray
 from gateway.errors import ModelError
 from gateway.evaluate.geometry.straightness import StraightnessRun
-from gateway.model.components import is_periodic
-from gateway.model.conventions import mean_of
+from gateway.model.components import is_periodic, mean_of
 
 RotaryAxis = Literal["A", "B", "C"]
 # Cyclic order (u, v, w): w is the axis; it leans as direction (+rotation about v, -rotation about u, 1).

@@ -17,9 +17,17 @@ from gateway.errors import ModelError
 from gateway.evaluate.geometry.axis_location import from_ball, from_bar
 from gateway.evaluate.geometry.measurement import Lever, Means, Measurement, means_of, said_beyond
 from gateway.evaluate.geometry.straightness import StraightnessRun, from_runs, of_plane, reversed_square, straightness
-from gateway.model.components import KnownRange, at_datum, near_value, value
-from gateway.model.conventions import first_harmonic, in_phase, without_line, without_mean
-from gateway.model.known import ErrorModel, LocationError, unmeasured
+from gateway.model.components import (
+    KnownRange,
+    at_datum,
+    first_harmonic,
+    in_phase,
+    near_value,
+    value,
+    without_line,
+    without_mean,
+)
+from gateway.model.error_model import ErrorModel, LocationError, unmeasured_errors
 
 PAIRS = (("EXC", "EYC"), ("EAC", "EBC"))
 
@@ -47,7 +55,7 @@ def error_model(
         work.take(name, one)
     located, said = locations([one for one in means if not one.of.is_motion], work.tilt)
     known = (*work.motions, *(one.name for one in located))
-    unknown = unmeasured(known, spans, linear_um=linear_um, angular_arcsec=angular_arcsec)
+    unknown = unmeasured_errors(known, spans, linear_um=linear_um, angular_arcsec=angular_arcsec)
     return ErrorModel(
         motions=tuple(work.motions.values()),
         locations=located,

@@ -16,7 +16,7 @@ from gateway.domain.values import FloatArray, component_unit
 from gateway.errors import ModelError
 from gateway.evaluate.behaviour.repetitions import robust_means
 from gateway.model.components import estimated_beyond, near_value
-from gateway.model.means import fit_means
+from gateway.model.waves import fit_means
 
 # An artefact may stand 1 mm off its axis and lean by a quarter of a degree; what is larger is another unit.
 LARGEST: Mapping[DeviationUnit, float] = {"um": 1000.0, "arcsec": 1000.0}

@@ -17,8 +17,7 @@ from gateway.domain.figures import Component
 from gateway.domain.proposals import TableChange
 from gateway.domain.values import COVERAGE
 from gateway.model.components import is_periodic, motion_uncertainty, value
-from gateway.model.known import ErrorModel, Unknown
-from gateway.model.preset import MOTION_NAMES
+from gateway.model.error_model import MOTION_NAMES, ErrorModel, UnmeasuredError
 from gateway.report.drawings.curves import NEW, OLD, RULE, calm, limits, plain_name
 from gateway.report.drawings.ruler import FAINT, INK, QUIET, ruled
 from gateway.report.sentences import number, signed
@@ -87,7 +86,7 @@ def _motion(panel: Axes, one: Component, systematic: float) -> None:
     panel.set_xlabel(one.axis_unit, fontsize=8, labelpad=1, color=QUIET)
 
 
-def _gap(panel: Axes, gap: Unknown) -> None:
+def _gap(panel: Axes, gap: UnmeasuredError) -> None:
     _small(panel, f"{gap.name}  {gap.unit}")
     panel.set_xticks([])
     text = f"assumed ±{gap.span:g}"

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from matplotlib.figure import Figure
 
-from gateway.model.known import ErrorModel
+from gateway.model.error_model import ErrorModel
 from gateway.report.drawings import errors as error_drawings
 from gateway.report.drawings import flank as flank_drawings
 from gateway.report.drawings import gears as gear_drawings

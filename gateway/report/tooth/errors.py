@@ -12,8 +12,7 @@ from drivers.units import DeviationUnit
 from gateway.domain.figures import Component
 from gateway.domain.values import COVERAGE
 from gateway.model.components import is_periodic, motion_uncertainty, value
-from gateway.model.known import ErrorModel
-from gateway.model.preset import TWENTY_ONE
+from gateway.model.error_model import TWENTY_ONE, ErrorModel
 
 POINTS = 201
 NOBODY = words("W-ERROR-ASSUMED")

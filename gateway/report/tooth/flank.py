@@ -11,7 +11,7 @@ import numpy as np
 from drivers.terms import spoken
 from drivers.types.values import FloatArray
 from gateway.domain.values import COVERAGE
-from gateway.gear.setright import set_right
+from gateway.gear.process_drift import set_right
 from gateway.report.material import ToothMaterial
 from gateway.tooth import FlankMap, FlankPrediction, InspectedFlank
 

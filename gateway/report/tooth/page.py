@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from markupsafe import Markup
 
 from drivers.terms import spoken
-from gateway.correct.outlook.next_setup import OpenDoubt
+from gateway.correct.outlook.flank_uncertainty import OpenDoubt
 from gateway.report.drawings import tooth as tooth_drawings
 from gateway.report.material import PartMaterial, ReportMaterial, ToothMaterial
 from gateway.report.missing import missing

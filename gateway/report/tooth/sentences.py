@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from drivers.terms import spoken
 from gateway.domain.values import COVERAGE
-from gateway.model.preset import TWENTY_ONE
+from gateway.model.error_model import TWENTY_ONE
 from gateway.report.material import Outcome, ReportMaterial, ToothMaterial
 from gateway.report.sentences import OUTCOME, number, percent
 from gateway.report.tooth.errors import ErrorRow

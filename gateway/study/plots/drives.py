@@ -18,8 +18,8 @@ from gateway.evaluate.behaviour.order_causes import CauseKind, OrderCause
 from gateway.reducer.figures import Transmission
 from gateway.reducer.pairing import Matching
 from gateway.reducer.records import Reducer
-from gateway.study.draw import FAINT, INK, MIDDLE, NEW, OLD, QUIET, RULE
 from gateway.study.draw_drive import cause_words
+from gateway.study.drawing import FAINT, INK, MIDDLE, NEW, OLD, QUIET, RULE
 from gateway.study.export import outline
 from gateway.study.plots.surfaces import BODY, CROWD
 

@@ -13,11 +13,10 @@ from matplotlib.ticker import MaxNLocator, MultipleLocator
 from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
 from drivers.types.values import FloatArray
-from gateway.model.axis import Axis
-from gateway.model.chain import Chain
+from gateway.model.chain import Axis, Chain
 from gateway.model.frames import BED, RELATIVE, WHEEL, WORK, Joint, joints, matrix
-from gateway.study.draw import FAINT, INK, MIDDLE, NEW, OLD, QUIET, RULE
-from gateway.study.plots.sheet import calm_space, in_space
+from gateway.study.drawing import FAINT, INK, MIDDLE, NEW, OLD, QUIET, RULE
+from gateway.study.plots.charts import calm_space, in_space
 from gateway.study.plots.surfaces import SYMBOLS
 
 HEADROOM = 1.25  # of the largest value: the room of a panel

@@ -12,8 +12,8 @@ from matplotlib.ticker import MaxNLocator
 
 from drivers.types.values import FloatArray
 from drivers.units import mm_to_um
-from gateway.gear.inspection import Inspection, TraceValues, trace_values
-from gateway.study.draw import FAINT, INK, NEW, OLD, QUIET, RULE
+from gateway.gear.flank import Inspection, TraceValues, trace_values
+from gateway.study.drawing import FAINT, INK, NEW, OLD, QUIET, RULE
 
 SIDES = ("left flank", "right flank")
 STEPS = (1.0, 2.0, 5.0, 10.0)

@@ -19,9 +19,9 @@ from drivers.types.values import FloatArray
 from drivers.units import mm_to_um
 from gateway.gear.cycloid import CycloidGear
 from gateway.gear.grinding import wheel_section, wheel_surface
-from gateway.study.draw import FAINT, INK, MAP, MIDDLE, NEW, OLD, QUIET, RULE
+from gateway.study.drawing import FAINT, INK, MAP, MIDDLE, NEW, OLD, QUIET, RULE
 from gateway.study.export import outline, space_angles
-from gateway.study.plots.sheet import calm_space, in_space
+from gateway.study.plots.charts import calm_space, in_space
 
 POINTS = 181
 NORMALS = 19
@@ -152,7 +152,7 @@ def _elevation(panel: Axes, gear: CycloidGear, centre_distance: float) -> None:
 def contact_sheet(figure: FigureBase, ideal: FloatArray, actual: FloatArray, *, enlarged: float = 0.0) -> None:
     """Contact lines (S, T, 3) of one space in the work: ideal, and actual with what errors change enlarged."""
     panel: Any = figure.add_axes((0.0, 0.02, 1.0, 0.9), projection="3d")
-    scale = enlarged or _enlarged(
+    scale = enlarged or _enlargement(
         float(np.max(np.abs(actual - ideal))), float(np.max(np.ptp(ideal.reshape(-1, 3), axis=0)))
     )
     shown = ideal + scale * (actual - ideal)
@@ -213,7 +213,7 @@ def error_surfaces(
     rows = -(-len(cases) // columns)
     top = max(mm_to_um(float(np.max(np.abs(e)))) for *_, e in cases)
     tall = float(np.max(np.ptp(cases[0][1].reshape(-1, 3), axis=0)))
-    scale = _enlarged(top / mm_to_um(1.0), tall)
+    scale = _enlargement(top / mm_to_um(1.0), tall)
     width, height = figure.get_size_inches()
     low, high = 0.05 / height, 1.0 - 0.85 / height
     right = 1.0 - 0.75 / width
@@ -280,7 +280,7 @@ def _few() -> MaxNLocator:
     return MaxNLocator(3)
 
 
-def _enlarged(largest: float, size: float) -> float:
+def _enlargement(largest: float, size: float) -> float:
     """A round factor that shows the largest deviation (mm) as about `SHARE` of the size (mm)."""
     if not largest > 0.0:
         return 1.0

@@ -12,9 +12,9 @@ from gateway.config import AxisSection
 from gateway.domain.proposals import FindingWeight, TableChange, TableFinding
 from gateway.model.components import is_periodic, value
 from gateway.table import Grid
-from gateway.table.bothways import with_directions
 from gateway.table.comparison import effective
 from gateway.table.limits import check_reach
+from gateway.table.merging import with_directions
 from gateway.workflow.axes.reversing import SeenReversal
 
 

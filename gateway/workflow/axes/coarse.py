@@ -15,11 +15,11 @@ from gateway.config import AxisSection
 from gateway.domain.proposals import TableChange
 from gateway.interlocks import Refusal, gain_refusals
 from gateway.model.components import value
-from gateway.table import Grid, reasons
-from gateway.table.chances import held_by
+from gateway.table import Grid, proposal
+from gateway.table.benefit_probability import held_by
 from gateway.table.comparison import effective
 from gateway.table.limits import reasons_of
-from gateway.table.proposal import InstrumentU, chance_for
+from gateway.table.proposal import InstrumentU, probability_for
 from gateway.workflow.axes.structure import Structure
 
 FINER = (2, 4, 5, 8, 10)
@@ -72,14 +72,14 @@ def by_its_chances(
     second person.
     """
     acts = effective(LiveTable(change.old, enabled=change.old_enabled))
-    chance = chance_for(shown.possible(), instrument, acts, change.new)
+    chance = probability_for(shown.possible(), instrument, acts, change.new)
     if chance is None or not chance.worth:
         return change
     unit, labels = change.new.deviation_unit, []
     for one in against:
         if one.code == "E-INT-GAIN":
             before, left = float(np.nanstd(shown.means.mean)), float(np.nanstd(change.predicted))
-            labels.append(reasons.by_gain(change.axis, unit, before, left, chance=chance))
+            labels.append(proposal.by_gain(change.axis, unit, before, left, chance=chance))
         else:
-            labels.append(reasons.by_scatter(change.axis, unit, shown.means.s, chance))
+            labels.append(proposal.by_scatter(change.axis, unit, shown.means.s, chance))
     return replace(change, chance=chance, findings=(*change.findings, *labels))

@@ -17,8 +17,8 @@ from gateway.domain.proposals import TableChange, TableFinding
 from gateway.errors import CaptureError
 from gateway.push import table_in
 from gateway.table import check, effective
-from gateway.table.comparison import acting
-from gateway.table.projection import quantised
+from gateway.table.comparison import acting_mean
+from gateway.table.merging import round_to_resolution
 from gateway.workflow.bench import Bench
 
 TABLES = 62  # the highest numbers that any control has, and so all that are tried
@@ -114,8 +114,10 @@ def placed_change(
 def _merged(table: CompensationTable, old: LiveTable, limits: TableLimits, *, adds: bool) -> CompensationTable:
     values = np.asarray(table.deviations, dtype=np.float64)
     if adds:
-        values = values + acting(effective(old), table.positions)
-    return replace(table, deviations=quantised(values, limits.resolution * deviation_scale(table.output_unit)))
+        values = values + acting_mean(effective(old), table.positions)
+    return replace(
+        table, deviations=round_to_resolution(values, limits.resolution * deviation_scale(table.output_unit))
+    )
 
 
 class _Search:

@@ -16,8 +16,8 @@ from gateway.domain.values import COVERAGE
 from gateway.evaluate.behaviour.fine_structure import means_between
 from gateway.evaluate.behaviour.repetitions import robust_means
 from gateway.evaluate.behaviour.table_effect import TableEffect, why
-from gateway.table.comparison import acting, effective
-from gateway.table.reasons import may_harm
+from gateway.table.comparison import acting_mean, effective
+from gateway.table.proposal import may_harm
 
 # Many places are judged at once, so the band is widened from k = 2 to k = 3.
 WIDEN = 1.5
@@ -40,7 +40,7 @@ def explain(change: TableChange, before: FloatArray, after: FloatArray, U: float
 def _effect(change: TableChange, at: FloatArray) -> FloatArray:
     """What the new table takes away beyond the old one."""
     old = effective(LiveTable(change.old, change.old_enabled))
-    return np.asarray(acting(change.new, at) - acting(old, at))
+    return np.asarray(acting_mean(change.new, at) - acting_mean(old, at))
 
 
 @dataclass(frozen=True, slots=True)

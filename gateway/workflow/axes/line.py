@@ -11,7 +11,7 @@ from drivers.types.values import FloatArray
 from gateway.config import AxisSection, SiteFile
 from gateway.domain.captures import Capture
 from gateway.evaluate.geometry.measurement import Lever
-from gateway.model.known import ErrorModel
+from gateway.model.error_model import ErrorModel
 from gateway.store import RunFolder
 from gateway.workflow import stages
 

@@ -17,7 +17,7 @@ from gateway.events import TargetsAdded
 from gateway.model.components import value
 from gateway.say import Say
 from gateway.table import Grid
-from gateway.table.chances import TableDoubt, held_by
+from gateway.table.benefit_probability import TableDoubt, held_by
 from gateway.table.proposal import InstrumentU
 from gateway.workflow.axes.structure import Structure, structure_of
 

@@ -19,11 +19,11 @@ from gateway.correct.plan.reversal import ReversalAdvice, reversal_advice, rever
 from gateway.domain.figures import Component
 from gateway.domain.proposals import TableChange
 from gateway.domain.values import COVERAGE
-from gateway.model.means import fit_means
+from gateway.model.waves import fit_means
 from gateway.table import Grid, effective
-from gateway.table.comparison import acting
+from gateway.table.comparison import acting_mean
 from gateway.table.limits import reason
-from gateway.table.merging import held
+from gateway.table.merging import curve_for_grid
 from gateway.workflow.axes.crossplaces import free_places, placed_change, places_of
 from gateway.workflow.axes.structure import Structure
 from gateway.workflow.bench import Bench
@@ -86,7 +86,7 @@ def reversal_change(
     advice, old, unit = seen.advice, live.reversal, shown.capture.unit
     step = resolution * deviation_scale(axis.unit)
     acts = old.table.deviations[0]
-    constant = float(held(seen.curve, np.asarray([axis.reference]))[0]) if pair else advice.constant
+    constant = float(curve_for_grid(seen.curve, np.asarray([axis.reference]))[0]) if pair else advice.constant
     wanted = round(float(np.rint((acts + constant) / step)) * step, 9) + 0.0
     skipped = None if pair else _why_not(axis.name, unit, advice, able=able)
     if not skipped and abs(wanted) > Limits.of(axis.unit).reversal:
@@ -115,7 +115,7 @@ def by_direction(pair: Sequence[TableChange], at: FloatArray) -> FloatArray:
     found = np.zeros_like(at)
     for one in pair:
         before = LiveTable(one.old, enabled=one.old_enabled)
-        found += one.new.direction * (acting(one.new, at) - acting(effective(before), at))
+        found += one.new.direction * (acting_mean(one.new, at) - acting_mean(effective(before), at))
     return found
 
 

@@ -21,10 +21,9 @@ from gateway.evaluate.behaviour.fine_structure import (
 from gateway.evaluate.behaviour.repetitions import RobustMeans, robust_means
 from gateway.model.components import is_periodic, standard_uncertainty, value
 from gateway.model.fit import TURN_DEG
-from gateway.model.means import fit_means
-from gateway.model.waves import usual_gap
-from gateway.table.chances import Possible
-from gateway.table.possible import SeenPlaces, possible_curves
+from gateway.model.waves import fit_means, usual_gap
+from gateway.table.benefit_probability import PosteriorCurves
+from gateway.table.posterior_curves import SeenPlaces, draw_posterior_curves
 
 CURVES = 256
 FAR_ABOVE = 2.0  # a curve that leaves so many uncertainties of a mean does not follow the axis
@@ -82,10 +81,10 @@ class Structure:
         turn = TURN_DEG if is_periodic(self.component) else None
         return SeenPlaces(at, mean, u, gap=usual_gap(self.capture.targets), missed=missed, turn=turn)
 
-    def possible(self) -> Possible:
+    def possible(self) -> PosteriorCurves:
         """Axes that explain what was seen."""
         seen = self.seen
-        return Possible(seen.lattice, possible_curves(seen, CURVES))
+        return PosteriorCurves(seen.lattice, draw_posterior_curves(seen, CURVES))
 
 
 def structure_of(axis: AxisSection, capture: Capture) -> Structure:

@@ -9,8 +9,8 @@ import numpy as np
 from drivers.types.values import FloatArray
 from gateway.config import AxisSection, SiteFile
 from gateway.gear.grinding import Grinding
-from gateway.model.known import ErrorModel, chain_of_errors
-from gateway.study.files import load_gear
+from gateway.model.error_model import ErrorModel, chain_of_errors
+from gateway.study.inputs import load_gear
 from gateway.study.machine import gear_of
 
 HEIGHTS = 25

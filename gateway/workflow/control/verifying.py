@@ -17,7 +17,7 @@ from gateway.errors import StoreError
 from gateway.push import JOURNALS, all_pushes, consent_set, controller_access, table_in, tolerance, unfinished_tables
 from gateway.say import Say
 from gateway.store import RunFolder
-from gateway.table.threeway import compare
+from gateway.table.live_comparison import compare_three_tables
 from gateway.workflow import stages
 from gateway.workflow.aftercare import Look, against, compare_with, expected_of, keep_looks
 from gateway.workflow.bench import Bench, axis_named, bench, kept_in, run_or_look
@@ -106,7 +106,7 @@ async def _against_run(at: Bench, table: str, run: RunFolder) -> Outcome:
     shape, context = approved.table, context_of(at, approved.table)
     limits = await context.controller.table_limits(shape.output_axis, shape.kind, shape.index)
     live = await controller_access.read_live_tables(context)
-    found = compare(table_in(live, shape), approved, before, tolerance(limits, shape))
+    found = compare_three_tables(table_in(live, shape), approved, before, tolerance(limits, shape))
     at.folder.write_text(f"live-tables{spoken().program_suffix}", live.native)
     at.folder.set_state(f"table-{found.kind}")
     data = {"axis": table, "against": said, "digest": live.digest, **found.as_data()}

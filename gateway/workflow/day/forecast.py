@@ -8,15 +8,13 @@ from typing import Any
 from drivers.types.tables import CompensationTable
 from gateway.correct.flank.noise import noise_patterns
 from gateway.correct.outlook.drive_outlook import costliest, drive_forecast
-from gateway.correct.outlook.flank_uncertainty import Shop, error_doubts
-from gateway.correct.outlook.next_setup import doubts
-from gateway.correct.outlook.prediction import Outlook, predict
-from gateway.correct.outlook.worthwhile import worthwhile
+from gateway.correct.outlook.flank_uncertainty import ProcessUncertainty, doubts, error_doubts
+from gateway.correct.outlook.prediction import Prediction, predict, select_cross_tables
 from gateway.correct.plan.layers import LayeredCorrection, correct
 from gateway.correct.plan.plan import AxisGrid, Plan
 from gateway.gear.flank import FlankGrid, flank_grid
 from gateway.gear.grinding import Grinding
-from gateway.model.known import ErrorModel, chain_of_errors
+from gateway.model.error_model import ErrorModel, chain_of_errors
 from gateway.reducer.goal import DriveGoal
 from gateway.tooth import DriveForecast
 from gateway.workflow.tooth.proposal import ToothWork
@@ -71,11 +69,11 @@ def forecast(model: ErrorModel, work: ToothWork, grids: tuple[AxisGrid, ...]) ->
     plan = Plan(grids, zeros=("X",), goal=work.goal)
     plan = replace(plan, noise=noise_patterns(grinding, grid, doubts(model, chain, plan)))
 
-    def worked_out(tried: Plan) -> tuple[LayeredCorrection, Outlook]:
+    def worked_out(tried: Plan) -> tuple[LayeredCorrection, Prediction]:
         found = correct(grinding, grid, plan=tried)
-        return found, predict(grinding, grid, plan=tried, model=model, found=found, shop=Shop())
+        return found, predict(grinding, grid, plan=tried, model=model, found=found, shop=ProcessUncertainty())
 
-    chosen = worthwhile(plan, worked_out)
+    chosen = select_cross_tables(plan, worked_out)
     found, parts = chosen.found, chosen.outlook.flank.parts_um
     before, own, after = chosen.outlook.steps_um
     gaps = {one.name for one in model.unknown}

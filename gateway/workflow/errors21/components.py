@@ -16,7 +16,7 @@ from drivers.types.doubts import Doubt
 from drivers.types.tables import LiveSet
 from gateway.capture.retaking import demand_complete
 from gateway.config import SiteFile
-from gateway.correct.outlook.next_setup import THRESHOLD_UM, OpenDoubt, Tooth, what_next
+from gateway.correct.outlook.flank_uncertainty import THRESHOLD_UM, OpenDoubt, ToothSpec, what_next
 from gateway.correct.plan.plan import AxisGrid
 from gateway.domain.captures import Capture
 from gateway.domain.equipment import Equipment
@@ -26,8 +26,7 @@ from gateway.evaluate.geometry.error_model import error_model
 from gateway.events import RunStarted, SetupStarted
 from gateway.interlocks import age_refusals, suspect_refusals
 from gateway.model.chain import LETTERS
-from gateway.model.known import ErrorModel
-from gateway.model.preset import LOCATION_NAMES
+from gateway.model.error_model import LOCATION_NAMES, ErrorModel
 from gateway.report.tooth.errors import ErrorRow, error_rows
 from gateway.say import Say
 from gateway.store import RunFolder
@@ -81,7 +80,7 @@ async def measure_site(
     say: Say,
     wanted: Sequence[str] = (),
     resume: RunFolder | None = None,
-    tooth: Tooth | None = None,
+    tooth: ToothSpec | None = None,
 ) -> PlanOutcome:
     """Walk through the plan's set-ups (those wanted, by key or component) and tell what is known afterwards.
 
@@ -205,7 +204,7 @@ def _same_tables(known: dict[str, str], capture: Capture, key: str) -> None:
         raise CaptureError("E-SETUP-TABLES", capture.axis, setup=key)
 
 
-def conclude(site: SiteFile, folder: RunFolder, tooth: Tooth | None) -> PlanOutcome:
+def conclude(site: SiteFile, folder: RunFolder, tooth: ToothSpec | None) -> PlanOutcome:
     """Fit everything captured so far, store the error model, and say what should be measured next.
 
     Raises InDoubt (E-DOUBT-OPEN) where readings of a set-up leave a doubt that nobody settled.

@@ -6,7 +6,7 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 
 from gateway.config import SiteFile
-from gateway.correct.outlook.next_setup import ALSO_SHOWN, OpenDoubt, Tooth, what_next
+from gateway.correct.outlook.flank_uncertainty import ALSO_SHOWN, OpenDoubt, ToothSpec, what_next
 from gateway.evaluate.geometry.error_model import error_model
 from gateway.workflow.errors21.components import grids
 from gateway.workflow.errors21.setups import Planned, planned, spans
@@ -35,7 +35,7 @@ class Paying:
         return {"count": str(len(self.keys)), "of": str(self.of), "share": share, "rest": f"{self.rest_um:.1f}"}
 
 
-def setups_that_pay(site: SiteFile, tooth: Tooth, share: float = ENOUGH) -> Paying:
+def setups_that_pay(site: SiteFile, tooth: ToothSpec, share: float = ENOUGH) -> Paying:
     """The fewest set-ups of a site's plan that answer ``share`` of what is open, beside each axis' own positioning.
 
     The ranking is that of `what_next` with nothing measured: every error unknown within its assumed span. An axis' own

@@ -22,7 +22,7 @@ from gateway.capture.targets import jog_plan, jog_start, measuring_plan, plan_of
 from gateway.config import AxisSection, SiteFile, unchecked_feed
 from gateway.domain.captures import Capture
 from gateway.errors import CaptureError
-from gateway.model.axis import LOCATIONS
+from gateway.model.chain import LOCATIONS
 from gateway.store import Maps, RunFolder
 from gateway.walk import walk
 from gateway.workflow import stages

@@ -10,7 +10,7 @@ from drivers.errors import ConfigError
 from drivers.types.exchange import ErrorCurve, ErrorSet
 from gateway.domain.figures import Component
 from gateway.model.components import value
-from gateway.model.known import ErrorModel
+from gateway.model.error_model import ErrorModel
 from gateway.store import RunFolder
 from gateway.workflow import stages
 from gateway.workflow.doubles import SAID

@@ -15,7 +15,7 @@ from gateway.capture.targets import measuring_plan, targets_of
 from gateway.config import AxisSection, SiteFile, one_start, open_road, plans_together
 from gateway.config.reaching import typed_rotary
 from gateway.correct.plan.plan import CROSS
-from gateway.model.axis import LOCATIONS
+from gateway.model.chain import LOCATIONS
 from gateway.tooth import SetupValues
 from gateway.workflow.axes.guard import short_check
 from gateway.workflow.axes.measure import plans_of_axis

@@ -12,11 +12,11 @@ from drivers.errors import ConfigError, TrueflankError
 from drivers.message import Message
 from gateway import audit
 from gateway.config import SiteFile
-from gateway.correct.part.setupvalues import setup_from_part
+from gateway.correct.part.inspected import setup_from_part
 from gateway.domain.outcomes import Verdict
 from gateway.domain.proposals import Proposal
 from gateway.events import PartStarted
-from gateway.model.known import ErrorModel
+from gateway.model.error_model import ErrorModel
 from gateway.say import Say
 from gateway.store import RunFolder
 from gateway.store.setupbook import SetupBook

@@ -17,18 +17,17 @@ from drivers.types.tables import CompensationTable, LiveSet
 from drivers.types.values import FloatArray
 from drivers.units import UM_PER_MM
 from gateway.config import SiteFile
-from gateway.correct.flank.flankmodel import setup_tables, table_terms
+from gateway.correct.flank.flank_model import places_of_grid, setup_tables, table_terms
 from gateway.correct.flank.mounting import mounting_terms
 from gateway.correct.flank.tables import Correction, Table
-from gateway.correct.flank.wheel_places import places_of_grid
-from gateway.correct.part.fromgear import FromGear, correct_from_gear
+from gateway.correct.part.from_gear import FromGear, correct_from_gear
 from gateway.correct.plan.plan import Plan
 from gateway.domain.proposals import Proposal, TableChange
 from gateway.errors import CaptureError
 from gateway.events import RunStarted
 from gateway.gear.flank import FlankGrid, flank_figure
 from gateway.gear.grinding import Grinding
-from gateway.model.known import ErrorModel, chain_of_errors
+from gateway.model.error_model import ErrorModel, chain_of_errors
 from gateway.say import Say
 from gateway.store import RunFolder
 from gateway.study.machine import gear_of

@@ -24,7 +24,7 @@ from gateway.moving import shown_there, tell_motion
 from gateway.say import Say
 from gateway.store import RunFolder
 from gateway.store.disk import checked_name
-from gateway.study.files import GearFile, load_gear
+from gateway.study.inputs import GearFile, load_gear
 from gateway.study.machine import gear_of
 from gateway.tooth import GroundPart, SetupValues
 from gateway.workflow import stages

@@ -10,7 +10,7 @@ from typing import Any
 from drivers.clock import Clock
 from drivers.errors import TrueflankError, words
 from gateway.config import SiteFile
-from gateway.correct.part.gearguard import guard_flanks
+from gateway.correct.part.fitted_places import guard_flanks
 from gateway.events import RunStarted
 from gateway.guard import GuardVerdict
 from gateway.say import Say

@@ -16,12 +16,12 @@ from drivers.message import Message, fixed
 from drivers.ports.instruments import GearInspector
 from drivers.types.gears import ClampedPart, GearInspection, GearPlan, InspectedGear
 from gateway.config import SiteFile
-from gateway.correct.part.inspected import About, check_gear, inspected_flank
+from gateway.correct.part.inspected import InspectionSource, check_gear, inspected_flank
 from gateway.domain.equipment import Equipment
 from gateway.errors import IllegalTransition
 from gateway.events import RunStarted
 from gateway.gear.cycloid import CycloidGear
-from gateway.gear.touched import Heights
+from gateway.gear.measured_points import Heights
 from gateway.say import Say
 from gateway.store import Maps, RunFolder
 from gateway.store.disk import checked_name
@@ -153,7 +153,7 @@ async def inspect_part(at: Bench, part: str, others: Mapping[str, str] | None = 
     await _clamped(at, machine, name, part, {**(others or {}), **part_numbers(at.folder, part)})
     raw = RawInspection(await _measured(at, machine, gear, part))
     seen = next(one.identity for one in at.supervisor.picture() if one.name == name)
-    about = About(
+    about = InspectionSource(
         part=part,
         source=name,
         serial=seen.serial if seen is not None else "",
@@ -185,7 +185,7 @@ def inspect_file(
     if not isinstance(read.content, GearInspection):
         raise ConfigError("E-INSPECT-FILE", str(file.path))
     clamping = work.inspection_clamping_um
-    about = About(
+    about = InspectionSource(
         part, file.path.name, clamping_um=clamping, heights=file.heights, said=tuple(map(Message.stored, read.notes))
     )
     return _kept(folder, RawInspection(file=read.content), gear, about, say)
@@ -288,7 +288,9 @@ def _said(plans: tuple[InspectedGear, ...]) -> tuple[Message, ...]:
     return tuple(said)
 
 
-def _kept(folder: RunFolder, raw: RawInspection, gear: CycloidGear, about: About, say: Say) -> InspectedFlank:
+def _kept(
+    folder: RunFolder, raw: RawInspection, gear: CycloidGear, about: InspectionSource, say: Say
+) -> InspectedFlank:
     """The points stored before anything is made of them, then the record."""
     parents = [folder.put(stages.inspected_raw(about.part), raw)]
     if folder.has(stages.ground(about.part)):

@@ -17,17 +17,17 @@ from drivers.errors import ConfigError, words
 from drivers.message import Message
 from drivers.types.gears import GearInspection
 from gateway.correct.outlook.drive_outlook import drawn_apart, drawn_flanks
-from gateway.correct.part.inspected import USUAL_CLAMPING_UM, About, inspected_flank, inspection_patterns
+from gateway.correct.part.inspected import USUAL_CLAMPING_UM, InspectionSource, inspected_flank, inspection_patterns
 from gateway.errors import ModelError
 from gateway.gear.cycloid import CycloidGear
-from gateway.gear.touched import Heights
+from gateway.gear.measured_points import Heights
 from gateway.reducer.figures import Transmission, transmission, without_limit
 from gateway.reducer.pairing import Matching, Pair, match
 from gateway.reducer.records import Reducer
 from gateway.reducer.uncertainty import Expected, uncertainty
 from gateway.store.maps import Value
 from gateway.study.drive import reducer_of
-from gateway.study.files import load_gear
+from gateway.study.inputs import load_gear
 from gateway.study.machine import gear_of
 from gateway.tooth import InspectedFlank
 from gateway.workflow.files.reading import How, read_file
@@ -149,7 +149,7 @@ def disc_of_file(path: Path, gear: CycloidGear, how: DiscFile) -> InspectedFlank
     read = read_file(path, How(columns=how.columns, gear=True))
     if not isinstance(read.content, GearInspection):
         raise ConfigError("E-INSPECT-FILE", str(path))
-    about = About(
+    about = InspectionSource(
         path.stem,
         path.name,
         clamping_um=how.clamping_um,

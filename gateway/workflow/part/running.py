@@ -5,7 +5,7 @@ from __future__ import annotations
 from drivers.message import Message, Quantity, fixed
 from gateway.evaluate.uncertainty.budget import coverage_factor
 from gateway.gear.cycloid import CycloidGear
-from gateway.gear.running import Running, depth_running, index_running
+from gateway.gear.process_drift import ProcessDrift, depth_running, index_running
 from gateway.tooth import FlankMap
 
 # Two figures of each of three parts are looked at: one false word in fifty runs or so.
@@ -20,17 +20,17 @@ def running_words(flank: FlankMap, gear: CycloidGear) -> tuple[Message, ...]:
     return tuple(Message.of(code, **_figures(one, digits)) for code, one, digits in found if sure(one))
 
 
-def expanded(one: Running) -> float:
+def expanded(one: ProcessDrift) -> float:
     """Its expanded uncertainty, at least as sure as `CONFIDENCE` says; infinite where nobody can tell."""
     return coverage_factor(CONFIDENCE, one.freedom) * one.u if one.freedom else float("inf")
 
 
-def sure(one: Running) -> bool:
+def sure(one: ProcessDrift) -> bool:
     """Beyond its uncertainty, and of a size that matters."""
     return abs(one.value) > expanded(one) and one.flank_um > LEAST_UM
 
 
-def _figures(one: Running, digits: int) -> dict[str, Quantity | str]:
+def _figures(one: ProcessDrift, digits: int) -> dict[str, Quantity | str]:
     return {
         "value": fixed(one.value, digits, signed=True),
         "U": fixed(expanded(one), digits),

@@ -8,11 +8,11 @@ from typing import TypeVar
 from drivers.errors import ConfigError
 from drivers.types.orders import SignProof
 from gateway.config import SiteFile
-from gateway.correct.outlook.next_setup import OpenDoubt, what_next
+from gateway.correct.outlook.flank_uncertainty import OpenDoubt, what_next
 from gateway.domain.outcomes import PushRecord, Verdict
 from gateway.domain.proposals import Proposal, TableChange
 from gateway.errors import ModelError
-from gateway.model.known import ErrorModel
+from gateway.model.error_model import ErrorModel
 from gateway.report import PartMaterial, TableMaterial, ToothMaterial
 from gateway.store import RunFolder
 from gateway.tooth import GearProposal, GroundPart, InspectedFlank, ToothProposal, ToothVerdict

@@ -6,13 +6,13 @@ from collections.abc import Mapping
 from typing import Any
 
 from drivers.errors import words
-from gateway.correct.outlook.agreement import compare_part
-from gateway.correct.outlook.flank_uncertainty import Shop
+from gateway.correct.outlook.flank_uncertainty import ProcessUncertainty
+from gateway.correct.outlook.part_agreement import compare_part
 from gateway.correct.plan.plan import Plan
 from gateway.errors import CaptureError, WriteRefused
 from gateway.gear.flank import FlankGrid
 from gateway.gear.grinding import Grinding
-from gateway.model.known import ErrorModel
+from gateway.model.error_model import ErrorModel
 from gateway.store import RunFolder
 from gateway.tooth import Explanation, FlankAgreement, GroundPart, InspectedFlank
 from gateway.workflow import stages
@@ -33,7 +33,7 @@ def ask_part(
     *,
     plan: Plan,
     model: ErrorModel,
-    shop: Shop,
+    shop: ProcessUncertainty,
 ) -> dict[str, str]:
     """Compare the run's part "before" with the model, store and tell what was found; nothing where there is no part.
 

@@ -13,8 +13,8 @@ from gateway.config import SiteFile
 from gateway.domain.equipment import Equipment
 from gateway.domain.proposals import Proposal, TableChange
 from gateway.errors import IllegalTransition
-from gateway.gear.setright import set_right
-from gateway.model.known import ErrorModel
+from gateway.gear.process_drift import set_right
+from gateway.model.error_model import ErrorModel
 from gateway.say import Say
 from gateway.store import RunFolder
 from gateway.tooth import ToothProposal

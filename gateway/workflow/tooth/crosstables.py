@@ -6,7 +6,7 @@ from collections.abc import Collection, Mapping, Sequence
 
 from drivers.types.tables import CompensationTable, LiveSet
 from gateway.correct.flank.tables import Table
-from gateway.correct.plan.records import record
+from gateway.correct.plan.plan import table_record
 from gateway.domain.proposals import TableChange
 from gateway.model.chain import Chain
 from gateway.workflow.axes.crossplaces import placed_change, places_of
@@ -30,7 +30,7 @@ async def cross_changes(
     (E-COMP-...) beyond the limits of a table.
     """
     names = {axis.letter: axis.name for axis in at.site.axes}
-    plain = [record(chain, table, "cross", names=names) for table in tables]
+    plain = [table_record(chain, table, "cross", names=names) for table in tables]
     places = await places_of(at, plain, live, spoken_for=spoken_for)
     return tuple(placed_change(at, table, place, live, adds=adds) for table, place in zip(plain, places, strict=True))
 

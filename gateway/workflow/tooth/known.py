@@ -11,15 +11,14 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from gateway.config import SiteFile, WorkSection, load_site
-from gateway.correct.outlook.flank_uncertainty import Shop
+from gateway.correct.outlook.flank_uncertainty import ProcessUncertainty
 from gateway.correct.plan.plan import AxisGrid
 from gateway.domain.captures import Capture
 from gateway.evaluate.behaviour.fine_structure import HiddenStructure
 from gateway.gear.grinding import Grinding
-from gateway.model.known import ErrorModel
+from gateway.model.error_model import ErrorModel
 from gateway.store import RunFolder
-from gateway.study.files import ErrorFile, GridData
-from gateway.study.fromrun import SITE_FILE, errors_from, is_run, model_of_run, run_folder
+from gateway.study.inputs import SITE_FILE, ErrorFile, GridData, errors_from, is_run, model_of_run, run_folder
 from gateway.workflow import stages
 from gateway.workflow.errors21.components import grids
 from gateway.workflow.tooth.shop import shop_of
@@ -34,7 +33,7 @@ class KnownMachine:
     work: WorkSection | None = None
     captures: Mapping[str, Capture] = field(default_factory=dict)
 
-    def shop(self, grinding: Grinding) -> Shop:
+    def shop(self, grinding: Grinding) -> ProcessUncertainty:
         """Clamping, drift and scatter as the run's own proposal takes them; the usual where a run says nothing."""
         return shop_of(self.work, self.captures, grinding)
 

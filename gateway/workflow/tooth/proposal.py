@@ -16,25 +16,21 @@ from gateway.correct.flank.compensability import tangential_cure
 from gateway.correct.flank.noise import noise_patterns
 from gateway.correct.flank.tables import Table
 from gateway.correct.outlook.drive_outlook import costliest, drive_proposal
-from gateway.correct.outlook.flank_uncertainty import Shop, error_doubts
-from gateway.correct.outlook.next_setup import Tooth, doubts
-from gateway.correct.outlook.prediction import Outlook, predict
+from gateway.correct.outlook.flank_uncertainty import ProcessUncertainty, ToothSpec, doubts, error_doubts
+from gateway.correct.outlook.prediction import Prediction, diagnose_sampling, predict, select_cross_tables
 from gateway.correct.outlook.ranking import cure_errors, rank_errors
-from gateway.correct.outlook.too_coarse import dominant
-from gateway.correct.outlook.worthwhile import worthwhile
 from gateway.correct.plan.layers import LayeredCorrection, correct
-from gateway.correct.plan.plan import CROSS, Plan, cross_specs
-from gateway.correct.plan.records import record
+from gateway.correct.plan.plan import CROSS, Plan, cross_specs, table_record
 from gateway.domain.proposals import Proposal, TableChange
 from gateway.gear.cycloid import CycloidGear
 from gateway.gear.flank import FlankGrid, flank_grid
 from gateway.gear.grinding import Grinding
-from gateway.model.known import ErrorModel, chain_of_errors
+from gateway.model.error_model import ErrorModel, chain_of_errors
 from gateway.reducer.goal import LIMITS, DriveGoal, goal_of
 from gateway.study.drive import reducer_of
-from gateway.study.files import GearFile, load_gear
+from gateway.study.inputs import GearFile, load_gear
 from gateway.study.machine import gear_of
-from gateway.table.limits import finding
+from gateway.table.limits import second_person_finding
 from gateway.tooth import DriveProposal, ToothProposal
 from gateway.workflow import stages
 from gateway.workflow.axes.crossplaces import places_of
@@ -69,9 +65,9 @@ class ToothWork:
     goal: DriveGoal | None = None
 
     @property
-    def tooth(self) -> Tooth:
+    def tooth(self) -> ToothSpec:
         """The same for the advice on what to measure."""
-        return Tooth(self.gear, self.centre_distance_mm, self.height_mm)
+        return ToothSpec(self.gear, self.centre_distance_mm, self.height_mm)
 
 
 def work_of(site: SiteFile, site_path: Path) -> ToothWork:
@@ -120,7 +116,7 @@ async def propose_tooth(
     against = ask_part(at, measured, task.grinding, task.grid, plan=task.plan, model=model, shop=task.shop)
     paired = [one.new.index for one in own if one.new.kind == "cross" and not one.skipped]
     plan, nowhere = await task.placed(at, paired)
-    chosen = worthwhile(plan, task.one)
+    chosen = select_cross_tables(plan, task.one)
     found, outlook, gains = chosen.found, chosen.outlook, chosen.told
     cross = await cross_changes(at, found.optimum.tables, task.grinding.chain, live=live, adds=False, spoken_for=paired)
     if not gains.sure:
@@ -138,7 +134,7 @@ async def propose_tooth(
     )
     looked = (Message.of("W-PART-LOOK", **against),) if against else ()
     left = (*looked, *nowhere, *(task.alone(plan, outlook) if nowhere else ()), *_left_alone(own), *doubted(chosen))
-    worst = dominant(task.grinding, task.grid, model, outlook.flank)
+    worst = diagnose_sampling(task.grinding, task.grid, model, outlook.flank)
     needed = (*told(tooth, model, found=found, gains=gains, left_alone=left), *measure_better(worst))
     if work.goal is not None:
         tooth = replace(tooth, drive=task.drive(plan, found, work.goal))
@@ -152,17 +148,17 @@ async def propose_tooth(
     return proposal, tooth
 
 
-def _labelled(change: TableChange, gains: Outlook) -> TableChange:
+def _labelled(change: TableChange, gains: Prediction) -> TableChange:
     """A cross table whose gain is likely but not certain: a second person is asked."""
     figures = {"gain": fixed(gains.gain_um), "u": fixed(gains.gain_u_um), "worse": fixed(100.0 * gains.worse, 0)}
-    return replace(change, findings=(*change.findings, finding("W-TOOTH-CHANCE", change.name, **figures)))
+    return replace(change, findings=(*change.findings, second_person_finding("W-TOOTH-CHANCE", change.name, **figures)))
 
 
 def _looked_at(change: TableChange, against: Mapping[str, str]) -> TableChange:
     """A table with what the part has against it: a second person is asked."""
     if change.skipped or not against:
         return change
-    return replace(change, findings=(*change.findings, finding("W-PART-LOOK", change.name, **against)))
+    return replace(change, findings=(*change.findings, second_person_finding("W-PART-LOOK", change.name, **against)))
 
 
 def _left_alone(own: Sequence[TableChange]) -> tuple[Message, ...]:
@@ -177,7 +173,7 @@ class _Task:
     grid: FlankGrid
     plan: Plan
     model: ErrorModel
-    shop: Shop
+    shop: ProcessUncertainty
     own: tuple[CompensationTable, ...]
     acted: tuple[CompensationTable, ...]
     live: Mapping[str, LiveSet]
@@ -219,7 +215,7 @@ class _Task:
         able = tuple(one for one in CROSS if self.names.get(one[0]) in self.live and self.plan.has(one[1]))
         specs = cross_specs(chain, replace(self.plan, cross=able))
         blank = [Table(spec.grid, np.zeros_like(spec.grid.nodes)) for spec in specs]
-        records = [record(chain, one, "cross", names=self.names) for one in blank]
+        records = [table_record(chain, one, "cross", names=self.names) for one in blank]
         places = await places_of(at, records, self.live, spoken_for=paired)
         if any(place.full for place in places):
             places = await places_of(at, records, self.live, self._by_gain(able), spoken_for=paired)
@@ -237,7 +233,7 @@ class _Task:
         found = correct(self.grinding, self.grid, plan=plan, live=self.acted, own=self.own)
         return float(found.optimum.best.rms)
 
-    def alone(self, plan: Plan, outlook: Outlook) -> tuple[Message, ...]:
+    def alone(self, plan: Plan, outlook: Prediction) -> tuple[Message, ...]:
         """What stays on the flank where the control has no place for any cross table, and what these would leave."""
         if plan.cross:
             return ()
@@ -262,7 +258,7 @@ class _Task:
             doubts=costs,
         )
 
-    def one(self, plan: Plan) -> tuple[LayeredCorrection, Outlook]:
+    def one(self, plan: Plan) -> tuple[LayeredCorrection, Prediction]:
         """The correction of a plan and its outlook."""
         found = correct(self.grinding, self.grid, plan=plan, live=self.acted, own=self.own)
         return found, predict(self.grinding, self.grid, plan=plan, model=self.model, found=found, shop=self.shop)

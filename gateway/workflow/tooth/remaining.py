@@ -8,13 +8,13 @@ from dataclasses import dataclass
 from drivers.types.tables import CompensationTable
 from gateway.correct.flank.tables import Table, with_tables
 from gateway.correct.outlook.prediction import flank_map
-from gateway.correct.plan.records import table_of
+from gateway.correct.plan.plan import table_of
 from gateway.domain.outcomes import PushRecord
 from gateway.domain.proposals import Proposal, TableChange
 from gateway.gear.flank import flank_grid
 from gateway.gear.grinding import Grinding
-from gateway.gear.setright import set_right
-from gateway.model.known import ErrorModel, chain_of_errors
+from gateway.gear.process_drift import set_right
+from gateway.model.error_model import ErrorModel, chain_of_errors
 from gateway.store import RunFolder
 from gateway.workflow import stages
 from gateway.workflow.axes.verdict import PUSHED

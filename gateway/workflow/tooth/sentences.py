@@ -5,18 +5,16 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 
 from drivers.message import Message, digits, fixed
-from gateway.correct.outlook.next_setup import THRESHOLD_UM
-from gateway.correct.outlook.prediction import Outlook
-from gateway.correct.outlook.too_coarse import Dominant
-from gateway.correct.outlook.worthwhile import Worthwhile
+from gateway.correct.outlook.flank_uncertainty import THRESHOLD_UM
+from gateway.correct.outlook.prediction import CrossTableSelection, DominantError, Prediction
 from gateway.correct.plan.layers import LayeredCorrection
 from gateway.domain.values import COVERAGE
-from gateway.model.known import ErrorModel
+from gateway.model.error_model import ErrorModel
 from gateway.tooth import CureRecord, DriveDoubt, DriveForecast, DriveProposal, ToothProposal, next_for_drive
 
 
 def told(
-    tooth: ToothProposal, model: ErrorModel, found: LayeredCorrection, gains: Outlook, left_alone: Sequence[Message]
+    tooth: ToothProposal, model: ErrorModel, found: LayeredCorrection, gains: Prediction, left_alone: Sequence[Message]
 ) -> tuple[Message, ...]:
     """What people need, in words.
 
@@ -77,7 +75,7 @@ def measure_for_drive(doubts: Sequence[DriveDoubt]) -> tuple[Message, ...]:
     return () if one is None else (Message.of("S-DRIVE-NEXT", name=one.error, cost=fixed(one.cost_arcsec, 1)),)
 
 
-def measure_better(worst: Dominant | None) -> tuple[Message, ...]:
+def measure_better(worst: DominantError | None) -> tuple[Message, ...]:
     """Which measured error makes most of the doubt, and where to measure it at which step; nothing where none does."""
     if worst is None:
         return ()
@@ -89,7 +87,7 @@ def measure_better(worst: Dominant | None) -> tuple[Message, ...]:
     return (Message.of("S-TOOTH-COARSE", **sizes, **places, left=fixed(at.left_um)),)
 
 
-def doubted(chosen: Worthwhile) -> tuple[Message, ...]:
+def doubted(chosen: CrossTableSelection) -> tuple[Message, ...]:
     """Which cross tables stay away because the flank may get worse with them, in words."""
     whole = chosen.whole
     figures = {"gain": fixed(whole.gain_um), "U": fixed(COVERAGE * whole.gain_u_um)}
@@ -98,7 +96,7 @@ def doubted(chosen: Worthwhile) -> tuple[Message, ...]:
     return (Message.of("S-TOOTH-DOUBTED", names=names, worse=worse, **figures),) if names else ()
 
 
-def _gain(found: LayeredCorrection, gains: Outlook) -> Iterator[Message]:
+def _gain(found: LayeredCorrection, gains: Prediction) -> Iterator[Message]:
     figures = {"gain": fixed(gains.gain_um), "U": fixed(COVERAGE * gains.gain_u_um)}
     if found.optimum.tables:
         yield Message.of("S-TOOTH-GAIN", **figures)

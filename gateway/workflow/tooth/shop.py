@@ -8,7 +8,7 @@ from math import hypot
 
 from drivers.message import Message, digits, fixed
 from gateway.config import WorkSection
-from gateway.correct.outlook.flank_uncertainty import Shop
+from gateway.correct.outlook.flank_uncertainty import ProcessUncertainty
 from gateway.domain.captures import Capture
 from gateway.domain.values import COVERAGE
 from gateway.evaluate.behaviour.repeatability import approach_of, instrument_noise
@@ -16,7 +16,7 @@ from gateway.gear.grinding import Grinding
 from gateway.workflow.axes.measure import MeasuredAxis
 
 
-def _with_drift(shop: Shop, captures: Mapping[str, Capture], grinding: Grinding) -> Shop:
+def _with_drift(shop: ProcessUncertainty, captures: Mapping[str, Capture], grinding: Grinding) -> ProcessUncertainty:
     """Drift measured is drift believed: the larger of what the site file says and what the captures saw."""
     seen = {letter: abs(capture.drift_per_h) for letter, capture in captures.items()}
     return replace(
@@ -26,7 +26,7 @@ def _with_drift(shop: Shop, captures: Mapping[str, Capture], grinding: Grinding)
     )
 
 
-def drifting(shop: Shop, work: WorkSection | None) -> tuple[Message, ...]:
+def drifting(shop: ProcessUncertainty, work: WorkSection | None) -> tuple[Message, ...]:
     """Where a drift was seen that is larger than the site file's, in words."""
     said = _said_of(work)
     pairs = (
@@ -56,15 +56,17 @@ def noisy(measured: Mapping[str, MeasuredAxis]) -> tuple[Message, ...]:
     )
 
 
-def _said_of(work: WorkSection | None) -> Shop:
+def _said_of(work: WorkSection | None) -> ProcessUncertainty:
     """What the site file says of clamping, drift and times; the usual where it says nothing."""
     if work is None:
-        return Shop()
+        return ProcessUncertainty()
     keys = ("clamping_um", "drift_um_per_h", "drift_arcsec_per_h", "part_h")
-    return replace(Shop(), **{key: getattr(work, key) for key in keys}, size_um=work.inspection_size_um / COVERAGE)
+    return replace(
+        ProcessUncertainty(), **{key: getattr(work, key) for key in keys}, size_um=work.inspection_size_um / COVERAGE
+    )
 
 
-def shop_of(work: WorkSection | None, captures: Mapping[str, Capture], grinding: Grinding) -> Shop:
+def shop_of(work: WorkSection | None, captures: Mapping[str, Capture], grinding: Grinding) -> ProcessUncertainty:
     """What site file and captures (by axis letter) say of clamping, drift and scatter; the usual for the rest."""
     shop = _with_drift(_said_of(work), captures, grinding)
     known = {letter: approach_of(capture) for letter, capture in captures.items()}

@@ -7,7 +7,7 @@ import numpy as np
 from drivers.message import Message, fixed
 from gateway.domain.values import COVERAGE
 from gateway.gear.cycloid import CycloidGear
-from gateway.gear.setright import reground, set_right
+from gateway.gear.process_drift import set_right, with_corrected_setup
 from gateway.tooth import FlankPrediction, InspectedFlank, ToothVerdict
 from gateway.workflow.tooth.change import LEAST_UM, FlankChange, FlankSize, Outcome, eccentric_share
 
@@ -31,7 +31,7 @@ def judge_tooth(
     right (`reground`). ``trial`` is the part between, which explains where the last part is no better than it.
     """
     fair = set_right(before.fitted, gear).rms_um
-    anew = reground(before.fitted, gear, before.turned_arcsec)
+    anew = with_corrected_setup(before.fitted, gear, before.turned_arcsec)
     first, last = FlankSize.of(anew, before, gear), FlankSize.of(after.fitted, after, gear)
     change = FlankChange.of(first, last)
     missed = float(np.sqrt(np.mean((after.fitted.deviation_um - prediction.after.deviation_um) ** 2)))

@@ -15,8 +15,8 @@ from gateway.correct.outlook.prediction import flank_map
 from gateway.domain.outcomes import PushRecord
 from gateway.domain.proposals import Proposal, TableChange
 from gateway.gear.flank import flank_grid
-from gateway.gear.setright import set_right
-from gateway.model.known import ErrorModel
+from gateway.gear.process_drift import set_right
+from gateway.model.error_model import ErrorModel
 from gateway.store import RunFolder
 from gateway.tooth import FlankMap, FlankPrediction, ToothProposal
 from gateway.workflow import stages

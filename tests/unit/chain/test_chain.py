@@ -9,11 +9,10 @@ import pytest
 
 from drivers.errors import catalogue
 from gateway.errors import ModelError
-from gateway.model import se3
-from gateway.model.axis import LOCATIONS, MOTIONS, Axis, FixedLink
-from gateway.model.chain import Chain
-from gateway.model.layout import chain_of
-from gateway.model.preset import TWENTY_ONE, yk7350b
+from gateway.model import transforms
+from gateway.model.chain import LOCATIONS, MOTIONS, Axis, Chain, FixedLink
+from gateway.model.error_model import TWENTY_ONE, yk7350b
+from gateway.model.frames import chain_of
 
 
 def random_chain(seed: int, scale: float = 1.0) -> tuple[Chain, dict[str, float]]:
@@ -48,7 +47,7 @@ def test_first_order_is_the_limit_of_the_exact_twist(seed: int, frame: Any) -> N
 
 def test_wheel_frame_is_the_adjoint_of_the_work_frame() -> None:
     chain, q = random_chain(11)
-    back = se3.adjoint(se3.inverse(chain.ideal(q)))
+    back = transforms.adjoint(transforms.inverse(chain.ideal(q)))
     np.testing.assert_allclose(chain.twist(q, "wheel"), back @ chain.twist(q, "work"), atol=1e-15)
 
 
@@ -68,7 +67,7 @@ def test_a_command_moves_like_the_exact_chain() -> None:
     perfect = chain.without_errors()
     for influence in perfect.influences(q):
         moved = {**q, influence.axis.name: q[influence.axis.name] + 1e-6}
-        exact = se3.log(perfect.ideal(moved) @ se3.inverse(perfect.ideal(q))) / 1e-6
+        exact = transforms.log(perfect.ideal(moved) @ transforms.inverse(perfect.ideal(q))) / 1e-6
         np.testing.assert_allclose(influence.command(), exact, rtol=1e-5, atol=2e-6)
 
 
@@ -87,7 +86,7 @@ def test_preset_has_the_closed_form_of_its_first_order(frame: Any) -> None:
     )
     w = np.array([e["EAZ"] - e["EAX"] - e["A0C"], e["EBZ"] - e["EBX"] - e["B0C"], e["ECZ"] - e["ECX"]])
     dc, wc = np.array([e["EXC"], e["EYC"], e["EZC"]]), np.array([e["EAC"], e["EBC"], e["ECC"]])
-    back = se3.about([0.0, 0.0, 1.0], -c)
+    back = transforms.about([0.0, 0.0, 1.0], -c)
     if frame == "fixed":
         wanted = np.concatenate([back @ (d - dc), back @ (w - wc)])
     else:

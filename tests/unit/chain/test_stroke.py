@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from gateway.errors import ModelError
-from gateway.model import se3
+from gateway.model import transforms
 from gateway.model.chain import Chain
 from gateway.model.motion import Fourier, Polynomial
-from gateway.model.parts import vector
 from gateway.model.stroke import split
+from gateway.model.transforms import vector
 from tests.unit.chain.test_chain import random_chain
 
 
@@ -37,13 +37,15 @@ def test_points_and_velocity_are_those_of_the_whole_chain(seed: int, name: str) 
     stroke = split(chain, name, {**q, name: 0.0})
     pose = stroke.pose(s)
     entered, way = stroke.enter(vector(point), vector(point))
-    back = se3.inverse(chain.actual({**q, name: s}))
-    np.testing.assert_allclose(np.stack(pose.point(entered), -1), se3.move(back, point), atol=1e-11)
+    back = transforms.inverse(chain.actual({**q, name: s}))
+    np.testing.assert_allclose(np.stack(pose.point(entered), -1), transforms.move(back, point), atol=1e-11)
     np.testing.assert_allclose(
-        np.stack(np.broadcast_arrays(*pose.direction(way)), -1), se3.apply(back[:, :3, :3], point), atol=1e-11
+        np.stack(np.broadcast_arrays(*pose.direction(way)), -1), transforms.apply(back[:, :3, :3], point), atol=1e-11
     )
     h = 1e-3
-    step = se3.log(back @ chain.actual({**q, name: s + h})) - se3.log(back @ chain.actual({**q, name: s - h}))
+    step = transforms.log(back @ chain.actual({**q, name: s + h})) - transforms.log(
+        back @ chain.actual({**q, name: s - h})
+    )
     twist = np.stack(np.broadcast_arrays(*pose.twist.v, *pose.twist.w), -1)
     np.testing.assert_allclose(twist, step / (2.0 * h), atol=2e-9)
 

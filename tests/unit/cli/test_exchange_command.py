@@ -14,7 +14,7 @@ from drivers.message import Message
 from drivers.types.exchange import ReadAs
 from gateway.cli import app
 from gateway.domain.figures import Component
-from gateway.model.known import ErrorModel, LocationError, Unknown
+from gateway.model.error_model import ErrorModel, LocationError, UnmeasuredError
 from gateway.workflow.files.errorset import error_set
 
 GOLDEN = Path(__file__).parents[2] / "golden"
@@ -154,7 +154,7 @@ def test_fitted_errors_stand_at_their_positions_with_what_is_not_known() -> None
     model = ErrorModel(
         (line,),
         (LocationError("B0Z", 6.5, 0.1, "arcsec"),),
-        (Unknown("EZZ", 5.0, "um"),),
+        (UnmeasuredError("EZZ", 5.0, "um"),),
         said=(Message.stored("said"),),
     )
     found = error_set(model, points=3)

@@ -17,7 +17,7 @@ from gateway.cli.begin.siteparts import axis_tree, grid, letter_of, planned, use
 from gateway.config import files_only, load_site, open_road, schema
 from gateway.config.reference import page, settings_models
 from gateway.config.writing import site_text, written
-from gateway.study.files import load_gear
+from gateway.study.inputs import load_gear
 
 ROOT = Path(__file__).parents[3]
 EXAMPLES = sorted((ROOT / "examples" / "sites").glob("*.toml"))

@@ -18,7 +18,7 @@ from gateway.gear.cycloid import CycloidGear
 from gateway.reducer.contact import Assembly
 from gateway.reducer.figures import crank_angles
 from gateway.study.drive import reducer_of
-from gateway.study.files import load_gear
+from gateway.study.inputs import load_gear
 from gateway.tooth import InspectedFlank
 from gateway.workflow.part.matching import DiscFile, read_disc
 from simulators.cell.site import section

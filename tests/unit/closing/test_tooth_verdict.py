@@ -10,7 +10,7 @@ import pytest
 from drivers.message import prose
 from gateway.gear.cycloid import CycloidGear
 from gateway.gear.flank import FlankGrid, flank_grid
-from gateway.gear.setright import set_right
+from gateway.gear.process_drift import set_right
 from gateway.tooth import FlankMap, FlankPrediction, FloatArray, InspectedFlank
 from gateway.workflow.tooth.change import eccentric_share
 from gateway.workflow.tooth.verdict import judge_tooth

@@ -11,8 +11,7 @@ from gateway.errors import ModelError
 from gateway.evaluate.geometry.error_model import error_model
 from gateway.evaluate.geometry.measurement import Measurement, arms, lever_um
 from gateway.model.components import standard_uncertainty, value
-from gateway.model.known import ErrorModel, chain_of_errors
-from gateway.model.preset import TWENTY_ONE
+from gateway.model.error_model import TWENTY_ONE, ErrorModel, chain_of_errors
 from gateway.report.tooth.errors import error_rows
 from tests.unit.components.machine import ARCSEC, PLACES, Machine
 

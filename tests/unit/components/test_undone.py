@@ -7,18 +7,18 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gateway.correct.outlook.next_setup import THRESHOLD_UM, OpenDoubt, Tooth, what_next
+from gateway.correct.outlook.flank_uncertainty import THRESHOLD_UM, OpenDoubt, ToothSpec, what_next
 from gateway.correct.plan.plan import AxisGrid
 from gateway.evaluate.geometry.error_model import error_model
 from gateway.gear.cycloid import CycloidGear
-from gateway.model.known import ErrorModel, Unknown
+from gateway.model.error_model import ErrorModel, UnmeasuredError
 from gateway.workflow.errors21.components import advise
 from gateway.workflow.errors21.setups import Planned, planned
 from tests.unit.components.machine import Machine
 from tests.unit.components.site import site_of
 from tests.unit.components.test_errormodel import whole_plan
 
-TOOTH = Tooth(CycloidGear(rp=64.0, rrp=3.0, a=1.3, zp=40, zc=39, b=10.0), 160.0, 150.0)
+TOOTH = ToothSpec(CycloidGear(rp=64.0, rrp=3.0, a=1.3, zp=40, zc=39, b=10.0), 160.0, 150.0)
 GRIDS = (
     AxisGrid("X", -400.0, 0.0, 10.0),
     AxisGrid("Z", 0.0, 300.0, 10.0),
@@ -33,7 +33,7 @@ def whole() -> ErrorModel:
 
 def without(model: ErrorModel, name: str, span: float, unit: str) -> ErrorModel:
     """The same model as if one error had not been measured."""
-    unknown = Unknown(name, span, unit)  # type: ignore[arg-type]
+    unknown = UnmeasuredError(name, span, unit)  # type: ignore[arg-type]
     motions = tuple(one for one in model.motions if one.name != name)
     locations = tuple(one for one in model.locations if one.name != name)
     return replace(model, motions=motions, locations=locations, unknown=(unknown,))

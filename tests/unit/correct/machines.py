@@ -9,15 +9,14 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from drivers.types.values import FloatArray
-from gateway.correct.flank.flankmodel import SetupUnknown, flank_model, with_acting
+from gateway.correct.flank.flank_model import SetupUnknown, flank_model, with_acting
 from gateway.correct.flank.tables import Correction, Table, TableGrid
 from gateway.correct.plan.plan import AxisGrid, Plan
-from gateway.correct.solve.limits import TableSpec
+from gateway.correct.solve.constraints import TableSpec
 from gateway.gear.flank import FlankGrid, flank_grid
 from gateway.gear.grinding import Grinding
-from gateway.model.axis import MOTIONS, Motion
-from gateway.model.chain import LETTERS, Chain, Influence
-from gateway.model.motion import Sum
+from gateway.model.chain import LETTERS, MOTIONS, Chain, Influence, Motion
+from gateway.model.motion import MotionSum
 from gateway.tooth import SetupValues
 from tests.unit.gear.machines import DISC, RV40E, random_functions
 
@@ -92,7 +91,7 @@ def as_errors(grinding: Grinding) -> Grinding:
         for i, key in enumerate(MOTIONS):
             parts = errors.setdefault(f"E{LETTERS[i]}{axis.name}", [axis.err.get(key, 0.0)])
             parts.append(Equivalent(ideal, table, i, rest))
-    chain = grinding.chain.with_errors({name: Sum(tuple(parts)) for name, parts in errors.items()})
+    chain = grinding.chain.with_errors({name: MotionSum(tuple(parts)) for name, parts in errors.items()})
     return replace(grinding, chain=chain, tables=())
 
 

@@ -11,10 +11,10 @@ import pytest
 from gateway.correct.flank.tables import Product, Table, TableGrid, with_tables
 from gateway.errors import ModelError
 from gateway.gear.envelope import exact
-from gateway.gear.first_order import first_order, judged
+from gateway.gear.first_order import bounded_first_order, first_order
 from gateway.gear.grinding import Grinding
-from gateway.gear.passage import contact_line
-from gateway.model.preset import yk7350b
+from gateway.gear.wheel_passage import contact_line
+from gateway.model.error_model import yk7350b
 from tests.unit.correct.machines import TURN, as_errors, corrected_flank, machine
 from tests.unit.gear.machines import RV40E, Commands, slow_exact, spread
 
@@ -103,7 +103,7 @@ def test_second_order_agrees_off_the_nodes() -> None:
     grinding, grid = machine(5)
     found, product = tables(5)
     acting = with_tables(grinding, [*found, product])
-    second = judged(acting, grid.k, grid.theta, 1.3).second
+    second = bounded_first_order(acting, grid.k, grid.theta, 1.3).second
     np.testing.assert_allclose(exact(acting, grid.k, grid.theta, 1.3), second, atol=3e-6)
 
 

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from drivers.types.values import FloatArray
-from gateway.correct.outlook.agreement import compare_part
-from gateway.correct.outlook.flank_uncertainty import Shop
+from gateway.correct.outlook.flank_uncertainty import ProcessUncertainty
+from gateway.correct.outlook.part_agreement import compare_part
 from gateway.correct.outlook.prediction import flank_map
 from gateway.correct.plan.plan import AxisGrid, Plan
 from gateway.evaluate.geometry.error_model import error_model
@@ -19,8 +19,7 @@ from gateway.evaluate.geometry.measurement import Measurement
 from gateway.gear.cycloid import CycloidGear
 from gateway.gear.flank import flank_grid
 from gateway.gear.grinding import Grinding
-from gateway.model.known import ErrorModel, chain_of_errors
-from gateway.model.preset import yk7350b
+from gateway.model.error_model import ErrorModel, chain_of_errors, yk7350b
 from gateway.tooth import FlankAgreement, FlankMap, InspectedFlank
 
 GEAR = CycloidGear(rp=90.0, rrp=10.0, a=4.0, zp=12, zc=11, b=15.0)
@@ -122,7 +121,7 @@ def ground(seed: int, size: float = 1.0) -> InspectedFlank:
 def compared(model: ErrorModel, part: InspectedFlank) -> FlankAgreement:
     """The part against the model."""
     grinding = Grinding(chain_of_errors(model, height_mm=HEIGHT), GEAR, DISTANCE)
-    return compare_part(grinding, GRID, PLAN, model=model, shop=Shop(), part=part)
+    return compare_part(grinding, GRID, PLAN, model=model, shop=ProcessUncertainty(), part=part)
 
 
 @pytest.mark.parametrize("seed", range(1, 4))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from gateway.correct.outlook.face_residual import slope_and_bow
+from gateway.correct.outlook.flank_uncertainty import slope_and_bow
 from gateway.domain.figures import Component
 from gateway.model.components import value
 from gateway.model.fit import fit_through

@@ -7,20 +7,19 @@ from typing import Any
 import numpy as np
 import pytest
 
-from gateway.correct.flank.flankmodel import flank_model, with_acting
+from gateway.correct.flank.flank_model import flank_model, with_acting
 from gateway.correct.flank.tables import Correction, Product, Table, TableGrid
-from gateway.correct.solve.limits import TableSpec
+from gateway.correct.solve.constraints import TableSpec
 from gateway.correct.solve.optimise import optimise
 from gateway.domain.figures import Component
 from gateway.evaluate.geometry.straightness import straightness
 from gateway.gear.cycloid import CycloidGear
-from gateway.gear.flank import FlankGrid, flank_figure
+from gateway.gear.flank import FlankGrid, flank_figure, trace_values
 from gateway.gear.grinding import Grinding
-from gateway.gear.inspection import trace_values
 from gateway.model.components import design, value
-from gateway.model.layout import chain_of
-from gateway.model.regression import weighted
-from gateway.sensitivity.morris import elementary_effects, exhaustive, indices
+from gateway.model.fit import solve_weighted
+from gateway.model.frames import chain_of
+from gateway.sensitivity.screening import elementary_effects, exhaustive, indices
 from tests.unit.gear.cases import CASES
 
 KINDS = (
@@ -90,7 +89,7 @@ def _morris_ee(data: dict[str, Any]) -> dict[str, Any]:
 def _fit_bspline(data: dict[str, Any]) -> dict[str, Any]:
     q, ends = np.asarray(data["q"]), (data["q"][0], data["q"][-1])
     knots = {"knots": (*[ends[0]] * 4, *data["interior"], *[ends[1]] * 4)}
-    found = weighted(design("bspline", knots, q), np.asarray(data["v"]), np.ones(q.size))
+    found = solve_weighted(design("bspline", knots, q), np.asarray(data["v"]), np.ones(q.size))
     fitted = Component("EXZ", "Z", "mm", "bspline", ends, found.coefficients, found.covariance, knots)
     return {"v": value(fitted, data["at"])}
 

@@ -8,16 +8,14 @@ import numpy as np
 import pytest
 
 from gateway.correct.flank.mounting import WorkMounting
-from gateway.correct.flank.noise import FitNoise, noise_patterns
-from gateway.correct.flank.travel_shapes import Shape
+from gateway.correct.flank.noise import FitNoise, Shape, noise_patterns
 from gateway.correct.plan.layers import LayeredCorrection, correct
 from gateway.correct.plan.plan import AxisGrid, Plan
 from gateway.errors import ModelError
-from gateway.gear.first_order import judged
+from gateway.gear.first_order import ErrorParameter, bounded_first_order
 from gateway.gear.flank import flank_figure
 from gateway.gear.grinding import Grinding
-from gateway.gear.linear import ErrorParameter
-from gateway.model.motion import Fourier, Polynomial, Sum
+from gateway.model.motion import Fourier, MotionSum, Polynomial
 from tests.unit.correct.machines import PLAN, machine
 
 
@@ -37,7 +35,7 @@ def test_a_deviation_that_eec_takes_is_not_in_cec_and_one_it_leaves_is() -> None
     plain, grid = machine(4)
     wave = Fourier(0.0, (2e-5,), (1e-5,))  # a few arcsec once a turn
     chain = plain.chain
-    with_wave = replace(plain, chain=chain.with_errors({"ECC": Sum((chain.axis("C").err.get("ec", 0.0), wave))}))
+    with_wave = replace(plain, chain=chain.with_errors({"ECC": MotionSum((chain.axis("C").err.get("ec", 0.0), wave))}))
     without = correct(plain, grid, PLAN)
     taken = correct(with_wave, grid, PLAN, own=correct(with_wave, grid, PLAN).own)
     others = tuple(one for one in taken.own if one.name != "C(C)")
@@ -47,7 +45,7 @@ def test_a_deviation_that_eec_takes_is_not_in_cec_and_one_it_leaves_is() -> None
     assert np.max(np.abs(table(taken) - wanted)) < 0.75
     assert np.max(np.abs(table(left) - wanted)) > 4.0
     assert left.checked.rms == pytest.approx(taken.checked.rms, abs=1e-4)
-    second = judged(left.machine, grid.k, grid.theta, grid.z).second
+    second = bounded_first_order(left.machine, grid.k, grid.theta, grid.z).second
     assert flank_figure(np.broadcast_to(second, grid.shape), grid.section.h).rms == pytest.approx(left.checked.rms)
 
 
@@ -77,7 +75,7 @@ def test_a_machine_as_its_work_sits_is_told_beside_the_one_put_right() -> None:
     plain, grid = machine(8)
     found = correct(plain, grid, PLAN)
     assert isinstance(found.unmoved, Grinding)
-    as_it_sits = judged(found.unmoved, grid.k, grid.theta, grid.z).second
+    as_it_sits = bounded_first_order(found.unmoved, grid.k, grid.theta, grid.z).second
     rms = flank_figure(np.broadcast_to(as_it_sits, grid.shape), grid.section.h).rms
     assert found.moved != WorkMounting()
     assert rms > 2.0 * found.checked.rms

@@ -8,17 +8,16 @@ import numpy as np
 import pytest
 
 from drivers.units import mm_to_um
-from gateway.correct.flank.wheel_places import places_of_grid
+from gateway.correct.flank.flank_model import places_of_grid
 from gateway.correct.outlook.drive_outlook import costliest, drive_proposal, expected_drive
 from gateway.correct.outlook.flank_uncertainty import FlankDoubts, column_doubts
 from gateway.correct.plan.layers import LayeredCorrection, correct
 from gateway.correct.plan.plan import Plan
 from gateway.correct.solve.optimise import optimise
 from gateway.errors import ModelError
-from gateway.gear.first_order import first_order, judged
+from gateway.gear.first_order import ErrorParameter, bounded_first_order, first_order
 from gateway.gear.flank import FlankGrid
 from gateway.gear.grinding import Grinding
-from gateway.gear.linear import ErrorParameter
 from gateway.model.motion import Fourier
 from gateway.reducer import uncertainty
 from gateway.reducer.contact import Assembly
@@ -27,7 +26,7 @@ from gateway.reducer.firstorder import transmission_map
 from gateway.reducer.goal import DriveGoal, GoalKind, flank_target, goal_of
 from gateway.reducer.records import Tolerances, for_gear
 from gateway.reducer.uncertainty import essentials
-from gateway.study.files import ErrorFile, GearFile, validated
+from gateway.study.inputs import ErrorFile, GearFile, validate_file
 from gateway.study.machine import grid_of, grinding_of, plan_of
 from gateway.tooth import FlankMap, next_for_drive
 from tests.sizes import few, soak
@@ -38,7 +37,7 @@ LARGE = {"rp": 64.0, "rrp": 3.0, "a": 1.3, "zp": 40, "zc": 39, "b": 10.0}
 
 
 def _machine(seed: int, gear: dict[str, float]) -> tuple[Grinding, FlankGrid, Plan, DriveGoal]:
-    file = validated(
+    file = validate_file(
         {
             "name": "gear",
             "gear": gear,
@@ -48,14 +47,14 @@ def _machine(seed: int, gear: dict[str, float]) -> tuple[Grinding, FlankGrid, Pl
         GearFile,
         "gear",
     )
-    errors = validated({"name": "machine", "seeded": {"seed": seed}}, ErrorFile, "errors")
+    errors = validate_file({"name": "machine", "seeded": {"seed": seed}}, ErrorFile, "errors")
     grinding = grinding_of(file, errors)
     goal = goal_of("transmission", for_gear(grinding.gear, "crank-holes"), limits={"transmission_arcsec": 1000.0})
     return grinding, grid_of(file, grinding.gear), plan_of(errors, grinding), goal
 
 
 def _map(machine: Grinding, grid: FlankGrid) -> FlankMap:
-    e = np.broadcast_to(judged(machine, grid.k, grid.theta, grid.z).second, grid.shape)
+    e = np.broadcast_to(bounded_first_order(machine, grid.k, grid.theta, grid.z).second, grid.shape)
     return FlankMap(grid.thetas, grid.zs, mm_to_um(np.array(e)))
 
 

@@ -10,8 +10,8 @@ import pytest
 
 from drivers.errors import TrueflankError
 from drivers.types.gears import GearInspection
-from gateway.correct.part.gearguard import guard_flanks
-from gateway.correct.part.inspected import About, along_face, check_gear, inspected_flank
+from gateway.correct.part.fitted_places import guard_flanks
+from gateway.correct.part.inspected import InspectionSource, along_face, check_gear, inspected_flank
 from gateway.gear.cycloid import CycloidGear
 from gateway.tooth import FlankMap, InspectedFlank
 from tests.unit.gear.machines import RV40E
@@ -19,7 +19,7 @@ from tests.unit.gear.machines import RV40E
 ARCSEC = np.pi / 648000.0
 NOISE_UM = 0.2
 HEIGHTS = (-4.5, -1.7, 0.3, 4.2)
-ABOUT = About("part", clamping_um=0.0)
+ABOUT = InspectionSource("part", clamping_um=0.0)
 
 
 def abg(k: np.ndarray, z: np.ndarray) -> np.ndarray:

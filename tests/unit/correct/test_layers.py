@@ -9,23 +9,20 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gateway.correct.flank.flankmodel import command_effects, setup_tables
-from gateway.correct.flank.mounting import WorkMounting, centred, mounting_of
+from gateway.correct.flank.flank_model import command_effects, places_of_grid, places_of_points, setup_tables
+from gateway.correct.flank.mounting import WorkMounting, mounting_of, without_mounting
 from gateway.correct.flank.tables import Table, TableGrid
-from gateway.correct.flank.wheel_places import places_of_grid, places_of_points
-from gateway.correct.part.fromgear import correct_from_gear, fit_places, visible
+from gateway.correct.part.from_gear import correct_from_gear, fit_places, visible
 from gateway.correct.plan.layers import correct
-from gateway.correct.plan.plan import live_table
-from gateway.correct.plan.records import record
+from gateway.correct.plan.plan import live_table, table_record
 from gateway.correct.solve.floor import floor
 from gateway.errors import ModelError
-from gateway.gear.first_order import flank_abg, judged
+from gateway.gear.first_order import bounded_first_order, flank_abg, linear_flank
 from gateway.gear.flank import FlankGrid, flank_figure, flank_grid
 from gateway.gear.grinding import Grinding
-from gateway.gear.linear import linear_flank
-from gateway.model.layout import chain_of
+from gateway.model.error_model import TWENTY_ONE, yk7350b
+from gateway.model.frames import chain_of
 from gateway.model.motion import Fourier
-from gateway.model.preset import TWENTY_ONE, yk7350b
 from gateway.table.comparison import taken_by_cross
 from tests.sizes import few
 from tests.unit.correct.machines import PLAN, as_errors, corrected_flank, machine
@@ -78,7 +75,7 @@ def test_mounting_is_set_right_and_in_no_table(frame: str) -> None:
     seat = mounting_of(grinding, places)
     assert (seat.x_mm, seat.y_mm) == pytest.approx((u, v), abs=1e-9)
     assert seat.b_rad == pytest.approx(3e-5 if frame == "moving" else 0.0, abs=1e-10)
-    right = centred(grinding, seat)
+    right = without_mounting(grinding, seat)
     assert np.max(np.abs(flank_abg(right, places.k, places.z))) < 1e-9
     found = correct(grinding, grid, PLAN)
     assert found.moved.eccentricity_um == pytest.approx((-4.0, 2.0), abs=1e-6)
@@ -133,7 +130,7 @@ def test_alpha_is_told_in_arcsec_per_um() -> None:
 @pytest.mark.parametrize("seed", [1, 3])
 def test_a_measured_gear_gives_back_what_the_machine_did(seed: int) -> None:
     grinding, grid = machine(seed)
-    e = np.broadcast_to(judged(grinding, grid.k, grid.theta, grid.z).second, grid.shape)
+    e = np.broadcast_to(bounded_first_order(grinding, grid.k, grid.theta, grid.z).second, grid.shape)
     noisy = e + np.random.default_rng(seed).normal(0.0, 2e-4, grid.shape)
     points = tuple(np.broadcast_to(part, grid.shape) for part in (grid.k, grid.theta, grid.z))
     fit = fit_places(places_of_points(grid.gear, *points), noisy)
@@ -152,13 +149,15 @@ def test_a_measured_gear_gives_back_what_the_machine_did(seed: int) -> None:
     # Judged by the truth, not by the readings.
     setup = found.optimum.setup
     tables = [*found.optimum.tables, *setup_tables(grinding, setup)]
-    true = corrected_flank(centred(grinding, found.mounting), grid, tables) + setup.dressing_mm * grid.section.ny
+    true = (
+        corrected_flank(without_mounting(grinding, found.mounting), grid, tables) + setup.dressing_mm * grid.section.ny
+    )
     assert flank_figure(true, grid.section.h).rms < 0.12 * flank_figure(e, grid.section.h).rms
 
 
 def test_a_gear_without_its_mounting_taken_off_warns_of_what_turns() -> None:
     grinding, grid = machine(1)
-    e = np.broadcast_to(judged(grinding, grid.k, grid.theta, grid.z).second, grid.shape)
+    e = np.broadcast_to(bounded_first_order(grinding, grid.k, grid.theta, grid.z).second, grid.shape)
     points = tuple(np.broadcast_to(part, grid.shape) for part in (grid.k, grid.theta, grid.z))
     found = correct_from_gear(grinding, points, e, replace(PLAN, mounting=False), u=2e-4)  # type: ignore[arg-type]
     assert found.mounting == WorkMounting()
@@ -174,7 +173,7 @@ def test_what_a_live_table_does_is_no_mounting() -> None:
     best = nearest_table(grinding, grid, over)
     e = corrected_flank(grinding, grid, [best])
     points = tuple(np.broadcast_to(part, grid.shape) for part in (grid.k, grid.theta, grid.z))
-    live = [record(grinding.chain, best, "cross")]
+    live = [table_record(grinding.chain, best, "cross")]
     known, unknown = (
         correct_from_gear(grinding, points, e, PLAN, u=2e-4, live=one)  # type: ignore[arg-type]
         for one in (live, ())
@@ -186,10 +185,12 @@ def test_what_a_live_table_does_is_no_mounting() -> None:
 def test_of_several_tables_of_one_name_none_is_taken_alone() -> None:
     chain = yk7350b()
     nodes = np.linspace(-400.0, 0.0, 5)
-    plus = record(chain, Table(TableGrid("X", "X", nodes), 1e-3 * np.arange(5.0)), "cross", direction=1)
-    minus = record(chain, Table(TableGrid("X", "X", nodes), -1e-3 * np.arange(5.0)), "cross", direction=-1, index=1)
+    plus = table_record(chain, Table(TableGrid("X", "X", nodes), 1e-3 * np.arange(5.0)), "cross", direction=1)
+    minus = table_record(
+        chain, Table(TableGrid("X", "X", nodes), -1e-3 * np.arange(5.0)), "cross", direction=-1, index=1
+    )
     finer = TableGrid("X", "X", np.linspace(-400.0, 0.0, 9))
-    both = record(chain, Table(finer, 1e-3 * np.ones(9)), "cross", index=2)
+    both = table_record(chain, Table(finer, 1e-3 * np.ones(9)), "cross", index=2)
     off = replace(both, deviations=(0.0,) * 9)
     at = np.array([-400.0, -350.0, -123.0, 0.0])
     pair = live_table(chain, "X", "X", [plus, minus, off])
@@ -211,8 +212,8 @@ def test_neither_factor_of_a_product_is_taken_alone() -> None:
     chain = yk7350b()
     nodes = np.linspace(-400.0, 0.0, 5)
     stroke = np.linspace(-10.0, 10.0, 5)
-    by_x = record(chain, Table(TableGrid("X", "X", nodes), 1e-3 * np.arange(5.0)), "cross", index=0)
-    by_z = record(chain, Table(TableGrid("X", "Z", stroke), 1e-3 * np.arange(5.0)), "cross", index=1)
+    by_x = table_record(chain, Table(TableGrid("X", "X", nodes), 1e-3 * np.arange(5.0)), "cross", index=0)
+    by_z = table_record(chain, Table(TableGrid("X", "Z", stroke), 1e-3 * np.arange(5.0)), "cross", index=1)
     product = [replace(by_x, multiply_by=by_z.index + 1), by_z]
     for over in ("X", "Z"):  # the second table says nothing of it itself
         with pytest.raises(ModelError, match="E-CORRECT-FACTOR") as refused:

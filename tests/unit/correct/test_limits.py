@@ -9,21 +9,20 @@ import pytest
 
 from drivers.errors import TooManyPoints
 from drivers.units import arcsec_to_rad
-from gateway.correct.flank.flankmodel import SetupUnknown
+from gateway.correct.flank.flank_model import SetupUnknown
 from gateway.correct.flank.noise import FitNoise, component_doubts, noise_patterns
 from gateway.correct.flank.tables import Table, TableGrid
 from gateway.correct.plan.layers import correct
-from gateway.correct.solve.leastsquares import limited
-from gateway.correct.solve.limits import AxisBound, TableSpec
+from gateway.correct.solve.constraints import AxisBound, TableSpec, nearest_within_limits
 from gateway.correct.solve.optimise import optimise
 from gateway.errors import ModelError
+from gateway.gear.first_order import ErrorParameter
 from gateway.gear.flank import flank_grid
 from gateway.gear.grinding import Grinding
-from gateway.gear.linear import ErrorParameter
 from gateway.model.components import standard_uncertainty
+from gateway.model.error_model import yk7350b
 from gateway.model.fit import fit_positioning
 from gateway.model.motion import Fourier, Polynomial
-from gateway.model.preset import yk7350b
 from gateway.tooth import SetupValues
 from tests.sizes import few
 from tests.unit.correct.machines import PLAN, STEP_MM, TURN, corrected_flank, machine, setup, setup_vector, specs
@@ -40,12 +39,12 @@ def test_least_squares_with_limits_keeps_them_and_is_optimal() -> None:
     A, b = rng.normal(size=(40, 8)), rng.normal(size=40)
     box = 0.08
     G, g = np.concatenate([np.eye(8), -np.eye(8)]), np.full(16, box)
-    x = limited(A, b, np.zeros(8), G, g)
+    x = nearest_within_limits(A, b, np.zeros(8), G, g)
     assert np.max(np.abs(x)) <= box * (1.0 + 1e-9)
     theirs = lsq_linear(A, -b, (-box, box), tol=1e-14)
     assert np.linalg.norm(A @ x + b) == pytest.approx(np.sqrt(2.0 * theirs.cost), rel=1e-9)
     with pytest.raises(ModelError, match="E-CORRECT-INFEASIBLE"):
-        limited(A, b, np.zeros(8), np.stack([np.eye(8)[0], -np.eye(8)[0]]), np.array([-1.0, -1.0]))
+        nearest_within_limits(A, b, np.zeros(8), np.stack([np.eye(8)[0], -np.eye(8)[0]]), np.array([-1.0, -1.0]))
 
 
 @pytest.mark.parametrize("norm", ["rms", "max"])

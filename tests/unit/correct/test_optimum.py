@@ -8,16 +8,15 @@ import numpy as np
 import pytest
 from scipy.optimize import linprog
 
-from gateway.correct.flank.flankmodel import flank_model
+from gateway.correct.flank.flank_model import flank_model, places_of_points
 from gateway.correct.flank.tables import Table
-from gateway.correct.flank.wheel_places import places_of_points
 from gateway.correct.solve.optimise import Optimum, optimise
 from gateway.errors import ModelError
-from gateway.gear.dressing import Dressing
+from gateway.gear.cycloid import DressingError
 from gateway.gear.first_order import first_order
 from gateway.gear.flank import FlankGrid
 from gateway.gear.grinding import Grinding
-from gateway.model import se3
+from gateway.model import transforms
 from tests.sizes import few
 from tests.unit.correct.machines import STEP_MM, machine, setup, setup_vector, specs
 
@@ -29,7 +28,7 @@ def _columns(grinding: Grinding, grid: FlankGrid) -> np.ndarray:
     clean = replace(grinding, chain=grinding.chain.without_errors())
     k, z = np.broadcast_arrays(grid.ks[:, None], grid.zs[None, :])
     q = clean.commands(k, z)
-    back = se3.inverse(clean.chain.ideal(q))
+    back = transforms.inverse(clean.chain.ideal(q))
     section = grid.gear.section(grid.thetas)
     angle = grid.gear.space_angle(grid.ks)
 
@@ -56,7 +55,7 @@ def _columns(grinding: Grinding, grid: FlankGrid) -> np.ndarray:
                 columns.append(flank(spec.grid.out, np.broadcast_to(one(at), k.shape)))
     for axis in ("X", "C"):
         columns.append(flank(axis, np.ones(k.shape)))
-    wheel = Dressing(offset=1.0).first_order(grid.section, grid.theta)
+    wheel = DressingError(offset=1.0).first_order(grid.section, grid.theta)
     columns.append(np.broadcast_to(wheel[None], grid.shape).ravel())
     return np.stack(columns, axis=1)
 

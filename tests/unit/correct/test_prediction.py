@@ -9,26 +9,24 @@ import numpy as np
 import pytest
 
 from gateway.correct.flank.compensability import tangential_cure
-from gateway.correct.flank.mounting import WorkMounting, centred
+from gateway.correct.flank.mounting import WorkMounting, without_mounting
 from gateway.correct.flank.noise import noise_patterns
 from gateway.correct.flank.tables import Table, TableGrid, with_tables
-from gateway.correct.outlook.flank_uncertainty import CLAMPING, DRIFT, SIZE, Shop
-from gateway.correct.outlook.next_setup import doubts
-from gateway.correct.outlook.prediction import Outlook, flank_map, predict
+from gateway.correct.outlook.flank_uncertainty import CLAMPING, DRIFT, SIZE, ProcessUncertainty, doubts
+from gateway.correct.outlook.prediction import Prediction, flank_map, predict
 from gateway.correct.outlook.ranking import cure_errors, rank_errors
-from gateway.correct.part.setupvalues import setup_from_part
+from gateway.correct.part.inspected import setup_from_part
 from gateway.correct.plan.layers import LayeredCorrection, correct
-from gateway.correct.plan.plan import AxisGrid, Plan
-from gateway.correct.plan.records import table_of
+from gateway.correct.plan.plan import AxisGrid, Plan, table_of
 from gateway.domain.figures import Component
 from gateway.domain.values import FloatArray
+from gateway.gear.first_order import ErrorParameter
 from gateway.gear.flank import FlankGrid, flank_grid
 from gateway.gear.grinding import Grinding
-from gateway.gear.linear import ErrorParameter
-from gateway.gear.setright import set_right
-from gateway.model.axis import Motion
-from gateway.model.known import ErrorModel, LocationError, Unknown, chain_of_errors
-from gateway.model.motion import Sum
+from gateway.gear.process_drift import set_right
+from gateway.model.chain import Motion
+from gateway.model.error_model import ErrorModel, LocationError, UnmeasuredError, chain_of_errors
+from gateway.model.motion import MotionSum
 from gateway.tooth import FlankMap, InspectedFlank
 from tests.unit.gear.machines import DISC, RV40E
 
@@ -36,7 +34,9 @@ HEIGHT, E_MM = 150.0, 160.0
 PLAN = Plan(
     (AxisGrid("X", -400.0, 0.0, 20.0), AxisGrid("Z", 0.0, 300.0, 5.0), AxisGrid("C", 0.0, 360.0, 10.0, modulo=True))
 )
-SHOP = Shop(clamping_um=0.4, infeed_um=0.12, index_arcsec=0.4, drift_um_per_h=0.6, drift_arcsec_per_h=2.0, setup_um=0.0)
+SHOP = ProcessUncertainty(
+    clamping_um=0.4, infeed_um=0.12, index_arcsec=0.4, drift_um_per_h=0.6, drift_arcsec_per_h=2.0, setup_um=0.0
+)
 UM, ARCSEC = 1e-3, float(np.pi / 648000.0)
 
 
@@ -66,13 +66,13 @@ def known(unknown: tuple[str, ...] = ("EXC",)) -> ErrorModel:
     return ErrorModel(
         motions=motions,
         locations=(LocationError("B0Z", 4.0, 0.4, "arcsec"), LocationError("A0C", -3.0, 0.4, "arcsec")),
-        unknown=tuple(Unknown(name, 1.5, "um") for name in unknown),
+        unknown=tuple(UnmeasuredError(name, 1.5, "um") for name in unknown),
         systematic={"EXX": 2.0, "ECC": 0.5, "EXC": 0.05},
     )
 
 
 @cache
-def corrected(unknown: tuple[str, ...] = ("EXC",)) -> tuple[Grinding, FlankGrid, Plan, LayeredCorrection, Outlook]:
+def corrected(unknown: tuple[str, ...] = ("EXC",)) -> tuple[Grinding, FlankGrid, Plan, LayeredCorrection, Prediction]:
     """The fitted machine, what is proposed for it, and what is expected of that."""
     model = known(unknown)
     chain = chain_of_errors(model, height_mm=HEIGHT)
@@ -93,9 +93,9 @@ def drawn(grinding: Grinding, unknown: tuple[str, ...], rng: np.random.Generator
         axis, key = grinding.chain.error_place(name)
         at = grinding.chain.axis(axis)
         if name.startswith("E"):
-            errors[name] = Sum((at.err.get(key, 0.0), *parts))
+            errors[name] = MotionSum((at.err.get(key, 0.0), *parts))
         else:
-            errors[name] = float(Sum((at.loc.get(key, 0.0), *parts))(np.zeros(())))
+            errors[name] = float(MotionSum((at.loc.get(key, 0.0), *parts))(np.zeros(())))
     return replace(grinding, chain=grinding.chain.with_errors(errors))
 
 
@@ -118,7 +118,7 @@ def part(
     for out, values in zip("XC", scatter + wander, strict=True):
         tables.append(Table(TableGrid(out, "C", at[order], 2.0 * np.pi), values[order]))
     x, y = rng.normal(0.0, SHOP.clamping_um / 2.0 * UM, 2)
-    return flank_map(centred(with_tables(machine, tables), WorkMounting(x, y)), grid)
+    return flank_map(without_mounting(with_tables(machine, tables), WorkMounting(x, y)), grid)
 
 
 @pytest.mark.parametrize("unknown", [(), ("EXC",)])
@@ -182,7 +182,9 @@ def test_a_probe_of_another_size_is_set_into_the_next_part_and_into_u() -> None:
 
 def test_a_machine_of_which_little_is_known_gets_no_cross_tables() -> None:
     """What would correct less than its uncertainty is left alone: here everything."""
-    spans = tuple(Unknown(name, 4.0, "arcsec" if name[1] in "ABC" else "um") for name in ("ECC", "EXC", "EYC", "EXZ"))
+    spans = tuple(
+        UnmeasuredError(name, 4.0, "arcsec" if name[1] in "ABC" else "um") for name in ("ECC", "EXC", "EYC", "EXZ")
+    )
     small = replace(component("EXC", np.random.default_rng(1), 0.5), coefficients=np.full(7, 0.1))
     model = ErrorModel(motions=(small,), unknown=tuple(one for one in spans if one.name != "EXC"))
     chain = chain_of_errors(model, height_mm=HEIGHT)

@@ -10,7 +10,7 @@ from drivers.errors import Gap
 from gateway.correct.plan.reversal import reversal_advice, reversal_pair
 from gateway.domain.figures import Component
 from gateway.errors import ModelError
-from gateway.model.means import fit_means
+from gateway.model.waves import fit_means
 from gateway.table import Grid
 
 AT = np.linspace(0.0, 200.0, 21)

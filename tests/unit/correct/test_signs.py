@@ -9,19 +9,18 @@ import pytest
 
 from drivers.types.tables import CompensationTable
 from drivers.units import arcsec_to_rad
-from gateway.correct.flank.flankmodel import flank_model
+from gateway.correct.flank.flank_model import flank_model
 from gateway.correct.flank.tables import Table, TableGrid
 from gateway.correct.plan.layers import correct
-from gateway.correct.plan.plan import AxisGrid, Plan, table_spec
+from gateway.correct.plan.plan import AxisGrid, Plan, records_of_product, table_of, table_record, table_spec
 from gateway.correct.plan.products import best_product
-from gateway.correct.plan.records import record, records_of_product, table_of
-from gateway.correct.solve.limits import TableSpec
+from gateway.correct.solve.constraints import TableSpec
 from gateway.correct.solve.optimise import optimise
 from gateway.errors import ModelError
 from gateway.gear.flank import flank_grid
 from gateway.gear.grinding import Grinding
+from gateway.model.error_model import yk7350b
 from gateway.model.motion import Fourier, PiecewiseLinear
-from gateway.model.preset import yk7350b
 from tests.unit.correct.machines import PLAN, corrected_flank, machine
 from tests.unit.gear.machines import RV40E
 
@@ -78,7 +77,7 @@ def test_constants_on_a_table_without_a_reference_have_the_golden_values() -> No
         turn = np.deg2rad([0.0, 180.0, 360.0])
         table = TableGrid(out, over, turn, 2.0 * np.pi) if over == "C" else TableGrid(out, over, nodes)
         found = optimise(grinding, GRID, [TableSpec(table)], turning=False)
-        d = record(grinding.chain, found.tables[0], "cross").deviations
+        d = table_record(grinding.chain, found.tables[0], "cross").deviations
         used = d[:1] if over == "X" else d
         np.testing.assert_allclose(used, wanted, atol=1e-6)
         assert found.after.largest < 1e-9
@@ -105,7 +104,7 @@ def test_records_go_there_and_back() -> None:
         grid = table_spec(grinding.chain, PLAN, out, over).grid
         free = np.random.default_rng(3).normal(0.0, 1e-4, grid.free.size)
         table = Table.of(grid, free)
-        stored = record(grinding.chain, table, "cross", index=3, names={"X": "X1", "Z": "Z1", "C": "C1"})
+        stored = table_record(grinding.chain, table, "cross", index=3, names={"X": "X1", "Z": "Z1", "C": "C1"})
         assert (stored.output_axis, stored.input_axis, stored.index) == (f"{out}1", f"{over}1", 3)
         back = table_of(grinding.chain, stored, {"X": "X1", "Z": "Z1", "C": "C1"})
         assert back is not None
@@ -113,7 +112,7 @@ def test_records_go_there_and_back() -> None:
         np.testing.assert_allclose(back.grid.nodes, grid.nodes, atol=1e-12)
         assert back.grid.closed == (over == "C")
     with pytest.raises(ModelError, match="E-CORRECT-UNEVEN"):
-        record(grinding.chain, Table(TableGrid("X", "Z", [0.0, 1.0, 3.0]), [0.0, 0.0, 0.0]), "cross")
+        table_record(grinding.chain, Table(TableGrid("X", "Z", [0.0, 1.0, 3.0]), [0.0, 0.0, 0.0]), "cross")
 
 
 def test_a_product_is_proved_first_and_then_removes_a_tilt_of_the_table() -> None:

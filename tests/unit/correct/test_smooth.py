@@ -7,15 +7,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gateway.correct.flank.flankmodel import FlankModel, flank_model
+from gateway.correct.flank.flank_model import FlankModel, flank_model
 from gateway.correct.flank.tables import Table, TableGrid
-from gateway.correct.solve.limits import TableSpec
+from gateway.correct.solve.constraints import TableSpec, smoothing
 from gateway.correct.solve.optimise import Norm, optimise
-from gateway.correct.solve.smoothness import smoothing
 from gateway.gear.flank import FlankGrid, flank_grid
 from gateway.gear.grinding import Grinding
+from gateway.model.error_model import yk7350b
 from gateway.model.motion import Fourier, Polynomial
-from gateway.model.preset import yk7350b
 from tests.unit.correct.machines import STEP_MM, STEP_RAD, TURN, setup, setup_vector
 from tests.unit.gear.machines import DISC, RV40E
 
@@ -61,7 +60,7 @@ def bends(table: Table) -> float:
 @pytest.mark.parametrize("norm", ["rms", "max"])
 def test_smooth_tables_cost_next_to_nothing_and_serve_another_gear(norm: Norm) -> None:
     grinding, grid = machine()
-    found = optimise(grinding, grid, fine(), setup(), norm=norm, alike=ALIKE_MM)
+    found = optimise(grinding, grid, fine(), setup(), norm=norm, indifference_rms=ALIKE_MM)
     least = optimise(grinding, grid, fine(rounded=False), setup(rounded=False), norm=norm)
     cost = np.hypot(least.best.rms, ALIKE_MM) if norm == "rms" else 1.02 * least.best.rms + ALIKE_MM
     assert found.best.rms <= cost * (1.0 + 1e-9)
@@ -83,7 +82,7 @@ def test_smooth_tables_cost_next_to_nothing_and_serve_another_gear(norm: Norm) -
 def test_beside_the_face_a_table_leads_back_to_what_acts_and_stays_there() -> None:
     grinding, grid = machine()
     acts = Table(fine()[0].grid, np.r_[np.zeros(25), 0.004 * np.ones(6)])
-    found = optimise(grinding, grid, [replace(fine()[0], live=acts)], setup(), alike=ALIKE_MM)
+    found = optimise(grinding, grid, [replace(fine()[0], live=acts)], setup(), indifference_rms=ALIKE_MM)
     change = 1e3 * (found.table("X(Z)").values - acts.values)
     z = fine()[0].grid.nodes
     # 1.5 um at the ends of a face of 10 mm; as a correction of the work it has the same sign.
@@ -98,7 +97,7 @@ def test_beside_the_face_a_table_leads_back_to_what_acts_and_stays_there() -> No
 def test_few_spaces_on_a_fine_grid_leave_no_node_behind() -> None:
     """Eleven spaces, 72 values: between them the tables follow the errors, for the errors are smooth."""
     grinding, grid = machine(DISC)
-    found = optimise(grinding, grid, fine(), setup(), alike=ALIKE_MM)
+    found = optimise(grinding, grid, fine(), setup(), indifference_rms=ALIKE_MM)
     assert found.unseen["X(C)"] != ()
     assert bends(found.table("X(C)")) < 5.5 * STEP_MM
     assert bends(found.table("C(C)")) < 5.5 * STEP_RAD

@@ -8,14 +8,13 @@ import numpy as np
 import pytest
 
 from gateway.correct.flank.noise import noise_patterns
-from gateway.correct.outlook.next_setup import doubts
-from gateway.correct.outlook.prediction import Outlook, predict
-from gateway.correct.outlook.too_coarse import Dominant, dominant
+from gateway.correct.outlook.flank_uncertainty import doubts
+from gateway.correct.outlook.prediction import DominantError, Prediction, diagnose_sampling, predict
 from gateway.correct.plan.layers import correct
 from gateway.gear.flank import FlankGrid, flank_grid
 from gateway.gear.grinding import Grinding
+from gateway.model.error_model import ErrorModel, chain_of_errors
 from gateway.model.fit import fit_through
-from gateway.model.known import ErrorModel, chain_of_errors
 from gateway.workflow.tooth.sentences import measure_better
 from tests.sizes import few
 from tests.unit.correct.test_prediction import E_MM, HEIGHT, PLAN, SHOP, known
@@ -32,15 +31,15 @@ def model_of(at: np.ndarray, wave_mm: float, noise: float = 0.03) -> ErrorModel:
     return replace(plain, motions=(*(one for one in plain.motions if one.name != "EXZ"), coarse))
 
 
-def judged(model: ErrorModel) -> tuple[Outlook, Dominant | None]:
+def judged(model: ErrorModel) -> tuple[Prediction, DominantError | None]:
     chain = chain_of_errors(model, height_mm=HEIGHT)
     grinding, grid = Grinding(chain, RV40E, E_MM), flank_grid(RV40E, profile=5, width=3)
     plan = replace(PLAN, noise=noise_patterns(grinding, grid, doubts(model, chain, PLAN)))
     outlook = _predicted(grinding, grid, plan, model)
-    return outlook, dominant(grinding, grid, model, outlook.flank)
+    return outlook, diagnose_sampling(grinding, grid, model, outlook.flank)
 
 
-def _predicted(grinding: Grinding, grid: FlankGrid, plan: object, model: ErrorModel) -> Outlook:
+def _predicted(grinding: Grinding, grid: FlankGrid, plan: object, model: ErrorModel) -> Prediction:
     return predict(grinding, grid, plan, model=model, found=correct(grinding, grid, plan), shop=SHOP, draws=200)
 
 

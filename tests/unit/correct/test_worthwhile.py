@@ -8,14 +8,13 @@ from functools import cache
 import numpy as np
 
 from gateway.correct.flank.noise import noise_patterns
-from gateway.correct.outlook.next_setup import doubts
-from gateway.correct.outlook.prediction import Outlook, predict
-from gateway.correct.outlook.worthwhile import Worthwhile, worthwhile
+from gateway.correct.outlook.flank_uncertainty import doubts
+from gateway.correct.outlook.prediction import CrossTableSelection, Prediction, predict, select_cross_tables
 from gateway.correct.plan.layers import LayeredCorrection, correct
 from gateway.correct.plan.plan import Plan
 from gateway.gear.flank import flank_grid
 from gateway.gear.grinding import Grinding
-from gateway.model.known import ErrorModel, chain_of_errors
+from gateway.model.error_model import ErrorModel, chain_of_errors
 from tests.unit.correct.test_prediction import HEIGHT, PLAN, SHOP, known
 from tests.unit.gear.machines import DISC
 
@@ -33,20 +32,20 @@ def machine(structure_um: float, *, alone: bool = False) -> ErrorModel:
 
 
 @cache
-def chosen(structure_um: float, *, alone: bool = False) -> Worthwhile:
+def chosen(structure_um: float, *, alone: bool = False) -> CrossTableSelection:
     model = machine(structure_um, alone=alone)
     chain = chain_of_errors(model, height_mm=HEIGHT)
     grinding, grid = Grinding(chain, DISC, 190.0), flank_grid(DISC, profile=5, width=3)
     plan = replace(PLAN, noise=noise_patterns(grinding, grid, doubts(model, chain, PLAN)))
 
-    def worked_out(tried: Plan) -> tuple[LayeredCorrection, Outlook]:
+    def worked_out(tried: Plan) -> tuple[LayeredCorrection, Prediction]:
         found = correct(grinding, grid, tried)
         return found, predict(grinding, grid, tried, model, found, SHOP, draws=500)
 
-    return worthwhile(plan, worked_out)
+    return select_cross_tables(plan, worked_out)
 
 
-def names(one: Worthwhile) -> set[str]:
+def names(one: CrossTableSelection) -> set[str]:
     return {table.grid.name for table in one.found.optimum.tables}
 
 

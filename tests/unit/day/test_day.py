@@ -17,8 +17,7 @@ from gateway.cli import app
 from gateway.domain.captures import Capture
 from gateway.domain.figures import Evaluation
 from gateway.model.components import value
-from gateway.model.known import ErrorModel
-from gateway.model.preset import TWENTY_ONE
+from gateway.model.error_model import TWENTY_ONE, ErrorModel
 from gateway.store import RunFolder
 from gateway.workflow import stages
 from gateway.workflow.results.reporting import material_of

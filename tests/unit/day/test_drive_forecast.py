@@ -12,7 +12,7 @@ import trueflank as tf
 from gateway.cli.files.day import _tell_tooth
 from gateway.correct.plan.plan import AxisGrid
 from gateway.gear.cycloid import CycloidGear
-from gateway.model.known import ErrorModel, Unknown
+from gateway.model.error_model import ErrorModel, UnmeasuredError
 from gateway.reducer.goal import goal_of
 from gateway.reducer.records import DiscPlace, for_gear
 from gateway.workflow.day.forecast import forecast
@@ -38,7 +38,10 @@ def _model() -> ErrorModel:
     noise = 0.05 * np.array([[1.0, -1.0], [-1.0, 1.0]])
     curve = 4.0 * np.cos(np.deg2rad(2.0 * at))
     read = tf.Measured(at, curve[:, None, None] + noise, "deg", name="ECC")
-    return ErrorModel(motions=(tf.fit(read).component,), unknown=(Unknown("EXC", 3.0, "um"), Unknown("EZC", 3.0, "um")))
+    return ErrorModel(
+        motions=(tf.fit(read).component,),
+        unknown=(UnmeasuredError("EXC", 3.0, "um"), UnmeasuredError("EZC", 3.0, "um")),
+    )
 
 
 def test_a_day_forecasts_the_drive_and_names_what_costs_it_most(

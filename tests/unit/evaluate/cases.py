@@ -9,8 +9,8 @@ import numpy as np
 from drivers.types.sensing import Ambient
 from drivers.types.tables import CompensationTable
 from drivers.units import mm_to_um, um_to_mm
-from gateway.correct.plan.ownlayer import own_deviation
-from gateway.correct.plan.records import table_of
+from gateway.correct.plan.layers import own_deviation
+from gateway.correct.plan.plan import table_of
 from gateway.domain.figures import Component, Evaluation
 from gateway.evaluate.behaviour.repetitions import robust_means
 from gateway.evaluate.geometry import rotary_motion, straightness
@@ -20,9 +20,10 @@ from gateway.evaluate.optics import air, displacement, rotary_calibration
 from gateway.evaluate.standards import conformity, iso230_2, registry, statistics
 from gateway.evaluate.uncertainty import budget
 from gateway.gear.cycloid import CycloidGear
-from gateway.model import components, fit, regression
+from gateway.model import components, fit
+from gateway.model import fit as regression
+from gateway.model.error_model import yk7350b
 from gateway.model.motion import motion_from
-from gateway.model.preset import yk7350b
 from gateway.table import Grid, project
 from tests.steps import said
 
@@ -124,7 +125,7 @@ def _poly_fit(given: Input) -> Input:
     """In millionths, each reading with an uncertainty of one: all scatter is that of the readings."""
     x, y = np.asarray(given["x"]), 1e6 * np.asarray(given["y"])
     terms = {"degree": given["degree"], "centre": given["x0"], "scale": 1.0}
-    found = regression.weighted(components.design("polynomial", terms, x), y, np.ones(y.size))
+    found = regression.solve_weighted(components.design("polynomial", terms, x), y, np.ones(y.size))
     reach = (min(*x, *given["at"]), max(*x, *given["at"]))
     fitted = Component("EXX", "X", "mm", "polynomial", reach, found.coefficients, found.covariance, terms)
     told = zip(components.value(fitted, given["at"]), components.standard_uncertainty(fitted, given["at"]), strict=True)

@@ -29,12 +29,12 @@ from gateway.evaluate.uncertainty.budget import (
     variance_limit,
 )
 from gateway.gear.cycloid import limits
-from gateway.gear.inspection import trace_values
+from gateway.gear.flank import trace_values
 from gateway.model.components import value
 from gateway.model.fit import fit_positioning
-from gateway.model.layout import chain_of
-from gateway.model.means import fit_means
-from gateway.study.files import ErrorFile
+from gateway.model.frames import chain_of
+from gateway.model.waves import fit_means
+from gateway.study.inputs import ErrorFile
 from gateway.study.machine import machine_of
 from tests.steps import said
 

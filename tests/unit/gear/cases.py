@@ -12,14 +12,12 @@ import numpy as np
 from gateway.correct.flank.compensability import observability, tangential_cure
 from gateway.gear.cycloid import CycloidGear
 from gateway.gear.envelope import exact
-from gateway.gear.first_order import first_order, flank_abg, judged
-from gateway.gear.flank import FlankGrid
+from gateway.gear.first_order import bounded_first_order, first_order, flank_abg, linear_flank
+from gateway.gear.flank import FlankGrid, runout_values
 from gateway.gear.grinding import Grinding, grindable, wheel_section
-from gateway.gear.inspection import runout_values
-from gateway.gear.linear import linear_flank
-from gateway.gear.passage import contact_line
-from gateway.model.layout import chain_of
-from gateway.model.preset import yk7350b
+from gateway.gear.wheel_passage import contact_line
+from gateway.model.error_model import yk7350b
+from gateway.model.frames import chain_of
 
 CASES: tuple[dict[str, Any], ...] = tuple(
     json.loads((Path(__file__).parents[2] / "golden" / "gear_cases.json").read_text(encoding="utf-8"))["cases"]
@@ -88,7 +86,7 @@ def deviation(data: Mapping[str, Any]) -> Answer:
 def deviation_second(data: Mapping[str, Any]) -> Answer:
     """Second-order flank."""
     grid = _grid(data)
-    return {"e_second": judged(_grinding(data), grid.k, grid.theta, grid.z).second}
+    return {"e_second": bounded_first_order(_grinding(data), grid.k, grid.theta, grid.z).second}
 
 
 def abg(data: Mapping[str, Any]) -> Answer:

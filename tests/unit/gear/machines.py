@@ -10,10 +10,10 @@ from scipy.optimize import brentq, minimize_scalar
 from drivers.types.values import FloatArray
 from gateway.gear.cycloid import CycloidGear
 from gateway.gear.grinding import Grinding
-from gateway.model import se3
+from gateway.model import transforms
 from gateway.model.chain import Chain
+from gateway.model.error_model import MOTION_NAMES, TWENTY_ONE, yk7350b
 from gateway.model.motion import Fourier, Polynomial
-from gateway.model.preset import MOTION_NAMES, TWENTY_ONE, yk7350b
 
 TEN_MILLIDEGREES = np.deg2rad(0.01)
 RV40E = CycloidGear(64.0, 3.0, 1.3, 40, 39, 10.0)
@@ -72,10 +72,10 @@ def slow_exact(
         return grinding.E - float(grinding.dressing.section(gear, np.asarray(t)).x)
 
     def entry(s: float) -> float:
-        back = se3.inverse(grinding.chain.actual(moved(grinding.commands(k, s))))
+        back = transforms.inverse(grinding.chain.actual(moved(grinding.commands(k, s))))
 
         def outside(e: float) -> float:
-            p = se3.move(back, r0 + e * n0)
+            p = transforms.move(back, r0 + e * n0)
             return float(np.hypot(p[0], p[2])) - radius(float(p[1]))
 
         return float(brentq(outside, -0.1, 0.1, xtol=1e-15, rtol=1e-14))

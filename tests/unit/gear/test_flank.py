@@ -8,18 +8,16 @@ import pytest
 from drivers.errors import catalogue
 from gateway.errors import ModelError
 from gateway.gear import envelope
-from gateway.gear.cycloid import CycloidGear
-from gateway.gear.dressing import Dressing
+from gateway.gear.cycloid import CycloidGear, DressingError
 from gateway.gear.envelope import exact
-from gateway.gear.first_order import abg, along_normal, first_order, judged, to_space
+from gateway.gear.first_order import abg, along_normal, bounded_first_order, first_order, to_space
 from gateway.gear.flank import FlankGrid, flank_figure, flank_grid
 from gateway.gear.grinding import Grinding, wheel_section
-from gateway.gear.passage import contact_line
-from gateway.model import se3
-from gateway.model.axis import Axis
-from gateway.model.chain import Chain
+from gateway.gear.wheel_passage import contact_line
+from gateway.model import transforms
+from gateway.model.chain import Axis, Chain
+from gateway.model.error_model import TWENTY_ONE, yk7350b
 from gateway.model.motion import Fourier, PiecewiseLinear
-from gateway.model.preset import TWENTY_ONE, yk7350b
 from tests.unit.gear.machines import (
     DISC,
     GEARS,
@@ -73,7 +71,7 @@ def test_exact_agrees_when_the_stroke_carries_the_work() -> None:
     assert grinding.senses == (-1.0, 1.0, 1.0)
     agree(grinding, POINTS)
     k, t = np.arange(4.0)[:, None, None], spread(RV40E, 5)[:, None]
-    found = judged(grinding, k, t, np.array([-3.0, 3.0]))
+    found = bounded_first_order(grinding, k, t, np.array([-3.0, 3.0]))
     assert np.max(np.abs(found.second - exact(grinding, k, t, np.array([-3.0, 3.0])))) < 5e-6
 
 
@@ -99,7 +97,7 @@ def test_waves_shorter_than_the_wheel_follows_and_kinks_are_found() -> None:
 def test_a_short_wave_is_wrong_at_first_order_and_known_to_be() -> None:
     grinding = grinding_of(yk7350b({"EXZ": Fourier(0.0, (), (0.002,), 8.0)}))
     t, z = spread(RV40E, 9)[:, None], np.linspace(-4.0, 4.0, 17)
-    found = judged(grinding, 0.0, t, z)
+    found = bounded_first_order(grinding, 0.0, t, z)
     truth = exact(grinding, 0.0, t, z)
     worst = float(np.max(np.abs(found.deviation - truth)))
     assert worst > 0.08 * UM
@@ -119,7 +117,7 @@ def test_the_bound_holds_and_second_order_leaves_nanometres(gear: CycloidGear, w
         grinding = grinding_of(
             yk7350b(random_constants(rng), c_frame="fixed" if rng.random() < 0.5 else "moving"), gear, wheel
         )
-        found, truth = judged(grinding, k, t, z), exact(grinding, k, t, z)
+        found, truth = bounded_first_order(grinding, k, t, z), exact(grinding, k, t, z)
         left.append(float(np.max(np.abs(found.second - truth))))
         assert np.max(np.abs(found.third - truth)) <= 1e-6
         assert np.all(np.abs(found.deviation - truth) <= found.bound)
@@ -131,7 +129,7 @@ def test_the_bound_holds_and_second_order_leaves_nanometres(gear: CycloidGear, w
 def test_truncation_grows_with_the_square_of_the_errors(scale: float) -> None:
     t, z = spread(RV40E, 9)[:, None], np.array([-5.0, 5.0])
     grinding = grinding_of(yk7350b(random_constants(np.random.default_rng(4), scale)))
-    found, truth = judged(grinding, 0.0, t, z), exact(grinding, 0.0, t, z)
+    found, truth = bounded_first_order(grinding, 0.0, t, z), exact(grinding, 0.0, t, z)
     worst = np.max(np.abs(found.deviation - truth))
     assert worst < 0.25 * UM * scale**2
     assert np.all(np.abs(found.deviation - truth) <= found.bound)
@@ -142,7 +140,7 @@ def test_bound_and_second_order_on_functions(seed: int) -> None:
     gear = GEARS[seed]
     grinding = grinding_of(random_functions(np.random.default_rng(seed)), gear)
     k, t, z = np.arange(0.0, gear.zc, 3.0)[:, None, None], spread(gear, 7)[:, None], np.linspace(-0.5, 0.5, 5) * gear.b
-    found, truth = judged(grinding, k, t, z), exact(grinding, k, t, z)
+    found, truth = bounded_first_order(grinding, k, t, z), exact(grinding, k, t, z)
     assert np.max(np.abs(found.second - truth)) <= 2e-6
     assert np.all(np.abs(found.deviation - truth) <= found.bound)
 
@@ -157,7 +155,7 @@ def test_signs_of_the_house() -> None:
         grinding = grinding_of(chain)
         q = grinding.commands(k, z)
         q = {**q, "X": q["X"] + dx, "C": q["C"] + dc}
-        twist = se3.log(chain.actual(q) @ se3.inverse(yk7350b().ideal(grinding.commands(k, z))))
+        twist = transforms.log(chain.actual(q) @ transforms.inverse(yk7350b().ideal(grinding.commands(k, z))))
         return along_normal(RV40E.section(t), abg(to_space(grinding, k, twist), z))
 
     arc = np.deg2rad(5.0 / 3600.0)
@@ -178,14 +176,14 @@ def test_errors_that_a_spur_flank_does_not_see() -> None:
 
 def test_dressing_is_exact_and_its_offset_cures_a_constant_tangential_error() -> None:
     t, z = spread(RV40E, 9)[:, None], np.array([-5.0, 5.0])
-    cured = grinding_of(yk7350b({"EYZ": 0.005}), dressing=Dressing(offset=-0.005))
+    cured = grinding_of(yk7350b({"EYZ": 0.005}), dressing=DressingError(offset=-0.005))
     assert np.max(np.abs(exact(cured, 0.0, t, z))) < 1e-12
-    wavy = Dressing(0.003, 0.002, lambda theta: 0.002 * np.cos(70.0 * theta))
+    wavy = DressingError(0.003, 0.002, lambda theta: 0.002 * np.cos(70.0 * theta))
     grinding = grinding_of(yk7350b(random_constants(np.random.default_rng(9), 0.3)), dressing=wavy)
     agree(grinding, POINTS[:2], within=1e-9)
-    found, truth = judged(grinding, 0.0, t, z), exact(grinding, 0.0, t, z)
+    found, truth = bounded_first_order(grinding, 0.0, t, z), exact(grinding, 0.0, t, z)
     assert np.max(np.abs(found.second - truth)) < 2e-5
-    big = grinding_of(yk7350b(), dressing=Dressing(profile=lambda theta: np.full_like(theta, 0.01)))
+    big = grinding_of(yk7350b(), dressing=DressingError(profile=lambda theta: np.full_like(theta, 0.01)))
     np.testing.assert_allclose(exact(big, 2.0, t, z), 0.01, atol=1e-12)
 
 
@@ -248,7 +246,7 @@ def test_what_is_no_grinder_is_refused() -> None:
         ("E-CHAIN-AXIS", lambda: Grinding(yk7350b(), RV40E, 160.0, stroke="W")),
         ("E-GEAR-DISTANCE", lambda: Grinding(yk7350b(), RV40E, 62.0)),
         ("E-GEAR-DISTANCE", lambda: Grinding(yk7350b(), RV40E, float("nan"))),
-        ("E-GEAR-DRESSING", lambda: Dressing(offset=float("inf"))),
+        ("E-GEAR-DRESSING", lambda: DressingError(offset=float("inf"))),
         ("E-GEAR-GRID", lambda: FlankGrid(RV40E, np.array([]), np.array([0.0]), np.array([0.0]))),
         ("E-GEAR-GRID", lambda: flank_grid(RV40E, fraction=1.2)),
     ):

@@ -10,12 +10,11 @@ from gateway.errors import ModelError
 from gateway.gear.cycloid import CycloidGear
 from gateway.gear.envelope import exact
 from gateway.gear.first_order import first_order
-from gateway.gear.flank import FlankGrid, flank_grid
+from gateway.gear.flank import FlankGrid, Inspection, flank_grid, inspect, pitch_values, runout_values, trace_values
 from gateway.gear.grinding import Grinding
-from gateway.gear.inspection import Inspection, inspect, pitch_values, runout_values, trace_values
-from gateway.gear.measured import flank_points
+from gateway.gear.measured_points import flank_points
+from gateway.model.error_model import yk7350b
 from gateway.model.motion import Fourier
-from gateway.model.preset import yk7350b
 from tests.unit.gear.machines import DISC, RV40E
 
 MODIFIED = CycloidGear(64.0, 3.0, 1.3, 40, 39, 10.0, drp=-0.02, drrp=0.01, drot=2e-4)

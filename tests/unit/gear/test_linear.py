@@ -7,12 +7,11 @@ import pytest
 
 from gateway.correct.flank.compensability import cures, observability, tangential_cure
 from gateway.errors import ModelError
-from gateway.gear.first_order import first_order
+from gateway.gear.first_order import OFFSET, RADIUS, ErrorParameter, first_order, linear_flank
 from gateway.gear.flank import flank_figure, flank_grid
 from gateway.gear.grinding import Grinding
-from gateway.gear.linear import OFFSET, RADIUS, ErrorParameter, linear_flank
+from gateway.model.error_model import MOTION_NAMES, TWENTY_ONE, yk7350b
 from gateway.model.motion import Fourier, Polynomial
-from gateway.model.preset import MOTION_NAMES, TWENTY_ONE, yk7350b
 from tests.unit.gear.machines import DISC, RV40E, random_constants
 
 RNG = np.random.default_rng(0)

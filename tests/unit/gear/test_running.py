@@ -10,7 +10,7 @@ import pytest
 from drivers.message import prose
 from gateway.gear.cycloid import CycloidGear
 from gateway.gear.flank import flank_grid
-from gateway.gear.running import depth_running, index_running
+from gateway.gear.process_drift import depth_running, index_running
 from gateway.tooth import FlankMap
 from gateway.workflow.part.running import expanded, running_words, sure
 from simulators.cellfile import CellFile, Clamping, load_cell

@@ -7,15 +7,15 @@ from functools import cache
 import numpy as np
 import pytest
 
-from gateway.correct.flank.wheel_places import places_of_grid
-from gateway.correct.part.fromgear import PlaceFit, fit_places
-from gateway.correct.part.gearguard import guard_fits
+from gateway.correct.flank.flank_model import places_of_grid
+from gateway.correct.part.fitted_places import guard_fits
+from gateway.correct.part.from_gear import PlaceFit, fit_places
 from gateway.gear.cycloid import CycloidGear
-from gateway.gear.first_order import judged
+from gateway.gear.first_order import bounded_first_order
 from gateway.gear.flank import flank_grid
 from gateway.gear.grinding import Grinding
 from gateway.guard import Flanks, guard_gear
-from gateway.model.preset import yk7350b
+from gateway.model.error_model import yk7350b
 
 GEAR = CycloidGear(rp=64.0, rrp=3.0, a=1.3, zp=40, zc=39, b=10.0)
 GRID = flank_grid(GEAR, profile=9, width=3, spaces=range(0, 39, 3))
@@ -30,7 +30,7 @@ LIMIT = 2.0
 @cache
 def flank(errors: tuple[tuple[str, float], ...]) -> np.ndarray:
     grinding = Grinding(yk7350b(dict(errors)), GEAR, 160.0)
-    return np.broadcast_to(judged(grinding, GRID.k, GRID.theta, GRID.z).second, GRID.shape).ravel()
+    return np.broadcast_to(bounded_first_order(grinding, GRID.k, GRID.theta, GRID.z).second, GRID.shape).ravel()
 
 
 def inspected(errors: dict[str, float], seed: int) -> PlaceFit:

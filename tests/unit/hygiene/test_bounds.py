@@ -18,7 +18,7 @@ from drivers.sinumerik.opcua.settings import UaSettings
 from drivers.sinumerik.tablefile.listing import read_listing
 from drivers.sinumerik.tablefile.reader import TableReader, group_assignments
 from gateway.config import load_site
-from gateway.study.files import load_errors, load_gear
+from gateway.study.inputs import load_errors, load_gear
 from simulators.cellfile import load_cell
 from tests.unit.ground.test_config import GOOD
 

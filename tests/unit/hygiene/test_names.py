@@ -21,7 +21,7 @@ from gateway.config import load_site
 from gateway.errors import CorruptRecord, StoreError
 from gateway.push.journal import machine_folder
 from gateway.store import Store, records
-from gateway.study.files import load_gear
+from gateway.study.inputs import load_gear
 from gateway.web import reading
 from simulators.cellfile import load_cell
 from tests.unit.ground.test_config import GOOD

@@ -12,17 +12,17 @@ from typer.testing import CliRunner
 
 import trueflank as tf
 from gateway.cli import app
-from gateway.correct.outlook.flank_uncertainty import Shop
+from gateway.correct.outlook.flank_uncertainty import ProcessUncertainty
 from gateway.correct.plan.layers import correct
-from gateway.gear.first_order import judged
+from gateway.gear.first_order import bounded_first_order
 from gateway.gear.flank import flank_figure
 from gateway.gear.grinding import Grinding
-from gateway.model.known import ErrorModel, LocationError, Unknown, chain_of_errors
+from gateway.model.error_model import ErrorModel, LocationError, UnmeasuredError, chain_of_errors
 from gateway.reducer import figures, uncertainty
 from gateway.reducer.goal import goal_of
 from gateway.store import records
+from gateway.study.calculate import prepare_study
 from gateway.study.machine import gear_of, grid_of
-from gateway.study.work import prepared
 from gateway.tooth import FlankMap
 from gateway.workflow.tooth.proposal import _Task
 from trueflank.drives import _drawn
@@ -49,7 +49,7 @@ def model() -> ErrorModel:
             _fitted("ECC", "deg", 0.0, 360.0, 5.0),
         ),
         locations=(LocationError("B0Z", 12.0, 0.7, "arcsec"),),
-        unknown=(Unknown("EYX", 5.0, "um"),),
+        unknown=(UnmeasuredError("EYX", 5.0, "um"),),
         systematic={"EXX": 0.4},
     )
 
@@ -63,7 +63,7 @@ def test_a_machine_is_loaded_from_the_errors_of_a_run(model: ErrorModel, tmp_pat
     # The same flank as a run works it out on its own chain.
     grinding = Grinding(chain_of_errors(model, height_mm=120.0), gear_of(GEAR.data), 160.0)
     grid = grid_of(GEAR.data, grinding.gear)
-    e = np.broadcast_to(judged(grinding, grid.k, grid.theta, grid.z).second, grid.shape)
+    e = np.broadcast_to(bounded_first_order(grinding, grid.k, grid.theta, grid.z).second, grid.shape)
     assert tf.flank(machine, GEAR).rms == pytest.approx(1000.0 * flank_figure(e, grid.section.h).rms, rel=1e-4)
     for name in ("EXX", "EBZ", "ECC"):
         one = next(it for it in model.motions if it.name == name)
@@ -220,9 +220,9 @@ def test_a_drive_s_expected_figures_are_those_that_a_run_states(
     drive, model = tf.Reducer.of(DISC, datum="crank-holes"), machine.known.model
     assert model is not None
     found = tf.transmission(drive, tf.correct(machine, DISC).flank, uncertainty=True)
-    ready = prepared(DISC.data, machine.data, model)
+    ready = prepare_study(DISC.data, machine.data, model)
     correction = correct(ready.grinding, ready.grid, ready.used)
-    task = _Task(ready.grinding, ready.grid, ready.used, model, Shop(), (), (), {}, {})
+    task = _Task(ready.grinding, ready.grid, ready.used, model, ProcessUncertainty(), (), (), {}, {})
     told = task.drive(ready.used, correction, goal_of("transmission", drive.data))
     assert found.u is not None
     error, lost = (found.u.figures[name] for name in ("error_arcsec", "lost_motion_arcsec"))

@@ -10,9 +10,16 @@ import pytest
 from gateway.domain.figures import Component
 from gateway.errors import ModelError, NotIdentifiable
 from gateway.model import components, fit
-from gateway.model.components import at_datum, design, motion_uncertainty, standard_uncertainty, value
-from gateway.model.cubic import apart, missing
-from gateway.model.regression import weighted
+from gateway.model.components import (
+    at_datum,
+    design,
+    leave_one_out_rows,
+    motion_uncertainty,
+    separate_nodes,
+    standard_uncertainty,
+    value,
+)
+from gateway.model.fit import solve_weighted
 
 LINEAR = {"name": "EXX", "axis": "X", "axis_unit": "mm"}
 GUIDE = {"name": "EXZ", "axis": "Z", "axis_unit": "mm"}
@@ -23,7 +30,7 @@ Q = np.linspace(-200.0, 200.0, 21)
 def test_cubic_is_reproduced_by_the_spline() -> None:
     cubic = 1e-9 * Q**3 - 2e-5 * Q
     knots = {"knots": (*[Q[0]] * 4, -100.0, 0.0, 100.0, *[Q[-1]] * 4)}
-    found = weighted(design("bspline", knots, Q), cubic, np.ones(Q.size))
+    found = solve_weighted(design("bspline", knots, Q), cubic, np.ones(Q.size))
     fitted = Component("EXZ", "Z", "mm", "bspline", (Q[0], Q[-1]), found.coefficients, found.covariance, knots)
     expected = [-0.0030590000000000005, 5.9972999999999895e-05, -0.0009336250000000005, 0.003900599000000001]
     np.testing.assert_allclose(value(fitted, [-190.0, -3.0, 55.0, 199.0]), expected, rtol=1e-9, atol=1e-12)
@@ -130,7 +137,7 @@ def test_an_axis_driven_by_a_screw_shorter_than_its_targets_gets_straight_lines(
 def test_what_a_target_misses_is_the_curve_through_the_others() -> None:
     at = np.cumsum(np.random.default_rng(3).uniform(8.0, 16.0, 9))
     means = np.sin(at / 15.0)
-    missed = missing(at) @ means
+    missed = leave_one_out_rows(at) @ means
     for k in range(1, 8):
         others = np.arange(9) != k
         left_out = fit.fit_through(at[others], means[others], 0.1, **GUIDE)
@@ -152,11 +159,11 @@ def test_targets_close_together_make_no_swing_beside_them(beside_mm: float) -> N
 
 
 def test_places_too_close_together_are_one_and_graded_ones_stay() -> None:
-    np.testing.assert_allclose(apart(np.asarray([0.0, 1.0, 1.08, 2.0, 3.0])), [0.0, 1.04, 2.0, 3.0])
-    np.testing.assert_allclose(apart(np.asarray([3.0, 2.0, 1.0, 1.0, 0.01, 0.0])), [0.0, 1.0, 2.0, 3.0])
+    np.testing.assert_allclose(separate_nodes(np.asarray([0.0, 1.0, 1.08, 2.0, 3.0])), [0.0, 1.04, 2.0, 3.0])
+    np.testing.assert_allclose(separate_nodes(np.asarray([3.0, 2.0, 1.0, 1.0, 0.01, 0.0])), [0.0, 1.0, 2.0, 3.0])
     graded = np.asarray([0.0, 15.0, 30.0, 33.75, 37.5, 41.25, 45.0, 60.0])
-    np.testing.assert_allclose(apart(graded), graded)
-    np.testing.assert_allclose(apart(np.asarray([5.0, 5.0])), [5.0])
+    np.testing.assert_allclose(separate_nodes(graded), graded)
+    np.testing.assert_allclose(separate_nodes(np.asarray([5.0, 5.0])), [5.0])
 
 
 def test_nothing_is_extrapolated_and_a_turn_repeats() -> None:
@@ -254,7 +261,7 @@ def test_what_cannot_be_fitted_is_refused() -> None:
         value(replace(example("constant"), basis="wavelet"), 1.0)
     knots = {"knots": (*[Q[0]] * 4, -199.0, -198.0, -197.0, -196.0, -195.0, *[Q[-1]] * 4)}
     with pytest.raises(NotIdentifiable, match="E-MODEL-CONDITION"):
-        weighted(design("bspline", knots, Q), Q, np.ones(Q.size))
+        solve_weighted(design("bspline", knots, Q), Q, np.ones(Q.size))
 
 
 @pytest.mark.parametrize("m", [2, 3, 4, 5])

@@ -15,15 +15,14 @@ from gateway.evaluate.geometry.axis_location import from_ball
 from gateway.evaluate.geometry.error_model import error_model
 from gateway.evaluate.geometry.measurement import Lever, Measurement, said_beyond
 from gateway.gear.cycloid import CycloidGear
+from gateway.gear.first_order import ErrorParameter
 from gateway.gear.flank import flank_grid
 from gateway.gear.grinding import Grinding
-from gateway.gear.linear import ErrorParameter
-from gateway.model.components import near_value, value
-from gateway.model.conventions import first_harmonic, mean_of, without_mean
+from gateway.model.components import first_harmonic, mean_of, near_value, value, without_mean
+from gateway.model.error_model import yk7350b
 from gateway.model.fit import fit_positioning
 from gateway.model.motion import motion_of
-from gateway.model.preset import yk7350b
-from gateway.table.merging import held
+from gateway.table.merging import curve_for_grid
 
 GEAR = tf.Gear.of(rp=63.5, rrp=2.0, a=1.5, zp=40, zc=39, centre_distance=160.0)
 
@@ -205,7 +204,9 @@ def test_an_angle_that_begins_a_little_later_than_the_length_is_an_estimate_with
 def test_a_table_holds_the_last_value_beyond_what_was_measured() -> None:
     at = np.linspace(100.0, 300.0, 11)
     curve = fit_positioning(at, 0.02 * (at - 100.0), 0.01, name="EXX", axis="X", axis_unit="mm", kind="linear")
-    np.testing.assert_allclose(held(curve, np.array([50.0, 100.0, 300.0, 380.0])), [0.0, 0.0, 4.0, 4.0], atol=0.02)
+    np.testing.assert_allclose(
+        curve_for_grid(curve, np.array([50.0, 100.0, 300.0, 380.0])), [0.0, 0.0, 4.0, 4.0], atol=0.02
+    )
 
 
 def test_a_target_read_one_way_only_makes_no_kink() -> None:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from gateway.model.components import value
-from gateway.model.means import fit_means
+from gateway.model.waves import fit_means
 
 AMPLITUDES = {1: 7.0, 2: 4.0, 3: 2.0}
 

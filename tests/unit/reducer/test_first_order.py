@@ -9,11 +9,10 @@ import pytest
 
 from drivers.units import um_to_mm
 from gateway.gear.cycloid import CycloidGear
-from gateway.gear.first_order import first_order
+from gateway.gear.first_order import first_order, linear_flank
 from gateway.gear.flank import flank_grid
 from gateway.gear.grinding import Grinding
-from gateway.gear.linear import linear_flank
-from gateway.model.preset import TWENTY_ONE, yk7350b
+from gateway.model.error_model import TWENTY_ONE, yk7350b
 from gateway.reducer.contact import Assembly
 from gateway.reducer.figures import crank_angles
 from gateway.reducer.firstorder import MachineTransmission, lost_motion_map, transmission_map

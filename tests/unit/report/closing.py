@@ -9,16 +9,15 @@ import numpy as np
 from drivers.message import Message
 from drivers.types.tables import CompensationTable
 from drivers.units import arcsec_to_rad, mm_to_um
-from gateway.correct.outlook.next_setup import OpenDoubt
+from gateway.correct.outlook.flank_uncertainty import OpenDoubt
 from gateway.domain.figures import Component
 from gateway.domain.outcomes import PushRecord
 from gateway.domain.proposals import TableChange
 from gateway.domain.values import FloatArray
 from gateway.gear.cycloid import CycloidGear
 from gateway.gear.flank import FlankGrid, flank_grid
-from gateway.gear.setright import set_right
-from gateway.model.known import ErrorModel, LocationError, Unknown
-from gateway.model.preset import MOTION_NAMES
+from gateway.gear.process_drift import set_right
+from gateway.model.error_model import MOTION_NAMES, ErrorModel, LocationError, UnmeasuredError
 from gateway.report import PartMaterial, ReportMaterial, TableMaterial, ToothMaterial
 from gateway.tooth import (
     CureRecord,
@@ -124,7 +123,7 @@ def errors() -> ErrorModel:
                 "B0C", 2.2, 0.5, "arcsec", "tilt of Z measured against a bar at two positions half a turn apart"
             ),
         ),
-        (Unknown("EAZ", 5.0, "arcsec"),),
+        (UnmeasuredError("EAZ", 5.0, "arcsec"),),
         dict.fromkeys(known, 0.15),
         (Message.of("S-MODEL-SLOPE", name="EYX", slope="+1.80"),),
     )

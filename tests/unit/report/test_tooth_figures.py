@@ -14,7 +14,7 @@ from matplotlib.image import AxesImage
 
 from drivers.message import Message, prose
 from drivers.types.values import FloatArray
-from gateway.model.preset import TWENTY_ONE
+from gateway.model.error_model import TWENTY_ONE
 from gateway.report import ReportMaterial, ToothMaterial, as_json
 from gateway.report.drawings.flank import flank_maps
 from gateway.report.lines import axis_lines, details, tooth_lines

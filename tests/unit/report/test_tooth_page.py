@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from drivers.message import Message, prose
-from gateway.model.known import ErrorModel, LocationError
+from gateway.model.error_model import ErrorModel, LocationError
 from gateway.report import PartMaterial, ReportMaterial, TableMaterial, ToothMaterial, render
 from gateway.report.drawings import tooth as tooth_drawings
 from gateway.report.sentences import number, signed

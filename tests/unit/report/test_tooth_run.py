@@ -13,7 +13,7 @@ from drivers.message import prose
 from gateway.cli import app
 from gateway.domain.outcomes import Verdict
 from gateway.domain.proposals import Proposal
-from gateway.model.known import ErrorModel, Unknown
+from gateway.model.error_model import ErrorModel, UnmeasuredError
 from gateway.store import RunFolder, Store
 from gateway.tooth import GearProposal, SetupValues
 from gateway.workflow import stages
@@ -117,7 +117,7 @@ def test_a_whole_closing_run_comes_out_of_its_folder_as_it_went_in(run: RunFolde
 
 
 def test_the_command_shows_a_measure_run_and_what_to_measure_next(run: RunFolder) -> None:
-    run.put(stages.ERRORS, ErrorModel(unknown=(Unknown("EXC", 5.0, "um"),)))
+    run.put(stages.ERRORS, ErrorModel(unknown=(UnmeasuredError("EXC", 5.0, "um"),)))
     shown = CliRunner().invoke(app, ["report", str(run.path)])
     assert shown.exit_code == 0, shown.output
     assert "0 of 1 errors were measured. Only assumed within a span: EXC." in shown.output

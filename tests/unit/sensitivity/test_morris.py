@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from gateway.errors import ModelError
-from gateway.sensitivity.morris import elementary_effects, exhaustive, indices, trajectories
-from gateway.sensitivity.ranks import _ties, ranking
+from gateway.sensitivity.screening import _ties, elementary_effects, exhaustive, indices, rank_inputs, trajectories
 
 
 def test_a_linear_function_has_its_coefficients_as_effects() -> None:
@@ -81,7 +80,7 @@ def test_a_clear_ranking_is_settled_and_a_tie_is_said() -> None:
     effects = np.stack(
         [rng.normal(10.0, 0.5, 40), rng.normal(3.0, 1.0, 40), rng.normal(3.0, 1.0, 40), np.zeros(40)], axis=1
     )
-    ranked = ranking(["ECZ", "EXX", "EXZ", "EZZ"], effects, seed=7)
+    ranked = rank_inputs(["ECZ", "EXX", "EXZ", "EZZ"], effects, seed=7)
     assert ranked[0].name == "ECZ"
     assert ranked[0].tied_with == ()
     assert ranked[0].rank_low == ranked[0].rank_high == 1

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from gateway.errors import ModelError
-from gateway.sensitivity.next import measure_next
+from gateway.sensitivity.outputs import measure_next
 
 
 def test_a_doubt_the_proposal_cannot_follow_is_not_worth_measuring() -> None:

@@ -13,9 +13,8 @@ from distributed import LocalCluster
 from gateway.errors import ModelError
 from gateway.gear.flank import flank_figure, flank_grid
 from gateway.gear.grinding import Grinding
+from gateway.model.error_model import TWENTY_ONE, yk7350b
 from gateway.model.motion import Fourier, Polynomial
-from gateway.model.preset import TWENTY_ONE, yk7350b
-from gateway.sensitivity.morris import exhaustive, trajectories
 from gateway.sensitivity.outputs import (
     EQUAL_MM,
     OUTPUTS,
@@ -26,7 +25,7 @@ from gateway.sensitivity.outputs import (
     figures,
     measured_spans,
 )
-from gateway.sensitivity.sweep import screen, sweep
+from gateway.sensitivity.screening import exhaustive, run_sweep, screen, trajectories
 from gateway.study.workers import workers
 from tests.unit.gear.machines import RV40E, TEN_MILLIDEGREES
 
@@ -107,13 +106,13 @@ def test_spans() -> None:
 
 def test_the_order_of_the_points_is_kept_by_any_executor() -> None:
     points = trajectories(21, 5, seed=9)
-    here = sweep(MODEL, points)
+    here = run_sweep(MODEL, points)
     assert here.shape == (5, 22, 6)
     with ThreadPoolExecutor(3) as pool:
         for parts in (None, 1, 2, 99):
-            np.testing.assert_array_equal(sweep(MODEL, points, pool, parts), here)
+            np.testing.assert_array_equal(run_sweep(MODEL, points, pool, parts), here)
     with pytest.raises(ModelError, match="E-SENS-SHAPE"):
-        sweep(MODEL, np.zeros(3))
+        run_sweep(MODEL, np.zeros(3))
 
 
 def test_a_model_is_plain_data() -> None:
@@ -134,14 +133,14 @@ class _Lost(Executor):
 
 def test_a_lost_worker_is_said() -> None:
     with pytest.raises(ModelError, match="killed"):
-        sweep(MODEL, trajectories(21, 2), _Lost())
+        run_sweep(MODEL, trajectories(21, 2), _Lost())
 
 
 def test_processes_give_the_same_numbers() -> None:
     points = trajectories(21, 4, seed=3)
     with workers(count=2) as pool:
         assert pool is not None
-        np.testing.assert_array_equal(sweep(MODEL, points, pool), sweep(MODEL, points))
+        np.testing.assert_array_equal(run_sweep(MODEL, points, pool), run_sweep(MODEL, points))
     with workers(count=1) as none:
         assert none is None
     with pytest.raises(ModelError, match="E-STUDY-WORKERS"), workers(count=0):
@@ -161,7 +160,7 @@ def test_a_cluster_gives_the_same_numbers(scheduler: str) -> None:
     points = trajectories(21, 4, seed=3)
     with workers(scheduler) as cluster:
         assert cluster is not None
-        np.testing.assert_array_equal(sweep(MODEL, points, cluster), sweep(MODEL, points))
+        np.testing.assert_array_equal(run_sweep(MODEL, points, cluster), run_sweep(MODEL, points))
 
 
 @pytest.mark.parametrize("address", ["tcp://127.0.0.1:9", "nonsense://x"])

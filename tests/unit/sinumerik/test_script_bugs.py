@@ -12,7 +12,7 @@ from drivers.tablefile import TableFile, TableMachine
 from drivers.types.results import MeasuredSet
 from gateway.evaluate.standards.iso230_2 import evaluate_iso230_2
 from gateway.table.conversion import FileDatum, TableRequest, convert
-from gateway.table.filediff import compare
+from gateway.table.file_comparison import compare_files
 
 KNOWN = TableMachine(references={"": 0.0})
 
@@ -78,7 +78,7 @@ class TestSwappedDirectionsAndHardWiredPoints:
 
     def test_a_swapped_pair_differs_from_ours_at_every_point(self) -> None:
         right, swapped = ours(self.up, self.down, "cross"), ours(self.down, self.up, "cross")
-        difference = compare(reader.read_tables(right, "right"), reader.read_tables(swapped, "swapped"))
+        difference = compare_files(reader.read_tables(right, "right"), reader.read_tables(swapped, "swapped"))
         assert not difference.same
         assert difference.largest is not None
         assert abs(difference.largest[2]) == pytest.approx(10.0)

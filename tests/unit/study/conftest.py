@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from gateway.study.files import load_errors, load_gear
-from gateway.study.work import Study, study
+from gateway.study.calculate import Study, study
+from gateway.study.inputs import load_errors, load_gear
 
 EXAMPLES = Path(__file__).parents[3] / "examples"
 

@@ -12,12 +12,12 @@ from matplotlib import image
 from drivers.errors import ConfigError
 from gateway.errors import ModelError
 from gateway.reducer.contact import Assembly
+from gateway.study.calculate import Study, study
 from gateway.study.drive import drive_data, drive_rows, flank_map, reducer_of, state_rows
-from gateway.study.files import ErrorFile, GearFile, validated
+from gateway.study.inputs import ErrorFile, GearFile, validate_file
 from gateway.study.machine import gear_of
 from gateway.study.pictures import draw, write_pictures
-from gateway.study.plots import sheet
-from gateway.study.work import Study, study
+from gateway.study.plots import charts
 from tests.unit.reducer.drives import coarse
 
 GEAR = {
@@ -37,7 +37,7 @@ ERRORS = {
 def found() -> Study:
     with pytest.MonkeyPatch.context() as patch:
         coarse(patch)  # what is judged here are the study's own ways
-        return study(validated(GEAR, GearFile, "gear"), validated(ERRORS, ErrorFile, "errors"), r=2)
+        return study(validate_file(GEAR, GearFile, "gear"), validate_file(ERRORS, ErrorFile, "errors"), r=2)
 
 
 def test_the_states_are_the_full_model_s_and_a_correction_helps(found: Study) -> None:
@@ -71,7 +71,7 @@ def test_rows_data_and_picture_tell_it(found: Study, tmp_path: Path, monkeypatch
     costs = [one["cost_arcsec"] for one in told["doubts"]]
     assert costs == sorted(costs, reverse=True)
     assert costs[0] > 0.0
-    monkeypatch.setattr(sheet, "DPI", 40)
+    monkeypatch.setattr(charts, "DPI", 40)
     for other in ("one_at_a_time", "flank_maps", "ranking", "pitch", "axes_before_after"):
         monkeypatch.setattr(draw, other, lambda figure, *_: figure.clear())  # judged in tests of their own
     picture = next(path for path in write_pictures(found, tmp_path) if path.stem == "transmission")
@@ -81,12 +81,14 @@ def test_rows_data_and_picture_tell_it(found: Study, tmp_path: Path, monkeypatch
 
 def test_a_reducer_without_datum_or_with_a_wrong_part_is_refused() -> None:
     with pytest.raises(ConfigError, match=r"reducer\.datum"):
-        validated({**GEAR, "reducer": {}}, GearFile, "gear")
-    file = validated({**GEAR, "reducer": {"datum": "bore", "marks": (0, 1, 2)}}, GearFile, "gear")
+        validate_file({**GEAR, "reducer": {}}, GearFile, "gear")
+    file = validate_file({**GEAR, "reducer": {"datum": "bore", "marks": (0, 1, 2)}}, GearFile, "gear")
     assert file.reducer is not None
     with pytest.raises(ModelError, match="E-REDUCER-COUNT"):
         reducer_of(file.reducer, gear_of(file))
-    one = validated({**GEAR, "reducer": {"datum": "bore", "crank_phases_deg": (0.0,), "cranks": 3}}, GearFile, "gear")
+    one = validate_file(
+        {**GEAR, "reducer": {"datum": "bore", "crank_phases_deg": (0.0,), "cranks": 3}}, GearFile, "gear"
+    )
     assert one.reducer is not None
     drive = reducer_of(one.reducer, gear_of(one))
     assert (len(drive.discs), drive.output.number) == (1, 3)

@@ -14,12 +14,12 @@ from drivers.types.sensing import Ambient
 from gateway.domain.captures import Capture, Corrections
 from gateway.gear.cycloid import CycloidGear
 from gateway.gear.flank import flank_grid
-from gateway.model.known import ErrorModel
+from gateway.model.error_model import ErrorModel
 from gateway.store import RunFolder, Store
 from gateway.study import paper
+from gateway.study.calculate import Study
 from gateway.study.evidence import Evidence, evidence_of, inspected_chart, part_rows
-from gateway.study.fromrun import errors_from
-from gateway.study.work import Study
+from gateway.study.inputs import errors_from
 from gateway.tooth import FlankMap, InspectedFlank
 
 ROOT = Path(__file__).parents[3]

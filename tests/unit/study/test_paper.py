@@ -14,16 +14,15 @@ from typer.testing import CliRunner
 
 from gateway.cli import app
 from gateway.gear.flank import FlankGrid
-from gateway.sensitivity.ranks import sigma_intervals
+from gateway.sensitivity.screening import sigma_intervals
 from gateway.study import paper
+from gateway.study.calculate import Study
 from gateway.study.export import space_angles
-from gateway.study.files import load_errors, load_gear
+from gateway.study.inputs import load_errors, load_gear
 from gateway.study.machine import grinding_of
+from gateway.study.plots.charts import new_sheet, screening_bars
 from gateway.study.plots.laboratory import Traces
-from gateway.study.plots.screening import screening_bars
-from gateway.study.plots.sheet import painted
-from gateway.study.relative import relative_sweep
-from gateway.study.work import Study
+from gateway.study.relative_errors import relative_sweep
 
 EXAMPLES = Path(__file__).parents[3] / "examples"
 GEAR, ERRORS = EXAMPLES / "gears" / "rv-40e-like.toml", EXAMPLES / "errors" / "seeded-machine.toml"
@@ -67,7 +66,7 @@ def test_figure_5_has_both_measures_with_their_intervals(found: Study) -> None:
         assert row["sigma_um"] == pytest.approx(np.std(own, ddof=1))
         assert row["mu_star_low_um"] <= row["mu_star_um"] <= row["mu_star_high_um"]
     assert sum(row["sigma_share"] for row in rows) == pytest.approx(1.0)
-    sheet = painted((9.0, 5.0), lambda figure: screening_bars(figure, rows, "RMS"))
+    sheet = new_sheet((9.0, 5.0), lambda figure: screening_bars(figure, rows, "RMS"))
     bars = [one.get_width() for one in sheet.axes[0].patches]
     assert bars == pytest.approx([row["mu_star_um"] / sum(one["mu_star_um"] for one in rows) for row in rows])
 

@@ -17,11 +17,11 @@ from gateway.cli.files.study import study_command
 from gateway.errors import ModelError, StoreError
 from gateway.gear.first_order import first_order
 from gateway.gear.flank import flank_figure
-from gateway.study import draw, tell
-from gateway.study.files import ErrorFile, load_errors, load_gear
+from gateway.study import describe, drawing
+from gateway.study.calculate import Study, study, the_order
+from gateway.study.inputs import ErrorFile, load_errors, load_gear
 from gateway.study.machine import error_names, gear_of, grid_of, grinding_of, machine_of, plan_of
 from gateway.study.pictures import write_pictures
-from gateway.study.work import Study, study, the_order
 
 EXAMPLES = Path(__file__).parents[3] / "examples"
 GEARS = sorted((EXAMPLES / "gears").glob("*.toml"))
@@ -101,7 +101,7 @@ def test_the_plan_follows_the_file_or_suits_the_gear() -> None:
 
 
 def test_everything_is_told_and_the_tooth_gets_better(found: Study) -> None:
-    data = json.loads(json.dumps(tell.as_data(found)))
+    data = json.loads(json.dumps(describe.as_data(found)))
     assert data["by_tooth"]["after"]["RMS normal deviation"] < 0.1 * data["by_tooth"]["before"]["RMS normal deviation"]
     for key in ("cumulative pitch F_p", "runout F_r", "profile F_a"):
         assert data["by_tooth"]["after"][key] < data["by_tooth"]["before"][key]
@@ -123,16 +123,16 @@ def test_products_are_worked_out_only_behind_a_proof() -> None:
     errors = load_errors(EXAMPLES / "errors" / "seeded-machine.toml")
     plain = study(small, errors, r=1)
     assert plain.products == ()
-    assert "not proved" in tell.product_lines(plain)[0]
+    assert "not proved" in describe.product_lines(plain)[0]
     proved = study(small, errors.model_copy(update={"multiplication_proved": True}), r=1)
     assert proved.products
     assert proved.products[-1].after < 0.7 * proved.correction.checked.rms
     assert proved.products[-1].after >= proved.floor.products * 0.999
-    assert "X(Z)*(C)" in tell.product_lines(proved)[0]
+    assert "X(Z)*(C)" in describe.product_lines(proved)[0]
     assert proved.with_products is not None
     # The products are worked out to first order; second order with all of them acting finds the same.
     assert proved.with_products.figure.rms == pytest.approx(proved.products[-1].after, rel=0.02)
-    assert f"{proved.with_products.figure.rms * 1e3:.3f} µm" in tell.product_lines(proved)[-1]
+    assert f"{proved.with_products.figure.rms * 1e3:.3f} µm" in describe.product_lines(proved)[-1]
 
 
 def test_exact_means_before_and_after_too() -> None:
@@ -143,8 +143,8 @@ def test_exact_means_before_and_after_too() -> None:
     for name in ("before", "with_own", "after"):
         one, other = getattr(second, name).deviation, getattr(whole, name).deviation
         assert 0.0 < np.max(np.abs(one - other)) < 5e-6
-    assert "exactly" in tell.order_line(whole)
-    assert "second order" in tell.order_line(second)
+    assert "exactly" in describe.order_line(whole)
+    assert "second order" in describe.order_line(second)
 
 
 def test_one_at_a_time_is_what_the_reference_says(found: Study) -> None:
@@ -159,7 +159,7 @@ def test_one_at_a_time_is_what_the_reference_says(found: Study) -> None:
 
 def test_where_nothing_deviates_a_picture_is_white(found: Study, tmp_path: Path) -> None:
     sheet = Figure(figsize=(6.0, 3.0))
-    draw.flank_maps(sheet, found, [("flat", np.zeros(found.grid.shape)), ("as it is", found.before.deviation)])
+    drawing.flank_maps(sheet, found, [("flat", np.zeros(found.grid.shape)), ("as it is", found.before.deviation)])
     sheet.savefig(tmp_path / "flat.png")
     panel = image.imread(tmp_path / "flat.png")
     middle = panel[int(0.25 * panel.shape[0]), int(0.5 * panel.shape[1]), :3]

@@ -15,7 +15,7 @@ from gateway.config import AxisSection
 from gateway.domain.captures import Between, Capture
 from gateway.domain.proposals import TableChange
 from gateway.evaluate.optics import corrections
-from gateway.table.comparison import acting
+from gateway.table.comparison import acting_mean
 from gateway.workflow.axes.coarse import if_worth
 from gateway.workflow.axes.more import MoreTargets
 from gateway.workflow.axes.propose import change_of, instrument_of
@@ -94,7 +94,7 @@ class Machine:
         change = change_of(self.axis, shown, cast(Any, capture.live), limits)
         change = if_worth(change, shown, instrument_of(capture))
         now = self.truth(self.lattice)
-        then = now - acting(change.new, self.lattice) if not change.skipped else now
+        then = now - acting_mean(change.new, self.lattice) if not change.skipped else now
         return Judged(change, targets, said, now, then, self.lattice)
 
 

@@ -11,8 +11,8 @@ from drivers.errors import Gap, ValueOutOfRange
 from drivers.types.tables import CompensationTable
 from gateway.domain.figures import Component
 from gateway.table import Grid
-from gateway.table.bothways import with_directions
-from gateway.table.comparison import acting, apart
+from gateway.table.comparison import acting_mean, directional_difference
+from gateway.table.merging import with_directions
 from tests.unit.table.world import axis
 
 GRID = Grid(0.0, 400.0, 100.0)
@@ -33,16 +33,16 @@ def test_each_direction_gets_the_mean_and_its_half_of_the_reversal() -> None:
     new = with_directions(axis(rotary=False), MEAN, NEVER, line(-8.0, -8.0), GRID, resolution=0.001)
     assert new.deviations == pytest.approx((-4.0, -2.0, 1.0, -1.0, -3.0))
     assert new.reverse == pytest.approx((4.0, 6.0, 9.0, 7.0, 5.0))
-    assert acting(new, PLACES) == pytest.approx(MEAN.deviations)
-    assert apart(new, PLACES) == pytest.approx([-8.0] * 5)
+    assert acting_mean(new, PLACES) == pytest.approx(MEAN.deviations)
+    assert directional_difference(new, PLACES) == pytest.approx([-8.0] * 5)
 
 
 def test_what_acts_already_stays_and_what_is_left_is_added() -> None:
     """The second measuring finds 1 um at one end and nothing at the other beside the 6 um that are taken out."""
     acts = replace(MEAN, deviations=(-3.0, -1.0, 2.0, 0.0, -2.0), reverse=(3.0, 5.0, 8.0, 6.0, 4.0))
     new = with_directions(axis(rotary=False), None, acts, line(-1.0, 0.0), GRID, resolution=0.001)
-    assert acting(new, PLACES) == pytest.approx(MEAN.deviations, abs=1e-3)
-    assert apart(new, PLACES) == pytest.approx([-7.0, -6.75, -6.5, -6.25, -6.0], abs=2e-3)
+    assert acting_mean(new, PLACES) == pytest.approx(MEAN.deviations, abs=1e-3)
+    assert directional_difference(new, PLACES) == pytest.approx([-7.0, -6.75, -6.5, -6.25, -6.0], abs=2e-3)
     same = with_directions(axis(rotary=False), MEAN, acts, None, GRID, resolution=0.001)
     assert (same.deviations, same.reverse) == (acts.deviations, acts.reverse)
 

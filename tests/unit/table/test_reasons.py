@@ -10,7 +10,7 @@ import pytest
 from drivers.types.tables import LiveTable
 from gateway.model.fit import fit_through
 from gateway.table import MeasuredMeans, propose
-from gateway.table.reasons import may_harm
+from gateway.table.proposal import may_harm
 from tests.unit.table.world import X_GRID as X
 from tests.unit.table.world import axis, live, table
 

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from drivers.types.tables import CompensationTable, LiveTable, reversal_of
-from gateway.table.threeway import compare
+from gateway.table.live_comparison import compare_three_tables
 
 BEFORE = CompensationTable("axis", "C1", "C1", 0.0, 360.0, 90.0, (0.0, 1.0, 2.0, 1.0, 0.0), True, 0, "deg", "deg")
 APPROVED = replace(BEFORE, deviations=(0.0, 4.0, 6.0, -2.0, 0.0))
@@ -32,7 +32,7 @@ ALLOWED = 0.001
     ],
 )
 def test_each_kind(live: LiveTable, kind: str, said: str) -> None:
-    found = compare(live, ON, LiveTable(BEFORE, enabled=True), ALLOWED)
+    found = compare_three_tables(live, ON, LiveTable(BEFORE, enabled=True), ALLOWED)
     assert found.kind == kind
     assert said in found.words
     assert found.as_data()["kind"] == kind
@@ -41,30 +41,30 @@ def test_each_kind(live: LiveTable, kind: str, said: str) -> None:
 def test_a_table_with_a_curve_for_each_direction_is_itself() -> None:
     both = LiveTable(replace(APPROVED, reverse=(5.0, 9.0, 11.0, 3.0, 5.0)), enabled=True)
     before = LiveTable(replace(BEFORE, reverse=(5.0, 6.0, 7.0, 6.0, 5.0)), enabled=True)
-    assert compare(both, both, before, ALLOWED).kind == "as-approved"
-    assert compare(before, both, before, ALLOWED).kind == "before"
+    assert compare_three_tables(both, both, before, ALLOWED).kind == "as-approved"
+    assert compare_three_tables(before, both, before, ALLOWED).kind == "before"
     swapped = replace(both.table, deviations=both.table.reverse, reverse=APPROVED.deviations)
-    assert compare(LiveTable(swapped, enabled=True), both, before, ALLOWED).kind == "differs"
+    assert compare_three_tables(LiveTable(swapped, enabled=True), both, before, ALLOWED).kind == "differs"
 
 
 def test_the_first_difference_is_told_with_all_three_values() -> None:
     live = LiveTable(replace(APPROVED, deviations=(0.0, 4.0, 2.0, -3.5, 0.0)), enabled=True)
-    found = compare(live, ON, LiveTable(BEFORE, enabled=True), ALLOWED)
+    found = compare_three_tables(live, ON, LiveTable(BEFORE, enabled=True), ALLOWED)
     assert found.kind == "differs"
     assert (len(found.places), found.as_before) == (2, 1)
     assert "at 2 of 5 points; at 1 of them it has the previous value. First at 180" in found.words
     assert "before +2.000, approved +6.000, live +2.000 arcsec" in found.words
-    unknown = compare(live, ON, None, ALLOWED)
+    unknown = compare_three_tables(live, ON, None, ALLOWED)
     assert "before ?" in unknown.words
     assert unknown.as_data()["differences"][0][1] is None
 
 
 def test_what_was_to_be_off_and_a_first_table_taken_back() -> None:
     off = LiveTable(NEVER, enabled=False)
-    assert compare(off, off, ON, ALLOWED).kind == "as-approved"
-    assert compare(LiveTable(NEVER, enabled=True), off, ON, ALLOWED).kind == "switched-on"
-    assert compare(ON, off, ON, ALLOWED).kind == "before"
-    never = compare(off, ON, off, ALLOWED)
+    assert compare_three_tables(off, off, ON, ALLOWED).kind == "as-approved"
+    assert compare_three_tables(LiveTable(NEVER, enabled=True), off, ON, ALLOWED).kind == "switched-on"
+    assert compare_three_tables(ON, off, ON, ALLOWED).kind == "before"
+    never = compare_three_tables(off, ON, off, ALLOWED)
     assert never.kind == "before"
 
 
@@ -72,7 +72,7 @@ def test_what_was_to_be_off_and_a_first_table_taken_back() -> None:
 def test_a_reversal_is_compared_by_its_one_value(value: float, kind: str) -> None:
     pushed, before = (LiveTable(reversal_of("X1", "mm", one), enabled=one != 0.0) for one in (-1.4, 0.0))
     live = LiveTable(reversal_of("X1", "mm", value), enabled=value != 0.0)
-    found = compare(live, pushed, before, ALLOWED)
+    found = compare_three_tables(live, pushed, before, ALLOWED)
     assert found.kind == kind
     assert [place.live for place in found.places] == ([] if kind == "as-approved" else [value])
 
@@ -84,6 +84,6 @@ def test_a_reversal_is_compared_by_its_one_value(value: float, kind: str) -> Non
 def test_as_approved_is_said_of_nothing_else(values: list[float], enabled: bool) -> None:
     live = LiveTable(replace(APPROVED, deviations=tuple(values)), enabled)
     same = enabled and all(abs(one - two) <= ALLOWED for one, two in zip(values, APPROVED.deviations, strict=True))
-    found = compare(live, ON, LiveTable(BEFORE, enabled=True), ALLOWED)
+    found = compare_three_tables(live, ON, LiveTable(BEFORE, enabled=True), ALLOWED)
     assert (found.kind == "as-approved") == same
     assert found.words

@@ -15,7 +15,7 @@ from drivers.message import Message, prose
 from gateway import audit
 from gateway.capture.cycles import visits
 from gateway.config import SiteFile
-from gateway.correct.outlook.flank_uncertainty import Shop
+from gateway.correct.outlook.flank_uncertainty import ProcessUncertainty
 from gateway.domain.outcomes import Verdict
 from gateway.evaluate.behaviour.dynamics import steadiness
 from gateway.siteplan import WorkSection
@@ -52,7 +52,7 @@ def test_a_clear_drift_is_told_as_a_rate_and_none_where_there_is_none(rate: floa
 
 
 def test_the_larger_of_the_site_file_and_what_was_seen_counts_and_is_said() -> None:
-    def shop(x: float, c: float) -> Shop:
+    def shop(x: float, c: float) -> ProcessUncertainty:
         seen: Any = {"X": SimpleNamespace(drift_per_h=x), "C": SimpleNamespace(drift_per_h=c)}
         return _with_drift(_said_of(WORK), seen, GRINDING)
 

@@ -18,7 +18,7 @@ from drivers.types.tables import CompensationTable, LiveSet, LiveTable
 from gateway.correct.flank.tables import Table, TableGrid
 from gateway.domain.proposals import TableChange
 from gateway.errors import CaptureError
-from gateway.model.preset import yk7350b
+from gateway.model.error_model import yk7350b
 from gateway.workflow.axes.crossplaces import seated
 from gateway.workflow.tooth.crosstables import acting_cross, cross_changes
 from gateway.workflow.tooth.proposal import _Task

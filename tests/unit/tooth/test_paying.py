@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from gateway.config import SiteFile, load_site
-from gateway.correct.outlook.next_setup import OpenDoubt
+from gateway.correct.outlook.flank_uncertainty import OpenDoubt
 from gateway.workflow.errors21.paying import paying, setups_that_pay
 from gateway.workflow.errors21.setups import planned
 from gateway.workflow.loop.forecast import day_of_closing

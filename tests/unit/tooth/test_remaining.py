@@ -18,8 +18,8 @@ from gateway.domain.outcomes import PushRecord
 from gateway.domain.proposals import TableChange, torn
 from gateway.gear.flank import flank_grid
 from gateway.gear.grinding import Grinding
-from gateway.gear.setright import set_right
-from gateway.model.known import chain_of_errors
+from gateway.gear.process_drift import set_right
+from gateway.model.error_model import chain_of_errors
 from gateway.workflow import stages
 from gateway.workflow.control import pushing
 from gateway.workflow.tooth import remaining

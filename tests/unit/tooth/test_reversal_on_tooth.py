@@ -16,7 +16,7 @@ import pytest
 from drivers.types.tables import CompensationTable
 from gateway.config import WorkSection
 from gateway.correct.plan.reversal import reversal_pair
-from gateway.model.means import fit_means
+from gateway.model.waves import fit_means
 from gateway.table import Grid
 from gateway.workflow.tooth.oneway import ground_one_way
 from simulators.cellfile import CellFile, load_cell

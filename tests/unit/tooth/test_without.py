@@ -15,7 +15,7 @@ from gateway.domain.outcomes import PushRecord
 from gateway.domain.proposals import TableChange
 from gateway.errors import VerifyError
 from gateway.gear.flank import flank_grid
-from gateway.gear.setright import set_right
+from gateway.gear.process_drift import set_right
 from gateway.tooth import FlankMap, FlankPrediction, SetupValues, ToothProposal
 from gateway.workflow import stages
 from gateway.workflow.control import signing

@@ -11,8 +11,7 @@ import pytest
 
 from drivers.message import Message
 from drivers.units import arcsec_to_rad, mm_to_um
-from gateway.model.known import ErrorModel
-from gateway.model.preset import TWENTY_ONE
+from gateway.model.error_model import TWENTY_ONE, ErrorModel
 from gateway.store import Store
 from tests.unit.components.site import site_of
 from tests.unit.report import closing
