@@ -12,11 +12,12 @@ from matplotlib import image
 from drivers.errors import ConfigError
 from gateway.errors import ModelError
 from gateway.reducer.contact import Assembly
+from gateway.study import drawing
 from gateway.study.calculate import Study, study
 from gateway.study.drive import drive_data, drive_rows, flank_map, reducer_of, state_rows
 from gateway.study.inputs import ErrorFile, GearFile, validate_file
 from gateway.study.machine import gear_of
-from gateway.study.pictures import draw, write_pictures
+from gateway.study.pictures import write_pictures
 from gateway.study.plots import charts
 from tests.unit.reducer.drives import coarse
 
@@ -73,7 +74,7 @@ def test_rows_data_and_picture_tell_it(found: Study, tmp_path: Path, monkeypatch
     assert costs[0] > 0.0
     monkeypatch.setattr(charts, "DPI", 40)
     for other in ("one_at_a_time", "flank_maps", "ranking", "pitch", "axes_before_after"):
-        monkeypatch.setattr(draw, other, lambda figure, *_: figure.clear())  # judged in tests of their own
+        monkeypatch.setattr(drawing, other, lambda figure, *_: figure.clear())  # judged in tests of their own
     picture = next(path for path in write_pictures(found, tmp_path) if path.stem == "transmission")
     pixels = image.imread(picture)
     assert np.std(pixels[..., :3]) > 0.05
