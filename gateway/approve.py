@@ -19,7 +19,7 @@ from gateway.push import plan_hash
 from gateway.store import records
 from gateway.store.disk import checked_name, disk_errors, make_folder, read_whole, sync_folder, write_whole
 
-# What an approval binds and who may give it; pure. How many a push needs is `gateway.interlocks`' to say.
+# What an approval binds and who may give it. `gateway.interlocks` decides how many a push needs.
 
 VALID = APPROVED_FOR
 
@@ -65,7 +65,7 @@ def give_consent(
     )
 
 
-# Approvals in a run's folder: each a file named by its hash; using one leaves a mark that cannot be made twice.
+# Each approval is a file named by its hash; using it creates a second file, which cannot be created twice.
 
 FOLDER = "approvals"
 
@@ -84,7 +84,7 @@ class Approvals:
         write_whole(self._path(digest), data)
         return digest
 
-    def unused(self, plan_hash: str = "") -> tuple[Approval, ...]:
+    def read_unused(self, plan_hash: str = "") -> tuple[Approval, ...]:
         """Approvals (of one plan) that no push has used, oldest first, expired ones too.
 
         This goes by the marks; a mark can be deleted, so whether one is used is the audit log's to say.
@@ -135,7 +135,7 @@ def _read(path: Path) -> Approval:
     return records.decode(data, Approval, str(path))
 
 
-# The risk that one person alone takes on a connection that is not protected: typed for one command, word for word.
+# On a connection that is not protected one person alone must type the risk, for one command, word for word.
 
 UNPROTECTED = "unprotected"
 """The word."""

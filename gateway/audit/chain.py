@@ -155,7 +155,7 @@ def is_torn_record(line: bytes) -> bool:
     return line.startswith(b'{"action":"torn-line",')
 
 
-# Appends to the log so that a record is on the disk before the call returns, one process at a time.
+# A record is on the disk before the call returns; one process writes at a time.
 #
 # Files ``audit-000001.jsonl`` ... are never altered and never deleted; a new one begins when the last is large.
 # ``head`` names the last record known to be on the disk, so that a lost end shows. The end of a line that a crash tore
@@ -295,7 +295,7 @@ def _size(path: Path) -> int:
         return path.stat().st_size
 
 
-# The log's records as data, for people to read; a damaged line is shown as such and hides no other.
+# For people to read: a damaged line is shown as such and hides no other.
 
 
 def read_entries(root: Path) -> Iterator[dict[str, Any]]:

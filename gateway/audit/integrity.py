@@ -151,14 +151,14 @@ def is_sound(root: Path) -> bool:
 
 
 def require_sound(root: Path, exported: tuple[ChainHead, ...] = ()) -> Health:
-    """The same as `check`, but a log that is not whole raises CorruptRecord (E-AUDIT-BROKEN)."""
+    """The same as `check_log`, but a log that is not whole raises CorruptRecord (E-AUDIT-BROKEN)."""
     health = check_log(root, exported)
     if health.problem is not None:
         raise CorruptRecord("E-AUDIT-BROKEN", str(root / AUDIT), why=health.problem.words)
     return health
 
 
-# Are the run folders of a store as they were kept? Their seals, their approvals, and the heads they name.
+# Run folders and journals name heads of the log, so a log that was cut shows there.
 
 _CODES: Mapping[Kind, str] = {"changed": "W-SEAL-CHANGED", "missing": "W-SEAL-MISSING", "added": "W-SEAL-ADDED"}
 

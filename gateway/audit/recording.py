@@ -121,7 +121,7 @@ def correct(root: Path, seq: int, why: str, *, clock: TimeSource, actor: str = "
     return record(root, CORRECTION, clock=clock, actor=actor, details={"corrects": seq, "why": why})
 
 
-# Who acts: who is signed in at the service, else who is at the keyboard, as the operating system knows it.
+# The actor is the person signed in at the service, else the operating system's user.
 
 if sys.platform == "win32":
 
@@ -163,9 +163,8 @@ def act_as(name: str) -> Iterator[None]:
         _signed_in.reset(before)
 
 
-# What the computer knows of its own clock: whether it is kept by a time server, how far off it is, how sure that is.
-#
-# Linux tells it by `adjtimex`, which changes nothing when nothing is asked of it. Elsewhere it is unknown, and said so.
+# Whether the computer's clock follows a time server is recorded with each entry. Linux reports it by `adjtimex`, which
+# changes nothing when nothing is asked of it; elsewhere it is recorded as unknown.
 
 UNSYNCHRONISED, NANOSECONDS, ERROR = 0x0040, 0x2000, 5
 """STA_UNSYNC, STA_NANO and TIME_ERROR of adjtimex(2)."""

@@ -1,7 +1,7 @@
 """May we write? Every reason against it at once, from facts read before; pure.
 
-`drivers.limits` holds the limits of a table, `gateway.interlocks.facts` the others; what only warns asks for a second
-person.
+`drivers.limits` contains the limits of a table, `gateway.interlocks.facts` the others; what only warns asks for a
+second person. Rules by subject: `machine`, `table`, `measurement`, `approval`; each yields one refusal per reason.
 """
 
 from __future__ import annotations

@@ -69,7 +69,7 @@ def _doubtful_findings(facts: PushFacts) -> Iterator[Refusal]:
             yield from refuse("W-INT-FINDING", table=facts.table.called, finding=finding.message)
 
 
-def _extrapolated(facts: PushFacts) -> Iterator[Refusal]:
+def _extrapolation(facts: PushFacts) -> Iterator[Refusal]:
     beyond, widest = unmeasured_range(facts) if facts.table.kind == "axis" else (0.0, 0.0)
     if ROUNDING < beyond <= 0.5 * widest + ROUNDING:
         yield from refuse("W-INT-COVERAGE", table=facts.table.called, beyond=round(beyond + widest, 3), interval=widest)
@@ -93,7 +93,7 @@ def _live_alarms(facts: PushFacts) -> Iterator[Refusal]:
         yield from refuse("W-INT-ALARM", axis=facts.change.axis, alarm=alarm)
 
 
-def _unprotected(facts: PushFacts) -> Iterator[Refusal]:
+def _open_connection(facts: PushFacts) -> Iterator[Refusal]:
     if facts.can.unprotected:
         yield from refuse("W-INT-UNPROTECTED", road=facts.can.unprotected)
 
@@ -102,12 +102,12 @@ _WARNING: tuple[Rule, ...] = (
     _steep,
     _far,
     _old,
-    _extrapolated,
+    _extrapolation,
     _doubtful_findings,
     _no_marker,
     _marker_doubts,
     _live_alarms,
-    _unprotected,
+    _open_connection,
 )
 
 
@@ -145,9 +145,9 @@ def _approval_problem(facts: PushFacts, approval: Approval) -> Iterator[Refusal]
         yield from refuse("E-INT-APPROVAL-OTHER-PLAN", actor=approval.actor)
     elif approval.run_id != facts.request.run_id:
         yield from refuse("E-INT-APPROVAL-OTHER-RUN", actor=approval.actor, run=approval.run_id or "none")
-    elif approval in facts.request.used:
+    elif approval in facts.request.used_approvals:
         yield from refuse("E-INT-APPROVAL-USED", actor=approval.actor)
-    elif approval in facts.request.unrecorded:
+    elif approval in facts.request.unrecorded_approvals:
         yield from refuse("E-INT-APPROVAL-UNRECORDED", actor=approval.actor)
     elif not _is_short_enough(approval):
         yield from refuse("E-INT-APPROVAL-TOO-LONG", actor=approval.actor, given=approval.given_utc, **_times(approval))
@@ -187,7 +187,7 @@ def _audit(facts: PushFacts) -> Iterator[Refusal]:
 
 
 def _proposal(facts: PushFacts) -> Iterator[Refusal]:
-    if not facts.request.proposed:
+    if not facts.request.is_proposed:
         yield from refuse("E-INT-NOT-PROPOSED", table=facts.table.called, plan=facts.plan[:12])
 
 

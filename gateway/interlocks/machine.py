@@ -246,10 +246,8 @@ RELEASE: tuple[Rule, ...] = (*MACHINE, _jump, _inside_safe_places)
 NAMED: tuple[Rule, ...] = (_name,)
 
 
-# Rules on switching a table off: the right machine, the right axis, and no program at work. Pure.
-#
-# What else must hold before a write is not asked: off is where every doubt leads, and alarms, modes or a missing
-# reference must not keep a table on. What the control itself asks for (release, standstill) it refuses by itself.
+# Switching off asks only for the right machine, the right axis and no running program: off is where every doubt leads,
+# and alarms, modes or a missing reference must not keep a table on. The control itself demands release and standstill.
 
 
 def switching_refusals(

@@ -109,10 +109,10 @@ def _turn(facts: PushFacts) -> Iterator[Refusal]:
 
 
 def _reference(facts: PushFacts) -> Iterator[Refusal]:
-    place = facts.request.moved.reference
+    place = facts.request.input_axis.reference
     value = (value_at(facts.table, place, 1) + value_at(facts.table, place, -1)) / 2.0
     if not abs(value) <= facts.bounds.reference + ROUNDING:
-        fields = {"reference": facts.request.moved.reference, "value": value, "limit": facts.bounds.reference}
+        fields = {"reference": facts.request.input_axis.reference, "value": value, "limit": facts.bounds.reference}
         yield from refuse("E-INT-REF-VALUE", table=facts.table.called, unit=facts.table.deviation_unit, **fields)
 
 
@@ -161,7 +161,7 @@ TABLE: tuple[Rule, ...] = (
 FITS: tuple[Rule, ...] = (_points,)
 
 
-# Rules on cross tables: their memory, their neighbours on the same output axis, and who owns what.
+# Cross tables share memory and an output axis with others, so these rules look at the neighbours too.
 
 SAME_CORRELATION = 0.9
 SAME_SIZES = (0.5, 2.0)

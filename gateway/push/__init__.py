@@ -1,4 +1,9 @@
-"""Tables into the controller so that old or new is live at every instant; recovery; the sign proof."""
+"""Tables into the controller so that old or new is live at every instant; recovery; the sign proof.
+
+What is imported here is the package's interface; the modules below it are its own affair. On request: `transaction`
+(push), `rollback`, `recovery`, `sign_proof`. Steps on the controller: `preflight`, `load`, `effect`, `restore`,
+`disable`. On the disk: `journal`, `sent_programs`, and what they say: `history`, `table_status`, `recovery_findings`.
+"""
 
 from __future__ import annotations
 
@@ -45,7 +50,7 @@ from gateway.push.preflight import (
 from gateway.push.recovery import Choice, LiveReadings, inspect_unfinished, recover_table, unfinished_tables
 from gateway.push.recovery_findings import PushFinding, make_finding, with_rest
 from gateway.push.rollback import RollbackRequest, group_rollbacks, preflight_rollbacks, roll_back_pushes
-from gateway.push.sent_programs import SentPrograms
+from gateway.push.sent_programs import SentProgramBook
 from gateway.push.sign_proof import prove_sign, prove_signs
 from gateway.push.sign_proof_tables import ROUNDS, TIMES, SignQuestion, Steps, trials_stay_off, triangle_for_axes
 from gateway.push.state import Reading, ReadStop
@@ -72,7 +77,7 @@ __all__ = [
     "Reading",
     "RollbackPreview",
     "RollbackRequest",
-    "SentPrograms",
+    "SentProgramBook",
     "SignQuestion",
     "Steps",
     "TableState",

@@ -88,8 +88,9 @@ class PushContext:
     for (None: one, two when anything warns). ``audit_broken`` says why the audit cannot be trusted. ``key`` is
     the caller's transaction key: the same key with the same plan gives the same answer.
 
-    ``log`` is the audit log (None: nobody keeps one, as in a trial). ``proposed`` says whether it holds the proposal
-    of this plan, ``used`` and ``unrecorded`` are approvals that it knows as used, or does not know at all, ``alarms``
+    ``log`` is the audit log (None: nobody keeps one, as in a trial). ``is_proposed`` says whether it holds the proposal
+    of this plan, ``used_approvals`` and ``unrecorded_approvals`` are those that it knows as used, or does not know at all,
+    ``alarms``
     what it holds against the live tables of the axis. ``run_id`` is the run that approvals must name;
     ``consent_utc`` when this push began, which is when they must hold (None: now). ``on_live`` is told the live tables
     as read before anything is disabled, cross tables as deviations, and answers with the alarms that stand then.
@@ -129,9 +130,9 @@ class PushContext:
     audit_broken: str = ""
     key: str = ""
     log: AuditLog | None = None
-    proposed: bool = True
-    used: tuple[Approval, ...] = ()
-    unrecorded: tuple[Approval, ...] = ()
+    is_proposed: bool = True
+    used_approvals: tuple[Approval, ...] = ()
+    unrecorded_approvals: tuple[Approval, ...] = ()
     alarms: tuple[str, ...] = ()
     run_id: str = ""
     on_live: Callable[[LiveSet], tuple[str, ...]] | None = None
@@ -143,7 +144,7 @@ class PushContext:
     read: LiveSet | None = None
 
     @property
-    def moved(self) -> AxisRecord:
+    def input_axis(self) -> AxisRecord:
         """The axis that must stand where old and new table agree: the input axis."""
         return self.input or self.axis
 
@@ -157,7 +158,7 @@ class PushContext:
         return self.controller.table_by(table, sense, self.proof)
 
 
-# What exactly is to be written, as one hash: table, base and machine. People approve this and nothing else.
+# People approve exactly this hash of table, base and machine, and nothing else.
 
 PLAN = 2
 """The form of what is hashed: another form is another plan, whatever stands in it."""

@@ -1,4 +1,7 @@
-"""What a push asks of the controller through its port: facts, live tables, stops, and a program's end."""
+"""What a push asks of the controller through its port: facts, live tables, stops, and a program's end.
+
+Reads may be repeated here, over a fresh connection where the old one broke. Nothing here writes a table.
+"""
 
 from __future__ import annotations
 
@@ -89,7 +92,7 @@ async def read_live_tables(context: PushContext) -> LiveSet:
 
 
 async def read_loaded_tables(context: PushContext) -> LiveSet:
-    """As `read_live`; a table that waits for the control's next start stands in the place of the one that acts."""
+    """As `read_live_tables`; a table that waits for the control's next start replaces the one that acts."""
     return await context.controller.live_tables(replace(_table_question(context), loaded=True), context.say)
 
 
@@ -105,7 +108,7 @@ def table_questions(contexts: Sequence[PushContext]) -> tuple[TableQuestion, ...
 
 
 async def read_live_of_axes(contexts: Sequence[PushContext]) -> tuple[LiveSet, ...]:
-    """As `read_live`, of several axes of one machine in order; by one program where the road makes one of it."""
+    """As `read_live_tables`, of several axes of one machine in order; by one program where the road makes one of it."""
     first = contexts[0]
     if not isinstance(first.controller, ReadsTogether):
         return tuple([await read_live_tables(context) for context in contexts])
@@ -114,16 +117,16 @@ async def read_live_of_axes(contexts: Sequence[PushContext]) -> tuple[LiveSet, .
 
 @dataclass(frozen=True, slots=True)
 class PlanAxes:
-    """What a plan needs of its axes: the one that ``moved``, the ``output`` of the table, and how fast axes may go."""
+    """What a plan needs of its axes: the ``input_axis`` moves, ``output`` is corrected; and how fast axes may go."""
 
-    moved: AxisRecord
+    input_axis: AxisRecord
     output: AxisRecord
     places: SafePlaces
 
 
 def plan_axes(context: PushContext) -> PlanAxes:
     """As a push knows them."""
-    return PlanAxes(context.moved, context.axis, places_of(context.controller))
+    return PlanAxes(context.input_axis, context.axis, places_of(context.controller))
 
 
 def make_stop_plan(
@@ -136,7 +139,7 @@ def make_stop_plan(
     reversal: CompensationTable | None = None,
 ) -> StopPlan:
     """A motion program of the table's input axis that shows and saves what acts on the output axis; pure."""
-    axis, output = along.moved, along.output
+    axis, output = along.input_axis, along.output
     feed = min(axis.feed, along.places.feed(axis.unit))
     return StopPlan(
         name=f"{name}{axis.letter}",
@@ -300,9 +303,9 @@ async def _is_in_reset(context: PushContext) -> bool:
         return False
 
 
-# Where the road runs no programs: the operator jogs, in words, and the controller's state confirms it.
+# Without programs the operator is asked to jog, and the controller's state confirms that the axis is there.
 
-# Jogging is not exact: a place will do while the tables differ there by no more than this, um or arcsec.
+# Jogging is not exact: a position will do while the tables differ there by no more than this, um or arcsec.
 ALLOWED_DIFFERENCE = 0.25
 LEAST_TOLERANCE, LARGEST_TOLERANCE = 0.01, 1.0
 
@@ -321,7 +324,7 @@ async def bring_to_position(context: PushContext, position: float, room: float) 
     Says nothing when it stands there already. Raises DeadlineExceeded after a person's patience, and what the
     port raises.
     """
-    axis = context.moved
+    axis = context.input_axis
     jogged = jogging.Jogged(axis.name, axis.modulo, context.start_timeout_s)
 
     def ask() -> None:
@@ -338,7 +341,7 @@ async def visit_manually(context: PushContext, plan: StopPlan, at_stop: AtStop, 
     A stop's switch is `Controller.switch` of ``order``; a table of its that acts in one direction of travel is met in
     that: the axis is asked for before the stop first. Raises as `stand_at` and that call.
     """
-    room, axis = position_tolerance(order.table) if order is not None else LARGEST_TOLERANCE, context.moved
+    room, axis = position_tolerance(order.table) if order is not None else LARGEST_TOLERANCE, context.input_axis
     for number, stop in enumerate(plan.stops, start=1):
         if order is not None and order.table.direction:
             before = min(max(stop.target - stop.approach * axis.overrun, axis.room[0]), axis.room[1])
@@ -351,7 +354,7 @@ async def visit_manually(context: PushContext, plan: StopPlan, at_stop: AtStop, 
 
 async def _stop_reached(context: PushContext, stop: Stop, number: int) -> StopReached:
     axes = (await context.controller.state()).axes
-    moved, output = axes[context.moved.name], axes[context.axis.name]
+    moved, output = axes[context.input_axis.name], axes[context.axis.name]
     return StopReached(
         counter=number,
         repetition=stop.repetition,
@@ -363,7 +366,8 @@ async def _stop_reached(context: PushContext, stop: Stop, number: int) -> StopRe
     )
 
 
-# The control's marker against what this store knows: whose it is, and whether the audit log reaches as far.
+# The control's marker proves that a store is older than the control: an audit log that was cut or restored, a journal
+# that is gone, or a push by another gateway.
 
 
 def compare_marker(context: PushContext, marker: Marker | None) -> MarkerCheck:

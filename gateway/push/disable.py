@@ -121,7 +121,7 @@ def _unit(context: PushContext) -> str:
     return "arcsec" if context.axis.unit == "deg" else "um"
 
 
-# ---- asked for by a person --------------------------------------------------------------------------
+# Orders that a person gives, in a journal of their own or as the end of an unfinished push.
 
 
 async def preflight_disable(order: DisableOrder, context: PushContext) -> DisablePreflight:

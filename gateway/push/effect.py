@@ -66,7 +66,7 @@ async def prove_effects(
 
 
 def _proof_positions_of(work: TableTransactionState, base: LiveSet) -> tuple[float, ...]:
-    return proof_positions(work.change.new, table_in(base, work.change.new), work.context.moved)
+    return proof_positions(work.change.new, table_in(base, work.change.new), work.context.input_axis)
 
 
 def proof_positions(new: CompensationTable, old: LiveTable, axis: AxisRecord) -> tuple[float, ...]:
@@ -104,20 +104,20 @@ async def prove_effect(
     if table.kind == "reversal":  # no control shows what it takes up: the value is read anew, its effect is measured
         live = seen if seen is not None else await controller_access.read_live_tables(context)
         _require_still_live(work, live, base)
-        await work.same_machine()
+        await work.require_same_machine()
         return live
     shown: list[_ShownEffect] = []
 
     async def at_stop(stop: Stop, reached: StopReached) -> None:
         shown.append(await _read_position(work, base, stop, reached))
 
-    order = work.order(table, True, "table", work.whole.number)
-    ask = ("P-PUSH-EFFECT", {"axis": context.moved.name, "count": len(positions)})
+    order = work.order(table, True, "table", work.transaction.number)
+    ask = ("P-PUSH-EFFECT", {"axis": context.input_axis.name, "count": len(positions)})
     await controller_access.visit(context, effect_plan(work, positions), at_stop, order, ask=ask)
     work.effect = _match_shown(work, table, shown)
     live = await context.controller.saved_tables(context.axis.name, context.proof)
     _require_still_live(work, live, base)
-    await work.same_machine()
+    await work.require_same_machine()
     return live
 
 
@@ -134,7 +134,7 @@ def make_effect_plan(
     """As `effect_plan`; ``ends`` is where old and new agree, None where no program of ours leads there. Pure."""
     # The input axis of a cross table ends where it disturbs the next table of the same output least.
     where = (*positions, ends) if table.kind == "cross" and ends is not None else positions
-    stops = controller_access.stops_at(along.moved, where, both=bool(table.reverse), direction=table.direction)
+    stops = controller_access.stops_at(along.input_axis, where, both=bool(table.reverse), direction=table.direction)
     return controller_access.make_stop_plan(along, "TFEFFECT", stops)
 
 
@@ -192,13 +192,13 @@ def _match_shown(
 
 def effect_tolerance(work: TableTransactionState, table: CompensationTable) -> float:
     """How far the controller's own value may be from the table: last place, standing still, display."""
-    return 2.0 * work.allowed + POSITION_SLACK * steepest(table) + SHOWN_SLACK
+    return 2.0 * work.tolerance + POSITION_SLACK * steepest(table) + SHOWN_SLACK
 
 
 def _require_still_live(work: TableTransactionState, live: LiveSet, base: LiveSet) -> None:
     wanted, found = LiveTable(work.change.new, enabled=True), table_in(live, work.change.new)
-    if not same_table(wanted, found, work.allowed):
-        different = differences(wanted.table, found.table, work.allowed) or ("the switch is off",)
+    if not same_table(wanted, found, work.tolerance):
+        different = differences(wanted.table, found.table, work.tolerance) or ("the switch is off",)
         raise VerifyError("E-PUSH-OVERWRITTEN", work.axis, axis=work.axis, first=different[0])
     base, live = (
         without_tables(base, work.siblings),
@@ -206,5 +206,5 @@ def _require_still_live(work: TableTransactionState, live: LiveSet, base: LiveSe
     )  # each of those is proved by itself
     switches = [one.enabled for one in other_cross_tables(base, wanted.table)]
     again = [one.enabled for one in other_cross_tables(live, wanted.table)]
-    if not same_other_tables(base, live, wanted.table, work.allowed) or switches != again:
+    if not same_other_tables(base, live, wanted.table, work.tolerance) or switches != again:
         raise VerifyError("E-PUSH-COUPLED", work.axis, axis=work.axis)

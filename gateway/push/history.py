@@ -1,4 +1,4 @@
-"""What earlier pushes left for good, from their journals: the table that should be live, and what can be undone."""
+"""What earlier pushes left for good, from their journals: which table should be live, what a rollback would restore."""
 
 from __future__ import annotations
 
@@ -64,12 +64,12 @@ def committed_pushes(
 
 
 def all_pushes(journals: Path, serial: str, meant: SenseConversion = without_conversion) -> tuple[CommittedPush, ...]:
-    """Every committed push of a machine, of all its tables, oldest first. Raises as `committed`."""
+    """Every committed push of a machine, of all its tables, oldest first. Raises as `committed_pushes`."""
     return pushes_in_folder(journal.machine_folder(journals, serial), meant)
 
 
 def pushes_in_folder(folder: Path, meant: SenseConversion = without_conversion) -> tuple[CommittedPush, ...]:
-    """As `every_push`, of the folder of one machine."""
+    """As `all_pushes`, of the folder of one machine."""
     every = (_committed_push(one, meant) for one in _journal_parts(folder))
     return _sorted_by_age(folder, [push for push in every if push is not None])
 
@@ -99,7 +99,7 @@ def consent_set(pushes: tuple[CommittedPush, ...], asked: str = "") -> ConsentSe
     """The set that a rollback restores: what the newest consent changed that nobody has taken back.
 
     ``asked`` is a machine axis (every table that moves it: its own, its reversal, its cross tables), one table by its
-    name, or "" for all; the newest consent is that of the tables asked for. ``pushes`` as `every_push` gives them.
+    name, or "" for all; the newest consent is that of the tables asked for. ``pushes`` as `all_pushes` gives them.
     Recovery, page, report and comparison take their set from here. None where nothing is left to take back.
     """
     tops = _not_taken_back(pushes)
@@ -176,7 +176,7 @@ def _last_number(folder: Path, known: Sequence[tuple[int, str]]) -> int:
 
 
 def pushed_tables(journals: Path, serial: str) -> tuple[str, ...]:
-    """Names of the tables of a machine that committed pushes have left, in order. Raises as `committed`."""
+    """Names of the tables of a machine that committed pushes have left, in order. Raises as `committed_pushes`."""
     folder = journal.machine_folder(journals, serial)
     pushes = (_committed_push(one, without_conversion) for one in _journal_parts(folder))
     return tuple(sorted({push.table for push in pushes if push is not None}))
@@ -329,7 +329,7 @@ def tables_of(found: JournalRead, meant: SenseConversion = without_conversion) -
         raise StoreError("E-PUSH-JOURNAL", str(found.path), why="it names no tables") from error
 
 
-# What a rollback would change, table by table: one set with the same figures for the terminal and the page; pure.
+# The preview of a rollback: terminal and page show the same figures because both take them from here.
 
 
 def sense_conversion(senses: Callable[[str], Sense | None]) -> Callable[[CompensationTable, Sense], CompensationTable]:

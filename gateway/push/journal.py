@@ -4,6 +4,9 @@ A line is ``len|seq|prev|json|sha256``: length of the JSON text, number from 0, 
 entry, hash of all that comes before it on the line. A broken last line is torn by a crash and is ignored; a
 broken earlier line means the file cannot be believed. Appending blocks for one fsync (well under 10 ms): the
 order "journal, then act" is worth more than a free event loop here.
+
+Next to it: the replay of a journal whose work waited for carried files, the numbers of transactions, and the lock that
+lets one process at a time write to a machine.
 """
 
 from __future__ import annotations
@@ -84,7 +87,7 @@ class JournalRead:
         return tuple(dict.fromkeys(told))
 
     @property
-    def finished(self) -> bool:
+    def is_ended(self) -> bool:
         """Whether nothing is left to do: every table ended, or torn before anything was announced."""
         return not self.broken and all(part.state.phase.final for part in self.parts if part.entries)
 
@@ -271,7 +274,7 @@ def unfinished_journals(folder: Path, begun: BegunCheck | None = None) -> tuple[
     ``begun`` says whether a transaction is known elsewhere to have begun.
     """
     every = (mark_emptied(found, begun) for found in (*read_all(folder), *read_all(folder / "done")))
-    return tuple(found for found in every if not found.finished)
+    return tuple(found for found in every if not found.is_ended)
 
 
 def is_known_number(folder: Path, number: int) -> bool:
@@ -295,8 +298,8 @@ def order_numbers(found: JournalRead) -> frozenset[int]:
 
 
 def set_ended_aside(folder: Path, begun: BegunCheck | None = None) -> tuple[JournalRead, ...]:
-    """Set ended journals aside that a crash left in place; returns them. ``begun`` as for `left_open`."""
-    left = tuple(found for found in read_all(folder) if mark_emptied(found, begun).finished)
+    """Set ended journals aside that a crash left in place; returns them. ``begun`` as for `unfinished_journals`."""
+    left = tuple(found for found in read_all(folder) if mark_emptied(found, begun).is_ended)
     for found in left:
         set_aside(found.path)
     return left
@@ -327,10 +330,9 @@ def sync_folder(folder: Path) -> None:
         os.close(descriptor)
 
 
-# A journal that goes on: what it holds already is not written again, it is followed entry by entry.
-#
-# Work with a control that files are carried to is begun again from its first step each time files came back. It does
-# the same again up to where it stood, and the journal is the witness: another entry than the one it holds ends it.
+# Work with a control that files are carried to starts again from its first step each time files come back. It repeats
+# the same steps up to where it was; the journal is followed entry by entry instead of being written, and another entry
+# than the recorded one ends the work.
 
 IGNORED_EVENTS = (PushEvent.STOPPED,)
 """Entries that say nothing of what was done: a stop from outside."""
@@ -379,7 +381,8 @@ def replayed_value(kept: Journal, kind: str, fact: str) -> Any:
     return next((entry.facts.get(fact) for entry in ahead if entry.kind == kind), None)
 
 
-# Transaction numbers: four digits of the store's own and a count, given once, each exact in an R parameter.
+# A transaction number is four digits of the store and a count, so that two stores never give the same one; it is given
+# once and is exact in an R parameter.
 
 PART_SIZE = 100_000  # a number is the store's part and a count: 4 and 5 digits
 MAX_COUNT = PART_SIZE - 1
@@ -450,7 +453,7 @@ def _write_number(counter: Path, number: int) -> None:
     sync_folder(counter.parent)
 
 
-# One push per machine: a lock of the operating system, which a killed process cannot leave behind.
+# One push per machine. A lock of the operating system, because a killed process cannot leave it behind.
 
 # Windows forbids reading a locked byte, so the byte locked lies beyond the holder's name.
 _BYTE = 1024

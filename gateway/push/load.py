@@ -1,4 +1,12 @@
-"""The two halves on the controller: disable all, load all and compare each; then enable those that are right."""
+"""The two halves on the controller: disable all, write all and compare each; then enable those that are right.
+
+The first half saves the live table, which is compared with the snapshot before anything is switched off or written
+(a lost update ends the push there); how early it can be read depends on the connection: from the driver, from the
+waiting program, or only together with the read-back. The program then moves to the position where old and new table
+agree, disables, writes every point and reads it back. A table that differs from what was sent is a fault of that table
+alone and is never enabled; a change of any other table ends the transaction. The second half enables the rest after
+the interlocks were asked once more.
+"""
 
 from __future__ import annotations
 
@@ -47,7 +55,7 @@ async def load_tables(loads: TableLoads) -> TableFaults:
     (E-PUSH-MARKER, E-PUSH-COUPLED, E-PUSH-LOST-UPDATE) and what the port raises: then nobody knows of any of them.
     """
     first, batch = loads[0].work, _batch(loads)
-    context, whole = first.context, first.whole
+    context, whole = first.context, first.transaction
     await controller_access.wait_in_safe_places(context)
     await _bring_axes(loads)
     await _require_no_other_push(first)
@@ -124,7 +132,7 @@ async def _save_and_compare_before(loads: TableLoads) -> bool:
     except VerifyError:
         if controller.capabilities.stops:
             await controller_access.end_program(context)
-        await loads[0].work.finish("none")
+        await loads[0].work.finish_marker("none")
         for one in loads:
             one.work.marked = None
         raise
@@ -133,10 +141,10 @@ async def _save_and_compare_before(loads: TableLoads) -> bool:
 
 async def _require_no_other_push(work: TableTransactionState) -> None:
     """Nobody else may have come since the marker was last looked at. Raises BusyError (E-PUSH-ANOTHER)."""
-    controller, whole = work.context.controller, work.whole
+    controller, whole = work.context.controller, work.transaction
     if whole.before is None and not whole.sent and controller.capabilities.marker:
         whole.before = await controller.marker()
-    await work.only_ours()
+    await work.require_own_marker()
 
 
 async def _switch_off_motion(one: TableLoad) -> float:
@@ -182,8 +190,10 @@ def _say_moves(codes: tuple[str, str], loads: TableLoads, amounts: Sequence[floa
 
 def _marker_facts(work: TableTransactionState) -> dict[str, object]:
     """The marker from before the first order, for whoever recovers this."""
-    before = work.whole.before
-    return {} if before is None or work.whole.sent else {"before": before.transaction, "before_state": before.state}
+    before = work.transaction.before
+    return (
+        {} if before is None or work.transaction.sent else {"before": before.transaction, "before_state": before.state}
+    )
 
 
 async def _wait_for_read_back(loads: TableLoads) -> tuple[ReadBack, ...]:
@@ -218,7 +228,7 @@ async def _check_marker(work: TableTransactionState, order: PushOrder) -> None:
     if marker is None or (marker.transaction, marker.state) != (order.transaction, "in-progress"):
         found = "nothing" if marker is None else f"{marker.transaction} {marker.state}"
         raise VerifyError("E-PUSH-MARKER", work.axis, axis=work.axis, wanted=order.transaction, found=found)
-    work.whole.acknowledged = True
+    work.transaction.acknowledged = True
 
 
 async def release_tables(loads: TableLoads, batch: PushBatch | None = None) -> None:
@@ -293,12 +303,12 @@ async def _repeat_interlocks(one: TableLoad) -> None:
         live=with_tables(work.base, work.beside) if work.base is not None and one.base is not None else work.base,
     )
     found = refusals(replace(start, moment="release"))
-    if found and not is_replaying(work.whole.journal):
+    if found and not is_replaying(work.transaction.journal):
         reasons = tuple(refusal.message for refusal in found)
         raise WriteRefused("E-PUSH-RELEASE", work.axis, count=len(found), reasons=reasons)
 
 
-# What is live before anything is disabled: read, kept as text, and noted in every table's part of the journal.
+# The snapshot: the tables that are live before anything is disabled, kept as text and noted in the journal.
 
 
 async def take_snapshot(works: Sequence[TableTransactionState]) -> tuple[LiveSet, ...]:
@@ -323,8 +333,8 @@ async def read_live_sets(works: Sequence[TableTransactionState]) -> tuple[LiveSe
 
 def keep_snapshot(work: TableTransactionState, live: LiveSet) -> None:
     """Keep the live tables' text, then note where; from here on the work knows what hangs together."""
-    name = f"live-{work.name}-{work.whole.number:06d}{spoken().program_suffix}"
-    work.backup_path = work.kept(name, live.native)
+    name = f"live-{work.name}-{work.transaction.number:06d}{spoken().program_suffix}"
+    work.backup_path = work.keep_text(name, live.native)
     work.base, work.coupled = live, is_coupled(live, work)
     work.restore_to = table_in(live, work.change.new)
     old = {"old": table_facts(work.restore_to.table), "old_enabled": work.restore_to.enabled}
@@ -334,10 +344,10 @@ def keep_snapshot(work: TableTransactionState, live: LiveSet) -> None:
 def is_already_live(work: TableTransactionState, live: LiveSet) -> bool:
     """Whether the wanted table is live and enabled."""
     wanted = LiveTable(work.change.new, enabled=True)
-    return same_table(wanted, table_in(live, work.change.new), work.allowed)
+    return same_table(wanted, table_in(live, work.change.new), work.tolerance)
 
 
-# What stood there before and what stands there now, of each table of a load: kept, then compared.
+# Two read-backs of each table: the back-up from before the write, kept first, and what the control contains after it.
 
 
 def keep_backup(work: TableTransactionState, order: PushOrder, backup: LiveSet) -> None:
@@ -346,8 +356,8 @@ def keep_backup(work: TableTransactionState, order: PushOrder, backup: LiveSet) 
     The transaction's own back-up confirms what to go back to where it agrees with what was live before.
     """
     name = f"backup-{work.name}-{order.transaction:06d}{spoken().program_suffix}"
-    path = work.kept(name, backup.native)
-    if order.transaction != work.whole.number:
+    path = work.keep_text(name, backup.native)
+    if order.transaction != work.transaction.number:
         work.note(PushEvent.FAILED_TABLE, path=path, digest=backup.digest)
         return
     work.backup_path = path
@@ -359,14 +369,14 @@ def keep_backup(work: TableTransactionState, order: PushOrder, backup: LiveSet) 
 def confirms_old_table(work: TableTransactionState, backup: LiveSet) -> bool:
     """Whether a second reading says the same of what was live before: then, and only then, it may be restored."""
     if work.base is not None:
-        return same_set(work.base, backup, work.allowed)
-    same = same_table(work.restore_to, table_in(backup, work.change.new), work.allowed)
+        return same_set(work.base, backup, work.tolerance)
+    same = same_table(work.restore_to, table_in(backup, work.change.new), work.tolerance)
     return same and backup.digest == work.base_digest
 
 
 def check_base(work: TableTransactionState, base: LiveSet | None, backup: LiveSet) -> None:
     """Raises VerifyError (E-PUSH-LOST-UPDATE)."""
-    if base is not None and not same_set(base, backup, work.allowed):
+    if base is not None and not same_set(base, backup, work.tolerance):
         before, found = base.digest[:12], backup.digest[:12]
         raise VerifyError("E-PUSH-LOST-UPDATE", work.axis, axis=work.axis, base=before, found=found)
 
@@ -381,7 +391,7 @@ def read_back_fault(
     """
     axis, found = work.axis, table_in(read.found, order.table)
     waits = order.table.kind == "reversal"  # one value, written only when it is released
-    different = [] if waits else list(differences(order.table, found.table, work.allowed))
+    different = [] if waits else list(differences(order.table, found.table, work.tolerance))
     if found.enabled:
         different.append("the compensation is still enabled")
     if not read.agreed and not different:
@@ -389,7 +399,7 @@ def read_back_fault(
     if different:
         return VerifyError("E-PUSH-READBACK", axis, count=len(different), first=different[0])
     before, now = without_tables(backup, work.siblings), without_tables(read.found, work.siblings)
-    if not same_other_tables(before, now, order.table, work.allowed, beside=work.siblings):
+    if not same_other_tables(before, now, order.table, work.tolerance, beside=work.siblings):
         raise VerifyError("E-PUSH-COUPLED", axis, axis=axis)
     return None
 

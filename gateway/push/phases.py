@@ -214,9 +214,9 @@ class PushState:
         """The state that an event leads to. Raises IllegalTransition (E-PUSH-TRANSITION) where it may not follow."""
         if self.phase not in _OF[event].sources:
             raise IllegalTransition("E-PUSH-TRANSITION", event, event=event, phase=self.phase)
-        return self.told(event, facts)
+        return self.apply_recorded(event, facts)
 
-    def told(self, event: PushEvent, facts: Mapping[str, Any]) -> PushState:
+    def apply_recorded(self, event: PushEvent, facts: Mapping[str, Any]) -> PushState:
         """As `after`, of what a journal tells: it has happened, whatever it follows."""
         one = _OF[event]
         switch = one.switch
@@ -250,7 +250,7 @@ def state_of(lines: Iterable[tuple[str, Mapping[str, Any]]]) -> PushState:
     state = INITIAL_STATE
     for kind, facts in lines:
         if kind in PushEvent.__members__:
-            state = state.told(PushEvent(kind), facts)
+            state = state.apply_recorded(PushEvent(kind), facts)
     return state
 
 
@@ -283,7 +283,7 @@ def _phases_in_words(sources: frozenset[PushPhase]) -> str:
     return "any that is open" + (f" but {out[0]}" if out else "")
 
 
-# The message of each step of a journal: its kinds in capitals stay on the disk.
+# The journal contains the kinds in capitals; people read these messages.
 
 STEP_CODES: Mapping[str, str] = {
     "LEASED": "W-STEP-LEASED",

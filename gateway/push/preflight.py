@@ -1,4 +1,7 @@
-"""May these tables be pushed? Every reason at once, first as the machine stands, then with the live tables in hand."""
+"""May these tables be pushed? Every reason at once, first from the machine alone, then with the live tables in hand.
+
+Reads only. The same questions are asked by a push without apply, so that a person sees every refusal before the push.
+"""
 
 from __future__ import annotations
 
@@ -79,7 +82,7 @@ def _preflight_result(facts: PushFacts, limits: TableLimits, place: float | None
 
 def change_position(old: LiveTable, change: TableChange, context: PushContext) -> float | None:
     """Where the input axis must stand for the switching of old and new."""
-    return compare.switch_position(old, change.new, context.moved, context.controller.capabilities)
+    return compare.switch_position(old, change.new, context.input_axis, context.controller.capabilities)
 
 
 def _key_taken(change: TableChange, context: PushContext) -> str:
@@ -103,7 +106,7 @@ def pending_transaction(context: PushContext) -> journal.JournalRead | None:
     """The transaction under the context's key that has not ended, where such a one is to go on; None else."""
     parts = journals_under_key(context) if context.resumes else ()
     whole = (parts[0].whole or parts[0]) if parts else None
-    return whole if whole is not None and not whole.finished else None
+    return whole if whole is not None and not whole.is_ended else None
 
 
 def has_ended(context: PushContext) -> bool:
@@ -144,11 +147,11 @@ async def refusals_with_live(
     facts = await controller_access.read_facts(
         work.context,
         change,
-        purpose=work.whole.purpose,
+        purpose=work.transaction.purpose,
         limits=work.limits,
         agreeing_position=work.agreeing_position if work.of and alone is not None else alone,
         live=with_tables(live, work.beside),
-        unchanged=is_base_live(work.context, work.change, live, work.allowed),
+        unchanged=is_base_live(work.context, work.change, live, work.tolerance),
         brought=brought,
     )
     if facts.agreeing_position is not None:
@@ -179,7 +182,7 @@ def is_base_live(context: PushContext, change: TableChange, live: LiveSet, allow
     return same_set(expected, live, allowed)
 
 
-# Which tables go into one transaction: those for which each input axis has one place that suits them all.
+# Tables go into one transaction if each input axis has one position that suits all of them.
 
 TableRequest = tuple[TableChange, PushContext]
 MovedTable = tuple[TableChange, AxisRecord]
@@ -187,13 +190,13 @@ MovedTable = tuple[TableChange, AxisRecord]
 _SLACK = 1e-9
 
 
-def common_positions(wishes: Sequence[TableRequest]) -> dict[str, float | None]:
-    """As `places_of`, of what is to be pushed."""
-    return positions_of(*_moved_and_capabilities(wishes))
+def common_positions(requests: Sequence[TableRequest]) -> dict[str, float | None]:
+    """As `positions_of`, of what is to be pushed."""
+    return positions_of(*_moved_and_capabilities(requests))
 
 
-def _moved_and_capabilities(wishes: Sequence[TableRequest]) -> tuple[list[MovedTable], Capabilities]:
-    return [(change, context.moved) for change, context in wishes], wishes[0][1].controller.capabilities
+def _moved_and_capabilities(requests: Sequence[TableRequest]) -> tuple[list[MovedTable], Capabilities]:
+    return [(change, context.input_axis) for change, context in requests], requests[0][1].controller.capabilities
 
 
 def positions_of(moved: Sequence[MovedTable], can: Capabilities) -> dict[str, float | None]:
@@ -228,16 +231,16 @@ def _suits_all(changes: Sequence[TableChange], place: float) -> bool:
     return True
 
 
-def group_transactions(wishes: Sequence[TableRequest]) -> tuple[tuple[TableRequest, ...], ...]:
-    """The wishes in their order, as `transactions` of them."""
-    if not wishes:
+def group_transactions(requests: Sequence[TableRequest]) -> tuple[tuple[TableRequest, ...], ...]:
+    """The requests in their order, as `transaction_groups` of them."""
+    if not requests:
         return ()
-    moved, can = _moved_and_capabilities(wishes)
-    return tuple(tuple(wishes[place] for place in group) for group in transaction_groups(moved, can))
+    moved, can = _moved_and_capabilities(requests)
+    return tuple(tuple(requests[place] for place in group) for group in transaction_groups(moved, can))
 
 
 def transaction_groups(moved: Sequence[MovedTable], can: Capabilities) -> tuple[tuple[int, ...], ...]:
-    """Which tables go together, by their places in ``moved``: as few transactions as control and axes' places allow.
+    """Which tables go together, by their indices in ``moved``: as few transactions as control and positions allow.
 
     One table each where the control takes no batch (`Capabilities.together`); a table without any place of its own is
     left alone, so that it is refused alone.

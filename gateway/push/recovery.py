@@ -1,7 +1,14 @@
 """After a crash: what an unfinished push left, what is offered, and the offer carried out on request only.
 
-The verdict comes from what the journal announced and what the controller says now; reading changes no
-compensation, and nothing is written before a person asks for it.
+The verdict (`gateway.push.recovery_findings`) comes from what the journal announced and what the controller says now.
+Reading changes no compensation, and nothing is written before a person asks for it:
+
+    close      nothing was written, or it ended: the journal is set aside
+    restore    old, new or half of it is there and off, or the new one acts unproved: back to the old table
+    disable    something is on that no push stands for: off, and nothing else
+    none       another machine, another gateway, a damaged journal, three attempts: a person decides
+
+An interrupted rollback has two ends, so a person chooses: "finish" (the earlier table) or "undo" (the pushed one).
 """
 
 from __future__ import annotations
@@ -50,9 +57,9 @@ LiveReadings = dict[tuple[str, SignProof | None], LiveSet]
 
 
 def unfinished_tables(journals: Path, serial: str, begun: journal.BegunCheck | None = None) -> tuple[JournalRead, ...]:
-    """What journals of a machine tell of each table that did not end, oldest first; ``begun`` as in `left_open`."""
+    """The part of each table that did not end, oldest first; ``begun`` as in `unfinished_journals`."""
     every = journal.unfinished_journals(journal.machine_folder(journals, serial), begun)
-    return tuple(part for found in every for part in found.parts if not part.finished)
+    return tuple(part for found in every for part in found.parts if not part.is_ended)
 
 
 async def inspect_unfinished(found: JournalRead, context: PushContext, read: LiveReadings | None = None) -> PushFinding:
@@ -135,7 +142,7 @@ def _other_parts(found: JournalRead) -> tuple[JournalRead, ...]:
 
 def _is_sibling_left_on(found: JournalRead, context: PushContext) -> bool:
     """Whether a table beside it has ended as one that acts: it is to be on again, whatever it reads now."""
-    mine = [part for part in _other_parts(found) if part.finished and part.latest("axis") == context.axis.name]
+    mine = [part for part in _other_parts(found) if part.is_ended and part.latest("axis") == context.axis.name]
     return any(_has_ended_on(part) for part in mine)
 
 
@@ -156,7 +163,7 @@ def _neighbours_on(live: LiveSet, table: CompensationTable) -> bool:
 
 def _switch_position_of(found: JournalRead, context: PushContext) -> float:
     old, new = tables_of(found, context.meant)
-    axis = context.moved
+    axis = context.input_axis
     place = switch_position(old, new, axis, context.controller.capabilities)
     return axis.reference if place is None else place
 
@@ -214,7 +221,7 @@ async def _recover_locked(
         with close_at_end((work,)):
             if finding.action == "restore" and not forward:
                 alike = _parts_of_same_axis(found, context)
-                theirs = [_table_state(part, context, work.whole, await _limits(part, context)) for part in alike]
+                theirs = [_table_state(part, context, work.transaction, await _limits(part, context)) for part in alike]
                 await read_backups_again((work, *theirs))
             if forward:
                 return work.record(await _finish_rollback(work, finding))
@@ -236,7 +243,7 @@ async def _finish_rollback(work: TableTransactionState, finding: PushFinding) ->
     try:
         with wrap_unexpected(work.axis):
             await restore_table(work)
-            await work.finish("committed")
+            await work.finish_marker("committed")
             work.note(PushEvent.COMMITTED, enable=work.restore_to.enabled)
     except StoreError:
         raise
@@ -259,7 +266,7 @@ def _close_disable_order(found: JournalRead, finding: PushFinding) -> PushRecord
 
 def _parts_of_same_axis(found: JournalRead, context: PushContext) -> list[JournalRead]:
     """Other tables of the transaction whose back-up stands in the same file: a way back writes over it."""
-    left = [part for part in _other_parts(found) if not part.finished]
+    left = [part for part in _other_parts(found) if not part.is_ended]
     return [part for part in left if tables_of(part, context.meant)[1].output_axis == context.axis.name]
 
 
@@ -304,12 +311,12 @@ def _table_state(
         of=found.of,
         beside=_sibling_tables(found, context),
         coupled=was_coupled(found),
-        again=_is_sibling_left_on(found, context),
+        sibling_enabled=_is_sibling_left_on(found, context),
     )
     work.state = found.state
     work.backup_path = str(found.latest("path") or "")
     work.marked = work.order(new, False, "restore", found.number)
-    work.cut_short, work.torn = True, bool(found.latest("torn"))
+    work.cut_short, work.partially_written = True, bool(found.latest("torn"))
     work.base_digest = next((str(one.facts["digest"]) for one in found.entries if one.kind == PushEvent.SNAPSHOT), "")
     work.confirmed, work.begun = bool(found.latest("confirmed")), True
     return work
@@ -319,7 +326,7 @@ async def _carry_out(work: TableTransactionState, finding: PushFinding, action: 
     if finding.kind is FindingKind.DONE:
         return work.record("rolled-back" if finding.last != PushEvent.COMMITTED else "committed")
     if finding.action == "close":
-        await work.finish("none")
+        await work.finish_marker("none")
         work.note(PushEvent.CLOSED, finding=finding.code)
         return work.record("rolled-back")
     work.note(PushEvent.RECOVERING, finding=finding.code, action="disable" if finding.action == "disable" else action)
@@ -328,7 +335,7 @@ async def _carry_out(work: TableTransactionState, finding: PushFinding, action: 
         return work.record(await end_held(work, finding.message, off=await disable.switch_off(work, reading)))
     if action != "finish":
         return work.record(await roll_back(work, Message.of("W-PUSH-UNFINISHED")))
-    axis = work.context.moved
+    axis = work.context.input_axis
     base = await controller_access.read_live_tables(work.context)
     positions = effect_positions(work.change.new, work.restore_to, axis.room, axis.overrun)
     try:
@@ -336,6 +343,6 @@ async def _carry_out(work: TableTransactionState, finding: PushFinding, action: 
     except VerifyError as error:
         work.seen = table_in(base, work.change.new)
         return work.record(await hold(work, error.message))
-    await work.finish("committed")
+    await work.finish_marker("committed")
     work.note(PushEvent.COMMITTED)
     return work.record("committed")

@@ -249,7 +249,7 @@ def _finding_kind(
 ) -> FindingKind:
     if found.broken or not found.entries:
         return FindingKind.DAMAGED
-    if found.finished:
+    if found.is_ended:
         return FindingKind.DONE
     if found.latest("purpose") == "disable":
         return FindingKind.DISABLE_ORDER

@@ -1,4 +1,12 @@
-"""Back to the old table, once and under the same checks; where that is not possible, hold and say so."""
+"""Back to the old table, once and under the same checks; where that is not possible, hold and say so.
+
+A way back reads first. What is as before is left alone; what is neither old nor new is somebody else's and is left to a
+person. The old table is written only if two readings agree on it, by the same two halves as a push. A control that
+restarted with half a table in memory restarts once more with the old table while that is off.
+
+A hold is the last resort and says only what was read: "held" once a read-back says off, until then "held-on", in the
+journal before it is shown. What is on and is not known to be the old or the released new table is switched off.
+"""
 
 from __future__ import annotations
 
@@ -44,10 +52,10 @@ async def roll_back(work: TableTransactionState, why: Message) -> Outcome:
             else:
                 work.context.say("P-PUSH-RESTORE", axis=work.name, why=why)
             await restore_table(work)
-            await work.finish("none")
+            await work.finish_marker("none")
             work.note(PushEvent.ROLLED_BACK)
     except BusyError as error:
-        if not work.whole.acknowledged:  # nothing of ours ever stood in the control
+        if not work.transaction.acknowledged:  # nothing of ours ever stood in the control
             work.note(PushEvent.ABORTED, why=error.message)
             raise
         return await hold(work, error.message)
@@ -86,7 +94,7 @@ async def _may_touch(work: TableTransactionState) -> bool:
     """Whether no other gateway's push stands in the control: what is on is its then, and stays as it is."""
     try:
         with wrap_unexpected(work.axis):
-            await work.only_ours()
+            await work.require_own_marker()
     except BusyError:
         return False
     except TrueflankError:
@@ -105,7 +113,7 @@ async def end_held(work: TableTransactionState, why: Message, *, off: bool, said
         work.note(PushEvent.HELD, why=why, backup=work.backup_path, on=not off)
     else:
         _announce_hold(work, why, off=off)
-    await work.finish("held")
+    await work.finish_marker("held")
     return "held" if off else "held-on"
 
 
@@ -131,34 +139,34 @@ async def _is_whole(work: TableTransactionState) -> bool:
             return False
         found = table_in(live, work.change.new)
         if live.waits:
-            return not differences(old.table, found.table, work.allowed)
+            return not differences(old.table, found.table, work.tolerance)
     if found is None or not found.enabled:
         return False
-    if old.enabled and not differences(old.table, found.table, work.allowed):
+    if old.enabled and not differences(old.table, found.table, work.tolerance):
         return True
-    released = PushEvent.ENABLE in journal.read(work.whole.journal.path).part(work.of).kinds
-    return released and not differences(work.change.new, found.table, work.allowed)
+    released = PushEvent.ENABLE in journal.read(work.transaction.journal.path).part(work.of).kinds
+    return released and not differences(work.change.new, found.table, work.tolerance)
 
 
 async def restore_table(work: TableTransactionState) -> None:
-    """What was live before is live again, read back. Raises as `play_back` and what the port raises.
+    """What was live before is live again, read back. Raises as `write_old_table` and what the port raises.
 
     Read first: what is already as it was is left alone, what is neither old nor new is left to a person.
     """
     await controller_access.reach_same_machine(work.context)
-    await work.only_ours()
+    await work.require_own_marker()
     await controller_access.end_program(work.context)
     # What a failed load left under way must have come to rest before anything is read, compared or written.
     await work.context.clock.sleep(SETTLE_S)
-    await work.only_ours()
+    await work.require_own_marker()
     await require_restore_allowed(work)
     live = await _live_now(work)
-    work.again = work.again or sibling_enabled(live, work)
+    work.sibling_enabled = work.sibling_enabled or sibling_enabled(live, work)
     found = work.seen = table_in(live, work.change.new)
     before = is_as_before(work, live)
     if before and not live.waits and not _must_verify(work):
         return
-    if not before and found.enabled and differences(work.change.new, found.table, work.allowed):
+    if not before and found.enabled and differences(work.change.new, found.table, work.tolerance):
         raise VerifyError("E-PUSH-FOREIGN", work.axis, axis=work.axis)
     await confirm_backup(work, found)
     _note_partial_write(work, live)
@@ -180,9 +188,9 @@ def _note_partial_write(work: TableTransactionState, live: LiveSet) -> None:
     """Half a table in memory, left by a load that stopped in its middle, is what acts from the next start on."""
     found = table_in(live, work.change.new).table
     known = (work.restore_to.table, work.change.new)
-    if work.cut_short and all(differences(table, found, work.allowed) for table in known):
+    if work.cut_short and all(differences(table, found, work.tolerance) for table in known):
         work.note(PushEvent.TORN, torn=True)
-        work.torn = True
+        work.partially_written = True
 
 
 def _must_verify(work: TableTransactionState) -> bool:
@@ -214,12 +222,12 @@ async def keep_marker_held(ended: Mapping[TableTransactionState, Outcome]) -> No
     """The marker of the whole says "held" where any table is: a later one that went back has written over it."""
     stuck = [work for work, outcome in ended.items() if outcome in ("held", "held-on")]
     if stuck and list(ended)[-1] not in stuck:
-        await stuck[0].finish("held")
+        await stuck[0].finish_marker("held")
 
 
 def is_as_before(work: TableTransactionState, live: LiveSet) -> bool:
     """Whether the table, its switch and the switches that hang together with it are as they were."""
-    same = same_table(work.restore_to, table_in(live, work.change.new), work.allowed)
+    same = same_table(work.restore_to, table_in(live, work.change.new), work.tolerance)
     return same and (work.change.new.kind != "cross" or is_coupled(live, work) == work.coupled)
 
 
@@ -239,10 +247,10 @@ async def require_restore_allowed(work: TableTransactionState) -> None:
 async def write_old_table(work: TableTransactionState) -> None:
     """TableLoad the old table by a restore order, give its switch back, read all again.
 
-    Raises VerifyError (E-PUSH-NOT-RESTORED and those of `load` and `release`) and what the port raises.
+    Raises VerifyError (E-PUSH-NOT-RESTORED and those of `load_tables` and `release_tables`) and what the port raises.
     """
     old = work.restore_to
-    if work.torn and old.enabled:
+    if work.partially_written and old.enabled:
         await _restart_with_old(work)
     order = work.order(old.table, old.enabled, "restore", work.fresh_number())
     work.seen = None
@@ -252,7 +260,7 @@ async def write_old_table(work: TableTransactionState) -> None:
     work.seen = table_in(live, work.change.new)
     if not is_as_before(work, live):
         found = table_in(live, old.table).table
-        different = differences(old.table, found, work.allowed) or (words("W-LIVE-SWITCH"),)
+        different = differences(old.table, found, work.tolerance) or (words("W-LIVE-SWITCH"),)
         raise VerifyError("E-PUSH-NOT-RESTORED", work.axis, axis=work.axis, first=different[0])
 
 
@@ -260,7 +268,7 @@ async def _restart_with_old(work: TableTransactionState) -> None:
     """The old table into memory and a restart while it is off.
 
     A control that takes tables over at its start may have done so from half a table, and enabling alone would let
-    that act. Raises DeadlineExceeded when nobody restarts the control, and what `load` and `release` raise.
+    that act. Raises DeadlineExceeded when nobody restarts the control, and as `load_tables` and `release_tables`.
     """
     order = work.order(work.restore_to.table, False, "restore", work.fresh_number())
     await load_tables((TableLoad(work, order, None),))
@@ -268,10 +276,10 @@ async def _restart_with_old(work: TableTransactionState) -> None:
     work.context.say("P-PUSH-RESTART", axis=work.axis)
     await work.context.controller.restarted((order,), work.context.start_timeout_s)
     work.note(PushEvent.RESTARTED, torn=False)
-    work.torn = False
+    work.partially_written = False
 
 
-# What a way back puts back: two readings must agree on it, one before the push and the back-up of its first half.
+# Nothing is restored on one reading alone: the snapshot and the back-up of the first half must agree.
 
 SETTLE_S = 4.0
 
@@ -284,9 +292,9 @@ async def confirm_backup(work: TableTransactionState, found: LiveTable) -> None:
     nothing else would be put back than what stands there.
     Raises VerifyError (E-PUSH-UNCONFIRMED): nothing may be put back, compensation stays off.
     """
-    if work.confirmed or not differences(work.restore_to.table, found.table, work.allowed):
+    if work.confirmed or not differences(work.restore_to.table, found.table, work.tolerance):
         return
-    order = work.order(work.change.new, False, "restore", work.whole.number)
+    order = work.order(work.change.new, False, "restore", work.transaction.number)
     try:
         (backup,) = await work.context.controller.backup_of((order,))
     except TrueflankError as error:
@@ -306,7 +314,7 @@ async def read_backups_again(works: Sequence[TableTransactionState]) -> None:
     context = works[0].context
     with contextlib.suppress(TrueflankError), wrap_unexpected(context.axis.name):
         await controller_access.reach_same_machine(context)
-        await works[0].only_ours()
+        await works[0].require_own_marker()
         await controller_access.end_program(context)
         await context.clock.sleep(SETTLE_S)
     for work in works:
@@ -315,7 +323,7 @@ async def read_backups_again(works: Sequence[TableTransactionState]) -> None:
 
 
 async def _read_backup_again(work: TableTransactionState) -> None:
-    order = work.order(work.change.new, False, "restore", work.whole.number)
+    order = work.order(work.change.new, False, "restore", work.transaction.number)
     try:
         with wrap_unexpected(work.axis):
             (backup,) = await work.context.controller.backup_of((order,))
@@ -324,14 +332,14 @@ async def _read_backup_again(work: TableTransactionState) -> None:
     keep_backup(work, order, backup)
 
 
-# Tables that were loaded as they should be, taken back by one program; each by itself where that does not go well.
+# Trial tables that were loaded as sent go back by one program; if that fails before it is sent, each goes by itself.
 
 
 async def roll_back_batch(works: Sequence[TableTransactionState], why: Message) -> dict[TableTransactionState, Outcome]:
-    """What was live before each table, by one program for all. Raises as `all_back`.
+    """What was live before each table, by one program for all. Raises as `roll_back_all`.
 
-    For tables that the control holds whole. Whatever speaks against it before anything was sent leads to `all_back`,
-    which reads afresh and leaves to a person what is neither old nor new; what fails after that is held.
+    For tables that the control holds whole. Whatever speaks against it before anything was sent leads to
+    `roll_back_all`, which reads again and leaves to a person what is neither old nor new; a later failure is held.
     """
     names = ", ".join(work.name for work in works)
     can = works[0].context.controller.capabilities
@@ -346,7 +354,7 @@ async def roll_back_batch(works: Sequence[TableTransactionState], why: Message) 
             told = {} if measured else {"why": why}
             works[0].context.say("P-PUSH-PROOF-OFF" if measured else "P-PUSH-RESTORE", axis=names, **told)
             await _restore_batch(works)
-            await works[0].finish("none")
+            await works[0].finish_marker("none")
             note_together(works, PushEvent.ROLLED_BACK)
     except StoreError:
         raise
@@ -362,10 +370,10 @@ async def roll_back_batch(works: Sequence[TableTransactionState], why: Message) 
 async def _restore_batch(works: Sequence[TableTransactionState]) -> None:
     first = works[0]
     await controller_access.reach_same_machine(first.context)
-    await first.only_ours()
+    await first.require_own_marker()
     await controller_access.end_program(first.context)
     await first.context.clock.sleep(SETTLE_S)
-    await first.only_ours()
+    await first.require_own_marker()
     await _require_own_tables(works)
     number = first.fresh_number()
     loads = []
@@ -382,7 +390,7 @@ async def _restore_batch(works: Sequence[TableTransactionState]) -> None:
         work.seen = table_in(live, work.change.new)
         if not is_as_before(work, live):
             found = work.seen.table
-            different = differences(work.restore_to.table, found, work.allowed) or (words("W-LIVE-SWITCH"),)
+            different = differences(work.restore_to.table, found, work.tolerance) or (words("W-LIVE-SWITCH"),)
             raise VerifyError("E-PUSH-NOT-RESTORED", work.axis, axis=work.axis, first=different[0])
 
 
@@ -396,5 +404,5 @@ async def _require_own_tables(works: Sequence[TableTransactionState]) -> None:
             why = Message.of("W-PUSH-TWO-READS")
             raise VerifyError("E-PUSH-UNCONFIRMED", work.axis, axis=work.axis, why=why)
         waits = work.change.new.kind == "reversal"  # written at its stops alone
-        if not waits and work.seen is not None and differences(work.change.new, work.seen.table, work.allowed):
+        if not waits and work.seen is not None and differences(work.change.new, work.seen.table, work.tolerance):
             raise VerifyError("E-PUSH-FOREIGN", work.axis, axis=work.axis)

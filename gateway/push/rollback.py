@@ -83,17 +83,17 @@ async def preflight_rollback(done: CommittedPush, context: PushContext, place: f
 
 
 async def preflight_rollbacks(undos: Sequence[RollbackRequest]) -> tuple[PreflightResult, ...]:
-    """As `ask_undo`, of tables that go back in one transaction: their input axes have one place each."""
+    """As `preflight_rollback`, of tables that go back in one transaction: their input axes have one place each."""
     places = common_positions([(rollback_change(done), context) for done, context in undos])
-    return tuple([await preflight_rollback(done, context, places[context.moved.name]) for done, context in undos])
+    return tuple([await preflight_rollback(done, context, places[context.input_axis.name]) for done, context in undos])
 
 
 def group_rollbacks(undos: Sequence[RollbackRequest]) -> tuple[tuple[RollbackRequest, ...], ...]:
     """What goes back in one transaction each, as few as the control and its axes' places allow."""
     changes = [rollback_change(undo[0]) for undo in undos]
-    wishes = {id(change): undo for change, undo in zip(changes, undos, strict=True)}
+    requests = {id(change): undo for change, undo in zip(changes, undos, strict=True)}
     grouped = group_transactions([(change, undo[1]) for change, undo in zip(changes, undos, strict=True)])
-    return tuple(tuple(wishes[id(change)] for change, _ in group) for group in grouped)
+    return tuple(tuple(requests[id(change)] for change, _ in group) for group in grouped)
 
 
 def _reasons(facts: PushFacts) -> list[Refusal]:
@@ -117,7 +117,7 @@ def _reasons(facts: PushFacts) -> list[Refusal]:
 
 
 async def roll_back_push(done: CommittedPush, context: PushContext) -> PushRecord:
-    """Put back what was live before ``done``; as `undo_tables` of this one."""
+    """Put back what was live before ``done``; as `roll_back_pushes` of this one."""
     (record,) = await roll_back_pushes(((done, context),))
     return record
 
@@ -179,17 +179,17 @@ async def _roll_back_admitted(
         with wrap_unexpected(_names(works)):
             bases = dict(zip(works, await take_snapshot(works), strict=True))
             live = {work: table_in(bases[work], work.change.new) for work in works}
-            brought = {work.context.moved.name: work.agreeing_position for work in works}
+            brought = {work.context.input_axis.name: work.agreeing_position for work in works}
             reasons = {work: await _still_allowed(work, bases[work], brought) for work in works}
     except TrueflankError as error:
         abort(works, error.message)
         raise
     there: dict[TableTransactionState, Outcome] = {
-        work: "already-applied" for work in works if _is_there(undos[work].old, live[work], work.allowed)
+        work: "already-applied" for work in works if _is_there(undos[work].old, live[work], work.tolerance)
     }
     left = {work: done for work, done in undos.items() if work not in there}
     for work, done in left.items():
-        seen = compare_with_push(live[work], done, work.allowed)
+        seen = compare_with_push(live[work], done, work.tolerance)
         if seen.kind != "as-approved":
             foreign = refuse("E-PUSH-UNDO-FOREIGN", transaction=done.transaction, difference=seen.words)
             reasons[work] = (*foreign, *reasons[work])
@@ -224,7 +224,7 @@ async def _exchange(
     try:
         with wrap_unexpected(_names(works)):
             await _put_back(undos, bases)
-            await works[0].finish("committed")
+            await works[0].finish_marker("committed")
             note_together(works, PushEvent.COMMITTED)
     except StoreError:
         raise
@@ -259,7 +259,7 @@ async def _put_back(
     Raises VerifyError where one is not as it should be: then all go to the newer tables again.
     """
     loads = tuple(
-        TableLoad(work, work.order(done.old.table, done.old.enabled, "restore", work.whole.number), bases[work])
+        TableLoad(work, work.order(done.old.table, done.old.enabled, "restore", work.transaction.number), bases[work])
         for work, done in undos.items()
     )
     faults = await load_tables(loads)
@@ -275,8 +275,8 @@ async def _put_back(
     off = [work for work in undos if work not in proved]
     for work, live in zip(off, await read_live_sets(off) if off else (), strict=True):
         old, found = undos[work].old, table_in(live, undos[work].old.table)
-        if not _is_there(old, found, work.allowed):
-            different = differences(old.table, found.table, work.allowed) or (words("W-LIVE-SWITCH"),)
+        if not _is_there(old, found, work.tolerance):
+            different = differences(old.table, found.table, work.tolerance) or (words("W-LIVE-SWITCH"),)
             raise VerifyError("E-PUSH-NOT-RESTORED", work.axis, axis=work.axis, first=different[0])
 
 

@@ -24,7 +24,7 @@ NEWEST = 400
 LONGEST_BYTES = 1 << 18
 
 
-class SentPrograms:
+class SentProgramBook:
     """The book of one machine, below the journals of a store."""
 
     def __init__(self, journals: Path, serial: str) -> None:

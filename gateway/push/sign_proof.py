@@ -55,7 +55,7 @@ async def prove_sign(
     kind: TableKind = "axis",
     index: int = 0,
 ) -> SignProof:
-    """Prove one sign with an instrument that sees the axis already; arguments as of `SignQuestion` and `Eyes.on`.
+    """Prove one sign with an instrument that is mounted already; arguments as of `SignQuestion`.
 
     Raises as `prove_signs`, and the VerifyError that it may answer with.
     """
@@ -134,7 +134,7 @@ async def _prove_group(
     places = common_positions([(trial.change(lives[trial]), trial.context) for trial in group])
     tasks = []
     for trial in group:
-        asked = await _admit_trial(trial, lives[trial], places[trial.context.moved.name])
+        asked = await _admit_trial(trial, lives[trial], places[trial.context.input_axis.name])
         change = trial.change(lives[trial])
         tasks.append(
             AdmittedTable(change, trial.context, asked.limits, agreeing_position=asked.place, marker=asked.marker)
@@ -195,10 +195,10 @@ def _require_not_held(ended: Mapping[TableTransactionState, Outcome], failure: T
 
 
 async def _load_trials(works: Sequence[TableTransactionState], lives: Sequence[LiveSet]) -> None:
-    """All in the control, compared; where `quiet` left off through the restart that lets them act when switched on."""
+    """Load and compare all; where `trials_stay_off` they are off during the restart after which they can act."""
     enable = not trials_stay_off(works[0].context)
     loads = tuple(
-        TableLoad(work, work.order(work.change.new, enable, "sign-proof", work.whole.number), live)
+        TableLoad(work, work.order(work.change.new, enable, "sign-proof", work.transaction.number), live)
         for work, live in zip(works, lives, strict=True)
     )
     faults = await load_tables(loads)

@@ -33,7 +33,7 @@ from gateway.push.compare import table_in
 from gateway.push.context import PushContext
 from gateway.push.state import Reading, TableTransactionState, with_safe_logger
 
-# The sign of a table that programs or the panel switch: off and on in turn while its input axis stands at the peak.
+# Tables that programs or the panel switch: off and on in turn while the input axis stands at the peak.
 #
 # Steps that prove nothing are measured as often again, and all of them are judged together. So readings that scatter,
 # or one out of line, cost minutes and not the run; what is said of a wrong table gets surer by more steps, not weaker.
@@ -143,9 +143,9 @@ async def _require_loaded_off(work: TableTransactionState) -> None:
 def trial_stops(context: PushContext, table: CompensationTable, peak: float) -> tuple[Stop, ...]:
     """Off and on three times while the input axis stands at the peak; a reversal is come to from both sides.
 
-    Where programs switch, one stop more leaves it off: `is_read` says which of them are read.
+    Where programs switch, one stop more leaves it off: `is_reading_stop` says which of them are read.
     """
-    approach = controller_access.approach_to(context.moved, peak, table.direction)
+    approach = controller_access.approach_to(context.input_axis, peak, table.direction)
     if table.kind == "reversal":
         read = _both_side_stops(peak, ROUNDS)
     else:
@@ -158,7 +158,7 @@ def trial_stops(context: PushContext, table: CompensationTable, peak: float) -> 
 
 
 def is_reading_stop(table: CompensationTable, stop: Stop) -> bool:
-    """Whether the instrument is read at this stop of `stops_of`."""
+    """Whether the instrument is read at this stop of `trial_stops`."""
     if table.kind == "reversal":
         return stop.switch is None
     return stop.repetition < TIMES
@@ -194,7 +194,7 @@ def _both_side_stops(place: float, times: int) -> tuple[Stop, ...]:
 
 
 def _readings_to_subtract(table: CompensationTable, readings: Readings) -> Readings:
-    """What `steps_of` takes the differences of: the readings, or B of each turn."""
+    """What `steps_from_readings` takes the differences of: the readings, or B of each turn."""
     return _reversal_readings(readings) if table.kind == "reversal" else readings
 
 
@@ -300,7 +300,7 @@ def triangle(
     outside the longer side of the reference. Raises TableError (E-PUSH-TRIANGLE) when no peak fits.
     """
     return triangle_for_axes(
-        context.moved, context.axis, minimum=minimum, maximum=maximum, step=step, kind=kind, index=index
+        context.input_axis, context.axis, minimum=minimum, maximum=maximum, step=step, kind=kind, index=index
     )
 
 
@@ -388,7 +388,7 @@ def judge_steps(context: PushContext, steps: Steps, kind: TableKind) -> SignProo
     )
 
 
-# The sign of a table that only a restart switches: the same stops before and after it, a peak against a zero.
+# Tables that only a restart switches: the same stops before and after it, a peak against a zero.
 #
 # The step is the change of the distance between both places, so a datum that the restart took away is no matter. What
 # acted before and what acts after are both known; by their difference the step is judged.
@@ -399,13 +399,13 @@ RestartReadings = tuple[tuple[float, float], ...]
 
 
 def _zero_position(context: PushContext) -> float:
-    return float(np.clip(context.moved.reference, *context.moved.room))
+    return float(np.clip(context.input_axis.reference, *context.input_axis.room))
 
 
 def _peak_rise(context: PushContext, table: CompensationTable, peak: float) -> float:
     """Value of a table at the peak less that at the zero, each as it is come to."""
-    at, zero = controller_access.approach_to(context.moved, peak), _zero_position(context)
-    return value_at(table, peak, at) - value_at(table, zero, controller_access.approach_to(context.moved, zero))
+    at, zero = controller_access.approach_to(context.input_axis, peak), _zero_position(context)
+    return value_at(table, peak, at) - value_at(table, zero, controller_access.approach_to(context.input_axis, zero))
 
 
 def _live_rise(context: PushContext, old: LiveTable, peak: float) -> float:
@@ -432,7 +432,12 @@ async def measure_differences(
     context, zero, found = work.context, _zero_position(work.context), []
     places = (zero, peak)
     stops = tuple(
-        Stop(places[number % 2], controller_access.approach_to(context.moved, places[number % 2]), number // 2, number)
+        Stop(
+            places[number % 2],
+            controller_access.approach_to(context.input_axis, places[number % 2]),
+            number // 2,
+            number,
+        )
         for number in range(2 * RESTART_ROUNDS)
     )
 
@@ -453,7 +458,7 @@ def restart_step(
 ) -> tuple[float, float, tuple[float, ...]]:
     """What a table of ``peak`` would have done: its step, u of it (the larger of stated and scatter), each round.
 
-    ``moved`` is the change of the tables between both runs, of at least the size of ``peak``.
+    ``input_axis`` is the change of the tables between both runs, of at least the size of ``peak``.
     """
     was, now = np.asarray(before), np.asarray(after)
     scale = peak / moved

@@ -1,4 +1,4 @@
-"""One transaction on its way: what its tables share, and of each table the story it will tell."""
+"""One transaction on its way: what its tables share, the state of each table, and the error boundary."""
 
 from __future__ import annotations
 
@@ -56,16 +56,16 @@ class Transaction:
 class TableTransactionState:
     """One table of a push in progress: ``change`` is wanted, ``restore_to`` must be live again if it fails.
 
-    ``whole`` is its transaction; ``of`` its name among the journal's entries ("": it is the only one), ``beside`` the
-    other tables of the transaction that move the same output axis, ``acting`` those of them that act by now, ``along``
-    those that move other axes.
+    ``of`` is its name among the journal's entries ("": it is the only one), ``beside`` the other tables of the
+    transaction that move the same output axis, ``acting`` those of them that act by now, ``along`` those that move
+    other axes.
     ``base`` is all that was live before, ``base_digest`` what remains of it in a later process.
     ``confirmed`` says that two independent readings agree on ``restore_to``: it goes back to nothing else.
     ``coupled`` says that other cross tables of the output axis, none of this transaction, were on before, so that they
-    must be again; ``again`` that one beside it is on now, which a way back leaves on.
+    must be again; ``sibling_enabled`` that one beside it is on now, which a way back leaves on.
     ``begun`` says that a load may have written something. ``marked`` is the order whose number the controller's marker
-    carries. ``cut_short`` says that a load may have stopped in its middle, ``torn`` that a control which has restarted
-    since may act by half a table once it is on.
+    carries. ``cut_short`` says that a load may have stopped in its middle, ``partially_written`` that a control which
+    has restarted since may act by half a table once it is on.
     ``loaded`` is what a recovery has just read there: nobody is asked to have it saved again.
     ``state`` is where it stands by the table of transitions, ``last`` the event that led there.
     ``seen`` is the table as it was read last, None once something was announced since; ``protected`` that the control
@@ -74,7 +74,7 @@ class TableTransactionState:
     """
 
     context: PushContext
-    whole: Transaction
+    transaction: Transaction
     change: TableChange
     limits: TableLimits
     agreeing_position: float
@@ -84,7 +84,7 @@ class TableTransactionState:
     along: tuple[CompensationTable, ...] = ()
     acting: tuple[CompensationTable, ...] = ()
     coupled: bool = False
-    again: bool = False
+    sibling_enabled: bool = False
     steps: list[Message] = field(default_factory=list)
     backup_path: str = ""
     effect: tuple[tuple[float, float, float], ...] = ()
@@ -92,7 +92,7 @@ class TableTransactionState:
     base: LiveSet | None = None
     loaded: LiveSet | None = None
     cut_short: bool = False
-    torn: bool = False
+    partially_written: bool = False
     confirmed: bool = False
     begun: bool = False
     base_digest: str = ""
@@ -119,7 +119,7 @@ class TableTransactionState:
         return self.of or self.axis
 
     @property
-    def allowed(self) -> float:
+    def tolerance(self) -> float:
         """Largest difference of two values that are the same to the controller, um or arcsec."""
         return tolerance(self.limits, self.change.new)
 
@@ -129,14 +129,14 @@ class TableTransactionState:
         Raises StoreError when the journal refuses, IllegalTransition where the event may not follow.
         """
         self.state.after(event, facts)
-        self.whole.journal.append(event, utc=self._utc(), **({"of": self.of} if self.of else {}), **facts)
-        self.noted(event, facts)
+        self.transaction.journal.append(event, utc=self._utc(), **({"of": self.of} if self.of else {}), **facts)
+        self.tell_event(event, facts)
 
     def because(self, *reasons: Message) -> None:
         """Keep why it does not end as asked, each reason once; the record contains them."""
         self.reasons += [reason for reason in dict.fromkeys(reasons) if reason not in self.reasons]
 
-    def noted(self, event: PushEvent, facts: Mapping[str, object]) -> None:
+    def tell_event(self, event: PushEvent, facts: Mapping[str, object]) -> None:
         """Tell what the journal holds by now."""
         known = self.state.table if self.last is not None else None
         self.last, self.state = event, self.state.after(event, facts)
@@ -145,7 +145,7 @@ class TableTransactionState:
         if (now := self.state.table) is not known:
             TableStateChanged(self.name, now, table_message(now)).tell(self.context.say)
 
-    def stopped(self) -> None:
+    def note_stop(self) -> None:
         """Somebody ended us from outside: where it stands, on the disk before anything else is done."""
         stop, last = current(), self.last
         by = {"by": stop.by or "a cancel"}
@@ -153,18 +153,18 @@ class TableTransactionState:
             if self.marked is None:
                 self.note(PushEvent.ABORTED, why=Message.of("W-PUSH-STOP-EARLY", **by))
                 return
-            if self.whole.number not in stop.transactions:
-                stop.transactions.append(self.whole.number)
+            if self.transaction.number not in stop.transactions:
+                stop.transactions.append(self.transaction.number)
             self.note(PushEvent.STOPPED, why=Message.of("W-PUSH-STOP-BY", **by), after=last or "nothing")
         except StoreError as error:
             stop.tell(str(error))
-        told = {"axis": self.axis, "transaction": self.whole.number, "last": step_message(last or "nothing")}
+        told = {"axis": self.axis, "transaction": self.transaction.number, "last": step_message(last or "nothing")}
         self.context.say("P-STOPPED-PUSH", **told)
         stop.tell(words("P-STOPPED-PUSH", **told))
 
     def order(self, table: CompensationTable, enable: bool, purpose: Purpose, number: int) -> PushOrder:
         """The order for the controller to load one table."""
-        moved, place = self.context.moved, self.agreeing_position
+        moved, place = self.context.input_axis, self.agreeing_position
         proof = self.context.proof
         if purpose == "sign-proof" or (purpose == "restore" and table.kind != "cross"):
             proof = None
@@ -178,7 +178,7 @@ class TableTransactionState:
             agreeing_position=place,
             purpose=purpose,
             proof=proof,
-            coupled=self.coupled or self.again,
+            coupled=self.coupled or self.sibling_enabled,
             head=head,
             encoder=self.context.axis.encoder,
             encoder_said=self.context.axis.encoder_said,
@@ -186,26 +186,26 @@ class TableTransactionState:
 
     def fresh_number(self) -> int:
         """Another transaction number of this machine; in work that goes on the one that was given here before."""
-        known = replayed_value(self.whole.journal, PushEvent.DISABLE, "order")
-        return int(known) if known else journal.allocate_number(self.whole.folder, number_seed(self.context))
+        known = replayed_value(self.transaction.journal, PushEvent.DISABLE, "order")
+        return int(known) if known else journal.allocate_number(self.transaction.folder, number_seed(self.context))
 
-    async def same_machine(self) -> None:
+    async def require_same_machine(self) -> None:
         """The fingerprint once more. Raises VerifyError (E-PUSH-OTHER-MACHINE)."""
         found = await self.context.controller.identify()
         different = self.context.machine.differences(found)
         if different:
             raise VerifyError("E-PUSH-OTHER-MACHINE", self.axis, differ=", ".join(different))
 
-    async def only_ours(self) -> None:
+    async def require_own_marker(self) -> None:
         """Raise BusyError (E-PUSH-ANOTHER) when the control's marker is another gateway's: nothing may be touched."""
         controller = self.context.controller
         marker = await controller.marker() if controller.capabilities.marker else None
-        if marker is None or marker.transaction in (0, *self.whole.sent):
+        if marker is None or marker.transaction in (0, *self.transaction.sent):
             return
-        if self.whole.acknowledged or marker != self.whole.before:
+        if self.transaction.acknowledged or marker != self.transaction.before:
             raise BusyError("E-PUSH-ANOTHER", self.axis, number=marker.transaction, state=marker.state)
 
-    async def finish(self, state: Literal["committed", "held", "none"]) -> None:
+    async def finish_marker(self, state: Literal["committed", "held", "none"]) -> None:
         """Leave the controller's marker in its last state; where that fails the journal still knows the number.
 
         The audit log is told first, so that the marker carries a head that knows of the end. A marker that is another
@@ -215,13 +215,13 @@ class TableTransactionState:
             return
         log = self.context.log
         if log is not None:
-            log.end(self.whole.number, state)
-        together = self.whole.batch if self.marked in self.whole.batch else (self.marked,)
+            log.end(self.transaction.number, state)
+        together = self.transaction.batch if self.marked in self.transaction.batch else (self.marked,)
         head = log.head() if log is not None else 0
         try:
             with wrap_unexpected(self.axis):
-                await self.same_machine()
-                await self.only_ours()
+                await self.require_same_machine()
+                await self.require_own_marker()
                 await self.context.controller.finish_push(tuple(replace(one, head=head) for one in together), state)
         except TrueflankError as error:
             self._marker_lost(state, error.message)
@@ -229,13 +229,13 @@ class TableTransactionState:
     def _marker_lost(self, state: str, why: Message) -> None:
         """The tables are as they are; what the control's marker says of them is not: an alarm, kept in the log."""
         self.marker_lost = why
-        self.context.say("P-PUSH-MARKER", axis=self.name, transaction=self.whole.number, why=why)
+        self.context.say("P-PUSH-MARKER", axis=self.name, transaction=self.transaction.number, why=why)
         if self.context.log is not None:
-            self.context.log.marker_lost(self.whole.number, self.change.name, state, str(why))
+            self.context.log.marker_lost(self.transaction.number, self.change.name, state, str(why))
 
-    def kept(self, name: str, text: str) -> str:
+    def keep_text(self, name: str, text: str) -> str:
         """Keep a text for good; returns its run folder and name: a record holds no path of this computer."""
-        if is_replaying(self.whole.journal) and (self.context.folder.path / name).exists():
+        if is_replaying(self.transaction.journal) and (self.context.folder.path / name).exists():
             return f"{self.context.folder.path.name}/{name}"
         path = self.context.folder.write_text(name, text)
         return f"{path.parent.name}/{path.name}"
@@ -246,7 +246,7 @@ class TableTransactionState:
             PushEnded(self.change.name, outcome).tell(self.context.say)
         steps = tuple(self.steps)
         return PushRecord(
-            self.whole.number,
+            self.transaction.number,
             self.axis,
             outcome=outcome,
             steps=steps,
@@ -254,7 +254,7 @@ class TableTransactionState:
             effect=self.effect,
             reasons=tuple(self.reasons),
             marker=self.marker_lost,
-            purpose=self.whole.purpose,
+            purpose=self.transaction.purpose,
         )
 
     def _utc(self) -> str:
@@ -262,7 +262,7 @@ class TableTransactionState:
 
 
 def note_together(works: Sequence[TableTransactionState], event: PushEvent) -> None:
-    """As `Work.note`, of several tables in one line: it is on the disk for all of them or for none."""
+    """As `TableTransactionState.note`, of several tables in one line: it is on the disk for all of them or for none."""
     first = works[0]
     if not first.of:
         first.note(event)
@@ -270,9 +270,9 @@ def note_together(works: Sequence[TableTransactionState], event: PushEvent) -> N
     utc = first.context.clock.utc().isoformat(timespec="milliseconds")
     for work in works:
         work.state.after(event, {})
-    first.whole.journal.append(event, utc=utc, all=[work.of for work in works])
+    first.transaction.journal.append(event, utc=utc, all=[work.of for work in works])
     for work in works:
-        work.noted(event, {})
+        work.tell_event(event, {})
 
 
 def number_seed(context: PushContext) -> int:
@@ -280,10 +280,9 @@ def number_seed(context: PushContext) -> int:
     return int(context.clock.utc().timestamp())
 
 
-# What nobody foresaw in a push becomes an error of ours, so that it leads back to the old table as any failure does.
-#
-# A bug's TypeError, an OSError, a cancel that one of our own limits or tasks let slip: once a write has been announced
-# each means the same, "unknown". Only a cancel from outside, and the end of the process itself, pass as they are.
+# The error boundary of a push. A bug's TypeError, an OSError, a cancel that one of our own limits let slip: once a
+# write has been announced each means the same, "outcome unknown". So each becomes an error of ours and leads back to
+# the old table as any failure does. Only a cancel from outside and the end of the process pass unchanged.
 
 
 @contextmanager

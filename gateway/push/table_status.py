@@ -59,7 +59,7 @@ class HeldPush:
     new: str = ""
 
     @property
-    def loud(self) -> bool:
+    def needs_attention(self) -> bool:
         """Whether something may act that nobody stands for."""
         return self.standing in ("still-on", "interrupted")
 
@@ -83,7 +83,7 @@ class HeldPush:
         """As JSON data."""
         told = {"transaction": self.transaction, "axis": self.axis, "standing": self.standing}
         told |= {"table": self.table or self.axis, "back": self.back, "old": self.old, "new": self.new}
-        return {**told, "backup": self.backup, "loud": self.loud, "what": self.words}
+        return {**told, "backup": self.backup, "loud": self.needs_attention, "what": self.words}
 
 
 def switch_state(found: JournalRead) -> SwitchState:
@@ -100,11 +100,11 @@ def held_pushes(journals: Path) -> tuple[HeldPush, ...]:
     """
     folders = sorted(path for path in journals.iterdir() if path.is_dir()) if journals.is_dir() else []
     every = [one for folder in folders if not is_lock_held(folder) for one in _held_in(folder)]
-    return tuple(sorted(every, key=lambda one: not one.loud))
+    return tuple(sorted(every, key=lambda one: not one.needs_attention))
 
 
 def _held_in(folder: Path) -> list[HeldPush]:
-    left = [part for found in journal.read_all(folder) for part in found.parts if not part.finished]
+    left = [part for found in journal.read_all(folder) for part in found.parts if not part.is_ended]
     pushes = _known_pushes(folder) if left else ()
     return [held_push(found, pushes) for found in left]
 
@@ -158,7 +158,7 @@ class TableState:
     held: HeldPush | None = None
 
     @property
-    def settled(self) -> bool:
+    def is_settled(self) -> bool:
         """Whether nothing has to be put right before the next push."""
         return self.held is None and self.acts in ("on", "off")
 
@@ -215,7 +215,7 @@ def table_states(
 
 def _ended_parts(folder: Path) -> Iterator[JournalRead]:
     for found in (*journal.read_all(folder / "done"), *journal.read_all(folder)):
-        yield from (part for part in found.parts if part.finished and not part.broken)
+        yield from (part for part in found.parts if part.is_ended and not part.broken)
 
 
 def _utc(part: JournalRead) -> str:

@@ -1,9 +1,24 @@
 """Tables into one controller: of each, old or new is enabled at every instant, whatever fails on the way.
 
-Order: interlocks, then the live tables without changing any, interlocks again, first half, compare, release,
-second half, activation, proof of effect. Nothing is written before the live tables are known to be those the
-changes were made on. Several tables have one first half, one second half and one restart; each is compared, switched
-and proved by itself. A failure after the first half was prepared leads back to the old tables once, or is held.
+A push of several tables is one transaction: one number, one journal, one program of two halves, one restart. Each
+table is compared, switched and proved by itself.
+
+    preflight      interlocks with what is known; a refusal changes nothing
+    snapshot       the live tables, read and kept; interlocks again, now with them in hand
+    load           first half: back up, compare with what the changes were made on, disable, write, read back
+    release        second half: enable each table that was read back as sent, then the restart
+    effect         what the control says it applies, at a few positions
+    commit         the control's marker, then one journal line for all tables
+
+What fails leads where nothing is left in doubt:
+
+    before the first order was staged    aborted: nothing was written, the error is raised
+    one table, and the others may stay   that table goes back (`PartialCommitPolicy` is asked with the rest)
+    anything else                        all go back, one after the other, each from its own back-up
+    the way back itself                  held: off where a read-back says so, else reported as still on
+
+Every line of the journal is on the disk before what it announces is done, so a later process knows at least as much as
+was true (`gateway.push.phases`). A write is never repeated: after a time-out its outcome is read back.
 """
 
 from __future__ import annotations
@@ -41,6 +56,7 @@ from gateway.push.phases import PushEvent, PushPhase, step_with_facts
 from gateway.push.preflight import (
     NOTHING,
     PreflightResult,
+    TableRequest,
     common_positions,
     journals_under_key,
     pending_transaction,
@@ -67,7 +83,6 @@ _EARLIER_OUTCOMES: dict[PushPhase, Outcome] = {
     PushPhase.ROLLED_BACK: "rolled-back",
     PushPhase.CLOSED: "rolled-back",
 }
-TableRequest = tuple[TableChange, PushContext]
 PartialCommitPolicy = Callable[[Sequence[TableChange]], bool]
 """Whether these tables alone are predicted to leave the machine no worse than none of the transaction would."""
 
@@ -86,56 +101,56 @@ async def push_table(change: TableChange, context: PushContext) -> PushRecord:
 
 
 async def push_tables(
-    wishes: Sequence[TableRequest], stays: PartialCommitPolicy = _allow_partial_commit
+    requests: Sequence[TableRequest], policy: PartialCommitPolicy = _allow_partial_commit
 ) -> tuple[PushRecord, ...]:
     """Push tables of one machine in one transaction; a record for each, in order.
 
     Several are handed over together only where the control takes them so (`Capabilities.together`). When one fails,
-    ``stays`` is asked whether the others may stay; if not, the whole transaction goes back.
+    ``policy`` is asked whether the others may stay; if not, the whole transaction goes back.
     Reads and refusals change nothing. A context's key with the same plan again gives the earlier answer.
     Raises BusyError (E-PUSH-BUSY) when another push is under way, StoreError when the journal cannot be kept,
     and as long as nothing has been written the port's errors and Unexpected (E-PUSH-UNEXPECTED).
     """
     found: dict[int, PushRecord] = {}
-    asked = {place: wish for place, wish in enumerate(wishes) if not wish[0].skipped}
-    for place, (change, _) in enumerate(wishes):
+    asked = {place: wish for place, wish in enumerate(requests) if not wish[0].skipped}
+    for place, (change, _) in enumerate(requests):
         if change.skipped:
             why = (change.skipped,)
             found[place] = PushRecord(0, change.axis, outcome="skipped", steps=why, backup_path="", reasons=why)
     if asked:
         with wrap_unexpected(", ".join(dict.fromkeys(change.axis for change, _ in asked.values()))):
             quiet = [(change, with_safe_logger(context)) for change, context in asked.values()]
-            found |= dict(zip(asked, await _push_locked(quiet, stays), strict=True))
-    return tuple(found[place] for place in range(len(wishes)))
+            found |= dict(zip(asked, await _push_locked(quiet, policy), strict=True))
+    return tuple(found[place] for place in range(len(requests)))
 
 
-async def _push_locked(wishes: Sequence[TableRequest], stays: PartialCommitPolicy) -> tuple[PushRecord, ...]:
-    context = wishes[0][1]
+async def _push_locked(requests: Sequence[TableRequest], policy: PartialCommitPolicy) -> tuple[PushRecord, ...]:
+    context = requests[0][1]
     with machine_lock(journal.machine_folder(context.journals, context.machine.serial)):
-        earlier = tuple(_earlier_record(change, one) for change, one in wishes)
+        earlier = tuple(_earlier_record(change, one) for change, one in requests)
         known = tuple(record for record in earlier if record is not None)
-        if len(known) == len(wishes):
+        if len(known) == len(requests):
             return known
         if (waits := pending_transaction(context)) is not None:
-            return await _run_transaction(await resume_transaction(wishes, waits), stays, waits)
-        places = common_positions(wishes)
-        answers = [await _preflight_table(change, one, places[one.moved.name]) for change, one in wishes]
+            return await _run_transaction(await resume_transaction(requests, waits), policy, waits)
+        places = common_positions(requests)
+        answers = [await _preflight_table(change, one, places[one.input_axis.name]) for change, one in requests]
         if any(_is_refused(asked) for asked in answers):
-            return _refuse_all(wishes, answers)
+            return _refuse_all(requests, answers)
         tasks = [
             AdmittedTable(
                 change, one, asked.limits, agreeing_position=asked.agreeing_position or 0.0, marker=asked.marker
             )
-            for (change, one), asked in zip(wishes, answers, strict=True)
+            for (change, one), asked in zip(requests, answers, strict=True)
         ]
-        return await _run_transaction(tasks, stays)
+        return await _run_transaction(tasks, policy)
 
 
 async def _run_transaction(
-    tasks: Sequence[AdmittedTable], stays: PartialCommitPolicy, waits: journal.JournalRead | None = None
+    tasks: Sequence[AdmittedTable], policy: PartialCommitPolicy, waits: journal.JournalRead | None = None
 ) -> tuple[PushRecord, ...]:
     with open_transaction(tasks, "table", waits) as works:
-        ended = await _push_admitted(works, stays)
+        ended = await _push_admitted(works, policy)
         for outcome in dict.fromkeys(ended[work] for work in works):
             names = ", ".join(work.change.name for work in works if ended[work] == outcome)
             PushEnded(names, outcome).tell(tasks[0].context.say)
@@ -155,13 +170,13 @@ def _is_refused(asked: PreflightResult) -> bool:
     return asked.agreeing_position is None or any(refusal.code != NOTHING for refusal in asked.refusals)
 
 
-def _refuse_all(wishes: Sequence[TableRequest], answers: Sequence[PreflightResult]) -> tuple[PushRecord, ...]:
+def _refuse_all(requests: Sequence[TableRequest], answers: Sequence[PreflightResult]) -> tuple[PushRecord, ...]:
     """What speaks against one speaks against all: they would go together."""
     each = [tuple(one for one in asked.refusals if one.code != NOTHING) for asked in answers]
     rest = tuple({refusal.words: refusal for reasons in each for refusal in reasons}.values())
     return tuple(
         refused_record(context, change.axis, reasons or rest)
-        for (change, context), reasons in zip(wishes, each, strict=True)
+        for (change, context), reasons in zip(requests, each, strict=True)
     )
 
 
@@ -186,12 +201,12 @@ def _earlier_record(change: TableChange, context: PushContext) -> PushRecord | N
 
 
 async def _push_admitted(
-    works: Sequence[TableTransactionState], stays: PartialCommitPolicy
+    works: Sequence[TableTransactionState], policy: PartialCommitPolicy
 ) -> dict[TableTransactionState, Outcome]:
     try:
         with wrap_unexpected(_names(works)):
             bases = dict(zip(works, await take_snapshot(works), strict=True))
-            brought = {work.context.moved.name: work.agreeing_position for work in works}
+            brought = {work.context.input_axis.name: work.agreeing_position for work in works}
             reasons = {work: await refusals_with_live(work, bases[work], brought) for work in works}
     except TrueflankError as error:
         abort(works, error.message)
@@ -201,10 +216,10 @@ async def _push_admitted(
     }
     abort(tuple(there), Message.of("W-PUSH-ALREADY"))
     left = tuple(work for work in works if work not in there)
-    if not left or (any(reasons[work] for work in left) and not is_replaying(left[0].whole.journal)):
+    if not left or (any(reasons[work] for work in left) and not is_replaying(left[0].transaction.journal)):
         return there | _refuse(left, reasons)
     _leave_out(left, there, bases)
-    return there | await _exchange(left, bases, stays)
+    return there | await _exchange(left, bases, policy)
 
 
 def _leave_out(
@@ -232,14 +247,14 @@ def _refuse(
 
 
 async def _exchange(
-    works: Sequence[TableTransactionState], bases: dict[TableTransactionState, LiveSet], stays: PartialCommitPolicy
+    works: Sequence[TableTransactionState], bases: dict[TableTransactionState, LiveSet], policy: PartialCommitPolicy
 ) -> dict[TableTransactionState, Outcome]:
     """Write, and commit what is proved; what is not goes back, and with it all where the rest may not stay."""
     faults: TableFaults = {}
     ended: dict[TableTransactionState, Outcome] = {}
     try:
         with wrap_unexpected(_names(works)):
-            await _write(works, bases, faults, stays)
+            await _write(works, bases, faults, policy)
     except TrueflankError as failure:
         if all(work.marked is None for work in works):  # nothing was sent: nothing to take back
             abort(works, failure.message)
@@ -278,7 +293,7 @@ async def _commit(
     """The marker, then one line of the journal for all. A failure before that leads back; raises StoreError."""
     try:
         with wrap_unexpected(_names(works)):
-            await works[0].finish("committed")
+            await works[0].finish_marker("committed")
             note_together(works, PushEvent.COMMITTED)
     except StoreError:
         raise
@@ -296,28 +311,29 @@ async def _write(
     works: Sequence[TableTransactionState],
     bases: dict[TableTransactionState, LiveSet],
     faults: TableFaults,
-    stays: PartialCommitPolicy,
+    policy: PartialCommitPolicy,
 ) -> None:
     """Both halves and the proof of each. What fails of one table alone joins ``faults``, if the others may stay.
 
     Raises VerifyError (E-PUSH-LAYER, or the fault itself where it is the only table) when they may not.
     """
     loads = tuple(
-        TableLoad(work, work.order(work.change.new, True, "table", work.whole.number), bases[work]) for work in works
+        TableLoad(work, work.order(work.change.new, True, "table", work.transaction.number), bases[work])
+        for work in works
     )
     faults |= await load_tables(loads)
-    _require_partial_commit(works, faults, stays)
+    _require_partial_commit(works, faults, policy)
     passed = tuple(one for one in loads if one.work not in faults)
     for one in passed:
         tables = {other.work.change.new for other in passed}
         one.work.acting = tuple(table for table in one.work.beside if table in tables)
     await release_tables(passed, tuple(one.order for one in loads))
     await prove_effects([one.work for one in passed], bases, faults)
-    _require_partial_commit(works, faults, stays)
+    _require_partial_commit(works, faults, policy)
 
 
 def _require_partial_commit(
-    works: Sequence[TableTransactionState], faults: TableFaults, stays: PartialCommitPolicy
+    works: Sequence[TableTransactionState], faults: TableFaults, policy: PartialCommitPolicy
 ) -> None:
     if not faults:
         return
@@ -326,12 +342,12 @@ def _require_partial_commit(
     if not good:
         raise first
     names, failed = ", ".join(change.name for change in good), _names(tuple(faults))
-    if not stays(good):
+    if not policy(good):
         raise VerifyError("E-PUSH-LAYER", failed, failed=failed, names=names, why=first.message)
     works[0].context.say("P-PUSH-REST-STAYS", names=names, failed=failed, why=first.message)
 
 
-# A transaction's begin and end on the disk: number, journal, what each table is, and the journal set aside.
+# The transaction on the disk: number and journal at its begin, the journal set aside at its end.
 
 
 @dataclass(frozen=True, slots=True)
@@ -388,8 +404,8 @@ def _note_first_entry(work: TableTransactionState) -> None:
     context, change = work.context, work.change
     work.note(
         PushEvent.LEASED,
-        transaction=work.whole.number,
-        purpose=work.whole.purpose,
+        transaction=work.transaction.number,
+        purpose=work.transaction.purpose,
         axis=change.axis,
         serial=context.machine.serial,
         old=table_facts(change.old),
@@ -419,8 +435,8 @@ def _announce_to_audit(works: Sequence[TableTransactionState]) -> None:
     try:
         for work in works:
             if work.context.log is not None:
-                said = replayed_value(work.whole.journal, PushEvent.AUDITED, "audit")
-                work.note(PushEvent.AUDITED, audit=said or work.context.log.begin(work.whole.number, work.change))
+                said = replayed_value(work.transaction.journal, PushEvent.AUDITED, "audit")
+                work.note(PushEvent.AUDITED, audit=said or work.context.log.begin(work.transaction.number, work.change))
     except TrueflankError as error:
         abort(works, error.message)
         raise
@@ -438,33 +454,33 @@ def close_at_end(works: Sequence[TableTransactionState]) -> Iterator[None]:
 
     A disk that refuses here changes nothing of how the push ended: the journal is read and moved later.
     """
-    kept = works[0].whole.journal
+    kept = works[0].transaction.journal
     try:
         yield
     except asyncio.CancelledError:
         for work in works:
             if not work.state.phase.final:
-                work.stopped()
+                work.note_stop()
         raise
     finally:
         kept.close()
     with contextlib.suppress(StoreError):
-        if journal.read(kept.path).finished:
+        if journal.read(kept.path).is_ended:
             journal.set_aside(kept.path)
 
 
-# What a transaction that goes on was begun with, by its journal.
+# A transaction that waited for carried files goes on with what its journal recorded.
 
 
 async def resume_transaction(
-    wishes: Sequence[tuple[TableChange, PushContext]], waits: journal.JournalRead
+    requests: Sequence[tuple[TableChange, PushContext]], waits: journal.JournalRead
 ) -> list[AdmittedTable]:
     """The tasks of a transaction that goes on, as its journal has them: nothing spoke against them then."""
-    controller = wishes[0][1].controller
+    controller = requests[0][1].controller
     marker = marker_before(waits) or (await controller.marker() if controller.capabilities.marker else None)
     tasks: list[AdmittedTable] = []
-    for change, context in wishes:
+    for change, context in requests:
         limits = await controller.table_limits(change.axis, change.new.kind, change.new.index)
-        place = float(waits.part(change.name if len(wishes) > 1 else "").entries[0].facts["place"])
+        place = float(waits.part(change.name if len(requests) > 1 else "").entries[0].facts["place"])
         tasks.append(AdmittedTable(change, context, limits, agreeing_position=place, marker=marker))
     return tasks

@@ -35,7 +35,7 @@ def standing_tables(store: Store, serial: str) -> dict[str, Any]:
         "rollback": rolling.of(""),
         "alarms": dict(known.alarms),
         "held": [one.as_data() for one in held],
-        "settled": not held and all(one.settled for one in states),
+        "settled": not held and all(one.is_settled for one in states),
     }
 
 

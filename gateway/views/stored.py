@@ -51,7 +51,7 @@ def pushes_held(store: Store) -> tuple[HeldView, ...]:
     """Every push that did not end, from the journals alone; one that cannot be read is as loud as any."""
     try:
         return tuple(
-            HeldView(one.words, one.loud, one.code, one.fields, back=one.back)
+            HeldView(one.words, one.needs_attention, one.code, one.fields, back=one.back)
             for one in held_pushes(store.root / JOURNALS)
         )
     except StoreError as error:

@@ -85,7 +85,7 @@ async def taken(request: Request, site: str) -> list[dict[str, Any]]:
 def approvals(request: Request, site: str, run: str) -> list[dict[str, str]]:
     """Approvals of a run's tables that no push has used: who gave each, and until when it holds."""
     folder = run_of(site_of(request, site), run)
-    found = Approvals(folder.path).unused()
+    found = Approvals(folder.path).read_unused()
     return [{"by": one.actor, "plan_hash": one.plan_hash, "expires_utc": one.expires_utc} for one in found]
 
 

@@ -28,7 +28,7 @@ from gateway.config import AxisSection, SiteFile, files_only
 from gateway.domain.identity import KnownFact
 from gateway.errors import StoreError, WriteRefused
 from gateway.events import ConnectionUnprotected, DevicesOpened
-from gateway.push import JOURNALS, SentPrograms
+from gateway.push import JOURNALS, SentProgramBook
 from gateway.say import Say
 from gateway.store import RunFolder, Store
 from gateway.store.proofs import Proofs
@@ -193,7 +193,7 @@ async def _opened(
 ) -> AsyncIterator[Bench]:
     used = {axis.measure.instrument for axis in site.axes} if instruments is None else set(instruments)
     store = store_of(site, site_path)
-    book = SentPrograms(store.root / JOURNALS, site.controller.serial)
+    book = SentProgramBook(store.root / JOURNALS, site.controller.serial)
     recognised = Recognising(site, site_path, store.root, clock)
     supervisor = Supervisor(site, clock, only=used, book=book, recognise=recognised)
     supervisor.trace_into(folder.path / "traces")

@@ -38,9 +38,9 @@ def consented(at: Bench, change: TableChange, context: PushContext, taken: Taken
         approvals=approvals,
         audit_broken=audit_problem(at),
         log=log,
-        proposed=_is_proposed(at, change, known, context),
-        used=tuple(one for one, digest in digests.items() if taken is None and digest in known.used),
-        unrecorded=tuple(one for one, digest in digests.items() if digest not in known.approved),
+        is_proposed=_is_proposed(at, change, known, context),
+        used_approvals=tuple(one for one, digest in digests.items() if taken is None and digest in known.used),
+        unrecorded_approvals=tuple(one for one, digest in digests.items() if digest not in known.approved),
         alarms=alarms_of(known, change.axis),
         run_id=at.folder.run_id,
         consent_utc=None if taken is None else taken.at_utc,
@@ -84,7 +84,7 @@ def _is_proposed(at: Bench, change: TableChange, known: audit.LogState, context:
 
 
 def _unused(at: Bench, change: TableChange) -> tuple[Approval, ...]:
-    return Approvals(at.folder.path).unused(plan_hash(change, at.machine))
+    return Approvals(at.folder.path).read_unused(plan_hash(change, at.machine))
 
 
 @dataclass(frozen=True, slots=True)

@@ -27,7 +27,7 @@ from gateway.errors import StoreError
 from gateway.push import journal
 from gateway.push.journal import JOURNALS
 from gateway.push.recovery import unfinished_tables
-from gateway.push.sent_programs import SentPrograms
+from gateway.push.sent_programs import SentProgramBook
 from gateway.say import Say
 from gateway.stopping import StopAsked, Stopped, current, obey
 from gateway.store.proofs import Proofs
@@ -93,7 +93,7 @@ class Shop:
     async def served(self) -> None:
         """What `trueflank serve` does when a run is started from its page: watch, run, watch."""
         store = store_of(self.site, self.path)
-        devices = Supervisor(self.site, self.clock, only=(), book=SentPrograms(store.root / JOURNALS, self.serial))
+        devices = Supervisor(self.site, self.clock, only=(), book=SentProgramBook(store.root / JOURNALS, self.serial))
 
         async def starter(_say: Say) -> object:
             return await self.work(apply=False)
@@ -114,7 +114,7 @@ class Shop:
     async def page(self) -> tuple[LeftOver, tuple[str, ...]]:
         """What a daemon that opens the devices now sees in the control, and the codes its page shows."""
         store = store_of(self.site, self.path)
-        book = SentPrograms(store.root / JOURNALS, self.serial)
+        book = SentProgramBook(store.root / JOURNALS, self.serial)
         devices = Supervisor(self.site, self.clock, only=(), book=book)
         try:
             await devices.open_all()

@@ -146,9 +146,9 @@ def test_approved_pushed_compared_taken_back(tmp_path: Path) -> None:
             await approve_plan(at.folder, table="C1", typed_name="another", clock=at.clock, actor="ann")
         given = await approve_plan(at.folder, table="C1", typed_name=at.site.site.name, clock=at.clock, actor="ann")
         assert await at.tables() == untouched
-        assert Approvals(at.folder.path).unused() == given
+        assert Approvals(at.folder.path).read_unused() == given
         assert await at.push("bob") == "committed"
-        assert Approvals(at.folder.path).unused() == ()
+        assert Approvals(at.folder.path).read_unused() == ()
 
         runs = at.runs()
         live = await at.compare()

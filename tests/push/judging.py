@@ -68,7 +68,7 @@ def judge(oracle: Oracle, found: Played, said: list[str], context: PushContext) 
     loudest = [code for code in said if "HELD" in code][-1:]
     if word and (loudest != [word] or [one.kinds[-1] for one in left] != ["HELD"]):
         found.wrong.append(f"{outcome}, but not said or not kept")
-    if word and [one.loud for one in held_pushes(context.journals)] != [outcome == "held-on"]:
+    if word and [one.needs_attention for one in held_pushes(context.journals)] != [outcome == "held-on"]:
         found.wrong.append(f"{outcome}, but the journal says another thing")
     over = outcome in ("committed", "rolled-back", "refused", "already-applied")
     if over and left:

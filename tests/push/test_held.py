@@ -110,7 +110,7 @@ def test_points_exchanged_at_the_activating_reset_end_off_by_a_program(tmp_path:
         outcome, said, context = await pushed(at, tmp_path)
         assert (outcome, at.oracle.off) == ("held", True)
         assert said.index("P-PUSH-HELD-ON") < said.index("P-PUSH-DISABLE") < said.index("P-PUSH-HELD")
-        assert not any(one.loud for one in held_pushes(tmp_path / "journal"))
+        assert not any(one.needs_attention for one in held_pushes(tmp_path / "journal"))
         at.nck.core.spec = replace(at.nck.core.spec, swaps_points_at_reset=None)
         await at.ready()
         assert await recovered(tmp_path, context) == [("R-PUSH-HALF", "rolled-back")]
@@ -145,7 +145,7 @@ def test_nobody_at_the_panel_is_told_as_still_on_and_recovery_switches_off(tmp_p
         at.spawn(late_reset(at))
         outcome, said, context = await pushed(at, tmp_path)
         assert (outcome, at.oracle.switched_on) == ("held-on", True)
-        assert [one.loud for one in held_pushes(tmp_path / "journal")] == [True]
+        assert [one.needs_attention for one in held_pushes(tmp_path / "journal")] == [True]
         assert "P-PUSH-HELD" not in said
         at.person.starts = at.person.restarts = True
         at.nck.core.spec = replace(at.nck.core.spec, swaps_points_at_reset=None)

@@ -52,7 +52,7 @@ async def main():
         audit.record(folder.path.parent, "approve", clock=LoopClock(), actor=actor, role="approver", serial="7",
                      plan_hash=given.plan_hash, base_hash=given.base_digest, details=said)
         approvals.keep(given)
-    print("approved by:", *(one.actor for one in approvals.unused()))
+    print("approved by:", *(one.actor for one in approvals.read_unused()))
 
 asyncio.run(main())
 """

@@ -116,10 +116,10 @@ def port(tree: Any, role: str, clock: Clock) -> Any:
 
 def sent_before(tree: Any, site: Path) -> tuple[Sent, ...]:
     """Every program this store sent to the control; none while a gateway is at work with them."""
-    from gateway.push import JOURNALS, SentPrograms
+    from gateway.push import JOURNALS, SentProgramBook
     from gateway.workflow.runsite import store_of
 
-    book = SentPrograms(store_of(tree, site).root / JOURNALS, tree.controller.serial)
+    book = SentProgramBook(store_of(tree, site).root / JOURNALS, tree.controller.serial)
     return () if book.at_work() else book.known()
 
 

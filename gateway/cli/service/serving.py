@@ -89,7 +89,7 @@ def _telling(names: str, root: Path) -> Callable[[str], None]:
 def _serving(tree: Any, path: Path, clock: LoopClock) -> Any:
     """A site with everything that the daemon does for it."""
     from gateway.daemon import LateDevices, Serving
-    from gateway.push import JOURNALS, SentPrograms
+    from gateway.push import JOURNALS, SentProgramBook
     from gateway.supervisor import Supervisor, unopened
     from gateway.workflow.aftercare import StandingAlarms
     from gateway.workflow.files.importing import watcher_of
@@ -99,7 +99,7 @@ def _serving(tree: Any, path: Path, clock: LoopClock) -> Any:
     store, serial, folder = store_of(tree, path), tree.controller.serial, tree.service.watch
 
     def made() -> Supervisor:
-        book, known = SentPrograms(store.root / JOURNALS, serial), Recognising(tree, path, store.root, clock)
+        book, known = SentProgramBook(store.root / JOURNALS, serial), Recognising(tree, path, store.root, clock)
         return Supervisor(tree, clock, book=book, recognise=known)
 
     devices = LateDevices(made, unopened(tree, clock))

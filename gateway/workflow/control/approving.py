@@ -52,7 +52,7 @@ async def approve_plan(
             site_name=site.site.name,
             now_utc=clock.utc(),
             run_id=folder.run_id,
-            given=kept.unused(),
+            given=kept.read_unused(),
             kept_by=kept_by,
         )
         for change in _wanted(proposal, table, folder)

@@ -66,18 +66,18 @@ def test_one_person_counts_once_while_the_first_approval_holds() -> None:
 
 def test_kept_and_found_until_used_once(tmp_path: Path) -> None:
     kept = Approvals(tmp_path)
-    assert kept.unused() == ()
+    assert kept.read_unused() == ()
     ann, bob = approve("ann"), approve("bob", now=NOW + timedelta(seconds=5))
     digests = {kept.keep(bob), kept.keep(ann), kept.keep(ann)}
     assert len(digests) == 2
-    assert kept.unused(ann.plan_hash) == (ann, bob)
-    assert kept.unused("another plan") == ()
+    assert kept.read_unused(ann.plan_hash) == (ann, bob)
+    assert kept.read_unused("another plan") == ()
     kept.use((ann,), "transaction 7 by eve")
-    assert Approvals(tmp_path).unused() == (bob,)
+    assert Approvals(tmp_path).read_unused() == (bob,)
     with pytest.raises(WriteRefused) as caught:
         kept.use((bob, ann), "transaction 8")
     assert caught.value.code == "E-APPROVE-USED"
-    assert kept.unused() == ()
+    assert kept.read_unused() == ()
     assert "transaction 7 by eve" in {path.read_text() for path in tmp_path.rglob("*.used")}
 
 
@@ -86,7 +86,7 @@ def test_given_again_after_use_it_stays_used(tmp_path: Path) -> None:
     kept.keep(approve())
     kept.use((approve(),), "7")
     kept.keep(approve())
-    assert kept.unused() == ()
+    assert kept.read_unused() == ()
 
 
 def test_an_altered_approval_is_not_believed(tmp_path: Path) -> None:
@@ -95,7 +95,7 @@ def test_an_altered_approval_is_not_believed(tmp_path: Path) -> None:
     path = next(tmp_path.rglob("approval-*.json"))
     path.write_bytes(path.read_bytes().replace(b"ann", b"bob"))
     with pytest.raises(CorruptRecord):
-        kept.unused()
+        kept.read_unused()
 
 
 def test_two_pushes_at_once_cannot_both_use_it(tmp_path: Path) -> None:

@@ -72,7 +72,7 @@ def test_shown_then_approved_by_the_machines_name(run: RunFolder) -> None:
     assert result.exit_code == 0, result.output
     assert "X1: what push shows" in result.output
     assert f"approved by {audit.os_user()} until " in result.output
-    (kept,) = Approvals(run.path).unused()
+    (kept,) = Approvals(run.path).read_unused()
     assert kept.actor == audit.os_user()
     (entry,) = audit.read_entries(run.path.parent)
     assert (entry["action"], entry["role"], entry["plan_hash"]) == ("approve", "approver", kept.plan_hash)
@@ -101,7 +101,7 @@ def test_refused_leaves_nothing(run: RunFolder, typed: str, words: tuple[str, ..
     found = approve(run, typed, *words).exception
     assert isinstance(found, error)
     assert getattr(found, "code", "") == code
-    assert Approvals(run.path).unused() == ()
+    assert Approvals(run.path).read_unused() == ()
     assert list(audit.read_entries(run.path.parent)) == []
 
 

@@ -78,9 +78,9 @@ def test_taken_up_once_and_held_for_the_push(at: Any) -> None:
 
 def test_two_pushes_cannot_take_up_the_same(at: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     given(at, "ann")
-    both = Approvals(at.folder.path).unused()
+    both = Approvals(at.folder.path).read_unused()
     consents.take_up(at, PROPOSAL)
-    monkeypatch.setattr(Approvals, "unused", lambda *_: both)
+    monkeypatch.setattr(Approvals, "read_unused", lambda *_: both)
     assert consents.take_up(at, PROPOSAL)["X1"].approvals == (), "the log knows them as used"
     monkeypatch.setattr(audit.LogState, "take", lambda *_: None)
     with pytest.raises(WriteRefused) as caught:

@@ -116,7 +116,7 @@ def test_an_approval_and_a_stage_behind_a_link_do_not_count(tmp_path: Path) -> N
         path.rename(tmp_path / path.name)
         path.symlink_to(tmp_path / path.name)
     with pytest.raises(StoreError, match="link"):
-        Approvals(folder.path).unused()
+        Approvals(folder.path).read_unused()
     with pytest.raises(StoreError, match="link"):
         folder.get("capture", Ambient)
 

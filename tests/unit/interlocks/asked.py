@@ -28,7 +28,7 @@ class Asked:
     """A request as the rules see it."""
 
     machine: MachineIdentity
-    moved: AxisRecord
+    input_axis: AxisRecord
     typed_name: str = "mill"
     site_name: str = "mill"
     proof: SignProof | None = None
@@ -42,9 +42,9 @@ class Asked:
     approvals: tuple[Approval, ...] = ()
     approvals_needed: int | None = None
     audit_broken: str = ""
-    proposed: bool = True
-    used: tuple[Approval, ...] = ()
-    unrecorded: tuple[Approval, ...] = ()
+    is_proposed: bool = True
+    used_approvals: tuple[Approval, ...] = ()
+    unrecorded_approvals: tuple[Approval, ...] = ()
     run_id: str = ""
     consent_utc: datetime | None = None
     alarms: tuple[str, ...] = ()
@@ -59,7 +59,7 @@ def replace(one: Any, /, **values: Any) -> Any:
     known = {item.name for item in dataclasses.fields(Asked)}
     asked = {name: values.pop(name) for name in tuple(values) if name in known}
     if "reference" in values:
-        asked["moved"] = dataclasses.replace(one.request.moved, reference=values.pop("reference"))
+        asked["input_axis"] = dataclasses.replace(one.request.input_axis, reference=values.pop("reference"))
     if "expected" in values:
         asked["machine"] = values.pop("expected")
     if "marker_kept" in values:

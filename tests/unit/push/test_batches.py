@@ -149,7 +149,7 @@ def test_killed_at_any_step_it_leads_home(
         assert held_now(at.machine, count) in (olds(count), news(count)), step
         assert only_whole(at.machine, count), step
         assert not held_pushes(root / "journal")
-        assert all(found.finished for found in journals_of(root)), step
+        assert all(found.is_ended for found in journals_of(root)), step
 
 
 CALLS = [

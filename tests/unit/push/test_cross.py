@@ -234,7 +234,7 @@ def test_nobody_jogs_or_starts(tmp_path: Path, by_hand: bool) -> None:
     assert any(fields.get("position") == 0.0 for code, fields in at.told if code == "P-PUSH-JOG") is by_hand
     assert at.machine.marker.state == "none"
     assert at.machine.writes == []
-    assert journals_of(tmp_path)[0].finished
+    assert journals_of(tmp_path)[0].is_ended
 
 
 def test_held_says_so_in_the_control_and_refuses_the_next(tmp_path: Path) -> None:
@@ -306,7 +306,7 @@ def test_the_sign_is_what_is_measured(tmp_path: Path, by_hand: bool, sign: int, 
     assert filled(at.machine) == before.cross
     assert at.machine.writes == ["sign-proof", "restore"]
     assert at.controller.calls.get("switch", 0) == (6 if by_hand else 0)
-    assert journals_of(tmp_path)[0].finished
+    assert journals_of(tmp_path)[0].is_ended
 
 
 @ROADS
@@ -461,7 +461,7 @@ def test_seeded_faults_never_enable_a_wrong_table_nor_leave_a_neighbour_behind(t
         assert held(at.machine, 2) == LiveTable(stored(WAVE, sign), enabled=True)
         assert held(at.machine, 6).enabled is coupled
     else:
-        assert not journals_of(tmp_path)[0].finished
+        assert not journals_of(tmp_path)[0].is_ended
 
 
 # ---- sums -------------------------------------------------------------------------------------------

@@ -73,7 +73,7 @@ def test_a_hand_that_switches_on_in_mid_write(tmp_path: Path, stays: bool) -> No
     assert outcome == ("held-on" if stays else "held")
     assert at.machine.own == LiveTable(ODD, enabled=stays)
     (left,) = held_pushes(tmp_path / "journal")
-    assert (left.standing, left.loud) == (("still-on", True) if stays else ("off", False))
+    assert (left.standing, left.needs_attention) == (("still-on", True) if stays else ("off", False))
     (found,) = unfinished_tables(tmp_path / "journal", MACHINE.serial)
     finding = run_virtual(lambda: inspect_unfinished(found, bench(tmp_path, machine=at.machine).context))
     assert (finding.action, finding.still_on) == (("disable", True) if stays else ("restore", False))

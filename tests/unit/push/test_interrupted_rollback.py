@@ -67,7 +67,7 @@ def test_wherever_it_was_stopped_the_person_chooses_and_what_acts_is_named(
         finding = seen(at)
         codes.add(finding.code)
         before = state(at)
-        assert not before.settled
+        assert not before.is_settled
         held = before.held
         assert held is not None
         assert (held.back, held.table) == (True, "X1")
@@ -90,7 +90,7 @@ def test_wherever_it_was_stopped_the_person_chooses_and_what_acts_is_named(
         assert told.endswith(finding.new if done else finding.old)
         assert "old table" not in told
         now = state(at)
-        assert now.settled
+        assert now.is_settled
         assert now.acts == ("on" if wanted.enabled else "off")
         assert now.name.words == (finding.new if done else finding.old)
         assert not held_pushes(at.context.journals)
@@ -108,8 +108,8 @@ def test_a_rollback_that_has_switched_off_is_read_as_off_on_every_screen(tmp_pat
             continue
         assert switch_state(found[0]) == "off"
         (held,) = held_pushes(at.context.journals)
-        assert (held.code, held.loud) == ("R-UNDO-OFF", False)
-        assert (state(at).acts, state(at).settled) == ("off", False)
+        assert (held.code, held.needs_attention) == ("R-UNDO-OFF", False)
+        assert (state(at).acts, state(at).is_settled) == ("off", False)
         both = table_exchange(found[0], all_pushes(at.context.journals, MACHINE.serial))
         assert (both.back, both.new.enabled, both.new_name.id) == (True, False, "")
         assert both.old_name.words in held.words
@@ -125,7 +125,7 @@ def test_the_newest_of_journal_and_read_back_tells_how_a_table_stands(tmp_path: 
     for kind, acts in (("switched-off", "off"), ("differs", "differs"), ("before", "differs"), ("as-approved", "on")):
         (now,) = table_states(at.context.journals, MACHINE.serial, {"X1": (late, kind)})
         assert now.acts == acts
-        assert now.settled == (acts != "differs")
+        assert now.is_settled == (acts != "differs")
         (now,) = table_states(at.context.journals, MACHINE.serial, {"X1": (early, kind)})
         assert (now.acts, now.utc) == ("on", push.utc)
     folder = journal.machine_folder(at.context.journals, MACHINE.serial)

@@ -26,7 +26,7 @@ def test_what_is_written_is_read(tmp_path: Path) -> None:
     assert found.entries[3].facts == {"number": 3, "text": "a|b\nµ", "value": 0.1 + 0.2}
     assert found.latest("number") == 3
     assert found.latest("none") is None
-    assert not found.finished
+    assert not found.is_ended
 
 
 def test_numbers_that_are_none_are_noted_as_text(tmp_path: Path) -> None:
@@ -55,7 +55,7 @@ def test_flipped_at_every_byte(tmp_path: Path) -> None:
     for place in range(len(data)):
         path.write_bytes(data[:place] + bytes([data[place] ^ 0x41]) + data[place + 1 :])
         found = journal.read(path)
-        assert not found.finished
+        assert not found.is_ended
         if place < last - 1:
             assert found.broken, place
         else:  # in the last line, or its border: torn, or a line end was made in the middle
@@ -84,13 +84,13 @@ def test_going_on_after_a_torn_end(tmp_path: Path) -> None:
     book.close()
     found = journal.read(path)
     assert found.kinds == ("STEP", "STEP", "STEP", "CLOSED")
-    assert found.finished
+    assert found.is_ended
 
 
 def test_empty_means_nothing_was_announced(tmp_path: Path) -> None:
     journal.Journal.create(tmp_path, 5).close()
     (found,) = journal.read_all(tmp_path)
-    assert found.finished
+    assert found.is_ended
     assert found.entries == ()
 
 
@@ -156,7 +156,7 @@ def test_an_emptied_journal_of_a_transaction_that_had_begun_is_not_finished(tmp_
     path.write_bytes(b"")
     assert journal.unfinished_journals(tmp_path) == ()
     (found,) = journal.unfinished_journals(tmp_path, lambda number: number == 12)
-    assert not found.finished
+    assert not found.is_ended
     assert journal.set_ended_aside(tmp_path, lambda number: True) == ()
     assert path.exists()
 

@@ -10,27 +10,27 @@ import pytest
 from drivers.leftover import Sent
 from gateway.errors import BusyError
 from gateway.push import sent_programs as rooms
-from gateway.push.sent_programs import FILE, SentPrograms
+from gateway.push.sent_programs import FILE, SentProgramBook
 
 FIRST = Sent(123456, "/_N_MPF_DIR/_N_TFMEAS_X1_MPF", 80, (0.0,) * 19 + (7.5,))
 SECOND = replace(FIRST, number=654321, program="/_N_MPF_DIR/_N_TFPUSH_X1_MPF", others={77: 0.25})
 
 
 def test_a_noted_program_is_known_to_the_next_gateway(tmp_path: Path) -> None:
-    book = SentPrograms(tmp_path, "S-1")
+    book = SentProgramBook(tmp_path, "S-1")
     book.note(FIRST)
     book.note(SECOND)
-    later = SentPrograms(tmp_path, "S-1")
+    later = SentProgramBook(tmp_path, "S-1")
     assert later.known() == (FIRST, SECOND)
     assert later.at_work()
-    assert SentPrograms(tmp_path, "S-2").known() == ()
+    assert SentProgramBook(tmp_path, "S-2").known() == ()
     book.close()
     assert not later.at_work()
     assert [sent.open for sent in later.known()] == [True, True]
 
 
 def test_what_is_given_back_is_closed_and_free(tmp_path: Path) -> None:
-    book = SentPrograms(tmp_path, "S-1")
+    book = SentProgramBook(tmp_path, "S-1")
     book.note(FIRST)
     book.given_back()
     assert [sent.open for sent in book.known()] == [False]
@@ -41,7 +41,7 @@ def test_what_is_given_back_is_closed_and_free(tmp_path: Path) -> None:
 
 
 def test_two_gateways_do_not_send_to_one_machine(tmp_path: Path) -> None:
-    mine, theirs = SentPrograms(tmp_path, "S-1"), SentPrograms(tmp_path, "S-1")
+    mine, theirs = SentProgramBook(tmp_path, "S-1"), SentProgramBook(tmp_path, "S-1")
     mine.note(FIRST)
     with pytest.raises(BusyError) as caught:
         theirs.note(SECOND)
@@ -53,7 +53,7 @@ def test_two_gateways_do_not_send_to_one_machine(tmp_path: Path) -> None:
 
 
 def test_a_line_torn_by_a_crash_hides_no_other(tmp_path: Path) -> None:
-    book = SentPrograms(tmp_path, "S-1")
+    book = SentProgramBook(tmp_path, "S-1")
     book.note(FIRST)
     book.close()
     path = next(tmp_path.rglob(FILE))
@@ -69,7 +69,7 @@ def test_a_line_torn_by_a_crash_hides_no_other(tmp_path: Path) -> None:
 def test_a_long_book_keeps_its_newest(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(rooms, "LONGEST_BYTES", 2000)
     monkeypatch.setattr(rooms, "NEWEST", 5)
-    book = SentPrograms(tmp_path, "S-1")
+    book = SentProgramBook(tmp_path, "S-1")
     for number in range(30):
         book.note(replace(FIRST, number=100000 + number))
         book.given_back()

@@ -66,7 +66,7 @@ def test_proved_and_restored(tmp_path: Path, old: LiveTable) -> None:
     assert at.machine.acting == old.table or not old.enabled
     assert at.machine.writes == ["sign-proof", "restore"]
     (found,) = journals_of(tmp_path)
-    assert found.finished
+    assert found.is_ended
     assert found.kinds[-1] == "ROLLED_BACK"
     assert "MEASURED" in found.kinds
 
@@ -158,7 +158,7 @@ def test_held_when_the_old_table_does_not_come_back(tmp_path: Path) -> None:
         prove(at)
     assert "backup" in caught.value.fields
     assert not at.machine.own.enabled
-    assert not journals_of(tmp_path)[0].finished
+    assert not journals_of(tmp_path)[0].is_ended
 
 
 def test_a_table_that_never_becomes_active_is_no_proof(tmp_path: Path) -> None:

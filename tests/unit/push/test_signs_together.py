@@ -100,7 +100,7 @@ def test_one_transaction_proves_all_and_none_acts_but_where_it_is_measured(tmp_p
     assert (calls["stage"], calls["activate"], calls["restarted"]) == (2, 2, 2)
     assert as_before(at.machine)
     (told,) = journals_of(tmp_path)
-    assert told.finished
+    assert told.is_ended
 
 
 def test_what_fails_while_one_is_measured_takes_all_away_by_one_program(tmp_path: Path) -> None:

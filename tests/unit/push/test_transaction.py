@@ -211,7 +211,7 @@ def test_rolled_back(tmp_path: Path, name: str) -> None:
     assert at.machine.writes.count("table") <= 1
     assert at.machine.writes.count("restore") <= 1
     (found,) = journals_of(tmp_path)
-    assert found.finished
+    assert found.is_ended
     assert found.kinds[-1] == "ROLLED_BACK"
     error = outcome_error(record)
     assert isinstance(error, VerifyError)
@@ -346,7 +346,7 @@ def test_held(tmp_path: Path, name: str) -> None:
     record = push(at)
     assert record.outcome == ("held-on" if name in STILL_ON else "held"), record.steps
     (found,) = journals_of(tmp_path)
-    assert not found.finished
+    assert not found.is_ended
     assert (found.kinds[-1], found.latest("on")) == ("HELD", name in STILL_ON)
     assert at.machine.own.enabled is (name in STILL_ON and not name.startswith("another"))
     loud = [code for code, _fields in at.told if code in ("P-PUSH-HELD", "P-PUSH-HELD-ON")]
@@ -373,7 +373,7 @@ def test_before_the_first_half_an_error_is_the_callers_and_changes_nothing(
         push(at)
     assert at.machine.live() == before
     assert at.machine.writes == []
-    assert all(found.finished for found in journals_of(tmp_path))
+    assert all(found.is_ended for found in journals_of(tmp_path))
 
 
 def test_nobody_starts_the_reading_program(tmp_path: Path) -> None:
@@ -433,7 +433,7 @@ def test_cancelled_between_the_halves_leaves_it_disabled_and_unfinished(tmp_path
         push(at)
     at.machine.go_on()
     assert not at.machine.own.enabled
-    assert [found.finished for found in journals_of(tmp_path)] == [False]
+    assert [found.is_ended for found in journals_of(tmp_path)] == [False]
 
 
 @pytest.mark.parametrize("seed", few(range(120), 50))
@@ -470,7 +470,7 @@ def test_seeded_faults_never_enable_a_wrong_table(tmp_path: Path, seed: int) -> 
     if outcome in ("rolled-back", "refused", "raised"):
         assert at.machine.own == old
     if outcome in ("held", "held-on"):
-        assert not journals_of(tmp_path)[0].finished
+        assert not journals_of(tmp_path)[0].is_ended
     assert outcome != "held" or not at.machine.own.enabled
 
 

@@ -67,7 +67,7 @@ def test_before_it_nothing_is_written(tmp_path: Path, call: str, error: BaseExce
         run_virtual(lambda: push_table(change_of(at.machine), failing(at, call, error)))
     assert at.machine.own == OLD_ON
     assert at.machine.writes == []
-    assert all(found.finished for found in journals_of(tmp_path))
+    assert all(found.is_ended for found in journals_of(tmp_path))
 
 
 def test_a_voice_that_is_gone_stops_no_push(tmp_path: Path) -> None:
@@ -98,7 +98,7 @@ def test_a_cancel_from_outside_passes_and_the_journal_stays_open(tmp_path: Path)
     run_virtual(main)
     (found,) = journals_of(tmp_path)
     assert found.kinds[-2:] == ("DISABLE", "STOPPED")
-    assert not found.finished
+    assert not found.is_ended
 
 
 async def _stopped(task: asyncio.Task[Any]) -> None:
