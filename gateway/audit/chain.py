@@ -1,6 +1,8 @@
-"""One record of the log as one line of canonical JSON that carries its own hash and that of the record before; pure.
+"""The log as a chain of records: each line carries its own hash and that of the line before.
 
-The hash is the SHA-256 of the line's bytes without the member ``hash`` and the line end: keys sorted, no spaces, ASCII.
+A record is one line of canonical JSON: keys sorted, no spaces, ASCII. Its hash is the SHA-256 of the line's bytes
+without the member ``hash`` and the line end. The head is number and hash of the last record; `head` on the disk names
+the last record known to be there, so that a lost end shows.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Is the log whole? Every line's hash, number and predecessor, its kept head, and heads exported earlier."""
+"""Is the log whole? Hash, number and predecessor of each line, its kept head, exported heads, what run folders name."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The one call other rooms make: something was done, keep it for good."""
+"""The one call of other packages: something was done, keep it for good, with actor and time."""
 
 from __future__ import annotations
 

@@ -131,7 +131,7 @@ def _people(problems: Mapping[Approval, tuple[Refusal, ...]]) -> set[str]:
 
 
 def _risk(facts: PushFacts) -> Iterator[Refusal]:
-    """Where this site lets one person push alone, that person types the risk of a road that lies open."""
+    """Where this site lets one person push alone, that person types the risk of a connection that lies open."""
     if not facts.can.unprotected or facts.request.risk_taken or people_needed(facts) > 1:
         return
     if not _people({approval: tuple(_approval_problem(facts, approval)) for approval in facts.request.approvals}):

@@ -1,4 +1,4 @@
-"""What is known when a write is considered, and one reason against it."""
+"""What is known when a write is considered, one reason against it, and the limits of a push."""
 
 from __future__ import annotations
 
@@ -70,7 +70,8 @@ class PushRequest(Protocol):
     the output axis (None: never). ``actor`` is who pushes, ``approvals`` who else
     agreed, ``approvals_needed`` None: one person, two when there is any warning. ``audit_broken`` says why the audit
     chain cannot be trusted ("": it can). ``is_proposed`` whether the audit log contains this plan's proposal;
-    ``used_approvals`` and ``unrecorded_approvals`` are those that it knows as used or does not know; ``run_id`` the run they must name,
+    ``used_approvals`` and ``unrecorded_approvals`` are those that it knows as used or does not know;
+    ``run_id`` the run they must name,
     ``consent_utc`` when they must hold (None: now). ``alarms`` are differences found between this axis' live tables and
     what was pushed. ``risk_taken``: who pushes has typed the risk of a connection that is not protected.
     """
@@ -141,8 +142,8 @@ class PushFacts:
     """All that is known when the question is asked: what was asked for, and what was found.
 
     ``moment`` "start" is before anything is sent, "release" while the program waits between its halves. ``can`` is what
-    the road can do, ``found`` the machine that answered. ``agreeing_position`` is where old and new table agree (None:
-    nowhere). ``unchanged`` says whether the live tables are those of the capture (None: not read yet); ``live``
+    the connection can do, ``found`` the machine that answered. ``agreeing_position`` is where old and new table agree
+    (None: nowhere). ``unchanged`` says whether the live tables are those of the capture (None: not read yet); ``live``
     are the live tables themselves, cross tables as deviations. ``unfinished`` names journals left open, ``marker`` is
     what the controller remembers and ``mark`` what that says of this store. ``plan`` is `gateway.push.plan_hash` of the
     change, ``key_taken`` names another plan under the same transaction key, ``missing`` are transactions begun here

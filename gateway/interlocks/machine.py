@@ -1,4 +1,4 @@
-"""Rules on the machine as it stands, and on the consent to write to it."""
+"""Rules on the machine as it is found, on the consent to write to it, and on switching a table off."""
 
 from __future__ import annotations
 

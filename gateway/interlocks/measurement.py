@@ -1,4 +1,4 @@
-"""Rules on the measurement a table was made from: whole, fresh, proved, and worth writing."""
+"""Rules on the measurement from which a table was made: complete, recent, proved, and worth writing."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Rules on the table itself: the control neither limits nor monitors its values, so we do."""
+"""Rules on the table itself and its neighbours: the control neither limits nor monitors its values, so we do."""
 
 from __future__ import annotations
 

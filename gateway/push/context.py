@@ -88,10 +88,9 @@ class PushContext:
     for (None: one, two when anything warns). ``audit_broken`` says why the audit cannot be trusted. ``key`` is
     the caller's transaction key: the same key with the same plan gives the same answer.
 
-    ``log`` is the audit log (None: nobody keeps one, as in a trial). ``is_proposed`` says whether it holds the proposal
-    of this plan, ``used_approvals`` and ``unrecorded_approvals`` are those that it knows as used, or does not know at all,
-    ``alarms``
-    what it holds against the live tables of the axis. ``run_id`` is the run that approvals must name;
+    ``log`` is the audit log (None: nobody keeps one, as in a trial). ``is_proposed`` says whether it contains the
+    proposal of this plan, ``used_approvals`` and ``unrecorded_approvals`` are those that it knows as used, or does not
+    know at all, ``alarms`` what it found at the axis' live tables. ``run_id`` is the run that approvals must name;
     ``consent_utc`` when this push began, which is when they must hold (None: now). ``on_live`` is told the live tables
     as read before anything is disabled, cross tables as deviations, and answers with the alarms that stand then.
 

@@ -108,7 +108,7 @@ def table_questions(contexts: Sequence[PushContext]) -> tuple[TableQuestion, ...
 
 
 async def read_live_of_axes(contexts: Sequence[PushContext]) -> tuple[LiveSet, ...]:
-    """As `read_live_tables`, of several axes of one machine in order; by one program where the road makes one of it."""
+    """As `read_live_tables`, of several axes of one machine in order; by one program where the control can."""
     first = contexts[0]
     if not isinstance(first.controller, ReadsTogether):
         return tuple([await read_live_tables(context) for context in contexts])
@@ -188,7 +188,7 @@ async def visit(
 ) -> None:
     """Be at each stop of a plan; `at_stop` is awaited while the axis stands.
 
-    By a program of ours, or by the operator's hand where the road runs none; ``order`` names the table that
+    By a program of ours, or by the operator's hand where the connection runs none; ``order`` names the table that
     stops switch there. ``ask`` is said in place of the program's own words, after what will move; a plan that goes on
     in the program that runs asks for nothing. Raises what `gateway.walk.walk` and `visit_manually` raise.
     """
@@ -371,7 +371,7 @@ async def _stop_reached(context: PushContext, stop: Stop, number: int) -> StopRe
 
 
 def compare_marker(context: PushContext, marker: Marker | None) -> MarkerCheck:
-    """The marker (None: the road keeps none) against journals and audit log. Raises StoreError."""
+    """The marker (None: the connection keeps none) against journals and audit log. Raises StoreError."""
     if marker is None:
         return MarkerCheck()
     log = context.log

@@ -111,7 +111,7 @@ def _compare_read_back(loads: TableLoads, found: tuple[ReadBack, ...], *, kept: 
 
 
 async def _save_and_compare_before(loads: TableLoads) -> bool:
-    """What stands there, kept and compared before anything is switched off or written; False where no road tells it.
+    """Keep and compare what is live before anything is switched off or written; False where it cannot be read by then.
 
     The driver itself has read it, or the program stands after its back-up until it is told to go on.
     Raises VerifyError (E-PUSH-LOST-UPDATE); nothing was changed then, and there is nothing to take back.
@@ -325,7 +325,7 @@ async def take_snapshot(works: Sequence[TableTransactionState]) -> tuple[LiveSet
 
 
 async def read_live_sets(works: Sequence[TableTransactionState]) -> tuple[LiveSet, ...]:
-    """What is live on each table's output axis, read afresh; of each axis once, and together where the road can."""
+    """What is live on each table's output axis, read again; of each axis once, and together where possible."""
     asked = {(work.axis, work.context.sense): work.context for work in works}
     read = dict(zip(asked, await controller_access.read_live_of_axes(tuple(asked.values())), strict=True))
     return tuple(read[work.axis, work.context.sense] for work in works)

@@ -103,7 +103,7 @@ def _turned_against_live(trial: TrialTable, live: LiveSet) -> TrialTable:
 
 
 def _groups(trials: Sequence[TrialTable], lives: Lives) -> list[list[TrialTable]]:
-    """Those that go together; one by one where the road does not leave them off by itself."""
+    """Those that go together; one by one where the connection does not leave them off by itself."""
     if not trials_stay_off(trials[0].context):
         return [[trial] for trial in trials]
     left = iter(trials)

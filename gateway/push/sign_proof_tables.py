@@ -1,4 +1,4 @@
-"""What a sign proof puts into the control, and what its readings say: small tables, steps, the verdict on them; pure.
+"""The tables of a sign proof: what they contain, how they are switched and measured, the verdict on their steps.
 
 A triangle table, zero at the reference and both ends, peak 3 um or 3 arcsec. The mean step of switching it is judged by
 the rule that the interlock reads a stored proof with (`gateway.interlocks.proves`). An axis table: it must be negative,

@@ -1,6 +1,6 @@
-"""How each table stands, from the journals and the last read-back: one function for every screen.
+"""The state of each table, from the journals and the last read-back: one function for every screen.
 
-What unfinished journals say of a switch, without asking the control, is the word that stands first everywhere.
+What unfinished journals say of a switch, without asking the control, comes before everything else.
 """
 
 from __future__ import annotations

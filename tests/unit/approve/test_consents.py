@@ -69,7 +69,7 @@ def test_taken_up_once_and_held_for_the_push(at: Any) -> None:
     assert taken["C1"].approvals == ()
     assert [one.actor for one in taken["X1"].approvals] == ["eve", "ann"]
     held = consents.consented(at, CHANGE, push_bench(at.store.root).context, taken["X1"])
-    assert (held.consent_utc, held.used, held.run_id) == (taken["X1"].at_utc, (), at.folder.run_id)
+    assert (held.consent_utc, held.used_approvals, held.run_id) == (taken["X1"].at_utc, (), at.folder.run_id)
     again = consents.take_up(at, PROPOSAL)
     assert {name: one.approvals for name, one in again.items()} == {"X1": (), "C1": ()}
     used = [entry for entry in audit.read_entries(at.store.root) if entry["action"] == audit.USED]
