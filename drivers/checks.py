@@ -9,6 +9,7 @@ from typing import Literal
 
 from drivers.errors import TrueflankError
 from drivers.leftover import Sent
+from drivers.message import Form, Message
 from drivers.types.identity import MachineIdentity, likeness
 
 Outcome = Literal["ok", "wrong", "unknown"]
@@ -22,6 +23,11 @@ class CheckLine:
     outcome: Outcome
     code: str
     fields: dict[str, object] = field(default_factory=dict)
+
+    @property
+    def message(self) -> Message:
+        """What was found, and what to do where it is not in order."""
+        return Message(self.code, self.fields, Form.TEXT if self.outcome == "ok" else Form.ERROR, self.check)
 
     @property
     def what(self) -> str:

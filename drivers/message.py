@@ -8,6 +8,8 @@ format of its own, ``{count:# target|# targets}``: the forms stand in the order 
 CLDR, which for whole numbers are "one" and "other" in English and German, and "other" alone in Chinese. "#" is the
 number. (Babel would bring the data of some hundred languages for one rule, which the page needs in a browser as well.)
 
+``{said:prose}`` in a text sets several messages as sentences one after another.
+
 As JSON a message is ``{"code": ..., "fields": {...}}``, with "form" and "where" where it has them; a quantity is
 ``{"value": ..., "unit": ...}``, a moment ``{"utc": ...}``. A text that an older version stored finished has no code.
 """
@@ -119,8 +121,18 @@ def render(message: Message, language: str = ENGLISH, *, plain: bool = False) ->
     head = what if plain else f"{message.code}{place}: {what}"
     if message.form is Form.REASON:
         return head
-    advice = _text(message.code, "do", message.fields, language, plain=plain) if text_of(message.code) else ""
-    return f"{head} -> {advice}" if advice else head
+    todo = advice(message, language, plain=plain)
+    return f"{head} -> {todo}" if todo else head
+
+
+def advice(message: Message, language: str = ENGLISH, *, plain: bool = False) -> str:
+    """What to do about it; "" where its text names nothing."""
+    return _text(message.code, "do", message.fields, language, plain=plain) if text_of(message.code) else ""
+
+
+def told(message: Message) -> dict[str, Any]:
+    """The message for another program: code and fields, and its English text."""
+    return {**message.as_data(), "text": render(message)}
 
 
 def words(code: str, part: str = "what", /, **fields: object) -> str:
@@ -199,6 +211,9 @@ class _Written:
             return self._counted(spec)
         said = getattr(self.value, "message", None)
         value = said if isinstance(said, Message) else self.value
+        if spec == "prose":
+            several = value if isinstance(value, tuple) else (value,)
+            return prose((one for one in several if isinstance(one, Message)), self.language, plain=self.plain)
         if isinstance(value, (Message, Quantity, Moment, tuple)):
             return _written(value, self.language, plain=self.plain)
         text = format(value, spec)

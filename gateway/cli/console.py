@@ -11,7 +11,8 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import urlsplit
 
-from drivers.errors import ConfigError, words
+from drivers.errors import ConfigError
+from drivers.message import Message
 from gateway.cli.show import echo, show_json
 
 ANSWER_S = 120.0
@@ -28,7 +29,7 @@ def stand_at(site: Path, orders: tuple[str, ...], *, as_json: bool) -> None:
             for order in orders:
                 tell(order, _demanded(order, ask(order)), as_json=as_json)
             return
-        echo(words("P-CELL-CONSOLE"))
+        echo(Message.of("P-CELL-CONSOLE"))
         tell("status", ask("status"), as_json=False)
         for line in _typed():
             tell(line, ask(line), as_json=as_json)
@@ -41,7 +42,7 @@ def tell(order: str, answer: dict[str, Any], *, as_json: bool) -> None:
     elif "error" in answer:
         echo(str(answer["error"]), colour="red")
     elif set(answer) <= {"done", "pressed", "taken"}:
-        echo(words("P-CELL-DONE" if all(answer.values()) else "P-CELL-NOTHING", order=order))
+        echo(Message.of("P-CELL-DONE" if all(answer.values()) else "P-CELL-NOTHING", order=order))
     else:
         for line in lines_of(answer):
             echo(line)

@@ -10,6 +10,7 @@ from typing import Any
 
 from drivers.clock import Clock
 from drivers.errors import words
+from drivers.message import Message
 from gateway.cli.onward import next_step
 from gateway.cli.screen.stages import Stages
 from gateway.cli.show import NEXT, echo, show_strips
@@ -40,7 +41,7 @@ def say_if_busy() -> None:
         return
     load, cores = os.getloadavg()[0], os.cpu_count() or 1
     if load > SLOW * cores:
-        echo(words("P-DEMO-BUSY", load=f"{load:.1f}", cores=cores))
+        echo(Message.of("P-DEMO-BUSY", load=f"{load:.1f}", cores=cores))
 
 
 def show_ending(outcome: Any, chosen: str, took: Took, clock: Clock) -> None:
@@ -68,10 +69,10 @@ def show_tooth(material: Any) -> None:
     named = [(word, by[key]) for word, key in (("before", "before-set-right"), ("after", "after")) if key in by]
     if len(named) == len(("before", "after")):
         show_strips(lambda columns, colours: strips(named, columns, colours=colours))
-        echo(words("S-DEMO-STRIP", top=f"{top_um(named):.1f}"))
+        echo(Message.of("S-DEMO-STRIP", top=f"{top_um(named):.1f}"))
 
 
-def lines_of(material: Any, chosen: str) -> Iterator[str]:
+def lines_of(material: Any, chosen: str) -> Iterator[str | Message]:
     """What became of axes and tooth, one line each, and which set-ups were measured for it."""
     from gateway.report import parameter_rows
     from gateway.report.lines import figure
@@ -122,7 +123,7 @@ def say_stopped(stages: Stages | None, folder: Path, again: str) -> None:
     run = Path(stages.run) if stages is not None and stages.run else None
     number, total = (stages.number, stages.total) if stages is not None else (0, 0)
     said = stages.said if stages is not None and stages.number else "self-test"
-    echo(words("P-DEMO-STOPPED", number=number, total=total, stage=said), err=True)
-    echo(words("P-DEMO-STOPPED-FOLDER", folder=run or folder), err=True)
+    echo(Message.of("P-DEMO-STOPPED", number=number, total=total, stage=said), err=True)
+    echo(Message.of("P-DEMO-STOPPED-FOLDER", folder=run or folder), err=True)
     goes_on = run is not None and not RunFolder(run).has(names.PROPOSAL)
     echo(f"{NEXT}{again}{f' --resume {run.name}' if goes_on and run is not None else ''}", err=True)

@@ -19,6 +19,7 @@ from typing import Any, TextIO
 from drivers.clock import LoopClock
 from drivers.errors import ConfigError, TrueflankError, words
 from drivers.local.extras import need
+from drivers.message import Message
 from gateway.cli.demoending import Took, say_if_busy, say_stopped, show_ending
 from gateway.cli.machine.programs import self_tested
 from gateway.cli.machine.running import run_site_command, show_outcome
@@ -158,7 +159,7 @@ def run_demo(demo: Demo, *, as_json: bool) -> None:
     with cell_process(demo.asked):
         chosen = None if demo.everything else _that_pay(demo.site)
         if chosen is not None and not as_json:
-            echo(words("P-DEMO-SETUPS", **chosen.told))
+            echo(Message.of("P-DEMO-SETUPS", **chosen.told))
         closing = Closing(
             demo.site,
             apply=True,

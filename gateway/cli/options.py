@@ -14,6 +14,7 @@ import typer
 from drivers.errors import ConfigError, TrueflankError, words
 from drivers.local.names import allowed, is_name, shown
 from drivers.local.textfile import read_toml
+from drivers.message import Message
 
 SiteArgument = Annotated[Path, typer.Argument(help="Site file (TOML).", show_default=False)]
 RunArgument = Annotated[
@@ -120,7 +121,7 @@ def open_run(store: Any, run: str, needs: str = "anything", axis: str = "") -> A
     wanted = Needs(code, tuple(one.format(axis=axis) for one in stages), made)
     folder = store.open(run, wanted if always or run == LATEST else replace(ANYTHING, made=made))
     if run == LATEST:
-        echo(words("S-RUN-LATEST", run=folder.run_id, needs=words(code)), err=True)
+        echo(Message.of("S-RUN-LATEST", run=folder.run_id, needs=words(code)), err=True)
     return folder
 
 
@@ -223,7 +224,7 @@ def _ask_about(one: Any) -> bool:
     from gateway.cli.show import echo
     from gateway.workflow.files.facts import refusal
 
-    echo(words("P-FACTS-DIFFER", **difference_fields(one)))
+    echo(Message.of("P-FACTS-DIFFER", **difference_fields(one)))
     try:
         return typer.confirm(f"  {visible(words('P-FACTS-DIFFER', 'do', **difference_fields(one)))}", default=None)
     except typer.Abort as error:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import re
 import shutil
 import sys
@@ -15,6 +16,7 @@ import typer
 
 from drivers.errors import TrueflankError
 from drivers.local.names import visible
+from drivers.message import ENGLISH, Form, Message, advice, render
 from drivers.terms import shown
 
 _SITE = re.compile(r"(?<=trueflank )([a-z][a-z-]*(?: [a-z]+)?) SITE\b")
@@ -22,6 +24,7 @@ _SITE = re.compile(r"(?<=trueflank )([a-z][a-z-]*(?: [a-z]+)?) SITE\b")
 
 
 NEXT = "next: "
+VARIABLE = "TRUEFLANK_LANGUAGE"
 _GIVEN = {"site": ""}
 
 
@@ -40,24 +43,42 @@ def with_site(text: str) -> str:
     return _SITE.sub(lambda found: f"{found[1]} {site}", text) if site else text
 
 
-def echo(text: str = "", *, err: bool = False, colour: str | None = None, bold: bool = False) -> None:
+def language() -> str:
+    """The language in which this process speaks to people: `VARIABLE` names it; English where that names none."""
+    from drivers.languages import LANGUAGES
+
+    asked = os.environ.get(VARIABLE, ENGLISH)
+    return asked if asked in LANGUAGES else ENGLISH
+
+
+def rendered(said: str | Message) -> str:
+    """A message in the reader's language; a finished text as it is."""
+    return render(said, language()) if isinstance(said, Message) else said
+
+
+def spoken(code: str, /, **fields: object) -> str:
+    """A text of the catalogue in the reader's language."""
+    return rendered(Message(code, fields))
+
+
+def echo(text: str | Message = "", *, err: bool = False, colour: str | None = None, bold: bool = False) -> None:
     """Print a line: the one place from which words reach a terminal, so nothing in a name can steer one.
 
     A terminal gets it broken between words; a command to copy stays one line.
     """
     # Named here: left to find it, click goes past whoever stands in for the stream, as the live panel does.
     stream = sys.stderr if err else sys.stdout
-    said = visible(shown(with_site(text)))
+    said = visible(shown(with_site(rendered(text)), language()))
     if stream.isatty() and not said.startswith(NEXT):
         said = folded(said, shutil.get_terminal_size().columns, 2)
     typer.secho(said, file=stream, fg=colour, bold=bold)
 
 
-def say_line(text: str, hang: int, *, err: bool = False, colour: str | None = None) -> None:
+def say_line(text: str | Message, hang: int, *, err: bool = False, colour: str | None = None) -> None:
     """Print a sentence; a terminal gets it broken between words, ``hang`` columns in after its first line."""
-    stream = sys.stderr if err else sys.stdout
+    stream, text = sys.stderr if err else sys.stdout, rendered(text)
     if stream.isatty():  # another program gets it as one line
-        text = folded(visible(shown(with_site(text))), shutil.get_terminal_size().columns, hang)
+        text = folded(visible(shown(with_site(text), language())), shutil.get_terminal_size().columns, hang)
     echo(text, err=err, colour=colour)
 
 
@@ -90,10 +111,10 @@ def show_error(error: TrueflankError, *, as_json: bool) -> None:
         show_json({"error": record})
         return
     for _name, cause in causes or (("", error),):
-        place = f" [{cause.where}]" if cause.where else ""
-        say_line(f"{cause.code}{place}: {cause.what}", 2, colour="red", err=True)
-        if cause.hint:
-            say_line(f"  -> {cause.hint}", 5, err=True)
+        said = cause.message
+        say_line(Message(said.code, said.fields, Form.REASON, cause.where), 2, colour="red", err=True)
+        if hint := advice(said, language()):
+            say_line(f"  -> {hint}", 5, err=True)
 
 
 def counted(count: int, one: str, many: str) -> str:

@@ -8,7 +8,8 @@ from dataclasses import dataclass, field, replace
 from pathlib import PurePath
 
 from drivers.clock import Clock
-from drivers.errors import TrueflankError, words
+from drivers.errors import TrueflankError
+from drivers.message import Message
 from gateway.events import DevicesOpened, PushPhaseChanged, RunStarted, TableStateChanged, received
 from gateway.say import Say
 from gateway.stopping import TERMINATED, StopAsked, Stopped
@@ -65,7 +66,7 @@ class Job:
             self.view = replace(self.view, steps=(*self.view.steps, step)[-MOST_STEPS:])
         elif isinstance(event, TableStateChanged):
             self.view = replace(self.view, tables=tuple({**dict(self.view.tables), event.axis: event.state}.items()))
-        self.view = replace(self.view, words=words(code, **fields))
+        self.view = replace(self.view, words=Message(code, fields))
 
     def done(self, outcome: object, clock: Clock) -> None:
         """It came to its end; what a workflow handed back is shown as a terminal would."""
@@ -75,7 +76,7 @@ class Job:
             self.view,
             state="ended",
             ended_utc=_now(clock),
-            lines=tuple(map(str, getattr(outcome, "lines", ()))),
+            lines=tuple(getattr(outcome, "lines", ())),
             exit_code=int(getattr(outcome, "exit_code", 0)),
             data=data if isinstance(data, dict) else {"items": data},
         )
@@ -87,7 +88,7 @@ class Job:
         state = "stopped" if isinstance(error, Stopped) else "failed"
         record = error.as_record()
         self.view = replace(
-            self.view, state=state, ended_utc=_now(clock), exit_code=error.exit_code, error=record, words=error.what
+            self.view, state=state, ended_utc=_now(clock), exit_code=error.exit_code, error=record, words=error.message
         )
         self.refuse(error)
         self.ended.set()

@@ -26,7 +26,7 @@ from gateway.mqtt import Outgoing
 from gateway.say import Say
 from gateway.store import Store
 from gateway.store.logbook import LogBook
-from gateway.views import JobView, StatusView, as_data
+from gateway.views import JobView, StatusView, as_data, job_data
 from gateway.views.stored import last_acting, last_result, newest_runs, pushes_held
 from gateway.watch.watcher import Watcher
 
@@ -171,7 +171,8 @@ class ServedPlace:
             code, fields, where = (job.error.get(key) for key in ("code", "fields", "where"))
             told = fields if isinstance(fields, Mapping) else {}
             self._book.add("ERROR", str(code), told, run=job.run_id, where=str(where or ""))
-        told = {name: getattr(job, name) for name in ("job", "kind", "who", "run_id", "state", "exit_code", "words")}
+        seen = job_data(job)
+        told = {name: seen[name] for name in ("job", "kind", "who", "run_id", "state", "exit_code", "words")}
         self.hub.tell("ended", told)
         if job.run_id and self._outgoing is not None:
             self._outgoing.take("figures", lambda: figures_told(self._what.store, job.run_id))

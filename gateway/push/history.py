@@ -11,6 +11,7 @@ from typing import Any
 
 from drivers.errors import words
 from drivers.local.ownfiles import read_own
+from drivers.message import Message, told
 from drivers.terms import spoken
 from drivers.types.tables import CompensationTable, LiveTable
 from drivers.types.values import Approach, Sense
@@ -209,11 +210,16 @@ class TableName:
     utc: str = ""
 
     @property
-    def words(self) -> str:
+    def message(self) -> Message:
         """As people read it, the id short as every screen shows it."""
         if not self.id:
-            return words("W-TABLE-NONE")
-        return words("W-TABLE-NAMED", id=self.id[:6], date=self.utc[:16].replace("T", " ") or "?")
+            return Message.of("W-TABLE-NONE")
+        return Message.of("W-TABLE-NAMED", id=self.id[:6], date=self.utc[:16].replace("T", " ") or "?")
+
+    @property
+    def words(self) -> str:
+        """The same in English."""
+        return str(self.message)
 
 
 def identify_table(pushes: tuple[CommittedPush, ...], table: str, live: LiveTable, seen: str = "") -> TableName:
@@ -359,10 +365,11 @@ class RollbackPreview:
     older: TableName
 
     @property
-    def plan(self) -> str:
+    def plan(self) -> Message:
         """Both tables by their names, in words."""
         told = {"transaction": self.done.transaction, "utc": self.done.utc[:16].replace("T", " ")}
-        return words("W-ROLLBACK-PLAN", table=self.done.table, newer=self.newer.words, older=self.older.words, **told)
+        names = {"newer": self.newer.message, "older": self.older.message}
+        return Message.of("W-ROLLBACK-PLAN", table=self.done.table, **names, **told)
 
     @property
     def move(self) -> tuple[str, dict[str, Any]]:
@@ -378,16 +385,20 @@ class RollbackPreview:
         return "W-ROLLBACK-LARGEST", {**told, **_figures(was, becomes)}
 
     @property
-    def lines(self) -> tuple[str, ...]:
+    def lines(self) -> tuple[Message, ...]:
         """As a terminal shows it."""
         code, fields = self.move
-        return self.plan, f"  {words(code, **fields)}"
+        return self.plan, Message(code, fields)
 
     def as_data(self) -> dict[str, Any]:
         """As JSON data: names, and the move as code, fields and words."""
         code, fields = self.move
-        told = {"table": self.done.table, "newer": self.newer.words, "older": self.older.words}
-        return {**told, "move": {"code": code, "fields": fields, "words": words(code, **fields)}}
+        names = {"newer": told(self.newer.message), "older": told(self.older.message)}
+        return {
+            "table": self.done.table,
+            **names,
+            "move": {"code": code, "fields": fields, "words": words(code, **fields)},
+        }
 
 
 def rollback_previews(pushes: tuple[CommittedPush, ...], found: ConsentSet) -> Mapping[str, RollbackPreview]:

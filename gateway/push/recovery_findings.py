@@ -11,7 +11,6 @@ from enum import StrEnum
 from pathlib import Path
 from typing import Any, ClassVar, Literal
 
-from drivers.errors import words
 from drivers.message import Form, Message
 from drivers.types.abilities import Marker
 from drivers.types.tables import LiveTable
@@ -133,23 +132,34 @@ class PushFinding:
     @property
     def words(self) -> str:
         """The finding as people read it."""
-        text = f"{self.message}: {'; '.join(self.difference)}" if self.difference else str(self.message)
-        choice = words("R-UNDO-CHOICE", **self._fields) if self.choices else ""
-        return ". ".join(one for one in (text, choice, self._rest) if one)
+        return ". ".join(map(str, self.said))
 
     @property
-    def _rest(self) -> str:
-        return words("R-CONSENT-REST", tables=", ".join(self.rest)) if self.rest else ""
+    def said(self) -> tuple[Message, ...]:
+        """The finding, where it differs, what a person may choose, and what else of the consent acts."""
+        text = self.message
+        if self.difference:
+            text = Message.of("R-UNDO-DIFFERENCE", found=text, difference="; ".join(self.difference))
+        choice = (Message.of("R-UNDO-CHOICE", **self._fields),) if self.choices else ()
+        return text, *choice, *self._rest
+
+    @property
+    def _rest(self) -> tuple[Message, ...]:
+        return (Message.of("R-CONSENT-REST", tables=", ".join(self.rest)),) if self.rest else ()
 
     @property
     def at_last(self) -> str:
+        """How it stands now, in English."""
+        return ". ".join(map(str, self.said_at_last))
+
+    @property
+    def said_at_last(self) -> tuple[Message, ...]:
         """How it stands now: the outcome of what was done about it, else the finding."""
         if not self.ended:
-            return self.words
+            return self.said
         acts = {"rolled-back": self.old, "committed": self.new}.get(self.ended, "")
         told = {"acts": acts} if acts else {"outcome": self.ended}
-        text = words("P-RECOVERED" if acts else "P-PUSH-END", axis=self.table or self.axis, **told)
-        return ". ".join(one for one in (text, self._rest) if one)
+        return Message.of("P-RECOVERED" if acts else "P-PUSH-END", axis=self.table or self.axis, **told), *self._rest
 
     def as_data(self) -> dict[str, Any]:
         """The finding as JSON data."""

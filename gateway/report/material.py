@@ -173,7 +173,7 @@ class ToothMaterial:
     gear_name: str = ""
     letters: Mapping[str, str] = field(default_factory=dict)
     open: tuple[OpenDoubt, ...] = ()
-    advice: str = ""
+    advice: tuple[Message, ...] = ()
 
     @property
     def kind(self) -> Kind:

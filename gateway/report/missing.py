@@ -4,18 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+from drivers.message import Message
 from gateway.domain.outcomes import PushRecord
 from gateway.report.material import ReportMaterial, ToothMaterial
 
 PUSHED = ("committed", "already-applied")
 _PARTS = {
-    "before": "there is no flank to compare with",
-    "trial": "the set-up values were not tried on a part",
-    "after": "nothing is proved on the tooth",
+    "before": "S-MISSING-SO-BEFORE",
+    "trial": "S-MISSING-SO-TRIAL",
+    "after": "S-MISSING-SO-AFTER",
 }
 
 
-def missing(report: ReportMaterial) -> tuple[str, ...]:
+def missing(report: ReportMaterial) -> tuple[Message, ...]:
     """One sentence for each stage that is not there; none for a run that had no tooth to look after."""
     tooth = report.tooth
     if tooth is None:
@@ -25,45 +26,45 @@ def missing(report: ReportMaterial) -> tuple[str, ...]:
     return (*_pushed(tooth), *_parts(tooth, {one.part: "" for one in tooth.parts}))
 
 
-def _measured(report: ReportMaterial, tooth: ToothMaterial) -> Iterator[str]:
+def _measured(report: ReportMaterial, tooth: ToothMaterial) -> Iterator[Message]:
     if tooth.errors is None:
-        yield "The errors of the machine were not measured in this run."
+        yield Message.of("S-MISSING-ERRORS")
     never = [axis.axis for axis in report.axes if axis.before is None]
     once = [axis.axis for axis in report.axes if axis.before is not None and axis.after is None]
     if never:
-        yield f"Not measured as an axis: {', '.join(never)}."
+        yield Message.of("S-MISSING-AXES", names=", ".join(never))
     if once:
-        yield f"Not measured again after the push: {', '.join(once)}."
+        yield Message.of("S-MISSING-AGAIN", names=", ".join(once))
 
 
-def _proposed(tooth: ToothMaterial) -> Iterator[str]:
+def _proposed(tooth: ToothMaterial) -> Iterator[Message]:
     if tooth.proposal is None:
-        yield "Nothing was proposed for the tooth: no prediction, no cures, no ranking."
+        yield Message.of("S-MISSING-PROPOSAL")
         return
     if not tooth.proposal.cures:
-        yield "Which correction acts on which error was not calculated."
+        yield Message.of("S-MISSING-CURES")
     if not tooth.proposal.ranking:
-        yield "The errors were not ranked."
+        yield Message.of("S-MISSING-RANKING")
 
 
-def _pushed(tooth: ToothMaterial) -> Iterator[str]:
+def _pushed(tooth: ToothMaterial) -> Iterator[Message]:
     waiting = [one.change.name for one in tooth.tables if not one.change.skipped and not _is_pushed(one.push)]
     if waiting:
-        yield f"Proposed but not in the control: {', '.join(waiting)}."
+        yield Message.of("S-MISSING-PUSH", names=", ".join(waiting))
 
 
 def _is_pushed(push: PushRecord | None) -> bool:
     return push is not None and push.outcome in PUSHED
 
 
-def _parts(tooth: ToothMaterial, wanted: dict[str, str]) -> Iterator[str]:
+def _parts(tooth: ToothMaterial, wanted: dict[str, str]) -> Iterator[Message]:
     for name, so in wanted.items():
         part = tooth.part(name)
         if part.flank is None:
-            done = "was ground but not inspected" if part.ground is not None else "was neither ground nor inspected"
-            yield f"Part “{name}” {done}" + (f": {so}." if so else ".")
+            code = "S-MISSING-INSPECTION" if part.ground is not None else "S-MISSING-PART"
+            yield Message.of(code, part=name, so=Message.of(so) if so else "")
 
 
-def _judged(tooth: ToothMaterial) -> Iterator[str]:
+def _judged(tooth: ToothMaterial) -> Iterator[Message]:
     if tooth.verdict is None:
-        yield "The tooth was not judged."
+        yield Message.of("S-MISSING-VERDICT")

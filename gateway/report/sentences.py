@@ -121,13 +121,16 @@ def open_road(report: ReportMaterial) -> tuple[str, ...]:
     return tuple(told)
 
 
-def still_on(report: ReportMaterial) -> tuple[str, ...]:
+def still_on(report: ReportMaterial) -> tuple[Message, ...]:
     """One line for each table whose push was held with nothing to prove that it is off: first in every report."""
     tables = report.tooth.tables if report.tooth is not None else ()
     pushes = [(axis.axis, axis.push) for axis in report.axes]
     pushes += [(one.change.name, one.push) for one in (*(one for axis in report.axes for one in axis.beside), *tables)]
     left = {name: push for name, push in pushes if push is not None and push.outcome == "held-on"}
-    return tuple(f"{name}: {PUSH['held-on']} (backup: {push.backup_path or 'none'})" for name, push in left.items())
+    return tuple(
+        Message.of("S-REPORT-STILL-ON", table=name, backup=push.backup_path or Message.of("S-REPORT-NO-BACKUP"))
+        for name, push in left.items()
+    )
 
 
 def axis_state(axis: AxisMaterial) -> tuple[str, str, str]:

@@ -8,7 +8,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from drivers.errors import words
+from drivers.message import Message, Quantity
 from drivers.types.tables import CompensationTable, LiveTable
 from gateway.table.comparison import curves_apart, deviations_toward, differences, differing_parts
 
@@ -55,26 +55,34 @@ class ThreeWay:
 
     @property
     def words(self) -> str:
+        """What is live, in English."""
+        return str(self.message)
+
+    @property
+    def message(self) -> Message:
         """What is live as people read it."""
-        told = words(_WORDS[self.kind], table=self.name, switch="on" if self.live_enabled else "off")
+        switch = Message.of("S-LIVE-ON" if self.live_enabled else "S-LIVE-OFF")
+        told = [Message.of(_WORDS[self.kind], table=self.name, switch=switch)]
         if self.kind in ("as-approved", "switched-off", "switched-on"):
-            return told
+            return told[0]
         if self.form:
-            told += " " + words("W-LIVE-FORM", form="; ".join(self.form))
+            told.append(Message.of("W-LIVE-FORM", form="; ".join(self.form)))
         if self.places:
             first = self.places[0]
-            told += " " + words(
-                "W-LIVE-PLACES",
-                count=len(self.places),
-                total=self.points,
-                as_before=self.as_before,
-                position=f"{first.position:g}",
-                before=_value(first.before),
-                approved=_value(first.approved),
-                live=_value(first.live),
-                unit=self.unit,
+            told.append(
+                Message.of(
+                    "W-LIVE-PLACES",
+                    count=len(self.places),
+                    total=self.points,
+                    as_before=self.as_before,
+                    position=Quantity(first.position),
+                    before=_value(first.before),
+                    approved=_value(first.approved),
+                    live=_value(first.live),
+                    unit=self.unit,
+                )
             )
-        return told
+        return Message.of("S-LIVE-SAID", said=tuple(told))
 
     def as_data(self) -> dict[str, Any]:
         """The comparison as JSON data."""

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, fields
 from typing import Protocol
 
 from drivers.errors import TrueflankError
+from drivers.message import Message, told
 from drivers.types.machine import MachineState
 from gateway.domain.outcomes import ActingCheck, Verdict
 from gateway.report.parameters import ParameterRow, parameter_rows
@@ -108,8 +109,8 @@ class JobView:
     run_id: str
     started_utc: str
     ended_utc: str = ""
-    words: str = ""
-    lines: tuple[str, ...] = ()
+    words: Message | None = None
+    lines: tuple[Message, ...] = ()
     exit_code: int = 0
     data: Mapping[str, object] | None = None
     error: Mapping[str, object] | None = None
@@ -273,6 +274,12 @@ def _acting(one: AxisOutlook, check: ActingCheck | None) -> ActingRow:
         answer = ANSWERS[check.held]
     predicted = f"{number(one.M)} ± {number(one.M_U)}"
     return ActingRow(one.axis, number(one.M_alone), predicted, seen, unit=one.unit, answer=answer)
+
+
+def job_data(job: JobView) -> dict[str, object]:
+    """A command as JSON data; what is said as code and fields, with its English text."""
+    data = {one.name: getattr(job, one.name) for one in fields(job)}
+    return {**data, "words": told(job.words) if job.words is not None else None, "lines": list(map(told, job.lines))}
 
 
 def as_data(status: StatusView) -> dict[str, object]:

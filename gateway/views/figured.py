@@ -64,7 +64,14 @@ def _stored(kept: Evaluation, capture: Capture, limits: Mapping[str, float]) -> 
 def _told(
     name: str, unit: str, values: Mapping[str, float | None], expanded: Mapping[str, float], verdicts: Any, flags: Any
 ) -> dict[str, Any]:
-    judged = {one.parameter: {"limit": one.limit, "verdict": one.verdict, "why": one.why} for one in verdicts}
+    judged = {
+        one.parameter: {
+            "limit": one.limit,
+            "verdict": one.verdict,
+            "why": one.why.as_data() if one.why is not None else "",
+        }
+        for one in verdicts
+    }
     rows = [
         {"parameter": key, "value": _finite(value), "U": _finite(expanded.get(key)), **judged.get(key, {})}
         for key, value in values.items()

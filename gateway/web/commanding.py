@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-from dataclasses import asdict
 from typing import Annotated, Any
 
 from fastapi import APIRouter, Depends, Header, Request
@@ -13,6 +12,7 @@ from starlette.concurrency import run_in_threadpool
 from gateway import audit
 from gateway.errors import BusyError, SignInRefused
 from gateway.users import Person
+from gateway.views import job_data
 from gateway.web import bodies, works
 from gateway.web.doors import needs, proved, service_of, site_of
 from gateway.web.ports import ServedSite, Work
@@ -41,7 +41,7 @@ class Asking:
             raise BusyError("E-WEB-KEY", "web")
         if known is not None:
             return dict(known[1])
-        told = asdict(self._at.begin(work, kind=self._kind, who=self._person.name))
+        told = job_data(self._at.begin(work, kind=self._kind, who=self._person.name))
         if self._key:
             while len(self._keys) >= MOST_KEYS:
                 del self._keys[next(iter(self._keys))]

@@ -18,7 +18,7 @@ from gateway.store import RunFolder
 from gateway.store.folder import RUN_FILE
 from gateway.store.selftests import SelfTestBook
 from gateway.users import Person
-from gateway.views import as_data
+from gateway.views import as_data, job_data
 from gateway.views.measuring import plan_of
 from gateway.views.pushed import standing_tables
 from gateway.views.stored import has_report, sealed_file, stored_report
@@ -143,7 +143,7 @@ def self_tests(request: Request, site: str) -> list[dict[str, Any]]:
 @routes.get("/sites/{site}/jobs")
 async def jobs(request: Request, site: str) -> list[dict[str, Any]]:
     """The newest commands and how they stand or ended, newest first."""
-    return [asdict(one) for one in site_of(request, site).jobs()]
+    return [job_data(one) for one in site_of(request, site).jobs()]
 
 
 @routes.get("/sites/{site}/jobs/{job}")
@@ -152,7 +152,7 @@ async def job(request: Request, site: str, job: int) -> dict[str, Any]:
     found = next((one for one in site_of(request, site).jobs() if one.job == job), None)
     if found is None:
         raise NotFound("E-WEB-JOB", "web", job=job)
-    return asdict(found)
+    return job_data(found)
 
 
 @routes.get("/sites/{site}/stream", response_class=StreamingResponse)

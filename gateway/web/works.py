@@ -46,7 +46,7 @@ def measure(at: ServedSite, clock: Clock, wanted: tuple[str, ...], resume: RunFo
         tooth = _tooth(at.site, at.path)
         outcome = await measure_site(at.site, at.path, clock=clock, say=say, wanted=wanted, resume=resume, tooth=tooth)
         write_report(RunFolder(Path(outcome.run_folder)))
-        return Outcome(outcome.state, outcome.run_folder, rows=(), lines=(outcome.advice,), data=outcome.as_data())
+        return Outcome(outcome.state, outcome.run_folder, rows=(), lines=outcome.advice, data=outcome.as_data())
 
     return work
 
@@ -108,7 +108,8 @@ def recover(at: ServedSite, clock: Clock, body: bodies.Recover) -> Work:
         asked: dict[str, Any] = {"apply": body.apply, "machine_name": body.machine, "choice": body.choice}
         found = await recover_site(at.site, at.path, clock=clock, say=say, **asked)
         data = {"findings": [one.as_data() for one in found]}
-        return Outcome("recovered", "", rows=(), lines=tuple(one.at_last for one in found), data=data)
+        lines = tuple(line for one in found for line in one.said_at_last)
+        return Outcome("recovered", "", rows=(), lines=lines, data=data)
 
     return work
 

@@ -8,6 +8,7 @@ from datetime import datetime, timedelta
 from functools import partial
 
 from drivers.errors import words
+from drivers.message import Message
 from drivers.terms import spoken
 from drivers.types.orders import SignProof
 from drivers.types.tables import CompensationTable, LiveSet
@@ -54,13 +55,13 @@ class Look:
     @property
     def against(self) -> str:
         """What it was compared with."""
-        return against((self,))
+        return str(against((self,)))
 
 
-def against(looks: Sequence[Look]) -> str:
+def against(looks: Sequence[Look]) -> Message:
     """What tables of one push were compared with."""
     push, names = looks[0].expected.push, ", ".join(look.name for look in looks)
-    return words("W-VERIFY-AGAINST-PUSH", table=names, transaction=push.transaction, utc=push.utc)
+    return Message.of("W-VERIFY-AGAINST-PUSH", table=names, transaction=push.transaction, utc=push.utc)
 
 
 async def expected_of(at: Bench, axis: str = "") -> tuple[PushedTable, ...]:

@@ -9,6 +9,7 @@ from typing import Any, ClassVar
 from drivers.clock import Clock
 from drivers.errors import TrueflankError
 from drivers.leftover import NOTHING, Leavable, LeftOver
+from drivers.message import Message
 from gateway import audit, stopping
 from gateway.say import Say
 from gateway.store import RunFolder, Store
@@ -42,6 +43,17 @@ class LeftFinding:
     def words(self) -> str:
         """The finding as people read it."""
         return self.found.words if self.after is None else self.after.words
+
+    @property
+    def said(self) -> tuple[Message, ...]:
+        """The finding: what is left, and what to press."""
+        left = self.found if self.after is None else self.after
+        return (left.said.message,)
+
+    @property
+    def said_at_last(self) -> tuple[Message, ...]:
+        """How it stands now."""
+        return self.said
 
     @property
     def at_last(self) -> str:

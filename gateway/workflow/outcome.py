@@ -16,6 +16,7 @@ LIMIT_EXCEEDED, CANNOT_TELL = 13, 21
 class Outcome:
     """A finished run: the rows of its table, with ``headings`` for each column, what is said, and where all is kept.
 
+    ``lines`` are what became of it, the most important one last; ``places`` say where its files are.
     ``points`` are lines for who asks for every interpolation point, ``details`` for who wants to read everything that
     the report says.
     """
@@ -23,17 +24,23 @@ class Outcome:
     state: str
     run_folder: str
     rows: tuple[tuple[str, ...], ...]
-    lines: tuple[str | Message, ...]
+    lines: tuple[Message, ...]
     data: dict[str, Any]
     exit_code: int = 0
     title: str = ""
     headings: tuple[str, ...] = ()
     points: tuple[str, ...] = ()
-    details: tuple[str, ...] = ()
+    details: tuple[Message, ...] = ()
+    places: tuple[Message, ...] = ()
 
     def as_data(self) -> dict[str, Any]:
         """The outcome as JSON data."""
         return {"state": self.state, "run_folder": self.run_folder, **self.data}
+
+
+def of_table(name: str, *said: Message) -> Message:
+    """What is said of a table or axis."""
+    return Message.of("S-REPORT-AXIS", axis=name, said=said)
 
 
 def of_verdicts(verdicts: Iterable[str]) -> int:

@@ -4,37 +4,39 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import replace
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
-from drivers.errors import ConfigError, words
+from drivers.errors import ConfigError
 from drivers.limits import Limits
 from drivers.local.names import shown as shown_name
+from drivers.message import Message
 from gateway.domain.proposals import Proposal, TableChange, torn
 from gateway.interlocks import largest_change, steepest
 from gateway.store import RunFolder
-from gateway.workflow.outcome import Outcome
+from gateway.workflow.outcome import Outcome, of_table
 
+R = TypeVar("R")
 HEADINGS = ("table", "unit", "points", "now", "new", "largest change", "steepest", "predicted (k=2)")
 
 
 def shown(
-    folder: RunFolder, proposal: Proposal, refusals: Mapping[str, list[str]], *, refused_by: Collection[str]
+    folder: RunFolder, proposal: Proposal, refusals: Mapping[str, list[Message]], *, refused_by: Collection[str]
 ) -> Outcome:
     """What `push` without consent shows: peak, change, prediction and limits of each table, every reason against it.
 
     ``refused_by``: codes of the reasons that would refuse the push; the others are told beforehand.
     """
     rows = tuple(_row(change) for change in proposal.changes if not change.skipped)
-    lines = [f"{names}: {reason}" for names, reason in once((c.name, refusals[c.name]) for c in proposal.changes)]
+    lines = [of_table(names, reason) for names, reason in once((c.name, refusals[c.name]) for c in proposal.changes)]
     fine = [change.name for change in proposal.changes if not refusals[change.name]]
-    lines += [words("W-PUSH-FINE", tables=", ".join(fine))] if fine else []
-    lines.append(words("W-PUSH-SHOWN"))
+    lines += [Message.of("W-PUSH-FINE", tables=", ".join(fine))] if fine else []
+    lines.append(Message.of("W-PUSH-SHOWN"))
     data: dict[str, Any] = {
         "refused": bool(refused_by),
         "refused_by": sorted(refused_by),
-        "refusals": dict(refusals),
+        "refusals": {name: list(map(str, against)) for name, against in refusals.items()},
         "not_corrected": {c.name: str(c.skipped) for c in proposal.changes if c.skipped},
     }
     return Outcome(
@@ -62,9 +64,9 @@ def narrowed(proposal: Proposal, tables: Collection[str]) -> Proposal:
     return replace(proposal, changes=chosen) if chosen else proposal
 
 
-def once(told: Iterable[tuple[str, Iterable[str]]]) -> list[tuple[str, str]]:
+def once(told: Iterable[tuple[str, Iterable[R]]]) -> list[tuple[str, R]]:
     """(names, reason) with each reason once, in the order in which it came up first."""
-    names: dict[str, list[str]] = {}
+    names: dict[R, list[str]] = {}
     for name, reasons in told:
         for reason in reasons:
             names.setdefault(reason, []).append(name)

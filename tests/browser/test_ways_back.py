@@ -95,7 +95,7 @@ def _stopped(anna: Person, at: Hall, turn: str = "") -> None:
     page.locator("dialog #yes").click()
     ended = anna.done(job)
     assert ended["state"] == "stopped"
-    assert not [line for line in ended["lines"] if "acts: " in line]
+    assert not [line for line in ended["lines"] if "acts: " in line["text"]]
     looked_at(anna, f"back-3-stopped{turn}")
 
 

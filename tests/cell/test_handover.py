@@ -160,7 +160,7 @@ def test_approved_pushed_compared_taken_back(tmp_path: Path) -> None:
         live = await at.compare()
         assert (live.exit_code, live.data["kind"]) == (9, "differs")
         assert any(name.startswith("live-tables") for name in Store(at.root).open(live.run_folder).files)
-        assert "at 1 of " in live.lines[1]
+        assert "at 1 of " in str(live.lines[1])
         (alarm,) = audit.read_log_state(at.root, at.site.controller.serial).alarms.values()
         assert "neither the approved nor" in alarm
         edited = await at.tables()

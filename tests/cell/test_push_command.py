@@ -65,13 +65,13 @@ def test_a_proposal_is_shown_then_pushed(tmp_path: Path) -> None:
             }
 
     seen = run_virtual(job)
-    assert any("until `trueflank self-test` has passed" in line for line in seen["made"].lines)
+    assert any("until `trueflank self-test` has passed" in str(line) for line in seen["made"].lines)
     assert "PRODUCT OF TABLE 0" in seen["tested"].data["axes"]["C1"]["passed"]
     assert seen["untested"].data["refused_by"] == ["E-INT-NO-SELF-TEST"]
     assert after_look(seen["untested"].data["refused_by"], "R", "S", consent("x", "M")) == "self-test S"
     assert after_look(seen["shown"].data["refused_by"], "R", "S", consent("x", "M")) == "push R --apply --machine M"
     assert seen["untouched"]
-    assert any("is proved first" in line for line in seen["shown"].lines)
+    assert any("is proved first" in str(line) for line in seen["shown"].lines)
     assert seen["pushed"].data["outcome"] == "better"
     assert seen["M"][1] < 0.7 * seen["M"][0]
     assert {"push-C1", "verdict", "capture-C1-after"} <= set(seen["steps"])

@@ -61,7 +61,7 @@ def test_an_order_to_switch_off_is_carried_as_it_is_printed(tmp_path: Path) -> N
         site.cell.nck.set("$MA_ENC_COMP_ENABLE[0,C1]", 1, 0)
         asked = {"axis": "C1", "table": "", "machine_name": site.tree.site.name, **site.asked}
         (told, *_) = (await disable_site(site.tree, site.path, apply=False, **asked)).lines
-        assert "C1 read off when files last came back" in told
+        assert "C1 read off when files last came back" in str(told)
         seen = []
         work = PieceOfWork("disable C1", "go-on", ends=True)
 

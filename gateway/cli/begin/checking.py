@@ -14,7 +14,8 @@ import typer
 from drivers.carried import PieceOfWork, carrying
 from drivers.checks import ControlFacts
 from drivers.clock import LoopClock
-from drivers.errors import ConfigError, TrueflankError, words
+from drivers.errors import ConfigError, TrueflankError
+from drivers.message import Message
 from gateway.cli.options import JsonOption, SiteArgument
 from gateway.cli.show import counted, echo, say_line, show_json, show_table
 from gateway.cli.stopping import run_to_end
@@ -188,12 +189,12 @@ def tell(found: CheckedSite, path: Path, rows: Sequence[tuple[str, ...]], *, as_
     for remark in found.remarks:
         say_line(remark, 2, colour="yellow")
     if found.faults:
-        echo(words("W-CHECK-FAULTS", file=path, count=len(found.faults)), colour="red", bold=True)
+        echo(Message.of("W-CHECK-FAULTS", file=path, count=len(found.faults)), colour="red", bold=True)
         return
     tree = found.site
     counts = {"axes": counted(len(tree.axes), "axis", "axes")}
     counts["instruments"] = counted(len(tree.instruments), "instrument", "instruments")
-    echo(words("W-CHECK-VALID", file=path, site=tree.site.name, **counts), colour="green")
+    echo(Message.of("W-CHECK-VALID", file=path, site=tree.site.name, **counts), colour="green")
     if rows:
         show_table("devices", DEVICE_KEYS, rows)
 

@@ -13,6 +13,7 @@ import typer
 
 from drivers.errors import ConfigError, words
 from drivers.local.names import shown
+from drivers.message import Message
 from gateway.audit import os_user
 from gateway.cli.show import echo
 from gateway.cli.stopping import run_to_end
@@ -83,7 +84,7 @@ class Asker:
 
     def tell(self, code: str, *, loud: bool = False, **fields: object) -> None:
         """On the terminal."""
-        echo(words(code, **fields), colour="yellow" if loud else None)
+        echo(Message.of(code, **fields), colour="yellow" if loud else None)
 
     def found(self, _what: tuple[object, ...], work: Callable[[], Coroutine[Any, Any, T]]) -> T:
         """Asked each time."""

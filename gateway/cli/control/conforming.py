@@ -10,7 +10,8 @@ from typing import Annotated, Any
 import typer
 
 from drivers.clock import LoopClock
-from drivers.errors import ConfigError, words
+from drivers.errors import ConfigError
+from drivers.message import Message
 from drivers.probes import ALLOWANCES, Allowance, ProbedSession, differences, read_session
 from gateway.cli.options import JsonOption, SiteArgument
 from gateway.cli.show import echo, show_json
@@ -107,7 +108,7 @@ def _double(control: ProbedSession, cell: str, told: Any) -> ProbedSession:
 
 
 def _told(code: str, /, **fields: object) -> None:
-    echo(words(code, **fields))
+    echo(Message.of(code, **fields))
 
 
 def _silent(_code: str, /, **_fields: object) -> None:

@@ -11,8 +11,9 @@ import typer
 from drivers import registry
 from drivers.checks import CertificateView, CheckLine, TrustView, Wanted, WantedAxis, fine, gathered, unknown, wrong
 from drivers.clock import Clock, LoopClock
-from drivers.errors import ConfigError, TrueflankError, words
+from drivers.errors import ConfigError, TrueflankError
 from drivers.leftover import Sent
+from drivers.message import Message
 from gateway.cli.onward import after_doctor, next_step
 from gateway.cli.options import JsonOption, SiteArgument, TakeOption
 from gateway.cli.show import echo, say_line, show_json
@@ -208,9 +209,9 @@ def tell(view: TrustView, *, as_json: bool) -> None:
             echo(f"  SHA-256 {one.sha256}\n  SHA-1   {one.sha1}")
     code = "W-TRUST-EQUAL" if view.equal else "W-TRUST-CHANGED" if view.pinned else "W-TRUST-NONE"
     who = f"{view.accepted_by}, {view.accepted_utc}" if view.accepted_by else "a person not recorded"
-    echo(words(code, file=view.place, who=who))
+    echo(Message.of(code, file=view.place, who=who))
     if view.reason:
-        echo(words("W-TRUST-EXCUSED", who=who, reason=view.reason))
+        echo(Message.of("W-TRUST-EXCUSED", who=who, reason=view.reason))
     if not view.equal:
         echo(f"  -> {TrueflankError(code, file=view.place, who=who).hint}")
 

@@ -12,6 +12,7 @@ from drivers.carried import PieceOfWork, carrying
 from drivers.clock import LoopClock
 from drivers.errors import TrueflankError, words
 from drivers.local.names import visible
+from drivers.message import Message
 from drivers.types.identity import FACTS
 from gateway.cli.control.connecting import NOT_ALL_WELL
 from gateway.cli.options import JsonOption, SiteArgument, load_site, with_control
@@ -57,7 +58,7 @@ def machine_command(
         rows = [(fact, known.facts.get(fact, "-"), machine.facts.get(fact, "-")) for fact in FACTS]
         show_table(tree.site.name, HEADS, rows)
         for one in known.accepted:
-            echo(words("W-DOC-ACCEPTED", **one.fields))
+            echo(Message.of("W-DOC-ACCEPTED", **one.fields))
         if not found.is_known:
             refused = refusal_of(found, str(site))
             echo(f"{refused.what}\n  -> {refused.hint}", colour="red")
@@ -109,4 +110,4 @@ def _accept(tree: Any, site: Path, texts: list[str], *, quiet: bool = False) -> 
     with carrying(SELF_TEST):
         kept = run_to_end(work)
     if not quiet:
-        echo(words("W-DOC-ACCEPTED", **kept.fields))
+        echo(Message.of("W-DOC-ACCEPTED", **kept.fields))

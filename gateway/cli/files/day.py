@@ -9,6 +9,7 @@ from typing import Annotated, Any
 import typer
 
 from drivers.errors import ConfigError, catalogue, words
+from drivers.message import Message, prose
 from gateway.cli.exits import of_verdicts
 from gateway.cli.onward import next_step, step_of
 from gateway.cli.options import JsonOption, load_site
@@ -300,10 +301,10 @@ def _tell(outcome: Any, report: Mapping[str, object]) -> None:
     measured, machine = outcome.plan.model.measured, outcome.plan.machine
     missing = [name for name in machine if name not in measured]
     known = len(machine) - len(missing)
-    echo(words("S-DAY-KNOWN", known=known, all=len(machine), missing=", ".join(missing) or "-"))
+    echo(Message.of("S-DAY-KNOWN", known=known, all=len(machine), missing=", ".join(missing) or "-"))
     for line in outcome.plan.model.said:
         say_line(f"  note: {line}", 4)
-    say_line(outcome.plan.advice, 0)
+    say_line(prose(outcome.plan.advice), 0)
     _tell_tooth(outcome)
     echo(f"site file with the day's set-ups: {outcome.site_file}")
     echo(f"run folder: {outcome.run_folder}")
@@ -336,7 +337,7 @@ def _tell_tooth(outcome: Any) -> None:
         }
         figures = {name: f"{value:.2f} +- {u:.2f}" for name, (value, u) in steps.items()}
         sources = {name: f"{size:.2f}" for name, size in one.sources_um.items()}
-        say_line(words("S-DAY-FORECAST", **figures, **sources, largest=", ".join(one.largest) or "-"), 0)
+        say_line(Message.of("S-DAY-FORECAST", **figures, **sources, largest=", ".join(one.largest) or "-"), 0)
         for line in forecast_told(one.drive):
             say_line(str(line), 0)
         rows = [(t.name, t.layer, str(t.points), f"{t.low:+.2f} .. {t.high:+.2f}", t.unit) for t in one.tables]
@@ -344,4 +345,4 @@ def _tell_tooth(outcome: Any) -> None:
     elif outcome.proposal is not None:
         show_table("tables", ("table", "what", "points and values"), outcome.proposal.tables)
     else:
-        echo(words("S-DAY-NO-WORK"))
+        echo(Message.of("S-DAY-NO-WORK"))

@@ -11,6 +11,7 @@ from typing import Any
 import typer
 
 from drivers.errors import ConfigError, TrueflankError, words
+from drivers.message import Message
 from drivers.terms import shown
 from gateway.cli.exits import of_verdicts
 from gateway.cli.options import TodayAlone, run_or_file
@@ -141,7 +142,7 @@ def evaluate_files(files: list[Path], asked: EvaluationOptions, *, as_json: bool
         _show_all(results if table is None else [], failures, asked.plot if drawn else None)
         if table is not None:
             told_of = {"table": crew.table, "count": len(every), "held": len(held), "failed": len(failures)}
-            echo(words("W-EVALUATE-TABLE", **told_of))
+            echo(Message.of("W-EVALUATE-TABLE", **told_of))
     said = [one["verdict"] for result in results for one in result.get("verdicts", ())]
     said += ["not decidable" for result in results if result.get("blocked")]
     said += table.verdicts(held) if table is not None else []
@@ -431,7 +432,8 @@ def show_verdicts(verdicts: Sequence[Mapping[str, Any]], unit: str, *, rule: boo
 
 
 def verdict(item: Any) -> dict[str, Any]:
-    return {name: getattr(item, name) for name in ("parameter", "value", "U", "limit", "verdict", "why", "rule")}
+    data = {name: getattr(item, name) for name in ("parameter", "value", "U", "limit", "verdict", "why", "rule")}
+    return {**data, "why": str(item.why or "")}
 
 
 def _step(item: Any) -> dict[str, Any]:

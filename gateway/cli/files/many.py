@@ -9,7 +9,8 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, TextIO
 
-from drivers.errors import ConfigError, words
+from drivers.errors import ConfigError
+from drivers.message import Message
 from gateway.cli.show import echo
 
 BATCH = 8  # files that a process gets at a time
@@ -88,7 +89,7 @@ def told(found: Iterator[Any], count: int) -> Iterator[Any]:
     for at, one in enumerate(found, start=1):
         yield one
         if count >= 2 * TOLD and (at * TOLD) // count > ((at - 1) * TOLD) // count:
-            echo(words("P-FILES-DONE", done=at, count=count), err=True)
+            echo(Message.of("P-FILES-DONE", done=at, count=count), err=True)
 
 
 class Table:

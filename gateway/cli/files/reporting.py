@@ -8,7 +8,8 @@ from typing import Annotated, Any
 
 import typer
 
-from drivers.errors import ConfigError, words
+from drivers.errors import ConfigError
+from drivers.message import Message
 from gateway.cli.exits import of_verdicts
 from gateway.cli.onward import next_step, step_of
 from gateway.cli.options import (
@@ -106,7 +107,7 @@ def _files(what: list[str]) -> bool:
 
 def _of_run(
     what: list[str], store: Path, told: Any, out: Path | None, *, at: Any, said: Any
-) -> tuple[Any, tuple[str, ...], dict[str, Any]]:
+) -> tuple[Any, tuple[Message, ...], dict[str, Any]]:
     from drivers.clock import LoopClock
     from gateway.store import Maps, Store
     from gateway.workflow.results.documenting import with_told, write_document
@@ -128,14 +129,15 @@ def _of_run(
         folder.adopt(*made.files)
         write_index(folder, material)
     data = {**paths.as_data(), **made.as_data(), "html": str(paths.html), "document": str(made.html)}
-    lines = (*lines_of(material), f"report: {paths.html}", *_logo(material, told))
+    page = Message.of("S-REPORT-PAGE", path=str(paths.html))
+    lines = (*lines_of(material), page, *_logo(material, told))
     return made, lines, {**data, "summary": summary_of(paths), "run": str(folder.path)}
 
 
-def _logo(material: Any, told: Any) -> tuple[str, ...]:
+def _logo(material: Any, told: Any) -> tuple[Message, ...]:
     """A word where the site file names a logo that could not be read."""
     asked = told.site[0].report.logo if told.site is not None else None
-    return (words("W-REPORT-LOGO", logo=asked),) if asked and not material.particulars.maker.logo else ()
+    return (Message.of("W-REPORT-LOGO", logo=asked),) if asked and not material.particulars.maker.logo else ()
 
 
 def _of_files(

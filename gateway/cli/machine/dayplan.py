@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from drivers.errors import words
+from drivers.message import Message
 from drivers.terms import spoken
 from gateway.cli.onward import next_step
 from gateway.cli.options import load_site, with_control
@@ -48,12 +49,12 @@ def _show(day: Any, command: str, *, apply: bool, as_json: bool) -> None:
     )
     counts = {"mountings": len(day.mountings), "blanks": day.blanks}
     counts |= {"presses": len(day.presses), "resets": len(day.resets)}
-    say_line(words("S-DAY-COUNTS", **counts), 2)
+    say_line(Message.of("S-DAY-COUNTS", **counts), 2)
     stages = ", ".join(f"{stage} {hours:.1f} h" for stage, hours in day.by_stage().items())
-    say_line(words("S-DAY-HOURS", hours=f"{day.hours:.1f}", stages=stages, extra=f"{day.most_extra_h:.1f}"), 2)
+    say_line(Message.of("S-DAY-HOURS", hours=f"{day.hours:.1f}", stages=stages, extra=f"{day.most_extra_h:.1f}"), 2)
     if day.unprotected:
-        say_line(words("P-UNPROTECTED", road=day.unprotected), 2)
-    say_line(words("S-DAY-SUPPOSES" if apply else "S-DAY-NO-APPLY"), 2)
+        say_line(Message.of("P-UNPROTECTED", road=day.unprotected), 2)
+    say_line(Message.of("S-DAY-SUPPOSES" if apply else "S-DAY-NO-APPLY"), 2)
     next_step(command + (" --apply --machine NAME" if apply else ""))
 
 

@@ -8,6 +8,7 @@ from typing import Annotated, Any, Literal, cast
 
 import typer
 
+from drivers.message import Message
 from gateway.cli.options import JsonOption, PartOption, SiteArgument, open_run
 from gateway.cli.screen.telling import progress
 from gateway.cli.show import echo, show_json, show_table
@@ -132,11 +133,10 @@ def _data(found: Any, folder: str, picture: str) -> dict[str, Any]:
 
 
 def _tell(found: Any, folder: str, picture: str) -> None:
-    from drivers.errors import words
 
     flank = {"rms": f"{found.fitted.rms_um:.2f}", "u": f"{found.rms_u_um:.2f}", "u_point": f"{found.u_um:.2f}"}
     more = {"largest": f"{found.fitted.largest_um:.2f}", "points": found.k.size}
-    echo(words("W-INSPECTED", part=found.part, **flank, **more))
+    echo(Message.of("W-INSPECTED", part=found.part, **flank, **more))
     show_table("largest of all flanks", ("value", "um"), [(name, f"{found.figures[name]:.2f}") for name in SHOWN])
     for line in found.said:
         echo(f"  note: {line}")

@@ -7,6 +7,7 @@ from typing import Annotated, Any
 
 import typer
 
+from drivers.message import prose
 from gateway.cli.machine.inspecting import FileOption, HeightsOption, guard_gear, show_lines
 from gateway.cli.modes import only
 from gateway.cli.onward import next_step
@@ -133,5 +134,5 @@ def _tell(outcome: Any) -> None:
     show_table("errors of the machine (U: k = 2)", ("error", "low", "high", "U", "unit", "state"), rows)
     for line in outcome.model.said:
         echo(f"  note: {line}")
-    echo(outcome.advice)
+    echo(prose(outcome.advice))
     echo(f"run folder: {outcome.run_folder}")

@@ -9,6 +9,7 @@ from typing import Annotated, Any
 import typer
 
 from drivers.clock import Clock, LoopClock
+from drivers.message import Message
 from gateway.cli.onward import step_of
 from gateway.cli.options import NEEDS, JsonOption, SiteArgument, StoreOption, open_run
 from gateway.cli.show import echo, show_json, show_table
@@ -48,7 +49,7 @@ def program_command(
 ) -> None:
     """Write every program that this site would send, without a control; each is judged by the language's rules."""
     from drivers import registry
-    from drivers.errors import ConfigError, words
+    from drivers.errors import ConfigError
     from drivers.programs import DayNumbers
     from gateway.config import load_site
     from gateway.workflow.dwelling import DwellWish, dwell_plans, said, target_lists
@@ -77,7 +78,7 @@ def program_command(
     echo(f"{len(written)} programs in {output}; nothing was sent")
     runs_programs = f"{tree.controller.driver}-paper" in registry.known("paper")
     if what != "dwell" and runs_programs and not known_control(tree, site):
-        echo(words("W-PROGRAM-UNKNOWN"))
+        echo(Message.of("W-PROGRAM-UNKNOWN"))
 
 
 def _proposed(run: str, store: Path) -> tuple[Any, Any]:

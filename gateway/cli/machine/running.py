@@ -9,7 +9,8 @@ from typing import Any
 import typer
 
 from drivers.clock import Clock, LoopClock
-from drivers.errors import DeviceError, words
+from drivers.errors import DeviceError
+from drivers.message import Message
 from gateway.cli import voice
 from gateway.cli.onward import after_look, after_recovery, after_run, consent, next_step
 from gateway.cli.options import load_site, open_run, with_control
@@ -117,9 +118,9 @@ def recover_command(
         raise typer.Exit(DeviceError.exit_code)
 
 
-def _counted(details: tuple[str, ...]) -> tuple[str, ...]:
+def _counted(details: tuple[Message, ...]) -> tuple[Message, ...]:
     """How many lines more there are: the report has them all."""
-    return (words("S-RUN-DETAILS", count=len(details)),) if details else ()
+    return (Message.of("S-RUN-DETAILS", count=len(details)),) if details else ()
 
 
 def show_outcome(outcome: Any, *, as_json: bool, points: bool = False, onward: str = "") -> None:
@@ -129,14 +130,13 @@ def show_outcome(outcome: Any, *, as_json: bool, points: bool = False, onward: s
     else:
         if outcome.rows:
             show_table(outcome.title, outcome.headings, outcome.rows)
-        for line in outcome.points if points else ():
+        for point in outcome.points if points else ():
+            echo(point)
+        told = outcome.details if voice.now() is voice.Voice.VERBOSE else _counted(outcome.details)
+        for line in (*told, *outcome.lines[:-1], *outcome.places, *outcome.lines[-1:]):
             echo(line)
-        for line in outcome.details if voice.now() is voice.Voice.VERBOSE else _counted(outcome.details):
-            echo(line)
-        for line in outcome.lines:
-            echo(str(line))
         if outcome.points and not points:
-            echo(words("S-RUN-POINTS"))
+            echo(Message.of("S-RUN-POINTS"))
         if onward:
             next_step(onward)
     if outcome.exit_code:

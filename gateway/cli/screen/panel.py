@@ -15,11 +15,10 @@ from rich.progress_bar import ProgressBar
 from rich.table import Table
 from rich.text import Text
 
-from drivers.errors import words
 from drivers.local.names import visible
 from gateway.cli.screen.scene import Count, Scene, clock_text
 from gateway.cli.screen.stages import Stages
-from gateway.cli.show import with_site
+from gateway.cli.show import spoken, with_site
 
 A_SECOND = 4
 BAR = 28
@@ -132,9 +131,9 @@ def _hung(mark: str, said: Text) -> Table:
 
 def _staged(stages: Stages, now: float) -> Text:
     """Which stage of how many, and the time to go over all that are left."""
-    said = words("S-PANEL-STAGE", number=stages.number, total=stages.total, stage=stages.said)
+    said = spoken("S-PANEL-STAGE", number=stages.number, total=stages.total, stage=stages.said)
     left = stages.left_s(now)
-    told = said if left is None else ", ".join((said, words("S-PANEL-LEFT", time=clock_text(left))))
+    told = said if left is None else ", ".join((said, spoken("S-PANEL-LEFT", time=clock_text(left))))
     return Text(visible(told))
 
 

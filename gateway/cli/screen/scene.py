@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from drivers.errors import words
 from gateway.audience import Audience, kind_of
 from gateway.cli.screen.stages import Stages
+from gateway.cli.show import spoken
 from gateway.events import (
     ActingCheckStarted,
     ConnectionUnprotected,
@@ -83,13 +83,13 @@ class Scene:
             self.stages.told(code, fields, now)
         kind, event = kind_of(code), received(code, fields)
         if isinstance(event, ConnectionUnprotected):
-            self.open_road = words(code, **fields)
+            self.open_road = spoken(code, **fields)
             return
         if kind is Audience.ASK:
-            self._asked(words(code, **fields), now)
+            self._asked(spoken(code, **fields), now)
         elif kind is Audience.MOVE:
             # What is said after an ask belongs to the next one.
-            self.moves, self.ask = (*(() if self.ask else self.moves), words(code, **fields)), ""
+            self.moves, self.ask = (*(() if self.ask else self.moves), spoken(code, **fields)), ""
         elif kind is Audience.COUNT:
             self._counted(code, fields, now)
         elif kind is Audience.STEP:
@@ -97,7 +97,7 @@ class Scene:
         elif isinstance(event, PushPhaseChanged):
             self._for_table(event)
         elif kind is Audience.DETAIL and not isinstance(event, TableStateChanged):  # its step says it already
-            self.within = words(code, **fields)
+            self.within = spoken(code, **fields)
         elif kind is not Audience.DETAIL:
             self._answered()
 
@@ -106,7 +106,7 @@ class Scene:
         before = self.tables
         names = (*(before[1] if before[0] == event.step else ()), event.axis)
         self.tables = event.step, tuple(dict.fromkeys(names))
-        self.within = words(event.code, **{**event.told_fields, "axis": ", ".join(self.tables[1])})
+        self.within = spoken(event.code, **{**event.told_fields, "axis": ", ".join(self.tables[1])})
 
     def _asked(self, ask: str, now: float) -> None:
         """What was said before another ask belongs to that one."""
@@ -125,13 +125,13 @@ class Scene:
         if apart:
             self.counts.pop("outer", None)
         if "number" not in fields:
-            self.step = words(code, **fields)
+            self.step = spoken(code, **fields)
             return
         done, total = int(str(fields["number"])) - 1, int(str(fields["total"]))
         outer = self.counts.get("outer")
         if outer is None or outer.total != total or done <= outer.done:
             outer = self.counts["outer"] = Count(name="", done=done, total=total, since=now, first=done)
-        outer.reached(done, words(code, **fields), now)
+        outer.reached(done, spoken(code, **fields), now)
 
     def _counted(self, code: str, fields: Mapping[str, object], now: float) -> None:
         """Something counts, so whoever was asked has done it."""
@@ -142,7 +142,7 @@ class Scene:
         if inner is None or inner.name != name or done < inner.done:
             inner = self.counts["inner"] = Count(name=name, done=done, total=total, since=now, first=done)
         inner.total = total
-        inner.reached(done, words(code, **fields), now)
+        inner.reached(done, spoken(code, **fields), now)
         if done >= total:
             self.within = self.counts.pop("inner").said
 

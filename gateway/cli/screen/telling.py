@@ -9,12 +9,13 @@ from pathlib import Path
 from typing import Any
 
 from drivers.clock import Clock, LoopClock
-from drivers.errors import TrueflankError, words
+from drivers.errors import TrueflankError
+from drivers.message import Message
 from gateway.audience import Audience, kind_of
 from gateway.cli import voice
 from gateway.cli.screen.scene import Scene
 from gateway.cli.screen.stages import Stages
-from gateway.cli.show import begun_with, echo
+from gateway.cli.show import begun_with, echo, spoken
 from gateway.cli.voice import Voice
 from gateway.events import DevicesOpened, RunStarted, received
 from gateway.say import Say
@@ -78,7 +79,7 @@ def progress(
         raise
     finally:
         if log is not None and log.problem:
-            echo(words("W-LOG-NOT-KEPT", file=str(log.path), why=log.problem), err=True)
+            echo(Message.of("W-LOG-NOT-KEPT", file=str(log.path), why=log.problem), err=True)
 
 
 def _title(at: tuple[Any, Path] | None, folder: Any) -> str:
@@ -130,11 +131,11 @@ def _shown(
             kind = kind_of(code)
             panel.told(code, fields)
             if kind in kinds - IN_PANEL:
-                panel.keep(words(code, **fields), loud=kind is Audience.LOUD)
+                panel.keep(spoken(code, **fields), loud=kind is Audience.LOUD)
 
         yield show
 
 
 def _line(code: str, fields: dict[str, object], kinds: set[Audience]) -> None:
     if kind_of(code) in kinds:
-        echo(words(code, **fields), err=True)
+        echo(Message.of(code, **fields), err=True)

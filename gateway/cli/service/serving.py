@@ -148,7 +148,7 @@ async def _examined(tree: Any, path: Path, clock: LoopClock, _say: Say) -> objec
     from gateway.workflow.outcome import Outcome
 
     lines = await examined(tree, path, clock)
-    told = tuple(f"{one.outcome}: {one.check}: {one.what}" + (f" -> {one.fix}" if one.fix else "") for one in lines)
+    told = tuple(one.message for one in lines)
     well = all(line.outcome == "ok" for line in lines)
     data = {"ok": well, "lines": [line.as_record() for line in lines]}
     return Outcome("examined", "", rows=(), lines=told, data=data, exit_code=0 if well else 5)

@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from drivers.errors import words
+from drivers.message import Message
 from drivers.types.doubts import Doubt
 from drivers.types.results import MeasuredSet
 from drivers.units import DeviationUnit, deviation_unit
@@ -134,4 +135,6 @@ def withhold_verdicts(decisions: tuple[Decision, ...], doubts: tuple[Doubt, ...]
     codes = ", ".join(one.code for one in blocking_doubts(doubts))
     if not codes:
         return decisions
-    return tuple(replace(one, verdict="not decidable", why=words("S-DOUBT-VERDICT", codes=codes)) for one in decisions)
+    return tuple(
+        replace(one, verdict="not decidable", why=Message.of("S-DOUBT-VERDICT", codes=codes)) for one in decisions
+    )

@@ -8,6 +8,7 @@ from math import floor, hypot, isfinite, sqrt
 from typing import Final, Literal
 
 from drivers.errors import words
+from drivers.message import Message
 from gateway.errors import ModelError
 
 Word = Literal["pass", "fail", "not decidable"]
@@ -24,7 +25,7 @@ class Decision:
     U: float | None
     limit: float
     verdict: Word
-    why: str = ""
+    why: Message | None = None
     rule: str = RULE
 
 
@@ -45,7 +46,7 @@ def decide(
             U=U,
             limit=limit,
             verdict="not decidable",
-            why=f"{parameter} does not exist for these readings",
+            why=Message.of("S-VERDICT-NO-VALUE", parameter=parameter),
         )
     if U is None or not isfinite(U) or U < 0.0:
         return Decision(
@@ -54,7 +55,7 @@ def decide(
             U=None,
             limit=limit,
             verdict="not decidable",
-            why=f"U of {parameter} is not known",
+            why=Message.of("S-VERDICT-NO-U", parameter=parameter),
         )
     low, high = _sizes((value - U, value + U) if trials is None else trials)
     if max(abs(value) + U, high) <= limit:
@@ -67,8 +68,14 @@ def decide(
         U=U,
         limit=limit,
         verdict="not decidable",
-        why="the limit lies within the uncertainty of the value",
+        why=Message.of("S-VERDICT-WITHIN-U"),
     )
+
+
+def verdict_word(verdict: Word) -> Message:
+    """A verdict as a text names it."""
+    codes = {"pass": "S-VERDICT-PASS", "fail": "S-VERDICT-FAIL", "not decidable": "S-VERDICT-OPEN"}
+    return Message.of(codes[verdict])
 
 
 def _sizes(interval: Interval) -> Interval:

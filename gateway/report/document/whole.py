@@ -7,6 +7,7 @@ import json
 import re
 from dataclasses import replace
 
+from drivers.message import render
 from gateway.domain.identity import KnownFact
 from gateway.report.document.annex import axis_annex
 from gateway.report.document.charts import axes
@@ -62,7 +63,8 @@ def _main(material: ReportMaterial, t: Tongue) -> tuple[Block, ...]:
     who, why = material.excused
     said += (t("excused", who=who, why=why),) if why else ()
     said += tuple(accepted_words(one, t) for one in material.accepted)
-    warned = tuple(Paragraph(line, "strong") for line in (*still_on(material), *said))
+    left = (render(line, t.language, plain=True) for line in still_on(material))
+    warned = tuple(Paragraph(line, "strong") for line in (*left, *said))
     first = (*warned, *parties(material, t), *answer(material, t), *conformity(material, t))
     # Conditions stand with the axes they belong to: they fill what the charts leave of a page.
     of_axes = (*equipment(material, t), *axes(material, t), *conditions(material, t))

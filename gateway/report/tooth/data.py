@@ -26,7 +26,7 @@ def summary(report: ReportMaterial) -> Mapping[str, object]:
         "outcome": report.outcome,
         "words": [sentence(report), *words],
         "tooth": _figures(tooth) if tooth is not None else None,
-        "missing": missing(report),
+        "missing": tuple(map(str, missing(report))),
     }
 
 
@@ -64,7 +64,7 @@ def tooth_data(report: ReportMaterial) -> Mapping[str, object] | None:
         "cures": cure_rows(tooth),
         "tables": [_table(one, row) for one, row in zip(tooth.tables, rows, strict=True)],
         "open": tooth.open,
-        "advice": tooth.advice,
+        "advice": prose(tooth.advice),
         "said": dict(said(tooth)),
         "records": {
             "errors": tooth.errors,

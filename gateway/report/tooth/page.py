@@ -88,7 +88,7 @@ def tooth_page(report: ReportMaterial) -> ToothPage | None:
         incurable=by_reason(cures),
         tables=table_rows(tooth.tables, tooth.letters),
         senses=senses(tooth),
-        missing=missing(report),
+        missing=tuple(map(str, missing(report))),
         open=tuple(one for one in tooth.open if one.change_um >= LEAST_CHANGE_UM),
         said=said(tooth),
         drawn=_drawings(tooth),

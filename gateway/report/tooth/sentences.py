@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
+from drivers.message import Message, prose
 from drivers.terms import spoken
 from gateway.domain.values import COVERAGE
 from gateway.model.error_model import TWENTY_ONE
@@ -163,13 +164,19 @@ def doubt(tooth: ToothMaterial) -> str:
 
 
 def known(rows: Sequence[ErrorRow]) -> str:
+    """How many errors were measured and how many are only assumed, in English."""
+    return prose(known_said(rows))
+
+
+def known_said(rows: Sequence[ErrorRow]) -> Iterator[Message]:
     """How many errors were measured and how many are only assumed."""
     asked = [row for row in rows if row.name in TWENTY_ONE]
     guessed = [row.name for row in asked if row.state == "assumed"]
     beside = [row.name for row in rows if row.name not in TWENTY_ONE]
-    said = f"{len(asked) - len(guessed)} of {len(asked)} errors were measured"
-    said += f", and {', '.join(beside)} beside them." if beside else "."
-    return f"{said} Only assumed within a span: {', '.join(guessed)}." if guessed else said
+    told: dict[str, object] = {"count": len(asked) - len(guessed), "total": len(asked), "names": ", ".join(beside)}
+    yield Message("S-REPORT-KNOWN-BESIDE" if beside else "S-REPORT-KNOWN", told)
+    if guessed:
+        yield Message.of("S-REPORT-ASSUMED", names=", ".join(guessed))
 
 
 def mounting(tooth: ToothMaterial) -> str:

@@ -10,7 +10,7 @@ import { lamps } from "./lamps.js";
 import { refresh } from "./live.js";
 import { field } from "./signin.js";
 import { base, changed, chosen, may, on, state } from "./state.js";
-import { capital, plain, recorded, say, stateOf, t, told } from "./words.js";
+import { capital, message, plain, recorded, say, stateOf, t, told } from "./words.js";
 
 export const push = { open };
 const asked = { run: "" };
@@ -104,7 +104,7 @@ function toldOnce(lines, known) {
     return first;
   });
 }
-const newestPlan = (run) => lastLook(run)?.lines ?? [];
+const newestPlan = (run) => (lastLook(run)?.lines ?? []).map(message);
 const lookedAt = (run) => when(lastLook(run).ended_utc || lastLook(run).started_utc).slice(11);
 
 function steps(box) {
@@ -152,7 +152,7 @@ export const ACTS = { on: "●", off: "○", differs: "▲", unknown: "✖" };
 export const actsWords = (one) => `${ACTS[one.acts]} ${t(`push.acts_${one.acts}`)}`;
 // Everything that goes back with one press, what acts in its place, how far that moves its axis, and what of the same
 // push stays on: the figures are those of the terminal.
-const backAgain = (one) => [...one.back.map((each) => [h("b", {}, each.table), ` ${plain(each.newer)} → ${plain(each.older)}`, h("small", { class: "below" }, capital(say(each.move.code, each.move.fields, 0, each.move.words)))]), ...(one.stays.length ? [t("push.stays", { tables: one.stays.join(", ") })] : [])];
+const backAgain = (one) => [...one.back.map((each) => [h("b", {}, each.table), ` ${recorded(each.newer)} → ${recorded(each.older)}`, h("small", { class: "below" }, capital(say(each.move.code, each.move.fields, 0, each.move.words)))]), ...(one.stays.length ? [t("push.stays", { tables: one.stays.join(", ") })] : [])];
 const ends = (held, choice) => held.filter((one) => one.back).map((one) => t("push.acts_then", { table: one.fields.axis, acts: plain(choice === "finish" ? one.fields.new : one.fields.old) }));
 
 const compare = async () => { if (await confirmed(t("push.verify"), t("push.verify_what"))) give("verify-table", {}); };
@@ -163,14 +163,12 @@ async function applied(path, body, title, lines = []) {
   if (machine) give(path, { ...body, apply: true, machine });
 }
 
-// Where the files of a run are is no answer at a machine.
-const PLACES = /^(run folder|report): /;
 const OWN = ["push", "disable", "roll-back", "recover", "verify-table"];
 
 function answer(box) {
   const job = state.jobs.find((one) => OWN.includes(one.kind));
   const run = state.status.run;
-  const lines = run ? state.said.filter((one) => !["count", "detail"].includes(one.kind)).slice(-12).map((one) => say(one.code, one.fields, 0, one.words)) : ((job?.lines ?? []).filter((one) => !PLACES.test(one)));
+  const lines = run ? state.said.filter((one) => !["count", "detail"].includes(one.kind)).slice(-12).map((one) => say(one.code, one.fields, 0, one.words)) : (job?.lines ?? []).map(message);
   const error = run ? null : job?.error;
   if (same(box, lines, error, job?.job, Boolean(run))) return;
   // A look at a push is none.

@@ -33,6 +33,7 @@ function filled(text, fields) {
     const value = name === "outcome" && `ended.${given}` in texts.page ? t(`ended.${given}`) : name === "phase" && `phase.${given}` in texts.page ? t(`phase.${given}`) : given;
     if (value === undefined) return `<${name}>`;
     if (form?.includes("#")) return counted(value, form);
+    if (form === "prose") return prose(Array.isArray(value) ? value : [value]);
     if (value !== null && typeof value === "object") return written(value);
     if (typeof value === "number" && !form) return decimal(String(value));
     if (!form || !Number.isFinite(Number(value))) return retold(String(value));

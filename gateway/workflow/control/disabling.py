@@ -10,7 +10,7 @@ from typing import Any
 
 from drivers.carried import Carried
 from drivers.clock import Clock
-from drivers.errors import ConfigError, TrueflankError, words
+from drivers.errors import ConfigError, TrueflankError
 from drivers.message import Message
 from drivers.terms import spoken
 from drivers.types.orders import DisableOrder
@@ -124,7 +124,8 @@ def _left_by(at: Bench, order: DisableOrder) -> JournalRead | None:
 def _shown(at: Bench, asked: DisablePreflight) -> Outcome:
     looked(at, "disable", table=asked.order.name)
     carried = isinstance(at.supervisor.controller, Carried)  # what its files say is not what its switch reads now
-    lines = [_line(asked, carried=carried), *(f"  {reason.words}" for reason in asked.refusals), words("W-DISABLE-DRY")]
+    lines = [_line(asked, carried=carried), *(reason.message for reason in asked.refusals)]
+    lines.append(Message.of("W-DISABLE-DRY"))
     reading, reasons = asked.reading, [reason.words for reason in asked.refusals]
     data: dict[str, Any] = {"table": asked.order.name, "unit": asked.unit, "applied": False, "refusals": reasons}
     data["refused_by"] = [reason.code for reason in asked.refusals]
@@ -136,15 +137,15 @@ def _shown(at: Bench, asked: DisablePreflight) -> Outcome:
     return Outcome(state="looked", run_folder="", rows=(), lines=tuple(lines), data=data)
 
 
-def _line(asked: DisablePreflight, *, carried: bool) -> str:
+def _line(asked: DisablePreflight, *, carried: bool) -> Message:
     fields = {"table": asked.order.name, "axis": asked.order.axis, "unit": asked.unit}
     if asked.reading is None:
-        return words("W-DISABLE-UNREAD", **fields)
+        return Message.of("W-DISABLE-UNREAD", **fields)
     if carried:
-        return words("W-DISABLE-WAS-OFF" if asked.reading.off else "W-DISABLE-WAS-ON", **fields)
+        return Message.of("W-DISABLE-WAS-OFF" if asked.reading.off else "W-DISABLE-WAS-ON", **fields)
     if asked.reading.off:
-        return words("W-DISABLE-OFF", **fields)
-    return words("W-DISABLE-PLAN", acting=round(asked.reading.acting, 3), **fields)
+        return Message.of("W-DISABLE-OFF", **fields)
+    return Message.of("W-DISABLE-PLAN", acting=round(asked.reading.acting, 3), **fields)
 
 
 def _told(at: Bench, record: SwitchRecord) -> Outcome:
@@ -155,7 +156,7 @@ def _told(at: Bench, record: SwitchRecord) -> Outcome:
         why = record.reasons or Message.of("W-DISABLE-NO-ANSWER")
         raise StillOn("E-DISABLE-STILL-ON", record.table, table=record.table, axis=record.axis, why=why)
     code = "W-DISABLE-OFF" if record.outcome == "already-off" else "W-DISABLE-DONE"
-    lines = (words(code, table=record.table, axis=record.axis),)
+    lines = (Message.of(code, table=record.table, axis=record.axis),)
     data = {"transaction": record.transaction, "table": record.table, "applied": True, "outcome": record.outcome}
     data |= {"unit": record.unit, "before": record.before, "after": record.after}
     return Outcome(state=at.folder.state, run_folder=str(at.folder.path), rows=(), lines=lines, data=data)

@@ -8,7 +8,8 @@ from types import MappingProxyType
 from typing import TypeVar
 
 from drivers.clock import Clock
-from drivers.errors import TrueflankError, words
+from drivers.errors import TrueflankError
+from drivers.message import Message
 from drivers.types.orders import SignProof
 from drivers.types.sensing import Ambient
 from drivers.types.stops import StopPlan
@@ -283,17 +284,17 @@ def _proved_first(at: Bench, refusal: Refusal, axis: AxisSection) -> bool:
 
 
 async def _show(at: Bench, proposal: Proposal, measured: Mapping[str, MeasuredAxis]) -> Outcome:
-    refusals: dict[str, list[str]] = {}
+    refusals: dict[str, list[Message]] = {}
     against: set[str] = set()
     for change in proposal.changes:
         axis = at.axis(change.axis)
         if change.skipped:
-            refusals[change.name] = [str(change.skipped)]
+            refusals[change.name] = [change.skipped]
             continue
         asked = await _asked(at, change, measured)
-        first = words("W-RUN-PROOF-FIRST", axis=axis.name)
+        first = Message.of("W-RUN-PROOF-FIRST", axis=axis.name)
         against |= {refusal.code for refusal in asked.refusals if not _proved_first(at, refusal, axis)}
-        told = [first if _proved_first(at, refusal, axis) else refusal.words for refusal in asked.refusals]
-        refusals[change.name] = [*told, *(warning.words for warning in asked.warnings)]
+        told = [first if _proved_first(at, refusal, axis) else refusal.message for refusal in asked.refusals]
+        refusals[change.name] = [*told, *(warning.message for warning in asked.warnings)]
     looked(at, "push", run=at.folder.run_id, refused=bool(against))
     return shown(at.folder, proposal, refusals, refused_by=against)

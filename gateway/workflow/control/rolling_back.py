@@ -40,7 +40,7 @@ from gateway.table.comparison import effective
 from gateway.workflow.bench import Bench, axis_named, bench, check_name, run_or_look
 from gateway.workflow.consents import audit_problem, looked, tell, why_of, word_of
 from gateway.workflow.control.contexts import table_context
-from gateway.workflow.outcome import WORSE_EXIT, Outcome, alarmed
+from gateway.workflow.outcome import WORSE_EXIT, Outcome, alarmed, of_table
 from gateway.workflow.witness import Witness
 
 
@@ -106,21 +106,21 @@ def context_of(at: Bench, table: CompensationTable) -> PushContext:
 
 
 async def _shown(at: Bench, found: ConsentSet, undos: Sequence[Sequence[RollbackRequest]]) -> Outcome:
-    against: dict[str, list[str]] = {}
+    against: dict[Message, list[str]] = {}
     codes: dict[str, None] = {}
     for group in undos:
         for (done, _), asked in zip(group, await preflight_rollbacks(group), strict=True):
             for refusal in asked.refusals:
-                against.setdefault(refusal.words, []).append(done.table)
+                against.setdefault(refusal.message, []).append(done.table)
                 codes[refusal.code] = None
-    reasons = [f"{', '.join(names)}: {reason}" for reason, names in against.items()]
+    reasons = [of_table(", ".join(names), reason) for reason, names in against.items()]
     seen = _seen(at, found)
     lines = [line for one in seen.values() for line in one.lines]
-    lines += [f"  {reason}" for reason in reasons] or ["  " + words("W-ROLLBACK-FREE")]
-    lines += [*_rest(found), words("W-ROLLBACK-DRY")]
+    lines += reasons or [Message.of("W-ROLLBACK-FREE")]
+    lines += [*_rest(found), Message.of("W-ROLLBACK-DRY")]
     for done in found.tables:
         looked(at, "rollback", table=done.table, undoes=done.transaction)
-    data = {**_data(found), "refusals": reasons, "refused_by": list(codes), "applied": False}
+    data = {**_data(found), "refusals": list(map(str, reasons)), "refused_by": list(codes), "applied": False}
     points = tuple(line for done in found.tables for line in _difference(done))
     return Outcome(state="looked", run_folder="", rows=(), lines=tuple(lines), points=points, data=data)
 
@@ -130,16 +130,16 @@ def _seen(at: Bench, found: ConsentSet) -> Mapping[str, RollbackPreview]:
     return rollback_previews(all_pushes(at.store.root / JOURNALS, at.machine.serial), found)
 
 
-def _rest(found: ConsentSet) -> list[str]:
+def _rest(found: ConsentSet) -> list[Message]:
     """Tables of the same consent that were not asked for: they go on acting."""
-    return [words("W-ROLLBACK-REST", tables=", ".join(one.table for one in found.rest))] if found.rest else []
+    return [Message.of("W-ROLLBACK-REST", tables=", ".join(one.table for one in found.rest))] if found.rest else []
 
 
-def rollback_lines(found: ConsentSet | None) -> list[str]:
+def rollback_lines(found: ConsentSet | None) -> list[Message]:
     """What a rollback would take back together, and what of the same consent would stay on; nothing without a set."""
     if found is None:
         return []
-    return [words("W-ROLLBACK-SET", tables=found.names, transactions=found.transactions), *_rest(found)]
+    return [Message.of("W-ROLLBACK-SET", tables=found.names, transactions=found.transactions), *_rest(found)]
 
 
 def _data(found: ConsentSet) -> dict[str, Any]:
@@ -210,7 +210,7 @@ def _ended(
     """Everything asked for is back. A table of the same consent that stays on: exit code 9."""
     codes = {"committed": "W-ROLLBACK-DONE", "already-applied": "W-ROLLBACK-THERE"}
     lines = [
-        Message.of(codes[records[one.table].outcome], table=one.table, acts=seen[one.table].older.words)
+        Message.of(codes[records[one.table].outcome], table=one.table, acts=seen[one.table].older.message)
         for one in found.tables
     ]
     data = {**_data(found), "undoes": found.tables[0].transaction, "applied": True, "outcome": "committed"}

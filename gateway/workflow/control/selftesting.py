@@ -5,7 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 
 from drivers.clock import Clock
-from drivers.errors import ConfigError, DeadlineExceeded, DeviceRefused, TrueflankError, words
+from drivers.errors import ConfigError, DeadlineExceeded, DeviceRefused, TrueflankError
+from drivers.message import Message
 from drivers.programs import SelfTest, SelfTested, SelfTests, WritesWithout
 from drivers.types.machine import ChannelStatus
 from gateway import audit
@@ -88,9 +89,9 @@ def _told(at: Bench, found: tuple[SelfTested, ...]) -> Outcome:
         missed = "; ".join(f"{test.axis}: {test.missed}" for test in failed)
         raise DeviceRefused("E-SELF-TEST", at.site.site.name, missed=missed)
     at.folder.set_state("self-tested")
-    lines = tuple(words("W-SELF-TEST-PASSED", version=test.machine.version, **_fields(test)) for test in found)
+    lines = tuple(Message.of("W-SELF-TEST-PASSED", version=test.machine.version, **_fields(test)) for test in found)
     missing = ", ".join(dict.fromkeys(word for test in found for word in test.without))
-    lines += (words("W-SELF-TEST-WITHOUT", words=missing),) if missing else ()
+    lines += (Message.of("W-SELF-TEST-WITHOUT", words=missing),) if missing else ()
     data = {"axes": {test.axis: {"passed": list(test.passed), "control_date": test.control_date} for test in found}}
     data |= {"version": at.machine.version}  # type: ignore[dict-item]
     return Outcome(state=at.folder.state, run_folder=str(at.folder.path), rows=(), lines=lines, data=data)
@@ -98,5 +99,5 @@ def _told(at: Bench, found: tuple[SelfTested, ...]) -> Outcome:
 
 def _no_programs(at: Bench) -> Outcome:
     at.folder.set_state("not-needed")
-    lines = (words("W-SELF-TEST-NONE", site=at.site.site.name),)
+    lines = (Message.of("W-SELF-TEST-NONE", site=at.site.site.name),)
     return Outcome(state=at.folder.state, run_folder=str(at.folder.path), rows=(), lines=lines, data={"axes": {}})

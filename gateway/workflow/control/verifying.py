@@ -8,7 +8,8 @@ from pathlib import Path
 from typing import Any
 
 from drivers.clock import Clock
-from drivers.errors import ConfigError, words
+from drivers.errors import ConfigError
+from drivers.message import Message
 from drivers.terms import spoken
 from drivers.types.tables import LiveSet, LiveTable
 from gateway.config import SiteFile
@@ -82,7 +83,7 @@ def _outcome(at: Bench, table: str, looks: list[Look]) -> Outcome:
     )
 
 
-def _said(looks: Sequence[Look]) -> Iterator[str]:
+def _said(looks: Sequence[Look]) -> Iterator[Message]:
     """What was compared with which push, once for each, and what is live: what is in order in one line."""
     pushes: dict[int, list[Look]] = {}
     for look in looks:
@@ -92,8 +93,8 @@ def _said(looks: Sequence[Look]) -> Iterator[str]:
         right = [look.found for look in together if look.found.kind == "as-approved"]
         for enabled in (True, False):
             if same := [found for found in right if found.live_enabled is enabled]:
-                yield replace(same[0], name=", ".join(found.name for found in same)).words
-        yield from (look.found.words for look in together if look.found not in right)
+                yield replace(same[0], name=", ".join(found.name for found in same)).message
+        yield from (look.found.message for look in together if look.found not in right)
 
 
 async def read_axes(at: Bench, names: Sequence[str]) -> tuple[LiveSet, ...]:
@@ -109,23 +110,24 @@ async def _against_run(at: Bench, table: str, run: RunFolder) -> Outcome:
     found = compare_three_tables(table_in(live, shape), approved, before, tolerance(limits, shape))
     at.folder.write_text(f"live-tables{spoken().program_suffix}", live.native)
     at.folder.set_state(f"table-{found.kind}")
-    data = {"axis": table, "against": said, "digest": live.digest, **found.as_data()}
+    data = {"axis": table, "against": str(said), "digest": live.digest, **found.as_data()}
     exit_code = 0 if found.kind == "as-approved" else DIFFERS_EXIT
     return Outcome(
         state=at.folder.state,
         run_folder=str(at.folder.path),
         rows=(),
-        lines=(said, found.words),
+        lines=(said, found.message),
         data=data,
         exit_code=exit_code,
     )
 
 
-def _proposed(run: RunFolder, table: str) -> tuple[LiveTable, LiveTable, str]:
+def _proposed(run: RunFolder, table: str) -> tuple[LiveTable, LiveTable, Message]:
     proposal = run.get(stages.PROPOSAL, Proposal)
     for change in proposal.changes:
         if change.name == table and not change.skipped:
             old = LiveTable(change.old, change.old_enabled)
-            return LiveTable(change.new, enabled=True), old, words("W-VERIFY-AGAINST-RUN", table=table, run=run.run_id)
+            said = Message.of("W-VERIFY-AGAINST-RUN", table=table, run=run.run_id)
+            return LiveTable(change.new, enabled=True), old, said
     known = ", ".join(change.name for change in proposal.changes if not change.skipped)
     raise ConfigError("E-RUN-AXIS", str(run.path), axis=table, known=known or "none")

@@ -11,7 +11,7 @@ from typing import Any
 
 from drivers.clock import Clock
 from drivers.errors import TrueflankError, words
-from drivers.message import Message
+from drivers.message import Message, Quantity, fixed, prose
 from drivers.types.doubts import Doubt
 from drivers.types.tables import LiveSet
 from gateway.capture.retaking import demand_complete
@@ -53,7 +53,7 @@ class PlanOutcome:
     machine: tuple[str, ...]
     remaining: tuple[str, ...]
     open: tuple[OpenDoubt, ...]
-    advice: str
+    advice: tuple[Message, ...]
 
     def as_data(self) -> dict[str, Any]:
         """For --json."""
@@ -67,7 +67,7 @@ class PlanOutcome:
                 for one in self.open
             ],
             "threshold_um": THRESHOLD_UM,
-            "advice": self.advice,
+            "advice": prose(self.advice),
             "said": list(map(str, self.model.said)),
         }
 
@@ -283,19 +283,21 @@ def grids(site: SiteFile) -> tuple[AxisGrid, ...]:
     )
 
 
-def advise(plan: Sequence[Planned], remaining: Sequence[str], opened: Sequence[OpenDoubt], *, asked: bool) -> str:
+def advise(
+    plan: Sequence[Planned], remaining: Sequence[str], opened: Sequence[OpenDoubt], *, asked: bool
+) -> tuple[Message, ...]:
     """Which remaining set-up would change the proposal most, or that none would by the threshold."""
     if not asked:
-        return words("W-SETUP-NO-WORK" if remaining else "W-SETUP-NONE-LEFT", count=len(remaining))
+        return (Message.of("W-SETUP-NO-WORK" if remaining else "W-SETUP-NONE-LEFT", count=len(remaining)),)
     able = {one.setup.name: one.key for one in reversed(plan) if one.key in remaining}
     best = next((one for one in opened if one.name in able and not one.measured), None)
-    limit = f"{THRESHOLD_UM:g}"
+    limit = Quantity(THRESHOLD_UM)
     rest = next((one for one in opened if one.name not in able and not one.measured), None)
-    more = ""
+    more: tuple[Message, ...] = ()
     if rest is not None and rest.change_um > THRESHOLD_UM:
-        more = " " + words("W-SETUP-UNPLANNED", name=rest.name, change=f"{rest.change_um:.2f}")
+        more = (Message.of("W-SETUP-UNPLANNED", name=rest.name, change=fixed(rest.change_um)),)
     if best is None or best.change_um <= THRESHOLD_UM:
         none = "W-SETUP-NONE-MATTERS" if remaining else "W-SETUP-NONE-LEFT"
-        return words(none, count=len(remaining), limit=limit) + more
-    said = {"setup": able[best.name], "name": best.name, "share": f"{100.0 * best.share:.0f}"}
-    return words("W-SETUP-NEXT", **said, change=f"{best.change_um:.2f}", limit=limit) + more
+        return Message.of(none, count=len(remaining), limit=limit), *more
+    said = {"setup": able[best.name], "name": best.name, "share": fixed(100.0 * best.share, 0)}
+    return Message.of("W-SETUP-NEXT", **said, change=fixed(best.change_um), limit=limit), *more

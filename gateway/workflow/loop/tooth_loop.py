@@ -159,9 +159,8 @@ class _Loop:
         tell(at, audit.note(at.store.root, "close-goes-back", clock=at.clock, serial=at.machine.serial, details=told))
         done = await take_back_run(at)
         if done is not None:
-            lines = tuple(one if isinstance(one, Message) else Message.stored(one) for one in done.lines)
-            said = (*judged.words, Message.of("W-CLOSE-TAKEN-BACK"), *lines)
-            record = replace(judged, words=said, taken_back=lines)
+            said = (*judged.words, Message.of("W-CLOSE-TAKEN-BACK"), *done.lines)
+            record = replace(judged, words=said, taken_back=done.lines)
             at.folder.put(stages.TOOTH_VERDICT, record, at.folder.parents(stages.TOOTH_VERDICT))
 
     def _expected(self, before: InspectedFlank, tooth: ToothProposal) -> SetupValues:

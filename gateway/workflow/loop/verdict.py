@@ -43,7 +43,7 @@ def closed(folder: RunFolder, site: SiteFile) -> Outcome:
     *told, figure = lines_of(material)
     untried = proposal.warnings if verdict is None else ()
     needed = (line for line in tooth.said if line not in tooth.background)
-    lines = (*needed, *told, *untried, *plain.lines[-2:], figure)
+    lines = (*needed, *told, *untried, figure)
     worse = plain.exit_code or (judged is not None and judged.outcome == "worse")
     data = plain.data | _tooth(judged) | _agreement(folder) | _details(paths, tooth)
     done = replace(plain, lines=lines, details=details_of(material), data=data, exit_code=WORSE_EXIT if worse else 0)

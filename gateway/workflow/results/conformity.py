@@ -7,16 +7,15 @@ from dataclasses import asdict, replace
 from math import hypot, sqrt
 from typing import Any
 
-from drivers.errors import words
+from drivers.message import Message, Quantity, fixed
 from gateway.config import SiteFile
 from gateway.config.paper.sections import GearToleranceSection, ToleranceSection
 from gateway.domain.values import COVERAGE
 from gateway.evaluate.behaviour.doubts import all_doubts
 from gateway.evaluate.behaviour.positioning import withhold_verdicts
-from gateway.evaluate.standards.conformity import STANDARD, Decision, class_limits, decide
+from gateway.evaluate.standards.conformity import STANDARD, Decision, class_limits, decide, verdict_word
 from gateway.evaluate.standards.registry import evaluate_by, standard
 from gateway.report.material import AxisMaterial, Judged, ReportMaterial, ToothMaterial
-from gateway.report.sentences import number
 from gateway.tooth import InspectedFlank
 from gateway.workflow.outcome import Outcome, of_verdicts
 
@@ -67,8 +66,7 @@ def conforming(outcome: Outcome, found: Sequence[Judged]) -> Outcome:
     """
     if not found:
         return outcome
-    *told, last = outcome.lines
-    lines = (*told, *(line_of(one) for one in found), last)
+    lines = (*outcome.lines[:-1], *(line_of(one) for one in found), *outcome.lines[-1:])
     code = outcome.exit_code or of_verdicts(one.decision.verdict for one in found)
     data = {**outcome.data, "conformity": [data_of(one) for one in found]}
     return replace(outcome, lines=lines, data=data, exit_code=code)
@@ -76,17 +74,22 @@ def conforming(outcome: Outcome, found: Sequence[Judged]) -> Outcome:
 
 def data_of(one: Judged) -> dict[str, Any]:
     """A decided limit for --json."""
-    return {"of": one.of, "standard": one.standard, "as_left": one.as_left, **asdict(one.decision)}
+    return {"of": one.of, "standard": one.standard, "as_left": one.as_left, **told(one.decision)}
 
 
-def line_of(one: Judged) -> str:
+def told(decision: Decision) -> dict[str, Any]:
+    """A decision as JSON data, what kept it open in English."""
+    return {**asdict(replace(decision, why=None)), "why": str(decision.why) if decision.why is not None else ""}
+
+
+def line_of(one: Judged) -> Message:
     """A decided limit in words."""
     decision = one.decision
-    figures = {"value": number(decision.value), "U": number(decision.U), "limit": f"{decision.limit:g}"}
-    said = {"of": one.of, "parameter": decision.parameter, "verdict": decision.verdict.upper(), **figures}
-    state = "as left" if one.as_left else "as found"
-    why = f" ({decision.why})" if decision.why else ""
-    return words("W-CONFORMITY", standard=one.standard, state=state, why=why, **said)
+    figures = {"value": fixed(decision.value), "U": fixed(decision.U), "limit": Quantity(decision.limit)}
+    said = {"of": one.of, "parameter": decision.parameter, "verdict": verdict_word(decision.verdict), **figures}
+    state = Message.of("S-AS-LEFT" if one.as_left else "S-AS-FOUND")
+    why = Message.of("S-VERDICT-WHY", why=decision.why) if decision.why else ""
+    return Message.of("W-CONFORMITY", standard=one.standard, state=state, why=why, **said)
 
 
 def _axis(axis: AxisMaterial, said: ToleranceSection) -> Iterator[Judged]:

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
+from drivers.message import Message
 from gateway.domain.figures import Evaluation
 from gateway.domain.outcomes import ActingCheck, Verdict
 from gateway.domain.proposals import Proposal
@@ -16,7 +17,7 @@ from gateway.report.sentences import number, still_on
 from gateway.store import RunFolder
 from gateway.workflow import stages
 from gateway.workflow.axes.measure import MeasuredAxis
-from gateway.workflow.outcome import WORSE_EXIT, Outcome
+from gateway.workflow.outcome import WORSE_EXIT, Outcome, of_table
 from gateway.workflow.results.conformity import conforming
 from gateway.workflow.results.reporting import ReportPaths, material_of, write_report
 
@@ -42,18 +43,18 @@ def finish(
     return conforming(replace(done, lines=(*acting_lines(acting), *done.lines), details=told), material.judged)
 
 
-def lines_of(material: ReportMaterial) -> tuple[str, ...]:
+def lines_of(material: ReportMaterial) -> tuple[Message, ...]:
     """What a run did for axes and tooth; the last line is the tooth's figure."""
     return (*still_on(material), *tooth_lines(material))
 
 
-def details_of(material: ReportMaterial) -> tuple[str, ...]:
+def details_of(material: ReportMaterial) -> tuple[Message, ...]:
     """What `lines_of` leaves to the report."""
     axes = material.axes
     acting = (one.acting for one in axes if one.acting is not None)
     background = material.tooth.proposal.background if material.tooth and material.tooth.proposal else ()
     told = details((one.verdict for one in axes if one.verdict is not None), acting)
-    return (*told, *map(str, background))
+    return (*told, *background)
 
 
 AGAIN, ONCE = "before and after (ISO 230-2:2014)", "as measured (ISO 230-2:2014)"
@@ -68,9 +69,9 @@ def outcome_of(
     paths: ReportPaths,
 ) -> Outcome:
     """Gather what a run's end shows."""
-    lines = [f"{change.name}: {change.skipped}" for change in proposal.changes if change.skipped]
-    lines += axis_lines(verdict.axes) if verdict is not None else map(str, proposal.warnings)
-    lines += [f"run folder: {run_folder}", f"report: {paths.html}"]
+    lines = [of_table(change.name, change.skipped) for change in proposal.changes if change.skipped]
+    lines += axis_lines(verdict.axes) if verdict is not None else proposal.warnings
+    places = (Message.of("S-REPORT-FOLDER", path=run_folder), Message.of("S-REPORT-PAGE", path=str(paths.html)))
     axes = verdict.axes if verdict is not None else ()
     data = {
         "outcome": verdict.outcome if verdict is not None else "not-pushed",
@@ -87,6 +88,7 @@ def outcome_of(
         title=AGAIN if any(after is not None for _, after in evaluations.values()) else ONCE,
         headings=("", *(f"{axis}, {before.unit}" for axis, (before, _) in evaluations.items())),
         lines=tuple(lines),
+        places=places,
         data=data,
         exit_code=WORSE_EXIT if verdict is not None and verdict.outcome == "worse" else 0,
     )

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import TypeVar
 
 from drivers.errors import ConfigError
+from drivers.message import Message
 from drivers.types.orders import SignProof
 from gateway.config import SiteFile
 from gateway.correct.outlook.flank_uncertainty import OpenDoubt, what_next
@@ -47,7 +48,7 @@ def tooth_of(folder: RunFolder, site: SiteFile, site_path: Path) -> ToothMateria
         gear_name=work.name if work is not None else "",
         letters={axis.name: axis.letter for axis in site.axes},
         open=opened,
-        advice=_advice(folder, site, opened, asked=work is not None) if alone else "",
+        advice=_advice(folder, site, opened, asked=work is not None) if alone else (),
     )
 
 
@@ -106,7 +107,7 @@ def _opened(errors: ErrorModel, work: ToothWork | None, site: SiteFile) -> tuple
         return ()
 
 
-def _advice(folder: RunFolder, site: SiteFile, opened: tuple[OpenDoubt, ...], *, asked: bool) -> str:
+def _advice(folder: RunFolder, site: SiteFile, opened: tuple[OpenDoubt, ...], *, asked: bool) -> tuple[Message, ...]:
     plan = planned(site) if site.setups else ()
     remaining = [one.key for one in plan if one.measured and not folder.has(stages.setup(one.key))]
     return advise(plan, remaining, opened, asked=asked)

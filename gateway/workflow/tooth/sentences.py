@@ -9,6 +9,7 @@ from gateway.correct.outlook.flank_uncertainty import THRESHOLD_UM
 from gateway.correct.outlook.prediction import CrossTableSelection, DominantError, Prediction
 from gateway.correct.plan.layers import LayeredCorrection
 from gateway.domain.values import COVERAGE
+from gateway.evaluate.standards.conformity import verdict_word
 from gateway.model.error_model import ErrorModel
 from gateway.tooth import CureRecord, DriveDoubt, DriveForecast, DriveProposal, ToothProposal, next_for_drive
 
@@ -54,7 +55,11 @@ def drive_told(drive: DriveProposal | None) -> tuple[Message, ...]:
             Message.of("S-VALUE-U", value=fixed(one.value_arcsec, 1), U=fixed(one.U_arcsec, 1)),
             digits(one.limit_arcsec, 6),
         )
-        said.append(Message.of("S-TOOTH-DRIVE-LIMIT", name=one.name, value=value, limit=limit, verdict=one.verdict))
+        said.append(
+            Message.of(
+                "S-TOOTH-DRIVE-LIMIT", name=one.name, value=value, limit=limit, verdict=verdict_word(one.verdict)
+            )
+        )
     return (*said, *measure_for_drive(drive.doubts))
 
 

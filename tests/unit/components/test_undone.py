@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
 
+from drivers.message import prose
 from gateway.correct.outlook.flank_uncertainty import THRESHOLD_UM, OpenDoubt, ToothSpec, what_next
 from gateway.correct.plan.plan import AxisGrid
 from gateway.evaluate.geometry.error_model import error_model
@@ -83,15 +85,19 @@ def plan() -> tuple[Planned, ...]:
     return planned(site_of())
 
 
+def _advice(*given: Any, asked: bool) -> str:
+    return prose(advise(*given, asked=asked))
+
+
 def test_the_advice_names_the_set_up_or_says_that_none_matters() -> None:
     left = ("EYX-X1", "EAX-X1")
-    said = advise(plan(), left, opened(("EXX", 3.0, True), ("EAX", 0.4, False), ("EYX", 0.2, False)), asked=True)
+    said = _advice(plan(), left, opened(("EXX", 3.0, True), ("EAX", 0.4, False), ("EYX", 0.2, False)), asked=True)
     assert said.startswith("Next: EAX-X1. To measure EAX would change the proposal most, by 0.40 µm RMS")
-    none = advise(plan(), left, opened(("EAX", 0.04, False), ("EYX", 0.02, False)), asked=True)
+    none = _advice(plan(), left, opened(("EAX", 0.04, False), ("EYX", 0.02, False)), asked=True)
     assert none == "Set-ups left: 2. None of them would change the proposal by more than 0.1 µm RMS of the flank."
-    other = advise(plan(), left, opened(("ECZ", 2.0, False), ("EAX", 0.04, False)), asked=True)
+    other = _advice(plan(), left, opened(("ECZ", 2.0, False), ("EAX", 0.04, False)), asked=True)
     assert other.startswith("Set-ups left: 2. None")
     assert "No set-up of the plan measures ECZ" in other
-    assert "names no gear" in advise(plan(), left, (), asked=False)
-    assert advise(plan(), (), (), asked=False) == "Every set-up of the plan is measured."
-    assert advise(plan(), (), opened(("EAX", 0.04, True)), asked=True) == "Every set-up of the plan is measured."
+    assert "names no gear" in _advice(plan(), left, (), asked=False)
+    assert _advice(plan(), (), (), asked=False) == "Every set-up of the plan is measured."
+    assert _advice(plan(), (), opened(("EAX", 0.04, True)), asked=True) == "Every set-up of the plan is measured."

@@ -294,9 +294,10 @@ def test_the_page_shows_the_set_and_the_figures_of_the_terminal(tmp_path: Path) 
     }
     for one in page["back"]:
         plan, move = terminal[one["table"]].lines
-        assert move.strip() == one["move"]["words"]
-        assert one["newer"] in plan
-        assert one["older"] in plan
+        assert str(move) == one["move"]["words"]
+        assert (plan.fields["newer"], plan.fields["older"]) == tuple(
+            Message.of(one[name]["code"], **one[name]["fields"]) for name in ("newer", "older")
+        )
     assert page["stays"] == []
     Proofs(store.root).save(replace(PROOF, kind="cross", sign=-1, date_utc="2026-11-29T09:00:00+00:00"))
     turned = {one["table"]: one["move"]["fields"] for one in standing_tables(store, MACHINE.serial)["rollback"]["back"]}

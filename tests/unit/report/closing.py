@@ -205,7 +205,7 @@ def material() -> ReportMaterial:
 def measured() -> ReportMaterial:
     """A run that measured the errors and no more, with what to measure next."""
     opened = (OpenDoubt("EAZ", 0.31, 0.12, 0.7, measured=False), OpenDoubt("EYC", 0.11, 0.2, 0.2, measured=True))
-    advice = "Measure EAZ-Z1 next: EAZ may change the proposal by 0.31 um."
+    advice = (Message.stored("Measure EAZ-Z1 next: EAZ may change the proposal by 0.31 um."),)
     only = ToothMaterial(errors(), open=opened, advice=advice)
     return replace(synthetic.material(), axes=(), outcome="measured", tooth=only, findings=())
 

@@ -113,9 +113,9 @@ def test_state_of_an_axis_follows_verdict_push_and_proposal() -> None:
     loud = replace(axis, push=replace(axis.push, outcome="held-on"))
     assert sentences.axis_state(loud) == ("worse", "✖", "held, still on")
     (line,) = sentences.still_on(replace(synthetic.material(), axes=(loud, axis)))
-    assert line.startswith("X1: held, still on")
+    assert str(line).startswith("X1: held, still on")
     page = render(replace(synthetic.material(), axes=(loud, axis)))
-    assert page.index(line.split(" (")[0]) < page.index("Better")
+    assert page.index(str(line).split(" (")[0]) < page.index("Better")
     assert sentences.still_on(synthetic.material()) == ()
     assert sentences.axis_state(replace(axis, verdict=None, change=None, push=None))[2] == "measured only"
 

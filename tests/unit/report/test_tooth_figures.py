@@ -13,6 +13,7 @@ from matplotlib.figure import Figure
 from matplotlib.image import AxesImage
 
 from drivers.message import Message, prose
+from drivers.terms import shown as as_people_write
 from drivers.types.values import FloatArray
 from gateway.model.error_model import TWENTY_ONE
 from gateway.report import ReportMaterial, ToothMaterial, as_json
@@ -234,7 +235,7 @@ def test_a_stage_that_is_missing_is_said(without: dict[str, Any], said: str) -> 
     whole = closing.material()
     assert whole.tooth is not None
     assert missing(whole) == ()
-    found = missing(replace(whole, tooth=replace(whole.tooth, **without)))
+    found = tuple(map(str, missing(replace(whole, tooth=replace(whole.tooth, **without)))))
     assert [line for line in found if line.startswith(said)]
 
 
@@ -244,7 +245,9 @@ def test_parts_pushes_and_axes_that_are_missing_are_named(material: ReportMateri
     ground_only = tuple(replace(one, flank=None) if one.part == "trial" else one for one in tooth.parts)
     pushed = tuple(replace(one, push=None) if one.change.layer == "cross" else one for one in tooth.tables)
     axes = (material.axes[0], replace(material.axes[1], after=None))
-    found = missing(replace(material, axes=axes, tooth=replace(tooth, parts=ground_only, tables=pushed)))
+    found = tuple(
+        map(str, missing(replace(material, axes=axes, tooth=replace(tooth, parts=ground_only, tables=pushed))))
+    )
     assert found == (
         "Not measured again after the push: Z1.",
         "Proposed but not in the control: X1-cec0, X1-cec1, C1-cec2, C1-cec3.",
@@ -259,12 +262,12 @@ def test_axes_that_improved_as_predicted_share_one_line_and_the_others_keep_ever
     assert first is not None
     assert second is not None
     well, other = replace(first, improved=True, within_prediction=True), replace(second, within_prediction=False)
-    told = axis_lines((well, replace(well, axis="C1"), other))
+    told = tuple(map(str, axis_lines((well, replace(well, axis="C1"), other))))
     assert told == (
         f"{well.axis}, C1: improved by more than the uncertainty, as predicted at every target (k = 3)",
-        f"{other.axis}: {prose(other.words)}",
+        f"{other.axis}: {as_people_write(prose(other.words))}",
     )
-    assert details((well, other)) == (f"{well.axis}: {prose(well.words)}",)
+    assert tuple(map(str, details((well, other)))) == (f"{well.axis}: {as_people_write(prose(well.words))}",)
 
 
 def test_the_last_line_is_the_tooths_figure(material: ReportMaterial) -> None:
@@ -274,14 +277,15 @@ def test_the_last_line_is_the_tooths_figure(material: ReportMaterial) -> None:
     assert verdict is not None
     figures = f"flank RMS {verdict.before_set_right_um:.2f} µm -> {verdict.after_um:.2f} µm"
     assert (
-        tooth_lines(material)[-1] == f"tooth: {figures} (predicted 0.21 +- 0.08 µm, k = 2), set-up values not counted"
+        str(tooth_lines(material)[-1])
+        == f"tooth: {figures} (predicted 0.21 +- 0.08 µm, k = 2), set-up values not counted"
     )
     proposed = ToothMaterial(errors=tooth.errors, proposal=tooth.proposal, gear=tooth.gear)
-    assert tooth_lines(replace(material, tooth=proposed))[-1].endswith(
+    assert str(tooth_lines(replace(material, tooth=proposed))[-1]).endswith(
         "set-up values not counted; not yet proved on a part"
     )
-    assert tooth_lines(closing.part_alone())[-1].startswith("tooth: part customer 7, flank RMS ")
-    assert tooth_lines(closing.measured())[0].startswith("20 of 21 errors were measured.")
+    assert str(tooth_lines(closing.part_alone())[-1]).startswith("tooth: part customer 7, flank RMS ")
+    assert str(tooth_lines(closing.measured())[0]).startswith("20 of 21 errors were measured.")
     assert tooth_lines(replace(material, tooth=None)) == ()
 
 

@@ -163,7 +163,7 @@ def hostile(text: str) -> ReportMaterial:
         (PartMaterial(text, GroundPart(text, SetupValues(), 2, text, text), flank),),
         (table, skipped),
         gear_name=text,
-        advice=text,
+        advice=(Message.stored(text),),
     )
     return replace(closing.material(), axes=(), tooth=tooth, findings=(text,))
 

@@ -78,5 +78,5 @@ def test_a_proposal_says_what_is_expected_what_each_goal_costs_and_the_verdict()
     assert "predicted, not tested" in expected
     assert "0.08" in first
     assert "0.3 arcsec" in mine
-    assert "not decidable" in verdict
+    assert "NOT DECIDABLE" in verdict
     assert drive_told(None) == ()
