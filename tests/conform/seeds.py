@@ -164,7 +164,7 @@ def unlimited(side: str) -> Callable[[Patch], None]:
                 return float(value)
             return strict(spec, name, value)
 
-        patch.setattr(variables, "checked", lenient)
+        patch.setattr(variables, "check_value", lenient)
 
     return seed
 
@@ -173,7 +173,7 @@ def bool_of_two(patch: Patch) -> None:
     strict = variables.check_value
     patch.setattr(
         variables,
-        "checked",
+        "check_value",
         lambda spec, name, value: bool(value) if spec.kind == "bool" else strict(spec, name, value),
     )
 
@@ -201,7 +201,7 @@ def divides(patch: Patch) -> None:
     def lenient(operator: str, left: Any, right: Any) -> Any:
         return 0.0 if operator == "/" and right == 0 else strict(operator, left, right)
 
-    patch.setattr(expressions, "calculated", lenient)
+    patch.setattr(expressions, "apply_operator", lenient)
 
 
 def root(patch: Patch) -> None:

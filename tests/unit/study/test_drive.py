@@ -73,7 +73,7 @@ def test_rows_data_and_picture_tell_it(found: Study, tmp_path: Path, monkeypatch
     assert costs == sorted(costs, reverse=True)
     assert costs[0] > 0.0
     monkeypatch.setattr(charts, "DPI", 40)
-    for other in ("one_at_a_time", "flank_maps", "ranking", "pitch", "axes_before_after"):
+    for other in ("one_at_a_time", "flank_maps", "draw_ranking", "pitch", "axes_before_after"):
         monkeypatch.setattr(drawing, other, lambda figure, *_: figure.clear())  # judged in tests of their own
     picture = next(path for path in write_pictures(found, tmp_path) if path.stem == "transmission")
     pixels = image.imread(picture)
