@@ -215,7 +215,7 @@ class ErrorFile(_Section):
         return self
 
     @model_validator(mode="after")
-    def _something(self) -> ErrorFile:
+    def _check_not_empty(self) -> ErrorFile:
         if not self.errors and self.seeded is None:
             raise ValueError("give errors, or a seed to draw them")
         return self

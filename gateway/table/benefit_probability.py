@@ -58,7 +58,7 @@ class TableDoubt:
     @property
     def rms(self) -> float:
         """Expected error of the table over the places that count, in the deviation unit."""
-        return float(np.sqrt(np.mean(_centred(self.curves @ self.held.T, self.weights) ** 2 @ self.weights)))
+        return float(np.sqrt(np.mean(_less_mean(self.curves @ self.held.T, self.weights) ** 2 @ self.weights)))
 
     def places(self, measured: FloatArray, count: int, u: float, gap: float) -> FloatArray:
         """The ``count`` places (k,), ascending, whose measuring with ``u`` lets the table change most, one by one.
@@ -66,8 +66,8 @@ class TableDoubt:
         Each next one knows what those before will have told. None lies within a tenth of the usual ``gap`` of another
         or of those ``measured``; fewer where there is no room for more.
         """
-        own = _centred(self.curves, self.weights)
-        told = _centred(self.curves @ self.held.T, self.weights)
+        own = _less_mean(self.curves, self.weights)
+        told = _less_mean(self.curves @ self.held.T, self.weights)
         size = own.shape[0]
         open_places = np.min(np.abs(self.lattice[:, None] - measured[None, :]), axis=1) >= NEAR * gap
         chosen: list[float] = []
@@ -83,6 +83,6 @@ class TableDoubt:
         return np.sort(np.asarray(chosen))
 
 
-def _centred(curves: FloatArray, weights: FloatArray) -> FloatArray:
+def _less_mean(curves: FloatArray, weights: FloatArray) -> FloatArray:
     """Curves less their mean: the zero of an axis is no table's matter."""
     return np.asarray(curves - (curves @ weights)[:, None])

@@ -172,7 +172,7 @@ class FlankModel:
         if not self.blocks:
             return np.zeros((self.height, 0))
         parts = [np.einsum("gij,gj,gm->gim", self._roots, block.effect, block.share) for block in self.blocks]
-        rows = self._unturned(np.concatenate(parts, axis=-1).reshape(-1, self.size))
+        rows = self._without_rotation(np.concatenate(parts, axis=-1).reshape(-1, self.size))
         if self.target is None:
             return rows
         along = [
@@ -196,7 +196,7 @@ class FlankModel:
             np.add.at(moments, self.places.of, self.places.form * extra[:, None])
             b = b + np.einsum("gij,gj->gi", self._inverse_roots, moments)
             terms = terms + np.einsum("gij,gj->gi", self.places.inverses, moments)
-        plain = self._unturned(b.reshape(-1, *b.shape[2:]))
+        plain = self._without_rotation(b.reshape(-1, *b.shape[2:]))
         if self.target is None:
             return plain
         return np.concatenate([self.target.flank * plain, np.einsum("rgj,gj...->r...", self._aims, terms)])
@@ -247,7 +247,7 @@ class FlankModel:
         scale = np.divide(1.0, np.sqrt(values), out=np.zeros_like(values), where=seen)
         return scale[:, :, None] * np.swapaxes(vectors, -1, -2)
 
-    def _unturned(self, rows: FloatArray) -> FloatArray:
+    def _without_rotation(self, rows: FloatArray) -> FloatArray:
         """Rows less their share of one common rotation."""
         if not self.turning:
             return rows

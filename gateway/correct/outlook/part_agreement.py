@@ -168,9 +168,9 @@ class _FlankExplainer:
         every: list[Weighed] = []
         for name, shape in shapes.items():
             if self.rms(shape) >= SMALL_UM:
-                every += self._tried(rest, name, shape, root=root, known=name in measured)
+                every += self._try_sizes(rest, name, shape, root=root, known=name in measured)
             if self.rms(shape) >= SMALL_UM and name in turning and name in measured:
-                every.append(self._turned(rest, name, shape, root=root, beside=turning[name]))
+                every.append(self._try_reversed(rest, name, shape, root=root, beside=turning[name]))
         every = [pair for pair in every if pair[1].left_um <= LEFT * self.rms(rest)]
         nothing = float(np.sum(_whitened(root, rest) ** 2))
         best = min((chi for chi, _ in every), default=nothing)
@@ -180,7 +180,7 @@ class _FlankExplainer:
         names = dict.fromkeys(one.error for _, one in good)
         return tuple(_simplest_explanation([one for _, one in good if one.error == name]) for name in names)
 
-    def _tried(
+    def _try_sizes(
         self, rest: FloatArray, name: str, shape: FloatArray, *, root: FloatArray, known: bool
     ) -> Iterator[Weighed]:
         """An error of another size; one that was measured (``known``) also reversed, and absent."""
@@ -195,7 +195,7 @@ class _FlankExplainer:
             chi = float(np.sum(_whitened(root, left) ** 2)) + (FREE if factor == free else 0.0)
             yield chi, Explanation(name, how, factor=factor, u=u, left_um=self.rms(left))
 
-    def _turned(
+    def _try_reversed(
         self, rest: FloatArray, name: str, shape: FloatArray, *, root: FloatArray, beside: Mapping[str, FloatArray]
     ) -> Weighed:
         """A reversed one of a pair, with the pair's first harmonics as they fit best."""

@@ -57,7 +57,7 @@ def best_product(
     f, g = _alternating_fit(plain, effect, left, right)
     if not (np.any(f) and np.any(g)):
         return None
-    f, g = _balanced(f, g)
+    f, g = _balance_factors(f, g)
     if step > 0.0:
         f = np.rint(f / step) * step
         g = np.rint(_factor(plain, effect, left @ f, right) / step) * step
@@ -85,7 +85,7 @@ def product_layer(grinding: Grinding, grid: FlankGrid, plan: Plan, *, proved: bo
 def _alternating_fit(
     model: FlankModel, effect: FloatArray, left: FloatArray, right: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    g = _leading(model, effect, left, right)
+    g = _leading_factor(model, effect, left, right)
     f = np.zeros(left.shape[1])
     for _ in range(ROUNDS):
         f_new = _factor(model, effect, right @ g, left)
@@ -100,7 +100,7 @@ def _alternating_fit(
     return f_new, g
 
 
-def _leading(model: FlankModel, effect: FloatArray, left: FloatArray, right: FloatArray) -> FloatArray:
+def _leading_factor(model: FlankModel, effect: FloatArray, left: FloatArray, right: FloatArray) -> FloatArray:
     """Second factor of the leading term of the wanted correction over all pairs of nodes."""
     pairs = np.einsum("gi,gj->gij", left, right).reshape(left.shape[0], -1)
     wanted = _solve(model, effect, pairs).reshape(left.shape[1], right.shape[1])
@@ -117,7 +117,7 @@ def _solve(model: FlankModel, effect: FloatArray, share: FloatArray) -> FloatArr
     return nearest(columns, model.right, np.zeros(share.shape[1]))
 
 
-def _balanced(f: FloatArray, g: FloatArray) -> tuple[FloatArray, FloatArray]:
+def _balance_factors(f: FloatArray, g: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Both factors of the same size: the resolution of the controller is used best."""
     a, b = float(np.max(np.abs(f))), float(np.max(np.abs(g)))
     even = np.sqrt(b / a)

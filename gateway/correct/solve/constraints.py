@@ -117,7 +117,7 @@ class AxisBound:
         return np.concatenate([weights, -weights]), np.concatenate([allowed - deviation, allowed + deviation])
 
 
-def stacked(
+def stack_limits(
     specs: Sequence[TableSpec], others: int, bounds: Sequence[AxisBound] = (), *, roundable: bool = True
 ) -> tuple[FloatArray, FloatArray]:
     """All rows of all tables, one after the other, with ``others`` further unknowns that nothing limits."""
@@ -165,7 +165,7 @@ def uneven_rows(spec: TableSpec, unseen: NDArray[np.bool_]) -> tuple[FloatArray,
     bends, acting = _bends(spec, 0.5 * length), spec.acting()
     told = ~np.any((bends != 0.0) & unseen, axis=1)
     wanted = np.where(told, 0.0, bends @ acting)
-    hold = np.where(_away(spec, unseen) > length, HELD, LOOSE)
+    hold = np.where(_distance_to_seen(spec, unseen) > length, HELD, LOOSE)
     return np.concatenate([bends, np.diag(hold)]), np.concatenate([wanted, hold * acting])
 
 
@@ -175,7 +175,7 @@ def _length(spec: TableSpec) -> float:
     return max(share, STEPS * float(np.mean(np.diff(grid.nodes))) if grid.nodes.size > 1 else 0.0)
 
 
-def _away(spec: TableSpec, unseen: NDArray[np.bool_]) -> FloatArray:
+def _distance_to_seen(spec: TableSpec, unseen: NDArray[np.bool_]) -> FloatArray:
     """How far each free node (m,) is from the next one that the flank sees."""
     at = spec.grid.free
     apart = np.abs(at[:, None] - at[~unseen][None, :])
@@ -203,7 +203,7 @@ def _bends(spec: TableSpec, length: float) -> FloatArray:
     return rows
 
 
-def smoothing(A: FloatArray, b: FloatArray, R: FloatArray, t: FloatArray, allowed: float) -> float:
+def smoothing_weight(A: FloatArray, b: FloatArray, R: FloatArray, t: FloatArray, allowed: float) -> float:
     """Weight w of the rows R y - t in |A y + b|^2 + w^2 |R y - t|^2 that costs the first at most ``allowed``.
 
     R has full column rank.

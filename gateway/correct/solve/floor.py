@@ -61,8 +61,8 @@ def floor(grinding: Grinding, grid: FlankGrid, *, dressing: bool = True, mountin
     cure = tangential_cure(grid.gear, grid.thetas)
     return Floor(
         before=before,
-        setup=_left(whole.without([one.name for one in tables])),
-        tables=_left(whole),
+        setup=_residual_rms(whole.without([one.name for one in tables])),
+        tables=_residual_rms(whole),
         products=_any_product(whole),
         alpha_arcsec_per_um=rad_to_arcsec(cure.dc_per_B) / mm_to_um(1.0),
         eta=cure.eta,
@@ -70,7 +70,7 @@ def floor(grinding: Grinding, grid: FlankGrid, *, dressing: bool = True, mountin
     )
 
 
-def _left(model: FlankModel) -> float:
+def _residual_rms(model: FlankModel) -> float:
     """RMS that the best values leave."""
     rows = model.rows
     size = np.linalg.norm(rows, axis=0)
@@ -89,9 +89,9 @@ def _mounting_blocks(grinding: Grinding, model: FlankModel) -> list[UnknownsBloc
 def _any_product(model: FlankModel) -> float:
     """RMS with A and G free at every place: B keeps what G and the set-up values cannot take over."""
     e = model.start()
-    rest = e - _taken(model, e)
+    rest = e - _correctable_part(model, e)
     ways = [model.places.along_normal(block.effect) for block in model.blocks if block.grid is None]
-    columns = np.stack([way - _taken(model, way) for way in ways], axis=-1)
+    columns = np.stack([way - _correctable_part(model, way) for way in ways], axis=-1)
     before = np.array([float(np.linalg.norm(way)) for way in ways])
     size = np.linalg.norm(columns, axis=0)
     used = columns[:, size > SAME * before] / size[size > SAME * before]
@@ -100,7 +100,7 @@ def _any_product(model: FlankModel) -> float:
     return float(np.sqrt(np.mean(rest**2)))
 
 
-def _taken(model: FlankModel, e: FloatArray) -> FloatArray:
+def _correctable_part(model: FlankModel, e: FloatArray) -> FloatArray:
     """The part of e that A n_x + G h can make, place by place."""
     places, form = model.places, model.places.form[:, [0, 2]]
     grams, moments = np.zeros((places.k.size, 2, 2)), np.zeros((places.k.size, 2))

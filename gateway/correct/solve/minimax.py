@@ -60,7 +60,7 @@ def smallest_largest(
         if float(np.max(np.abs(e0 + tall @ x))) <= bound * (1.0 + CLOSE) + SURE:
             break
         rows = problem.worst(x, rows, bound)
-    return _settled(problem, rows, x0, bound)[: M.shape[1]] / FINE
+    return _smoothest_optimum(problem, rows, x0, bound)[: M.shape[1]] / FINE
 
 
 class _Problem:
@@ -146,7 +146,7 @@ class _Problem:
         return np.asarray(answer.x)
 
 
-def _settled(problem: _Problem, rows: NDArray[np.bool_], x0: FloatArray, bound: float) -> FloatArray:
+def _smoothest_optimum(problem: _Problem, rows: NDArray[np.bool_], x0: FloatArray, bound: float) -> FloatArray:
     """The calmest of the best solutions, over all points."""
     wide = bound * (1.0 + SLACK) + SURE
     for _ in range(ROUNDS):

@@ -33,8 +33,8 @@ from gateway.correct.solve.constraints import (
     TableSpec,
     nearest,
     nearest_within_limits,
-    smoothing,
-    stacked,
+    smoothing_weight,
+    stack_limits,
     uneven_rows,
 )
 from gateway.correct.solve.minimax import smallest_largest
@@ -115,7 +115,7 @@ def optimise(
     model = without_live(measured.without(left_alone), grinding, specs)
     work = work_of(model, specs, setup=values, bounds=bounds, indifference_rms=indifference_rms)
     y = _continuous(work, norm)
-    x = _whole(work, y, norm, STEADY if indifference_rms > 0.0 else 0.0)
+    x = _round_values(work, y, norm, STEADY if indifference_rms > 0.0 else 0.0)
     noise_rms = propagated_rms(apply_constraints(model, specs), doubt)
     answer = _answer(grinding, work, work.values(y), x, measured=measured, omitted=omitted, noise=noise_rms)
     return _without_idle(answer, work, x)
@@ -144,7 +144,7 @@ def _side_scaled(G: FloatArray, g: FloatArray) -> FloatArray:
     return np.divide(g, size, out=np.where(g >= 0.0, np.inf, g), where=size > 0.0)
 
 
-def _whole(work: SolverWork, y: FloatArray, norm: Norm, steady: float) -> FloatArray:
+def _round_values(work: SolverWork, y: FloatArray, norm: Norm, steady: float) -> FloatArray:
     """Values on the resolutions, mm and rad; those without a resolution are best for the others once these are set.
 
     If every value stands a step beside its optimum, that counts as ``steady`` (um RMS) on the flank.
@@ -170,13 +170,13 @@ def _whole(work: SolverWork, y: FloatArray, norm: Norm, steady: float) -> FloatA
     if norm == "max":
         lever = work.model.places.form[:, 2] if work.model.turning else None
         enough = (1.0 + TRADE) * _figure(work.model, work.model.deviation(x)).largest
-        e = work.model.deviation(_refilled(work, n, whole, steps, x))
+        e = work.model.deviation(_solve_unrounded(work, n, whole, steps, x))
         per_step = scipy.sparse.csc_matrix(M[:, np.flatnonzero(whole)].multiply(steps[whole]))
         n = lower_largest(per_step, e, n=n, limits=limits, movable=movable, enough=enough, free=lever)
-    return _refilled(work, n, whole, steps, x)
+    return _solve_unrounded(work, n, whole, steps, x)
 
 
-def _refilled(
+def _solve_unrounded(
     work: SolverWork, n: NDArray[np.int64], whole: NDArray[np.bool_], steps: FloatArray, x: FloatArray
 ) -> FloatArray:
     """Values of whole steps n, the others by least squares of what is left."""
@@ -344,8 +344,8 @@ def work_of(
     A, b, prior = _regularised_system(
         model, specs, reach, tie * scale, (UM * indifference_rms) ** 2 * model.places.points
     )
-    G, g = stacked(specs, len(setup), bounds)
-    limits = stacked(specs, len(setup), bounds, roundable=False)
+    G, g = stack_limits(specs, len(setup), bounds)
+    limits = stack_limits(specs, len(setup), bounds, roundable=False)
     return SolverWork(
         model=model,
         specs=specs,
@@ -383,7 +383,7 @@ def _regularised_system(
     R = _diagonal([one * size for (one, _), size in zip(parts, reach, strict=True)])
     t = np.concatenate([one * size for (_, one), size in zip(parts, reach, strict=True)])
     prior = np.linalg.lstsq(R @ free, t, rcond=None)[0]
-    weight = smoothing(rows @ free, right, R=R @ free, t=t, allowed=allowed)
+    weight = smoothing_weight(rows @ free, right, R=R @ free, t=t, allowed=allowed)
     return np.concatenate([rows, weight * R]), np.concatenate([right, -weight * t]), prior
 
 

@@ -59,7 +59,7 @@ def nearest_whole(
         n = np.rint(best).astype(np.int64)
         if not limits.kept(n.astype(np.float64)):
             raise ModelError("E-CORRECT-INFEASIBLE", "rounding", limits=int(limits.g.size))
-    return _exchanged(tall.T @ tall, best, n, limits, movable)
+    return _exchange_steps(tall.T @ tall, best, n, limits, movable)
 
 
 def _plane_by_plane(A: FloatArray, best: FloatArray) -> Whole:
@@ -71,7 +71,9 @@ def _plane_by_plane(A: FloatArray, best: FloatArray) -> Whole:
     return n.astype(np.int64)
 
 
-def _exchanged(H: FloatArray, best: FloatArray, n: Whole, limits: RoundingLimits, movable: NDArray[np.bool_]) -> Whole:
+def _exchange_steps(
+    H: FloatArray, best: FloatArray, n: Whole, limits: RoundingLimits, movable: NDArray[np.bool_]
+) -> Whole:
     """Steps of one value and of two at once, the best first, until none helps."""
     pull = H @ (n - best)
     diagonal = np.diag(H).copy()
@@ -143,7 +145,7 @@ def lower_largest(
     columns = _Columns(M, free)
     e = columns.turned(e)
     for _ in range(EXCHANGES):
-        move = _lowering(columns, e, n, limits, movable) if float(np.max(np.abs(e))) > enough else None
+        move = _lowering_move(columns, e, n, limits, movable) if float(np.max(np.abs(e))) > enough else None
         if move is None:
             break
         n = n.copy()
@@ -175,7 +177,7 @@ class _Columns:
         return self._known[i]
 
 
-def _lowering(
+def _lowering_move(
     columns: _Columns, e: FloatArray, n: Whole, limits: RoundingLimits, movable: NDArray[np.bool_]
 ) -> list[tuple[int, int]] | None:
     worst = int(np.argmax(np.abs(e)))
@@ -197,12 +199,12 @@ def _lowering(
         if sum(s * row[i] for i, s in move) * e[worst] >= 0.0:
             continue
         top = float(np.max(np.abs(close + sum(s * part[i] for i, s in move))))
-        if top < (lower if found is None else found[0]) and limits.kept(_stepped(n, move)):
+        if top < (lower if found is None else found[0]) and limits.kept(_apply_step(n, move)):
             found = top, move
     return None if found is None else found[1]
 
 
-def _stepped(n: Whole, move: list[tuple[int, int]]) -> FloatArray:
+def _apply_step(n: Whole, move: list[tuple[int, int]]) -> FloatArray:
     step = n.astype(np.float64)
     for i, s in move:
         step[i] += s

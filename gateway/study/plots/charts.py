@@ -182,7 +182,7 @@ def measured_panels(figure: Figure, found: Sequence[Measurement], title: str, no
     panels = figure.subplots(rows, columns, squeeze=False)
     tall = float(figure.get_figheight())
     figure.subplots_adjust(left=0.06, right=0.985, top=1.0 - 0.95 / tall, bottom=0.45 / tall, hspace=0.75, wspace=0.24)
-    _headed(figure, title, note, 0.06)
+    _add_heading(figure, title, note, 0.06)
     for panel in panels.flat[len(found) :]:
         panel.set_visible(False)
     for panel, one in zip(panels.flat, found, strict=False):
@@ -200,7 +200,7 @@ def measured_pairs(figure: Figure, found: Sequence[Measurement], title: str, not
     panels = figure.subplots(len(found), 2, squeeze=False)
     tall = float(figure.get_figheight())
     figure.subplots_adjust(left=0.06, right=0.985, top=1.0 - 1.05 / tall, bottom=0.45 / tall, hspace=0.62, wspace=0.14)
-    _headed(figure, title, note, 0.06)
+    _add_heading(figure, title, note, 0.06)
     for row, one in zip(panels, found, strict=True):
         for panel, head in zip(row, ("before and after", "after alone, its own scale"), strict=True):
             _calm(panel)
@@ -215,7 +215,7 @@ def measured_pairs(figure: Figure, found: Sequence[Measurement], title: str, not
     figure.legend(handles, names, loc="upper right", ncols=4, frameon=False, fontsize=7.5)
 
 
-def _headed(figure: Figure, title: str, note: str, left: float) -> None:
+def _add_heading(figure: Figure, title: str, note: str, left: float) -> None:
     """Title and note at the head, a fixed way below the top edge whatever the height."""
     tall = float(figure.get_figheight())
     figure.text(left, 1.0 - 0.28 / tall, title, fontsize=10, color=INK)
@@ -268,7 +268,7 @@ def bars_sheet(
     panel = figure.subplots(1, 1)
     tall = float(figure.get_figheight())
     figure.subplots_adjust(left=0.085, right=0.985, top=1.0 - 0.72 / tall, bottom=0.3 / tall)
-    _headed(figure, title, note, 0.085)
+    _add_heading(figure, title, note, 0.085)
     _calm(panel)
     panel.grid(False, axis="x")
     at, half = np.arange(len(names)), np.array([one or 0.0 for one in spread])

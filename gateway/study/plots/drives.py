@@ -59,7 +59,7 @@ def reducer_sheet(figure: Figure, drive: Reducer) -> None:
     panel.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=2, frameon=False, fontsize=7.5)
     _calm(panel)
     note = f"eccentricity {gear.a:g} mm, rated {drive.rated_nm:.4g} Nm, datum of deviations: {drive.datum}"
-    _headed(figure, drive.name, note, 0.1)
+    _add_heading(figure, drive.name, note, 0.1)
 
 
 def drive_sheet(figure: Figure, found: Transmission, expected: str = "") -> None:
@@ -79,10 +79,10 @@ def drive_sheet(figure: Figure, found: Transmission, expected: str = "") -> None
     ):
         play.plot(turned, values, color=colour, lw=0.8, label=name)
     _turn(play, "arcsec")
-    _around(play, [found.lost_motion_arcsec, found.backlash_arcsec])
+    _limits_from_zero(play, [found.lost_motion_arcsec, found.backlash_arcsec])
     title = f"{found.drive.name} at {found.torque_nm:.4g} Nm: {found.error_arcsec:.1f} arcsec transmission error"
     note = f"predicted, not tested; without friction; stiffness {found.stiffness_nm_arcmin:.4g} Nm/arcmin{expected}"
-    _headed(figure, title, note, 0.075)
+    _add_heading(figure, title, note, 0.075)
 
 
 def pairs_sheet(figure: Figure, found: Matching) -> None:
@@ -110,7 +110,7 @@ def pairs_sheet(figure: Figure, found: Matching) -> None:
     panel.grid(False, axis="x")
     left = f"; left over: {', '.join(str(one + 1) for one in found.left_over)}" if found.left_over else ""
     note = f"by the full model, the worse sense of torque; predicted, not tested{left}"
-    _headed(figure, f"pairing gains {found.worth_arcsec:.2f} arcsec a drive", note, 0.075)
+    _add_heading(figure, f"pairing gains {found.worth_arcsec:.2f} arcsec a drive", note, 0.075)
 
 
 def readings_of_bench(figure: Figure, record: DriveRecord, source: str) -> None:
@@ -128,7 +128,7 @@ def readings_of_bench(figure: Figure, record: DriveRecord, source: str) -> None:
         panel.set_ylabel(label)
         _calm(panel)
     panels[-1].set_xlabel("reading")
-    _headed(figure, source, f"{record.input_deg.size} readings of a reducer's test bench", 0.1)
+    _add_heading(figure, source, f"{record.input_deg.size} readings of a reducer's test bench", 0.1)
 
 
 def bench_sheet(figure: Figure, found: DriveFigures, verdict: str = "", *, simulated: bool = False) -> None:
@@ -163,7 +163,7 @@ def bench_sheet(figure: Figure, found: DriveFigures, verdict: str = "", *, simul
         panel.set_title(f"torque loop: {words}", loc="left", fontsize=8.5, color=INK)
         _calm(panel)
     note = f"{found.drive.pins} pins, ratio {found.drive.ratio:g}{verdict}"
-    _headed(figure, f"reducer on its test bench, {'SIMULATED' if simulated else 'measured'}", note, 0.085)
+    _add_heading(figure, f"reducer on its test bench, {'SIMULATED' if simulated else 'measured'}", note, 0.085)
 
 
 def _short(causes: Sequence[OrderCause]) -> str:
@@ -207,13 +207,13 @@ def _turn(panel: Axes, label: str) -> None:
     _calm(panel)
 
 
-def _around(panel: Axes, parts: Sequence[FloatArray]) -> None:
+def _limits_from_zero(panel: Axes, parts: Sequence[FloatArray]) -> None:
     """Limits from zero, so that a steady play looks steady."""
     top = max(float(np.max(one)) for one in parts)
     panel.set_ylim(min(0.0, 1.1 * min(float(np.min(one)) for one in parts)), 1.15 * top if top > 0.0 else 1.0)
 
 
-def _headed(figure: Figure, title: str, note: str, left: float) -> None:
+def _add_heading(figure: Figure, title: str, note: str, left: float) -> None:
     tall = float(figure.get_figheight())
     figure.text(left, 1.0 - 0.28 / tall, title, fontsize=10, color=INK)
     figure.text(left, 1.0 - 0.50 / tall, note, fontsize=8, color=QUIET)

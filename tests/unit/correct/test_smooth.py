@@ -9,7 +9,7 @@ import pytest
 
 from gateway.correct.flank.flank_model import FlankModel, flank_model
 from gateway.correct.flank.tables import Table, TableGrid
-from gateway.correct.solve.constraints import TableSpec, smoothing
+from gateway.correct.solve.constraints import TableSpec, smoothing_weight
 from gateway.correct.solve.optimise import Norm, optimise
 from gateway.gear.flank import FlankGrid, flank_grid
 from gateway.gear.grinding import Grinding
@@ -114,7 +114,7 @@ def test_the_weight_of_smoothness_costs_what_is_allowed() -> None:
 
     exact = float(np.sum((A @ np.linalg.lstsq(A, -b, rcond=1e-15)[0] + b) ** 2))
     for allowed in (1e-3, 0.1, 1.0):
-        weight = smoothing(A, b, R, t, allowed)
+        weight = smoothing_weight(A, b, R, t, allowed)
         assert cost(weight)[0] - exact == pytest.approx(allowed, rel=1e-3)
         assert cost(2.0 * weight)[0] - exact > allowed
         assert cost(2.0 * weight)[1] < cost(weight)[1] < cost(0.5 * weight)[1]
