@@ -28,7 +28,8 @@ SCATTER = 4_000_000
 DRAWN = 100_000_000
 """Numbers drawn together, and in all. Tests of up to 2000 targets never come near: a block of trials is drawn at once,
 and as many blocks as their figures ask for. Larger ones get fewer trials, `LEAST_TRIALS` at least (an interval of 95 %
-needs 2000, JCGM 101 clause 7.2.2), and what has not settled by then is told.
+needs 2000, JCGM 101 clause 7.2.2), and what has not settled by then is reported. Where even those would take more than
+`DRAWN` numbers, none are drawn (`too_many`), and the result says that it has no such intervals.
 """
 
 Formulas = Callable[[FloatArray], Mapping[str, FloatArray]]
@@ -49,7 +50,7 @@ def scatter_of_test(
     digits: int = 2,
     most: int = MOST_TRIALS,
 ) -> Mapping[str, TrialOutcome]:
-    """Outcomes by parameter name; empty where nothing says how much readings scatter.
+    """Outcomes by parameter name; empty where nothing says how much readings scatter, or where there are `too_many`.
 
     Each trial makes the test again: the means of deviations (m, n, 2), NaN where missing, each reading with its
     target's own s (at least eve / 2 where a drift test is given), and the systematic terms as errors common to
@@ -66,6 +67,8 @@ def scatter_of_test(
     if sigma is None:
         return {}
     common = _common(at, unit, budget)
+    if too_many(x, of_table):
+        return {}
     if of_table is not None:
         trial, size = _of_moments(x, sigma, common, of_table), statistics.means(x).size
     elif formulas is not None:
@@ -77,6 +80,11 @@ def scatter_of_test(
     return montecarlo.run_trials(
         trial, probability=COVERED, digits=digits, share=SHARE, seed=seed, block=block, most=most
     )
+
+
+def too_many(x: FloatArray, of_table: TableFormulas | None) -> bool:
+    """Whether the fewest trials of a test (m, n, 2) would draw more than `DRAWN` numbers."""
+    return LEAST_TRIALS * (x.size if of_table is None else x.shape[0] * 2) > DRAWN
 
 
 def _in_parts(trial: montecarlo.Trial, together: int) -> montecarlo.Trial:

@@ -17,7 +17,7 @@ from gateway.domain.values import FloatArray
 from gateway.errors import ModelError
 from gateway.evaluate.standards import iso230_2, statistics
 from gateway.evaluate.standards.conformity import Decision, decide
-from gateway.evaluate.standards.positioning_trials import TableFormulas, scatter_of_test
+from gateway.evaluate.standards.positioning_trials import TableFormulas, scatter_of_test, too_many
 from gateway.evaluate.standards.statistics import RECALLED, SECONDARY, Certainty
 from gateway.evaluate.uncertainty.budget import Budget
 from gateway.evaluate.uncertainty.montecarlo import TrialOutcome
@@ -326,7 +326,8 @@ def evaluate_by(
         else {}
     )
     by_trials = {key: outcome.U for key, outcome in outcomes.items() if values.get(key) is not None}
-    notes = (*flags, *unsettled_notes(outcomes))
+    many = (Message.of("S-EVAL-TOO-MANY", count=at.size),) if monte_carlo and too_many(x, of_table) else ()
+    notes = (*flags, *many, *unsettled_notes(outcomes))
     return StandardResult(
         standard=chosen,
         unit=unit,

@@ -199,7 +199,7 @@ def test_a_test_of_very_many_targets_is_drawn_in_parts_and_less_often(monkeypatc
     x = 4.0 * np.sin(at / 60.0)[:, None, None] + np.random.default_rng(8).normal(0.0, 0.6, (9, 5, 2))
     whole = iso_scatter(at, x, "um", Budget(device=0.3), seed=3)
     monkeypatch.setattr(positioning_trials, "SCATTER", 2000)
-    monkeypatch.setattr(positioning_trials, "DRAWN", 30_000)
+    monkeypatch.setattr(positioning_trials, "DRAWN", positioning_trials.LEAST_TRIALS * 18)
     seen: list[int] = []
 
     def formulas(mean: np.ndarray, s: np.ndarray) -> Mapping[str, np.ndarray]:
@@ -211,6 +211,18 @@ def test_a_test_of_very_many_targets_is_drawn_in_parts_and_less_often(monkeypatc
     assert {outcome.trials for outcome in parts.values()} == {positioning_trials.LEAST_TRIALS}
     for name, outcome in parts.items():
         assert outcome.u == pytest.approx(whole[name].u, rel=0.08), name
+
+
+def test_a_test_of_too_many_targets_for_trials_says_so_and_has_no_intervals(monkeypatch: pytest.MonkeyPatch) -> None:
+    at = np.linspace(0.0, 400.0, 9)
+    x = 4.0 * np.sin(at / 60.0)[:, None, None] + np.random.default_rng(8).normal(0.0, 0.6, (9, 5, 2))
+    usual = registry.evaluate_by("2014", at, x, "um", budget=Budget(device=0.3))
+    monkeypatch.setattr(positioning_trials, "DRAWN", positioning_trials.LEAST_TRIALS * 18 - 1)
+    found = registry.evaluate_by("2014", at, x, "um", budget=Budget(device=0.3))
+    assert [flag.code for flag in found.flags if flag not in usual.flags] == ["S-EVAL-TOO-MANY"]
+    assert dict(found.trials) == {}
+    assert found.values == usual.values
+    assert found.U["B"] == usual.U["B"], "by the law of propagation"
 
 
 def test_intervals_that_are_not_settled_are_named(monkeypatch: pytest.MonkeyPatch) -> None:
