@@ -135,7 +135,7 @@ def test_a_flank_that_became_worse_takes_the_tables_back_unless_told_not_to(
 
     async def take_back(at: Any) -> Any:
         asked.append(at.folder.run_id)
-        return SimpleNamespace(lines=("X1: the old one acts",))
+        return SimpleNamespace(lines=(Message.stored("X1: the old one acts"),))
 
     async def nothing(_at: Any) -> None:
         return None
