@@ -6,6 +6,10 @@ from pathlib import Path
 
 import pytest
 
+from drivers.message import prose
+from gateway.store import Store
+from gateway.tooth import ToothProposal
+from gateway.workflow import stages
 from simulators.cell import Cell
 from simulators.cellfile import load_cell, with_plan
 from tests.closing.record import MachineResult
@@ -50,5 +54,6 @@ def test_a_control_without_cross_tables_gets_axis_tables_and_is_told_what_stays(
     found = run("plain", tmp_path)
     assert found.outcome in ("better", "unchanged")
     assert found.after_um < found.set_right_um
-    (said,) = list(tmp_path.rglob("tooth.json"))
-    assert "remain on the flank; with cross tables" in said.read_text(encoding="utf-8")
+    (stored,) = list(tmp_path.rglob("tooth.json"))
+    folder = Store(stored.parents[1]).open(stored.parent.name)
+    assert "remain on the flank; with cross tables" in prose(folder.get(stages.TOOTH, ToothProposal).said)
