@@ -11,6 +11,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from math import isnan, nan
 from pathlib import Path
 from typing import Any
 
@@ -71,7 +72,8 @@ FEATURE_UNITS: Mapping[str, tuple[str, float]] = {
 class CircleColumns:
     """Which column holds what, from 1 (0: as the heading names it), units, and what no column tells.
 
-    ``start_deg`` is where a pass begins, for samples over time; ``calibrated``: the bar's length is known.
+    ``start_deg`` is where a pass begins: samples over time have no other angle, so it is demanded (nan: not stated).
+    ``calibrated``: the bar's length is known.
     """
 
     time: int = 0
@@ -89,7 +91,7 @@ class CircleColumns:
     feed_mm_min: float = 0.0
     plane: str = ""
     way: str = ""
-    start_deg: float = 0.0
+    start_deg: float = nan
     pitch_first_mm: float = 0.0
     pitch_second_mm: float = 0.0
     calibrated: bool = False
@@ -106,6 +108,7 @@ class CircleColumns:
         yield "way", self.way.lower() in ("", "ccw", "cw"), "must be ccw or cw"
         for name in ("radius_mm", "feed_mm_min", "pitch_first_mm", "pitch_second_mm"):
             yield name, 0.0 <= getattr(self, name) <= 1e6, "must be more than 0"
+        yield "start_deg", isnan(self.start_deg) or abs(self.start_deg) <= 360.0, "must be an angle in deg"
         yield "separator", len(self.separator) <= 1, "must be one character"
 
 
@@ -384,6 +387,9 @@ def _angle(
     if not way.all():
         raise FileFormatError("E-CIRCLE-SENSE", where, line=1, found="-")
     speed = _needed(stated, "feed_mm_min", where) / 60.0 / _needed(stated, "radius_mm", where)
+    if isnan(said.start_deg):
+        # A wrong start turns scale into squareness: it is never taken as 0.
+        raise FileFormatError("E-CIRCLE-STATED", where, key="start_deg", value="-")
     time, found = values["time"], np.empty(values["time"].size)
     for own in (1.0, -1.0):
         mine = way == own

@@ -151,10 +151,14 @@ def test_samples_over_time_and_of_two_positions_give_the_same_circle() -> None:
     seconds = np.deg2rad(angles) * RADIUS / (FEED / 60.0)
     rows = [f"{t:.6f};{d:.4f}".replace(".", ",") for t, d in zip(seconds, radial, strict=True)]
     Path("time.csv").write_text("\n".join(("Zeit [s];Abweichung [um]", *rows, "")), encoding="utf-8")
-    said = [w for one in ("radius_mm=150", "feed_mm_min=1000", "way=ccw") for w in ("--column", one)]
+    said = [w for one in ("radius_mm=150", "feed_mm_min=1000", "start_deg=0", "way=ccw") for w in ("--column", one)]
     assert figures(told("time.csv", *said))["scale mismatch"][0] == pytest.approx(40.0, rel=0.01)
     assert code("time.csv", *said[:-2]) == "E-CIRCLE-SENSE"
     assert code("time.csv", *said[2:]) == "E-CIRCLE-STATED"
+    # Where the pass begins is demanded: an eighth of a turn away, the same samples are squareness in place of scale
+    assert code("time.csv", *said[:4], *said[6:]) == "E-CIRCLE-STATED"
+    turned = [*said[:4], "--column", "start_deg=45", *said[6:]]
+    assert abs(figures(told("time.csv", *turned))["scale mismatch"][0]) < 1.0
     t, r = np.deg2rad(angles), RADIUS + radial * 1e-3
     rows = [f"{a:.6f},{b:.6f}" for a, b in zip(r * np.cos(t), r * np.sin(t), strict=True)]
     Path("grid.csv").write_text("\n".join(("# Radius mm,150", "x_mm,y_mm", *rows, "")), encoding="utf-8")
