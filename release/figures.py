@@ -78,7 +78,7 @@ def axis_figure() -> Figure:
 
 def terms_figure() -> Figure:
     """What 5 um along the centre line, 5 um across, and 5 arcsec about the gear's axis do along one space."""
-    from gateway.study.machine import gear_of  # noqa: PLC0415 - the gear's profile itself
+    from gateway.study.inputs import gear_of  # noqa: PLC0415 - the gear's profile itself
 
     cut = gear_of(gear().data)
     t = np.linspace(-np.pi / gear().data.gear.zc, np.pi / gear().data.gear.zc, 201)

@@ -21,7 +21,7 @@ from gateway.reducer.pairing import Matching, Pair
 from gateway.reducer.pairing import match as matched
 from gateway.reducer.uncertainty import Draw, DriveUncertainty
 from gateway.reducer.uncertainty import uncertainty as drawn
-from gateway.study.machine import gear_of
+from gateway.study.inputs import gear_of
 from gateway.tooth import FlankMap
 from trueflank.frames import frame
 from trueflank.given import of_kind, wholes_given

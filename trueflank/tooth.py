@@ -37,10 +37,9 @@ from gateway.study.export import (
     write_dxf,
     write_rows,
 )
-from gateway.study.inputs import ErrorFile, GearFile, is_run, load_gear, validate_file
+from gateway.study.inputs import ErrorFile, GearFile, gear_of, is_run, load_gear, validate_file
 from gateway.study.machine import (
     error_names,
-    gear_of,
     grid_of,
     grinding_of,
     is_angle,

@@ -20,14 +20,13 @@ from gateway.config import AxisSection
 from gateway.conform import prober_of
 from gateway.domain.proposals import TableChange
 from gateway.errors import VerifyError
-from gateway.push import triangle_for_axes
 from gateway.say import silence
+from gateway.table.trial import triangle_for_axes
 from gateway.workflow.axes.measure import fetch_tables
 from gateway.workflow.bench import Bench
 from gateway.workflow.control.contexts import table_context
 from gateway.workflow.control.proving import BenchEyes, provable, prove
-from gateway.workflow.recognising import known_of
-from gateway.workflow.runsite import store_of
+from gateway.workflow.runsite import known_of, store_of
 from gateway.workflow.selftests import untested
 from gateway.workflow.witness import Witness
 

@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+import os
 import sys
 from typing import Annotated
 
 import typer
+
+# Our matrices are small: threads of a BLAS cost every command a tenth of a second and only wait for each other; and one
+# thread adds in the same order on every PC. Before numpy is loaded, or it is too late.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 from gateway.cli.lazily import WIDTH, CommandList
 from gateway.cli.show import echo, show_error

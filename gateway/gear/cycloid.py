@@ -170,6 +170,11 @@ class CycloidGear:
         """`GearLimits.r_tip` alone, mm: the arc among the limits takes a library that is slow to load."""
         return self.pin_circle + self.a - self.pin
 
+    @property
+    def root_radius(self) -> float:
+        """`GearLimits.r_root` alone, mm."""
+        return self.pin_circle - self.a - self.pin
+
     def limits(self) -> GearLimits:
         """Coefficient, radii and limits of this gear."""
         return limits(**{field.name: getattr(self, field.name) for field in fields(self)})

@@ -52,7 +52,7 @@ from gateway.push.recovery_findings import PushFinding, make_finding, with_rest
 from gateway.push.rollback import RollbackRequest, group_rollbacks, preflight_rollbacks, roll_back_pushes
 from gateway.push.sent_programs import SentProgramBook
 from gateway.push.sign_proof import prove_sign, prove_signs
-from gateway.push.sign_proof_tables import ROUNDS, TIMES, SignQuestion, Steps, trials_stay_off, triangle_for_axes
+from gateway.push.sign_proof_tables import ROUNDS, TIMES, SignQuestion, Steps, trials_stay_off
 from gateway.push.state import Reading, ReadStop
 from gateway.push.table_status import TableState, held_pushes, table_states
 from gateway.push.transaction import PartialCommitPolicy, push_table, push_tables
@@ -128,7 +128,6 @@ __all__ = [
     "transaction_groups",
     "transitions_in_markdown",
     "trials_stay_off",
-    "triangle_for_axes",
     "unfinished_tables",
     "with_rest",
 ]

@@ -11,19 +11,17 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from math import ceil, floor
 from typing import Any, Literal, Protocol
 
 import numpy as np
 
-from drivers.errors import TableError, UnsupportedDevice
+from drivers.errors import UnsupportedDevice
 from drivers.terms import TableKind
 from drivers.types.orders import SignProof
 from drivers.types.stops import Stop, StopPlan, StopReached
-from drivers.types.tables import CompensationTable, LiveSet, LiveTable, reversal_of
+from drivers.types.tables import CompensationTable, LiveSet, LiveTable
 from drivers.types.values import Approach
 from drivers.units import deviation_unit
-from gateway.axes import AxisRecord
 from gateway.domain.proposals import TableChange
 from gateway.errors import VerifyError
 from gateway.evaluate.behaviour.repetitions import MAD_TO_SIGMA
@@ -32,13 +30,13 @@ from gateway.push import controller_access
 from gateway.push.compare import table_in
 from gateway.push.context import PushContext
 from gateway.push.state import Reading, TableTransactionState, with_safe_logger
+from gateway.table.trial import PEAK, triangle_for_axes
 
 # Tables that programs or the panel switch: off and on in turn while the input axis stands at the peak.
 #
 # Steps that prove nothing are measured as often again, and all of them are judged together. So readings that scatter,
 # or one out of line, cost minutes and not the run; what is said of a wrong table gets surer by more steps, not weaker.
 
-PEAK = 3.0
 TIMES = 3
 ROUNDS = 6
 """Four stops make one step, so one reading out of line must not decide: of so many it is seen and left out."""
@@ -302,50 +300,6 @@ def triangle(
     return triangle_for_axes(
         context.input_axis, context.axis, minimum=minimum, maximum=maximum, step=step, kind=kind, index=index
     )
-
-
-def triangle_for_axes(
-    axis: AxisRecord,
-    output: AxisRecord,
-    minimum: float,
-    maximum: float,
-    step: float,
-    kind: TableKind = "axis",
-    index: int = 0,
-) -> tuple[CompensationTable, float]:
-    """As `triangle`, for an input ``axis`` and an ``output`` axis without a machine to push to."""
-    if kind == "reversal":
-        return reversal_of(output.name, output.unit, PEAK, output.encoder), float(np.mean(output.room))
-    count = round((maximum - minimum) / step) + 1
-    at = min(max((axis.reference - minimum) / step, 0.0), float(count - 1))
-    below, above = (0, floor(at + 1e-9)), (ceil(at - 1e-9), count - 1)
-    first, last = max(below, above, key=lambda side: side[1] - side[0])
-    peak = _peak(axis.room, minimum, step=step, first=first, last=last)
-    if not first < peak < last:
-        grid: dict[str, Any] = {"minimum": minimum, "maximum": maximum, "step": step}
-        raise TableError("E-PUSH-TRIANGLE", axis.name, axis=axis.name, **grid)
-    values = np.interp(np.arange(count), [first, peak, last], [0.0, PEAK, 0.0])
-    table = CompensationTable(
-        kind,
-        axis.name,
-        output_axis=output.name,
-        minimum=minimum,
-        maximum=maximum,
-        step=step,
-        deviations=tuple(round(float(value), 3) for value in values),
-        modulo=axis.modulo,
-        index=output.encoder if kind == "axis" else index,
-        input_unit=axis.unit,
-        output_unit=output.unit,
-    )
-    return table, minimum + peak * step
-
-
-def _peak(travel: tuple[float, float], minimum: float, step: float, first: int, last: int) -> int:
-    """The grid point nearest to the middle of the side that the axis can reach."""
-    low = max(first + 1, ceil((travel[0] - minimum) / step))
-    high = min(last - 1, floor((travel[1] - minimum) / step))
-    return min(max((first + last) // 2, low), high) if low <= high else first
 
 
 def make_trial(question: SignQuestion) -> TrialTable:

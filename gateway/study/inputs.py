@@ -12,7 +12,9 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_valida
 from drivers.errors import ConfigError
 from drivers.local.names import shown
 from drivers.local.textfile import read_toml
+from drivers.units import arcsec_to_rad
 from gateway.domain.figures import Component
+from gateway.gear.cycloid import CycloidGear
 from gateway.model.components import TURN_DEG, is_periodic, motion_uncertainty, value
 from gateway.model.error_model import TWENTY_ONE, ErrorModel
 from gateway.siteplan import MOST_POINTS, Name
@@ -219,6 +221,12 @@ class ErrorFile(_Section):
         if not self.errors and self.seeded is None:
             raise ValueError("give errors, or a seed to draw them")
         return self
+
+
+def gear_of(file: GearFile) -> CycloidGear:
+    """The disc. Raises ModelError E-GEAR-... naming the limit it breaks."""
+    data = file.gear.model_dump(exclude={"drot_arcsec"})
+    return CycloidGear(**data, drot=arcsec_to_rad(file.gear.drot_arcsec))
 
 
 def load_gear(path: Path) -> GearFile:

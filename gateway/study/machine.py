@@ -19,17 +19,11 @@ from gateway.model.components import SLACK
 from gateway.model.error_model import LOCATION_NAMES, yk7350b
 from gateway.model.frames import chain_of
 from gateway.model.motion import Fourier, MotionSum, Polynomial, motion_of
-from gateway.study.inputs import ErrorFile, ErrorFunction, GearFile, SeededErrors
+from gateway.study.inputs import ErrorFile, ErrorFunction, GearFile, SeededErrors, gear_of
 
 REACH_MM = 5.0
 ORDERS = 3
 DEGREE = 3
-
-
-def gear_of(file: GearFile) -> CycloidGear:
-    """The disc. Raises ModelError E-GEAR-... naming the limit it breaks."""
-    data = file.gear.model_dump(exclude={"drot_arcsec"})
-    return CycloidGear(**data, drot=arcsec_to_rad(file.gear.drot_arcsec))
 
 
 def grid_of(file: GearFile, gear: CycloidGear) -> FlankGrid:

@@ -15,7 +15,7 @@ from gateway.web.bodies import SiteAnswers, Thumbprint
 from gateway.web.doors import needs, service_of, site_of
 from gateway.web.ports import Making
 from gateway.workflow.control.trusting import accepted, shown_by
-from gateway.workflow.recognising import known_of
+from gateway.workflow.runsite import known_of
 
 routes = APIRouter(prefix="/api/v1", tags=["beginning"])
 ServiceRole = Annotated[Person, Depends(needs("service"))]

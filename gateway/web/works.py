@@ -12,8 +12,7 @@ from gateway.correct.outlook.flank_uncertainty import ToothSpec
 from gateway.domain.proposals import Approval
 from gateway.say import Say
 from gateway.store import RunFolder
-from gateway.study.inputs import load_gear
-from gateway.study.machine import gear_of
+from gateway.study.inputs import gear_of, load_gear
 from gateway.web import bodies
 from gateway.web.ports import ServedSite, Work
 from gateway.workflow.control.approving import approve_plan

@@ -7,7 +7,6 @@ import contextlib
 from collections.abc import AsyncIterator, Collection, Iterator, Sequence
 from contextlib import asynccontextmanager, contextmanager
 from dataclasses import dataclass, field, replace
-from importlib import metadata
 from pathlib import Path
 from shutil import copytree
 from tempfile import TemporaryDirectory
@@ -17,7 +16,7 @@ from drivers.clock import Clock
 from drivers.errors import ConfigError, TrueflankError
 from drivers.local.names import shown
 from drivers.ports.controller import Controller
-from drivers.programs import ForeseesPlans, Origin, ProgramText, SaysMotion, SendsPrograms, WritesWithout
+from drivers.programs import ForeseesPlans, ProgramText, SaysMotion, SendsPrograms, WritesWithout
 from drivers.types.identity import MachineIdentity
 from drivers.types.stops import StopPlan
 from gateway import stopping
@@ -37,7 +36,7 @@ from gateway.supervisor import Supervisor
 from gateway.walk import Patience
 from gateway.workflow.leaving import leave
 from gateway.workflow.recognising import Recognising
-from gateway.workflow.runsite import new_run, store_of
+from gateway.workflow.runsite import new_run, origin_of, store_of
 
 
 @dataclass(frozen=True, slots=True)
@@ -253,11 +252,6 @@ def conclude(controller: Controller) -> None:
     """Work with a control that files are carried to has ended: they are set aside. Raises ConfigError."""
     if isinstance(controller, Carried):
         controller.conclude()
-
-
-def origin_of(site: SiteFile) -> Origin:
-    """In whose name this site's programs are sent."""
-    return Origin(site.site.name, site.controller.serial, metadata.version("trueflank"))
 
 
 SENT = "sent-"

@@ -10,11 +10,11 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Literal
+from typing import Literal
 
 from drivers import registry
 from drivers.errors import ConfigError, words
-from drivers.programs import DayNumbers, Order, PaperMachine, ProgramText, SelfTest, SelfTested, Visits, reading_plan
+from drivers.programs import DayNumbers, Order, ProgramText, SelfTest, SelfTested, Visits, reading_plan
 from drivers.types.abilities import Capabilities
 from drivers.types.identity import MachineIdentity
 from drivers.types.orders import DisableOrder, PushOrder, SignProof
@@ -33,30 +33,22 @@ from gateway.push import (
     positions_of,
     proof_positions,
     transaction_groups,
-    triangle_for_axes,
 )
 from gateway.store.proofs import Proofs
-from gateway.store.selftests import SelfTestBook
 from gateway.tooth import SetupValues, ToothProposal
 from gateway.walk import Patience, question
 from gateway.workflow.axes.acting import plans_of as acting_plans
 from gateway.workflow.axes.measure import plans_of_axis
-from gateway.workflow.bench import origin_of
 from gateway.workflow.control import judging
 from gateway.workflow.dwelling import DwellWish, dwell_plans
 from gateway.workflow.errors21.setupcapture import coming
 from gateway.workflow.errors21.setups import planned
-from gateway.workflow.part.grinding import gear_of_site, grind_plan
-from gateway.workflow.recognising import known_of
-from gateway.workflow.runsite import store_of
+from gateway.workflow.onpaper import EVERY, PAPER, What, example_table, paper_control
+from gateway.workflow.part.planning import gear_of_site, grind_plan
+from gateway.workflow.runsite import known_of, store_of
 
-What = Literal["self-test", "measure", "load", "effect", "proof", "backup", "grind", "off", "dwell"]
-EVERY: tuple[What, ...] = ("self-test", "measure", "load", "effect", "proof", "backup", "grind", "off")
-KNOWN: tuple[What, ...] = (*EVERY, "dwell")
-"""All kinds; "effect" follows the load of a proposal; "dwell" is for capture programs of others, no run sends it."""
 Layer = Literal["axis", "cross"]
 LAYERS: tuple[Layer, Layer] = ("axis", "cross")
-PAPER = DayNumbers()
 ON_PAPER = Capabilities(stops=True, tables=(), switched="at-stop", marker=True, consent="start", together=True)
 """What a control can do whose programs are written here: they switch tables at a stop, all of a layer together."""
 
@@ -92,16 +84,13 @@ def programs(
     Raises ConfigError (E-CFG-DRIVER, E-PROGRAM-NO-ROAD for a road that sends nothing of these kinds, E-PROGRAM-NOTHING
     for a site that asks for none), and what writing and judging raise.
     """
-    write, settings = _writer(site, wanted)
     tables = _loaded(site, proposal)
-    known = known_control(site, site_path)
-    names, seen = _names(site, site_path)
-    machine, origin = replace(_machine(site, tables, known, names, numbers), seen=seen), origin_of(site)
-    made_for = _For(site, site_path, tables, proposal, known, names, numbers.order, tooth)
+    paper = paper_control(site, site_path, wanted, tables, numbers)
+    made_for = _For(site, site_path, tables, proposal, paper.known, paper.names, numbers.order, tooth)
     found = []
     for what in wanted:
         for name, order in _orders(made_for, what) if what != "dwell" else _dwelling(site, dwell):
-            made = write(order, settings, machine=machine, origin=origin, where=str(site_path))
+            made = paper.write(order)
             files = [one.file_name for one in made]
             for place, one in enumerate(made):
                 again = files[:place].count(one.file_name)
@@ -148,23 +137,7 @@ def _loaded(site: SiteFile, proposal: Proposal | None) -> tuple[CompensationTabl
     """The tables of a proposal; without one an example for each axis, of the size that its own table will have."""
     if proposal is not None:
         return tuple(change.new for change in proposal.changes if not change.skipped)
-    return tuple(_triangle(axis)[0] for axis in site.axes)
-
-
-def _triangle(axis: AxisSection) -> tuple[CompensationTable, float]:
-    facts, grid = axis.facts, axis.table
-    return triangle_for_axes(facts, facts, minimum=grid.minimum, maximum=grid.maximum, step=grid.step)
-
-
-def known_control(site: SiteFile, site_path: Path) -> Mapping[str, SelfTested]:
-    """The newest self-test of each axis of the site that kept what the control had reserved, by axis; all or none.
-
-    Raises StoreError.
-    """
-    tests = SelfTestBook(store_of(site, site_path).root).all(site.controller.serial)
-    kept = {(one.axis, one.encoder): one for one in tests if one.own_points is not None}
-    found = {axis.name: kept[axis.name, axis.encoder] for axis in site.axes if (axis.name, axis.encoder) in kept}
-    return found if len(found) == len(site.axes) else {}
+    return tuple(example_table(axis)[0] for axis in site.axes)
 
 
 @dataclass(frozen=True, slots=True)
@@ -187,41 +160,6 @@ class _For:
             return next(iter(self.known.values())).machine
         facts = known_of(self.site, store_of(self.site, self.path).root).facts
         return MachineIdentity(facts.get("serial", self.site.controller.serial), facts.get("version", ""), self.names)
-
-
-def _names(site: SiteFile, site_path: Path) -> tuple[tuple[str, ...], bool]:
-    """The control's axes in their order, as it was seen or the site file states it; else, False, those of the site."""
-    told = known_of(site, store_of(site, site_path).root).facts.get("axes", "").split()
-    own = tuple(axis.name for axis in site.axes)
-    return (tuple(told), True) if set(own) <= set(told) else (own, False)
-
-
-def _machine(
-    site: SiteFile,
-    tables: tuple[CompensationTable, ...],
-    known: Mapping[str, SelfTested],
-    names: tuple[str, ...],
-    numbers: DayNumbers,
-) -> PaperMachine:
-    modulo = frozenset(axis.name for axis in site.axes if axis.modulo)
-    if known:
-        one = next(iter(known.values()))
-        return PaperMachine(
-            one.machine.axis_names,
-            modulo,
-            {name: test.own_points or 0 for name, test in known.items()},
-            one.cross_points,
-            places=site.moves.places,
-            without=tuple(dict.fromkeys(word for test in known.values() for word in test.without)),
-            file_kb=one.file_kb,
-            numbers=numbers,
-        )
-    own = {axis.name: len(_triangle(axis)[0].deviations) for axis in site.axes}
-    cross = {table.index: len(table.deviations) for table in tables if table.kind == "cross"}
-    asked = {table.output_axis: len(table.deviations) for table in tables if table.kind == "axis"}
-    points = tuple(cross.get(table, 0) for table in range(max(cross, default=-1) + 1))
-    held = {name: max(own[name], asked.get(name, 0)) for name in own}
-    return PaperMachine(names, modulo, held, points, places=site.moves.places, numbers=numbers)
 
 
 def _orders(made: _For, what: What) -> Iterator[tuple[str, Order]]:
@@ -355,26 +293,6 @@ def _coupled(
     return replace(order, coupled=pushed or stood)
 
 
-def _writer(site: SiteFile, wanted: tuple[What, ...]) -> tuple[Any, Mapping[str, Any]]:
-    """What writes programs for this road, or what goes over one that runs none, with the driver's settings.
-
-    A program for a capture program of somebody else is carried by a person, so another road of the same maker will do.
-    """
-    driver, known = site.controller.driver, registry.known("paper")
-    controls = registry.known("controller")
-    if driver not in controls:
-        raise registry.unknown_driver(driver, "controller", controls)
-    if f"{driver}-paper" in known:
-        return registry.load(f"{driver}-paper", "paper"), site.controller.settings
-    if set(wanted) != {"dwell"} and f"{driver}-writes" in registry.known("writes"):
-        return registry.load(f"{driver}-writes", "writes"), site.controller.settings
-    maker = driver.partition("-")[0]
-    others = [name for name in known if name.startswith(f"{maker}-")]
-    if set(wanted) != {"dwell"} or not others:
-        raise ConfigError("E-PROGRAM-NO-ROAD", site.site.name, driver=driver)
-    return registry.load(others[0], "paper"), {}
-
-
 def _dwelling(site: SiteFile, wish: DwellWish | None) -> Iterator[tuple[str, Order]]:
     return ((axis.letter, plan) for axis, plan in dwell_plans(site, wish or DwellWish()))
 
@@ -424,7 +342,7 @@ def _proof_of(made: _For, table: CompensationTable) -> SignProof:
 
 def _proof(made: _For, axis: AxisSection) -> Iterator[tuple[str, Order]]:
     """The triangle table, the stops that switch it, and the old table back."""
-    table, peak = _triangle(axis)
+    table, peak = example_table(axis)
     order = _order(made, table, "sign-proof")
     yield f"{axis.letter}-triangle", (order,)
     stops = tuple(

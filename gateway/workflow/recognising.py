@@ -10,23 +10,14 @@ from drivers.errors import ConfigError, UnsupportedDevice
 from drivers.types.identity import FACTS, Likeness, MachineIdentity, likeness
 from gateway import audit
 from gateway.config import SiteFile
-from gateway.domain.identity import KnownFact, KnownMachine, known_machine
+from gateway.domain.identity import KnownFact, KnownMachine
 from gateway.store import Store
 from gateway.store.identities import IdentityBook
 from gateway.supervisor import Supervisor, refusal_of
+from gateway.workflow.runsite import known_of
 
 ASKED = "E-SUP-IDENTITY"
 """The refusal that a person may answer: one fact is another, all others agree."""
-
-
-def stated_by(site: SiteFile) -> dict[str, str]:
-    """The facts that the site file states."""
-    return {"serial": site.controller.serial, **site.controller.identity.facts}
-
-
-def known_of(site: SiteFile, root: Path) -> KnownMachine:
-    """What the site's machine is known by, with what a person accepted. Raises as `IdentityBook.all`."""
-    return known_machine(stated_by(site), IdentityBook(root).all(site.controller.serial))
 
 
 class Recognising:

@@ -1,4 +1,4 @@
-"""A stored run and its site: where the runs of a site lie, the site as a run kept it, and whether a double took part.
+"""A stored run and its site: where its runs lie, the site as a run kept it, its machine, whether a double took part.
 
 It opens no device and knows no push: whoever reads a run needs no more than this.
 """
@@ -8,16 +8,20 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Iterable, Mapping
 from datetime import datetime
+from importlib import metadata
 from pathlib import Path
 from typing import Protocol
 
 from drivers.errors import ConfigError
 from drivers.local.scrub import without_secrets_text
+from drivers.programs import Origin
 from drivers.types.identity import Identity
 from gateway.config import SiteFile, load_site
 from gateway.domain.equipment import Equipment
+from gateway.domain.identity import KnownMachine, known_machine
 from gateway.errors import StoreError
 from gateway.store import RunFolder, Store
+from gateway.store.identities import IdentityBook
 from gateway.store.runs import MEASURES
 from gateway.workflow import stages
 from gateway.workflow.doubles import DOUBLE
@@ -30,6 +34,21 @@ def store_of(site: SiteFile, site_path: Path, utc: Utc | None = None) -> Store:
     """The site's store: its folder is relative to the site file. ``utc`` names new runs, else the wall."""
     root = (site_path.parent / site.site.store).resolve()
     return Store(root) if utc is None else Store(root, utc)
+
+
+def stated_by(site: SiteFile) -> dict[str, str]:
+    """The facts that the site file states."""
+    return {"serial": site.controller.serial, **site.controller.identity.facts}
+
+
+def known_of(site: SiteFile, root: Path) -> KnownMachine:
+    """What the site's machine is known by, with what a person accepted. Raises as `IdentityBook.all`."""
+    return known_machine(stated_by(site), IdentityBook(root).all(site.controller.serial))
+
+
+def origin_of(site: SiteFile) -> Origin:
+    """In whose name this site's programs are sent."""
+    return Origin(site.site.name, site.controller.serial, metadata.version("trueflank"))
 
 
 def new_run(

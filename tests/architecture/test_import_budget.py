@@ -17,6 +17,7 @@ import pytest
 ROOT = Path(__file__).parents[2]
 RTL = ROOT / "tests" / "golden" / "files" / "basic.rtl"
 SITE = ROOT / "examples" / "sites" / "files-only.toml"
+GRINDER = ROOT / "examples" / "sites" / "opcua-grinder.toml"
 OURS = ("gateway", "drivers", "simulators", "trueflank")
 HEAVY = ("asyncua", "pymodbus", "matplotlib", "pandas", "SALib", "sqlalchemy", "fastapi", "scipy.stats", "dask")
 MOST_OF_OTHERS = 470
@@ -69,7 +70,24 @@ def loaded(folder: Path, *words: str) -> tuple[list[str], int, str]:
 def test_a_command_loads_what_it_needs(
     tmp_path: Path, words: tuple[str, ...], most_ours: int, most_records: int, never: tuple[str, ...]
 ) -> None:
-    modules, records, said = loaded(tmp_path, *words)
+    judge(tmp_path, words, most_ours=most_ours, most_records=most_records, never=never)
+
+
+def test_the_check_of_a_site_that_grinds_loads_no_push_and_no_scipy(tmp_path: Path) -> None:
+    """The plan of its part and the program for it are made, with nothing of what sends it."""
+    site = tmp_path / "site.toml"
+    gears = str(ROOT / "examples" / "gears")
+    site.write_text(GRINDER.read_text(encoding="utf-8").replace("../gears", gears), encoding="utf-8")
+    (tmp_path / "password.txt").write_text("secret\n", encoding="utf-8")
+    (tmp_path / "password.txt").chmod(0o600)
+    (tmp_path / "control.der").write_bytes(b"\x30\x82")
+    never = (*HEAVY, *PUSHES, "scipy.special", "scipy.linalg", "numpy.f2py")
+    judge(tmp_path, ("check", str(site)), most_ours=195, most_records=274, never=never)
+
+
+def judge(folder: Path, words: tuple[str, ...], *, most_ours: int, most_records: int, never: tuple[str, ...]) -> None:
+    """Compare what a command loads with its budget."""
+    modules, records, said = loaded(folder, *words)
     ours = [name for name in modules if name.split(".")[0] in OURS]
     found = [one for one in never if one in modules]
     assert not found, f"{words[0]} loads {found}"

@@ -19,8 +19,7 @@ from gateway.errors import CaptureError
 from gateway.model.components import value
 from gateway.say import silence
 from gateway.store import RunFolder, Store
-from gateway.study.inputs import load_gear
-from gateway.study.machine import gear_of
+from gateway.study.inputs import gear_of, load_gear
 from gateway.supervisor import DevicesFailed, Supervisor
 from gateway.workflow.axes.guard import GuardOutcome, guard_site
 from gateway.workflow.errors21.components import PlanOutcome, measure_site

@@ -31,8 +31,9 @@ from gateway.workflow.control.disabling import disable_site
 from gateway.workflow.control.pushing import apply_proposal
 from gateway.workflow.control.selftesting import self_test_site
 from gateway.workflow.loop.run import run_site
+from gateway.workflow.onpaper import What
 from gateway.workflow.part.grinding import grind_site
-from gateway.workflow.programs import What, Written, programs
+from gateway.workflow.programs import Written, programs
 from gateway.workflow.runsite import new_run, store_of
 from simulators.cell import Cell, cell_running
 from simulators.cellfile import CellFile, load_cell, with_plan

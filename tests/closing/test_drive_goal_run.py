@@ -13,8 +13,7 @@ from gateway.reducer.figures import without_limit
 from gateway.reducer.records import Reducer
 from gateway.reducer.uncertainty import essentials
 from gateway.study.drive import reducer_of
-from gateway.study.inputs import load_gear
-from gateway.study.machine import gear_of
+from gateway.study.inputs import gear_of, load_gear
 from gateway.tooth import FlankMap, ToothProposal
 from gateway.workflow import stages
 from gateway.workflow.loop.tooth_loop import AFTER

@@ -27,7 +27,8 @@ from gateway.domain.identity import KnownFact, known_machine
 from gateway.report.document.whole import document
 from gateway.report.particulars import Particulars
 from gateway.supervisor import Supervisor
-from gateway.workflow.recognising import Recognising, known_of
+from gateway.workflow.recognising import Recognising
+from gateway.workflow.runsite import known_of
 from simulators.faults import named_faults
 from simulators.nck import AxisSpec, Nck, NckSpec
 from simulators.opcua import SinumerikServer

@@ -15,8 +15,9 @@ from gateway.domain.proposals import Proposal
 from gateway.workflow import stages
 from gateway.workflow.control.disabling import disable_site
 from gateway.workflow.control.selftesting import self_test_site
+from gateway.workflow.onpaper import What
 from gateway.workflow.outcome import Outcome
-from gateway.workflow.programs import What, numbers_in, programs
+from gateway.workflow.programs import numbers_in, programs
 from simulators.cell import cell_running
 from tests.offline.test_site_by_files import MOST, Site
 

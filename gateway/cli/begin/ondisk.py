@@ -190,12 +190,12 @@ def _part(reading: SiteReading, path: Path) -> Iterator[Fault]:
     if site is None or reading.faults or site.work is None or unreadable(path.parent / site.work.gear):
         return
     from gateway.tooth import SetupValues
-    from gateway.workflow.part.grinding import gear_of_site, grind_plan
-    from gateway.workflow.programs import programs
+    from gateway.workflow.onpaper import paper_control
+    from gateway.workflow.part.planning import gear_of_site, grind_plan
 
     try:
-        grind_plan(site, gear_of_site(site, path), SetupValues())
-        programs(site, path, ("grind",))
+        plan = grind_plan(site, gear_of_site(site, path), SetupValues())
+        paper_control(site, path, ("grind",)).write(plan)
     except ModelError:
         return  # of the gear, which is told beside its file
     except TrueflankError as error:
@@ -254,8 +254,7 @@ def _gear(tree: Any, site: Any, folder: Path) -> Iterator[Fault]:
 def _built(tree: Any, file: Path) -> Iterator[Fault]:
     """The gear of a file, and the wheel beside it: what is wrong is in that file, and the path is right."""
     from gateway.errors import ModelError
-    from gateway.study.inputs import load_gear
-    from gateway.study.machine import gear_of
+    from gateway.study.inputs import gear_of, load_gear
 
     try:
         found = load_gear(file)

@@ -38,8 +38,7 @@ def accept_command(
     from gateway.acceptance.working import SiteDesk
     from gateway.config import load_site
     from gateway.workflow.bench import check_name
-    from gateway.workflow.recognising import known_of
-    from gateway.workflow.runsite import store_of
+    from gateway.workflow.runsite import known_of, store_of
 
     tree, given, clock = load_site(site), allowance(allow), LoopClock()
     with_control(tree)

@@ -59,8 +59,7 @@ async def _borrowing(tree: Any, site: Path, take: str) -> tuple[CheckLine, ...]:
 
 async def examined(tree: Any, site: Path, clock: Clock) -> tuple[CheckLine, ...]:
     """Every line: the road to the control, the self-tests kept, pushes that did not end. Writes nothing."""
-    from gateway.workflow.recognising import known_of
-    from gateway.workflow.runsite import store_of
+    from gateway.workflow.runsite import known_of, store_of
 
     known = known_of(tree, store_of(tree, site).root)
     sought = wanted(tree, sent_before(tree, site), known.facts)

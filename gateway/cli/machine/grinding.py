@@ -43,7 +43,7 @@ def grind_command(
     from gateway.config import load_site
     from gateway.store.setupbook import SetupBook
     from gateway.tooth import SetupValues
-    from gateway.workflow.part.grinding import gear_of_site
+    from gateway.workflow.part.planning import gear_of_site
     from gateway.workflow.runsite import store_of
 
     tree = load_site(site)
@@ -83,7 +83,7 @@ def _show(tree: Any, site: Path, part: str, setup: Any, into: str, *, as_json: b
     """
     from drivers import registry
     from gateway.workflow.part.entering import entered
-    from gateway.workflow.part.grinding import gear_of_site, grind_plan
+    from gateway.workflow.part.planning import gear_of_site, grind_plan
 
     plan = grind_plan(tree, gear_of_site(tree, site), setup, part)
     name = f"{tree.controller.driver}-program"

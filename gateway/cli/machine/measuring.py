@@ -103,8 +103,7 @@ def _tooth(tree: Any, site: Path) -> Any:
     if tree.work is None:
         return None
     from gateway.correct.outlook.flank_uncertainty import ToothSpec
-    from gateway.study.inputs import load_gear
-    from gateway.study.machine import gear_of
+    from gateway.study.inputs import gear_of, load_gear
 
     file = load_gear(site.parent / tree.work.gear)
     return ToothSpec(gear_of(file), file.grinding.centre_distance_mm, tree.work.height_mm)

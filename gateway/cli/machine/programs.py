@@ -53,7 +53,8 @@ def program_command(
     from drivers.programs import DayNumbers
     from gateway.config import load_site
     from gateway.workflow.dwelling import DwellWish, dwell_plans, said, target_lists
-    from gateway.workflow.programs import EVERY, KNOWN, kept, known_control, numbers_in, programs
+    from gateway.workflow.onpaper import EVERY, KNOWN, known_control
+    from gateway.workflow.programs import kept, numbers_in, programs
 
     chosen = tuple(one for one in KNOWN if what == one or (what == "all" and one in EVERY))
     if not chosen:

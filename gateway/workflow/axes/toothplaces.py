@@ -10,8 +10,7 @@ from drivers.types.values import FloatArray
 from gateway.config import AxisSection, SiteFile
 from gateway.gear.grinding import Grinding
 from gateway.model.error_model import ErrorModel, chain_of_errors
-from gateway.study.inputs import load_gear
-from gateway.study.machine import gear_of
+from gateway.study.inputs import gear_of, load_gear
 
 HEIGHTS = 25
 

@@ -24,8 +24,8 @@ from gateway.workflow.errors21.setupcapture import coming, optics_of
 from gateway.workflow.errors21.setups import Planned, chosen, planned
 from gateway.workflow.loop.asking import proving, pushing, reading_tables, trials_in, trials_out, visiting
 from gateway.workflow.loop.dayplan import Asks, DayPlan, Piece, Stage, ToMount
-from gateway.workflow.part.grinding import gear_of_site, grind_plan
 from gateway.workflow.part.inspecting import inspector_name
+from gateway.workflow.part.planning import gear_of_site, grind_plan
 from gateway.workflow.tooth.proposal import work_of
 
 Told = Iterator[Piece]

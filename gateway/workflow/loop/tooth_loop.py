@@ -34,8 +34,9 @@ from gateway.workflow.errors21.fromsetups import axes_measured
 from gateway.workflow.loop.verdict import closed
 from gateway.workflow.outcome import Outcome, alarmed
 from gateway.workflow.part.entering import entered
-from gateway.workflow.part.grinding import grind_part, same_machine, work_section
+from gateway.workflow.part.grinding import grind_part, same_machine
 from gateway.workflow.part.inspecting import inspect_part, inspector_name
+from gateway.workflow.part.planning import work_section
 from gateway.workflow.tooth.agreement import BEFORE, unexplained
 from gateway.workflow.tooth.proposal import ToothWork, propose_tooth, work_of
 from gateway.workflow.tooth.verdict import judge_tooth

@@ -30,7 +30,7 @@ from gateway.gear.grinding import Grinding
 from gateway.model.error_model import ErrorModel, chain_of_errors
 from gateway.say import Say
 from gateway.store import RunFolder
-from gateway.study.machine import gear_of
+from gateway.study.inputs import gear_of
 from gateway.tooth import FlankMap, GearProposal, GroundPart, InspectedFlank
 from gateway.workflow import stages
 from gateway.workflow.axes.measure import fetch_tables, store_equipment
@@ -38,8 +38,8 @@ from gateway.workflow.axes.propose import size_of
 from gateway.workflow.bench import Bench, bench
 from gateway.workflow.consents import proposed, tell
 from gateway.workflow.errors21.components import grids
-from gateway.workflow.part.grinding import gear_of_site, work_section
 from gateway.workflow.part.inspecting import FlankFile, check_machine, inspect_file, inspected_of
+from gateway.workflow.part.planning import gear_of_site, work_section
 from gateway.workflow.runsite import new_run
 from gateway.workflow.selftests import warnings
 from gateway.workflow.tooth.crosstables import acting_cross, cross_changes

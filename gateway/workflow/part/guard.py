@@ -15,13 +15,12 @@ from gateway.events import RunStarted
 from gateway.guard import GuardVerdict
 from gateway.say import Say
 from gateway.store import RunFolder
-from gateway.study.machine import gear_of
+from gateway.study.inputs import gear_of
 from gateway.tooth import InspectedFlank
 from gateway.workflow import stages
 from gateway.workflow.axes.guard import EXIT, GUARDED
 from gateway.workflow.axes.measure import store_equipment
 from gateway.workflow.bench import bench
-from gateway.workflow.part.grinding import gear_of_site
 from gateway.workflow.part.inspecting import (
     FlankFile,
     check_machine,
@@ -31,6 +30,7 @@ from gateway.workflow.part.inspecting import (
     inspector_name,
     part_numbers,
 )
+from gateway.workflow.part.planning import gear_of_site
 from gateway.workflow.runsite import new_run
 
 PART = "guard"

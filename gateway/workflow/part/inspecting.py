@@ -26,13 +26,13 @@ from gateway.say import Say
 from gateway.store import Maps, RunFolder
 from gateway.store.disk import checked_name
 from gateway.store.maps import Value
-from gateway.study.machine import gear_of
+from gateway.study.inputs import gear_of
 from gateway.tooth import InspectedFlank
 from gateway.workflow import stages
 from gateway.workflow.axes.measure import store_equipment
 from gateway.workflow.bench import Bench, bench
 from gateway.workflow.files.reading import How, read_file
-from gateway.workflow.part.grinding import gear_of_site, work_section
+from gateway.workflow.part.planning import gear_of_site, work_section
 from gateway.workflow.part.running import running_words
 from gateway.workflow.runsite import new_run, store_of
 

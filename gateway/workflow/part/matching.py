@@ -27,8 +27,7 @@ from gateway.reducer.records import Reducer
 from gateway.reducer.uncertainty import Expected, uncertainty
 from gateway.store.maps import Value
 from gateway.study.drive import reducer_of
-from gateway.study.inputs import load_gear
-from gateway.study.machine import gear_of
+from gateway.study.inputs import gear_of, load_gear
 from gateway.tooth import InspectedFlank
 from gateway.workflow.files.reading import How, read_file
 

@@ -28,8 +28,7 @@ from gateway.gear.grinding import Grinding
 from gateway.model.error_model import ErrorModel, chain_of_errors
 from gateway.reducer.goal import LIMITS, DriveGoal, goal_of
 from gateway.study.drive import reducer_of
-from gateway.study.inputs import GearFile, load_gear
-from gateway.study.machine import gear_of
+from gateway.study.inputs import GearFile, gear_of, load_gear
 from gateway.table.limits import second_person_finding
 from gateway.tooth import DriveProposal, ToothProposal
 from gateway.workflow import stages

@@ -10,7 +10,7 @@ import pytest
 import trueflank as tf
 from gateway.reducer.figures import transmission
 from gateway.reducer.records import for_gear
-from gateway.study.machine import gear_of
+from gateway.study.inputs import gear_of
 from gateway.tooth import FlankMap
 from tests.unit.reducer.drives import COARSE, coarse
 

@@ -22,7 +22,8 @@ from gateway.reducer import figures, uncertainty
 from gateway.reducer.goal import goal_of
 from gateway.store import records
 from gateway.study.calculate import prepare_study
-from gateway.study.machine import gear_of, grid_of
+from gateway.study.inputs import gear_of
+from gateway.study.machine import grid_of
 from gateway.tooth import FlankMap
 from gateway.workflow.tooth.proposal import _Task
 from trueflank.drives import _drawn

@@ -20,7 +20,8 @@ from drivers.types.orders import DisableOrder, PushOrder
 from drivers.types.stops import Stop, StopPlan
 from drivers.types.tables import CompensationTable
 from gateway.config import load_site
-from gateway.workflow.programs import EVERY, What, programs
+from gateway.workflow.onpaper import EVERY, What
+from gateway.workflow.programs import programs
 from tests.unit.programs.sites import CELLS, site_file
 
 QUICK: tuple[What, ...] = ("load", "backup", "grind", "off")

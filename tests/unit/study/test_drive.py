@@ -15,8 +15,7 @@ from gateway.reducer.contact import Assembly
 from gateway.study import drawing
 from gateway.study.calculate import Study, study
 from gateway.study.drive import drive_data, drive_rows, flank_map, reducer_of, state_rows
-from gateway.study.inputs import ErrorFile, GearFile, validate_file
-from gateway.study.machine import gear_of
+from gateway.study.inputs import ErrorFile, GearFile, gear_of, validate_file
 from gateway.study.pictures import write_pictures
 from gateway.study.plots import charts
 from tests.unit.reducer.drives import coarse

@@ -19,8 +19,8 @@ from gateway.gear.first_order import first_order
 from gateway.gear.flank import flank_figure
 from gateway.study import describe, drawing
 from gateway.study.calculate import Study, study, the_order
-from gateway.study.inputs import ErrorFile, load_errors, load_gear
-from gateway.study.machine import error_names, gear_of, grid_of, grinding_of, machine_of, plan_of
+from gateway.study.inputs import ErrorFile, gear_of, load_errors, load_gear
+from gateway.study.machine import error_names, grid_of, grinding_of, machine_of, plan_of
 from gateway.study.pictures import write_pictures
 
 EXAMPLES = Path(__file__).parents[3] / "examples"
