@@ -28,7 +28,6 @@ from gateway.push.phases import PushEvent
 from gateway.push.preflight import common_positions, group_transactions, run_preflight
 from gateway.push.restore import roll_back_all, roll_back_batch
 from gateway.push.sign_proof_tables import (
-    PEAK,
     InstrumentProvider,
     MountedInstrument,
     SignQuestion,
@@ -42,6 +41,7 @@ from gateway.push.sign_proof_tables import (
 )
 from gateway.push.state import Outcome, Reading, TableTransactionState, wrap_unexpected
 from gateway.push.transaction import AdmittedTable, abort, open_transaction
+from gateway.table.trial import PEAK
 
 Lives = Mapping[TrialTable, LiveSet]
 
