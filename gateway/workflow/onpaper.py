@@ -65,7 +65,9 @@ def paper_control(
     known = known_control(site, site_path)
     names, seen = _names(site, site_path)
     machine = replace(_machine(site, tables, known, names, numbers), seen=seen)
-    return PaperControl(writer, settings, machine, origin_of(site), str(site_path), known, names)
+    return PaperControl(
+        writer, settings, machine=machine, origin=origin_of(site), where=str(site_path), known=known, names=names
+    )
 
 
 def example_table(axis: AxisSection) -> tuple[CompensationTable, float]:

@@ -85,7 +85,7 @@ def programs(
     for a site that asks for none), and what writing and judging raise.
     """
     tables = _loaded(site, proposal)
-    paper = paper_control(site, site_path, wanted, tables, numbers)
+    paper = paper_control(site, site_path, wanted, tables, numbers=numbers)
     made_for = _For(site, site_path, tables, proposal, paper.known, paper.names, numbers.order, tooth)
     found = []
     for what in wanted:
