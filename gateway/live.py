@@ -8,10 +8,26 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
+from dataclasses import dataclass
 from typing import Protocol
 
 from drivers.types.sensing import Ambient, SampleBlock
 from drivers.units import DeviationUnit
+
+
+@dataclass(frozen=True, slots=True)
+class LiveDeviation:
+    """A reading of the plot: measured - target in ``unit``, zero at the first reading of its axis.
+
+    ``expanded`` is its U (k = 2) while the capture goes on, None where no budget is known; ``raw`` is what the
+    instrument showed, uncorrected, in the unit of its axis.
+    """
+
+    value: float
+    unit: DeviationUnit
+    expanded: float | None
+    raw: float
+
 
 Asked = tuple[float, int, int]
 """A reading that a person wants taken again: target, repetition, approach (+1, -1); repetition 0 means all of them."""
@@ -32,8 +48,8 @@ class Onlooker(Protocol):
         """Air and material as the run has just read them."""
         ...
 
-    def taken(self, axis: str, stop: Asked, deviation: float, unit: DeviationUnit) -> None:
-        """A reading was taken; ``deviation`` is measured - target in ``unit``, but for a constant."""
+    def taken(self, axis: str, stop: Asked, seen: LiveDeviation) -> None:
+        """A reading was taken."""
         ...
 
     def asked_again(self, axis: str) -> tuple[Asked, ...]:
@@ -53,7 +69,7 @@ class Nobody:
     def ambient(self, instrument: str, air: Ambient) -> None:
         """Nothing."""
 
-    def taken(self, axis: str, stop: Asked, deviation: float, unit: DeviationUnit) -> None:
+    def taken(self, axis: str, stop: Asked, seen: LiveDeviation) -> None:
         """Nothing."""
 
     def asked_again(self, axis: str) -> tuple[Asked, ...]:  # noqa: ARG002 - the protocol's

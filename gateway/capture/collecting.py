@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import contextlib
 from copy import copy
 from dataclasses import dataclass
+from math import hypot, sqrt
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,16 +14,20 @@ from drivers.message import Message, Quantity
 from drivers.ports.instruments import Instrument, TypedInstrument
 from drivers.types.sensing import Ambient
 from drivers.types.stops import Stop
-from drivers.types.values import FloatArray
-from drivers.units import DeviationUnit, deviation_scale, deviation_unit, wrap_deg
+from drivers.types.values import CompensatedFor, FloatArray
+from drivers.units import deviation_scale, deviation_unit, wrap_deg
 from gateway.capture.diagnosis import UnexpectedValue
+from gateway.capture.provisional import provisional_um
 from gateway.capture.readings import History, Readings, StopReading
 from gateway.capture.rig import Rig
 from gateway.capture.surroundings import check
 from gateway.capture.targets import expected_travel, jog_start
 from gateway.config import AxisSection
 from gateway.domain.equipment import SenseProof
-from gateway.live import onlooker
+from gateway.domain.values import COVERAGE
+from gateway.errors import AmbientOutOfRange
+from gateway.evaluate.uncertainty.budget import ROTARY_DEVICE_ARCSEC
+from gateway.live import LiveDeviation, onlooker
 
 MATCH = 0.1
 # A quarter of the way is enough to know that the axis moved, and far above what it may wander while it stands.
@@ -53,10 +59,13 @@ class Collection:
         proof: SenseProof,
         *,
         checks: tuple[int, ...] = (),
+        already: CompensatedFor = "nothing",
     ) -> None:
         shape = (len(targets), axis.measure.repetitions, 2)
         self._axis = axis
         self._combine = combine
+        self._already = already
+        self._airs: tuple[Ambient, Ambient] | None = None
         # The channel that a lost beam sets back to zero; a calibrator's own encoder keeps counting.
         self._counting = channels.index("laser_deg") if "laser_deg" in channels else 0
         self.place(targets, checks)
@@ -135,6 +144,12 @@ class Collection:
         """What cannot be corrected is refused before it is measured: raises as `surroundings.check`."""
         check(self._axis, air, instrument.compensated_for, instrument.name)
 
+    def breathe(self, air: Ambient, instrument: str) -> None:
+        """Air and material as they are now, for what is shown meanwhile; those that cannot correct are left out."""
+        with contextlib.suppress(AmbientOutOfRange):
+            check(self._axis, air, self._already, instrument)
+            self._airs = (self._airs[0] if self._airs is not None else air, air)
+
     def doubt(self, read: float, wanted: float) -> UnexpectedValue | None:
         """A reading that is not the wanted one, with what it might be instead; None where it says nothing yet."""
         datum = wanted if self.datum is None else self.combined(self.datum.values - self._offset)
@@ -175,7 +190,7 @@ class Collection:
         self.counts.append(reading.count)
         if self.datum is None:
             self.datum = FirstReading(values, self.combined(values), stop.target)
-        onlooker().taken(self._axis.name, (stop.target, stop.repetition + 1, stop.approach), *self.shown(stop))
+        onlooker().taken(self._axis.name, (stop.target, stop.repetition + 1, stop.approach), self.shown(stop))
         self._stands(stop, reading)
 
     def set_anew(self, stop: Stop, reading: StopReading) -> None:
@@ -213,9 +228,28 @@ class Collection:
         off = self.combined(self.values[cell]) - stop.target - zero
         return float(wrap_deg(off)) if self._axis.modulo else off
 
-    def shown(self, stop: Stop) -> tuple[float, DeviationUnit]:
-        """`deviation` for people: um or arcsec, and which of them."""
-        return self.deviation(stop) * deviation_scale(self._axis.unit), deviation_unit(self._axis.unit)
+    def shown(self, stop: Stop) -> LiveDeviation:
+        """The reading at a stop for people: corrected as its capture will be, by what is known now."""
+        scale, unit = deviation_scale(self._axis.unit), deviation_unit(self._axis.unit)
+        cell = stop.label, stop.repetition, 0 if stop.approach == 1 else 1
+        scatter = self.sigmas[cell] * scale / sqrt(max(self.counts[-1], 1))
+        raw = self.combined(self.values[cell])
+        if self._axis.kind == "rotary":
+            expanded = hypot(ROTARY_DEVICE_ARCSEC, COVERAGE * scatter)
+            return LiveDeviation(self.deviation(stop) * scale, unit, expanded, raw)
+        if self._airs is None or self.datum is None:
+            return LiveDeviation(self.deviation(stop) * scale, unit, None, raw)
+        value, expanded = provisional_um(
+            self._axis,
+            raw - self.datum.combined,
+            stop.target,
+            datum_mm=self.datum.target,
+            span_mm=float(np.ptp(self.targets)),
+            reading_u_um=scatter,
+            ambient=self._airs,
+            already=self._already,
+        )
+        return LiveDeviation(value, unit, expanded, raw)
 
     def asked(self) -> list[tuple[int, int, int]]:
         """Where the readings stand that a person wants again: a place within a thousandth of what was said."""

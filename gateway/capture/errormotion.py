@@ -33,6 +33,7 @@ from gateway.domain.equipment import SenseProof
 from gateway.errors import CaptureError, Unstable
 from gateway.evaluate.behaviour.repetitions import robust_means
 from gateway.evaluate.optics import corrections
+from gateway.live import LiveDeviation
 
 UNITS: dict[DeviationUnit, dict[str, float]] = {
     "um": {"_um": 1.0, "_mm": UM_PER_MM},
@@ -159,10 +160,11 @@ class ErrorCollection(Collection):
         """What was read, (m, n, 2): it hardly follows the axis."""
         return np.asarray(self._combine(self.values.reshape(-1, self.values.shape[-1])).reshape(self.times.shape))
 
-    def shown(self, stop: Stop) -> tuple[float, DeviationUnit]:
-        """What was read at a stop."""
+    def shown(self, stop: Stop) -> LiveDeviation:
+        """What was read at a stop, against the first reading; no budget of these optics is known here."""
         cell = stop.label, stop.repetition, 0 if stop.approach == 1 else 1
-        return self.combined(self.values[cell]), self._unit
+        raw = self.combined(self.values[cell])
+        return LiveDeviation(raw - (raw if self.datum is None else self.datum.combined), self._unit, None, raw)
 
     def size(self, change: float) -> Quantity:
         """A change of `deviations` with its unit."""

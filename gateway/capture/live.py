@@ -67,7 +67,13 @@ async def capture_axis(
     targets, checks = with_checks(targets_of(axis), between)
     combine = combined(axis, rig.instrument, proof.sense)
     found = Collection(
-        axis=axis, targets=targets, channels=rig.instrument.channels, combine=combine, proof=proof, checks=checks
+        axis=axis,
+        targets=targets,
+        channels=rig.instrument.channels,
+        combine=combine,
+        proof=proof,
+        checks=checks,
+        already=rig.instrument.compensated_for,
     )
     found.stands = axis.measure.standstill
     async with Readings(rig.instrument, clock, combine) as readings:
@@ -256,6 +262,7 @@ class Visits:
         air = await self.rig.instrument.ambient() if self._taken % self._per_pass == 0 else None
         if air is not None:
             onlooker().ambient(self.rig.instrument.name, air)
+            found.breathe(air, self.rig.instrument.name)
         if air is not None and found.datum is None:
             found.admit(air, self.rig.instrument)
         expected = found.expectation(stop)

@@ -12,8 +12,8 @@ from drivers.clock import Clock
 from drivers.errors import words
 from drivers.message import Message
 from gateway.cli.onward import next_step
-from gateway.cli.screen.stages import Stages
 from gateway.cli.show import NEXT, echo, show_strips
+from gateway.remaining import RemainingTime
 from gateway.store import RunFolder
 from gateway.workflow import stages as names
 
@@ -114,7 +114,7 @@ def _times(took: Took) -> Iterator[str]:
     yield words(code, wall=f"{took.wall_s:.0f}", worked=f"{took.worked_s:.0f}")
 
 
-def say_stopped(stages: Stages | None, folder: Path, again: str) -> None:
+def say_stopped(stages: RemainingTime | None, folder: Path, again: str) -> None:
     """Where a demo stopped: its stage, its folder, and the command to go on, or to begin anew.
 
     ``again`` is the demo's command line. The simulated control ends with it, so that a run that had begun to propose

@@ -19,6 +19,7 @@ from gateway.daemon.jobs import Job, Jobs, RunStarter
 from gateway.daemon.running import fresh, told
 from gateway.errors import BusyError
 from gateway.live import Nobody, Onlooker, looked_on_by, of_run
+from gateway.remaining import RemainingTime
 from gateway.stopping import LONGEST_S, TERMINATED, current, obey
 from gateway.views import ControlView, DeviceView, JobView, RunView, SeenDevice, control_view, device_views
 
@@ -87,6 +88,7 @@ class Desk:
         self.run: RunView | None = None
         self.failure: Mapping[str, object] | None = None
         self._trouble: Mapping[str, object] | None = None
+        self._remaining = RemainingTime()
 
     @property
     def trouble(self) -> Mapping[str, object] | None:
@@ -107,8 +109,13 @@ class Desk:
         """All devices as they are now."""
         return device_views(self._devices.picture(), lent=self.run is not None)
 
-    def begin(self, work: RunStarter, *, kind: str = "run", who: str = "") -> Job:
-        """Ask for a command; it gets the devices once they are free. Raises BusyError (E-WEB-BUSY, E-WEB-STOPPING)."""
+    def begin(
+        self, work: RunStarter, *, kind: str = "run", who: str = "", remaining: RemainingTime | None = None
+    ) -> Job:
+        """Ask for a command; it gets the devices once they are free. Raises BusyError (E-WEB-BUSY, E-WEB-STOPPING).
+
+        ``remaining`` reckons its time to go; None knows the program at work alone.
+        """
         if self._stopping:
             raise BusyError("E-WEB-STOPPING", "daemon")
         if self._job is not None:
@@ -117,6 +124,7 @@ class Desk:
                 "E-WEB-BUSY", "daemon", run=at_work.run_id or at_work.kind, who=at_work.who or "the service"
             )
         self._job = self.jobs.new(kind, work, who, current())
+        self._remaining = remaining or RemainingTime()
         self._wanted.set()
         return self._job
 
@@ -204,10 +212,19 @@ class Desk:
             if self.run is not None:
                 now = job.view
                 self.run = told(self.run, code, fields)
-                self.run = replace(self.run, run_id=now.run_id, steps=now.steps, tables=now.tables)
+                self.run = replace(
+                    self.run, run_id=now.run_id, steps=now.steps, tables=now.tables, **self._left(code, fields)
+                )
             self._hear(code, fields)
 
         return await job.work(say)
+
+    def _left(self, code: str, fields: Mapping[str, object]) -> dict[str, Any]:
+        """The time to go after one more word, in whole seconds."""
+        now = self._clock.now()
+        self._remaining.told(code, fields, now)
+        found = {"left_s": self._remaining.left_s(now), "program_left_s": self._remaining.program_left_s(now)}
+        return {name: None if seconds is None else round(seconds) for name, seconds in found.items()}
 
     def _failed(self, job: Job, error: TrueflankError) -> None:
         self.failure = error.as_record()

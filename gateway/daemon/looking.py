@@ -12,7 +12,7 @@ from drivers.types.sensing import Ambient, SampleBlock
 from drivers.types.values import FloatArray
 from gateway.audience import Audience, kind_of
 from gateway.events import TargetsAdded, received
-from gateway.live import Asked
+from gateway.live import Asked, LiveDeviation
 
 EVERY_S = 0.1
 MOST_ASKED = 200
@@ -52,6 +52,7 @@ class Looking:
     asked: dict[str, list[Asked]] = field(default_factory=dict)
     part: int = 0
     kept: list[dict[str, object]] = field(default_factory=list)
+    air: Mapping[str, object] | None = None
     _since: dict[str, _Gathered] = field(default_factory=dict)
     _told_s: dict[str, float] = field(default_factory=dict)
     _samples: dict[str, int] = field(default_factory=dict)
@@ -115,14 +116,16 @@ class Looking:
     def ambient(self, instrument: str, air: Ambient) -> None:
         """Air and material."""
         told = {"air_degc": air.air_degc, "pressure_hpa": air.pressure_hpa, "humidity_pct": air.humidity_pct}
-        material = list(air.material_degc)
-        self.tell("ambient", {"instrument": instrument, **told, "material_degc": material, "age_s": air.age_s})
+        found = {"instrument": instrument, **told, "material_degc": list(air.material_degc), "age_s": air.age_s}
+        self.air = {"utc": self.clock.utc().isoformat(timespec="milliseconds"), **found}
+        self.tell("ambient", found)
 
-    def taken(self, axis: str, stop: Asked, deviation: float, unit: str) -> None:
+    def taken(self, axis: str, stop: Asked, seen: LiveDeviation) -> None:
         """A reading of the plot."""
         target, repetition, approach = stop
         told: dict[str, object] = {"axis": axis, "target": target, "repetition": repetition, "approach": approach}
-        told |= {"deviation": float(deviation), "unit": unit, "part": self.part}
+        told |= {"deviation": seen.value, "unit": seen.unit, "expanded": seen.expanded, "raw": seen.raw}
+        told["part"] = self.part
         if len(self.kept) < MOST_KEPT:
             self.kept.append(told)
         self.tell("taken", told)

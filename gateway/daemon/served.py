@@ -23,6 +23,7 @@ from gateway.daemon.telling import figures_told, publisher_of
 from gateway.index import SiteIndex
 from gateway.live import Asked
 from gateway.mqtt import Outgoing
+from gateway.remaining import RemainingTime
 from gateway.say import Say
 from gateway.store import Store
 from gateway.store.logbook import LogBook
@@ -118,6 +119,7 @@ class ServedPlace:
             left=() if desk.left.clear else (desk.left.said.as_record(),),
             held=pushes_held(store),
             unprotected=self._unprotected,
+            ambient=self._looking.air,
             simulated=self.path.with_suffix(".cell.json").exists(),
         )
 
@@ -125,9 +127,9 @@ class ServedPlace:
         """The newest commands."""
         return self.desk.jobs.views
 
-    def begin(self, work: RunStarter, *, kind: str, who: str) -> JobView:
-        """Give a command. Raises BusyError."""
-        job = self.desk.begin(work, kind=kind, who=who).view
+    def begin(self, work: RunStarter, *, kind: str, who: str, remaining: RemainingTime | None = None) -> JobView:
+        """Give a command; ``remaining`` reckons its time to go. Raises BusyError."""
+        job = self.desk.begin(work, kind=kind, who=who, remaining=remaining).view
         self._looking.begin()
         return job
 

@@ -71,7 +71,9 @@ class RunView:
     """The run at work: ``stage`` is the measuring program or step, ``done`` of ``total`` its stops.
 
     ``ask`` is what a person must do now, as code, fields and words, and ``moves`` what will move then, each as such;
-    ``steps`` are axis and kind of each step of a push, ``tables`` each table with its state by now.
+    ``steps`` are axis and kind of each step of a push, ``tables`` each table with its state by now. ``left_s`` is about
+    the time to go of the whole command as it was when this picture was made, ``program_left_s`` that of the program at
+    work; None while nothing tells it.
     """
 
     run_id: str
@@ -87,6 +89,8 @@ class RunView:
     steps: tuple[tuple[str, str], ...] = ()
     tables: tuple[tuple[str, str], ...] = ()
     moves: tuple[Mapping[str, object], ...] = ()
+    left_s: float | None = None
+    program_left_s: float | None = None
 
     @property
     def progress(self) -> float | None:
@@ -179,7 +183,8 @@ class StatusView:
     the devices together when each of them answers. ``alarms`` are live tables that are not as they were pushed,
     ``due`` says which were not compared when they should have been, ``left`` what an earlier gateway left in the
     control, ``held`` the pushes that did not end, the loud ones first. ``simulated``: a cell wrote the site file.
-    ``unprotected`` says why others could read or change what passes to the control; "" where they cannot.
+    ``unprotected`` says why others could read or change what passes to the control; "" where they cannot. ``ambient``
+    is air and material as they were read last, with ``utc`` of that; None before the first reading.
     """
 
     site: str
@@ -199,6 +204,7 @@ class StatusView:
     simulated: bool = False
     unprotected: str = ""
     control: ControlView | None = None
+    ambient: Mapping[str, object] | None = None
 
     @property
     def state(self) -> str:

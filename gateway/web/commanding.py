@@ -11,6 +11,7 @@ from starlette.concurrency import run_in_threadpool
 
 from gateway import audit
 from gateway.errors import BusyError, SignInRefused
+from gateway.remaining import RemainingTime
 from gateway.users import Person
 from gateway.views import job_data
 from gateway.web import bodies, works
@@ -33,15 +34,18 @@ class Asking:
         self._keys, self._at, self._person = service_of(request).keys, at, person
         self._kind, self._key = kind, f"{at.site.site.name} {person.name} {key}" if key else ""
 
-    def give(self, body: BaseModel, work: Work) -> dict[str, Any]:
-        """Give it. Raises BusyError (E-WEB-BUSY, E-WEB-KEY: the key was used for something else)."""
+    def give(self, body: BaseModel, work: Work, remaining: RemainingTime | None = None) -> dict[str, Any]:
+        """Give it; ``remaining`` reckons its time to go.
+
+        Raises BusyError (E-WEB-BUSY, E-WEB-KEY: the key was used for something else).
+        """
         same = hashlib.sha256(f"{self._kind} {body.model_dump_json()}".encode()).hexdigest()
         known = self._keys.get(self._key) if self._key else None
         if known is not None and known[0] != same:
             raise BusyError("E-WEB-KEY", "web")
         if known is not None:
             return dict(known[1])
-        told = job_data(self._at.begin(work, kind=self._kind, who=self._person.name))
+        told = job_data(self._at.begin(work, kind=self._kind, who=self._person.name, remaining=remaining))
         if self._key:
             while len(self._keys) >= MOST_KEYS:
                 del self._keys[next(iter(self._keys))]
@@ -53,7 +57,9 @@ class Asking:
 async def run(request: Request, site: str, person: Operator, body: bodies.Plain, key: Key = "") -> dict[str, Any]:
     """Measure every axis and propose tables; nothing is written."""
     at = site_of(request, site)
-    return Asking(request, at, person, kind="run", key=key).give(body, works.run(at, service_of(request).clock))
+    return Asking(request, at, person, kind="run", key=key).give(
+        body, works.run(at, service_of(request).clock), works.remaining_of_run(at)
+    )
 
 
 @routes.post("/commands/measure", status_code=202)
@@ -61,7 +67,9 @@ async def measure(request: Request, site: str, person: Operator, body: bodies.Me
     """Measure the errors of the plan, set-up by set-up; with ``resume`` go on with a run."""
     at = site_of(request, site)
     work = works.measure(at, service_of(request).clock, tuple(body.setups), _maybe(at, body.resume))
-    return Asking(request, at, person, kind="measure", key=key).give(body, work)
+    return Asking(request, at, person, kind="measure", key=key).give(
+        body, work, works.remaining_of_measuring(at, tuple(body.setups))
+    )
 
 
 @routes.post("/commands/close", status_code=202)
@@ -69,7 +77,9 @@ async def close(request: Request, site: str, person: Operator, body: bodies.Clos
     """Measure all errors and propose for the tooth; with consent grind, push, grind again and prove it."""
     at = site_of(request, site)
     work = works.close(at, service_of(request).clock, body, _maybe(at, body.resume))
-    return Asking(request, at, person, kind="close", key=key).give(body, work)
+    return Asking(request, at, person, kind="close", key=key).give(
+        body, work, works.remaining_of_closing(at, apply=body.apply)
+    )
 
 
 @routes.post("/commands/push", status_code=202)

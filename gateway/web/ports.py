@@ -13,6 +13,7 @@ from gateway.config import SiteFile
 from gateway.index import SiteIndex
 from gateway.live import Asked
 from gateway.mqtt import Outgoing
+from gateway.remaining import RemainingTime
 from gateway.say import Say
 from gateway.store import Store
 from gateway.users import KnownBrowsers, RefusedSignIns, Sessions, Tries, UserAccounts
@@ -39,8 +40,8 @@ class ServedSite(Protocol):
         """The newest commands, newest first."""
         ...
 
-    def begin(self, work: Work, *, kind: str, who: str) -> JobView:
-        """Give a command. Raises BusyError."""
+    def begin(self, work: Work, *, kind: str, who: str, remaining: RemainingTime | None = None) -> JobView:
+        """Give a command; ``remaining`` reckons its time to go. Raises BusyError."""
         ...
 
     def stop_job(self, by: str) -> bool:

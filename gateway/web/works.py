@@ -10,6 +10,7 @@ from gateway.approve import take_risk
 from gateway.config import SiteFile
 from gateway.correct.outlook.flank_uncertainty import ToothSpec
 from gateway.domain.proposals import Approval
+from gateway.remaining import RemainingTime
 from gateway.say import Say
 from gateway.store import RunFolder
 from gateway.study.inputs import gear_of, load_gear
@@ -23,6 +24,7 @@ from gateway.workflow.control.rolling_back import roll_back_site
 from gateway.workflow.control.selftesting import self_test_site
 from gateway.workflow.control.verifying import verify_table
 from gateway.workflow.errors21.components import measure_site
+from gateway.workflow.loop.forecast import day_of_closing, day_of_measuring, day_of_run, remaining_of
 from gateway.workflow.loop.run import run_site
 from gateway.workflow.loop.tooth_loop import close_site
 from gateway.workflow.outcome import Outcome
@@ -36,6 +38,21 @@ def run(at: ServedSite, clock: Clock) -> Work:
         return await run_site(at.site, at.path, apply=False, machine_name="", clock=clock, say=say)
 
     return work
+
+
+def remaining_of_run(at: ServedSite) -> RemainingTime:
+    """The time to go of `run`, by the forecast of its day."""
+    return remaining_of(lambda: day_of_run(at.site, apply=False))
+
+
+def remaining_of_measuring(at: ServedSite, wanted: tuple[str, ...]) -> RemainingTime:
+    """The time to go of `measure`."""
+    return remaining_of(lambda: day_of_measuring(at.site, wanted))
+
+
+def remaining_of_closing(at: ServedSite, *, apply: bool) -> RemainingTime:
+    """The time to go of `close`."""
+    return remaining_of(lambda: day_of_closing(at.site, at.path, apply=apply))
 
 
 def measure(at: ServedSite, clock: Clock, wanted: tuple[str, ...], resume: RunFolder | None) -> Work:

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import pytest
 
-from gateway.events import PushEnded, TableStateChanged, received
+from drivers.clock import LoopClock
+from gateway.daemon.hub import Hub, StreamListener
+from gateway.events import PushEnded, PushPhaseChanged, TableStateChanged, received
 from gateway.push.context import PushContext
 from gateway.push.phases import TRANSITIONS, PushPhase, PushState, Switch, TableNow
 from tests.push.bench import Plan, told
@@ -28,6 +31,25 @@ TRUE: Mapping[TableNow, Callable[[Oracle], bool]] = {
     TableNow.UNKNOWN: lambda _at: True,
 }
 """What the control's memory must hold the moment a state is told."""
+UNTIL_THE_NEXT = {**TRUE, TableNow.ON: lambda at: at.switched_on}
+"""And until the next one: that a control exchanged points of a table that is on shows at the next read, as a state."""
+
+
+@dataclass
+class Page:
+    """What a page at the stream shows of each table: by the frames alone, as the bar above draws them."""
+
+    listener: StreamListener
+    tables: dict[str, str] = field(default_factory=dict)
+
+    def look(self) -> None:
+        """Takes what was sent since the last look."""
+        sent = [frame for frame, _passing in self.listener._frames]
+        self.listener._frames.clear()
+        for line in "".join(sent).splitlines():
+            data = json.loads(line[6:]) if line.startswith("data: ") else {}
+            if data.get("event") == "TableStateChanged":
+                self.tables[data["fields"]["axis"]] = data["fields"]["state"]
 
 
 @dataclass
@@ -38,6 +60,21 @@ class Watch:
     false: list[str] = field(default_factory=list)
     ended: int = 0
     world: list[World] = field(default_factory=list)
+    hub: Hub = field(default_factory=lambda: Hub(LoopClock(), dict))
+    pages: tuple[Page, ...] = ()
+    looks: int = 0
+
+    def __post_init__(self) -> None:
+        self.pages = Page(self.hub.join()), Page(self.hub.join())
+
+    def look(self) -> None:
+        """Both pages show what is true of the control's memory now."""
+        for page in self.pages:
+            page.look()
+            for name, state in page.tables.items():
+                self.looks += 1
+                if not UNTIL_THE_NEXT[TableNow(state)](self.world[0].oracle):
+                    self.false.append(f"a page shows {name} {state}: {self.world[0].oracle.content}")
 
     def edit(self, context: PushContext) -> PushContext:
         """Listens to what the push tells."""
@@ -49,6 +86,9 @@ class Watch:
                 if not TRUE[TableNow(event.state)](self.world[0].oracle):
                     self.false.append(f"{event.state}: {self.world[0].oracle.content}")
             self.ended += isinstance(event, PushEnded)
+            self.hub.hear(code, fields)
+            if isinstance(event, TableStateChanged | PushPhaseChanged | PushEnded):
+                self.look()
             context.say(code, **fields)
 
         return replace(context, say=say)
@@ -66,6 +106,8 @@ def watched(root: Path, scene: Scene, *at: tuple[Moment, Callable[[World], None]
 def test_each_state_of_a_push_is_told_when_it_is_true(tmp_path: Path, scene: Scene) -> None:
     watch, outcome = watched(tmp_path, scene)
     assert (outcome, watch.false, watch.ended) == ("committed", [], 1)
+    assert watch.looks > 2 * len(watch.states), "both pages were looked at, also between two changes"
+    assert [set(page.tables.values()) for page in watch.pages] == [{"new"}, {"new"}]
     assert watch.states == ["begun", "writing", "written", "writing", "on", "new"]
 
 

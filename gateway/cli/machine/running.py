@@ -32,6 +32,7 @@ def run_site_command(
     clock: Clock | None = None,
 ) -> None:
     """Run a site; the demo, which owns its cell, types the machine's name itself."""
+    from gateway.workflow.loop.forecast import day_of_run, remaining_of
     from gateway.workflow.loop.run import run_site
 
     tree = load_site(site)
@@ -42,7 +43,8 @@ def run_site_command(
     async def main(say: Say) -> Any:
         return await run_site(tree, site, apply=apply, machine_name=name, clock=used, say=say, axes=axes)
 
-    with progress(quiet=as_json, at=(tree, site), own_operator=typed_by_demo) as say:
+    known = remaining_of(lambda: day_of_run(tree, apply=apply, axes=axes))
+    with progress(quiet=as_json, at=(tree, site), own_operator=typed_by_demo, stages=known) as say:
         outcome = run_to_end(main(say), at=site)
     onward = onward_of(outcome, site)
     show_outcome(outcome, as_json=as_json, onward="" if typed_by_demo else onward)

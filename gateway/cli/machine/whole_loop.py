@@ -10,18 +10,14 @@ from typing import Annotated, Any
 import typer
 
 from drivers.clock import Clock, LoopClock
-from drivers.errors import ConfigError
 from gateway.cli.machine.dayplan import show_day_of_closing
 from gateway.cli.machine.running import onward_of, show_outcome
 from gateway.cli.modes import only
 from gateway.cli.options import ApplyOption, JsonOption, MachineOption, PlanOption, RiskOption, SiteArgument, open_run
-from gateway.cli.screen.stages import Stages, Work
 from gateway.cli.screen.telling import progress
 from gateway.cli.stopping import run_to_end
+from gateway.remaining import RemainingTime
 from gateway.say import Say
-
-WARM_UP = "warm-up"
-"""Nothing is said when it begins: it is over when a run starts."""
 
 
 def close_command(
@@ -73,19 +69,15 @@ class Closing:
     wanted: Sequence[str] = ()
     clock: Clock = field(default_factory=LoopClock)
 
-    def stages(self) -> Stages | None:
-        """Its stages by the forecast of the site file; None where that cannot be made. Raises ConfigError."""
+    def stages(self) -> RemainingTime:
+        """Its stages by the forecast of the site file; none where that cannot be made."""
         from gateway.config import load_site
-        from gateway.workflow.loop.forecast import day_of_closing
+        from gateway.workflow.loop.forecast import day_of_closing, remaining_of
 
-        try:
-            day = day_of_closing(load_site(self.site), self.site, apply=self.apply, wanted=self.wanted)
-        except ConfigError:
-            return None  # what is wrong is said by the run itself, where it matters to it
-        pieces = (Work(one.stage, one.name, one.seconds(day.times)) for one in day.pieces)
-        return Stages([one for one in pieces if one.stage != WARM_UP])
+        tree, wanted = load_site(self.site), self.wanted
+        return remaining_of(lambda: day_of_closing(tree, self.site, apply=self.apply, wanted=wanted))
 
-    def run(self, *, quiet: bool, stages: Stages | None = None) -> Any:
+    def run(self, *, quiet: bool, stages: RemainingTime | None = None) -> Any:
         """Do it with its progress shown; returns its outcome. Raises what `close_site` raises."""
         from gateway.config import load_site
         from gateway.workflow.loop.tooth_loop import close_site

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 import threading
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import AbstractContextManager, ExitStack, contextmanager, nullcontext
 from typing import Any
 
@@ -17,8 +17,8 @@ from rich.text import Text
 
 from drivers.local.names import visible
 from gateway.cli.screen.scene import Count, Scene, clock_text
-from gateway.cli.screen.stages import Stages
 from gateway.cli.show import spoken, with_site
+from gateway.remaining import RemainingTime
 
 A_SECOND = 4
 BAR = 28
@@ -108,8 +108,8 @@ class LivePanel:
         return Panel(Group(*rows), title=Text(visible(title)), title_align="left", border_style="dim")
 
     def _rows(self, scene: Scene, now: float) -> list[Any]:
-        rows: list[Any] = [_staged(scene.stages, now)] if scene.stages is not None and scene.stages.number else []
-        rows += [_bars(scene.counts.values(), now, alone=scene.stages is None)] if scene.counts else []
+        rows: list[Any] = [_staged(scene.stages, now)] if scene.stages.number else []
+        rows += [_bars(scene.counts, scene.stages, now)] if scene.counts else []
         rows += [Text(f"! {visible(with_site(text))}", style="bold red") for text in (scene.open_road,) if text]
         rows += [Text(visible(text)) for text in (scene.step,) if text]
         rows += [_hung("  ", Text(visible(move))) for move in scene.moves]
@@ -129,7 +129,7 @@ def _hung(mark: str, said: Text) -> Table:
     return row
 
 
-def _staged(stages: Stages, now: float) -> Text:
+def _staged(stages: RemainingTime, now: float) -> Text:
     """Which stage of how many, and the time to go over all that are left."""
     said = spoken("S-PANEL-STAGE", number=stages.number, total=stages.total, stage=stages.said)
     left = stages.left_s(now)
@@ -137,14 +137,16 @@ def _staged(stages: Stages, now: float) -> Text:
     return Text(visible(told))
 
 
-def _bars(counts: Iterable[Count], now: float, *, alone: bool) -> Table:
-    """One line for each count: how far, of what; the time to go where no stages tell it for ``alone`` these counts."""
+def _bars(counts: Mapping[str, Count], stages: RemainingTime, now: float) -> Table:
+    """One line for each count: how far, of what; the time to go where no stages tell it for all of them."""
+    alone = not stages.pieces
     rows = Table.grid(padding=(0, 1))
     rows.add_column(width=BAR)
     rows.add_column(min_width=TO_GO if alone else 0, no_wrap=True)
     rows.add_column(overflow="ellipsis", no_wrap=True)
-    for count in counts:
-        left = count.left_s(now) if alone else None
+    for name, count in counts.items():
+        stops = stages.program_left_s(now) if name == "inner" else None
+        left = (count.left_s(now) if stops is None else stops) if alone else None
         rows.add_row(
             ProgressBar(total=count.total, completed=count.done, width=BAR),
             Text("" if left is None else f"about {clock_text(left)} to go"),

@@ -6,7 +6,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from gateway.audience import Audience, kind_of
-from gateway.cli.screen.stages import Stages
 from gateway.cli.show import spoken
 from gateway.events import (
     ActingCheckStarted,
@@ -18,6 +17,7 @@ from gateway.events import (
     TableStateChanged,
     received,
 )
+from gateway.remaining import RemainingTime
 
 APART = (ActingCheckStarted, PartStarted, RunStarted, SignProofStarted)
 """Steps that belong to none of a count of steps: it is over when one of them begins."""
@@ -62,8 +62,8 @@ class Count:
 class Scene:
     """The panel's state; `told` takes what is said, in s of any steady clock.
 
-    ``open_road`` stays as long as the command works: what passes to the control is not protected. With ``stages`` the
-    time to go is reckoned over all of them, and no count tells a time of its own.
+    ``open_road`` stays as long as the command works: what passes to the control is not protected. Where ``stages`` has
+    pieces the time to go is reckoned over all of them, and no count tells a time of its own.
     """
 
     began: float
@@ -75,12 +75,11 @@ class Scene:
     asked: float = 0.0
     moves: tuple[str, ...] = ()
     counts: dict[str, Count] = field(default_factory=dict)
-    stages: Stages | None = None
+    stages: RemainingTime = field(default_factory=RemainingTime)
 
     def told(self, code: str, fields: Mapping[str, object], now: float) -> None:
         """Take one piece of progress."""
-        if self.stages is not None:
-            self.stages.told(code, fields, now)
+        self.stages.told(code, fields, now)
         kind, event = kind_of(code), received(code, fields)
         if isinstance(event, ConnectionUnprotected):
             self.open_road = spoken(code, **fields)

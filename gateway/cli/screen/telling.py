@@ -14,10 +14,10 @@ from drivers.message import Message
 from gateway.audience import Audience, kind_of
 from gateway.cli import voice
 from gateway.cli.screen.scene import Scene
-from gateway.cli.screen.stages import Stages
 from gateway.cli.show import begun_with, echo, spoken
 from gateway.cli.voice import Voice
 from gateway.events import DevicesOpened, RunStarted, received
+from gateway.remaining import RemainingTime
 from gateway.say import Say
 
 SPOKEN = {
@@ -38,7 +38,7 @@ def progress(
     at: tuple[Any, Path] | None = None,
     folder: Any = None,
     own_operator: bool = False,
-    stages: Stages | None = None,
+    stages: RemainingTime | None = None,
 ) -> Iterator[Say]:
     """Show progress while the block lasts; with ``quiet`` (data was asked for) the log alone hears it.
 
@@ -107,7 +107,7 @@ def _brief(own_operator: bool) -> bool:
 
 @contextmanager
 def _shown(
-    title: str, clock: Clock, kinds: set[Audience], *, quiet: bool, stages: Stages | None
+    title: str, clock: Clock, kinds: set[Audience], *, quiet: bool, stages: RemainingTime | None
 ) -> Iterator[Callable[[str, dict[str, object]], None]]:
 
     def now() -> float:
@@ -125,7 +125,7 @@ def _shown(
         return
     from gateway.cli.screen.panel import LivePanel
 
-    with LivePanel(title, Scene(now(), stages=stages), now) as panel:
+    with LivePanel(title, Scene(now(), stages=stages or RemainingTime()), now) as panel:
 
         def show(code: str, fields: dict[str, object]) -> None:
             kind = kind_of(code)

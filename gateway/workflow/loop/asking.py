@@ -23,10 +23,11 @@ TOUCHED = 5
 """About so many places prove the effect of a table."""
 
 
-def visiting(plans: Sequence[StopPlan], axis: AxisSection) -> float:
-    """Seconds of the stops of an axis' plans, each of them read."""
+def visiting(plans: Sequence[StopPlan], axis: AxisSection) -> Asks:
+    """The stops of an axis' plans, each of them read."""
     standing = reading_s(axis.measure) + STREAM_S
-    return sum(plan_s(plan, standing) for plan in plans)
+    programs = tuple((len(plan.stops), plan_s(plan, standing)) for plan in plans)
+    return Asks(machine_s=sum(seconds for _, seconds in programs), programs=programs)
 
 
 def reading_tables(what: str) -> Asks:

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from typing import Any, Literal
 
 from gateway.config import DayTimes
+from gateway.remaining import Work
 
 Stage = Literal["warm-up", "measure", "part", "sign proofs", "push", "measure again"]
 
@@ -34,17 +35,20 @@ class ToMount:
 class Asks:
     """What work asks of a person beyond a mounting and a clamping: starts and restarts, each by its cause.
 
-    ``machine_s`` is what the machine itself takes meanwhile.
+    ``machine_s`` is what the machine itself takes meanwhile; ``programs`` are those whose stops are read, each with its
+    stops and the part of ``machine_s`` that they take.
     """
 
     presses: tuple[str, ...] = ()
     resets: tuple[str, ...] = ()
     machine_s: float = 0.0
+    programs: tuple[tuple[int, float], ...] = ()
 
     def plus(self, other: Asks) -> Asks:
         """Both, one after the other."""
         both = self.machine_s + other.machine_s
-        return Asks((*self.presses, *other.presses), (*self.resets, *other.resets), both)
+        programs = (*self.programs, *other.programs)
+        return Asks((*self.presses, *other.presses), (*self.resets, *other.resets), both, programs)
 
 
 def by_hand_s(times: DayTimes, mountings: int, blanks: int, presses: int, resets: int) -> float:
@@ -113,6 +117,11 @@ class DayPlan:
     def hours_of(self, pieces: Iterable[Piece]) -> float:
         """Hours of some of its pieces."""
         return sum(piece.seconds(self.times) for piece in pieces) / 3600.0
+
+    def work(self) -> tuple[Work, ...]:
+        """The pieces that something is said of when they begin: all but the warm-up, which is over by then."""
+        told = (one for one in self.pieces if one.stage != "warm-up")
+        return tuple(Work(one.stage, one.name, one.seconds(self.times), one.asks.programs) for one in told)
 
     def by_stage(self) -> dict[Stage, float]:
         """Hours of each stage, in the order in which they begin."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import groupby
 from pathlib import Path
@@ -16,6 +16,7 @@ from gateway.config import AxisSection, SiteFile, one_start, open_road, plans_to
 from gateway.config.reaching import typed_rotary
 from gateway.correct.plan.plan import CROSS
 from gateway.model.chain import LOCATIONS
+from gateway.remaining import RemainingTime
 from gateway.tooth import SetupValues
 from gateway.workflow.axes.guard import short_check
 from gateway.workflow.axes.measure import plans_of_axis
@@ -62,6 +63,23 @@ def day_of_closing(site: SiteFile, site_path: Path, *, apply: bool, wanted: Sequ
         pieces += [day.part("before", part_s), *day.applied(cross=True), *day.acting()]
         pieces += [day.part("trial", part_s), day.part("after", part_s)]
     return day.plan("close", pieces)
+
+
+def day_of_measuring(site: SiteFile, wanted: Sequence[str] = ()) -> DayPlan:
+    """The day of `measure` with these set-ups (none: all). Raises as `day_of_run`."""
+    day = _Day(site)
+    return day.plan("measure", day.setups_measured(wanted))
+
+
+def remaining_of(day: Callable[[], DayPlan]) -> RemainingTime:
+    """The time to go of a command by its day; without a forecast it is that of the program at work alone.
+
+    What is wrong with the site is said by the command itself, where it matters to it.
+    """
+    try:
+        return RemainingTime(day().work())
+    except ConfigError:
+        return RemainingTime()
 
 
 @dataclass(frozen=True)
@@ -117,7 +135,7 @@ class _Day:
                 count += len(plans)
 
     def _setup(self, one: Planned, plans: Sequence[StopPlan], before: int) -> Piece:
-        asks = self._begun(before, len(plans)).plus(Asks(machine_s=visiting(plans, one.axis)))
+        asks = self._begun(before, len(plans)).plus(visiting(plans, one.axis))
         hand_s = STEP_S if one.setup.step and not one.positioning else 0.0
         return Piece("measure", one.key, asks, _mounting_of(one), hand_s=hand_s)
 
@@ -133,7 +151,7 @@ class _Day:
         """Axes one after the other in one row of programs, ``after`` so many plans; on ``stands`` optics are there."""
         count = after
         for axis, plans in axes:
-            asks = self._begun(count, len(plans)).plus(Asks(machine_s=visiting(plans, axis)))
+            asks = self._begun(count, len(plans)).plus(visiting(plans, axis))
             yield Piece(stage, axis.name, asks, _own_mounting(axis) if axis.name != stands else None)
             count += len(plans)
 
@@ -175,7 +193,7 @@ class _Day:
         for axis in own:
             cross = [(over, "cross") for out, over in tables if out == axis][:1]
             kinds = [(axis, "axis"), (axis, "reversal"), *cross]
-            sense = Asks(machine_s=visiting([sense_plan(axis, setup_of(axis))], axis))
+            sense = visiting([sense_plan(axis, setup_of(axis))], axis)
             asks = self._begun(count, 1 + len(kinds)).plus(sense)
             for over, kind in kinds:
                 asks = asks.plus(proving(self.site, axis, over, kind))
@@ -193,7 +211,7 @@ class _Day:
             if out == over:
                 few = short_check(out, targets_of(out), self.site.guard)
                 plans = [sense_plan(out, setup_of(out)), measuring_plan(few, targets_of(few), "")]
-                asks = self._begun(count, len(plans)).plus(Asks(machine_s=visiting(plans, out)))
+                asks = self._begun(count, len(plans)).plus(visiting(plans, out))
                 yield Piece("measure again", out.name, asks, _own_mounting(out))
                 count += len(plans)
 

@@ -18,9 +18,9 @@ from drivers.clock import LoopClock
 from gateway.cli import app, demoending, demonstration
 from gateway.cli.demoending import Took, show_ending
 from gateway.cli.screen.scene import Scene
-from gateway.cli.screen.stages import Stages, Work
 from gateway.cli.screen.strip import cells, strips
 from gateway.errors import CaptureError
+from gateway.remaining import RemainingTime, Work
 from gateway.store import RunFolder, Store
 from gateway.tooth import FlankMap
 from gateway.workflow import stages as names
@@ -51,7 +51,7 @@ TOLD = (
 
 def test_the_time_left_is_that_of_all_stages() -> None:
     """By hand: half of the foreseen speed. 100 s took 50, so 450 s more take 225; the last set-up is not the end."""
-    scene = Scene(began=0.0, stages=Stages(DAY))
+    scene = Scene(began=0.0, stages=RemainingTime(DAY))
     assert scene.stages is not None
     scene.told(*TOLD[0], 0.0)
     assert scene.stages.left_s(40.0) is None
@@ -63,7 +63,7 @@ def test_the_time_left_is_that_of_all_stages() -> None:
 
 
 def test_every_stage_begins_with_what_is_said_of_it() -> None:
-    stages, seen = Stages(DAY), []
+    stages, seen = RemainingTime(DAY), []
     for number, (code, fields) in enumerate(TOLD):
         stages.told(code, fields, 10.0 * number)
         seen.append((stages.number, stages.said))

@@ -9,10 +9,11 @@ import numpy as np
 import pytest
 
 from drivers.clock import LoopClock
-from drivers.types.sensing import SampleBlock
+from drivers.types.sensing import Ambient, SampleBlock
 from gateway.daemon.hub import LONGEST_QUEUE, MOST_LISTENERS, Hub
 from gateway.daemon.looking import MOST_ASKED, Looking
 from gateway.errors import BusyError
+from gateway.live import LiveDeviation
 
 
 def told(frames: str) -> list[tuple[str, dict[str, Any]]]:
@@ -63,8 +64,19 @@ async def test_a_stream_beats_while_nothing_happens_and_ends_with_the_gateway() 
         frames.append(frame)
         if len(frames) == 2:
             hub.end()
-    assert frames[1] == ": beat\n\n"
+    assert told(frames[1]) == [("beat", {})], "a page hears it: a comment would never reach its script"
     assert hub.listening == 0
+
+
+async def test_a_page_hears_something_every_five_seconds() -> None:
+    """Two that are missed mean a cut cable: no socket tells of one."""
+    clock = LoopClock()
+    hub = Hub(clock, dict)
+    listener, before = hub.join(), clock.now()
+    await listener.next(clock)
+    for _beat in range(3):
+        assert told(await listener.next(clock)) == [("beat", {})]
+    assert clock.now() - before == pytest.approx(15.0)
 
 
 async def test_only_so_many_listen() -> None:
@@ -123,6 +135,16 @@ async def test_targets_that_join_a_capture_stand_with_those_taken_before() -> No
     looking = Looking(lambda _kind, _data: None, LoopClock())
     for code, target in (("P-MEASURE", 0.0), ("P-STOP", 10.0), ("P-MORE-TARGETS", 5.0), ("P-SETUP", 0.0)):
         looking.said(code, {})
-        looking.taken("X1", (target, 1, 1), 0.1, "um")
+        looking.taken("X1", (target, 1, 1), LiveDeviation(0.1, "um", 0.4, 5.0))
     parts = [one["part"] for one in looking.kept]
     assert parts[0] == parts[1] == parts[2] != parts[3]
+
+
+async def test_air_is_in_the_first_picture_of_a_page_that_is_opened_again() -> None:
+    clock = LoopClock()
+    looking = Looking(lambda _kind, _data: None, clock)
+    assert looking.air is None
+    looking.ambient("laser", Ambient(21.3, 1002.0, 44.0, (20.6, 20.7), age_s=2.0))
+    assert looking.air is not None
+    assert (looking.air["air_degc"], looking.air["material_degc"]) == (21.3, [20.6, 20.7])
+    assert str(looking.air["utc"]).endswith("+00:00")

@@ -15,6 +15,7 @@ from gateway.errors import BusyError
 from gateway.index import SiteIndex
 from gateway.live import Asked
 from gateway.mqtt import Outgoing
+from gateway.remaining import RemainingTime
 from gateway.say import Say
 from gateway.store import Store
 from gateway.users import Person, Sessions, Tries, UserAccounts, UserRole
@@ -61,7 +62,7 @@ class FakeSite:
             for number, (kind, who) in enumerate(self.given, 1)
         )
 
-    def begin(self, work: Work, *, kind: str, who: str) -> JobView:
+    def begin(self, work: Work, *, kind: str, who: str, remaining: RemainingTime | None = None) -> JobView:
         if self.busy:
             raise BusyError("E-WEB-BUSY", "daemon", run="r-3", who="anna")
         self.given.append((kind, who))
