@@ -9,6 +9,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from drivers.message import Message
 from drivers.units import DeviationUnit
 
 FloatArray = NDArray[np.float64]
@@ -37,7 +38,7 @@ class Recording:
     trigger: int | None = None
     gaps: tuple[RecordingGap, ...] = ()
     header: Mapping[str, str] = field(default_factory=dict)
-    warnings: tuple[str, ...] = ()
+    warnings: tuple[Message, ...] = ()
 
     def __len__(self) -> int:
         return int(self.raw.shape[0])

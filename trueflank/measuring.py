@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 
 from drivers.errors import ConfigError, words
 from drivers.local.names import shown
+from drivers.message import Message
 from drivers.types.doubts import Doubt
 from drivers.types.results import MeasuredSet
 from drivers.units import AxisUnit, DeviationUnit, deviation_unit
@@ -106,7 +107,7 @@ class Measured:
             axis_unit=self.axis_unit,
             ambient_start=ambient,
             expansion_ppm_per_k=self.expansion_ppm_per_k,
-            warnings=self.warnings,
+            warnings=tuple(map(Message.stored, self.warnings)),
             doubts=self.doubts,
         )
 
@@ -232,7 +233,7 @@ def read(
         found.deviations,
         counted,
         Path(path).name,
-        warnings=(*later, *found.warnings),
+        warnings=(*later, *map(str, found.warnings)),
         name=name,
         doubts=found.doubts,
         accepted=accepted or {},
@@ -367,7 +368,7 @@ def evaluate(
         across=not positions_its_axis(measured.name),
     )
     found = figured.result
-    supposed = (*(one.text for one in figured.supposed), describe_contributions(figured.contributions, found.unit))
+    supposed = (*(one.text for one in figured.supposed), str(describe_contributions(figured.contributions, found.unit)))
     return Evaluated(
         standard=found.standard.name,
         unit=found.unit,

@@ -13,6 +13,7 @@ from drivers.errors import FileFormatError
 from drivers.files.numbers import FARTHEST, MOST_TOLD, no_readings
 from drivers.files.readings import Readings, Rows, Whole
 from drivers.files.tables.statements import remarks
+from drivers.message import Message
 from drivers.types.doubts import Doubt
 from drivers.types.results import MeasuredSet
 from drivers.types.values import FloatArray
@@ -50,7 +51,7 @@ def assembled(
     where: str,
     *,
     header: Mapping[str, str],
-    warnings: tuple[str, ...] = (),
+    warnings: tuple[Message, ...] = (),
     confirmed: bool = False,
 ) -> MeasuredSet:
     """Targets (m,) rising in mm or deg, deviations (m, n, 2) in um or arcsec.
@@ -461,8 +462,8 @@ def _whole(measured: MeasuredSet, grid: _Grid) -> tuple[MeasuredSet, _Grid]:
     return replace(measured, targets=cut.targets, deviations=cut.deviations), cut
 
 
-def _notes(deviations: FloatArray) -> tuple[str, ...]:
+def _notes(deviations: FloatArray) -> tuple[Message, ...]:
     ways = [way for way in (0, 1) if not np.isnan(deviations[:, :, way]).all()]
     missing = int(np.isnan(deviations[:, :, ways]).sum())
-    one_way = ("measured in one direction only",) if len(ways) == 1 else ()
-    return one_way + ((f"readings missing: {missing}",) if missing else ())
+    one_way = (Message.of("S-FILE-ONE-WAY"),) if len(ways) == 1 else ()
+    return one_way + ((Message.of("S-FILE-MISSING", count=missing),) if missing else ())

@@ -26,11 +26,12 @@ from drivers.files.tables.indexed import indexed, is_indexed
 from drivers.files.tables.layout import NONE, Layout, layout, no_heading, understood_as
 from drivers.files.tables.order import by_order, by_steps, counted
 from drivers.files.tables.plain import MOST_REPETITIONS, plain_table
-from drivers.files.tables.sheet import Row, Sheet, declared_sheet, heading_of, lines_before, sheets_of
+from drivers.files.tables.sheet import COMMA, Row, Sheet, declared_sheet, heading_of, lines_before, sheets_of
 from drivers.files.tables.statements import Concern, lines_above, lines_around, remarks
 from drivers.files.text import end_doubts, other_texts, plain_minus, read_bytes
 from drivers.files.workbook import is_workbook, workbook_text
 from drivers.local.textfile import decode_text
+from drivers.message import Message
 from drivers.types.doubts import Doubt
 from drivers.types.results import MeasuredSet, TableHeading
 from drivers.units import (
@@ -95,7 +96,9 @@ class CsvFormat:
         digest = hashlib.sha256(read_bytes(other)).hexdigest()
         return measured_of(both, text, self._said, str(path), beside={"Beside": f"{other.name} {digest}"})
 
-    def _readings(self, path: Path, said: ColumnMap) -> tuple[tuple[Readings, Mapping[str, str], tuple[str, ...]], str]:
+    def _readings(
+        self, path: Path, said: ColumnMap
+    ) -> tuple[tuple[Readings, Mapping[str, str], tuple[Message, ...]], str]:
         where = str(path)
         texts = self._texts(path)
         first = next(texts)
@@ -154,7 +157,7 @@ class CsvFormat:
         return table_text(measured)
 
 
-Found = tuple[Readings, Mapping[str, str], tuple[str, ...]]
+Found = tuple[Readings, Mapping[str, str], tuple[Message, ...]]
 """Readings, what their file says of itself, and notes."""
 
 
@@ -172,7 +175,7 @@ def measured_of(
     header |= {"Stated unit": words["Unit"]} if words.get("Unit", "").strip() else {}
     header |= {"Reading": readings.quantity} if readings.quantity != "deviation" else {}
     header |= {"Columns": said.told()} if said.told() else {}
-    comma = tuple(one for one in notes if "comma" in one)
+    comma = tuple(one for one in notes if one == COMMA)
     rest = tuple(one for one in notes if one not in comma)
     measured = assembled(readings, where, header=header, warnings=(*rest, *end_doubts(text)), confirmed=said.confirmed)
     return replace(measured, warnings=(*comma, *measured.warnings))
@@ -331,7 +334,7 @@ def _wrong(where: str, line: int, why: str) -> FileFormatError:
     return FileFormatError("E-FILE-LINE", where, line=line, why=why)
 
 
-def _rows(sheet: Sheet, found: Layout, where: str, *, cut: int) -> tuple[list[Reading], tuple[str, ...]]:
+def _rows(sheet: Sheet, found: Layout, where: str, *, cut: int) -> tuple[list[Reading], tuple[Message, ...]]:
     """Every reading, NaN where a cell says that there is none, and a note of what the order alone told."""
     needed = 1 + max(*found.columns, *found.read)
     for at, row in sheet.rows:
@@ -342,7 +345,7 @@ def _rows(sheet: Sheet, found: Layout, where: str, *, cut: int) -> tuple[list[Re
     if found.passes:
         return [one for at, row in sheet.rows for one in _of_passes(row, found, at, where)], ()
     rows = [_of_row(row, found, at, where, cut=cut) for at, row in sheet.rows]
-    notes: tuple[str, ...] = ()
+    notes: tuple[Message, ...] = ()
     if found.columns[1] == NONE:
         rows, notes = _with_ways(rows, found, sheet, where)
     if found.columns[2] == NONE and not notes:
@@ -351,7 +354,9 @@ def _rows(sheet: Sheet, found: Layout, where: str, *, cut: int) -> tuple[list[Re
     return rows, notes
 
 
-def _with_ways(rows: list[Reading], found: Layout, sheet: Sheet, where: str) -> tuple[list[Reading], tuple[str, ...]]:
+def _with_ways(
+    rows: list[Reading], found: Layout, sheet: Sheet, where: str
+) -> tuple[list[Reading], tuple[Message, ...]]:
     """Directions that no column tells: as a person said, or by the order of the rows."""
     if found.ways == "runs" and found.columns[2] != NONE:
         return [replace(row, approach=(row.run + 1) % 2) for row in rows], ()
@@ -369,7 +374,7 @@ def _with_ways(rows: list[Reading], found: Layout, sheet: Sheet, where: str) -> 
     if told is None:
         raise FileFormatError("E-FILE-CSV-RUNS", where, found=", ".join(sheet.heads)[:80])
     rows = [replace(row, approach=way, run=number) for row, (way, number) in zip(rows, told, strict=True)]
-    return rows, ("the order of the rows tells the directions: no column does",)
+    return rows, (Message.of("S-FILE-ORDER"),)
 
 
 def _of_passes(row: Row, found: Layout, at: int, where: str) -> list[Reading]:

@@ -22,6 +22,7 @@ from drivers.files.numbers import decimal, missing, untaken
 from drivers.files.tables.sheet import cells
 from drivers.files.text import end_doubts, plain_minus, read_bytes
 from drivers.local.textfile import decode_text
+from drivers.message import Message
 from drivers.types.drives import STATEMENTS, DriveRecord
 from drivers.types.values import FloatArray
 from drivers.units import KELVIN_OFFSET, TARGET_UNITS, unit_named
@@ -118,10 +119,10 @@ def parse_drive(text: str, said: DriveColumns, where: str) -> DriveRecord:
     kept, table = _table(body, columns, separator, where)
     values = {one.role: _scaled(table[:, k], one) for k, one in enumerate(columns)}
     _check(values, kept, where)
-    notes = []
-    for role in ("input", "output"):
+    notes: list[Message] = []
+    for role, code in (("input", "S-DRIVE-TURNED-INPUT"), ("output", "S-DRIVE-TURNED-OUTPUT")):
         values[role], turned = _counted_on(values[role])
-        notes += [f"the {role} angle counts 0 to 360 deg and was continued: {turned} times"] if turned else []
+        notes += [Message.of(code, turned=turned)] if turned else []
     notes += untaken([at for at, _ in body], kept)
     stated = {name: _stated(header, name, where) for name, one in STATEMENTS.items() if one.key in header}
     units = {f"Unit of {role}": one.unit for role, one in read.items()}

@@ -5,6 +5,7 @@ from __future__ import annotations
 from drivers.errors import FileFormatError
 from drivers.files.numbers import decimal, uses_comma
 from drivers.files.rtltext import lookup
+from drivers.message import Message, Quantity
 from drivers.types.sensing import Ambient
 
 KEYS = (
@@ -25,7 +26,7 @@ HPA_PER_KPA = 10.0
 KPA_LIMITS, HPA_LIMITS = (50.0, 120.0), (500.0, 1200.0)
 
 Pair = tuple[float | None, float | None]
-Found = tuple[Ambient, Ambient, float | None, list[str]]
+Found = tuple[Ambient, Ambient, float | None, list[Message]]
 
 
 def environment(keys: dict[str, str], where: str) -> Found:
@@ -34,14 +35,14 @@ def environment(keys: dict[str, str], where: str) -> Found:
     Raises FileFormatError (E-FILE-VALUE) for a value that is no pair of numbers.
     """
     if not keys:
-        return Ambient(), Ambient(), None, ["no ENVIRONMENT: temperatures and pressure are unknown"]
+        return Ambient(), Ambient(), None, [Message.of("S-FILE-NO-ENVIRONMENT")]
     air = _temperature(_pair(keys, "Air temp", where))
     pressure, doubts = _pressure(_pair(keys, "Air press", where))
     humidity = _pair(keys, "Air humid", where)
     material = [_temperature(_pair(keys, f"Mat temp {number}", where)) for number in (1, 2, 3)]
     expansion = _pair(keys, "Exp coeff", where)
     if expansion[0] != expansion[1]:
-        doubts.append("the expansion coefficient was changed during the capture; its first value is used")
+        doubts.append(Message.of("S-FILE-EXPANSION"))
     ends = [Ambient(air[end], pressure[end], humidity[end], tuple(_known(material, end))) for end in (0, 1)]
     return ends[0], ends[1], expansion[0], doubts
 
@@ -99,13 +100,13 @@ def _temperature(pair: Pair) -> Pair:
     return first, second
 
 
-def _pressure(pair: Pair) -> tuple[Pair, list[str]]:
+def _pressure(pair: Pair) -> tuple[Pair, list[Message]]:
     given = [value for value in pair if value is not None]
     if not given:
         return (None, None), []
     if all(HPA_LIMITS[0] <= value <= HPA_LIMITS[1] for value in given):
-        return pair, ["air pressure reads like hPa, not like kPa, and was taken so"]
+        return pair, [Message.of("S-FILE-HPA")]
     if not all(KPA_LIMITS[0] <= value <= KPA_LIMITS[1] for value in given):
-        return (None, None), [f"air pressure {given[0]:g} is no air pressure in kPa; it was left out"]
+        return (None, None), [Message.of("S-FILE-KPA", value=Quantity(given[0]))]
     first, second = (None if value is None else value * HPA_PER_KPA for value in pair)
     return (first, second), []

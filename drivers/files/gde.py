@@ -18,14 +18,10 @@ from drivers.files.gear import PointMap, Touch, inspection, touch, wrong_line
 from drivers.files.numbers import decimal
 from drivers.files.safexml import Element, read_elements
 from drivers.files.text import read_bytes
+from drivers.message import Message
 from drivers.types.gears import GearInspection
 
 DATUM_FACE = "datum_face"
-SIDES = (
-    "datum_face is {said!r}: which flank is left depends on the side it is looked at from; "
-    "compare one tooth with the part, and declare swap_flanks if they are exchanged"
-)
-NO_SIDES = "no datum_face was found: which flank is left is not known from the file"
 MOST_NAMES = 40
 AS_TABLE = "export the readings as a table (CSV or .xlsx) in the program that wrote the file"
 BALLBAR = (
@@ -169,10 +165,11 @@ def read_gde(data: bytes, names: GdeNames | None, where: str) -> GearInspection:
             touches.extend(_touches(element, above, names, where))
 
     read_elements(data, ended, where)
-    side = SIDES.format(said=seen.datum_face) if seen.datum_face else NO_SIDES
+    face = seen.datum_face
+    side = Message.of("S-FILE-GDE-SIDE", said=face) if face else Message.of("S-FILE-GDE-NO-SIDE")
     header = {"Format": "GDE (VDI/VDE 2610), by declared names", "Version": seen.version, "Parts": parts}
     header |= {"Datum face": seen.datum_face}
-    more = (f"beside the points stand others that were not read: {', '.join(beside)}",) if beside else ()
+    more = (Message.of("S-FILE-GDE-NEXT", names=tuple(beside)),) if beside else ()
     return inspection(touches, names, where, warnings=(side, *more), header=header)
 
 

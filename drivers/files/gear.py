@@ -21,6 +21,7 @@ from drivers.files.signature import signature_of
 from drivers.files.tables.sheet import cells
 from drivers.files.text import end_doubts, read_bytes
 from drivers.local.textfile import decode_text
+from drivers.message import Message
 from drivers.types.gears import GearInspection
 from drivers.units import MM_PER_INCH
 
@@ -200,12 +201,12 @@ def _check_size(places: np.ndarray, deviation: np.ndarray | None, where: str) ->
         raise FileFormatError("E-FILE-GEAR-SIZE", where, place=f"{far:.4g}", deviation=f"{off:.4g}")
 
 
-def _doubts(places: np.ndarray, space: np.ndarray, flank: np.ndarray) -> list[str]:
+def _doubts(places: np.ndarray, space: np.ndarray, flank: np.ndarray) -> list[Message]:
     rows = np.column_stack([np.round(places, 6), space, flank])
     repeated = len(rows) - len(np.unique(rows, axis=0))
-    found = [f"points that occur more than once: {repeated}"] if repeated else []
+    found = [Message.of("S-FILE-POINTS-TWICE", count=repeated)] if repeated else []
     if len(set(flank.tolist())) == 1:
-        found.append("points on one flank only")
+        found.append(Message.of("S-FILE-ONE-FLANK"))
     return found
 
 

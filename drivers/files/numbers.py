@@ -12,6 +12,7 @@ from typing import NoReturn
 import numpy as np
 
 from drivers.errors import FileFormatError
+from drivers.message import Message
 from drivers.types.values import FloatArray
 
 MOST_READINGS = 4_000_000
@@ -49,12 +50,14 @@ def missing(token: str) -> bool:
     return plain in NO_NUMBER or token.strip().lower() in NO_NUMBER
 
 
-def untaken(lines: Iterable[int], read: Iterable[int]) -> tuple[str, ...]:
+def untaken(lines: Iterable[int], read: Iterable[int]) -> tuple[Message, ...]:
     """A note of lines that hold no reading at all: where all of a target's do, the result has no such target."""
     known = set(read)
     left = [str(line) for line in lines if line not in known]
-    more = f" and {len(left) - MOST_TOLD} more" if len(left) > MOST_TOLD else ""
-    return (f"no reading was taken in line {', '.join(left[:MOST_TOLD])}{more}",) if left else ()
+    more, named = len(left) - MOST_TOLD, tuple(left[:MOST_TOLD])
+    if more > 0:
+        return (Message.of("S-FILE-UNTAKEN-MORE", lines=named, more=more),)
+    return (Message.of("S-FILE-UNTAKEN", lines=named),) if left else ()
 
 
 def whole(token: str) -> int | None:

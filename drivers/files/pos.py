@@ -17,13 +17,14 @@ from drivers.files.numbers import decimal
 from drivers.files.tables.sheet import MOST_WORDS, words_above
 from drivers.files.text import end_doubts, read_bytes
 from drivers.local.textfile import decode_text
+from drivers.message import Message
 from drivers.types.results import MeasuredSet
 from drivers.units import mm_to_um, typed_unit
 
 _BREAK = re.compile(r"\r\n|\n|\r")
 _BLOCK = re.compile(r"\s*Position\s+(.+?)\s+Avg\.? Error\s*\Z", re.IGNORECASE)
 BOTH, FORWARD, BACKWARD = "bidirectional", "forward", "backward"
-MEANS_ONLY = "the file holds means only: repeatability cannot be evaluated from it"
+MEANS_ONLY = Message.of("S-FILE-MEANS")
 
 
 class PosFormat:
@@ -68,13 +69,13 @@ def parse_pos(text: str, where: str) -> MeasuredSet:
     return MeasuredSet(np.array(targets), mm_to_um(deviations), "mm", header=header, warnings=tuple(warnings))
 
 
-def _doubts(name: str) -> list[str]:
+def _doubts(name: str) -> list[Message]:
     """What stands for the readings from below, where that is not the forward block."""
     if name == FORWARD:
         return []
     if not name:
-        return ["no forward means: measured in one direction only"]
-    return [f"no forward means: the {name} mean is taken as approached from below"]
+        return [Message.of("S-FILE-NO-FORWARD")]
+    return [Message.of("S-FILE-FORWARD-IS", name=name)]
 
 
 def _blocks(text: str, where: str) -> dict[str, dict[float, float]]:

@@ -17,6 +17,7 @@ from drivers.files.numbers import no_readings
 from drivers.files.rtltext import RtlText, lookup, parse, render
 from drivers.files.text import read_bytes
 from drivers.local.textfile import decode_text
+from drivers.message import Message, digits
 from drivers.types.results import MeasuredSet
 from drivers.types.values import FloatArray
 from drivers.units import AxisUnit, deg_to_arcsec, mm_to_um, rad_to_arcsec, typed_unit
@@ -116,7 +117,7 @@ def measured_set(content: RtlText, axis_unit: AxisUnit, convert: Convert, where:
     deviations = convert(deviations)
     if not rising:
         targets, deviations = targets[::-1], deviations[::-1, :, ::-1]
-        warnings.append("targets fall with their number: odd runs were taken as approached from above")
+        warnings.append(Message.of("S-FILE-FALLING"))
     start, end, expansion, doubts = environment(content.keys("ENVIRONMENT"), where)
     warnings += [*doubts, *_size_doubts(targets, deviations, axis_unit)]
     return MeasuredSet(
@@ -141,16 +142,16 @@ def _rises(targets: FloatArray, where: str) -> bool:
     raise FileFormatError("E-FILE-TARGETS", where)
 
 
-def _deviations(content: RtlText, count: int, where: str) -> tuple[FloatArray, list[str]]:
+def _deviations(content: RtlText, count: int, where: str) -> tuple[FloatArray, list[Message]]:
     deviations = no_readings(count, (content.run_count + 1) // 2, where)
     for run, target, value in content.rows:
         deviations[target - 1, (run - 1) // 2, (run - 1) % 2] = value
-    warnings = [f"run {run} is listed upwards; its even number makes it a run down" for run in _odd_ones(content)]
+    warnings = [Message.of("S-FILE-RUN-UP", run=run) for run in _odd_ones(content)]
     missing = content.run_count * count - len(content.rows)
     if missing:
-        warnings.append(f"readings missing: {missing}")
+        warnings.append(Message.of("S-FILE-MISSING", count=missing))
     if np.isnan(deviations[:, :, 1]).all():
-        warnings.append("measured in one direction only")
+        warnings.append(Message.of("S-FILE-ONE-WAY"))
     elif not np.nan_to_num(deviations[:, :, 1]).any():
         deviations, doubt = _without_second_way(content, deviations)
         warnings.append(doubt)
@@ -165,23 +166,23 @@ def _odd_ones(content: RtlText) -> list[int]:
     return [run for run, seen in order.items() if run % 2 == 0 and len(seen) > 1 and seen == sorted(seen)]
 
 
-def _without_second_way(content: RtlText, deviations: FloatArray) -> tuple[FloatArray, str]:
+def _without_second_way(content: RtlText, deviations: FloatArray) -> tuple[FloatArray, Message]:
     flags = (lookup(content.keys("TARGET DATA"), "Flags") or "").split()
     if len(flags) > 1 and flags[1] == "1":
         deviations = deviations.copy()
         deviations[:, :, 1] = np.nan
-        return deviations, "measured one way (Flags); the zeros of the even runs were left out"
-    return deviations, "every even run is zero: was this measured one way only?"
+        return deviations, Message.of("S-FILE-FLAGS")
+    return deviations, Message.of("S-FILE-ZEROS")
 
 
-def _size_doubts(targets: FloatArray, deviations: FloatArray, axis_unit: AxisUnit) -> list[str]:
-    doubts: list[str] = []
+def _size_doubts(targets: FloatArray, deviations: FloatArray, axis_unit: AxisUnit) -> list[Message]:
+    doubts: list[Message] = []
     largest = float(np.nanmax(np.abs(deviations)))
     unit = "um" if axis_unit == "mm" else "arcsec"
     if largest > LARGEST[axis_unit] or 0 < largest < SMALLEST[axis_unit]:
-        doubts.append(f"the largest deviation is {largest:.4g} {unit}: is the file's unit as stated?")
+        doubts.append(Message.of("S-FILE-LARGEST", value=digits(largest, 4), unit=unit))
     if axis_unit == "deg" and float(np.ptp(targets)) > ONE_TURN_DEG:
-        doubts.append("targets span more than a turn, as those of a pitch or yaw file of a linear axis do")
+        doubts.append(Message.of("S-FILE-TURNS"))
     return doubts
 
 

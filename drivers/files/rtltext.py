@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 from drivers.errors import FileFormatError
 from drivers.files.numbers import decimal, fixed, uses_comma, whole
+from drivers.message import Message
 
 _SECTION = re.compile(r"([A-Z][A-Z0-9 -]*)::\s*\Z")
 _BREAK = re.compile(r"\r\n|\n|\r")
@@ -34,7 +35,7 @@ class RtlText:
     run_count: int
     rows: tuple[tuple[int, int, float], ...]
     sections: tuple[tuple[str, tuple[str, ...]], ...]
-    warnings: tuple[str, ...] = ()
+    warnings: tuple[Message, ...] = ()
 
     def section(self, name: str) -> tuple[str, ...]:
         """The lines of a section; empty where it is missing."""
@@ -79,10 +80,10 @@ def parse(text: str, where: str) -> RtlText:
 
 def _content(sections: dict[str, Lines], whole_file: bool, where: str) -> RtlText:
     """What the sections hold; of a file without its end, only what lacks no reading."""
-    warnings = [] if whole_file else ["no EOF:: at the end"]
+    warnings = [] if whole_file else [Message.of("S-FILE-NO-EOF")]
     comma = _decimal_comma(sections)
     if comma:
-        warnings.append("numbers are written with a decimal comma")
+        warnings.append(Message.of("S-FILE-COMMA"))
     targets, target_rest = _targets(sections.get("TARGET DATA", ()), comma, where)
     rows, row_rest = _rows(sections.get("DEVIATIONS", ()), len(targets), comma, where)
     run_count = _run_count(sections.get("RUNS", ()), rows, warnings, where)
@@ -191,11 +192,11 @@ def _row(tokens: list[str], comma: bool, at: int, where: str) -> tuple[int, int,
     return run, target, value
 
 
-def _run_count(lines: Lines, rows: tuple[tuple[int, int, float], ...], warnings: list[str], where: str) -> int:
+def _run_count(lines: Lines, rows: tuple[tuple[int, int, float], ...], warnings: list[Message], where: str) -> int:
     stated = lookup(keyed(line for _at, line in lines), "Run-count")
     found = max(run for run, _target, _value in rows)
     if stated is None:
-        warnings.append(f"no Run-count: {found} runs found")
+        warnings.append(Message.of("S-FILE-NO-COUNT", found=found))
         return found
     count = whole(stated)
     if count is None or not found <= count <= MOST_RUNS:

@@ -22,6 +22,7 @@ from drivers.files.csvtext import plain, recording_lines
 from drivers.files.numbers import decimal
 from drivers.files.rtltext import keyed, lookup
 from drivers.local.textfile import decode_text
+from drivers.message import Message, Quantity
 from drivers.recordings import Recording
 from drivers.units import ARCSEC_PER_DEG, ARCSEC_PER_RAD, UM_PER_MM, DeviationUnit, typed_unit
 
@@ -166,23 +167,23 @@ def _check_finite(raw: NDArray[np.float64], where: str) -> None:
             raise FileFormatError("E-FILE-RTX-SAMPLE", where, sample=start + int(bad[0]))
 
 
-def _ending(path: Path, head: RtxHead) -> tuple[str, ...]:
+def _ending(path: Path, head: RtxHead) -> tuple[Message, ...]:
     if head.count < head.stated:
-        return (f"the file was cut: {head.count} of {head.stated} samples are there",)
+        return (Message.of("S-FILE-RTX-CUT", count=head.count, stated=head.stated),)
     with path.open("rb") as file:
         file.seek(head.start + head.count * DOUBLE)
         rest = file.read(64)
     if rest.strip() == b"EOF::":
         return ()
-    return ("no EOF:: at the end" if not rest.strip() else "there is more after the last sample; it was left out",)
+    return (Message.of("S-FILE-RTX-MORE" if rest.strip() else "S-FILE-NO-EOF"),)
 
 
-def _doubts(keys: Mapping[str, str]) -> tuple[str, ...]:
+def _doubts(keys: Mapping[str, str]) -> tuple[Message, ...]:
     stated, actual = (decimal(lookup(dict(keys), key) or "") for key in ("Sample rate", "Actual sample rate"))
     if actual is None:
-        return ("the file does not say the actual sample rate: the one asked for is used",)
+        return (Message.of("S-FILE-RTX-RATE"),)
     if stated and abs(stated - actual) > 1e-6 * stated:
-        return (f"the sample rate asked for was {stated:g} Hz, the actual one {actual:g} Hz is used",)
+        return (Message.of("S-FILE-RTX-RATES", stated=Quantity(stated), actual=Quantity(actual)),)
     return ()
 
 

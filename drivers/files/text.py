@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from drivers.errors import FileFormatError, FileUnreadable
+from drivers.message import Message
 
 NOTHING = b"\0 \t\r\n" + codecs.BOM_UTF8 + codecs.BOM_UTF16_LE
 """What a file without a word may hold: blanks, line ends, a byte order mark."""
@@ -45,6 +46,6 @@ def plain_minus(text: str) -> str:
     return text.replace("\u2212", "-")
 
 
-def end_doubts(text: str) -> tuple[str, ...]:
+def end_doubts(text: str) -> tuple[Message, ...]:
     """A text whose last line has no end may have been cut in the middle of a number."""
-    return () if text.endswith(("\n", "\r")) else ("the last line has no line end: is the file whole?",)
+    return () if text.endswith(("\n", "\r")) else (Message.of("S-FILE-END"),)

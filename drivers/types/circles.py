@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
+from drivers.message import Message
 from drivers.types.values import FloatArray
 
 
@@ -26,7 +27,7 @@ class CircleRecord:
     calibrated: bool = False
     pitch_mm: Mapping[str, float] = field(default_factory=dict)
     header: Mapping[str, str] = field(default_factory=dict)
-    warnings: tuple[str, ...] = ()
+    warnings: tuple[Message, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)

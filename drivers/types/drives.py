@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
+from drivers.message import Message
 from drivers.types.values import FloatArray
 
 
@@ -44,4 +45,4 @@ class DriveRecord:
     temperature_degc: FloatArray | None = None
     stated: Mapping[str, float] = field(default_factory=dict)
     header: Mapping[str, str] = field(default_factory=dict)
-    warnings: tuple[str, ...] = ()
+    warnings: tuple[Message, ...] = ()

@@ -9,6 +9,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from drivers.message import Message
 from drivers.types.values import FloatArray
 
 
@@ -28,7 +29,7 @@ class GearInspection:
     probe_u_um: float | None = None
     source: str = ""
     header: Mapping[str, str] = field(default_factory=dict)
-    warnings: tuple[str, ...] = ()
+    warnings: tuple[Message, ...] = ()
 
     def __len__(self) -> int:
         return int(self.points_mm.shape[0])

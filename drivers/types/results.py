@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
+from drivers.message import Message
 from drivers.types.doubts import Doubt
 from drivers.types.sensing import Ambient
 from drivers.types.values import CompensatedFor, FloatArray
@@ -27,7 +28,7 @@ class MeasuredSet:
     compensated_for: CompensatedFor = "air+material"
     expansion_ppm_per_k: float | None = None
     header: Mapping[str, str] = field(default_factory=dict)
-    warnings: tuple[str, ...] = ()
+    warnings: tuple[Message, ...] = ()
     doubts: tuple[Doubt, ...] = ()
 
 

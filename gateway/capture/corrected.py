@@ -182,7 +182,7 @@ def from_file(axis: AxisSection, measured: MeasuredSet, live: LiveSet | None, so
         started_utc=measured.header.get("Date", ""),
         ended_utc="",
         notes=(
-            *map(Message.stored, measured.warnings),
+            *measured.warnings,
             *((Message.of("S-CAP-FILE-TABLES"),) if live is not None else ()),
             *warmth_said(live, targets),
         ),

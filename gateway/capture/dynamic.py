@@ -13,6 +13,7 @@ from typing import Literal
 import numpy as np
 
 from drivers.errors import ConfigError
+from drivers.message import Message, fixed
 from drivers.types.sensing import SampleBlock
 from drivers.types.values import FloatArray
 from gateway.capture.dynamicrecords import Ended, LiveView, Sink, StreamShape, Trigger, unit_of
@@ -65,7 +66,7 @@ class DynamicCapture:
         self._last: float | None = None
         self._seen: list[tuple[float, float, float, int]] = []
         self._view_due = -np.inf
-        self._notes: list[str] = []
+        self._notes: list[Message] = []
         self._held: SampleBlock | None = None
 
     async def follow(self, blocks: AsyncIterator[SampleBlock]) -> Ended:
@@ -96,7 +97,7 @@ class DynamicCapture:
         lost = self._gap(block)
         good = len(block) if not self._broken(block) else int(np.argmin(block.valid))
         if good < len(block):
-            self._notes.append(f"the beam was lost at instrument time {float(block.time_s[good]):.6f} s")
+            self._notes.append(Message.of("S-DYN-BEAM", time=fixed(float(block.time_s[good]), 6)))
         values = block.values[:good, self._column]
         self._next_s = float(block.time_s[-1]) + 1.0 / self._rate_hz
         if good:
@@ -140,7 +141,7 @@ class DynamicCapture:
             raise CaptureError("E-CAP-CLOCK", self._name, before=before, now=now)
         jumped = round(ahead) if ahead > UNEVEN else 0
         if jumped > block.lost:
-            self._notes.append(f"{jumped} samples are missing by the clock, {block.lost} by the instrument's count")
+            self._notes.append(Message.of("S-DYN-MISSING", clock=jumped, count=block.lost))
         return max(jumped, block.lost)
 
     def _on(self, values: FloatArray, lost: int, block: SampleBlock) -> None:

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import Literal, Protocol
 
 from drivers.errors import ConfigError
+from drivers.message import Message
 from drivers.types.values import FloatArray
 from drivers.units import ARCSEC_PER_DEG, ARCSEC_PER_RAD, UM_PER_MM, DeviationUnit
 
@@ -75,7 +76,7 @@ class Ended:
     why: Literal["complete", "beam", "stream"]
     samples: int
     lost: int
-    notes: tuple[str, ...] = ()
+    notes: tuple[Message, ...] = ()
 
 
 def unit_of(channel: str) -> tuple[DeviationUnit, float]:

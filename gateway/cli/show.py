@@ -122,14 +122,16 @@ def counted(count: int, one: str, many: str) -> str:
     return f"{count} {one if count == 1 else many}"
 
 
-def show_table(title: str, headings: Sequence[str], rows: Iterable[Sequence[str]]) -> None:
+def show_table(
+    title: str | Message, headings: Sequence[str | Message], rows: Iterable[Sequence[str | Message]]
+) -> None:
     """A table on standard output; numbers to the right."""
     from rich.console import Console
     from rich.table import Table
     from rich.text import Text
 
-    def plain(text: str) -> Text:
-        return Text(visible(shown(with_site(text))))
+    def plain(text: str | Message) -> Text:
+        return Text(visible(shown(with_site(rendered(text)))))
 
     echo(title, bold=True)  # as the table's own it would be broken to the table's width
     table = Table()

@@ -26,19 +26,29 @@ class CorrectionRecord:
     undone: bool = False
 
 
+_NOT_DONE = Message.stored("none")
+"""What an older version stored for a step that was not done."""
+
+
 @dataclass(frozen=True, slots=True)
 class Corrections:
     """What was applied to raw readings, by whom, with which coefficients; applied once, refused twice.
 
-    The words say what stands; ``chain`` holds every step in the order it was done.
+    Each of the first four says how that step was done, None where it was not; ``chain`` has every step in the order
+    in which it was done.
     """
 
-    air: str
-    expansion: str
-    dead_path: str
-    drift: str
+    air: Message | None = None
+    expansion: Message | None = None
+    dead_path: Message | None = None
+    drift: Message | None = None
     details: Mapping[str, float] = field(default_factory=dict)
     chain: tuple[CorrectionRecord, ...] = ()
+
+    def __post_init__(self) -> None:
+        for name in ("air", "expansion", "dead_path", "drift"):
+            if getattr(self, name) == _NOT_DONE:
+                object.__setattr__(self, name, None)
 
 
 @dataclass(frozen=True, slots=True)

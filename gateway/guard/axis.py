@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from drivers.message import Message, Quantity
 from drivers.units import DeviationUnit
 from gateway.domain.figures import Component
 from gateway.domain.values import COVERAGE, FloatArray, component_unit
@@ -16,6 +17,7 @@ from gateway.model.components import is_periodic, motion_uncertainty, value
 FEWEST = 3
 SAME = 1e-4
 HIGHEST_ORDER = 3
+OFFSET = Message.of("S-GUARD-OFFSET")
 
 
 @dataclass(frozen=True, slots=True)
@@ -105,21 +107,31 @@ def _shapes(
     if not turning:
         span = float(np.ptp(at))
         found, spread = _solved(np.column_stack([np.ones_like(at), (at - at.mean()) / span]), difference, u)
+        slope = Message.of("S-GUARD-SLOPE", span=Quantity(float(span)))
         return (
-            Change("offset", float(found[0]), COVERAGE * float(spread[0]), unit),
-            Change(f"slope over {span:g} mm", float(found[1]), COVERAGE * float(spread[1]), unit),
+            Change("offset", float(found[0]), COVERAGE * float(spread[0]), unit, OFFSET),
+            Change(f"slope over {span:g} mm", float(found[1]), COVERAGE * float(spread[1]), unit, slope),
         )
     orders = range(1, min(HIGHEST_ORDER, (at.size - 2) // 2) + 1)
     q = np.deg2rad(at)
     columns = [np.ones_like(q), *(wave(order * q) for order in orders for wave in (np.cos, np.sin))]
     found, spread = _solved(np.column_stack(columns), difference, u)
-    return (Change("offset", float(found[0]), COVERAGE * float(spread[0]), unit), *_waves(orders, found, spread, unit))
+    return (
+        Change("offset", float(found[0]), COVERAGE * float(spread[0]), unit, OFFSET),
+        *_waves(orders, found, spread, unit),
+    )
 
 
 def _waves(orders: Sequence[int], found: FloatArray, spread: FloatArray, unit: DeviationUnit) -> list[Change]:
     pairs = [(order, slice(2 * order - 1, 2 * order + 1)) for order in orders]
     return [
-        Change(f"harmonic {order}", float(np.hypot(*found[pair])), COVERAGE * float(np.max(spread[pair])), unit)
+        Change(
+            f"harmonic {order}",
+            float(np.hypot(*found[pair])),
+            COVERAGE * float(np.max(spread[pair])),
+            unit,
+            Message.of("S-GUARD-HARMONIC", order=order),
+        )
         for order, pair in pairs
     ]
 

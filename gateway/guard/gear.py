@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from drivers.message import Message
 from drivers.units import mm_to_um
 from gateway.domain.values import COVERAGE, FloatArray
 from gateway.guard.verdict import Change, GuardVerdict, judged, margin_factor, told, unknown
@@ -75,10 +76,14 @@ def _clamping(form: FloatArray, angle: FloatArray) -> FloatArray:
 def _means(change: FloatArray, u: FloatArray, form: FloatArray) -> tuple[Change, ...]:
     """What is common to all spaces: along the infeed, and across it (one rotation is off already)."""
     found = []
-    for column, kind in ((0, "infeed (A), all spaces"), (1, "across (B), all spaces")):
+    kinds = (
+        (0, "infeed (A), all spaces", "S-GUARD-INFEED"),
+        (1, "across (B), all spaces", "S-GUARD-ACROSS"),
+    )
+    for column, kind, code in kinds:
         row = form[:, column] - form[:, 2] * float(form[:, 2] @ form[:, column]) / float(form[:, 2] @ form[:, 2])
         power = float(row @ row)
         if power > 0.0:
             spread = float(np.sqrt(np.sum((row * u) ** 2))) / power
-            found.append(Change(kind, float(row @ change) / power, COVERAGE * spread, "um"))
+            found.append(Change(kind, float(row @ change) / power, COVERAGE * spread, "um", Message.of(code)))
     return tuple(found)

@@ -13,7 +13,7 @@ from typing import Any, Literal
 import numpy as np
 import scipy
 
-from drivers.errors import words
+from drivers.message import Message, fixed
 from drivers.units import DeviationUnit
 from gateway.domain.values import FloatArray
 
@@ -24,12 +24,16 @@ Answer = Literal["still valid", "re-measure this axis", "cannot tell"]
 
 @dataclass(frozen=True, slots=True)
 class Change:
-    """One way a curve has changed: offset, slope, harmonic 2, ...; ``U`` (k = 2), ``size`` in the unit of the words."""
+    """One way a curve has changed: offset, slope, harmonic 2, ...; ``U`` (k = 2) and ``size`` in ``unit``.
+
+    ``named`` is what people call it.
+    """
 
     kind: str
     size: float
     U: float
     unit: str
+    named: Message | None = None
 
     @property
     def sure(self) -> bool:
@@ -51,13 +55,13 @@ class GuardVerdict:
     margin: float
     unit: DeviationUnit
     changes: tuple[Change, ...] = ()
-    said: tuple[str, ...] = field(default_factory=tuple)
+    said: tuple[Message, ...] = field(default_factory=tuple)
 
     def as_data(self) -> dict[str, Any]:
         """For --json."""
         changes = [{"kind": c.kind, "size": c.size, "U": c.U, "unit": c.unit, "sure": c.sure} for c in self.changes]
         names = ("answer", "largest", "at", "limit", "margin", "unit")
-        return {name: getattr(self, name) for name in names} | {"changes": changes, "said": list(self.said)}
+        return {name: getattr(self, name) for name in names} | {"changes": changes, "said": list(map(str, self.said))}
 
 
 def margin_factor(freedom: float) -> float:
@@ -86,14 +90,14 @@ def unknown(limit: float, unit: DeviationUnit, code: str, **fields: object) -> G
         margin=nan,
         unit=unit,
         changes=(),
-        said=(words(code, **fields),),
+        said=(Message(code, fields),),
     )
 
 
-def told(changes: tuple[Change, ...]) -> tuple[str, ...]:
-    """The changes that are sure, in words."""
+def told(changes: tuple[Change, ...]) -> tuple[Message, ...]:
+    """The changes that are sure, as people read them."""
     return tuple(
-        words("S-GUARD-CHANGE", kind=c.kind, size=f"{c.size:+.2f}", U=f"{c.U:.2f}", unit=c.unit)
+        Message.of("S-GUARD-CHANGE", kind=c.named or c.kind, size=fixed(c.size, signed=True), U=fixed(c.U), unit=c.unit)
         for c in changes
         if c.sure
     )

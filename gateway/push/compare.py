@@ -8,12 +8,13 @@ from typing import Any
 
 import numpy as np
 
+from drivers.message import Message
 from drivers.types.abilities import Capabilities, TableLimits
 from drivers.types.tables import CompensationTable, LiveSet, LiveTable
 from drivers.units import deviation_scale
 from gateway.axes import AxisRecord
 from gateway.interlocks import MAX_JUMP, other_cross_tables, value_at
-from gateway.table.comparison import GRID_TOLERANCE, PARTS, differences
+from gateway.table.comparison import GRID_TOLERANCE, PARTS, differences, part_name
 
 # A driver's stated resolution is taken up to this much, so that a wrong one cannot make all tables alike.
 COARSEST = 0.05
@@ -134,18 +135,25 @@ def without_tables(live: LiveSet, tables: Sequence[CompensationTable]) -> LiveSe
     )
 
 
-def three_way(old: CompensationTable, new: CompensationTable, live: CompensationTable, most: int = 8) -> list[str]:
+def three_way(old: CompensationTable, new: CompensationTable, live: CompensationTable, most: int = 8) -> list[Message]:
     """Where the live table is neither the old nor the new one: parameters, then points, ``most`` lines in all."""
     lines = [
-        f"{name}: old {getattr(old, name)}, new {getattr(new, name)}, live {getattr(live, name)}"
+        Message.of(
+            "S-DIFF-THREE",
+            name=part_name(name),
+            old=getattr(old, name),
+            new=getattr(new, name),
+            live=getattr(live, name),
+        )
         for name in PARTS
         if getattr(live, name) not in (getattr(old, name), getattr(new, name))
     ]
     for number, value in enumerate(live.deviations):
         before, after = _point(old, number), _point(new, number)
         if value not in (before, after):
-            lines.append(f"point {number}: old {before}, new {after}, live {value} {live.deviation_unit}")
-    return [*lines[:most], f"and {len(lines) - most} more"] if len(lines) > most else lines
+            told = {"old": before, "new": after, "live": value, "unit": live.deviation_unit}
+            lines.append(Message.of("S-DIFF-THREE-POINT", number=number, **told))
+    return [*lines[:most], Message.of("S-DIFF-MORE", count=len(lines) - most)] if len(lines) > most else lines
 
 
 def _point(table: CompensationTable, number: int) -> float | None:

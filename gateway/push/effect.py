@@ -12,6 +12,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from drivers.message import Message
 from drivers.types.stops import Stop, StopPlan, StopReached
 from drivers.types.tables import CompensationTable, LiveSet, LiveTable
 from drivers.units import deviation_scale
@@ -198,7 +199,7 @@ def effect_tolerance(work: TableTransactionState, table: CompensationTable) -> f
 def _require_still_live(work: TableTransactionState, live: LiveSet, base: LiveSet) -> None:
     wanted, found = LiveTable(work.change.new, enabled=True), table_in(live, work.change.new)
     if not same_table(wanted, found, work.tolerance):
-        different = differences(wanted.table, found.table, work.tolerance) or ("the switch is off",)
+        different = differences(wanted.table, found.table, work.tolerance) or (Message.of("W-LIVE-SWITCH-OFF"),)
         raise VerifyError("E-PUSH-OVERWRITTEN", work.axis, axis=work.axis, first=different[0])
     base, live = (
         without_tables(base, work.siblings),

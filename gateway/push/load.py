@@ -13,7 +13,8 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
-from drivers.errors import PointsDiffer, TableActs, TrueflankError, words
+from drivers.errors import PointsDiffer, TableActs, TrueflankError
+from drivers.message import Message
 from drivers.ports.controller import SavesFirst
 from drivers.terms import spoken
 from drivers.types.orders import PushBatch, PushOrder, ReadBack
@@ -393,9 +394,9 @@ def read_back_fault(
     waits = order.table.kind == "reversal"  # one value, written only when it is released
     different = [] if waits else list(differences(order.table, found.table, work.tolerance))
     if found.enabled:
-        different.append("the compensation is still enabled")
+        different.append(Message.of("W-PUSH-STILL-ENABLED"))
     if not read.agreed and not different:
-        different.append(words("W-PUSH-CONTROL-DIFFERS"))
+        different.append(Message.of("W-PUSH-CONTROL-DIFFERS"))
     if different:
         return VerifyError("E-PUSH-READBACK", axis, count=len(different), first=different[0])
     before, now = without_tables(backup, work.siblings), without_tables(read.found, work.siblings)

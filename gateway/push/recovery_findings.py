@@ -88,7 +88,7 @@ class PushFinding:
     journal: Path
     last: str
     backup: str
-    difference: tuple[str, ...] = ()
+    difference: tuple[Message, ...] = ()
     still_on: bool = False
     table: str = ""
     ended: str = ""
@@ -139,7 +139,7 @@ class PushFinding:
         """The finding, where it differs, what a person may choose, and what else of the consent acts."""
         text = self.message
         if self.difference:
-            text = Message.of("R-UNDO-DIFFERENCE", found=text, difference="; ".join(self.difference))
+            text = Message.of("R-UNDO-DIFFERENCE", found=text, difference=self.difference)
         choice = (Message.of("R-UNDO-CHOICE", **self._fields),) if self.choices else ()
         return text, *choice, *self._rest
 
@@ -172,7 +172,7 @@ class PushFinding:
             "journal": str(self.journal),
             "last": self.last,
             "backup": self.backup,
-            "difference": list(self.difference),
+            "difference": list(map(str, self.difference)),
             "still_on": self.still_on,
             "ended": self.ended,
             "old": self.old,
@@ -226,7 +226,7 @@ def make_finding(
     kind = _finding_kind(found, seen, allowed, meant)
     last = found.kinds[-1] if found.kinds else "nothing"
     backup = str(found.latest("path") or "none")
-    difference: tuple[str, ...] = ()
+    difference: tuple[Message, ...] = ()
     if kind in (FindingKind.FOREIGN, FindingKind.STILL_ON) and seen is not None:
         old, new = tables_of(found, meant)
         difference = tuple(three_way(old.table, new, seen.live.table))

@@ -14,7 +14,7 @@ import contextlib
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
-from drivers.errors import TrueflankError, words
+from drivers.errors import TrueflankError
 from drivers.message import Message
 from drivers.types.orders import DisableOrder, SwitchReading
 from drivers.types.tables import LiveSet, LiveTable
@@ -260,7 +260,7 @@ async def write_old_table(work: TableTransactionState) -> None:
     work.seen = table_in(live, work.change.new)
     if not is_as_before(work, live):
         found = table_in(live, old.table).table
-        different = differences(old.table, found, work.tolerance) or (words("W-LIVE-SWITCH"),)
+        different = differences(old.table, found, work.tolerance) or (Message.of("W-LIVE-SWITCH"),)
         raise VerifyError("E-PUSH-NOT-RESTORED", work.axis, axis=work.axis, first=different[0])
 
 
@@ -390,7 +390,7 @@ async def _restore_batch(works: Sequence[TableTransactionState]) -> None:
         work.seen = table_in(live, work.change.new)
         if not is_as_before(work, live):
             found = work.seen.table
-            different = differences(work.restore_to.table, found, work.tolerance) or (words("W-LIVE-SWITCH"),)
+            different = differences(work.restore_to.table, found, work.tolerance) or (Message.of("W-LIVE-SWITCH"),)
             raise VerifyError("E-PUSH-NOT-RESTORED", work.axis, axis=work.axis, first=different[0])
 
 

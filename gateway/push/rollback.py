@@ -10,7 +10,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from drivers.errors import TrueflankError, words
+from drivers.errors import TrueflankError
 from drivers.message import Message
 from drivers.types.tables import LiveSet, LiveTable
 from gateway.domain.outcomes import PushRecord
@@ -276,7 +276,7 @@ async def _put_back(
     for work, live in zip(off, await read_live_sets(off) if off else (), strict=True):
         old, found = undos[work].old, table_in(live, undos[work].old.table)
         if not _is_there(old, found, work.tolerance):
-            different = differences(old.table, found.table, work.tolerance) or (words("W-LIVE-SWITCH"),)
+            different = differences(old.table, found.table, work.tolerance) or (Message.of("W-LIVE-SWITCH"),)
             raise VerifyError("E-PUSH-NOT-RESTORED", work.axis, axis=work.axis, first=different[0])
 
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from drivers.message import Message
 from drivers.types.tables import CompensationTable, LiveTable, factors_of
 from drivers.types.values import Approach
 from gateway.domain.values import FloatArray
@@ -16,6 +17,24 @@ FORM = ("minimum", "maximum", "step", "modulo", "direction", "multiply_by", "tab
 AXES, UNITS = ("input_axis", "output_axis"), ("input_unit", "output_unit")
 PARTS = ("kind", "index", *AXES, *FORM)
 """All that says which table it is and where its points lie."""
+PART_NAMES = {
+    "kind": "S-PART-KIND",
+    "index": "S-PART-INDEX",
+    "input_axis": "S-PART-INPUT",
+    "output_axis": "S-PART-OUTPUT",
+    "minimum": "S-PART-MINIMUM",
+    "maximum": "S-PART-MAXIMUM",
+    "step": "S-PART-STEP",
+    "modulo": "S-PART-MODULO",
+    "direction": "S-PART-DIRECTION",
+    "multiply_by": "S-PART-MULTIPLY",
+    "table_type": "S-PART-TYPE",
+    "input_unit": "S-PART-INPUT-UNIT",
+    "output_unit": "S-PART-OUTPUT-UNIT",
+}
+POINTS = ("S-DIFF-POINT", "S-DIFF-POINTS")
+PLACES = ("S-DIFF-PLACE", "S-DIFF-PLACES")
+REVERSES = ("S-DIFF-REVERSE", "S-DIFF-REVERSES")
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,31 +74,41 @@ def differing_parts(
             yield name, one, two
 
 
-def curves_apart(wanted: CompensationTable, found: CompensationTable, allowed: float) -> Iterator[str]:
-    """What differs in free places and in the curve of the negative direction, in words."""
-    yield from _points("place", wanted.places, found.places, GRID_TOLERANCE)
-    yield from _points("reverse point", wanted.reverse, found.reverse, allowed)
+def curves_apart(wanted: CompensationTable, found: CompensationTable, allowed: float) -> Iterator[Message]:
+    """What differs in free places and in the curve of the negative direction, as messages."""
+    yield from _points(PLACES, wanted.places, found.places, GRID_TOLERANCE)
+    yield from _points(REVERSES, wanted.reverse, found.reverse, allowed)
 
 
-def differences(wanted: CompensationTable, found: CompensationTable, allowed: float) -> tuple[str, ...]:
+def differences(wanted: CompensationTable, found: CompensationTable, allowed: float) -> tuple[Message, ...]:
     """What differs, part by part; values by more than ``allowed`` (um or arcsec), NaN always. Empty: the same table.
 
     A table never loaded is one with nothing in it: not every road can take a grid back once it was written.
     """
     if wanted.step <= 0 and not wanted.places and not any((*wanted.deviations, *found.deviations)):
         return ()
-    parts = (f"{name} {one} is {two}" for name, one, two in differing_parts(wanted, found, PARTS))
-    points = _points("point", wanted.deviations, found.deviations, allowed)
+    parts = (
+        Message.of("S-DIFF-PART", name=part_name(name), one=one, two=two)
+        for name, one, two in differing_parts(wanted, found, PARTS)
+    )
+    points = _points(POINTS, wanted.deviations, found.deviations, allowed)
     return (*parts, *points, *curves_apart(wanted, found, allowed))
 
 
-def _points(what: str, wanted: tuple[float, ...], found: tuple[float, ...], allowed: float) -> Iterator[str]:
+def part_name(name: str) -> Message:
+    """A part of a table as people read it."""
+    return Message.of(PART_NAMES[name])
+
+
+def _points(
+    codes: tuple[str, str], wanted: tuple[float, ...], found: tuple[float, ...], allowed: float
+) -> Iterator[Message]:
     if len(wanted) != len(found):
-        yield f"{len(wanted)} {what}s are {len(found)}"
+        yield Message.of(codes[1], one=len(wanted), two=len(found))
         return
     for number, (value, other) in enumerate(zip(wanted, found, strict=True)):
         if not abs(value - other) <= allowed:
-            yield f"{what} {number}: {value} is {other}"
+            yield Message.of(codes[0], number=number, one=value, two=other)
 
 
 def taken_by_cross(tables: Iterable[CompensationTable], axis: str, at: FloatArray) -> FloatArray:

@@ -8,9 +8,9 @@ from typing import Any, Literal
 
 import numpy as np
 
-from drivers.message import Message, Quantity
+from drivers.message import Message, Quantity, fixed
 from drivers.types.tables import CompensationTable, LiveTable
-from gateway.table.comparison import curves_apart, deviations_toward, differences, differing_parts
+from gateway.table.comparison import curves_apart, deviations_toward, differences, differing_parts, part_name
 
 Kind = Literal["as-approved", "switched-off", "switched-on", "before", "differs"]
 _WORDS: dict[Kind, str] = {
@@ -37,14 +37,14 @@ class DifferingPoint:
 
 @dataclass(frozen=True, slots=True)
 class ThreeWay:
-    """What is live. ``form`` names parts other than values that differ, "step: 10.0, live 5.0"."""
+    """What is live. ``form`` names parts other than values that differ."""
 
     kind: Kind
     name: str
     unit: str
     points: int
     places: tuple[DifferingPoint, ...]
-    form: tuple[str, ...]
+    form: tuple[Message, ...]
     live_enabled: bool
     allowed: float
 
@@ -66,7 +66,7 @@ class ThreeWay:
         if self.kind in ("as-approved", "switched-off", "switched-on"):
             return told[0]
         if self.form:
-            told.append(Message.of("W-LIVE-FORM", form="; ".join(self.form)))
+            told.append(Message.of("W-LIVE-FORM", form=self.form))
         if self.places:
             first = self.places[0]
             told.append(
@@ -92,7 +92,7 @@ class ThreeWay:
             "table": self.name,
             "unit": self.unit,
             "live_enabled": self.live_enabled,
-            "form": list(self.form),
+            "form": list(map(str, self.form)),
             "differences": places,
             "what": self.words,
         }
@@ -131,11 +131,12 @@ def _kind(live: LiveTable, approved: LiveTable, before: LiveTable | None, allowe
     return "before" if old else "differs"
 
 
-def _form(approved: CompensationTable, live: CompensationTable, allowed: float) -> Iterator[str]:
+def _form(approved: CompensationTable, live: CompensationTable, allowed: float) -> Iterator[Message]:
     for name, wanted, found in differing_parts(approved, live):
-        yield f"{name}: {wanted}, live {found}"
+        yield Message.of("S-DIFF-LIVE", name=part_name(name), wanted=wanted, found=found)
     if len(approved.deviations) != len(live.deviations):
-        yield f"points: {len(approved.deviations)}, live {len(live.deviations)}"
+        points = Message.of("S-PART-POINTS")
+        yield Message.of("S-DIFF-LIVE", name=points, wanted=len(approved.deviations), found=len(live.deviations))
     yield from curves_apart(approved, live, allowed)
 
 
@@ -149,8 +150,8 @@ def _places(live: LiveTable, approved: LiveTable, before: LiveTable | None, allo
             yield DifferingPoint(float(position), float(was), float(wanted), float(value))
 
 
-def _value(value: float) -> str:
-    return f"{value:+.3f}" if np.isfinite(value) else "?"
+def _value(value: float) -> Quantity | str:
+    return fixed(value, 3, signed=True) if np.isfinite(value) else "?"
 
 
 def _finite(value: float) -> float | None:

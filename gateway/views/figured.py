@@ -9,7 +9,7 @@ from typing import Any
 from gateway.domain.captures import Capture
 from gateway.domain.figures import Evaluation
 from gateway.evaluate.behaviour import positioning
-from gateway.evaluate.behaviour.doubts import all_doubts, describe_doubts
+from gateway.evaluate.behaviour.doubts import all_doubts, remarks
 from gateway.evaluate.standards import conformity
 from gateway.evaluate.standards.registry import standards
 from gateway.store import RunFolder
@@ -31,11 +31,7 @@ def figures_by(folder: RunFolder, axis: str, phase: str, *, name: str, limits: M
         return _stored(folder.get(f"evaluation-{axis}-{phase}", Evaluation), capture, limits)
     figured = positioning.evaluate_positioning(capture, name, limits=limits, monte_carlo=False)
     found = figured.result
-    flags = (
-        *(one.as_data() for one in found.flags),
-        *describe_doubts(figured.doubts),
-        *(one.text for one in figured.supposed),
-    )
+    flags = (*found.flags, *remarks(figured.doubts), *(one.message for one in figured.supposed))
     contained = positioning.describe_contributions(figured.contributions, found.unit)
     return _told(found.standard.name, found.unit, found.values, found.U, figured.verdicts, (*flags, contained))
 
@@ -57,7 +53,7 @@ def _stored(kept: Evaluation, capture: Capture, limits: Mapping[str, float]) -> 
         values,
         kept.U,
         verdicts,
-        (*(one.as_data() for one in kept.flags), *describe_doubts(doubts)),
+        (*kept.flags, *remarks(doubts)),
     )
 
 
@@ -76,7 +72,13 @@ def _told(
         {"parameter": key, "value": _finite(value), "U": _finite(expanded.get(key)), **judged.get(key, {})}
         for key, value in values.items()
     ]
-    return {"standard": name, "unit": unit, "rows": rows, "rule": conformity.RULE, "flags": list(flags)}
+    return {
+        "standard": name,
+        "unit": unit,
+        "rows": rows,
+        "rule": conformity.RULE,
+        "flags": [one.as_data() for one in flags],
+    }
 
 
 def _finite(value: float | None) -> float | None:

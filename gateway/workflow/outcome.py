@@ -23,13 +23,13 @@ class Outcome:
 
     state: str
     run_folder: str
-    rows: tuple[tuple[str, ...], ...]
+    rows: tuple[tuple[Message | str, ...], ...]
     lines: tuple[Message, ...]
     data: dict[str, Any]
     exit_code: int = 0
-    title: str = ""
-    headings: tuple[str, ...] = ()
-    points: tuple[str, ...] = ()
+    title: Message | str = ""
+    headings: tuple[Message | str, ...] = ()
+    points: tuple[Message, ...] = ()
     details: tuple[Message, ...] = ()
     places: tuple[Message, ...] = ()
 

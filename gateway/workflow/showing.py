@@ -11,14 +11,28 @@ import numpy as np
 from drivers.errors import ConfigError
 from drivers.limits import Limits
 from drivers.local.names import shown as shown_name
-from drivers.message import Message
+from drivers.message import Message, Quantity, fixed
 from gateway.domain.proposals import Proposal, TableChange, torn
 from gateway.interlocks import largest_change, steepest
 from gateway.store import RunFolder
 from gateway.workflow.outcome import Outcome, of_table
 
 R = TypeVar("R")
-HEADINGS = ("table", "unit", "points", "now", "new", "largest change", "steepest", "predicted (k=2)")
+HEADINGS = tuple(
+    map(
+        Message.of,
+        (
+            "S-HEAD-TABLE",
+            "S-HEAD-UNIT",
+            "S-HEAD-POINTS",
+            "S-HEAD-NOW",
+            "S-HEAD-NEW",
+            "S-HEAD-CHANGE",
+            "S-HEAD-STEEPEST",
+            "S-HEAD-PREDICTED",
+        ),
+    )
+)
 
 
 def shown(
@@ -45,7 +59,7 @@ def shown(
         rows=rows,
         lines=tuple(lines),
         data=data,
-        title="proposed tables, largest change and slope with their limits",
+        title=Message.of("S-TITLE-TABLES"),
         headings=HEADINGS,
         points=tuple(line for change in proposal.changes if not change.skipped for line in points_of(change)),
     )
@@ -73,17 +87,19 @@ def once(told: Iterable[tuple[str, Iterable[R]]]) -> list[tuple[str, R]]:
     return [(", ".join(dict.fromkeys(found)), reason) for reason, found in names.items()]
 
 
-def points_of(change: TableChange) -> list[str]:
+def points_of(change: TableChange) -> list[Message]:
     """Every interpolation point: where, what acts there now, what would."""
     new, places = change.new, change.new.positions
-    lines = [f"{change.name}: {new.name} {len(new.deviations)} points, live {len(change.old.deviations)} points"]
+    count, live = len(new.deviations), len(change.old.deviations)
+    lines = [Message.of("S-POINTS-OF", name=change.name, table=new.name, count=count, live=live)]
     for place, was, becomes in zip(places, change.old.at(places), new.deviations, strict=True):
         acts = float(was) if change.old_enabled else 0.0
-        lines.append(f"  {place:10.3f} {acts:+9.3f} -> {becomes:+9.3f} {new.deviation_unit}")
+        told = {"place": fixed(float(place), 3), "was": fixed(acts, 3, signed=True), "unit": new.deviation_unit}
+        lines.append(Message.of("S-POINT-CHANGE", becomes=fixed(becomes, 3, signed=True), **told))
     return lines
 
 
-def _row(change: TableChange) -> tuple[str, ...]:
+def _row(change: TableChange) -> tuple[Message | str, ...]:
     new, limits = change.new, Limits.of(change.new.output_unit)
     acting = change.old.deviations if change.old_enabled else (0.0,)
     return (
@@ -92,19 +108,26 @@ def _row(change: TableChange) -> tuple[str, ...]:
         str(len(new.deviations)),
         _span(acting),
         _span(new.deviations),
-        f"{largest_change(change):.2f} of {limits.change:g}",
-        f"{steepest(new):.2f} of {limits.slope:g}",
+        _of(largest_change(change), limits.change),
+        _of(steepest(new), limits.slope),
         _predicted(change),
     )
 
 
-def _span(values: Iterable[float]) -> str:
+def _of(value: float, limit: float) -> Message:
+    return Message.of("S-CELL-OF", value=fixed(value), limit=Quantity(limit))
+
+
+def _span(values: Iterable[float]) -> Message:
     low, high = float(min(values)), float(max(values))
-    return f"{low:+.1f} .. {high:+.1f}" if low != high else f"{low:.1f}"
+    if low == high:
+        return Message.of("S-CELL-ONE", value=fixed(low, 1))
+    return Message.of("S-CELL-SPAN", low=fixed(low, 1, signed=True), high=fixed(high, 1, signed=True))
 
 
-def _predicted(change: TableChange) -> str:
+def _predicted(change: TableChange) -> Message:
     """Largest deviation the axis will show, with its uncertainty; a cross table is judged on the flank instead."""
     if not change.predicted.size or change.layer == "cross":
-        return "on the flank"
-    return f"{np.nanmax(np.abs(change.predicted)):.2f} +- {np.nanmax(change.predicted_U):.2f}"
+        return Message.of("S-CELL-FLANK")
+    largest, U = float(np.nanmax(np.abs(change.predicted))), float(np.nanmax(change.predicted_U))
+    return Message.of("S-CELL-WITH-U", value=fixed(largest), U=fixed(U))

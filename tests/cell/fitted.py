@@ -42,7 +42,7 @@ class Readings:
         """The readings of one axis' positioning as a capture."""
         one = next(found for found in self.measurements if found.name == name)
         ambient = Ambient(20.0, 1000.0, 50.0, (20.0,))
-        done = Corrections("none", "none", "none", "none")
+        done = Corrections()
         reading = (one.targets, one.deviations, 0.02, ambient, ambient, done, live, None)
         return Capture(axis, name, one.axis_unit, *reading, source="file", started_utc=utc, ended_utc=utc)
 

@@ -23,6 +23,7 @@ from drivers.files.tables.headwords import (
     pass_of_text,
     way_in,
 )
+from drivers.message import Message
 from drivers.units import READING_UNITS
 
 MARKS = (";", "\t", "|", ",")
@@ -51,6 +52,7 @@ CALLED: dict[str, str] = {
 }
 
 Row = tuple[str, ...]
+COMMA = Message.of("S-FILE-COMMA")
 Understands = Callable[[Row], int | None]
 """The column of the targets where a heading is understood, else None."""
 
@@ -67,7 +69,7 @@ class Sheet:
     heads: Row
     rows: tuple[tuple[int, Row], ...]
     said: Mapping[str, str] = field(default_factory=dict)
-    notes: tuple[str, ...] = ()
+    notes: tuple[Message, ...] = ()
     way: str = ""
 
     def spelled(self, columns: Sequence[int], where: str, *, comma: bool = False) -> Sheet:
@@ -88,7 +90,7 @@ class Sheet:
                     )
             rows.append((at, tuple(cell or "" for cell in own)))
         comma = mark == "," and any("," in cell for column in chosen for _at, cell in column)
-        notes = ("numbers are written with a decimal comma",) if comma else ()
+        notes = (COMMA,) if comma else ()
         return replace(self, rows=tuple(rows), notes=(*notes, *self.notes))
 
 
@@ -265,7 +267,7 @@ def _merged(upper: Row, lower: Sequence[str]) -> Row:
 
 def _rows(
     lines: Sequence[tuple[int, str]], separator: str, heading: tuple[Row, int], understands: Understands
-) -> tuple[tuple[tuple[int, Row], ...], tuple[str, ...], int]:
+) -> tuple[tuple[tuple[int, Row], ...], tuple[Message, ...], int]:
     """Rows of readings, a note of what stands below them, and the line of a further heading (0: there is none)."""
     heads, column = heading
     rows: list[tuple[int, Row]] = []
@@ -287,7 +289,7 @@ def _rows(
             aside.append(at)
             continue
         rows.append((at, tuple(row)))
-    notes = (f"{len(aside)} lines below the table are not read, the first is line {aside[0]}",) if aside else ()
+    notes = (Message.of("S-FILE-BELOW", count=len(aside), line=aside[0]),) if aside else ()
     return tuple(rows), notes, end
 
 

@@ -69,7 +69,7 @@ def convert_file(wish: ConversionOptions, *, as_json: bool) -> None:
     wrong = any(one.severity == "wrong" for one in findings)
     if not wrong:
         write_text(wish.output, text, force=wish.force, encoding="ascii")
-    told = [*measured.warnings, *notes, *_said(measured), *(str(one.message) for one in made.findings)]
+    told = [*map(str, measured.warnings), *notes, *_said(measured), *(str(one.message) for one in made.findings)]
     if as_json:
         records = [{"severity": one.severity, **one.error.as_record()} for one in findings]
         data = {"file": str(wish.output), "written": not wrong, "notes": told, "findings": records}
@@ -94,10 +94,10 @@ def _read(wish: ConversionOptions) -> tuple[Any, tuple[str, ...]]:
     from gateway.workflow.files.columnwords import columns_of
     from gateway.workflow.files.reading import How, read_measured
 
-    content, notes = read_measured(
+    content, said = read_measured(
         wish.result, How(wish.unit, columns=columns_of(wish.columns) or None), Maps(wish.store)
     )
-    notes += accepted_of((content,), wish.result, wish.compared, wish.store)
+    notes = (*map(str, said), *accepted_of((content,), wish.result, wish.compared, wish.store))
     measured = with_doubts(content, wish.accepted, modulo=wish.modulo)
     demand_settled(measured.doubts, str(wish.result))
     _check_kind(wish, measured)
@@ -155,7 +155,7 @@ def _measured(wish: ConversionOptions) -> tuple[Any, bool, tuple[str, ...]]:
     reference = _complete(wish, measured)
     datum = datum_of([_pair(word) for word in wish.datum])
     table = convert_as_measured(measured, wish.axis.strip().upper(), reference, datum)
-    return table, simulated_set(measured), (*measured.warnings, *notes, *_said(measured))
+    return table, simulated_set(measured), (*map(str, measured.warnings), *notes, *_said(measured))
 
 
 def _request(wish: ConversionOptions, reference: float) -> Any:

@@ -195,7 +195,7 @@ def _accept_lines(questions: Any, known: Any) -> list[str]:
 def _tell_files(found: Any) -> None:
     rows = [_row(one) for one in found.placed]
     show_table("files of the day", ("file", "what it is", "told by", "targets", "date, environment"), rows)
-    notes: dict[str, list[str]] = {}
+    notes: dict[Message, list[str]] = {}
     for one in found.placed:
         for note in one.file.notes:
             notes.setdefault(note, []).append(one.file.name)
@@ -284,7 +284,12 @@ def _data(found: Any, outcome: Any) -> dict[str, Any]:
         code, fields = one.why or ("", {})
         said = words(code, **fields) if code else ""
         files.append({"file": one.file.name, "sha256": one.file.sha256, "error": one.error, "axis": one.axis})
-        files[-1] |= {"told_by": one.by, "setup": dict(one.setup), "left_out": said, "notes": list(one.file.notes)}
+        files[-1] |= {
+            "told_by": one.by,
+            "setup": dict(one.setup),
+            "left_out": said,
+            "notes": list(map(str, one.file.notes)),
+        }
     data = {"site_file": str(outcome.site_file), "files": files, **outcome.plan.as_data()}
     data["forecast"] = outcome.forecast.as_data() if outcome.forecast is not None else None
     return data | ({"proposal": outcome.proposal.as_data()} if outcome.proposal is not None else {})

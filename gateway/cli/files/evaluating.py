@@ -325,13 +325,13 @@ def _evaluate(
         "monte_carlo": {name: _outcome(outcome) for name, outcome in found.trials.items()},
         "contributions": dict(figured.contributions),
         "verdicts": [verdict(item) for item in figured.verdicts],
-        "corrected": list(corrections.describe_steps(record)),
+        "corrected": list(map(str, corrections.describe_steps(record))),
         "corrections": [_step(item) for item in record.chain],
         "flags": [
             *map(str, found.flags),
             *doubts.describe_doubts(figured.doubts),
-            *measured.warnings,
-            *item.notes,
+            *map(str, measured.warnings),
+            *map(str, item.notes),
             *accepted,
             *_undecided(measured, asked),
             *((SAID,) if simulated_set(measured) else ()),
@@ -343,7 +343,7 @@ def _evaluate(
             line.replace("µ", "u").replace("°C", "degC")
             for line in (
                 *(one.text for one in figured.supposed),
-                positioning.describe_contributions(figured.contributions, found.unit),
+                str(positioning.describe_contributions(figured.contributions, found.unit)),
             )
         ],
     }

@@ -70,7 +70,9 @@ def evaluate_kinds(files: Sequence[Path], asked: KindOptions, *, as_json: bool) 
     if as_json:
         show_json(answer.as_data() | {"verdicts": [verdict(one) for one, _ in decided], "doubts": as_data(doubts)})
     else:
-        show_answer(answer, [*describe_doubts(doubts), *(warning for one in read for warning in one.measured.warnings)])
+        show_answer(
+            answer, [*describe_doubts(doubts), *(str(warning) for one in read for warning in one.measured.warnings)]
+        )
         for place, (one, unit) in enumerate(decided, 1):
             show_verdicts([verdict(one)], unit, rule=place == len(decided))
         if asked.plot is not None:

@@ -65,7 +65,7 @@ def import_command(
 
 def _imported(path: Path, done: Any) -> dict[str, Any]:
     told = {"file": str(path), "run": done.run_id, "folder": str(done.folder), "kind": done.kind}
-    told |= {"component": done.component, "new": done.new, "sha256": done.sha256, "notes": list(done.notes)}
+    told |= {"component": done.component, "new": done.new, "sha256": done.sha256, "notes": list(map(str, done.notes))}
     stated = {one.key: one.value for one in done.stated.facts}
     return told | {"stated": stated, "accepted": [accepted_words(one) for one in done.stated.accepted]}
 
@@ -108,7 +108,7 @@ def export_command(
     found = items(run_or_file(store, source), how, Store(store), axis=axis, phase=phase)
     if len(found) > 1:
         raise ConfigError("E-EXPORT-SEVERAL", source, labels=", ".join(item.label for item in found))
-    notes = [*found[0].notes, *export(found[0], to.lower(), output, unit=unit, force=force)]
+    notes = [*map(str, found[0].notes), *map(str, export(found[0], to.lower(), output, unit=unit, force=force))]
     if as_json:
         show_json({"source": found[0].label, "file": str(output), "notes": notes})
         return

@@ -9,6 +9,7 @@ from typing import Annotated, Any
 import typer
 
 from drivers.errors import ConfigError
+from drivers.message import Message
 from gateway.cli.options import JsonOption, StoreOption
 from gateway.cli.screen.telling import progress
 from gateway.cli.show import echo, show_json, show_table
@@ -83,7 +84,7 @@ def _opened(path: Path, unit: str, plot: Path | None, band: float | None, store:
     from gateway.workflow.axes.dynamic import outcome_of
     from gateway.workflow.files.reading import How, read_file
 
-    notes: tuple[str, ...] = ()
+    notes: tuple[Message, ...] = ()
     if path.suffix == ".f64":
         recording: Any = open_stream(path)
     else:

@@ -115,7 +115,7 @@ def show_lines(outcome: Any, *, as_json: bool) -> None:
         show_json(outcome.as_data())
     else:
         for line in outcome.lines:
-            echo(str(line))
+            echo(line)
     if getattr(outcome, "exit_code", 0):
         raise typer.Exit(outcome.exit_code)
 

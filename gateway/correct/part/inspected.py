@@ -80,7 +80,7 @@ def inspected_flank(gear: CycloidGear, found: GearInspection, about: InspectionS
         fitted=FlankMap(grid.thetas, grid.zs, flank.deviation * UM_PER_MM),
         rms_u_um=float(mm_to_um(rms_u)),
         figures=_figures(grid, flank, told),
-        said=(*about.said, *_inspection_remarks(told, seen.shift, about, probe), *map(Message.stored, found.warnings)),
+        said=(*about.said, *_inspection_remarks(told, seen.shift, about, probe), *found.warnings),
         measured_utc=about.measured_utc,
         turned_arcsec=rad_to_arcsec(flank.rotation),
     )

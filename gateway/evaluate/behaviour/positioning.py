@@ -11,8 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from drivers.errors import words
-from drivers.message import Message
+from drivers.message import Message, digits
 from drivers.types.doubts import Doubt
 from drivers.types.results import MeasuredSet
 from drivers.units import DeviationUnit, deviation_unit
@@ -22,6 +21,17 @@ from gateway.evaluate.standards import statistics
 from gateway.evaluate.standards.conformity import Decision
 from gateway.evaluate.standards.registry import StandardResult, evaluate_by
 from gateway.evaluate.uncertainty.budget import Budget, measured_budget, with_lever
+
+PARTS_OF_U = {
+    "device": "S-U-DEVICE",
+    "misalignment": "S-U-MISALIGNMENT",
+    "temperature": "S-U-TEMPERATURE",
+    "expansion": "S-U-EXPANSION",
+    "turning": "S-U-TURNING",
+    "eve": "S-U-EVE",
+    "scatter": "S-U-SCATTER",
+}
+"""What U contains, as people read it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -124,10 +134,12 @@ def contributions(measured: MeasuredSet | Capture, budget: Budget) -> dict[str, 
     return found
 
 
-def describe_contributions(found: Mapping[str, float], unit: str) -> str:
+def describe_contributions(found: Mapping[str, float], unit: str) -> Message:
     """What U contains, in one line."""
-    parts = ", ".join(f"{name} {value:.2g}" for name, value in found.items()) or "-"
-    return words("S-U-CONTAINS", parts=parts, unit=unit)
+    parts = tuple(
+        Message.of("S-U-PART", name=Message.of(PARTS_OF_U[name]), value=digits(value)) for name, value in found.items()
+    )
+    return Message.of("S-U-CONTAINS", parts=parts or "-", unit=unit)
 
 
 def withhold_verdicts(decisions: tuple[Decision, ...], doubts: tuple[Doubt, ...]) -> tuple[Decision, ...]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import Literal, get_args
 
@@ -11,9 +12,19 @@ from gateway.domain.captures import CorrectionRecord, Corrections
 from gateway.errors import ModelError
 
 Step = Literal["air", "expansion", "dead_path", "drift", "cosine", "abbe", "closure"]
-NONE = "none"
 GATEWAY, INSTRUMENT = "gateway", "instrument"
 _SUMMARISED = ("air", "expansion", "dead_path", "drift")
+STEP_NAMES: Mapping[Step, str] = {
+    "air": "S-STEP-AIR",
+    "expansion": "S-STEP-EXPANSION",
+    "dead_path": "S-STEP-DEAD-PATH",
+    "drift": "S-STEP-DRIFT",
+    "cosine": "S-STEP-COSINE",
+    "abbe": "S-STEP-ABBE",
+    "closure": "S-STEP-CLOSURE",
+}
+_BY_INSTRUMENT_ONCE = Message.stored("by the instrument")
+"""How records that were stored before there was a chain name the instrument's own step."""
 
 
 def begin(already: CompensatedFor) -> Corrections:
@@ -24,7 +35,7 @@ def begin(already: CompensatedFor) -> Corrections:
         "air": ("air",),
         "air+material": ("air", "expansion"),
     }
-    record = Corrections(air=NONE, expansion=NONE, dead_path=NONE, drift=NONE)
+    record = Corrections()
     for step in done[already]:
         record = record_step(record, step, by_instrument, INSTRUMENT)
     return record
@@ -47,34 +58,38 @@ def revert_step(
     program corrected is done again from the readings, never taken back and forth.
     """
     done, owner = describe_step(record, step), _owner(record, step)
-    if done == NONE or owner != INSTRUMENT:
-        raise ModelError("E-EVAL-UNDO", "corrections", step=_step_words(step), done=done, asked=words)
+    if done is None or owner != INSTRUMENT:
+        told = done or Message.of("S-STEP-NONE")
+        raise ModelError("E-EVAL-UNDO", "corrections", step=_step_name(step), done=told, asked=words)
     return _with(record, step, words, by, coefficients, undo=True)
 
 
 def refuse_twice(record: Corrections, step: Step, words: Message) -> None:
     """Raise ModelError (E-EVAL-TWICE) when this step stands already."""
     done = describe_step(record, step)
-    if done != NONE:
-        raise ModelError("E-EVAL-TWICE", "corrections", step=_step_words(step), done=done, asked=words)
+    if done is not None:
+        raise ModelError("E-EVAL-TWICE", "corrections", step=_step_name(step), done=done, asked=words)
 
 
-def describe_step(record: Corrections, step: Step) -> str:
-    """The words of a step that stands, or "none"."""
+def describe_step(record: Corrections, step: Step) -> Message | None:
+    """How a step that stands was done; None where it does not."""
     if step in _SUMMARISED:
-        return str(getattr(record, step))
+        done: Message | None = getattr(record, step)
+        return done
     last = _latest_step(record, step)
-    return NONE if last is None or last.undone else str(last.words)
+    return None if last is None or last.undone else last.words
 
 
-def describe_steps(record: Corrections) -> tuple[str, ...]:
+def describe_steps(record: Corrections) -> tuple[Message, ...]:
     """What stands, one line a step, for reports and flags; a removed drift is always said."""
-    lines = ((step, describe_step(record, step)) for step in get_args(Step))
-    return tuple(f"{_step_words(step)}: {words}" for step, words in lines if words != NONE)
+    lines: list[tuple[Step, Message | None]] = [(step, describe_step(record, step)) for step in get_args(Step)]
+    return tuple(
+        Message.of("S-STEP-LINE", step=_step_name(step), said=said) for step, said in lines if said is not None
+    )
 
 
-def _step_words(step: Step) -> str:
-    return step.replace("_", " ")
+def _step_name(step: Step) -> Message:
+    return Message.of(STEP_NAMES[step])
 
 
 def _latest_step(record: Corrections, step: Step) -> CorrectionRecord | None:
@@ -86,7 +101,7 @@ def _owner(record: Corrections, step: Step) -> str:
     if last is not None:
         return last.by
     # Records stored before there was a chain say it in words.
-    return INSTRUMENT if describe_step(record, step) == "by the instrument" else GATEWAY
+    return INSTRUMENT if describe_step(record, step) == _BY_INSTRUMENT_ONCE else GATEWAY
 
 
 def _with(
@@ -96,10 +111,10 @@ def _with(
     item = CorrectionRecord(step=step, by=by, words=words, coefficients=numbers, undone=undo)
     details = {**record.details, **{f"{step}{'.undone' if undo else ''}.{name}": v for name, v in numbers.items()}}
     changed = replace(record, details=details, chain=(*record.chain, item))
-    return _with_step(changed, step, NONE if undo else str(words))
+    return _with_step(changed, step, None if undo else words)
 
 
-def _with_step(record: Corrections, step: Step, words: str) -> Corrections:
+def _with_step(record: Corrections, step: Step, words: Message | None) -> Corrections:
     if step == "air":
         return replace(record, air=words)
     if step == "expansion":

@@ -11,6 +11,7 @@ from typing import Any, cast
 from drivers import registry
 from drivers.clock import Clock
 from drivers.errors import ConfigError, LimitPassed, TrueflankError, UnsupportedDevice
+from drivers.message import Message
 from drivers.ports.instruments import Instrument
 from drivers.recordings import Recording
 from gateway.broker import borrowed
@@ -30,6 +31,8 @@ PICTURE, STATE = "dynamic.png", "captured"
 # Settling looks at the whole record at once; a longer one is cut by its trigger or recorded shorter.
 MOST_FOR_SETTLING = 20_000_000
 DEFAULT_BAND = {"um": 1.0, "arcsec": 1.0}
+ENDED = {"beam": "S-DYN-WHY-BEAM", "stream": "S-DYN-WHY-STREAM"}
+"""Why a capture ended early, as people read it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,7 +65,7 @@ class DynamicOutcome:
     shown: Shown
     place: Path
     picture: Path
-    notes: tuple[str, ...] = ()
+    notes: tuple[Message, ...] = ()
 
     def as_data(self) -> dict[str, Any]:
         """For --json and the run folder: everything but the samples and the spectrum's lines."""
@@ -74,7 +77,10 @@ class DynamicOutcome:
         if made is not None:
             data["spectrum"] = {"rms": made.rms, "averages": made.averages, "peaks": [asdict(p) for p in made.peaks]}
         data["settling"] = asdict(found) if found is not None else None
-        return data | {"settling_missing": self.shown.why_not, "notes": [*self.notes, *record.warnings]}
+        return data | {
+            "settling_missing": self.shown.why_not,
+            "notes": [*map(str, self.notes), *map(str, record.warnings)],
+        }
 
 
 def show(recording: Recording, band: float | None = None) -> Shown:
@@ -92,7 +98,7 @@ def show(recording: Recording, band: float | None = None) -> Shown:
 
 
 def outcome_of(
-    recording: Recording, place: Path, picture: Path, band: float | None, notes: tuple[str, ...] = ()
+    recording: Recording, place: Path, picture: Path, band: float | None, notes: tuple[Message, ...] = ()
 ) -> Any:
     """Evaluate and draw a record. Raises ConfigError (E-CLI-EXISTS, E-CLI-WRITE) for the picture."""
     shown = show(recording, band)
@@ -139,7 +145,7 @@ def _section(site: SiteFile, name: str) -> InstrumentSection:
 
 async def _recorded(
     section: InstrumentSection, wish: RecordingOptions, clock: Clock, folder: RunFolder, say: Say
-) -> tuple[Ended, Path, tuple[str, ...]]:
+) -> tuple[Ended, Path, tuple[Message, ...]]:
     factory = registry.load(section.driver, "instrument")
     instrument = cast(Instrument, factory(section.name, section.url, section.settings, clock))
     try:
@@ -237,10 +243,10 @@ def _live(say: Say, channel: str) -> Callable[[LiveView], None]:
     return view
 
 
-def _notes(instrument: Instrument, ended: Ended) -> tuple[str, ...]:
-    notes = [*ended.notes, *instrument.notices]
+def _notes(instrument: Instrument, ended: Ended) -> tuple[Message, ...]:
+    notes = [*ended.notes, *map(Message.stored, instrument.notices)]
     if ended.why != "complete":
-        notes.append(f"the capture ended early: {ended.why}")
+        notes.append(Message.of("S-DYN-ENDED", why=Message.of(ENDED[ended.why])))
     if instrument.compensated_for == "nothing" and instrument.channels[0].endswith("mm"):
-        notes.append("lengths are in vacuum wavelengths: up to 0.03 % longer than in air")
+        notes.append(Message.of("S-DYN-VACUUM"))
     return tuple(notes)

@@ -10,7 +10,8 @@ from typing import Any
 import numpy as np
 
 from drivers.clock import Clock
-from drivers.errors import ConfigError, TrueflankError, words
+from drivers.errors import ConfigError, TrueflankError
+from drivers.message import Message, Quantity, fixed
 from drivers.types.tables import CompensationTable, LiveSet
 from drivers.types.values import FloatArray
 from drivers.units import DeviationUnit, deviation_unit
@@ -40,6 +41,12 @@ from gateway.workflow.axes.verdict import PUSHED
 from gateway.workflow.bench import Bench, bench
 from gateway.workflow.runsite import new_run
 
+ANSWERS = {
+    "still valid": "S-GUARD-VALID",
+    "re-measure this axis": "S-GUARD-REMEASURE",
+    "cannot tell": "S-GUARD-OPEN",
+}
+"""The answers of the guard, as people read them."""
 EXIT = {"still valid": 0, "re-measure this axis": 20, "cannot tell": 21}
 GUARDED = "guarded"
 
@@ -59,12 +66,14 @@ class GuardOutcome:
         return EXIT[self.verdict.answer]
 
     @property
-    def lines(self) -> tuple[str, ...]:
+    def lines(self) -> tuple[Message, ...]:
         """For people."""
         seen = self.verdict
-        numbers = {"largest": f"{seen.largest:+.2f}", "at": f"{seen.at:g}", "margin": f"{seen.margin:.2f}"}
-        told = words("W-GUARD", axis=self.axis, answer=seen.answer, limit=f"{seen.limit:g}", unit=seen.unit, **numbers)
-        return (told, *seen.said, f"run folder: {self.run_folder}")
+        numbers = {"largest": fixed(seen.largest, signed=True), "at": Quantity(seen.at), "margin": fixed(seen.margin)}
+        answer = Message.of(ANSWERS[seen.answer])
+        limit = Quantity(seen.limit)
+        told = Message.of("W-GUARD", axis=self.axis, answer=answer, limit=limit, unit=seen.unit, **numbers)
+        return told, *seen.said, Message.of("S-REPORT-FOLDER", path=self.run_folder)
 
     def as_data(self) -> dict[str, Any]:
         """For --json."""

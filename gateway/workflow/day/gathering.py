@@ -12,6 +12,7 @@ from typing import Literal
 from drivers.errors import ConfigError, FileFormatError, FileUnreadable, TrueflankError
 from drivers.local.names import shown
 from drivers.local.textfile import decode_beginning
+from drivers.message import Message
 from drivers.types.gears import GearInspection
 from drivers.types.results import MeasuredSet
 from gateway.store import Maps
@@ -46,7 +47,7 @@ class DayFile:
     error: TrueflankError | None = None
     sha256: str = ""
     head: tuple[str, ...] = ()
-    notes: tuple[str, ...] = ()
+    notes: tuple[Message, ...] = ()
     words: Mapping[str, str] = field(default_factory=dict)
     component: str = ""
 

@@ -80,7 +80,7 @@ def evaluate_circles(files: Sequence[tuple[str, CircleRecord | MakersFigures]]) 
         curves=tuple(Drawn(SENSES[sense], *path) for sense, path in found.paths.items()),
         axes=("angle  deg", "radial deviation  µm"),
         polar=True,
-        notes=(*_notes(found, record), *record.warnings),
+        notes=(*_notes(found, record), *map(str, record.warnings)),
     )
     return CircleAnswer(answer, found)
 

@@ -103,7 +103,7 @@ def evaluate_drives(files: Sequence[tuple[str, DriveRecord]], asked: DriveQuesti
     loops = [one.loop for one in each if one.loop is not None]
     loop = _repeated(loops) if loops else None
     notes = tuple(dict.fromkeys(words(code, **fields) for one in each for code, fields in one.notes))
-    notes += tuple(warning for _, record in files for warning in record.warnings)
+    notes += tuple(str(warning) for _, record in files for warning in record.warnings)
     simulated = any("simulated" in record.header.get("Instrument", "") for _, record in files)
     found = DriveFigures(drive, running, loop)
     answer = KindAnswer(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import secrets
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -12,6 +12,7 @@ from typing import Any
 from drivers import registry
 from drivers.errors import ConfigError
 from drivers.local.names import shown
+from drivers.message import Message
 from drivers.recordings import Recording
 from drivers.types.gears import GearInspection
 from drivers.types.results import MeasuredSet
@@ -27,6 +28,13 @@ FORMS = ("rtl", "rta", "csv", "rtx")
 STREAM = ".f64"
 
 
+CORRECTED: Mapping[CompensatedFor, str] = {
+    "air+material": "S-CORRECTED-BOTH",
+    "air": "S-CORRECTED-AIR",
+    "nothing": "S-CORRECTED-NOTHING",
+}
+
+
 @dataclass(frozen=True, slots=True)
 class MeasuredItem:
     """Something measured, by where it is: a file, or a run and its stage with the ``capture`` that it was.
@@ -37,7 +45,7 @@ class MeasuredItem:
     label: str
     content: Content
     capture: Capture | None = None
-    notes: tuple[str, ...] = ()
+    notes: tuple[Message, ...] = ()
     names: tuple[str, ...] = ()
 
 
@@ -122,7 +130,7 @@ def measured_of(capture: Capture, folder: RunFolder) -> MeasuredSet:
         compensated_for=_compensated(capture.corrections),
         expansion_ppm_per_k=capture.corrections.details.get("expansion.ppm_per_k"),
         header=header,
-        warnings=tuple(map(str, capture.notes)),
+        warnings=capture.notes,
     )
 
 
@@ -135,7 +143,7 @@ def _compensated(done: Corrections) -> CompensatedFor:
     return "air" if "air" in standing else "nothing"
 
 
-def export(item: MeasuredItem, form: str, output: Path, *, unit: str = "", force: bool = False) -> tuple[str, ...]:
+def export(item: MeasuredItem, form: str, output: Path, *, unit: str = "", force: bool = False) -> tuple[Message, ...]:
     """Write one thing measured as a file; what the form cannot hold is returned in words.
 
     Raises ConfigError (E-EXPORT-FORM, E-FILE-KIND, E-CLI-EXISTS, E-CLI-WRITE), FileFormatError (E-FILE-RTX-GAPS).
@@ -156,7 +164,7 @@ def _driver(form: str, role: str, unit: str) -> Any:
     return factory(unit=unit) if unit else factory()
 
 
-def _export_recording(content: Recording, form: str, output: Path, unit: str, *, force: bool) -> tuple[str, ...]:
+def _export_recording(content: Recording, form: str, output: Path, unit: str, *, force: bool) -> tuple[Message, ...]:
     chosen = unit or ("mm" if content.unit == "um" else "mrad")
     driver = _driver("rtx", "dynamic-file", chosen)
     if form == "csv":
@@ -171,16 +179,16 @@ def _export_recording(content: Recording, form: str, output: Path, unit: str, *,
         raise ConfigError("E-CLI-WRITE", str(output), why=error.strerror or str(error)) from error
     finally:
         temporary.unlink(missing_ok=True)
-    return (f"samples are in {chosen}: the file does not hold the unit, so tell its reader",)
+    return (Message.of("S-EXPORT-SAMPLES", unit=chosen),)
 
 
-def _lost(content: MeasuredSet, form: str, unit: str) -> Iterator[str]:
+def _lost(content: MeasuredSet, form: str, unit: str) -> Iterator[Message]:
     if form == "rta":
-        yield f"deviations are in {unit or 'mrad'}: the file does not hold the unit, so tell its reader"
+        yield Message.of("S-EXPORT-DEVIATIONS", unit=unit or "mrad")
     if form == "csv":
-        yield "air and material readings are not in the table"
+        yield Message.of("S-EXPORT-NO-AIR")
     if form in ("rtl", "rta") and content.compensated_for != "air+material":
-        yield f"readers take such files as corrected to 20 degC; this one is corrected for: {content.compensated_for}"
+        yield Message.of("S-EXPORT-CORRECTED", what=Message.of(CORRECTED[content.compensated_for]))
 
 
 def _refuse_existing(output: Path, *, force: bool) -> None:

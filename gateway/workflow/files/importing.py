@@ -10,13 +10,14 @@ from functools import partial
 from pathlib import Path
 
 from drivers.errors import FileFormatError, FileUnreadable
+from drivers.message import Message
 from drivers.recordings import Recording
 from drivers.types.gears import GearInspection
 from drivers.types.results import MeasuredSet
 from gateway.config import SiteFile
 from gateway.domain.stated import StatedFacts
 from gateway.errors import StoreError
-from gateway.evaluate.behaviour.doubts import describe_doubts, with_doubts
+from gateway.evaluate.behaviour.doubts import remarks, with_doubts
 from gateway.say import Say, silence
 from gateway.store import Maps, RunFolder, Store
 from gateway.store.disk import disk_errors
@@ -45,7 +46,7 @@ class Imported:
     sha256: str
     kind: str
     new: bool
-    notes: tuple[str, ...] = field(default_factory=tuple)
+    notes: tuple[Message, ...] = field(default_factory=tuple)
     component: str = ""
     stated: StatedFacts = field(default_factory=StatedFacts)
 
@@ -140,7 +141,7 @@ def _doubted(read: Read, accepted: Mapping[str, str]) -> Read:
     if not isinstance(read.content, MeasuredSet) or across:
         return read
     content = with_doubts(read.content, accepted)
-    said = describe_doubts(one for one in content.doubts if one.blocking or one.settled)
+    said = remarks(one for one in content.doubts if one.blocking or one.settled)
     return replace(read, content=content, notes=(*read.notes, *said))
 
 
@@ -154,7 +155,8 @@ def _import(path: Path, store: Store, read: Read, digest: str, *, at: Compared, 
     known = already(store, digest, meaning)
     folder = RunFolder(known) if known is not None else None
     if folder is None:
-        said = {"name": path.name, "sha256": digest, "driver": read.driver, "notes": list(read.notes)}
+        said: dict[str, object] = {"name": path.name, "sha256": digest, "driver": read.driver}
+        said |= {"notes": [one.as_data() for one in read.notes]}
         said |= {"component": read.component, "meaning": meaning}
         folder = store.create(at.name, {"imported": said, "site_file": ""})
         _keep(folder, path, read.content, digest)

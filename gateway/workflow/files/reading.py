@@ -12,6 +12,7 @@ from typing import Any
 from drivers import registry
 from drivers.errors import ConfigError, FileFormatError
 from drivers.local.names import shown
+from drivers.message import Message
 from drivers.recordings import Recording
 from drivers.types.gears import GearInspection
 from drivers.types.results import MeasuredSet, TableHeading
@@ -27,6 +28,8 @@ WHOLE, READINGS = {"target"}, {"deviation", "measured", "increment", "length"}
 ONCE = ("confirmed", "beside", "factor", "axis", "instrument")
 """Words about one file only: they are never remembered for others."""
 Content = MeasuredSet | Recording | GearInspection
+KEPT = {"unit": "S-READ-KEPT-UNIT", "columns": "S-READ-KEPT-COLUMNS", "senses": "S-READ-KEPT-SENSES"}
+"""What is remembered of a file, as people read it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,11 +59,11 @@ class Read:
 
     content: Content
     driver: str
-    notes: tuple[str, ...] = ()
+    notes: tuple[Message, ...] = ()
     component: str = ""
 
     @property
-    def warnings(self) -> tuple[str, ...]:
+    def warnings(self) -> tuple[Message, ...]:
         """What the file itself leaves in doubt."""
         return self.content.warnings
 
@@ -89,7 +92,7 @@ def result_endings() -> tuple[str, ...]:
     return tuple(sorted(f".{one}" for one in (*drivers, *others)))
 
 
-def read_measured(path: Path, how: How, maps: Maps | None = None) -> tuple[MeasuredSet, tuple[str, ...]]:
+def read_measured(path: Path, how: How, maps: Maps | None = None) -> tuple[MeasuredSet, tuple[Message, ...]]:
     """The readings of an axis in a file, and what was taken from memory.
 
     Raises ConfigError (E-CLI-KIND) for another content, and what `read_file` raises.
@@ -160,7 +163,7 @@ class _Asker:
         keys = self._places(name, factory().origin(self._path))
         self._forget("unit", keys)
         said = self._how.unit
-        notes: list[str] = []
+        notes: list[Message] = []
         if not said:
             said, notes = self._remembered_unit(keys)
         content = factory(**_options(factory, said, self._how)).read(self._path)
@@ -176,12 +179,12 @@ class _Asker:
             found.append(f"{name} of machine {named}")
         return [*found, f"{name} in folder {self._path.resolve().parent}"]
 
-    def _remembered_unit(self, keys: list[str]) -> tuple[str, list[str]]:
+    def _remembered_unit(self, keys: list[str]) -> tuple[str, list[Message]]:
         for key in keys:
             found = self._maps.find("unit", key) if self._maps else None
             if found is not None:
                 unit = str(found.said.get("unit", ""))
-                return unit, [f"unit {unit}, as declared on {found.utc} for {key}"]
+                return unit, [Message.of("S-READ-UNIT-BEFORE", unit=unit, utc=found.utc, key=key)]
         return "", []
 
     def with_columns(self, name: str, factory: Any) -> tuple[Read, ...]:
@@ -200,7 +203,8 @@ class _Asker:
                 if said and not table.motions
                 else said
             )
-        left = (f"columns not read: {', '.join(map(shown, table.left_out))}",) if table.left_out else ()
+        out = tuple(map(shown, table.left_out))
+        left = (Message.of("S-READ-NOT-READ", names=out),) if out else ()
         if table.motions:
             found = self._each(name, factory, table)
             kept = self._kept(said, keys)
@@ -218,7 +222,7 @@ class _Asker:
 
     def _senses(
         self, heading: TableHeading | None, said: Mapping[str, Value] | None
-    ) -> tuple[Mapping[str, Value] | None, list[str]]:
+    ) -> tuple[Mapping[str, Value] | None, list[Message]]:
         """What is said, with the ways in which this instrument's channels count as they were said before."""
         name = instrument_of(heading, said)
         keys = [f"instrument {name}"] if name else []
@@ -229,7 +233,9 @@ class _Asker:
         if keys and now:
             return {**before, **(said or {})}, self._keep("senses", keys[0], {**before, **now})
         words = ", ".join(f"{key}={value}" for key, value in before.items())
-        notes = [f"senses of instrument {name} as declared on {found.utc}: {words}"] if found is not None else []
+        notes: list[Message] = []
+        if found is not None:
+            notes = [Message.of("S-READ-SENSES-BEFORE", name=name, utc=found.utc, said=words)]
         return ({**before, **(said or {})} if said or before else said), notes
 
     def _motions(self, heading: TableHeading | None, said: Mapping[str, Value] | None) -> TableMotions:
@@ -258,7 +264,7 @@ class _Asker:
             return {}
         return {"mixed": self._how.mixed} | ({"unit": self._how.unit} if self._how.unit else {})
 
-    def _said_columns(self, name: str, keys: list[str]) -> tuple[Mapping[str, Value] | None, list[str]]:
+    def _said_columns(self, name: str, keys: list[str]) -> tuple[Mapping[str, Value] | None, list[Message]]:
         """What is said now, with what was said before of files like this one where it leaves something open."""
         now = self._how.columns
         if now is not None and (name != "csv" or (set(now) >= WHOLE and READINGS & set(now))):
@@ -270,29 +276,29 @@ class _Asker:
             return {**before, **now}, notes
         return (now if now is not None else before), notes
 
-    def _kept(self, said: Mapping[str, Value] | None, keys: list[str]) -> list[str]:
+    def _kept(self, said: Mapping[str, Value] | None, keys: list[str]) -> list[Message]:
         if self._how.columns is None or said is None:
             return []
         way = {"passes", "direction"} if "beside" in said else set()
         lasting = {key: value for key, value in said.items() if key not in {*ONCE, *way}}
         if not keys:
-            return ["the table has no heading: nothing remembered"]
+            return [Message.of("S-READ-NO-HEADING")]
         return self._keep("columns", keys[0], lasting) if lasting else []
 
-    def _remembered_columns(self, keys: list[str]) -> tuple[Mapping[str, Value] | None, list[str]]:
+    def _remembered_columns(self, keys: list[str]) -> tuple[Mapping[str, Value] | None, list[Message]]:
         for key in keys:
             found = self._maps.find("columns", key) if self._maps else None
             if found is not None:
                 words = ", ".join(f"{name}={value}" for name, value in found.said.items())
-                return found.said, [f"columns as declared on {found.utc}: {words}"]
+                return found.said, [Message.of("S-READ-COLUMNS-BEFORE", utc=found.utc, said=words)]
         return None, []
 
-    def _keep(self, kind: str, key: str, said: Mapping[str, Value]) -> list[str]:
+    def _keep(self, kind: str, key: str, said: Mapping[str, Value]) -> list[Message]:
         if self._maps is None or self._utc is None:
             return []
         self._maps.keep(kind, key, said, self._utc().isoformat(timespec="seconds"))
         words = ", ".join(str(value) if name == "unit" else f"{name}={value}" for name, value in said.items())
-        return [f"{kind} remembered: {words}"]
+        return [Message.of(KEPT[kind], said=words)]
 
     def _forget(self, kind: str, keys: list[str]) -> None:
         if self._how.forget and self._maps is not None:

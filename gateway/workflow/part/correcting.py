@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 
 from drivers.clock import Clock
-from drivers.errors import TrueflankError, words
-from drivers.message import Message
+from drivers.errors import TrueflankError
+from drivers.message import Message, fixed
 from drivers.types.tables import CompensationTable, LiveSet
 from drivers.types.values import FloatArray
 from drivers.units import UM_PER_MM
@@ -56,16 +56,24 @@ class FromGearOutcome:
     run_folder: str
 
     @property
-    def lines(self) -> tuple[str, ...]:
+    def lines(self) -> tuple[Message, ...]:
         """For people."""
         setup = self.gear.setup
-        values = {"x": f"{setup.x_um:+.1f}", "c": f"{setup.c_arcsec:+.1f}", "dressing": f"{setup.dressing_um:+.1f}"}
-        before, after = f"{self.gear.before.rms_um:.2f}", f"{self.gear.after.rms_um:.2f}"
+        values = {
+            "x": fixed(setup.x_um, 1, signed=True),
+            "c": fixed(setup.c_arcsec, 1, signed=True),
+            "dressing": fixed(setup.dressing_um, 1, signed=True),
+        }
+        before, after = fixed(self.gear.before.rms_um), fixed(self.gear.after.rms_um)
         count = sum(not change.skipped for change in self.proposal.changes)
-        told = words("P-FROM-GEAR", part=self.gear.part, before=before, after=after, tables=count)
-        changes = [f"{one.name}: {one.new.name} {one.skipped or size_of(one)}" for one in self.proposal.changes]
-        notes = [f"note: {line}" for line in self.gear.said]
-        return (told, words("W-INSPECT-SETUP", **values), *changes, *notes, f"run folder: {self.run_folder}")
+        told = Message.of("P-FROM-GEAR", part=self.gear.part, before=before, after=after, tables=count)
+        changes = [
+            Message.of("S-FROM-TABLE", name=one.name, table=one.new.name, said=one.skipped or size_of(one))
+            for one in self.proposal.changes
+        ]
+        notes = [Message.of("S-NOTE", said=line) for line in self.gear.said]
+        folder = Message.of("S-REPORT-FOLDER", path=self.run_folder)
+        return told, Message.of("W-INSPECT-SETUP", **values), *changes, *notes, folder
 
     def as_data(self) -> dict[str, Any]:
         """For --json."""

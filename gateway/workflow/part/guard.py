@@ -8,7 +8,8 @@ from pathlib import Path
 from typing import Any
 
 from drivers.clock import Clock
-from drivers.errors import TrueflankError, words
+from drivers.errors import TrueflankError
+from drivers.message import Message, Quantity, fixed
 from gateway.config import SiteFile
 from gateway.correct.part.fitted_places import guard_flanks
 from gateway.events import RunStarted
@@ -34,7 +35,8 @@ from gateway.workflow.part.planning import gear_of_site
 from gateway.workflow.runsite import new_run
 
 PART = "guard"
-ANSWERS = {"re-measure this axis": "measure this machine again"}
+ANSWERS = {"still valid": "S-GUARD-VALID", "re-measure this axis": "S-GUARD-AGAIN", "cannot tell": "S-GUARD-OPEN"}
+"""The answers of a guard about a machine, as people read them."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,13 +54,13 @@ class GearGuardOutcome:
         return EXIT[self.verdict.answer]
 
     @property
-    def lines(self) -> tuple[str, ...]:
+    def lines(self) -> tuple[Message, ...]:
         """For people."""
         seen = self.verdict
-        numbers = {"largest": f"{seen.largest:+.2f}", "at": f"{seen.at:.0f}", "margin": f"{seen.margin:.2f}"}
-        answer = ANSWERS.get(seen.answer, seen.answer)
-        told = words("W-INSPECT-GUARD", part=self.part, answer=answer, limit=f"{seen.limit:g}", **numbers)
-        return (told, *seen.said, f"run folder: {self.run_folder}")
+        numbers = {"largest": fixed(seen.largest, signed=True), "at": fixed(seen.at, 0), "margin": fixed(seen.margin)}
+        answer = Message.of(ANSWERS[seen.answer])
+        told = Message.of("W-INSPECT-GUARD", part=self.part, answer=answer, limit=Quantity(seen.limit), **numbers)
+        return told, *seen.said, Message.of("S-REPORT-FOLDER", path=self.run_folder)
 
     def as_data(self) -> dict[str, Any]:
         """For --json."""

@@ -185,9 +185,7 @@ def inspect_file(
     if not isinstance(read.content, GearInspection):
         raise ConfigError("E-INSPECT-FILE", str(file.path))
     clamping = work.inspection_clamping_um
-    about = InspectionSource(
-        part, file.path.name, clamping_um=clamping, heights=file.heights, said=tuple(map(Message.stored, read.notes))
-    )
+    about = InspectionSource(part, file.path.name, clamping_um=clamping, heights=file.heights, said=read.notes)
     return _kept(folder, RawInspection(file=read.content), gear, about, say)
 
 

@@ -13,8 +13,8 @@ from typing import Any
 
 import numpy as np
 
-from drivers.errors import ConfigError, words
-from drivers.message import Message
+from drivers.errors import ConfigError
+from drivers.message import Message, Quantity, fixed
 from drivers.types.gears import GearInspection
 from gateway.correct.outlook.drive_outlook import drawn_apart, drawn_flanks
 from gateway.correct.part.inspected import USUAL_CLAMPING_UM, InspectionSource, inspected_flank, inspection_patterns
@@ -88,23 +88,23 @@ class MatchOutcome:
     pairs: tuple[MatchedPair, ...]
 
     @property
-    def lines(self) -> tuple[str, ...]:
+    def lines(self) -> tuple[Message, ...]:
         """What pairing is worth, who is left over, which pairs cannot be built, what is not in the figures."""
         found = self.matching
         figures = {"worth": found.worth_arcsec, "mean": found.mean_arcsec, "come": found.as_they_come_arcsec}
-        shown = {name: f"{value:.2f}" for name, value in figures.items()}
+        shown = {name: fixed(value) for name, value in figures.items()}
         left = ", ".join(self.discs[n].part for n in found.left_over)
         return (
-            words("S-MATCH-WORTH", name=self.drive.name, datum=self.drive.measured_from(), **shown),
-            *((words("S-MATCH-LEFT", names=left),) if left else ()),
+            Message.of("S-MATCH-WORTH", name=self.drive.name, datum=self.drive.measured_from(), **shown),
+            *((Message.of("S-MATCH-LEFT", names=left),) if left else ()),
             *(
-                words(
+                Message.of(
                     "W-MATCH-TIGHT",
                     first=pair.first,
                     second=pair.second,
                     mark=pair.mark,
-                    interference=f"{pair.figures.interference_um:.1f}",
-                    limit=f"{self.drive.interference_um:g}",
+                    interference=fixed(pair.figures.interference_um, 1),
+                    limit=Quantity(self.drive.interference_um),
                 )
                 for pair in self.pairs
                 if not pair.assembles
@@ -153,7 +153,7 @@ def disc_of_file(path: Path, gear: CycloidGear, how: DiscFile) -> InspectedFlank
         path.name,
         clamping_um=how.clamping_um,
         heights=how.heights,
-        said=tuple(map(Message.stored, read.notes)),
+        said=read.notes,
     )
     return inspected_flank(gear, read.content, about)
 

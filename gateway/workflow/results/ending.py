@@ -4,16 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
+from math import isfinite
 from typing import Any
 
-from drivers.message import Message
+from drivers.message import Message, Quantity, fixed
 from gateway.domain.figures import Evaluation
 from gateway.domain.outcomes import ActingCheck, Verdict
 from gateway.domain.proposals import Proposal
 from gateway.report import ReportMaterial, parameter_rows
 from gateway.report.lines import acting_lines, axis_lines, details, tooth_lines
 from gateway.report.parameters import PARAMETERS, ParameterRow
-from gateway.report.sentences import number, still_on
+from gateway.report.sentences import ABSENT, still_on
 from gateway.store import RunFolder
 from gateway.workflow import stages
 from gateway.workflow.axes.measure import MeasuredAxis
@@ -57,7 +58,7 @@ def details_of(material: ReportMaterial) -> tuple[Message, ...]:
     return (*told, *background)
 
 
-AGAIN, ONCE = "before and after (ISO 230-2:2014)", "as measured (ISO 230-2:2014)"
+AGAIN, ONCE = Message.of("S-TITLE-AGAIN"), Message.of("S-TITLE-ONCE")
 
 
 def outcome_of(
@@ -94,7 +95,7 @@ def outcome_of(
     )
 
 
-def _rows(evaluations: Mapping[str, tuple[Evaluation, Evaluation | None]]) -> tuple[tuple[str, ...], ...]:
+def _rows(evaluations: Mapping[str, tuple[Evaluation, Evaluation | None]]) -> tuple[tuple[Message | str, ...], ...]:
     """One row a figure, one column an axis: before -> after, or what was measured once."""
     axes = [
         {row.parameter: row for row in parameter_rows(axis, before, after)}
@@ -104,10 +105,16 @@ def _rows(evaluations: Mapping[str, tuple[Evaluation, Evaluation | None]]) -> tu
     return tuple((name, *(_cell(rows.get(name)) for rows in axes)) for name in names)
 
 
-def _cell(row: ParameterRow | None) -> str:
+def _cell(row: ParameterRow | None) -> Message | str:
     if row is None:
         return ""
-    return number(row.before) if row.after is None else f"{number(row.before)} → {number(row.after)}"
+    if row.after is None:
+        return Message.of("S-CELL-ONE", value=_figure(row.before))
+    return Message.of("S-CELL-BOTH", before=_figure(row.before), after=_figure(row.after))
+
+
+def _figure(value: float | None) -> Quantity | str:
+    return ABSENT if value is None or not isfinite(value) else fixed(value)
 
 
 def _data(before: Evaluation, after: Evaluation | None) -> dict[str, Any]:

@@ -10,14 +10,13 @@ from pathlib import Path
 
 from drivers.errors import ConfigError
 from drivers.local.names import shown
-from drivers.message import Message
 from drivers.types.identity import MachineIdentity
 from drivers.types.results import MeasuredSet
 from drivers.units import deviation_unit
 from gateway.config import SiteFile
 from gateway.domain.captures import Capture, Corrections
 from gateway.domain.stated import StatedFacts
-from gateway.evaluate.behaviour.doubts import describe_doubts, with_doubts
+from gateway.evaluate.behaviour.doubts import remarks, with_doubts
 from gateway.evaluate.behaviour.positioning import Surroundings, budget_with, contributions, describe_contributions
 from gateway.evaluate.optics import corrections
 from gateway.evaluate.standards.iso230_2 import evaluate_iso230_2
@@ -208,9 +207,9 @@ def _axis(name: str, item: MeasuredItem, site: SiteFile | None, accepted: Mappin
     notes = (
         *measured.warnings,
         *item.notes,
-        *(one.text for one in supposed),
+        *(one.message for one in supposed),
         describe_contributions(contributions(measured, budget), unit),
-        *describe_doubts(measured.doubts),
+        *remarks(measured.doubts),
     )
     return AxisMaterial(
         axis=name,
@@ -218,7 +217,7 @@ def _axis(name: str, item: MeasuredItem, site: SiteFile | None, accepted: Mappin
         unit=measured.axis_unit,
         capture_before=_capture(name, item.label, measured, done),
         before=result,
-        findings=tuple(map(Message.stored, dict.fromkeys(notes))),
+        findings=tuple(dict.fromkeys(notes)),
         budget=budget,
     )
 

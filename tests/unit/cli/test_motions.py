@@ -70,7 +70,7 @@ def test_six_motions_named_in_the_heading_are_six_imports_of_one_command() -> No
     for one, wanted in zip(found, values, strict=True):
         np.testing.assert_allclose(stored(one).deviations, wanted)
         assert stored(one).header["Machine"] == "Mill 7"
-        assert "columns not read: Air (degC)" in one["notes"]
+        assert "columns not read: Air (°C)" in one["notes"]
     again = told("import", "six.csv")
     assert not any(one["new"] for one in again)
     assert [one["run"] for one in again] == [one["run"] for one in found]

@@ -70,14 +70,14 @@ def test_missing_readings_leave_their_line_out_and_are_told() -> None:
     body[4] = body[4].replace("4.0,", "n/a,")
     found = parse_drive(text(body=body), DriveColumns(), "x")
     assert len(found.lines) == 11
-    assert any("line 6" in one for one in found.warnings)
+    assert any("line 6" in one for one in map(str, found.warnings))
 
 
 def test_an_angle_that_starts_again_at_each_turn_is_continued() -> None:
     body = [f"{k},{10.0 * k},{(350.0 + 2.0 * k) % 360.0},0,20" for k in range(12)]
     found = parse_drive(text(body=body), DriveColumns(), "x")
     assert np.diff(found.output_deg) == pytest.approx(2.0)
-    assert any("continued" in one for one in found.warnings)
+    assert any("continued" in one for one in map(str, found.warnings))
 
 
 def test_what_nobody_named_and_what_cannot_be_is_refused_with_its_place() -> None:

@@ -89,9 +89,9 @@ def test_points_by_declared_names_and_the_warning_about_the_datum_face() -> None
     assert found.deviation_um is not None
     assert found.deviation_um.tolist() == [1.5, -1.0, 0.0]
     assert found.header["Version"] == "3.4"
-    assert "datum_face is 'top'" in found.warnings[0]
+    assert "datum_face is 'top'" in str(found.warnings[0])
     no_face = read_gde(GDE.replace(' datum_face="top"', "").encode(), GdeNames.read(NAMES, "x"), "x")
-    assert "no datum_face" in no_face.warnings[0]
+    assert "no datum_face" in str(no_face.warnings[0])
 
 
 def test_points_as_a_list_of_triples() -> None:
@@ -144,4 +144,4 @@ def test_points_under_another_name_are_missed_aloud() -> None:
     text = GDE.replace("<pt><x>30.2", "<pp><x>30.2").replace("<dev>-1</dev></pt>", "<dev>-1</dev></pp>")
     found = read_gde(text.encode(), GdeNames.read(NAMES, "x"), "x")
     assert len(found) == 2
-    assert any("were not read: pp" in warning for warning in found.warnings)
+    assert any("were not read: pp" in warning for warning in map(str, found.warnings))

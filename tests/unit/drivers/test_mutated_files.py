@@ -127,14 +127,14 @@ def check_rtl(_data: bytes, found: Any) -> None:
 
 def check_table(data: bytes, found: Any) -> None:
     sound(found)
-    assert data.endswith((b"\n", b"\r")) or any("whole" in warning for warning in found.warnings)
+    assert data.endswith((b"\n", b"\r")) or any("whole" in warning for warning in map(str, found.warnings))
     same(found, parse_csv(table_text(found), ColumnMap(confirmed=True), "x"))
 
 
 def check_pos(data: bytes, found: Any) -> None:
     sound(found)
     assert found.deviations.shape[1] == 1
-    assert data.endswith((b"\n", b"\r")) or any("whole" in warning for warning in found.warnings)
+    assert data.endswith((b"\n", b"\r")) or any("whole" in warning for warning in map(str, found.warnings))
 
 
 def read_rtx(data: bytes) -> RtxHead:

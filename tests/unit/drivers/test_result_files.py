@@ -60,7 +60,7 @@ def test_a_missing_environment_is_unknown_and_not_twenty_degrees(tmp_path: Path)
     found = read(tmp_path, BASIC)
     assert found.ambient_start == Ambient()
     assert found.expansion_ppm_per_k is None
-    assert any("unknown" in warning for warning in found.warnings)
+    assert any("unknown" in warning for warning in map(str, found.warnings))
 
 
 @pytest.mark.parametrize("change", [
@@ -140,7 +140,7 @@ def test_missing_readings_are_nan_and_said(tmp_path: Path) -> None:
     found = read(tmp_path, BASIC.replace("2    2    1.625\n", ""))
     assert np.isnan(found.deviations).sum() == 1
     assert np.isnan(found.deviations[1, 0, 1])
-    assert any("readings missing: 1" in warning for warning in found.warnings)
+    assert any("readings missing: 1" in warning for warning in map(str, found.warnings))
 
 
 def test_targets_that_fall_turn_the_set_round(tmp_path: Path) -> None:
@@ -154,14 +154,14 @@ def test_zero_even_runs_are_no_measurement_without_a_word(tmp_path: Path) -> Non
     zero = BASIC
     for value in ("2.875", "1.625", "0.500"):
         zero = zero.replace(value, "0.000")
-    assert any("one way only" in warning for warning in read(tmp_path, zero).warnings)
+    assert any("one way only" in warning for warning in map(str, read(tmp_path, zero).warnings))
     flagged = read(tmp_path, zero.replace("Flags: 0 0 2 0", "Flags: 0 1 2 0"))
     assert np.isnan(flagged.deviations[:, :, 1]).all()
 
 
 def test_doubts_about_units(tmp_path: Path) -> None:
-    assert any("unit" in warning for warning in read(tmp_path, BASIC, unit="mm").warnings) is False
-    assert any("unit" in warning for warning in read(tmp_path, BASIC.replace("2.375", "9375.0")).warnings)
+    assert any("unit" in warning for warning in map(str, read(tmp_path, BASIC, unit="mm").warnings)) is False
+    assert any("unit" in warning for warning in map(str, read(tmp_path, BASIC.replace("2.375", "9375.0")).warnings))
     with pytest.raises(ConfigError, match="E-FILE-UNIT"):
         RtlFormat(unit="arcsec")
 
@@ -182,7 +182,7 @@ def test_an_rta_wants_its_unit_confirmed() -> None:
 def test_an_rta_of_impossible_size_is_doubted(tmp_path: Path) -> None:
     path = tmp_path / "a.rta"
     path.write_bytes((FOLDER / "rotary.rta").read_bytes().replace(b"0.012000", b"12.00000"))
-    assert any("unit" in warning for warning in RtaFormat(unit="mrad").read(path).warnings)
+    assert any("unit" in warning for warning in map(str, RtaFormat(unit="mrad").read(path).warnings))
 
 
 @pytest.mark.parametrize(("pressure", "hpa", "doubted"), [
@@ -191,7 +191,7 @@ def test_an_rta_of_impossible_size_is_doubted(tmp_path: Path) -> None:
 def test_pressure_units(tmp_path: Path, pressure: str, hpa: float | None, doubted: bool) -> None:
     found = read(tmp_path, BASIC.replace("EOF::", f"ENVIRONMENT::\nAir Press : {pressure} 1\n\nEOF::"))
     assert found.ambient_start.pressure_hpa == (None if hpa is None else pytest.approx(hpa))
-    assert any("pressure" in warning for warning in found.warnings) is doubted
+    assert any("pressure" in warning for warning in map(str, found.warnings)) is doubted
 
 
 def test_a_broken_environment_value_is_named(tmp_path: Path) -> None:

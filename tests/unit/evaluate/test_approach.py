@@ -15,7 +15,7 @@ TARGETS = np.linspace(0.0, 345.0, 24)
 
 
 def capture(deviations: np.ndarray, reading_u: float = 0.0) -> Capture:
-    air, done = Ambient(20.0, 1000.0, 50.0, (20.0,)), Corrections("none", "none", "none", "none")
+    air, done = Ambient(20.0, 1000.0, 50.0, (20.0,)), Corrections()
     return Capture("C1", "ECC", "deg", TARGETS, deviations, reading_u, air, air, done, None, None)
 
 

@@ -90,7 +90,7 @@ def test_it_tells_how_the_curve_changed() -> None:
     sizes = {one.kind: one.size for one in found.changes if one.sure and one.kind != "offset"}
     assert list(sizes) == ["harmonic 2"]
     assert sizes["harmonic 2"] == pytest.approx(1.5, abs=0.05)
-    assert any("harmonic 2 changed by +1.5" in line for line in found.said)
+    assert any("harmonic 2 changed by +1.5" in line for line in map(str, found.said))
 
 
 def test_a_linear_axis_that_grew_says_slope() -> None:
@@ -111,7 +111,7 @@ def test_too_little_is_no_answer() -> None:
     u = np.array([0.1, 0.1, *[np.nan] * 6])
     found = guard_axis(Approved(curve), Check(TARGETS, true_curve(TARGETS), u), LIMIT)
     assert found.answer == "cannot tell"
-    assert "uncertainty: 2;" in found.said[0]
+    assert "uncertainty: 2;" in str(found.said[0])
     loose = guard_axis(Approved(curve), Check(TARGETS, value(curve, TARGETS), np.full(8, 0.1), mounting=1.0), LIMIT)
     assert loose.answer == "cannot tell"
 

@@ -60,7 +60,7 @@ def test_the_machine_is_told_from_the_clamping(name: str, change: dict[str, floa
     infeed = next(one for one in found.changes if one.kind.startswith("infeed"))
     assert abs(infeed.size) == pytest.approx(4.5 if name == "deeper" else 0.0, abs=0.15)
     if name == "deeper":
-        assert any(line.startswith("infeed (A), all spaces changed by") for line in found.said)
+        assert any(line.startswith("infeed (A), all spaces changed by") for line in map(str, found.said))
 
 
 def test_what_a_table_cures_is_no_blind_spot_across_counts_by_what_it_leaves() -> None:
@@ -101,6 +101,6 @@ def test_other_points_or_too_few_are_no_answer() -> None:
     part = Flanks(whole.deviation[:9], whole.u[:9])
     assert guard_gear(whole, part, PLACES.form, ANGLE, LIMIT).answer == "cannot tell"
     few = guard_gear(part, part, PLACES.form[:9], ANGLE[:9], LIMIT)
-    assert "uncertainty: 9;" in few.said[0]
+    assert "uncertainty: 9;" in str(few.said[0])
     unseen = Flanks(whole.deviation, np.full(len(ANGLE), np.nan))
     assert guard_gear(whole, unseen, PLACES.form, ANGLE, LIMIT).answer == "cannot tell"

@@ -39,7 +39,7 @@ STATE = MachineState(ChannelStatus.RESET, "AUTO", "", (), 2, {"X1": AxisState("X
 DEVIATIONS = np.repeat(np.repeat(np.array(NEW.deviations)[:, None, None], 5, axis=1), 2, axis=2) + 0.5
 CAPTURE = Capture(
     "X1", "EXX", "mm", TARGETS, DEVIATIONS, 0.05, Ambient(20.0, material_degc=(20.0,)),
-    Ambient(20.5, material_degc=(20.4, 20.6)), Corrections("edlen", "to 20", "none", "none"), LIVE,
+    Ambient(20.5, material_degc=(20.4, 20.6)), Corrections(Message.stored("edlen"), Message.stored("to 20")), LIVE,
     SenseProof("laser", "X1", 1, 1.0, (10.0,)), ended_utc=(NOW - timedelta(hours=1)).isoformat(),
 )  # fmt: skip
 AXIS = AxisRecord("X1", "X", "mm", False, False, (0.0, 400.0), 0.0, 2000.0)

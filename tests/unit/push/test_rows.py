@@ -149,11 +149,11 @@ def test_a_foreign_edit_is_told_three_ways(tmp_path: Path) -> None:
     (found,) = unfinished_tables(tmp_path / "journal", MACHINE.serial)
     again = bench(tmp_path, machine=at.machine)
     finding = run_virtual(lambda: inspect_unfinished(found, again.context))
-    assert "point 2: old 4.0, new 12.0, live 9.0 um" in finding.difference
+    assert "point 2: old 4.0, new 12.0, live 9.0 µm" in map(str, finding.difference)
     assert "point 2: old 4.0" in finding.words
-    assert finding.as_data()["difference"] == list(finding.difference)
+    assert finding.as_data()["difference"] == list(map(str, finding.difference))
     longer = replace(ODD, deviations=(*ODD.deviations, *range(20)), maximum=1400.0)
-    told = make_finding(found, LiveTable(longer, True), 1e-6).difference
+    told = list(map(str, make_finding(found, LiveTable(longer, True), 1e-6).difference))
     assert any(line.startswith("maximum: old 400.0, new 400.0, live 1400.0") for line in told)
     assert told[-1].startswith("and ")
 

@@ -48,7 +48,9 @@ def capture(axis: str, unit: AxisUnit, targets: FloatArray, readings: FloatArray
     return Capture(
         axis=axis, component=f"E{axis[0]}{axis[0]}", axis_unit=unit, targets=targets, deviations=readings,
         reading_u=0.07, ambient_start=AIR, ambient_end=LATER,
-        corrections=Corrections("Edlen 1994", "to 20 degC", "applied", "none", details), live=None,
+        corrections=Corrections(
+            Message.stored("Edlen 1994"), Message.stored("to 20 degC"), Message.stored("applied"), details=details,
+        ), live=None,
         sense=SenseProof("laser", axis, -1, 0.99987, (9.9987, 9.9986)), suspects=((2, 1, 0),),
         started_utc=f"2026-03-02T{when}:00:00+00:00", ended_utc=f"2026-03-02T{when}:41:00+00:00",
     )  # fmt: skip

@@ -33,7 +33,7 @@ def _capture(slope: float, component: str = "EXX") -> Capture:
     return Capture(
         axis="X1", component=component, axis_unit="mm", targets=AT,
         deviations=slope * AT[:, None, None] + scatter + reversal, reading_u=0.1, ambient_start=Ambient(),
-        ambient_end=Ambient(), corrections=Corrections("none", "none", "none", "none"), live=None, sense=None,
+        ambient_end=Ambient(), corrections=Corrections(), live=None, sense=None,
     )  # fmt: skip
 
 
