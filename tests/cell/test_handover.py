@@ -140,7 +140,7 @@ def test_approved_pushed_compared_taken_back(tmp_path: Path) -> None:
         await at.propose()
         untouched = await at.tables()
         shown = await show_plan(at.folder, **at.asked)
-        assert any("360.000" in line for line in shown.points)
+        assert any("360.000" in str(line) for line in shown.points)
         assert [row[0] for row in shown.rows] == ["C1", "C1-reversal"]
         with pytest.raises(WriteRefused):
             await approve_plan(at.folder, table="C1", typed_name="another", clock=at.clock, actor="ann")

@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import Any
 
 from drivers.clock import Clock
-from drivers.errors import TrueflankError, words
-from drivers.message import Message
+from drivers.errors import TrueflankError
+from drivers.message import Message, fixed
 from drivers.terms import spoken
 from drivers.types.tables import CompensationTable
 from drivers.types.values import Sense
@@ -149,18 +149,24 @@ def _data(found: ConsentSet) -> dict[str, Any]:
     return {"transaction": first.transaction, "table": found.names, "tables": told, "rest": rest}
 
 
-def _difference(done: CommittedPush) -> list[str]:
+def _difference(done: CommittedPush) -> list[Message]:
     """What the table would become, at the points of the larger of both."""
     new, old = done.new, done.old
     if new.table.kind == "reversal":
         was, becomes = (effective(one).deviations[0] for one in (new, old))
-        return [f"  {was:+9.3f} -> {becomes:+9.3f} {new.table.deviation_unit}"]
+        return [_changes("S-VALUE-CHANGE", was, becomes, new.table.deviation_unit)]
     unit, both = new.table.deviation_unit, bool(new.table.reverse or old.table.reverse)
-    lines = [words("W-ROLLBACK-POINTS", table=done.table)]
+    lines = [Message.of("W-ROLLBACK-POINTS", table=done.table)]
     for place, way, was, becomes in point_changes(done):
-        side = f"  {'+-'[way < 0]}" if both else ""
-        lines.append(f"  {place:10.3f}{side} {was:+9.3f} -> {becomes:+9.3f} {unit}")
+        side = {"way": "+-"[way < 0]} if both else {}
+        code = "S-POINT-CHANGE-WAY" if both else "S-POINT-CHANGE"
+        lines.append(_changes(code, was, becomes, unit, place=fixed(place, 3), **side))
     return lines
+
+
+def _changes(code: str, was: float, becomes: float, unit: str, /, **more: object) -> Message:
+    both = {"was": fixed(was, 3, signed=True), "becomes": fixed(becomes, 3, signed=True)}
+    return Message(code, {**both, "unit": unit, **more})
 
 
 async def _applied(at: Bench, found: ConsentSet, undos: Sequence[Sequence[RollbackRequest]]) -> Outcome:
