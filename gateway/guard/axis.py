@@ -109,15 +109,15 @@ def _shapes(
         found, spread = _solved(np.column_stack([np.ones_like(at), (at - at.mean()) / span]), difference, u)
         slope = Message.of("S-GUARD-SLOPE", span=Quantity(float(span)))
         return (
-            Change("offset", float(found[0]), COVERAGE * float(spread[0]), unit, OFFSET),
-            Change(f"slope over {span:g} mm", float(found[1]), COVERAGE * float(spread[1]), unit, slope),
+            Change("offset", float(found[0]), COVERAGE * float(spread[0]), unit, named=OFFSET),
+            Change(f"slope over {span:g} mm", float(found[1]), COVERAGE * float(spread[1]), unit, named=slope),
         )
     orders = range(1, min(HIGHEST_ORDER, (at.size - 2) // 2) + 1)
     q = np.deg2rad(at)
     columns = [np.ones_like(q), *(wave(order * q) for order in orders for wave in (np.cos, np.sin))]
     found, spread = _solved(np.column_stack(columns), difference, u)
     return (
-        Change("offset", float(found[0]), COVERAGE * float(spread[0]), unit, OFFSET),
+        Change("offset", float(found[0]), COVERAGE * float(spread[0]), unit, named=OFFSET),
         *_waves(orders, found, spread, unit),
     )
 
@@ -130,7 +130,7 @@ def _waves(orders: Sequence[int], found: FloatArray, spread: FloatArray, unit: D
             float(np.hypot(*found[pair])),
             COVERAGE * float(np.max(spread[pair])),
             unit,
-            Message.of("S-GUARD-HARMONIC", order=order),
+            named=Message.of("S-GUARD-HARMONIC", order=order),
         )
         for order, pair in pairs
     ]

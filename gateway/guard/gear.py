@@ -85,5 +85,5 @@ def _means(change: FloatArray, u: FloatArray, form: FloatArray) -> tuple[Change,
         power = float(row @ row)
         if power > 0.0:
             spread = float(np.sqrt(np.sum((row * u) ** 2))) / power
-            found.append(Change(kind, float(row @ change) / power, COVERAGE * spread, "um", Message.of(code)))
+            found.append(Change(kind, float(row @ change) / power, COVERAGE * spread, "um", named=Message.of(code)))
     return tuple(found)
