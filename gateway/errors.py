@@ -113,6 +113,10 @@ class NotSignedIn(SignInRefused):
     """Who asks is not known: no secret, or a wrong one."""
 
 
+class CodeAsked(NotSignedIn):
+    """The secret is right, and the account has a second factor: its code is missing, wrong or used up."""
+
+
 class TooManyTries(SignInRefused):
     """Wrong secrets came too fast from there; the fields say how long to wait."""
 

@@ -62,6 +62,10 @@ class ServiceSection(Section):
         default=(), max_length=8, description="addresses of reverse proxies that end TLS and say who asks through them"
     )
     signout_min: Number = Field(default=15.0, ge=1, le=720.0, description="minutes without a request that sign out")
+    leaked_passwords: Path | None = Field(
+        default=None,
+        description="list of leaked passwords that nobody may choose: SHA-1 hashes, sorted or in a folder by prefix",
+    )
     index_url_file: Path | None = Field(
         default=None, description="file with the address of a database for many gateways; else one with the runs"
     )

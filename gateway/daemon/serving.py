@@ -19,7 +19,7 @@ from gateway import audit
 from gateway.broker import Broker, Lease, locked
 from gateway.daemon.daily import each_day
 from gateway.daemon.desk import interrupt, left_in_order
-from gateway.daemon.doorkeeping import doors_of, keep_refused, note_refused, noting, sessions_of
+from gateway.daemon.doorkeeping import doors_of, keep_what_was_seen, note_refused, noting, sessions_of
 from gateway.daemon.lasting import lasting
 from gateway.daemon.listening import GRACE_S, PageServer, listener_on, more_files, server_of, url_of
 from gateway.daemon.logs import logged_into
@@ -63,9 +63,7 @@ async def serve(
         secure = certificate is not None
         listener = held.enter_context(listener_on(host, port, secure=secure))
         places = _places(sites, clock)
-        service = service_of(
-            places, clock, accounts or UserAccounts(first.store.root), sessions, secure=secure or bool(proxies)
-        )
+        service = service_of(places, clock, accounts or accounts_of(first), sessions, secure=secure or bool(proxies))
         server = server_of(create_app(service), certificate, key, proxies)
         broker = Broker(Lending(places), clock)
         async with broker.open(roots):
@@ -76,14 +74,13 @@ async def serve(
                 ready(url)
 
             held.callback(_noted, book, "the service ended")
-            refused = service.doors.refused
-            hourly = partial(note_refused, refused, first.store.root, clock)
+            hourly = partial(note_refused, service.doors, first.store.root, clock)
             beside = asyncio.create_task(lasting("refused sign-ins for the audit log", hourly, clock))
             try:
                 await together(server, listener, places, clock=clock, until=stop.wait(), ready=answers)
             finally:
                 await interrupt(beside, clock)
-                await keep_refused(refused, first.store.root, clock)
+                await keep_what_was_seen(service.doors, first.store.root, clock)
 
 
 def _noted(book: LogBook, text: str) -> None:
@@ -102,6 +99,12 @@ def _places(sites: Sequence[Serving], clock: Clock) -> dict[str, ServedPlace]:
             raise ConfigError("E-WEB-NAMES", str(one.path), name=one.site.site.name)
         found[one.site.site.name] = ServedPlace(one, clock)
     return found
+
+
+def accounts_of(first: Serving) -> UserAccounts:
+    """The accounts of a service, which refuse passwords of the list that the first site names."""
+    listed = first.site.service.leaked_passwords
+    return UserAccounts(first.store.root, leaked=first.path.parent / listed if listed is not None else None)
 
 
 def _tls(first: Serving) -> tuple[Path | None, Path | None]:

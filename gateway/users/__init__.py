@@ -5,14 +5,26 @@ from __future__ import annotations
 from gateway.users.accounts import UserAccounts, first_token_path
 from gateway.users.browsers import KnownBrowsers
 from gateway.users.limits import Tries
-from gateway.users.records import ROLES, Person, UserAccount, UserRole
+from gateway.users.records import (
+    MOST_TOKEN_DAYS,
+    ROLES,
+    TOKEN_DAYS,
+    Person,
+    ProgramToken,
+    UserAccount,
+    UserRole,
+)
 from gateway.users.refusals import RefusedSignIn, RefusedSignIns
+from gateway.users.second_factor import factor_uri, new_factor
 from gateway.users.sessions import Session, Sessions
 
 __all__ = [
+    "MOST_TOKEN_DAYS",
     "ROLES",
+    "TOKEN_DAYS",
     "KnownBrowsers",
     "Person",
+    "ProgramToken",
     "RefusedSignIn",
     "RefusedSignIns",
     "Session",
@@ -21,5 +33,7 @@ __all__ = [
     "UserAccount",
     "UserAccounts",
     "UserRole",
+    "factor_uri",
     "first_token_path",
+    "new_factor",
 ]

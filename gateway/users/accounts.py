@@ -5,15 +5,18 @@ from __future__ import annotations
 import json
 import os
 import secrets
-from collections.abc import Sequence
+import threading
+from collections.abc import Iterable, Sequence
 from dataclasses import asdict, replace
-from datetime import datetime
+from datetime import datetime, timedelta
 from pathlib import Path
 from typing import Any
 
-from drivers.local.names import allowed, is_name, person_key, shown
+from drivers.local.names import MOST, allowed, is_name, person_key, shown
 from drivers.local.ownfiles import make_own_folder, open_own, read_own
+from drivers.message import Message
 from gateway.errors import (
+    CodeAsked,
     CorruptRecord,
     InvalidAccount,
     LastAdministrator,
@@ -22,11 +25,26 @@ from gateway.errors import (
 )
 from gateway.store.disk import disk_errors, sync_folder
 from gateway.store.disk import replace as moved
+from gateway.users.leaked import is_leaked
 from gateway.users.passwords import Hasher, token_digest
-from gateway.users.records import FEWEST_DIGITS, FEWEST_LETTERS, ROLES, Person, UserAccount, UserRole
+from gateway.users.records import (
+    FEWEST_DIGITS,
+    FEWEST_LETTERS,
+    MOST_TOKEN_DAYS,
+    MOST_TOKENS,
+    ROLES,
+    TOKEN_DAYS,
+    Person,
+    ProgramToken,
+    UserAccount,
+    UserRole,
+)
+from gateway.users.second_factor import is_factor, step_of
 
 FOLDER, USERS, FIRST = "service", "users.json", "first-start.token"
-SCHEMA = 1
+SCHEMA = 2
+OLDER = "older"
+"""The token that an account of schema 1 had."""
 
 
 def first_token_path(root: Path) -> Path:
@@ -35,12 +53,18 @@ def first_token_path(root: Path) -> Path:
 
 
 class UserAccounts:
-    """All accounts below a state folder, read afresh each time: two processes may change them."""
+    """All accounts below a state folder, read afresh each time: two processes may change them.
 
-    def __init__(self, root: Path, hasher: Hasher | None = None) -> None:
+    ``leaked`` is a list of passwords that nobody may choose (`gateway.users.leaked`), None for none.
+    """
+
+    def __init__(self, root: Path, hasher: Hasher | None = None, leaked: Path | None = None) -> None:
         self._path = root / FOLDER / USERS
         self._first = first_token_path(root)
         self._hasher = hasher or Hasher()
+        self._leaked = leaked
+        self._uses: dict[str, str] = {}
+        self._changing = threading.RLock()
 
     def all(self) -> tuple[UserAccount, ...]:
         """Every account by name. Raises CorruptRecord (E-USER-FILE), StoreError (E-STORE-DISK)."""
@@ -60,6 +84,11 @@ class UserAccounts:
         alike = [one for one in self.all() if person_key(one.name) == wanted]
         return alike[0] if len(alike) == 1 else next((one for one in alike if one.name == name), None)
 
+    def person_named(self, name: str) -> UserAccount | None:
+        """The account of a person by a name at the page or at an operating system; None: the name is all there is."""
+        wanted = person_key(name)
+        return self.find(name) or next((one for one in self.all() if wanted in one.keys), None)
+
     def put(
         self,
         name: str,
@@ -69,31 +98,39 @@ class UserAccounts:
         pin: str = "",
         known: UserAccount | None = None,
         by: tuple[str, datetime] | None = None,
+        system: Sequence[str] | None = None,
+        forget_factor: bool = False,
     ) -> UserAccount:
         """Make an account, or change one: what is left empty of a known one stays, its name as it was spelled.
 
         ``by`` is who does it and when: for seven days that person's pushes cannot be approved by this account.
+        ``system`` are the person's names at operating systems (None: as they were).
 
-        A new password ends the program's token. The last account with the role service keeps it. Raises StoreError
-        (E-USER-NAME, E-USER-ROLE, E-USER-PASSWORD, E-USER-PIN, E-USER-LAST, E-STORE-DISK).
+        A new password ends the programs' tokens. The last account with the role service keeps it. Raises StoreError
+        (E-USER-NAME, E-USER-ROLE, E-USER-PASSWORD, E-USER-LEAKED, E-USER-PIN, E-USER-SYSTEM, E-USER-LAST, E-USER-LIST,
+        E-STORE-DISK).
         """
         _check(name, roles, password, pin, new=known is None)
+        self._require_unknown(password)
         name = known.name if known else name
-        account = UserAccount(
-            name=name,
-            roles=tuple(sorted(set(roles))),
-            password=self._hasher.hashed(password) if password else known.password if known else "",
-            pin=self._hasher.hashed(pin) if pin else known.pin if known else "",
-            token=known.token if known and not password else "",
-            keepers=known.keepers if known else (),
-        )
-        if by is not None and (known is None or password or pin):
-            account = replace(account, keepers=account.kept_again(*by))
-        every = self.all()
-        left = [one for one in every if one.name != name] + [account]
-        if _administered(every) and not _administered(left):
-            raise LastAdministrator("E-USER-LAST", str(self._path), name=shown(name))
-        self._write(left)
+        new_password = self._hasher.hashed(password) if password else ""
+        new_pin = self._hasher.hashed(pin) if pin else ""
+        with self._changing:
+            every = self.all()
+            before = next((one for one in every if one.name == name), known) or UserAccount(name, (), "")
+            account = replace(
+                before,
+                roles=tuple(sorted(set(roles))),
+                password=new_password or before.password,
+                pin=new_pin or before.pin,
+                tokens=() if password else before.tokens,
+                system=before.system if system is None else tuple(dict.fromkeys(one.strip() for one in system)),
+                factor="" if forget_factor else before.factor,
+            )
+            if by is not None and (known is None or password or pin or (forget_factor and before.factor)):
+                account = replace(account, keepers=account.kept_again(*by))
+            _check_system(account, every)
+            self._keep(every, [one for one in every if one.name != name] + [account], name)
         self._forget_first()
         return account
 
@@ -102,28 +139,63 @@ class UserAccounts:
 
         Raises StoreError (E-USER-LAST).
         """
-        known = self.find(name)
-        if known is None:
-            return False
-        left = [one for one in self.all() if one.name != known.name]
-        if not _administered(left):
-            raise LastAdministrator("E-USER-LAST", str(self._path), name=shown(name))
-        self._write(left)
+        with self._changing:
+            every, known = self.all(), self.find(name)
+            if known is None:
+                return False
+            self._keep(every, [one for one in every if one.name != known.name], known.name)
         return True
 
-    def give_token(self, name: str, by: tuple[str, datetime] | None = None) -> str:
-        """A new token for a program that acts as this account, shown once and kept as a hash; ``by`` as in `put`.
+    def _keep(self, every: Sequence[UserAccount], left: list[UserAccount], name: str) -> None:
+        """One rule for whatever changes or takes away an account: somebody goes on managing accounts."""
+        if _administered(every) and not _administered(left):
+            raise LastAdministrator("E-USER-LAST", str(self._path), name=shown(name))
+        self._write(left)
 
-        Raises StoreError (E-USER-NONE, E-STORE-DISK).
-        """
+    def change_secret(self, name: str, *, password: str = "", pin: str = "") -> UserAccount:
+        """A person's own new password or PIN: nobody else has come to know it. Raises as `put`."""
+        known = self._known(name)
+        return self.put(known.name, known.roles, password=password, pin=pin, known=known)
+
+    def _known(self, name: str) -> UserAccount:
         known = self.find(name)
         if known is None:
             raise RecordNotFound("E-USER-NONE", str(self._path), name=shown(name))
-        token = secrets.token_urlsafe(32)
-        digest = token_digest(token)
-        given = replace(known, token=digest, keepers=known.kept_again(*by) if by else known.keepers)
-        self._write([given if one.name == known.name else one for one in self.all()])
-        return token
+        return known
+
+    def _change(self, account: UserAccount) -> UserAccount:
+        self._write([account if one.name == account.name else one for one in self.all()])
+        return account
+
+    def give_token(self, name: str, utc: datetime, *, by: str = "", days: int = TOKEN_DAYS) -> tuple[str, ProgramToken]:
+        """A new token for a program that acts as this account, shown once and kept as a hash, and what is kept.
+
+        ``by`` is who made it (as in `put`); it ends after ``days``. Tokens that have ended go.
+        Raises StoreError (E-USER-NONE, E-USER-TOKEN-DAYS, E-USER-TOKENS, E-STORE-DISK).
+        """
+        if not 1 <= days <= MOST_TOKEN_DAYS:
+            raise InvalidAccount("E-USER-TOKEN-DAYS", "users", days=days, most=MOST_TOKEN_DAYS)
+        with self._changing:
+            known = self._known(name)
+            left = tuple(one for one in known.tokens if one.holds_at(utc))
+            if len(left) >= MOST_TOKENS:
+                raise InvalidAccount("E-USER-TOKENS", "users", name=shown(known.name), most=MOST_TOKENS)
+            token = secrets.token_urlsafe(32)
+            since, until = (one.isoformat(timespec="seconds") for one in (utc, utc + timedelta(days=days)))
+            made = ProgramToken(secrets.token_hex(4), token_digest(token), since, until)
+            keepers = known.kept_again(by, utc) if by else known.keepers
+            self._change(replace(known, tokens=(*left, made), keepers=keepers))
+        return token, made
+
+    def end_token(self, name: str, token_id: str) -> bool:
+        """End a program's token; false where there is none of this id. Raises StoreError (E-USER-NONE)."""
+        with self._changing:
+            known = self._known(name)
+            left = tuple(one for one in known.tokens if one.id != token_id)
+            if len(left) == len(known.tokens):
+                return False
+            self._change(replace(known, tokens=left))
+        return True
 
     def by_secret(self, name: str, *, password: str = "", pin: str = "") -> Person:
         """Who signs in with a password or a PIN; slow on purpose. Raises SignInRefused (E-USER-SECRET)."""
@@ -133,11 +205,70 @@ class UserAccounts:
             raise NotSignedIn("E-USER-SECRET", "sign-in")
         return known.person()
 
-    def by_token(self, token: str) -> Person | None:
-        """Whose program bears this token; None where nobody's."""
+    def take_code(self, name: str, code: str, utc: datetime) -> None:
+        """Where an account has a second factor, use up a code of it. Raises SignInRefused (E-USER-CODE)."""
+        with self._changing:
+            known = self.find(name)
+            if known is None or not known.factor:
+                return
+            step = step_of(known.factor, code, utc, known.factor_step)
+            if not step:
+                raise CodeAsked("E-USER-CODE", "sign-in")
+            self._change(replace(known, factor_step=step))
+
+    def set_factor(self, name: str, secret: str, code: str, utc: datetime) -> None:
+        """Give an account the second factor that this code is of. Raises StoreError (E-USER-FACTOR)."""
+        step = step_of(secret, code, utc) if is_factor(secret) else 0
+        if not step:
+            raise InvalidAccount("E-USER-FACTOR", "users")
+        with self._changing:
+            self._change(replace(self._known(name), factor=secret, factor_step=step))
+
+    def forget_factor(self, name: str) -> None:
+        """Take an account's second factor away. Raises StoreError (E-USER-NONE)."""
+        with self._changing:
+            self._change(replace(self._known(name), factor="", factor_step=0))
+
+    def by_token(self, token: str, utc: datetime) -> Person | None:
+        """Whose program bears this token now; None where nobody's, or where it has ended."""
         digest = token_digest(token)
-        found = (one for one in self.all() if one.token and secrets.compare_digest(one.token, digest))
-        return next((one.person("token") for one in found), None)
+        for account in self.all():
+            for one in account.tokens:
+                if secrets.compare_digest(one.digest, digest) and one.holds_at(utc):
+                    self._uses[digest] = utc.isoformat(timespec="seconds")
+                    return account.person("token")
+        return None
+
+    def tokens_of(self, account: UserAccount) -> tuple[ProgramToken, ...]:
+        """The tokens of an account with their last use, this process's own among them."""
+        return tuple(replace(one, used_utc=self._uses.get(one.digest, one.used_utc)) for one in account.tokens)
+
+    def keep_uses(self) -> None:
+        """Write when tokens were used last; not at each use, for that is in the way of what they are used for."""
+        with self._changing:
+            every = self.all()
+            told = [replace(one, tokens=self.tokens_of(one)) for one in every]
+            if told != list(every):
+                self._write(told)
+
+    def migrate(self, utc: datetime) -> tuple[Message, ...]:
+        """Bring accounts of an older version to today's rules; what was done, for people.
+
+        Of accounts whose names are one name in another spelling the first by name stays; each other one gets a number
+        behind its name and loses the role approver, for it may be the same person's. Tokens without an end get one.
+        """
+        with self._changing:
+            every = self.all()
+            named, told = _one_name_each(every)
+            until = (utc + timedelta(days=TOKEN_DAYS)).isoformat(timespec="seconds")
+            ended = [replace(one, tokens=tuple(_with_end(each, until) for each in one.tokens)) for one in named]
+            if ended != list(every):
+                self._write(ended)
+        return told
+
+    def _require_unknown(self, password: str) -> None:
+        if password and self._leaked is not None and is_leaked(password, self._leaked):
+            raise InvalidAccount("E-USER-LEAKED", "users")
 
     @property
     def waits_for_first(self) -> bool:
@@ -176,8 +307,47 @@ class UserAccounts:
 
 
 def _account(kept: dict[str, Any]) -> UserAccount:
-    keepers = tuple((str(who), datetime.fromisoformat(when).isoformat()) for who, when in kept.get("keepers", ()))
-    return UserAccount(**{**kept, "roles": tuple(kept["roles"]), "keepers": keepers})
+    fields = dict(kept)
+    older = str(fields.pop("token", ""))
+    tokens = [ProgramToken(**one) for one in fields.get("tokens", ())]
+    tokens += [ProgramToken(OLDER, older)] if older else []
+    for moment in (one.ends_utc for one in tokens if one.ends_utc):
+        datetime.fromisoformat(moment)
+    keepers = tuple((str(who), datetime.fromisoformat(when).isoformat()) for who, when in fields.get("keepers", ()))
+    lists = {"roles": tuple(fields["roles"]), "system": tuple(fields.get("system", ()))}
+    return UserAccount(**{**fields, **lists, "tokens": tuple(tokens), "keepers": keepers})
+
+
+def _one_name_each(every: Iterable[UserAccount]) -> tuple[list[UserAccount], tuple[Message, ...]]:
+    kept: dict[str, UserAccount] = {}
+    doubles: list[UserAccount] = []
+    for one in every:
+        if kept.setdefault(person_key(one.name), one) is not one:
+            doubles.append(one)
+    told = []
+    for one in doubles:
+        numbers = (f"{one.name}-{number}" for number in range(2, len(doubles) + len(kept) + 3))
+        free = next(name for name in numbers if person_key(name) not in kept)
+        first = kept[person_key(one.name)]
+        roles = tuple(role for role in one.roles if role != "approver") or ("viewer",)
+        kept[person_key(free)] = replace(one, name=free, roles=roles)
+        told.append(Message.of("W-USER-RENAMED", was=one.name, now=free, name=first.name))
+    return list(kept.values()), tuple(told)
+
+
+def _with_end(token: ProgramToken, until: str) -> ProgramToken:
+    return token if token.ends_utc else replace(token, ends_utc=until)
+
+
+def _check_system(account: UserAccount, every: Sequence[UserAccount]) -> None:
+    """No name may mean two people: neither a name at an operating system nor a new account's."""
+    for other in every:
+        shared = account.keys & other.keys if person_key(other.name) != person_key(account.name) else frozenset()
+        if shared:
+            named = ", ".join(sorted(shared))
+            raise InvalidAccount("E-USER-SYSTEM", "users", named=shown(named), name=shown(other.name))
+    if any(not one or len(one) > MOST for one in account.system):
+        raise InvalidAccount("E-USER-NAME", "users", name=shown(", ".join(account.system)), allowed=allowed())
 
 
 def _administered(accounts: Sequence[UserAccount]) -> bool:

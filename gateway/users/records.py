@@ -6,12 +6,16 @@ from dataclasses import dataclass
 from datetime import datetime, timedelta
 from typing import Literal, get_args
 
+from drivers.local.names import person_key
+
 UserRole = Literal["viewer", "operator", "approver", "service"]
 ROLES: tuple[UserRole, ...] = get_args(UserRole)
 FEWEST_LETTERS = 10
 FEWEST_DIGITS = 6
 KEPT_FOR = timedelta(days=7)
 """How long who made an account, or gave it a secret, counts as somebody who may know that secret."""
+TOKEN_DAYS, MOST_TOKEN_DAYS, MOST_TOKENS = 90, 366, 20
+"""How long a program's token holds unless told otherwise, at most, and how many an account has at most."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,18 +32,44 @@ class Person:
 
 
 @dataclass(frozen=True, slots=True)
-class UserAccount:
-    """A user as kept: secrets as argon2 hashes ("" for none), a program's token as its sha256.
+class ProgramToken:
+    """A program's token: its sha256, and when it was made, ends and was used last (ISO 8601, UTC; "" for never)."""
 
-    ``keepers`` are those who made the account or gave it a secret or a token, each with the moment (ISO 8601, UTC).
+    id: str
+    digest: str
+    made_utc: str = ""
+    ends_utc: str = ""
+    used_utc: str = ""
+
+    def holds_at(self, utc: datetime) -> bool:
+        """Whether it has not ended by a moment."""
+        return not self.ends_utc or utc < datetime.fromisoformat(self.ends_utc)
+
+
+@dataclass(frozen=True, slots=True)
+class UserAccount:
+    """A user as kept: secrets as argon2 hashes ("" for none).
+
+    ``tokens`` are those of programs that act as this user; ``keepers`` who made the account or gave it a secret or a
+    token, each with the moment (ISO 8601, UTC). ``system`` are the names of the same person at operating systems.
+    ``factor`` is the secret of the second factor (base32, "" for none) and ``factor_step`` the last step that a code
+    was taken of: no code counts twice.
     """
 
     name: str
     roles: tuple[UserRole, ...]
     password: str
     pin: str = ""
-    token: str = ""
+    tokens: tuple[ProgramToken, ...] = ()
     keepers: tuple[tuple[str, str], ...] = ()
+    system: tuple[str, ...] = ()
+    factor: str = ""
+    factor_step: int = 0
+
+    @property
+    def keys(self) -> frozenset[str]:
+        """What every spelling of this person's names has in common: page and operating systems."""
+        return frozenset(map(person_key, (self.name, *self.system)))
 
     def kept_by(self, utc: datetime) -> tuple[str, ...]:
         """Who made this account or gave it a secret within the seven days before a moment."""
@@ -47,7 +77,8 @@ class UserAccount:
 
     def kept_again(self, who: str, utc: datetime) -> tuple[tuple[str, str], ...]:
         """The keepers with one more; those of long ago are left out."""
-        fresh = [one for one in self.keepers if utc - datetime.fromisoformat(one[1]) < KEPT_FOR and one[0] != who]
+        since = [one for one in self.keepers if utc - datetime.fromisoformat(one[1]) < KEPT_FOR]
+        fresh = [one for one in since if person_key(one[0]) != person_key(who)]
         return (*fresh, (who, utc.isoformat(timespec="seconds")))
 
     def person(self, by: str = "session") -> Person:

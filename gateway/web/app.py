@@ -15,6 +15,7 @@ from starlette.responses import HTMLResponse, JSONResponse, Response
 from drivers.errors import ConfigError, OtherCertificate, TrueflankError
 from gateway.errors import (
     BusyError,
+    CodeAsked,
     InvalidRequest,
     LastAdministrator,
     ModelError,
@@ -40,6 +41,7 @@ STATIC = {
 }
 STATUS: tuple[tuple[type[TrueflankError], int], ...] = (
     (TooManyTries, 429),
+    (CodeAsked, 428),
     (NotSignedIn, 401),
     (SignInRefused, 403),
     (NotFound, 404),

@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from gateway.users import UserRole
+from gateway.users import MOST_TOKEN_DAYS, TOKEN_DAYS, UserRole
 
 Text = Annotated[str, Field(max_length=200)]
 Secret = Annotated[str, Field(max_length=200, json_schema_extra={"format": "password"})]
@@ -21,11 +21,34 @@ class Body(BaseModel):
 
 
 class SignIn(Body):
-    """Who signs in, with a password or a PIN."""
+    """Who signs in, with a password or a PIN; ``code`` is the second factor's, where the account has one."""
 
     name: Text
     password: Secret = ""
     pin: Secret = ""
+    code: Secret = ""
+
+
+class OwnSecret(Body):
+    """A person's own new password or PIN, proved by the old one (and by the code of the second factor)."""
+
+    old: SignIn
+    password: Secret = ""
+    pin: Secret = ""
+
+
+class OwnFactor(Body):
+    """A second factor that ``code`` is of, or none (``secret`` ""), proved by the password or PIN, and the old code."""
+
+    proof: SignIn
+    secret: Secret = ""
+    code: Secret = ""
+
+
+class TokenBody(Body):
+    """A program's token that ends after so many days."""
+
+    days: Annotated[int, Field(ge=1, le=MOST_TOKEN_DAYS)] = TOKEN_DAYS
 
 
 class FirstStart(Body):
@@ -37,11 +60,17 @@ class FirstStart(Body):
 
 
 class UserBody(Body):
-    """An account: secrets that are left empty stay as they are."""
+    """An account: secrets that are left empty stay as they are.
+
+    ``system`` are the person's names at operating systems; left out they stay. ``forget_factor`` takes the second
+    factor away, for a person who has lost it.
+    """
 
     roles: Annotated[list[UserRole], Field(min_length=1, max_length=4)]
     password: Secret = ""
     pin: Secret = ""
+    system: Annotated[list[Text], Field(max_length=10)] | None = None
+    forget_factor: bool = False
 
 
 class SiteAnswers(Body):

@@ -200,7 +200,8 @@ async def approve(request: Request, site: str, run: str, person: Anybody, body: 
     """
     at = site_of(request, site)
     if body.by is not None:
-        person = await proved(request, body.by.name, password=body.by.password, pin=body.by.pin)
+        secret = {"password": body.by.password, "pin": body.by.pin, "code": body.by.code}
+        person = await proved(request, body.by.name, **secret)
     if not person.may("approver"):
         raise SignInRefused("E-WEB-ROLE", "web", name=person.name, roles="approver")
     service = service_of(request)

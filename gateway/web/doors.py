@@ -70,7 +70,9 @@ def _bearing(request: HTTPConnection, header: str) -> Person | None:
         # Who can read the state folder is at this computer and may do there what its command line does.
         return Person(os_user(), frozenset(ROLES) - {"approver"}, "terminal")
     scheme, _, token = header.partition(" ")
-    return doors.accounts.by_token(token.strip()) if scheme.lower() == "bearer" and token.strip() else None
+    if scheme.lower() != "bearer" or not token.strip():
+        return None
+    return doors.accounts.by_token(token.strip(), service_of(request).clock.utc())
 
 
 def known_of(request: HTTPConnection) -> Person | None:
@@ -106,14 +108,16 @@ def needs(*roles: UserRole) -> Callable[[Request], Awaitable[Person]]:
     return door
 
 
-async def proved(request: Request, name: str, *, password: str = "", pin: str = "") -> Person:
-    """Who a name and a secret prove to be; bounded, and never on the event loop.
+async def proved(request: Request, name: str, *, password: str = "", pin: str = "", code: str = "") -> Person:
+    """Who a name and a secret prove to be, and a code where the account has a second factor.
+
+    It is bounded, and never on the event loop.
 
     An address has a budget, and each name at an address another: nobody can lock a name out at other addresses, and
     what is refused unheard counts nowhere. A browser that somebody has signed in with before has a budget of its own.
-    Raises SignInRefused (E-USER-WAIT, E-USER-SECRET).
+    Raises SignInRefused (E-USER-WAIT, E-USER-SECRET, E-USER-CODE).
     """
-    doors = service_of(request).doors
+    doors, utc = service_of(request).doors, service_of(request).clock.utc()
     address, known = network_of(request), request.cookies.get(BROWSER, "")
     keys = [f"address {address}", f"name {person_key(name)} at {address}"]
     if known and doors.browsers.knows(known, name):
@@ -125,6 +129,7 @@ async def proved(request: Request, name: str, *, password: str = "", pin: str = 
         doors.tries.count(key)
     async with doors.secrets_at_once:
         person = await run_in_threadpool(doors.accounts.by_secret, name, password=password, pin=pin)
+        await run_in_threadpool(doors.accounts.take_code, name, code, utc)
     for key in keys:
         doors.tries.forget(key)
     return person

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from datetime import datetime
+from pathlib import Path
 
 from drivers.errors import TrueflankError
 from drivers.terms import spoken
@@ -15,6 +16,7 @@ from gateway.errors import CorruptRecord, WriteRefused
 from gateway.push import PushContext, plan_hash, table_facts
 from gateway.store import RunFolder
 from gateway.store.records import canonical, sha256
+from gateway.users import UserAccounts
 from gateway.workflow import stages
 from gateway.workflow.bench import Bench
 from gateway.workflow.witness import Witness, anchors
@@ -34,7 +36,7 @@ def consented(at: Bench, change: TableChange, context: PushContext, taken: Taken
     digests = {approval: Approvals.digest(approval) for approval in approvals}
     return replace(
         context,
-        actor=audit.acting_person(),
+        actor=person_named(at.store.root, audit.acting_person()),
         approvals=approvals,
         audit_broken=audit_problem(at),
         log=log,
@@ -45,6 +47,15 @@ def consented(at: Bench, change: TableChange, context: PushContext, taken: Taken
         run_id=at.folder.run_id,
         consent_utc=None if taken is None else taken.at_utc,
     )
+
+
+def person_named(root: Path, name: str) -> str:
+    """The one name of a person at a store: that of the account that has this name, or maps this system's name.
+
+    Raises CorruptRecord (E-USER-FILE), StoreError.
+    """
+    account = UserAccounts(root).person_named(name)
+    return account.name if account is not None else name
 
 
 def demand_todays(folder: RunFolder) -> None:

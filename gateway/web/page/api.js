@@ -25,3 +25,4 @@ async function ask(method, path, body, headers = {}) {
 export const get = (path) => ask("GET", path);
 export const post = (path, body = {}, headers = {}) => ask("POST", path, body, headers);
 export const put = (path, body) => ask("PUT", path, body);
+export const remove = (path) => ask("DELETE", path);

@@ -1,6 +1,6 @@
 // Questions that hold everything else up: a yes, a machine's name, a second person.
 import { h } from "./dom.js";
-import { field, keypad } from "./signin.js";
+import { codeAsked, field, keypad } from "./signin.js";
 import { t, told } from "./words.js";
 
 function ask(title, parts, keys) {
@@ -32,14 +32,16 @@ export function secondPerson(title, parts, send) {
   const name = h("input", { id: "second-name", autocomplete: "off" });
   const secret = h("input", { id: "second-secret", type: "password", autocomplete: "off" });
   const said = h("p", { class: "fault", role: "alert" });
-  return ask(title, [...parts, h("div", { class: "pair" }, h("div", {}, field(t("signin.name"), name), field(t("signin.secret"), secret), said), keypad(secret))], (over) => [
+  return ask(title, [...parts, h("div", { class: "pair" }, h("div", {}, field(t("signin.name"), name), field(t("signin.secret"), secret), said), keypad(secret))], (over, box) => [
     back(over),
     h("button", { class: "primary", id: "yes", onclick: async () => {
       const pin = /^\d{6,12}$/.test(secret.value);
       try {
-        over(await send({ name: name.value.trim(), [pin ? "pin" : "password"]: secret.value }));
+        const code = box.querySelector("[name=code]")?.value || "";
+        over(await send({ name: name.value.trim(), [pin ? "pin" : "password"]: secret.value, code }));
       } catch (error) {
         said.textContent = told(error);
+        codeAsked(error, said);
       }
     } }, title)]);
 }

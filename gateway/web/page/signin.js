@@ -28,11 +28,12 @@ function usual(enter) {
     event.preventDefault();
     const given = Object.fromEntries(new FormData(event.target));
     const pin = /^\d{6,12}$/.test(given.secret);
-    const body = { name: given.name, [pin ? "pin" : "password"]: given.secret };
+    const code = given.code || "";
+    const body = { name: given.name, [pin ? "pin" : "password"]: given.secret, code };
     post("/api/v1/login", body).catch((error) => {
       if (!pin || error.status !== 401) throw error;
-      return post("/api/v1/login", { name: given.name, password: given.secret });
-    }).then(enter, (error) => { said.textContent = told(error); });
+      return post("/api/v1/login", { name: given.name, password: given.secret, code });
+    }).then(enter, (error) => { said.textContent = told(error); codeAsked(error, said); });
   };
   const secret = h("input", { id: "secret", name: "secret", type: "password", autocomplete: "current-password", required: true });
   return h("form", { class: "card", onsubmit: send }, h("h2", {}, t("signin.title")),
@@ -42,6 +43,15 @@ function usual(enter) {
 
 export function field(label, input) {
   return h("label", { class: "field" }, h("span", {}, label), input);
+}
+
+// Where the account has a second factor, a field for its code stands before what is said of it.
+export function codeAsked(error, said) {
+  const form = said.parentElement;
+  if (error.status !== 428 || form.querySelector("[name=code]")) return;
+  const input = h("input", { name: "code", inputmode: "numeric", autocomplete: "one-time-code", maxlength: 6 });
+  said.before(field(t("signin.code"), input));
+  input.focus();
 }
 
 // For gloves: digits into a field.

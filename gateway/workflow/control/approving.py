@@ -11,6 +11,7 @@ from gateway.errors import WriteRefused
 from gateway.say import Say
 from gateway.store import RunFolder
 from gateway.store.records import encode, sha256
+from gateway.users import UserAccounts
 from gateway.workflow import stages
 from gateway.workflow.consents import demand_todays
 from gateway.workflow.control.pushing import push_run
@@ -32,13 +33,17 @@ async def approve_plan(
 ) -> tuple[Approval, ...]:
     """Approve the proposed tables of a run, or the one named by its name, as ``actor`` (who acts).
 
-    ``kept_by`` are those who may know that person's secret: `Approval.kept_by`.
+    ``kept_by`` are those who may know that person's secret (`Approval.kept_by`), beside those whom the store's
+    account of this person names. Somebody who has an account approves in its name, also at a keyboard.
 
     Each approval holds ten minutes, for this plan on this machine, for one push. Raises WriteRefused (E-APPROVE-...)
     with nothing approved, ConfigError (E-RUN-AXIS), CorruptRecord (E-AUDIT-BROKEN), StoreError.
     """
     site, path = site_of(folder)
-    root, person = store_of(site, path).root, actor or audit.acting_person()
+    root = store_of(site, path).root
+    account = UserAccounts(root).person_named(actor or audit.acting_person())
+    person = account.name if account is not None else actor or audit.acting_person()
+    keepers = account.kept_by(clock.utc()) if account is not None else ()
     proposal = folder.get(stages.PROPOSAL, Proposal)
     demand_todays(folder)
     kept = Approvals(folder.path)
@@ -53,7 +58,7 @@ async def approve_plan(
             now_utc=clock.utc(),
             run_id=folder.run_id,
             given=kept.read_unused(),
-            kept_by=kept_by,
+            kept_by=tuple(dict.fromkeys((*kept_by, *keepers))),
         )
         for change in _wanted(proposal, table, folder)
     ]

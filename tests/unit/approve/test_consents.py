@@ -19,6 +19,8 @@ from gateway.domain.outcomes import PushRecord
 from gateway.domain.proposals import Proposal
 from gateway.errors import CorruptRecord, WriteRefused
 from gateway.store import Store
+from gateway.users import UserAccounts
+from gateway.users.passwords import Hasher
 from gateway.workflow import consents
 from tests.unit.approve.test_approve import CHANGE, MACHINE
 from tests.unit.audit.log import Moments
@@ -134,3 +136,12 @@ def test_every_end_leaves_its_record(at: Any, tmp_path: Path) -> None:
     assert at.folder.anchor.partition(":")[2] == plan["hash"]
     assert {"mean": -2.123, "u": 0.5, "steps": 3}.items() <= found[-1]["details"].items()
     assert audit.is_sound(tmp_path)
+
+
+def test_a_person_has_one_name_at_the_page_and_at_a_keyboard(at: Any) -> None:
+    accounts = UserAccounts(at.store.root, Hasher(1, 8))
+    accounts.put("Anna", ("operator",), password="a long sentence", system=["aschmidt"])
+    context = push_bench(at.store.root).context
+    for acting, known in (("ASchmidt", "Anna"), ("anna", "Anna"), ("bert", "bert")):
+        with audit.act_as(acting):
+            assert consents.consented(at, CHANGE, context).actor == known

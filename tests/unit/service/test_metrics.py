@@ -24,7 +24,7 @@ def figures(folder: Path) -> dict[str, list[tuple[dict[str, str], float]]]:
     held = (HeldView("R-HELD-ON: x", loud=True), HeldView("R-HELD-OFF: y", loud=False))
     offer.at.shown = lambda: status(alarms=("X1 differs",), held=held, due="C1 is due")
     offer.service.doors.accounts.put("prometheus", ("viewer",), password="a long sentence")
-    token = offer.service.doors.accounts.give_token("prometheus")
+    token, _made = offer.service.doors.accounts.give_token("prometheus", offer.service.clock.utc())
     answer = Client(offer.app).get("/metrics", headers={"Authorization": f"Bearer {token}"})
     assert answer.status_code == 200
     found: dict[str, list[tuple[dict[str, str], float]]] = {}

@@ -20,7 +20,7 @@ from tests.unit.web.test_daemon import SITE
 
 PAGE = {"/", "/static/page/{name}", "/static/words/{language}.json"}
 OPEN = {*PAGE, "/healthz", "/static/{name}", "/api/v1/login", "/api/v1/first-start"}
-FILL = {"site": "hall-3", "run": "r", "stage": "s", "name": "n", "job": "1", "axis": "X1"}
+FILL = {"site": "hall-3", "run": "r", "stage": "s", "name": "n", "job": "1", "axis": "X1", "token": "t", "ended": "e"}
 AT = "/api/v1/sites/hall-3"
 
 
@@ -173,7 +173,10 @@ def test_accounts_are_kept_without_secrets_and_a_program_gets_a_token_once(offer
     assert client.request("PUT", "/api/v1/users/scada", json=body).json()["pin"] is True
     token = client.post("/api/v1/users/scada/token", json={}).json()["token"]
     listed = client.get("/api/v1/users")
-    assert listed.json() == [{"name": "scada", "roles": ["viewer"], "pin": True, "token": True}]
+    (told,) = listed.json()
+    kept = {"name": "scada", "roles": ["viewer"], "pin": True, "token": True, "second_factor": False, "system": []}
+    assert {key: told[key] for key in told if key != "tokens"} == kept
+    assert [set(one) for one in told["tokens"]] == [{"id", "made_utc", "ends_utc", "used_utc"}]
     kept = (tmp_path / "service" / "users.json").read_text(encoding="ascii")
     assert all(secret not in kept + listed.text for secret in (PASSWORD, PIN, token))
     bearer = {"Authorization": f"Bearer {token}"}
