@@ -21,7 +21,7 @@ LIBRARIES = {
     "alembic": {"gateway.index"},
     "argon2": {"gateway.users"},
     "asyncua": {"drivers.sinumerik", "simulators.opcua"},
-    "cryptography": {"drivers.sinumerik"},
+    "cryptography": {"drivers.sinumerik", "gateway.users"},
     "distributed": {"gateway.study"},
     "ezdxf": {"gateway.study"},
     "fastapi": {"gateway.web"},
