@@ -15,7 +15,7 @@ from typing import Any, Literal, TypeVar
 import numpy as np
 
 from drivers.errors import FileFormatError
-from drivers.exchange.lines import comment, number, rising
+from drivers.exchange.lines import comment, number, only_motions, rising
 from drivers.terms import TableKind
 from drivers.types.exchange import ErrorCurve, ErrorSet, ReadAs
 from drivers.types.tables import CompensationTable
@@ -63,7 +63,8 @@ class ErrorCsv:
     suffix = ".csv"
 
     def text(self, errors: ErrorSet, comments: Sequence[str]) -> str:
-        """Location errors first, then each motion."""
+        """Location errors first, then each motion. Raises TableError (E-EXCHANGE-FIELD) for one over several axes."""
+        only_motions(errors, "error-csv")
         return _text((ERROR_SIGN, *comments), ERROR_COLUMNS, _error_rows(errors))
 
     def read(self, text: str, where: str) -> ErrorSet:

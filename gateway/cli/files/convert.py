@@ -135,6 +135,7 @@ def _exchange(wish: ConversionOptions, *, as_json: bool) -> None:
         output=wish.output,
         force=wish.force,
         store=wish.store,
+        declared=_declared(wish.columns) if wish.origin else {},
     )
     from_file = not wish.origin and wish.to in registry.known(TABLES)
     if not from_file:
@@ -142,6 +143,13 @@ def _exchange(wish: ConversionOptions, *, as_json: bool) -> None:
         return
     table, simulated, notes = _measured(wish)
     exchange(replace(asked, simulated=simulated, notes=notes), table, as_json=as_json)
+
+
+def _declared(columns: tuple[str, ...]) -> Mapping[str, Any]:
+    """Facts that the file of another control does not state, from NAME=VALUE words."""
+    from gateway.workflow.files.columnwords import columns_of
+
+    return columns_of(columns)
 
 
 def _measured(wish: ConversionOptions) -> tuple[Any, bool, tuple[str, ...]]:

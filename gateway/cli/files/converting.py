@@ -30,7 +30,8 @@ def convert(
         str,
         typer.Option(
             help=f"{WORDS.own_key} (mean of both directions), {WORDS.cross_key} (a pair by direction), linuxcnc, "
-            "twincat, table-csv; errors of a machine: isg-volumetric, etalon-exchange, error-csv."
+            "twincat, heidenhain, axeserr, aerotech, table-csv; errors of a machine: isg-volumetric, "
+            "etalon-exchange, error-csv."
         ),
     ],
     output: Annotated[Path, typer.Option("--output", "-o", help=f"File to write: {WORDS.suffixes}.")],
@@ -39,7 +40,7 @@ def convert(
         str,
         typer.Option(
             "--from",
-            help="Format of the file: tables (of the control), or one of the names of --to.",
+            help="Format of the file: tables (of the control), fanuc, or one of the names of --to.",
             show_default=False,
         ),
     ] = "",
@@ -62,7 +63,8 @@ def convert(
     form: Annotated[
         str,
         typer.Option(
-            help="program, ini, axis-ini, archive or numbered; linuxcnc: trims or positions; twincat: whole or real."
+            help="program, ini, axis-ini, archive or numbered; linuxcnc: trims or positions; twincat: whole or real; "
+            "fanuc, heidenhain: error or correction; aerotech: mean."
         ),
     ] = "",
     accept_doubt: AcceptOption = None,

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -31,7 +31,8 @@ WORDS = {TABLES: "compensation tables", ERRORS: "errors of a machine"}
 class ExchangeOptions:
     """What was typed: source and its format ("" a measured file or a run), target format, axis, form, output.
 
-    ``simulated``: a double made the measured file; ``notes`` are what its readings leave in doubt.
+    ``simulated``: a double made the measured file; ``notes`` are what its readings leave in doubt; ``declared`` are the
+    facts by name that the file of another control does not state.
     """
 
     source: Path
@@ -45,11 +46,13 @@ class ExchangeOptions:
     store: Path
     simulated: bool = False
     notes: tuple[str, ...] = ()
+    declared: Mapping[str, Any] = field(default_factory=dict)
 
 
 def is_exchange(name: str) -> bool:
-    """Whether --to or --from names a format of another control or program."""
-    return name in registry.known(TABLES) or name in registry.known(ERRORS)
+    """Whether --to or --from names a format of another control or program, be it one that nobody has described."""
+    unpublished = registry.load("unpublished-layouts", "unpublished")
+    return name in unpublished or name in registry.known(TABLES) or name in registry.known(ERRORS)
 
 
 def known_formats() -> str:
@@ -99,8 +102,8 @@ def exchange(wish: ExchangeOptions, measured: CompensationTable | None, *, as_js
 def _finer(wish: ExchangeOptions, tables: Sequence[CompensationTable], largest: float, unit: str) -> None:
     """Say that the difference is the rounding of the form, and which form of the same format keeps more."""
     forms = registry.load(wish.to, TABLES)().forms
-    others = [(one, _tables(wish, tables, one)[2]) for one in forms if one != (wish.form or forms[0])]
-    echo(f"  {wish.to} rounds the values so in its form {wish.form or forms[0]}")
+    others = [(one, _tables(wish, tables, one)[2]) for one in forms if one not in ("", wish.form or forms[0])]
+    echo(f"  {wish.to} changes the values so in its form {wish.form or forms[0]}")
     for form, left in others:
         if left < largest:
             echo(f"  with --form {form} it would be {left:.4f} {unit}; ask whether the control's version reads it")
@@ -110,13 +113,17 @@ def _role(name: str) -> str:
     for role in (TABLES, ERRORS):
         if name in registry.known(role):
             return role
+    unpublished = registry.load("unpublished-layouts", "unpublished")
+    if name in unpublished:
+        raise ConfigError(unpublished[name], name, control=name)
     raise ConfigError("E-EXCHANGE-NAME", "--to", name=name, known=known_formats())
 
 
 def _content(wish: ExchangeOptions) -> tuple[CompensationTable, ...] | ErrorSet:
     """What the source holds: a file of --from, or the errors of a run."""
     if wish.origin == OWN:
-        return _of_axis(table_format().read(table_data(wish.source), str(wish.source)).tables, wish)
+        tables = table_format().read(table_data(wish.source), str(wish.source)).tables
+        return _of_axis(registry.load("paired-tables", "table-pairing")(tables), wish)
     if wish.origin:
         role = _role(wish.origin)
         driver = registry.load(wish.origin, role)()
@@ -133,7 +140,9 @@ def _content(wish: ExchangeOptions) -> tuple[CompensationTable, ...] | ErrorSet:
 
 def _read(driver: Any, text: str, wish: ExchangeOptions) -> tuple[CompensationTable, ...]:
     form = wish.form if wish.form in driver.forms else driver.forms[0]
-    found: tuple[CompensationTable, ...] = driver.read(text, str(wish.source), ReadAs(wish.axis, wish.unit, form))
+    found: tuple[CompensationTable, ...] = driver.read(
+        text, str(wish.source), ReadAs(wish.axis, wish.unit, form, wish.declared)
+    )
     return found
 
 
@@ -176,7 +185,10 @@ def _tables(wish: ExchangeOptions, tables: Sequence[CompensationTable], form: st
         known = ", ".join(driver.forms)
         raise ConfigError("E-EXCHANGE-FORM", "--form", name=wish.to, form=form, known=known)
     text = driver.text(tables, form, _comments(wish))
-    back = driver.read(text, str(wish.output), ReadAs(tables[0].output_axis, tables[0].output_unit, form))
+    first = tables[0]
+    # What the format cannot state (position of the first value, axis of the positions) is what was written.
+    declared = {"start": float(first.positions[0]), "input": first.input_axis}
+    back = driver.read(text, str(wish.output), ReadAs(first.output_axis, first.output_unit, form, declared))
     pairs = list(zip(_ordered(tables), _ordered(back), strict=True))
     if any(_shape(one) != _shape(other) for one, other in pairs):
         raise TableError("E-EXCHANGE-COUNT", wish.to, rows=len(back), least=len(tables), most=len(tables))
@@ -203,4 +215,6 @@ def _errors(wish: ExchangeOptions, errors: ErrorSet) -> tuple[str, int, float]:
     again = {curve.name: curve for curve in back.curves}
     apart = [float(abs(again[one.name].values - one.values).max()) for one in errors.curves]
     apart += [abs(back.locations[name] - value) for name, value in errors.locations.items()]
-    return text, sum(curve.values.size for curve in errors.curves) + len(errors.locations), max(apart, default=0.0)
+    apart += [float(abs(a.values - b.values).max()) for a, b in zip(errors.fields, back.fields, strict=True)]
+    points = sum(one.values.size for one in errors.curves) + sum(one.values.size for one in errors.fields)
+    return text, points + len(errors.locations), max(apart, default=0.0)

@@ -75,6 +75,9 @@ def said_units(rotary: Sequence[str], linear: Sequence[str] = ()) -> Mapping[str
 
 def lint_file(file: Path, machine: TableMachine, *, strict: bool, as_json: bool) -> None:
     """Print every finding of a table file; exit code 7 when something is wrong, with ``strict`` also for doubts."""
+    from gateway.workflow.files.reading import refuse_tables
+
+    refuse_tables(file)
     data, driver = table_data(file), table_format()
     findings = driver.findings(data, str(file), machine)
     show_findings(file, findings, as_json=as_json, members=_members(driver, data, str(file)))

@@ -24,6 +24,7 @@ from gateway.workflow.files.motions import OWN, TableMotions, instrument_of, mot
 ROLES = ("file", "dynamic-file", "gear-file")
 OTHER_ENDINGS = {"xml": "gde", **dict.fromkeys(("txt", "dat", "tsv", "md", "xlsx", "xls"), "csv")}
 NEED_UNIT = ("rta", "rtx")
+HEAD_BYTES = 4096
 WHOLE, READINGS = {"target"}, {"deviation", "measured", "increment", "length"}
 ONCE = ("confirmed", "beside", "factor", "axis", "instrument")
 """Words about one file only: they are never remembered for others."""
@@ -80,6 +81,18 @@ def driver_of(path: Path, how: How) -> str:
     return name
 
 
+def refuse_tables(path: Path) -> None:
+    """Raises FileFormatError (E-FILE-CONTROL) for a table of a control that is known by its text."""
+    try:
+        with path.open("rb") as file:
+            head = file.read(HEAD_BYTES)
+    except OSError:
+        return  # its reader says what is wrong
+    found = registry.load("other-controls", "recogniser")(head.decode("latin-1"))
+    if found is not None:
+        raise FileFormatError("E-FILE-CONTROL", str(path), control=found.control, format=found.format, to=found.to)
+
+
 def endings() -> set[str]:
     """Names of all drivers that read files of others."""
     return {name for role in ROLES for name in registry.known(role)}
@@ -121,8 +134,9 @@ def read_all(
 
     With ``utc`` what is said now is remembered. Raises ConfigError (E-FILE-RTA-UNIT, E-FILE-RTX-UNIT: say the unit
     once; E-IMPORT-COLUMNS and others of `ASKS`, E-IMPORT-MOTION-UNIT: say the columns once; E-IMPORT-MOTION: the table
-    lacks the chosen one; E-IMPORT-MOTION-TWICE; E-CLI-FILE), FileFormatError.
+    lacks the chosen one; E-IMPORT-MOTION-TWICE; E-CLI-FILE), FileFormatError (E-FILE-CONTROL and others).
     """
+    refuse_tables(path)
     name = driver_of(path, how)
     factory = next(registry.known(role)[name] for role in ROLES if name in registry.known(role)).load()
     asker = _Asker(path, how, maps, utc)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -162,3 +163,37 @@ def test_fitted_errors_stand_at_their_positions_with_what_is_not_known() -> None
     assert list(found.curves[0].values) == [-1.0, 1.0, 3.0]
     assert found.locations == {"B0Z": 6.5}
     assert found.notes == ("said", "not measured: EZZ")
+
+
+def test_our_own_pair_of_tables_by_direction_comes_back_as_one_axis(tmp_path: Path) -> None:
+    pair, sheet = tmp_path / "pair.spf", tmp_path / "x.csv"
+    typed("convert", *MEASURED, "--min", "50", "--max", "150", "--step", "50", "--to", "cec", "-o", pair)
+    typed("convert", pair, "--from", "tables", "--axis", "X", "--to", "table-csv", "-o", sheet)
+    rows = [line.split(",") for line in sheet.read_text().splitlines() if line.startswith("axis,X,X")]
+    assert [float(row[7]) for row in rows] == [50.0, 100.0, 150.0]
+    written = {
+        (int(number), int(point)): 1000.0 * float(value)
+        for number, point, value in re.findall(r"AN_CEC\[(\d),(\d)\]=(\S+)", pair.read_text())
+    }
+    assert len(written) == 6
+    for point, row in enumerate(rows):
+        assert [float(row[8]), float(row[9] or row[8])] == pytest.approx([written[0, point], written[1, point]])
+
+
+def test_files_of_other_controls_are_named_and_their_open_facts_asked(tmp_path: Path) -> None:
+    table, sheet = tmp_path / "x.com", tmp_path / "x.csv"
+    table.write_text("BEGIN AXIS_X.COM MM\nNR AXISPOS BACKLASH X\n0 -10 0 0.001\n1 0 0.001 0.002\n[END]\n")
+    assert "E-FILE-CONTROL" in RUNNER.invoke(app, ["evaluate", str(table)]).output
+    told = refused("lint", table)
+    assert (told.code, told.fields["format"]) == ("E-FILE-CONTROL", "heidenhain")
+    words = ("convert", table, "--from", "heidenhain", "--axis", "X", "--to", "table-csv", "-o", sheet)
+    assert refused(*words).code == "E-EXCHANGE-SIGN"
+    typed(*words, "--form", "correction")
+    assert "axis,X,X,mm,um,0,0,0.0,-2.0,-1.0" in sheet.read_text().splitlines()
+    cal = tmp_path / "x.cal"
+    to_cal = ("convert", table, "--from", "heidenhain", "--axis", "X", "--to", "aerotech", "-o", cal)
+    assert refused(*to_cal, "--form", "error").code == "E-EXCHANGE-CURVES"
+    assert refused("convert", table, "--from", "fagor", "--axis", "X", "--to", "linuxcnc", "-o", cal).code == (
+        "E-EXCHANGE-FAGOR"
+    )
+    assert not cal.exists()

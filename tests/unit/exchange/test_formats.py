@@ -281,7 +281,7 @@ EXX,X,mm,0,1.5,um
 EXX,X,mm,10,2.5,um
 """
 BAD_ERRORS = {
-    "two arguments": ("isg-volumetric", "X Z EXX\n0 0 0\n1 0 0\n", "E-EXCHANGE-HEADER"),
+    "no error": ("isg-volumetric", "X Z\n0 0\n1 0\n", "E-EXCHANGE-HEADER"),
     "unknown name": ("isg-volumetric", "X EQX\n0 0\n1 0\n", "E-EXCHANGE-HEADER"),
     "width": ("isg-volumetric", "X EXX\n0 0\n1 0 3\n", "E-EXCHANGE-WIDTH"),
     "open": ("etalon-exchange", "[EXY]\nGridpoints = {\n0 0\n1 0\n", "E-EXCHANGE-OPEN"),
