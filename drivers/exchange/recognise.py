@@ -8,15 +8,14 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass
+from typing import NamedTuple
 
 LOOKED_AT = 4096  # characters: marks of a layout stand at its head
 _FANUC = re.compile(r"\A[\s\0\x11-\x14]*%[^\n]*\n\s*(?:\([^)]*\)\s*)?N\d{1,6}\s*[APQ][+-]?\d", re.ASCII)
 _NUMBERS = r"[+-]?\d[\d.]*\s*,\s*[+-]?\d[\d.]*\s*,\s*[+-]?\d"
 
 
-@dataclass(frozen=True, slots=True)
-class Recognised:
+class Recognised(NamedTuple):
     """A control's file: ``control`` its name for people; ``format`` the name for --from, ``to`` a format for sheets."""
 
     control: str

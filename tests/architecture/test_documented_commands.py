@@ -107,6 +107,14 @@ def _bench_record() -> str:
     return "\n".join((*head, "time_s,input_deg,output_deg,torque_Nm,temperature_degC", *rows, ""))
 
 
+OTHER_CONTROLS = {
+    "axis_x.com": ("BEGIN AXIS_X.COM MM", "NR AXISPOS BACKLASH X", "0 -100 0.004 0.001", "1 0 0.005 0.002", "[END]"),
+    "x.cal": (":START 1 SAMPLEDIST=100 POSUNIT=PRIMARY CORUNIT=PRIMARY/1000", "0 -0.4 0.7", ":END"),
+    "listing.txt": ("%", "N03620P1", "N10000P1", "N10001P-2", "N10002P1", "%"),
+}
+"""Tables of other controls, as their makers' documents print them."""
+
+
 def _six_channels() -> str:
     """Two runs both ways of an instrument that reads six motions at once."""
     heads = "Position (mm);Linear (um);Straightness Y (um);Straightness Z (um);Pitch (urad);Yaw (urad);Roll (urad)"
@@ -140,6 +148,8 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     circle = [f"{at % 360},{150 + 0.002 * (at % 7)}" for at in range(400)]
     text = "\n".join(("# Radius mm,150", "angle_deg,radius_mm", *circle, ""))
     (tmp_path / "circle.csv").write_text(text, encoding="utf-8")
+    for name, lines in OTHER_CONTROLS.items():
+        (tmp_path / name).write_text("\n".join((*lines, "")), encoding="utf-8")
     (tmp_path / "record.csv").write_text(_bench_record(), encoding="utf-8")
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("TRUEFLANK_PASSWORD", "x")
