@@ -66,6 +66,17 @@ class LoopClock:
             self._origin = loop_time
         return (loop_time - self._origin) * self.speed
 
+    def change_speed(self, speed: float) -> None:
+        """Go on from now at another speed; who sleeps already wakes when it would have.
+
+        Raises ValueError for a speed that is not positive.
+        """
+        if speed <= 0:
+            raise ValueError("a clock's speed must be positive")
+        reached = self.now()
+        self.speed = speed
+        self._origin = asyncio.get_running_loop().time() - reached / speed
+
     def utc(self) -> datetime:
         """UTC now, or the given start plus this clock's seconds."""
         if self._started_utc is None:

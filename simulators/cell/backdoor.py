@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from drivers.clock import LoopClock
 from drivers.errors import ConfigError, TrueflankError
 from simulators.cell import Cell
 from simulators.cell.control import with_serial_number
@@ -60,6 +61,7 @@ class BackDoor:
             "acknowledge": lambda _q: self._cell.nck.acknowledge_alarms(),
             "mount": self._mount,
             "weather": self._weather,
+            "speed": self._speed,
             "override": lambda q: self._cell.nck.set_feed_override(float(q["value"])),
             "drop_connections": lambda _q: self._cell.connections.drop_connections(),
             "jog": lambda q: self._cell.operator.jog(str(q["axis"]), float(q["value"])),
@@ -94,6 +96,13 @@ class BackDoor:
             names = ", ".join([*self._asks, *self._sets])
             raise ConfigError("E-CELL-ASK", self._cell.file.name, ask=name, why="no such word", known=names)
         return known[name]
+
+    def _speed(self, question: Mapping[str, Any]) -> None:
+        """{"value"}: machine seconds in one second from now on."""
+        clock = self._cell.clock
+        if not isinstance(clock, LoopClock):
+            raise TypeError("this cell's clock has no speed")
+        clock.change_speed(float(question["value"]))
 
     def _deviation(self, question: Mapping[str, Any]) -> dict[str, Any]:
         """{"axis", "positions", "direction", "state": "live"|"raw", "t"}: um or arcsec at 20 degC."""

@@ -39,12 +39,17 @@ def ended(child: subprocess.Popen[str]) -> None:
 
 @dataclass
 class Hall:
-    """The cell, where there is one, where its service keeps things, and the service's address while it lives."""
+    """The cell, where there is one, where its service keeps things, and the service's address while it lives.
+
+    ``speeds`` are the cell's machine seconds in one second while nothing is at work, and while a command is: a fast
+    cell that samples for nobody, and a service that reads it, take both processors of a small computer.
+    """
 
     cell: subprocess.Popen[str] | None
     path: Path
     service: subprocess.Popen[str] | None = None
     url: str = ""
+    speeds: tuple[float, float] | None = None
     told: list[str] = field(default_factory=list)
 
     @property
@@ -81,6 +86,11 @@ class Hall:
         assert "error" not in answer, answer
         return answer
 
+    def hurry(self, *, on: bool) -> None:
+        """A command is at work now, or none is; nothing where the cell keeps one speed."""
+        if self.speeds is not None:
+            self.do({"set": "speed", "value": self.speeds[on]})
+
     def serve(self) -> str:
         """Start the service; its address."""
         words = [sys.executable, "-m", "gateway.cli", "serve", str(self.path), "--port", "0"]
@@ -106,12 +116,14 @@ def hall(
     *,
     cell: str = "demo",
     speed: float = 100.0,
+    idle: float | None = None,
     tested: bool = False,
     served: bool = True,
 ) -> Iterator[Hall]:
     """A cell and its service; ``edit`` changes the site file before the service reads it.
 
-    Without ``served`` the service is the caller's to start.
+    Without ``served`` the service is the caller's to start. With ``idle`` the cell keeps that speed, but while a
+    `Person` waits for a command.
     """
     path = folder / "hall" / "site.toml"
     path.parent.mkdir(parents=True)
@@ -125,6 +137,9 @@ def hall(
                 keep(path, load_cell(cell))
             if served:
                 at.serve()
+            if idle is not None:
+                at.speeds = (idle, speed)
+                at.hurry(on=False)
             yield at
         finally:
             if at.service is not None:

@@ -27,6 +27,7 @@ FLAGS = (
     "--disable-sync",
 )
 SMALL, LARGE = (1280, 1024), (1920, 1080)
+IDLE = 2.0  # speed of a cell where nothing is at work
 PATIENCE_MS = 180_000
 POLL_MS = 300
 SECRET = "a long sentence"
@@ -99,6 +100,7 @@ class Person:
 
     def give(self, key: str, typed: str = "") -> int:
         """Presses a key, says yes (or types the machine's name), and the service takes the command; its number."""
+        self.at.hurry(on=True)
         with self.page.expect_response(lambda one: "/commands/" in one.url, timeout=PATIENCE_MS) as answer:
             self.page.locator(key).click()
             if typed:
@@ -116,6 +118,7 @@ class Person:
             left -= POLL_MS
             self.page.wait_for_timeout(POLL_MS)
         expect(self.page.locator("#stop")).to_be_disabled(timeout=PATIENCE_MS)
+        self.at.hurry(on=False)
         return found
 
     def driven(self, job: int, until: str = "") -> None:

@@ -16,7 +16,7 @@ from gateway.cli.begin.wizard import STORE
 from gateway.config import load_site
 from gateway.users import first_token_path
 from tests.browser.hall import Hall, hall
-from tests.browser.person import CHROMIUM, LARGE, PIN, SECRET, SMALL, Person, chromium, opened
+from tests.browser.person import CHROMIUM, IDLE, LARGE, PIN, SECRET, SMALL, Person, chromium, opened
 from tests.browser.test_day import SOMETHING, approves, looked_at, reported
 
 pytestmark = [
@@ -37,7 +37,7 @@ class EmptyHall(Hall):
 
 def _empty(at: Hall, folder: Path) -> EmptyHall:
     folder.mkdir()
-    found = EmptyHall(at.cell, folder / "site.toml")
+    found = EmptyHall(at.cell, folder / "site.toml", speeds=at.speeds)
     found.serve()
     return found
 
@@ -104,7 +104,7 @@ def _answers(anna: Person, key: str, text: str) -> None:
 
 
 def test_an_empty_computer_comes_to_a_verified_table(tmp_path: Path) -> None:
-    with hall(tmp_path, str, speed=150.0, served=False) as cell, chromium() as browser:
+    with hall(tmp_path, str, speed=150.0, idle=IDLE, served=False) as cell, chromium() as browser:
         known, at = _known(cell.path), _empty(cell, tmp_path / "pc")
         try:
             _begun(at, browser, known)

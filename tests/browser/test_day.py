@@ -13,7 +13,7 @@ import pytest
 from playwright.sync_api import Browser, Page, expect
 
 from tests.browser.hall import Hall, hall
-from tests.browser.person import CHROMIUM, PIN, SECRET, Person, chromium, opened
+from tests.browser.person import CHROMIUM, IDLE, PIN, SECRET, Person, chromium, opened
 from tests.browser.records import figures_of, newest, proposal_of
 from tests.cell.bench import short
 
@@ -38,7 +38,7 @@ def looked_at(person: Person, name: str) -> None:
 
 
 def test_a_day_from_the_first_sign_in_to_the_report(tmp_path: Path) -> None:
-    with hall(tmp_path, site, speed=150.0) as at, chromium() as browser:
+    with hall(tmp_path, site, speed=150.0, idle=IDLE) as at, chromium() as browser:
         _day(at, browser)
 
 

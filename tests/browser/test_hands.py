@@ -8,7 +8,7 @@ import pytest
 from playwright.sync_api import Browser, Route, expect
 
 from tests.browser.hall import hall
-from tests.browser.person import CHROMIUM, SCREENS, Person, chromium, opened
+from tests.browser.person import CHROMIUM, IDLE, SCREENS, Person, chromium, opened
 from tests.browser.test_journey import ground, stored
 
 pytestmark = [
@@ -52,7 +52,7 @@ AT_WORK |= {"steps": [], "moves": [], "ask": None, "started_utc": "2026-03-02T11
 
 def test_what_a_hand_meets_stays_and_what_it_asked_for_last_is_shown(tmp_path: Path) -> None:
     wrong: list[str] = []
-    with hall(tmp_path, ground) as at, chromium() as browser:
+    with hall(tmp_path, ground, speed=IDLE) as at, chromium() as browser:
         stored(at)
         anna = Person(opened(browser, at), at, "anna")
         anna.page.on("pageerror", lambda error: wrong.append(str(error)))

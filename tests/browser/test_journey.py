@@ -19,7 +19,7 @@ from gateway.tooth import InspectedFlank
 from gateway.workflow import stages
 from simulators.cell.site import section
 from tests.browser.hall import Hall, hall
-from tests.browser.person import CHROMIUM, SCREENS, Person, chromium, opened
+from tests.browser.person import CHROMIUM, IDLE, SCREENS, Person, chromium, opened
 from tests.browser.records import figures_of, newest, text
 from tests.browser.test_day import looked_at, site
 from tests.unit.report import closing, synthetic
@@ -83,7 +83,7 @@ def test_a_person_tests_the_control_sees_every_mounting_and_asks_for_the_whole_l
 def stage(folder: Path) -> Iterator[Person]:
     """A person who has signed in beside a cell, with a stored run to look at; the page threw nothing in the end."""
     wrong: list[str] = []
-    with hall(folder, ground, speed=150.0) as at, chromium() as browser:
+    with hall(folder, ground, speed=150.0, idle=IDLE) as at, chromium() as browser:
         stored(at)
         anna = Person(opened(browser, at), at, "anna")
         anna.page.on("pageerror", lambda error: wrong.append(str(error)))

@@ -15,7 +15,7 @@ from gateway.model.error_model import ErrorModel, UnmeasuredError
 from gateway.report.tooth.errors import error_rows
 from simulators.cell.site import section
 from tests.browser.hall import Hall, hall
-from tests.browser.person import CHROMIUM, LARGE, PICTURES, SMALL, Person, chromium, opened
+from tests.browser.person import CHROMIUM, IDLE, LARGE, PICTURES, SMALL, Person, chromium, opened
 from tests.browser.records import text
 from tests.unit.report import closing
 
@@ -60,7 +60,7 @@ def measured(at: Hall) -> None:
 
 def test_the_model_is_the_records_and_the_flank_follows_a_slider(tmp_path: Path) -> None:
     faults: list[str] = []
-    with hall(tmp_path, ground) as at, chromium() as browser:
+    with hall(tmp_path, ground, speed=IDLE) as at, chromium() as browser:
         measured(at)
         anna = Person(opened(browser, at), at, "anna")
         anna.first()

@@ -10,7 +10,7 @@ import pytest
 
 from drivers.languages import LANGUAGES
 from tests.browser.hall import Hall, hall
-from tests.browser.person import CHROMIUM, LARGE, SCREENS, SMALL, Person, chromium, opened
+from tests.browser.person import CHROMIUM, IDLE, LARGE, SCREENS, SMALL, Person, chromium, opened
 from tests.browser.records import figures_of, newest
 from tests.browser.test_day import looked_at, site
 
@@ -54,7 +54,7 @@ def _trend_is_the_records(anna: Person, at: Hall) -> None:
 
 def test_every_screen_in_every_language_and_size(tmp_path: Path) -> None:
     faults: list[str] = []
-    with hall(tmp_path, alone, speed=150.0, tested=True) as at, chromium() as browser:
+    with hall(tmp_path, alone, speed=150.0, idle=IDLE, tested=True) as at, chromium() as browser:
         first = Person(opened(browser, at), at, "anna")
         first.first()
         first.go("capture")

@@ -11,7 +11,7 @@ from gateway.push.history import all_pushes
 from gateway.push.journal import JOURNALS
 from simulators.cellfile import load_cell
 from tests.browser.hall import Hall, hall
-from tests.browser.person import CHROMIUM, Person, chromium, opened
+from tests.browser.person import CHROMIUM, IDLE, Person, chromium, opened
 from tests.browser.test_day import looked_at
 from tests.cell.bench import short
 
@@ -30,7 +30,7 @@ SECOND = """first => {
 
 def test_a_whole_consent_goes_back_is_stopped_and_undone_then_stopped_and_finished(tmp_path: Path) -> None:
     wrong: list[str] = []
-    with hall(tmp_path, short(AXES, 7, 3), speed=150.0, tested=True) as at, chromium() as browser:
+    with hall(tmp_path, short(AXES, 7, 3), speed=150.0, idle=IDLE, tested=True) as at, chromium() as browser:
         anna = Person(opened(browser, at), at, "anna")
         anna.page.on("pageerror", lambda error: wrong.append(str(error)))
         anna.first()

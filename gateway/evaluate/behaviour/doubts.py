@@ -363,25 +363,33 @@ def _lone_jumps(at: FloatArray, x: FloatArray, unit: DeviationUnit) -> list[tupl
 
     Far is `FAR_JUMPS` times what is usual in the set, and a part of what no axis does. The farthest is the first.
     """
-    order = np.argsort(at, kind="stable")
-    q, found, usual = at[order], [], []
-    for run, way in np.ndindex(x.shape[1:]):
-        there = order[np.isfinite(x[order, run, way])]
+    order, shortest = np.argsort(at, kind="stable"), float(np.ptp(at)) * 1e-9
+    q, passes = at[order], x[order].reshape(x.shape[0], -1)
+    known = np.isfinite(passes)
+    whole = known.all(axis=0)
+    # Passes that reached every target are judged together, the others one by one.
+    groups = [(order, np.flatnonzero(whole))] if whole.any() else []
+    groups += [(order[known[:, one]], np.array([one])) for one in np.flatnonzero(~whole)]
+    found, usual = [], []
+    for there, which in groups:
         if there.size <= FEWEST_STEPS:
             continue
-        place, value = at[there], x[there, run, way]
-        steps = np.maximum(np.diff(place), np.ptp(q) * 1e-9)
+        value = passes[:, which] if there.size == q.size else passes[known[:, which[0]]][:, which]
+        steps = np.maximum(np.diff(at[there]), shortest)[:, None]
         share = steps[:-1] / (steps[:-1] + steps[1:])
         off = value[1:-1] - ((1.0 - share) * value[:-2] + share * value[2:])
         # At an end there is one neighbour alone: what the set usually changes by up to it is no jump.
-        slope = float(np.median(np.diff(value) / steps))
-        ends = (value[0] - value[1] + slope * steps[0], value[-1] - value[-2] - slope * steps[-1])
-        usual.append(np.abs(off))
-        best = int(np.argmax(np.abs(off)))
-        inner = (there[best + 1], off[best])
-        end = (there[0], ends[0]) if abs(ends[0]) > abs(ends[1]) else (there[-1], ends[1])
+        slope = np.median(np.diff(value, axis=0) / steps, axis=0)
+        first = value[0] - value[1] + slope * steps[0]
+        last = value[-1] - value[-2] - slope * steps[-1]
+        usual.append(np.abs(off).ravel())
+        best, each = np.argmax(np.abs(off), axis=0), np.arange(which.size)
+        inner, at_first = off[best, each], np.abs(first) > np.abs(last)
+        end = np.where(at_first, first, last)
         # A wrong reading beside an end is as far from it as from its line; a wrong end leaves half of it there.
-        place_of, jump = end if abs(end[1]) > 1.5 * abs(inner[1]) else inner
-        found.append(((int(place_of), run, way), float(jump)))
+        at_end = np.abs(end) > 1.5 * np.abs(inner)
+        place = np.where(at_end, np.where(at_first, there[0], there[-1]), there[best + 1])
+        jumps = zip(which.tolist(), place.tolist(), np.where(at_end, end, inner).tolist(), strict=True)
+        found += [((place_of, *divmod(one, x.shape[2])), jump) for one, place_of, jump in jumps]
     limit = max(JUMP_SHARE * LEAST[unit], FAR_JUMPS * float(np.median(np.concatenate(usual)))) if usual else 0.0
-    return sorted((one for one in found if abs(one[1]) > limit), key=lambda one: -abs(one[1]))
+    return sorted((one for one in found if abs(one[1]) > limit), key=lambda one: (-abs(one[1]), one[0][1:]))

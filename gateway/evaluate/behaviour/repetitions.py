@@ -212,7 +212,14 @@ def _scale_of(distance: FloatArray) -> float:
 
 def _scale(known: FloatArray) -> float:
     """Robust standard deviation of distances that are nearly all ordinary ones."""
-    return max(MAD_TO_SIGMA * float(np.median(known)), float(np.quantile(known, 0.8)) / Q80_TO_SIGMA)
+    ordered = np.sort(known)
+    median = 0.5 * (ordered[(known.size - 1) // 2] + ordered[known.size // 2])
+    at = 0.8 * (known.size - 1)
+    low, share = ordered[int(at)], at - int(at)
+    high = ordered[min(int(at) + 1, known.size - 1)]
+    # As numpy's own quantile, to the last bit and without what that asks first.
+    quantile = high - (high - low) * (1.0 - share) if share >= 0.5 else low + (high - low) * share
+    return max(MAD_TO_SIGMA * float(median), float(quantile) / Q80_TO_SIGMA)
 
 
 def _pooled_scale(level: FloatArray) -> float:

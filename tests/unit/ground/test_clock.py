@@ -40,10 +40,26 @@ def test_speed_multiplies_time_and_divides_waits() -> None:
     assert cell == pytest.approx(500.0)
 
 
+def test_a_changed_speed_goes_on_from_where_the_clock_stood() -> None:
+    async def main() -> list[float]:
+        wall, cell = LoopClock(), LoopClock(speed=100.0)
+        seen, start = [cell.now()], wall.now()
+        for speed in (2.0, 100.0):
+            await wall.sleep(10.0)
+            cell.change_speed(speed)
+            seen.append(cell.now())
+        await cell.sleep(50.0)
+        return [*seen, cell.now(), wall.now() - start]
+
+    assert run_virtual(main) == pytest.approx([0.0, 1000.0, 1020.0, 1070.0, 20.5])
+
+
 @pytest.mark.parametrize("speed", [0.0, -1.0])
 def test_a_clock_that_does_not_run_forward_is_refused(speed: float) -> None:
     with pytest.raises(ValueError, match="positive"):
         LoopClock(speed)
+    with pytest.raises(ValueError, match="positive"):
+        LoopClock().change_speed(speed)
 
 
 def test_a_deadline_is_ours_and_names_the_place() -> None:
