@@ -10,6 +10,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from drivers.errors import ConfigError, words
 from drivers.local.names import guess, shown
+from drivers.message import Message
 
 Rule = tuple[str, bool, str]
 """A key, whether its value is allowed beside the others, and what it must be."""
@@ -126,8 +127,8 @@ class DriverSettings(BaseModel):
         """What is allowed and seldom meant; each on the key that is to be looked at, and why."""
         return ()
 
-    def unprotected(self, url: str) -> str:
-        """Why others on the network could read or change what passes on this road, in words; "" where they cannot."""
+    def unprotected(self, url: str) -> Message | str:
+        """Why others on the network could read or change what passes on this connection; "" where they cannot."""
         del url
         return ""
 

@@ -8,6 +8,7 @@ from urllib.parse import urlsplit
 from pydantic import Field
 
 from drivers.errors import words
+from drivers.message import Message
 from drivers.settings import DriverSettings, FilePathText, Rule
 
 _HERE = ("localhost", "127.0.0.1", "::1", "[::1]")
@@ -35,7 +36,7 @@ class LinuxCncSettings(DriverSettings):
             ("leave_input", self.leave_input != self.go_input, words("W-KEY-INPUT")),
         )
 
-    def unprotected(self, url: str) -> str:
+    def unprotected(self, url: str) -> Message | str:
         """The lines are plain; on the host itself nobody else is on them."""
         parts = urlsplit(url)
-        return "" if parts.scheme == "memory" or parts.hostname in _HERE else words("W-LCNC-UNPROTECTED")
+        return "" if parts.scheme == "memory" or parts.hostname in _HERE else Message.of("W-LCNC-UNPROTECTED")

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from drivers.message import Message
 from gateway.audit.chain import AUDIT, audit_files, read_entries, tail_of
 from gateway.store.disk import disk_errors
 
@@ -36,7 +38,7 @@ class LogState:
     begun: set[int] = field(default_factory=set)
     announced: set[int] = field(default_factory=set)
     last_mark: int = 0
-    alarms: dict[str, str] = field(default_factory=dict)
+    alarms: dict[str, Message] = field(default_factory=dict)
     looked: dict[str, str] = field(default_factory=dict)
     kinds: dict[str, str] = field(default_factory=dict)
     marker_lost: dict[str, str] = field(default_factory=dict)
@@ -70,9 +72,17 @@ class LogState:
             self.looked[table] = str(entry["utc"])
             self.kinds[table] = str(entry["details"].get("kind", "differs" if action == DIFFERS else "as-approved"))
         if action == DIFFERS:
-            self.alarms[table] = str(entry["details"].get("found", ""))
+            self.alarms[table] = _found(entry["details"])
         elif action in (AS_PUSHED, "push-committed", "rollback-committed"):
             self.alarms.pop(table, None)
+
+
+def _found(details: Mapping[str, Any]) -> Message:
+    """What a comparison found; of an older version the finished text."""
+    try:
+        return Message.from_data(json.loads(str(details["said"])))
+    except (KeyError, ValueError):
+        return Message.stored(str(details.get("found", "")))
 
 
 def read_log_state(root: Path, serial: str = "") -> LogState:

@@ -11,6 +11,7 @@ from urllib.parse import urlsplit
 from drivers import registry
 from drivers.errors import words
 from drivers.local.names import shown
+from drivers.message import Message
 from drivers.settings import DriverSettings
 from gateway.config.faults import Fault, called
 from gateway.config.keyfaults import broken
@@ -151,8 +152,8 @@ def typed_rotary(site: SiteFile) -> tuple[str, ...]:
     return tuple(one.name for one in site.axes if one.kind == "rotary" and one.measure.instrument in typed)
 
 
-def open_road(site: SiteFile) -> str:
-    """Why others on the network could read or change what passes to the control, in words; "" where they cannot."""
+def open_road(site: SiteFile) -> Message | str:
+    """Why others on the network could read or change what passes to the control; "" where they cannot."""
     told = _told(site)
     return "" if told is None else told.unprotected(site.controller.url)
 

@@ -7,7 +7,8 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 
 from drivers.clock import Clock
-from drivers.errors import TrueflankError, words
+from drivers.errors import TrueflankError
+from drivers.message import Message
 from gateway.daemon.desk import Desk
 from gateway.daemon.jobs import RunStarter
 
@@ -30,11 +31,11 @@ class Daily:
     tables: tuple[str, ...] = field(default=(), init=False)
 
     @property
-    def words(self) -> str:
-        """What a person must do; "" where there is nothing, or this program does it."""
+    def due_message(self) -> Message | None:
+        """What a person must do; None where there is nothing, or this program does it."""
         if not self.tables or self.alone() is not False:
-            return ""
-        return words("W-VERIFY-DUE", hour=f"{self.hour:02d}", tables=", ".join(self.tables))
+            return None
+        return Message.of("W-VERIFY-DUE", hour=f"{self.hour:02d}", tables=self.tables)
 
 
 async def each_day(desk: Desk, daily: Daily, clock: Clock) -> None:

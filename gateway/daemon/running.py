@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 from drivers.errors import words
+from drivers.message import Message
 from gateway.audience import Audience, kind_of
 from gateway.daemon.hub import plain_fields
 from gateway.events import DisableMoves, StopDone, received
@@ -22,7 +23,7 @@ def fresh(job: JobView) -> RunView:
         axis="",
         done=0,
         total=0,
-        words="",
+        words=None,
         started_utc=job.started_utc,
         kind=job.kind,
         who=job.who,
@@ -33,7 +34,7 @@ def told(run: RunView, code: str, fields: Mapping[str, object]) -> RunView:
     """The picture of a run after one more word of it; fields it does not name stay as they were."""
     said = replace(
         run,
-        words=words(code, **fields),
+        words=Message(code, fields),
         axis=str(fields.get("axis", run.axis)),
         ask=_asked(run, code, fields),
         moves=_moves(run, code, fields),

@@ -11,6 +11,7 @@ from pathlib import Path
 
 from drivers.clock import Clock
 from drivers.errors import TrueflankError
+from drivers.message import Message
 from gateway.broker import Lease
 from gateway.config import SiteFile, open_road
 from gateway.daemon.daily import Daily
@@ -51,7 +52,7 @@ class Serving:
     devices: Callable[[], Devices]
     doctor: Callable[[Say], Awaitable[object]]
     daily: Daily | None = None
-    alarms: Callable[[], tuple[str, ...]] = tuple
+    alarms: Callable[[], tuple[Message, ...]] = tuple
     watcher: Callable[[Say], Watcher] | None = None
 
 
@@ -95,7 +96,7 @@ class ServedPlace:
         return self._what.daily
 
     @property
-    def alarms(self) -> tuple[str, ...]:
+    def alarms(self) -> tuple[Message, ...]:
         """Live tables that are not as they were pushed."""
         return self._what.alarms()
 
@@ -115,7 +116,7 @@ class ServedPlace:
             acting=last_acting(store),
             trouble=desk.trouble,
             alarms=self.alarms,
-            due=daily.words if daily is not None else "",
+            due=daily.due_message if daily is not None else None,
             left=() if desk.left.clear else (desk.left.said.as_record(),),
             held=pushes_held(store),
             unprotected=self._unprotected,

@@ -128,7 +128,7 @@ def service_of(
     doors = doors_of(root, clock, accounts, sessions or sessions_of(clock, wanted), hosts=wanted.hosts, secure=secure)
 
     def health() -> dict[str, object]:
-        alarms = [alarm for place in places.values() for alarm in place.alarms]
+        alarms = [str(alarm) for place in places.values() for alarm in place.alarms]
         return {"status": "alarm", "alarms": alarms} if alarms else {"status": "ok"}
 
     note = noting(root, clock)

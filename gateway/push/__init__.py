@@ -10,8 +10,8 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import Any
 
-from drivers.errors import TrueflankError, words
-from drivers.message import Message
+from drivers.errors import TrueflankError
+from drivers.message import Form, Message
 from gateway.domain.outcomes import PushRecord
 from gateway.errors import RollbackFailed, StillOn, VerifyError, WriteRefused
 from gateway.push.compare import table_facts, table_in, tolerance
@@ -150,10 +150,10 @@ def outcome_error(record: PushRecord) -> TrueflankError | None:
     return None
 
 
-def outcome_alarms(records: Iterable[PushRecord]) -> tuple[str, ...]:
+def outcome_alarms(records: Iterable[PushRecord]) -> tuple[Message, ...]:
     """What must be put right although the tables are as asked: a marker of the control that could not be written."""
     told = {record.transaction: record for record in records if record.marker}
     return tuple(
-        "W-PUSH-MARKER: " + words("W-PUSH-MARKER", axis=one.axis, transaction=number, why=one.marker)
+        Message("W-PUSH-MARKER", {"axis": one.axis, "transaction": number, "why": one.marker}, Form.REASON)
         for number, one in told.items()
     )

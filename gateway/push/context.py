@@ -12,6 +12,7 @@ from typing import Protocol
 
 from drivers.clock import Clock
 from drivers.limits import ACCESS_LEVEL
+from drivers.message import Message
 from drivers.ports.controller import Controller
 from drivers.programs import SelfTested
 from drivers.types.identity import MachineIdentity
@@ -132,9 +133,9 @@ class PushContext:
     is_proposed: bool = True
     used_approvals: tuple[Approval, ...] = ()
     unrecorded_approvals: tuple[Approval, ...] = ()
-    alarms: tuple[str, ...] = ()
+    alarms: tuple[Message, ...] = ()
     run_id: str = ""
-    on_live: Callable[[LiveSet], tuple[str, ...]] | None = None
+    on_live: Callable[[LiveSet], tuple[Message, ...]] | None = None
     consent_utc: datetime | None = None
     self_test: SelfTested | None = None
     risk_taken: bool = False

@@ -206,7 +206,7 @@ async def _recover_locked(
         may_finish = finding.back or (finding.kind is FindingKind.ENABLED and found.latest("purpose") == "table")
         never = found.purpose == "restore" and finding.action == "close"  # of it nothing was announced
         if finding.action == "none" or (action == "finish" and not may_finish and not never):
-            raise WriteRefused("E-PUSH-NO-OFFER", found.path.name, finding=finding.words)
+            raise WriteRefused("E-PUSH-NO-OFFER", found.path.name, finding=finding.said)
         if finding.choices and action == "offered":
             axis, old, new = finding.table or finding.axis, finding.old, finding.new
             raise WriteRefused("E-RECOVER-CHOOSE", found.path.name, axis=axis, old=old, new=new)

@@ -191,7 +191,7 @@ async def _roll_back_admitted(
     for work, done in left.items():
         seen = compare_with_push(live[work], done, work.tolerance)
         if seen.kind != "as-approved":
-            foreign = refuse("E-PUSH-UNDO-FOREIGN", transaction=done.transaction, difference=seen.words)
+            foreign = refuse("E-PUSH-UNDO-FOREIGN", transaction=done.transaction, difference=seen.message)
             reasons[work] = (*foreign, *reasons[work])
     if there:
         note_together(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import asdict, dataclass, field, fields
+from dataclasses import asdict, dataclass, field, fields, replace
 from typing import Protocol
 
 from drivers.errors import TrueflankError
@@ -81,7 +81,7 @@ class RunView:
     axis: str
     done: int
     total: int
-    words: str
+    words: Message | None
     started_utc: str
     kind: str = "run"
     who: str = ""
@@ -196,13 +196,13 @@ class StatusView:
     failure: Mapping[str, object] | None = None
     result: tuple[ResultRow, ...] = ()
     trouble: Mapping[str, object] | None = None
-    alarms: tuple[str, ...] = ()
-    due: str = ""
+    alarms: tuple[Message, ...] = ()
+    due: Message | None = None
     left: tuple[Mapping[str, object], ...] = ()
     held: tuple[HeldView, ...] = ()
     acting: tuple[ActingRow, ...] = ()
     simulated: bool = False
-    unprotected: str = ""
+    unprotected: Message | str = ""
     control: ControlView | None = None
     ambient: Mapping[str, object] | None = None
 
@@ -290,7 +290,13 @@ def job_data(job: JobView) -> dict[str, object]:
 
 def as_data(status: StatusView) -> dict[str, object]:
     """The picture as JSON data, with the state in one word and the progress as a number."""
-    data = asdict(status)
+    data = asdict(replace(status, run=None, alarms=(), due=None, unprotected=""))
     if status.run is not None:
-        data["run"] = {**asdict(status.run), "progress": status.run.progress}
-    return {"state": status.state, **data}
+        run = asdict(replace(status.run, words=None))
+        data["run"] = {**run, "words": _told(status.run.words), "progress": status.run.progress}
+    data |= {"alarms": list(map(told, status.alarms)), "due": _told(status.due)}
+    return {"state": status.state, **data, "unprotected": _told(status.unprotected)}
+
+
+def _told(said: Message | str | None) -> dict[str, object] | None:
+    return told(said) if isinstance(said, Message) else None

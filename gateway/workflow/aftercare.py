@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from datetime import datetime, timedelta
 from functools import partial
 
-from drivers.errors import words
-from drivers.message import Message
+from drivers.message import Form, Message
 from drivers.terms import spoken
 from drivers.types.orders import SignProof
 from drivers.types.tables import CompensationTable, LiveSet
@@ -109,8 +109,9 @@ def keep_looks(at: Bench, looks: tuple[Look, ...], *, aloud: bool = True) -> Non
     for look in looks:
         same = look.found.kind == "as-approved"
         if aloud and not same:
-            at.say("P-TABLE-ALARM", table=look.name, words=look.found.words)
+            at.say("P-TABLE-ALARM", table=look.name, words=look.found.message)
         told = {"table": look.name, "found": look.found.words, "kind": look.found.kind, "run": at.folder.run_id}
+        told |= {"said": json.dumps(look.found.message.as_data())}
         problem = audit.note(
             at.store.root,
             audit.AS_PUSHED if same else audit.DIFFERS,
@@ -132,11 +133,11 @@ def while_measuring(looks: tuple[Look, ...]) -> tuple[Look, ...]:
     return tuple(one for one in looks if one.expected.table.kind != "cross" or one.found.kind != "switched-off")
 
 
-async def in_push(at: Bench, axis: str) -> Callable[[LiveSet], tuple[str, ...]]:
+async def in_push(at: Bench, axis: str) -> Callable[[LiveSet], tuple[Message, ...]]:
     """What a push calls with the live tables it has read; it answers with the axis' alarms."""
     wanted = await expected_of(at, axis)
 
-    def seen(live: LiveSet) -> tuple[str, ...]:
+    def seen(live: LiveSet) -> tuple[Message, ...]:
         looks = compare_with(wanted, live)
         keep_looks(at, while_measuring(looks))
         return standing_alarms(at, axis)
@@ -144,15 +145,15 @@ async def in_push(at: Bench, axis: str) -> Callable[[LiveSet], tuple[str, ...]]:
     return seen
 
 
-def standing_alarms(at: Bench, axis: str = "") -> tuple[str, ...]:
+def standing_alarms(at: Bench, axis: str = "") -> tuple[Message, ...]:
     """What the last looks found that was not put right since, of one axis or of all."""
     known = Witness(at).standing
     return alarms_of(known, axis) if axis else every_alarm(known)
 
 
-def every_alarm(known: audit.LogState) -> tuple[str, ...]:
+def every_alarm(known: audit.LogState) -> tuple[Message, ...]:
     """All alarms of a machine: tables that are not as pushed, and a marker that could not be written, with its code."""
-    lost = (f"W-PUSH-MARKER: {words('W-PUSH-MARKER', **known.marker_lost)}",) if known.marker_lost else ()
+    lost = (Message("W-PUSH-MARKER", known.marker_lost, Form.REASON),) if known.marker_lost else ()
     return (*known.alarms.values(), *lost)
 
 
@@ -171,9 +172,9 @@ class StandingAlarms:
     def __init__(self, store: Store, serial: str) -> None:
         self._root, self._serial = store.root, serial
         self._as_of: tuple[tuple[str, int], ...] = ()
-        self._alarms: tuple[str, ...] = ()
+        self._alarms: tuple[Message, ...] = ()
 
-    def __call__(self) -> tuple[str, ...]:
+    def __call__(self) -> tuple[Message, ...]:
         """What stands now; a log that cannot be read is an alarm of its own."""
         try:
             as_of = audit.file_sizes(self._root)
@@ -181,7 +182,7 @@ class StandingAlarms:
                 known = audit.read_log_state(self._root, self._serial)
                 self._alarms, self._as_of = every_alarm(known), as_of
         except StoreError as error:
-            return (str(error),)
+            return (error.message,)
         return self._alarms
 
 

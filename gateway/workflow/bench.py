@@ -15,6 +15,7 @@ from drivers.carried import Carried
 from drivers.clock import Clock
 from drivers.errors import ConfigError, TrueflankError
 from drivers.local.names import shown
+from drivers.message import Message
 from drivers.ports.controller import Controller
 from drivers.programs import ForeseesPlans, ProgramText, SaysMotion, SendsPrograms, WritesWithout
 from drivers.types.identity import MachineIdentity
@@ -90,7 +91,7 @@ class Bench:
         return replace(axis.facts, safe=self.site.moves.places.ranges.get(axis.name))
 
     @property
-    def open_road(self) -> str:
+    def open_road(self) -> Message | str:
         """Why others on the network could read or change what passes to the control; "" where they cannot."""
         return self.supervisor.controller.capabilities.unprotected
 
@@ -214,7 +215,7 @@ async def _opened(
         if wire := supervisor.controller.capabilities.unprotected:
             ConnectionUnprotected(wire).tell(say)
         if not supervisor.left.clear:
-            say("P-LEFT", words=supervisor.left.words)
+            say("P-LEFT", words=supervisor.left.said.message)
         yield Bench(
             site=site,
             site_path=site_path,

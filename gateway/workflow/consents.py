@@ -7,6 +7,7 @@ from datetime import datetime
 from pathlib import Path
 
 from drivers.errors import TrueflankError
+from drivers.message import Message
 from drivers.terms import spoken
 from gateway import audit
 from gateway.approve import Approvals
@@ -76,7 +77,7 @@ def audit_problem(at: Bench) -> str:
     return problem.words if problem is not None else ""
 
 
-def alarms_of(known: audit.LogState, axis: str) -> tuple[str, ...]:
+def alarms_of(known: audit.LogState, axis: str) -> tuple[Message, ...]:
     """What stands against the tables of an axis."""
     return tuple(told for table, told in known.alarms.items() if spoken().axis_of(table) == axis)
 
@@ -287,4 +288,4 @@ def _keep(at: Bench, change: TableChange, action: str, told: dict[str, object]) 
 
 def _open_road(at: Bench) -> dict[str, object]:
     """What a record says of the connection: nothing but where it is not protected."""
-    return {"unprotected": at.open_road} if at.open_road else {}
+    return {"unprotected": str(at.open_road)} if at.open_road else {}

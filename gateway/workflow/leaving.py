@@ -77,7 +77,7 @@ async def leave(
         if left.kind != "nothing" and (was_stopped or not left.clear):
             stop.tell(left.sentence)
             if not was_stopped:  # else the last word of the command says it
-                say("P-LEFT", words=left.words)
+                say("P-LEFT", words=left.said.message)
         if was_stopped:
             _note(folder, store, clock, say, stop, left)
 

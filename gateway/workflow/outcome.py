@@ -51,10 +51,10 @@ def of_verdicts(verdicts: Iterable[str]) -> int:
     return CANNOT_TELL if "not decidable" in said else 0
 
 
-def alarmed(outcome: Outcome, alarms: tuple[str, ...]) -> Outcome:
+def alarmed(outcome: Outcome, alarms: tuple[Message, ...]) -> Outcome:
     """The outcome of a run that has met alarms: it says them and ends with exit code 9."""
     if not alarms:
         return outcome
     lines = (*outcome.lines, *(Message.of("W-TABLE-ALARM", alarm=alarm) for alarm in alarms))
-    data = {**outcome.data, "alarms": list(alarms)}
+    data = {**outcome.data, "alarms": list(map(str, alarms))}
     return replace(outcome, lines=lines, data=data, exit_code=outcome.exit_code or WORSE_EXIT)

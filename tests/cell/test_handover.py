@@ -162,7 +162,7 @@ def test_approved_pushed_compared_taken_back(tmp_path: Path) -> None:
         assert any(name.startswith("live-tables") for name in Store(at.root).open(live.run_folder).files)
         assert "at 1 of " in str(live.lines[1])
         (alarm,) = audit.read_log_state(at.root, at.site.controller.serial).alarms.values()
-        assert "neither the approved nor" in alarm
+        assert "neither the approved nor" in str(alarm)
         edited = await at.tables()
         with pytest.raises(WriteRefused) as caught:
             await at.take_back(apply=True)

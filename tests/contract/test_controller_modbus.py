@@ -21,8 +21,8 @@ from drivers.errors import (
     TrueflankError,
     UnsupportedDevice,
     ValueOutOfRange,
-    words,
 )
+from drivers.message import Message
 from drivers.ports.controller import Controller
 from drivers.sinumerik.tablefile import reader
 from drivers.sinumerik.tablefile.tables import HELD_KINDS, REVERSAL
@@ -88,7 +88,7 @@ async def test_it_is_a_controller_and_says_what_it_can() -> None:
             cross_shown="either-way",
             together=True,
             off_anyhow=True,
-            unprotected=words("W-MBX-UNPROTECTED"),
+            unprotected=Message.of("W-MBX-UNPROTECTED"),
         )
         machine = await device.identify()
         assert (machine.serial, machine.version) == ("ST-DOUBLE-0001", "4.8.6")

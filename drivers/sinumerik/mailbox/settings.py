@@ -10,6 +10,7 @@ from urllib.parse import urlsplit
 from pydantic import Field
 
 from drivers.errors import words
+from drivers.message import Message
 from drivers.settings import WIRES, CertificatePathText, DriverSettings, FilePathText, Rule
 from drivers.sinumerik.mailbox.codec.registers import WordOrder
 
@@ -102,10 +103,10 @@ class ModbusSettings(DriverSettings):
         """Whether both ends prove who they are, and what passes is encrypted."""
         return self.security == TLS
 
-    def unprotected(self, url: str) -> str:
+    def unprotected(self, url: str) -> Message | str:
         """Plain Modbus over a network; a serial port of this computer is a cable that nobody else is on."""
         scheme = urlsplit(url).scheme if "://" in url else ""
-        return words("W-MBX-UNPROTECTED") if not self.secured and scheme not in _CABLES else ""
+        return Message.of("W-MBX-UNPROTECTED") if not self.secured and scheme not in _CABLES else ""
 
     def numbered(self, names: Iterable[str]) -> Mapping[str, tuple[int, Decimal]]:
         """Number and MD32452 of each machine axis, given in their order, as the site file says: what is printed."""

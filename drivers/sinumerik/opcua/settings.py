@@ -9,6 +9,7 @@ from typing import Any, ClassVar, Literal
 from pydantic import Field
 
 from drivers.errors import words
+from drivers.message import Message
 from drivers.settings import CertificatePathText, DriverSettings, FilePathText, FolderPathText, Rule, VariableText
 from drivers.sinumerik.ncprogram.words import COUNT, SetupWord, Words
 from drivers.sinumerik.opcua.session import nodes
@@ -118,10 +119,10 @@ class UaSettings(DriverSettings):
             return cls.read(settings, where)
         return cls.model_validate(dict(settings))
 
-    def unprotected(self, url: str) -> str:
+    def unprotected(self, url: str) -> Message | str:
         """OPC UA without signature and encryption."""
         del url
-        return "" if self.secured else words("W-UA-UNPROTECTED")
+        return "" if self.secured else Message.of("W-UA-UNPROTECTED")
 
     def excused(self) -> tuple[str, str]:
         """As the record beside the pinned certificate has it; what cannot be read says nothing."""

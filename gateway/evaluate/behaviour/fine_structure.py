@@ -11,8 +11,7 @@ import numpy as np
 import scipy
 from numpy.typing import ArrayLike
 
-from drivers.errors import words
-from drivers.message import Message
+from drivers.message import Message, digits
 from drivers.units import DeviationUnit
 from gateway.domain.captures import Between, Capture
 from gateway.domain.figures import Evaluation
@@ -49,7 +48,7 @@ class HiddenStructure:
     expected: float
     places: int
     by: Literal["check stops", "targets", "nothing"]
-    words: str
+    words: tuple[Message, ...]
 
 
 def hidden_structure(
@@ -140,7 +139,7 @@ def _no_structure(at: FloatArray, unit: DeviationUnit) -> HiddenStructure:
         expected=0.0,
         places=0,
         by="nothing",
-        words=words("W-HIDDEN-UNSEEN", widest=f"{widest:.3g}", unit=unit),
+        words=(Message.of("W-HIDDEN-UNSEEN", widest=digits(widest, 3), unit=unit),),
     )
 
 
@@ -162,7 +161,9 @@ def usual_curve(at: FloatArray, means: RobustMeans, period: float | None) -> tup
 
 def _by_fit(at: FloatArray, means: RobustMeans, left: float, unit: DeviationUnit) -> HiddenStructure:
     noise = float(np.sqrt(np.nanmean(means.u**2)))
-    told = _words("W-HIDDEN-MISFIT" if left > noise else "W-HIDDEN-NONE", at.size, "targets", left, noise, left, unit)
+    told = _words(
+        "W-HIDDEN-MISFIT" if left > noise else "W-HIDDEN-NONE", at.size, "S-BY-TARGETS", left, noise, left, unit
+    )
     return HiddenStructure(u=left, size=left, seen=left, expected=noise, places=int(at.size), by="targets", words=told)
 
 
@@ -182,15 +183,17 @@ def _by_stops(
     wide = coverage_factor(COVERED, count) / COVERAGE
     size = sqrt(max(seen - expected, 0.0)) if shown else 0.0
     code = "W-HIDDEN-STOPS" if shown else "W-HIDDEN-NONE"
-    told = _words(code, count, "check stops", sqrt(seen), sqrt(expected), wide * size, unit)
+    told = _words(code, count, "S-BY-STOPS", sqrt(seen), sqrt(expected), wide * size, unit)
     return HiddenStructure(
         u=wide * size, size=size, seen=sqrt(seen), expected=sqrt(expected), places=count, by="check stops", words=told
     )
 
 
-def _words(code: str, count: int, by: str, seen: float, expected: float, u: float, unit: DeviationUnit) -> str:
-    sizes = {"seen": f"{seen:.2g}", "expected": f"{expected:.2g}", "u": f"{u:.2g}"}
-    return words(code, count=count, by=by, unit=unit, **sizes)
+def _words(
+    code: str, count: int, by: str, seen: float, expected: float, u: float, unit: DeviationUnit
+) -> tuple[Message, ...]:
+    sizes = {"seen": digits(seen), "expected": digits(expected), "u": digits(u)}
+    return (Message.of(code, count=count, by=Message.of(by), unit=unit, **sizes),)
 
 
 # ---- The range of the mean deviation over the whole travel: M is a figure of the targets alone.

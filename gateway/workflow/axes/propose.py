@@ -62,7 +62,7 @@ async def _changes(at: Bench, axis: AxisSection, item: MeasuredAxis, taken: Coll
     if capture.live is None:
         raise CaptureError("E-RUN-LIVE", axis.name)
     shown = structure_of(axis, capture)
-    hidden = replace(shown.hidden, words=f"{shown.hidden.words} {cannot_hold(axis, shown)}".strip())
+    hidden = replace(shown.hidden, words=(*shown.hidden.words, *cannot_hold(axis, shown)))
     at.say("P-HIDDEN", axis=axis.name, words=hidden.words)
     at.folder.put(stages.hidden(axis.name), hidden, (item.digest,))
     at.folder.put(stages.component(axis.name), shown.doubted, (item.digest,))

@@ -223,13 +223,13 @@ def _may_stay(at: Bench) -> PartialCommitPolicy:
 
 async def _nothing_against(at: Bench, proposal: Proposal, measured: Mapping[str, MeasuredAxis]) -> None:
     """Ask about every table before the first is touched. Raises WriteRefused (E-PUSH-REFUSED) with every reason."""
-    told: dict[str, list[str]] = {}
+    told: dict[str, list[Message]] = {}
     for change in proposal.changes:
         refusals = () if change.skipped else (await _asked(at, change, measured)).refusals
         for refusal in refusals:
             if refusal.code != "E-INT-NOTHING" and not _proved_first(at, refusal, at.axis(change.axis)):
-                at.say("P-PUSH-REFUSED", axis=change.name, reason=refusal.words)
-                told.setdefault(change.name, []).append(refusal.words)
+                at.say("P-PUSH-REFUSED", axis=change.name, reason=refusal.message)
+                told.setdefault(change.name, []).append(refusal.message)
     if told:
         reasons = tuple(f"{names}: {reason}" for names, reason in once(told.items()))
         tell(at, refused(at, reasons))

@@ -87,7 +87,7 @@ async def _all(at: Bench, *, apply: bool, choice: Choice) -> tuple[list[PushFind
     begun = Witness(at).begun
     for ended in set_ended_aside(machine_folder(at.store.root / JOURNALS, at.machine.serial), begun):
         if ended.entries:
-            at.say("P-RECOVER", words=make_finding(ended, None, 0.0).words)
+            at.say("P-RECOVER", words=make_finding(ended, None, 0.0).said)
     read: LiveReadings | None = None if may_write else {}
     open_ = unfinished_tables(at.store.root / JOURNALS, at.machine.serial, begun)
     for found in open_:
@@ -111,7 +111,7 @@ async def _left(at: Bench, found: LeftOver, *, apply: bool) -> LeftFinding:
     if not apply:
         return LeftFinding(found)
     after = await clear(at.supervisor, at.patience.start_s)
-    at.say("P-RECOVER", words=after.words)
+    at.say("P-RECOVER", words=after.said.message)
     return LeftFinding(found, after)
 
 
@@ -123,7 +123,7 @@ async def _one(
     if context is None or choice is None:
         finding = make_finding(found, None, 0.0) if context is None else await inspect_unfinished(found, context, read)
         if choice is not None:
-            at.say("P-RECOVER", words=finding.words)
+            at.say("P-RECOVER", words=finding.said)
         return finding, None
     return await _recovered(at, found, context, choice)
 
@@ -137,7 +137,7 @@ async def _recovered(
     def hear(seen: PushFinding) -> None:
         nonlocal finding
         finding = seen
-        at.say("P-RECOVER", words=seen.words)
+        at.say("P-RECOVER", words=seen.said)
 
     try:
         record = await recover_table(found, context, _chosen(found, choice), tell=hear)

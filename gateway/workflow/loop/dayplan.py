@@ -7,6 +7,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
+from drivers.message import Message
 from gateway.config import DayTimes
 from gateway.remaining import Work
 
@@ -87,7 +88,7 @@ class DayPlan:
     times: DayTimes
     pieces: tuple[Piece, ...]
     most_extra_h: float = 0.0
-    unprotected: str = ""
+    unprotected: Message | str = ""
 
     @property
     def mountings(self) -> tuple[ToMount, ...]:
@@ -133,7 +134,7 @@ class DayPlan:
         return {
             "site": self.site,
             "command": self.command,
-            "unprotected": self.unprotected,
+            "unprotected": str(self.unprotected),
             "hours": round(self.hours, 3),
             "most_extra_hours": round(self.most_extra_h, 3),
             "hours_by_stage": {stage: round(hours, 3) for stage, hours in self.by_stage().items()},

@@ -43,7 +43,7 @@ ROADS: dict[str, tuple[Any, str, dict[str, Any], str]] = {
 @pytest.mark.parametrize("road", ROADS)
 def test_the_driver_says_that_its_road_is_open(road: str) -> None:
     driver, url, settings, said = ROADS[road]
-    assert driver("840D", url, settings, LoopClock()).capabilities.unprotected.startswith(said)
+    assert str(driver("840D", url, settings, LoopClock()).capabilities.unprotected).startswith(said)
 
 
 @pytest.mark.parametrize(
@@ -57,13 +57,13 @@ def test_a_protected_road_and_a_cable_of_its_own_are_not_called_open(
 
 def test_a_site_file_tells_it_before_anything_is_opened(tmp_path: Path) -> None:
     path = site_file(tmp_path, "demo", plan=False)
-    assert open_road(load_site(path)).startswith("OPC UA with security None")
+    assert str(open_road(load_site(path))).startswith("OPC UA with security None")
     plain = path.read_text(encoding="utf-8")
     path.write_text(plain.replace('security = "None"', 'security = "best", server_certificate = "c.der"'))
     assert open_road(load_site(path)) == ""
     mailbox = plain.replace("sinumerik-opcua", "sinumerik-modbus").replace("opc.tcp://", "tcp://")
     path.write_text(mailbox.replace('security = "None"', "unit = 1"), encoding="utf-8")
-    assert open_road(load_site(path)).startswith("Modbus without TLS")
+    assert str(open_road(load_site(path))).startswith("Modbus without TLS")
 
 
 @pytest.mark.parametrize("code", ["W-UA-UNPROTECTED", "W-MBX-UNPROTECTED"])

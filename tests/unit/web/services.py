@@ -144,7 +144,7 @@ def offered(folder: Path, site: SiteFile, **more: Any) -> Offered:
         return ""
 
     def health() -> dict[str, object]:
-        alarms = list(at.picture().alarms)
+        alarms = list(map(str, at.picture().alarms))
         return {"status": "alarm", "alarms": alarms} if alarms else {"status": "ok"}
 
     service = Service(
