@@ -6,7 +6,7 @@ import re
 from typing import ClassVar
 
 from drivers.catalogue import catalogue, explained, text_of
-from drivers.message import Form, Message, render, words
+from drivers.message import Form, Message, Moment, Quantity, fields_as_data, render, words
 
 __all__ = ["catalogue", "explained", "render", "text_of", "words"]
 
@@ -57,11 +57,14 @@ class TrueflankError(Exception):
         return {"code": self.code, "where": self.where, "fields": fields, "what": self.what, "do": self.hint}
 
 
+_PARTS = (Message, Quantity, Moment)
+
+
 def _recorded(value: object) -> object:
-    if isinstance(value, (tuple, list)) and any(isinstance(one, (TrueflankError, Message)) for one in value):
+    if isinstance(value, (tuple, list)) and any(isinstance(one, (TrueflankError, *_PARTS)) for one in value):
         return [_recorded(one) for one in value]
     said = value.message if isinstance(value, TrueflankError) else value
-    return said.as_data() if isinstance(said, Message) else str(value)
+    return fields_as_data({"field": said})["field"] if isinstance(said, _PARTS) else str(value)
 
 
 def _again(kind: type[TrueflankError], args: tuple[object, ...]) -> TrueflankError:

@@ -126,18 +126,18 @@ def filled(key: str) -> str | None:
     return found if isinstance(found, str) else None
 
 
-def in_todays_words(data: Any) -> Any:
+def with_current_keys(data: Any) -> Any:
     """JSON data of a kept record with keys and kinds as they are written today; whatever is no such word stays."""
     older = spoken().older
     if isinstance(data, dict):
         return {older.get(key, key): _value(key, value, older) for key, value in data.items()}
-    return [in_todays_words(item) for item in data] if isinstance(data, list) else data
+    return [with_current_keys(item) for item in data] if isinstance(data, list) else data
 
 
 def _value(key: str, value: Any, older: Mapping[str, str]) -> Any:
     if isinstance(value, str):
         return older.get(value, value) if older.get(key) == "kind" else value
-    return in_todays_words(value)
+    return with_current_keys(value)
 
 
 def spoken_texts() -> dict[str, str]:

@@ -19,6 +19,14 @@ class Unstable(CaptureError):
     """A reading never settled inside its window."""
 
 
+class NotMoved(Unstable):
+    """The stream never left the value of the previous stop."""
+
+
+class Scattering(Unstable):
+    """The readings of a window scatter or drift by more than is allowed."""
+
+
 class AmbientOutOfRange(CaptureError):
     """Temperature, pressure or humidity is missing or impossible."""
 

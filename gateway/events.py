@@ -230,6 +230,22 @@ class ProgramSelected(Event):
 
 
 @dataclass(frozen=True, slots=True)
+class MountingRequested(Event):
+    """A person mounts what the next set-up needs; no light comes back meanwhile."""
+
+    code: ClassVar[str] = "P-MOUNT"
+    axis: str = ""
+    setup: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class SetupJogRequested(MountingRequested):
+    """A person mounts a set-up and then moves the axis by hand."""
+
+    code: ClassVar[str] = "P-JOG-SETUP"
+
+
+@dataclass(frozen=True, slots=True)
 class SetupProgramSelected(ProgramSelected):
     """A program that asks for a set-up first."""
 

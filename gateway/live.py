@@ -11,6 +11,7 @@ from contextvars import ContextVar
 from dataclasses import dataclass
 from typing import Protocol
 
+from drivers.message import Message
 from drivers.types.sensing import Ambient, SampleBlock
 from drivers.units import DeviationUnit
 
@@ -40,7 +41,7 @@ class Onlooker(Protocol):
         """What an instrument has just sent."""
         ...
 
-    def waiting(self, instrument: str, missing: str, done_s: float, needed_s: float) -> None:
+    def waiting(self, instrument: str, missing: Message, done_s: float, needed_s: float) -> None:
         """Which condition a reading waits for, and how much of its time has passed, in instrument time."""
         ...
 
@@ -63,7 +64,7 @@ class Nobody:
     def samples(self, instrument: str, block: SampleBlock) -> None:
         """Nothing."""
 
-    def waiting(self, instrument: str, missing: str, done_s: float, needed_s: float) -> None:
+    def waiting(self, instrument: str, missing: Message, done_s: float, needed_s: float) -> None:
         """Nothing."""
 
     def ambient(self, instrument: str, air: Ambient) -> None:

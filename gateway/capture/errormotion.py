@@ -13,7 +13,7 @@ from typing import Literal, Self
 import numpy as np
 
 from drivers.errors import ConfigError
-from drivers.message import Message, Quantity
+from drivers.message import Message, Quantity, fixed
 from drivers.ports.instruments import Instrument
 from drivers.types.sensing import Ambient, SampleBlock
 from drivers.types.stops import Stop
@@ -127,7 +127,7 @@ class ErrorReadings(Readings):
             await self._next_block(timeout_s)
         while self.latest_s < asked + self._ahead_s:
             if self._clock.now() - asked > timeout_s:
-                late = f"samples are {asked + self._ahead_s - self.latest_s:.1f} s old when they arrive"
+                late = Message.of("W-WAIT-LATE", age=fixed(asked + self._ahead_s - self.latest_s, 1))
                 raise Unstable("E-CAP-UNSTABLE", self._instrument.name, missing=late, timeout_s=timeout_s)
             await self._next_block(timeout_s)
 

@@ -22,14 +22,14 @@ from gateway.capture.collecting import Collection
 from gateway.capture.diagnosis import FROZEN_TARGETS, cause
 from gateway.capture.gathered.raw import RawCapture, raw_capture
 from gateway.capture.gathered.widening import Widening
-from gateway.capture.readings import NOT_MOVED, History, Readings
+from gateway.capture.readings import History, Readings
 from gateway.capture.retaking import Retake
 from gateway.capture.rig import Rig
 from gateway.capture.sense import first_channel
 from gateway.capture.targets import measuring_plan, targets_of, with_checks
 from gateway.config import AxisSection
 from gateway.domain.equipment import SenseProof
-from gateway.errors import CaptureError, Unstable
+from gateway.errors import CaptureError, NotMoved, Scattering, Unstable
 from gateway.events import BeamLost
 from gateway.live import onlooker
 from gateway.walk import walk, watched
@@ -234,7 +234,7 @@ class Visits:
 
     def _what_happened(self, error: Unstable) -> TrueflankError:
         """A counter cannot see a broken beam: steady readings at wrong places say that counts were lost."""
-        if str(error.fields.get("missing", "")).startswith("sigma"):
+        if isinstance(error, Scattering):
             return error
         self._in_a_row = 0
         return BeamObstructed("E-CAP-COUNT", self.rig.instrument.name, stops=MOST_UNSETTLED + 1)
@@ -242,7 +242,7 @@ class Visits:
     def _explain(self, stop: Stop, error: Unstable) -> None:
         """Raise what a reading that is not there really means, where that can be told."""
         axis, found = self.rig.axis.name, self.found
-        self._still = self._still + 1 if error.fields.get("missing") == NOT_MOVED else 0
+        self._still = self._still + 1 if isinstance(error, NotMoved) else 0
         if self._still >= FROZEN_TARGETS:
             self._still = 0
             raise BeamObstructed("E-CAP-FROZEN", axis, target=f"{stop.target:g}", count=FROZEN_TARGETS) from error

@@ -11,15 +11,14 @@ from typing import Self
 import numpy as np
 
 from drivers.clock import Clock
-from drivers.errors import BeamObstructed, DeadlineExceeded, TrueflankError, words
+from drivers.errors import BeamObstructed, DeadlineExceeded, TrueflankError
+from drivers.message import Message, digits, fixed
 from drivers.ports.instruments import Instrument
 from drivers.types.sensing import SampleBlock
 from drivers.types.values import FloatArray
 from gateway import live
-from gateway.errors import Unstable
+from gateway.errors import NotMoved, Scattering, Unstable
 
-# Which condition is missing, in words that others compare.
-NOT_MOVED = words("W-WAIT-MOVE")
 MOST_EVENTS = 20
 History = Callable[[FloatArray], FloatArray]
 
@@ -176,17 +175,18 @@ class Readings:
         await self._next_block(window.timeout_s)
         left_at = self._left_since(moved_from)
         begin = self.latest_s + window.settle_s
-        missing, seen = words("W-WAIT-SAMPLES"), words("W-WAIT-SETTLE")
+        kind, missing, seen = Unstable, Message.of("W-WAIT-SAMPLES"), Message.of("W-WAIT-SETTLE")
         while self._clock.now() - start_wait < window.timeout_s:
             self._check_beam()
             if left_at is None:
                 left_at = self._left_since(moved_from)
             if self.latest_s >= begin + window.average_s:
-                missing, reading = self._judge(begin, window, expect, left_at)
-                seen = missing
-                if reading is not None:
+                found = self._judge(begin, window, expect, left_at)
+                if isinstance(found, StopReading):
                     self._forget_before(begin + window.average_s)
-                    return reading
+                    return found
+                kind, missing = found
+                seen = missing
                 begin = max(begin + window.average_s, self.latest_s - window.average_s)
             else:
                 done_s, needed_s = self.latest_s - begin + window.settle_s, window.settle_s + window.average_s
@@ -194,7 +194,7 @@ class Readings:
                 await self._next_block(window.timeout_s)
         read, wanted = self._read or (None, None)
         where, limit_s = self._instrument.name, window.timeout_s
-        raise Unstable("E-CAP-UNSTABLE", where, missing=missing, timeout_s=limit_s, read=read, wanted=wanted)
+        raise kind("E-CAP-UNSTABLE", where, missing=missing, timeout_s=limit_s, read=read, wanted=wanted)
 
     async def at_rest(
         self, window: Window, count: int, *, expect: tuple[float, float] | None = None
@@ -211,23 +211,25 @@ class Readings:
 
     def _judge(
         self, begin: float, window: Window, expect: tuple[float, float] | None, left_at: float | None
-    ) -> tuple[str, StopReading | None]:
+    ) -> StopReading | tuple[type[Unstable], Message]:
+        """The reading, or which condition is missing and the class of the error that says so."""
         time_s, values = self._between(begin, begin + window.average_s)
         if len(time_s) < 3:
-            return words("W-WAIT-FEW"), None
+            return Unstable, Message.of("W-WAIT-FEW")
         combined = self._combine(values)
         sigma, mean = float(np.std(combined, ddof=1)), float(np.mean(combined))
         if left_at is None or left_at > begin:
-            return NOT_MOVED, None
+            return NotMoved, Message.of("W-WAIT-MOVE")
         self._read = None
         off = 0.0 if expect is None else window.off(mean, expect[0])
         if expect is not None and abs(off) > expect[1]:
             self._read = expect[0] + off, expect[0]
-            return words("W-WAIT-PLACE", read=f"{mean:.6f}", room=f"{expect[1]:.6f}", wanted=f"{expect[0]:.6f}"), None
+            at = {"read": fixed(mean, 6), "room": fixed(expect[1], 6), "wanted": fixed(expect[0], 6)}
+            return Unstable, Message.of("W-WAIT-PLACE", **at)
         if sigma > window.stable or self._drifts(combined, sigma, window.stable):
-            return words("W-WAIT-SIGMA", sigma=f"{sigma:.3g}", limit=f"{window.stable:.3g}"), None
+            return Scattering, Message.of("W-WAIT-SIGMA", sigma=digits(sigma, 3), limit=digits(window.stable, 3))
         centre = float(np.mean(time_s))
-        return "", StopReading(values.mean(axis=0), values.std(axis=0, ddof=1), len(time_s), centre)
+        return StopReading(values.mean(axis=0), values.std(axis=0, ddof=1), len(time_s), centre)
 
     @staticmethod
     def _drifts(combined: FloatArray, sigma: float, stable: float) -> bool:

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from drivers.clock import Clock
+from drivers.message import Message
 from drivers.types.sensing import Ambient, SampleBlock
 from drivers.types.values import FloatArray
 from gateway.audience import Audience, kind_of
@@ -106,11 +107,11 @@ class Looking:
             },
         )
 
-    def waiting(self, instrument: str, missing: str, done_s: float, needed_s: float) -> None:
+    def waiting(self, instrument: str, missing: Message, done_s: float, needed_s: float) -> None:
         """Which condition holds up the reading, ten times a second at most."""
         if self._is_due(f"waiting {instrument}"):
             done = max(min(done_s, needed_s), 0.0) if np.isfinite(done_s) else 0.0
-            told = {"instrument": instrument, "missing": missing, "done_s": round(done, 3)}
+            told = {"instrument": instrument, "missing": missing.as_data(), "done_s": round(done, 3)}
             self.tell("waiting", {**told, "needed_s": round(needed_s, 3)})
 
     def ambient(self, instrument: str, air: Ambient) -> None:

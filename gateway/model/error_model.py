@@ -41,13 +41,13 @@ def yk7350b(
 
 @dataclass(frozen=True, slots=True)
 class LocationError:
-    """A measured location error with its standard uncertainty, um or arcsec; ``how`` it was got, in words."""
+    """A measured location error with its standard uncertainty, um or arcsec; ``how`` it was got."""
 
     name: str
     value: float
     u: float
     unit: DeviationUnit
-    how: str = ""
+    how: tuple[Message, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)

@@ -28,7 +28,7 @@ from typing import Any, BinaryIO, Self
 from drivers.local.names import stem
 from drivers.local.ownfiles import make_own_folder, open_own, read_own
 from drivers.message import Message
-from drivers.terms import in_todays_words
+from drivers.terms import with_current_keys
 from gateway.errors import BusyError, StoreError
 from gateway.push.phases import FAILED, PushEvent, PushState, state_of
 
@@ -237,7 +237,7 @@ def _entry(line: bytes, sequence: int, previous: str) -> Entry | None:
         return None
     try:
         facts = json.loads(parts[3][:-1])
-        return Entry(str(facts.pop("kind")), in_todays_words(facts))
+        return Entry(str(facts.pop("kind")), with_current_keys(facts))
     except (ValueError, KeyError, AttributeError):
         return None
 

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from drivers.errors import words
 from drivers.local.names import is_file_name, shown
 from drivers.local.ownfiles import is_link
-from drivers.terms import in_todays_words
+from drivers.terms import with_current_keys
 from drivers.types.identity import MachineIdentity
 from gateway.errors import CorruptRecord, RecordNotFound, StoreError
 from gateway.store import layout, records, seal
@@ -302,4 +302,4 @@ def _facts_in(path: Path, data: bytes | None = None) -> dict[str, Any]:
     seal = facts.pop("sha256", "")
     if seal != records.sha256(records.canonical(facts)) or any(key not in facts for key in _KEYS):
         raise CorruptRecord("E-STORE-HASH", str(path), stage=RUN_FILE)
-    return {**facts, "machine": in_todays_words(facts["machine"])}
+    return {**facts, "machine": with_current_keys(facts["machine"])}

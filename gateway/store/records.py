@@ -10,7 +10,7 @@ import hashlib
 import json
 from typing import Any, TypeVar, cast
 
-from drivers.terms import in_todays_words
+from drivers.terms import with_current_keys
 from gateway.errors import CorruptRecord, FutureSchema, StoreError
 from gateway.store.encoding import read_typed, write_typed
 
@@ -57,7 +57,7 @@ def decode(data: bytes, kind: type[R], where: str = "store") -> R:
         raise CorruptRecord("E-STORE-TYPE", where, found=found, wanted=kind.__name__)
     if "record" not in envelope:
         raise CorruptRecord("E-STORE-FIELD", where, field=kind.__name__, why="the envelope is empty")
-    body = envelope["record"] if envelope["schema"] >= RENAMED else in_todays_words(envelope["record"])
+    body = envelope["record"] if envelope["schema"] >= RENAMED else with_current_keys(envelope["record"])
     if envelope["schema"] < MESSAGES and isinstance(body, dict):
         body = {key: value for key, value in body.items() if key not in _GONE.get(kind.__name__, ())}
     return cast(R, read_typed(body, kind, kind.__name__, where))

@@ -14,6 +14,8 @@ from gateway.report.parameters import ParameterRow, parameter_rows
 from gateway.report.sentences import number, percent
 from gateway.tooth import AxisOutlook
 
+AT_WORK = ("begun", "writing", "written", "on")
+"""What is true of a table while its push works on it (`gateway.push.phases.TableNow`)."""
 ANSWERS = {True: "as predicted", False: "not as predicted", None: "cannot tell: a table is not as pushed"}
 
 
@@ -207,6 +209,12 @@ class StatusView:
     ambient: Mapping[str, object] | None = None
 
     @property
+    def left_held(self) -> tuple[HeldView, ...]:
+        """Pushes that were left without an end: one that is at work now has not been held."""
+        at_work = self.run is not None and any(now in AT_WORK for _table, now in self.run.tables)
+        return () if at_work else self.held
+
+    @property
     def state(self) -> str:
         """One word for all.
 
@@ -215,10 +223,10 @@ class StatusView:
         """
         if self.run is not None:
             return "running"
-        if any(one.loud for one in self.held):
+        if any(one.loud for one in self.left_held):
             return "still-on"
         open_all = all(device.state == "open" for device in self.devices)
-        troubles = (self.trouble is not None, self.alarms, self.due, self.left, self.held)
+        troubles = (self.trouble is not None, self.alarms, self.due, self.left, self.left_held)
         return "ready" if open_all and not any(troubles) else "attention"
 
 

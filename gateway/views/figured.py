@@ -15,9 +15,11 @@ from gateway.evaluate.standards.registry import standards
 from gateway.store import RunFolder
 
 
-def known_standards() -> list[dict[str, str]]:
+def known_standards() -> list[dict[str, Any]]:
     """Every standard by name, edition and what sets it apart, the newest ISO 230-2 first."""
-    return [{"name": one.name, "edition": one.edition, "says": one.says} for one in standards()]
+    return [
+        {"name": one.name, "edition": one.edition, "says": one.says.as_data(), "iso": one.iso} for one in standards()
+    ]
 
 
 def figures_by(folder: RunFolder, axis: str, phase: str, *, name: str, limits: Mapping[str, float]) -> dict[str, Any]:
@@ -76,7 +78,7 @@ def _told(
         "standard": name,
         "unit": unit,
         "rows": rows,
-        "rule": conformity.RULE,
+        "rule": conformity.RULE.as_data(),
         "flags": [one.as_data() for one in flags],
     }
 

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import re
+from collections.abc import Mapping
 from functools import cache
 from importlib import resources
 from typing import Annotated, Any
@@ -54,14 +56,61 @@ def texts(language: str) -> Response:
 
 
 def _words(language: str) -> dict[str, Any]:
-    own = {} if language == "en" else catalogue(language)
-    known = {**catalogue(), **own}
+    page = page_texts(language)
+    known = {**catalogue(), **({} if language == "en" else catalogue(language))}
     return {
-        "page": dict(page_texts(language)),
-        "codes": {code: [one["what"], one["do"], kind_of(code).value] for code, one in known.items()},
+        "page": dict(page),
+        "codes": {
+            code: [*(_at_page(one[part], page) for part in ("what", "do")), kind_of(code).value]
+            for code, one in known.items()
+        },
         "terms": spoken_texts(),
-        "english": {code: [one["what"], one["do"]] for code, one in catalogue().items() if code in own},
     }
+
+
+_KEYS = {
+    "recover --apply": ("push.recover_apply", "frame.push"),
+    "recover --finish": ("push.recover_finish", "frame.push"),
+    "recover --undo": ("push.recover_undo", "frame.push"),
+    "recover": ("push.recover", "frame.push"),
+    "disable": ("push.disable", "frame.push"),
+    "rollback": ("push.roll_back", "frame.push"),
+    "push": ("push.show", "frame.push"),
+    "approve": ("push.approve", "frame.push"),
+    "doctor": ("connect.examine", "frame.connect"),
+    "trust show": ("trust.look", "frame.connect"),
+    "trust accept": ("trust.accept", "frame.connect"),
+    "trust": ("trust.look", "frame.connect"),
+    "self-test": ("capture.self_test", "frame.capture"),
+    "run": ("capture.measure_axes", "frame.capture"),
+    "measure": ("capture.measure_errors", "frame.capture"),
+    "verify-table": ("push.verify", "frame.push"),
+    "report": ("report.make", "frame.report"),
+}
+"""Commands that texts of the catalogue name, and the key of the page that does the same, with its screen."""
+_COMMAND = re.compile(
+    r"`?\btrueflank (trust show|trust accept|[a-z][a-z-]*)"
+    r"((?: (?:SITE\b|NAME\b|\{site\}|[^\s`]+\.toml\b|\.\.\.|--[a-z-]+|(?<=--axis )(?:[\w-]+|\{\w+\})))*)`?"
+    r"(?: with the site file| mit der Anlagendatei)?"
+)
+_SIGNS = (("->", "→"), ("+/-", "±"), ("+-", "±"))
+
+
+def _at_page(text: str, page: Mapping[str, str]) -> str:
+    """A text of the catalogue as the page shows it: commands as its keys, signs as in print."""
+
+    def key(found: re.Match[str]) -> str:
+        name, more = found[1], found[2]
+        flag = next((one for one in ("--finish", "--undo", "--apply") if one in more and f"{name} {one}" in _KEYS), "")
+        at = _KEYS.get(f"{name} {flag}".strip())
+        if at is None:
+            return found[0]
+        return page["order.key"].replace("{key}", page[at[0]]).replace("{screen}", page[at[1]])
+
+    said = _COMMAND.sub(key, text)
+    for typed, printed in _SIGNS:
+        said = said.replace(typed, printed)
+    return said
 
 
 @cache
@@ -70,7 +119,7 @@ def _file(name: str) -> bytes:
 
 
 @routes.get("/standards")
-def every_standard(request: Request) -> list[dict[str, str]]:  # noqa: ARG001 - the door's
+def every_standard(request: Request) -> list[dict[str, Any]]:  # noqa: ARG001 - the door's
     """Standards that figures can be had by, the newest ISO 230-2 first."""
     return known_standards()
 

@@ -113,7 +113,7 @@ class SiteMaker:
             if found.site is None:
                 self.file.unlink()
         faults = [one.error(str(self.file)).as_record() for one in (*found.faults, *found.doubts)]
-        told = {"faults": faults, "remarks": list(found.remarks)}
+        told = {"faults": faults, "remarks": [one.as_data() for one in found.remarks]}
         return {"file": str(self.file), "made": found.site is not None, **told}
 
     def _gone_through(

@@ -35,7 +35,7 @@ class CheckedSite:
     text: str = ""
 
     @property
-    def remarks(self) -> tuple[str, ...]:
+    def remarks(self) -> tuple[Message, ...]:
         """What the file asks for that will do for no push, or only just."""
         from gateway.workflow.axes.beforehand import remarks
 
@@ -181,7 +181,7 @@ def tell(found: CheckedSite, path: Path, rows: Sequence[tuple[str, ...]], *, as_
         devices = [dict(zip(DEVICE_KEYS, row, strict=True)) for row in rows]
         name = found.site.site.name if found.site is not None else None
         notes = [one.as_record(str(path)) for one in (*found.faults, *found.doubts)]
-        told = {"faults": notes, "remarks": list(found.remarks), "devices": devices}
+        told = {"faults": notes, "remarks": list(map(str, found.remarks)), "devices": devices}
         show_json({"site": name, "file": str(path), "valid": not found.faults, **told})
         return
     _lines([fault.error(str(path)) for fault in found.faults], "red")

@@ -68,7 +68,7 @@ def list_standards(*, as_json: bool) -> None:
     if as_json:
         show_json([_label(item) | {"parameters": item.parameters} for item in standards()])
         return
-    rows = [(item.name, item.edition, item.certainty, item.says) for item in standards()]
+    rows = [(item.name, item.edition, item.certainty, str(item.says)) for item in standards()]
     show_table("Standards by name (formulas as sure as said)", ("standard", "edition", "certainty", "what it is"), rows)
 
 

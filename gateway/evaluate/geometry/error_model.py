@@ -8,8 +8,7 @@ from math import hypot
 
 import numpy as np
 
-from drivers.errors import words
-from drivers.message import Message
+from drivers.message import Message, fixed
 from drivers.units import arcsec_to_rad, rad_to_arcsec, um_to_mm
 from gateway.domain.figures import Component
 from gateway.domain.values import COVERAGE, component_unit
@@ -202,7 +201,8 @@ def _square(runs: Sequence[Means], said: list[Message]) -> LocationError | None:
             pairs[turned] = first, second
     if len(pairs) == 2:
         found = reversed_square(from_runs(*pairs[False]), from_runs(*pairs[True]))
-        how = words("S-MODEL-SQUARE", own=f"{rad_to_arcsec(found.own):+.2f}")
+        own_angle = fixed(float(rad_to_arcsec(found.own)), signed=True)
+        how = Message.of("S-MODEL-SQUARE", own=own_angle)
         return _b0z(found.C0Y, found.u, how)
     angles = {one.of.own_angle_arcsec for one in runs if one.of.own_angle_arcsec is not None}
     if len(angles) > 1:  # of one square: two set-ups say two
@@ -211,15 +211,19 @@ def _square(runs: Sequence[Means], said: list[Message]) -> LocationError | None:
     if len(pairs) == 1 and own is not None:
         turned, both = next(iter(pairs.items()))
         against = from_runs(*both, arcsec_to_rad(-own if turned else own))
-        return _b0z(against.C0Y, against.u, words("S-MODEL-SQUARE-KNOWN", own=f"{own:+.2f}"))
+        return _b0z(against.C0Y, against.u, Message.of("S-MODEL-SQUARE-KNOWN", own=fixed(own, signed=True)))
     if runs:
         said.append(Message.of("S-MODEL-HALF", name="B0Z", need="X and Z, and both again with the square turned over"))
     return None
 
 
-def _b0z(above_90_rad: float, u: float, how: str) -> LocationError:
+def _b0z(above_90_rad: float, u: float, how: Message) -> LocationError:
     return LocationError(
-        name="B0Z", value=of_plane("XZ", above_90_rad).value_arcsec, u=float(rad_to_arcsec(u)), unit="arcsec", how=how
+        name="B0Z",
+        value=of_plane("XZ", above_90_rad).value_arcsec,
+        u=float(rad_to_arcsec(u)),
+        unit="arcsec",
+        how=(how,),
     )
 
 
@@ -231,9 +235,9 @@ def _bar(name: str, runs: Sequence[Means], tilt: Tilt, said: list[Message]) -> L
         other = at.get((first + OPPOSITE_DEG) % 360.0)
         if other is not None:
             found = from_bar("C", {letter: (run, other)})
-            how = words("S-MODEL-BAR", lean=f"{-found.artefact[letter]:+.2f}")
+            how = Message.of("S-MODEL-BAR", lean=fixed(-found.artefact[letter], signed=True))
             return LocationError(
-                name=name, value=found.values[f"E{name}"], u=found.U[f"E{name}"] / COVERAGE, unit="arcsec", how=how
+                name=name, value=found.values[f"E{name}"], u=found.U[f"E{name}"] / COVERAGE, unit="arcsec", how=(how,)
             )
     if runs:
         said.append(Message.of("S-MODEL-HALF", name=name, need="the table at 0 and at 180 deg"))
@@ -254,8 +258,7 @@ def _upright(name: str, one: Means, tilt: Tilt) -> StraightnessRun:
 def _against_z(bar: LocationError, square: LocationError | None) -> LocationError:
     """B0C in the bed's frame: the bar shows how C leans against Z, and Z itself leans by B0Z."""
     leans, u = (square.value, square.u) if square is not None else (0.0, 0.0)
-    to_z = words("S-MODEL-TO-Z")
-    how = bar.how if square is not None else f"{bar.how} {to_z}"
+    how = bar.how if square is not None else (*bar.how, Message.of("S-MODEL-TO-Z"))
     return LocationError(name="B0C", value=leans + bar.value, u=hypot(u, bar.u), unit="arcsec", how=how)
 
 
@@ -264,4 +267,4 @@ def _centre(one: Means) -> LocationError:
     name = one.of.name
     found = from_ball("C", [(0.0, {name[0]: one.fitted()})])
     u = hypot(found.U[f"E{name}"] / COVERAGE, one.of.systematic)
-    return LocationError(name=name, value=found.values[f"E{name}"], u=u, unit="um", how=words("S-MODEL-BALL"))
+    return LocationError(name=name, value=found.values[f"E{name}"], u=u, unit="um", how=(Message.of("S-MODEL-BALL"),))

@@ -7,13 +7,12 @@ from dataclasses import dataclass
 from math import floor, hypot, isfinite, sqrt
 from typing import Final, Literal
 
-from drivers.errors import words
 from drivers.message import Message
 from gateway.errors import ModelError
 
 Word = Literal["pass", "fail", "not decidable"]
 Interval = tuple[float, float]
-RULE: Final = words("W-EVAL-RULE")
+RULE: Final = Message.of("W-EVAL-RULE")
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,7 +25,7 @@ class Decision:
     limit: float
     verdict: Word
     why: Message | None = None
-    rule: str = RULE
+    rule: Message = RULE
 
 
 def decide(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import partial
 from typing import Final, Literal
 
@@ -180,7 +180,7 @@ class PositioningStandard:
     certainty: Certainty
     parameters: tuple[str, ...]
     iso: str = ""
-    says: str = ""
+    says: Message = field(default_factory=lambda: Message.stored(""))
 
 
 @dataclass(frozen=True, slots=True)
@@ -219,14 +219,14 @@ _ASME = ("rep_up", "rep_down", "rep_bi", "acc_up", "acc_down", "acc_bi", "lost_m
 _NMTBA = ("A_up", "A_down", "A_bi", "R_up", "R_down", "R_bi")
 _JIS = ("accuracy", "repeatability", "lost_motion")
 _ISO_SAYS = {
-    "1988": "3 s",
-    "1997": "2 s",
-    "2006": "2 s, uncertainty stated",
-    "2014": "2 s, uncertainty stated",
+    "1988": Message.of("S-STD-3S"),
+    "1997": Message.of("S-STD-2S"),
+    "2006": Message.of("S-STD-2SU"),
+    "2014": Message.of("S-STD-2SU"),
 }
 
 
-def _equal(name: str, iso: str, certainty: Certainty = SECONDARY, says: str = "") -> PositioningStandard:
+def _equal(name: str, iso: str, certainty: Certainty = SECONDARY, says: Message | None = None) -> PositioningStandard:
     edition = name[-4:] if _YEAR.fullmatch(name[-4:]) else iso
     return PositioningStandard(
         name=name,
@@ -234,7 +234,7 @@ def _equal(name: str, iso: str, certainty: Certainty = SECONDARY, says: str = ""
         certainty=certainty,
         parameters=statistics.NAMES,
         iso=iso,
-        says=says or f"= ISO 230-2:{iso}",
+        says=says or Message.of("S-STD-EQUAL", iso=f"ISO 230-2:{iso}"),
     )
 
 
@@ -254,16 +254,14 @@ _STANDARDS = (
     _equal("GOST ISO 230-2-2016", "2014"),
     _equal("BS 4656-16", "1988", RECALLED),
     _equal("BS 3800-3", "1988", RECALLED),
-    _equal("ASME B5.54-2005", "1997", RECALLED, "parameters of ISO 230-2:1997; its periodic error and drift apart"),
-    _equal("ASME B5.57", "1997", RECALLED, "parameters of ISO 230-2:1997"),
-    PositioningStandard(
-        "ASME B5.54-1992", "1992", RECALLED, _ASME, says="spreads and ranges of the readings, no sigma"
-    ),
-    PositioningStandard("VDI/DGQ 3441:1977", "1977", RECALLED, _VDI, says="6 s, position scatter and uncertainty"),
-    PositioningStandard("VDI/DGQ 3441:1977 range", "1977", RECALLED, _VDI, says="as 3441, s from mean ranges over d2"),
-    PositioningStandard("NMTBA:1972", "1972", RECALLED, _NMTBA, says="3 s, half widths, band centred (with offset)"),
-    PositioningStandard("NMTBA:1972 without offset", "1972", RECALLED, _NMTBA, says="3 s, half widths about zero"),
-    PositioningStandard("JIS B 6330:1980", "1980", RECALLED, _JIS, says="one pass; half spread of repeated readings"),
+    _equal("ASME B5.54-2005", "1997", RECALLED, Message.of("S-STD-PARAMETERS-APART")),
+    _equal("ASME B5.57", "1997", RECALLED, Message.of("S-STD-PARAMETERS")),
+    PositioningStandard("ASME B5.54-1992", "1992", RECALLED, _ASME, says=Message.of("S-STD-ASME")),
+    PositioningStandard("VDI/DGQ 3441:1977", "1977", RECALLED, _VDI, says=Message.of("S-STD-VDI")),
+    PositioningStandard("VDI/DGQ 3441:1977 range", "1977", RECALLED, _VDI, says=Message.of("S-STD-VDI-RANGE")),
+    PositioningStandard("NMTBA:1972", "1972", RECALLED, _NMTBA, says=Message.of("S-STD-NMTBA")),
+    PositioningStandard("NMTBA:1972 without offset", "1972", RECALLED, _NMTBA, says=Message.of("S-STD-NMTBA-ZERO")),
+    PositioningStandard("JIS B 6330:1980", "1980", RECALLED, _JIS, says=Message.of("S-STD-JIS")),
 )
 
 

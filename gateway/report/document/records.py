@@ -12,7 +12,6 @@ from drivers.terms import shown
 from gateway.domain.outcomes import PushRecord
 from gateway.domain.values import COVERAGE
 from gateway.report.document.content import Block, Bullets, Heading, Pair, Paragraph, PictureBlock, TableBlock, Whole
-from gateway.report.document.retold import retold
 from gateway.report.document.words import Tongue
 from gateway.report.drawings import plots
 from gateway.report.drawings import tooth as drawings
@@ -207,7 +206,7 @@ def _axis_table(axis: AxisMaterial, t: Tongue) -> tuple[Block, ...]:
 
 
 def _remarks(report: ReportMaterial, t: Tongue) -> Iterator[Block]:
-    """What the run itself noted, in English, told in the document's language where the catalogue has its words."""
+    """What the run itself noted, in the document's language."""
     said: list[tuple[str, str | Message]] = [("", text) for text in report.findings]
     for axis in report.axes:
         flags: list[str | Message] = [
@@ -225,10 +224,8 @@ def _remarks(report: ReportMaterial, t: Tongue) -> Iterator[Block]:
 
 
 def _remark(text: str | Message, language: str) -> str:
-    """A sentence of a record that still holds one, or of an older version, is looked up in the catalogue."""
-    if isinstance(text, Message) and text.code:
-        return render(text, language, plain=True)
-    return retold(shown(str(text)), language)
+    """A message in the document's language; what an older version stored as a sentence is shown as stored."""
+    return shown(render(text, language, plain=True) if isinstance(text, Message) else text)
 
 
 def _hashes(report: ReportMaterial, t: Tongue) -> Iterator[Block]:

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import Any, Literal
 
 import numpy as np
 
-from drivers.errors import words
+from drivers.message import Message, Quantity, digits
 from drivers.units import DeviationUnit
 from gateway.domain.figures import Component
 from gateway.domain.values import COVERAGE
@@ -15,14 +15,14 @@ from gateway.model.components import is_periodic, motion_uncertainty, value
 from gateway.model.error_model import TWENTY_ONE, ErrorModel
 
 POINTS = 201
-NOBODY = words("W-ERROR-ASSUMED")
+NOBODY = (Message.of("W-ERROR-ASSUMED"),)
 
 
 @dataclass(frozen=True, slots=True)
 class ErrorRow:
     """One error: lowest and highest value, largest expanded uncertainty U (k = 2); for unknown ones +/- the span.
 
-    ``how`` says in words what it rests on.
+    ``how`` says what it rests on.
     """
 
     name: str
@@ -31,11 +31,11 @@ class ErrorRow:
     high: float
     U: float
     state: Literal["measured", "assumed"]
-    how: str = ""
+    how: tuple[Message, ...] = ()
 
     def as_data(self) -> dict[str, Any]:
         """For JSON."""
-        return asdict(self)
+        return {**asdict(replace(self, how=())), "how": [one.as_data() for one in self.how]}
 
 
 def error_rows(model: ErrorModel) -> tuple[ErrorRow, ...]:
@@ -69,6 +69,7 @@ def _motion(one: Component, systematic: float) -> ErrorRow:
     return ErrorRow(one.name, one.unit, low=least, high=most, U=U, state="measured", how=how)
 
 
-def _fitted(one: Component, low: float, high: float) -> str:
-    ends = {"low": f"{low:g}", "high": f"{high:g}", "axis_unit": one.axis_unit}
-    return words("W-ERROR-FITTED", basis=one.basis, rest=f"{one.residual_rms:.2g}", unit=one.unit, **ends)
+def _fitted(one: Component, low: float, high: float) -> tuple[Message, ...]:
+    ends = {"low": Quantity(low), "high": Quantity(high), "axis_unit": one.axis_unit}
+    rest = digits(one.residual_rms)
+    return (Message.of("W-ERROR-FITTED", basis=one.basis, rest=rest, unit=one.unit, **ends),)

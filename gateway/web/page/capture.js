@@ -9,7 +9,7 @@ import { mounting } from "./drawing.js";
 import { riskAsked, riskParts } from "./push.js";
 import { stuckFor, untested } from "./sentence.js";
 import { base, may, on, state } from "./state.js";
-import { plain, t, told } from "./words.js";
+import { recorded, t, told } from "./words.js";
 
 export const capture = { open };
 
@@ -96,7 +96,7 @@ function air(box) {
 function waiting(box) {
   const run = state.status.run;
   const now = run ? state.waiting : null;
-  const line = !run ? t("capture.idle") : state.ask ? t("capture.asked") : run.kind === "self-test" ? t("capture.still") : now ? t("capture.waits", { what: plain(now.missing) }) : t("capture.goes_on");
+  const line = !run ? t("capture.idle") : state.ask ? t("capture.asked") : run.kind === "self-test" ? t("capture.still") : now ? t("capture.waits", { what: recorded(now.missing) }) : t("capture.goes_on");
   show(box, h("div", { class: "row" }, h("strong", {}, line), now && h("span", { class: "num" }, `${number(now.done_s, 1)} / ${number(now.needed_s, 1)} s`)),
     now ? h("progress", { max: now.needed_s || 1, value: now.done_s, "aria-label": line }) : h("progress", { max: 1, value: 0, "aria-label": line }),
     h("div", { class: "row togo" }, ...(now && stuckFor() ? [h("strong", { class: "warn", id: "stuck", role: "status" }, `▲ ${t("capture.stuck", { seconds: stuckFor() })}`)] : togo(run))));

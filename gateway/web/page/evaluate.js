@@ -5,7 +5,7 @@ import { shown } from "./dialogs.js";
 import { failed, h, same, show, turn } from "./dom.js";
 import { array, number, signed, unit, when } from "./figures.js";
 import { base, chosen, on, state } from "./state.js";
-import { plain, recorded, stateOf, t, told } from "./words.js";
+import { recorded, stateOf, t, told } from "./words.js";
 
 export const evaluate = { open };
 const asked = { run: "", axis: "", phase: "", standard: "" };
@@ -53,7 +53,7 @@ async function drawAll(head, body) {
   const evaluation = await record(asked.run, `evaluation-${asked.axis}-${asked.phase}`);
   const capture = await record(asked.run, `capture-${asked.axis}-${asked.phase}`);
   const figures = await figuresNow();
-  put(h("div", { class: "panel plots" }, curve(evaluation, capture)), h("div", { class: "panel figures" }, table(figures, { evaluation, capture, says: standards.find((one) => one.name === figures.standard)?.says ?? "" })));
+  put(h("div", { class: "panel plots" }, curve(evaluation, capture)), h("div", { class: "panel figures" }, table(figures, { evaluation, capture, standard: standards.find((one) => one.name === figures.standard) })));
 }
 
 function choose(name, value) {
@@ -87,7 +87,7 @@ export function curve(evaluation, capture) {
 
 const VERDICT = { pass: ["✔", "pass"], fail: ["✖", "fail"], "not decidable": ["?", "open"] };
 
-function table(figures, { evaluation, capture, says }) {
+function table(figures, { evaluation, capture, standard }) {
   const u = unit(figures.unit);
   const limit = (row) => h("input", { type: "number", min: 0, step: 0.1, inputmode: "decimal", id: `limit-${row.parameter}`, "aria-label": t("evaluate.limit_of", { name: row.parameter }), value: row.limit ?? "", onchange: (event) => {
     const found = limitsKept();
@@ -103,8 +103,8 @@ function table(figures, { evaluation, capture, says }) {
     return h("span", { class: `verdict ${look}` }, `${symbol} ${t(`verdict.${look}`)}`);
   };
   return [h("h2", {}, figures.standard), h("table", {}, h("thead", {}, h("tr", {}, h("th", {}, t("evaluate.figure")), h("th", { class: "num" }, `[${u}]`), h("th", { class: "num" }, "U (k=2)"), h("th", {}, t("evaluate.limit")), h("th", {}, t("evaluate.verdict")))),
-    h("tbody", {}, [...figures.rows].sort((a, b) => rank(a) - rank(b)).map((row) => h("tr", {}, h("th", { scope: "row" }, symbol(row.parameter)), h("td", { class: "num" }, h("button", { class: "number", "data-figure": row.parameter, "aria-label": t("evaluate.behind", { name: row.parameter }), onclick: () => behind(row, { evaluation, capture, u, figures, says }) }, number(row.value))), h("td", { class: "num" }, number(row.U)), h("td", {}, limit(row)), show(verdicts.get(row.parameter), verdict(row)))))),
-  figures.flags.length > 0 && h("details", {}, h("summary", {}, t("evaluate.notes", { count: figures.flags.length })), h("ul", {}, figures.flags.map((one) => h("li", {}, recorded(one))))), h("p", { class: "muted" }, plain(figures.rule))];
+    h("tbody", {}, [...figures.rows].sort((a, b) => rank(a) - rank(b)).map((row) => h("tr", {}, h("th", { scope: "row" }, symbol(row.parameter)), h("td", { class: "num" }, h("button", { class: "number", "data-figure": row.parameter, "aria-label": t("evaluate.behind", { name: row.parameter }), onclick: () => behind(row, { evaluation, capture, u, figures, standard }) }, number(row.value))), h("td", { class: "num" }, number(row.U)), h("td", {}, limit(row)), show(verdicts.get(row.parameter), verdict(row)))))),
+  figures.flags.length > 0 && h("details", {}, h("summary", {}, t("evaluate.notes", { count: figures.flags.length })), h("ul", {}, figures.flags.map((one) => h("li", {}, recorded(one))))), h("p", { class: "muted" }, recorded(figures.rule))];
 }
 
 // As the standard writes them, the five of both directions first.
@@ -140,14 +140,14 @@ function used(name, { up, down, su, sd, b }) {
 }
 
 // The formula and the readings it was made of.
-function behind(row, { evaluation, capture, u, figures, says }) {
+function behind(row, { evaluation, capture, u, figures, standard }) {
   const [x, up, down, su, sd, b] = ["targets", "mean_up", "mean_down", "s_up", "s_down", "B_i"].map((name) => array(evaluation[name]));
   const own = figures.standard === evaluation.standard;
   const columns = [up, down, su, sd, b];
   const marked = own ? used(row.parameter, { up, down, su, sd, b }) : new Set();
   const cell = (i, column) => h("td", { class: `num ${marked.has(`${i} ${column}`) ? "used" : ""}` }, column === 2 || column === 3 ? number(columns[column][i]) : signed(columns[column][i]));
   const rows = x.map((one, i) => h("tr", {}, h("td", { class: "num" }, number(one, 3)), columns.map((_one, column) => cell(i, column))));
-  shown(`${row.parameter} = ${number(row.value, 3)} ${u}`, [(own || says.startsWith("= ISO 230-2:")) && FORMULA[row.parameter] && h("p", { class: "formula" }, FORMULA[row.parameter]), !own && h("p", {}, `${figures.standard} ${plain(says)}`), marked.size > 0 && h("p", { class: "muted" }, t("evaluate.used")),
+  shown(`${row.parameter} = ${number(row.value, 3)} ${u}`, [(own || standard?.iso) && FORMULA[row.parameter] && h("p", { class: "formula" }, FORMULA[row.parameter]), !own && h("p", {}, `${figures.standard} ${recorded(standard?.says)}`), marked.size > 0 && h("p", { class: "muted" }, t("evaluate.used")),
     h("p", {}, t("evaluate.readings", { count: array(capture.deviations).length, repetitions: array(capture.deviations)[0]?.length ?? 0 })),
     h("div", { class: "scroll", tabindex: "0" }, h("table", {}, h("thead", {}, h("tr", {}, [t("chart.target"), "x̄↑", "x̄↓", "s↑", "s↓", "B"].map((one) => h("th", { class: "num" }, one)))), h("tbody", {}, rows)))]);
 }

@@ -8,7 +8,7 @@ import { screens } from "./screens.js";
 import { hush, quiet } from "./sounds.js";
 import { base, changed, may, on, state } from "./state.js";
 import { atWork, sentence, surelyOn, writing } from "./sentence.js";
-import { plain, t, told } from "./words.js";
+import { recorded, t, told } from "./words.js";
 
 export function build({ again, load }) {
   const bar = { machine: h("div", { class: "machine" }), told: h("div", { class: "chips" }), menu: h("div", { class: "person" }) };
@@ -65,7 +65,7 @@ function drawTop({ machine: place, told: chips, menu: person }, more) {
   const control = status.devices.find((one) => one.name === "controller") ?? status.devices[0];
   show(chips,
     status.simulated && h("strong", { class: "chip simulated" }, t("frame.simulated")),
-    status.unprotected && h("strong", { class: "chip bad unprotected", title: plain(status.unprotected) }, t("frame.unprotected")),
+    status.unprotected && h("strong", { class: "chip bad unprotected", title: recorded(status.unprotected) }, t("frame.unprotected")),
     !status.held.length && !state.offline && stands(status),
     control && !state.offline && chip(control.state.replace(" ", "-"), t("frame.control"), [mark(control.state), ` ${standing(control, status.control)}`], control.driver),
     status.control?.alarms.length > 0 && chip("bad", t("frame.alarms"), [`▲ ${status.control.alarms.slice(0, 3).join(" ")}`]),

@@ -5,7 +5,7 @@ import { failed, h, s, same, show, turn, write } from "./dom.js";
 import { number, unit, when } from "./figures.js";
 import { unrolled } from "./flankmap.js";
 import { base, chosen, on, state } from "./state.js";
-import { message, plain, stateOf, t, told } from "./words.js";
+import { message, prose, stateOf, t, told } from "./words.js";
 
 export const model = { open };
 const asked = { run: "", error: "", sizes: {} };
@@ -139,7 +139,7 @@ function flankOf(tooth) {
 }
 
 function curveOf(box, row) {
-  if (!row.curve) return show(box, h("h2", {}, row.name), h("p", {}, `${row.state === "measured" ? `${number(row.low)} ± ${number(row.U)}` : `± ${number(row.high)}`} ${unit(row.unit)}`), h("p", { class: "muted" }, plain(row.how)));
+  if (!row.curve) return show(box, h("h2", {}, row.name), h("p", {}, `${row.state === "measured" ? `${number(row.low)} ± ${number(row.U)}` : `± ${number(row.high)}`} ${unit(row.unit)}`), h("p", { class: "muted" }, prose(row.how)));
   const { at: xs, value, U } = row.curve;
   const [low, high] = [value.map((one, i) => one - U[i]), value.map((one, i) => one + U[i])];
   show(box, h("div", { class: "row head" }, h("h2", {}, `${row.name} · ${row.curve.axis}`), h("span", { class: "legend" }, t("model.band"))),

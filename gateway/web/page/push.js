@@ -10,7 +10,7 @@ import { lamps } from "./lamps.js";
 import { refresh } from "./live.js";
 import { field } from "./signin.js";
 import { base, changed, chosen, may, on, state } from "./state.js";
-import { capital, message, plain, recorded, say, stateOf, t, told } from "./words.js";
+import { capital, message, recorded, say, stateOf, t, told } from "./words.js";
 
 export const push = { open };
 const asked = { run: "" };
@@ -78,33 +78,29 @@ async function approve(run) {
 async function write(run) {
   const risk = riskAsked(run);
   const moves = toldOnce(newestPlan(run), Boolean(risk));
-  const machine = await machineTyped(t("push.write"), [h("p", {}, t("push.write_what")), riskParts(risk), moves.length > 0 && h("h3", {}, t("push.last_look", { at: lookedAt(run) })), moves.length > 0 && h("ul", { class: "moves" }, moves.map((one) => h("li", {}, plain(one))))], state.site);
+  const machine = await machineTyped(t("push.write"), [h("p", {}, t("push.write_what")), riskParts(risk), moves.length > 0 && h("h3", {}, t("push.last_look", { at: lookedAt(run) })), moves.length > 0 && h("ul", { class: "moves" }, moves.map((one) => h("li", {}, message(one))))], state.site);
   if (machine) give("push", { run, apply: true, machine, risk: risk ? risk.value.trim() : "" });
 }
 
 // One person alone on a connection that others can read and change types that they take this risk.
 const RISK = "unprotected";
-export const riskParts = (risk) => risk && [h("p", { class: "warn" }, `▲ ${plain(state.status.unprotected)}`), field(t("push.risk", { word: RISK }), risk)];
+export const riskParts = (risk) => risk && [h("p", { class: "warn" }, `▲ ${recorded(state.status.unprotected)}`), field(t("push.risk", { word: RISK }), risk)];
 export const riskAsked = (run) => state.status.unprotected && state.file.site.approvals < 2 && !(state.approved[run]?.until > Date.now()) && h("input", { id: "typed-risk", autocomplete: "off", spellcheck: "false" });
 
 // What the last look at this plan told: which way things will move, and what is against it.
 const lastLook = (run) => state.jobs.find((one) => one.kind === "push" && one.run_id === run);
 // That the connection is open to others is said of each table, and by the start: one of them is enough, none beside the risk.
-const OPEN_ROAD = ["P-UNPROTECTED", "W-INT-UNPROTECTED", "E-INT-RISK"];
+const ofRoad = (one) => one?.fields?.road !== undefined || Object.values(one?.fields ?? {}).flat().some((inner) => inner?.code !== undefined && ofRoad(inner));
 function toldOnce(lines, known) {
-  const road = state.status.unprotected;
-  const alone = road ? OPEN_ROAD.map((code) => say(code, { road }, 0)) : [];
-  let told = known;
+  let seen = known;
   return lines.filter((one) => {
-    const text = plain(one);
-    const of = alone.some((said) => text.toLowerCase().includes(said.toLowerCase()));
-    if (!of) return true;
-    const first = !told;
-    told = true;
+    if (!state.status.unprotected || !ofRoad(one)) return true;
+    const first = !seen;
+    seen = true;
     return first;
   });
 }
-const newestPlan = (run) => (lastLook(run)?.lines ?? []).map(message);
+const newestPlan = (run) => lastLook(run)?.lines ?? [];
 const lookedAt = (run) => when(lastLook(run).ended_utc || lastLook(run).started_utc).slice(11);
 
 function steps(box) {
@@ -153,7 +149,7 @@ export const actsWords = (one) => `${ACTS[one.acts]} ${t(`push.acts_${one.acts}`
 // Everything that goes back with one press, what acts in its place, how far that moves its axis, and what of the same
 // push stays on: the figures are those of the terminal.
 const backAgain = (one) => [...one.back.map((each) => [h("b", {}, each.table), ` ${recorded(each.newer)} → ${recorded(each.older)}`, h("small", { class: "below" }, capital(say(each.move.code, each.move.fields, 0, each.move.words)))]), ...(one.stays.length ? [t("push.stays", { tables: one.stays.join(", ") })] : [])];
-const ends = (held, choice) => held.filter((one) => one.back).map((one) => t("push.acts_then", { table: one.fields.axis, acts: plain(choice === "finish" ? one.fields.new : one.fields.old) }));
+const ends = (held, choice) => held.filter((one) => one.back).map((one) => t("push.acts_then", { table: one.fields.axis, acts: recorded(choice === "finish" ? one.fields.new : one.fields.old) }));
 
 const compare = async () => { if (await confirmed(t("push.verify"), t("push.verify_what"))) give("verify-table", {}); };
 
@@ -168,11 +164,11 @@ const OWN = ["push", "disable", "roll-back", "recover", "verify-table"];
 function answer(box) {
   const job = state.jobs.find((one) => OWN.includes(one.kind));
   const run = state.status.run;
-  const lines = run ? state.said.filter((one) => !["count", "detail"].includes(one.kind)).slice(-12).map((one) => say(one.code, one.fields, 0, one.words)) : (job?.lines ?? []).map(message);
+  const lines = run ? state.said.filter((one) => !["count", "detail"].includes(one.kind)).slice(-12) : job?.lines ?? [];
   const error = run ? null : job?.error;
   if (same(box, lines, error, job?.job, Boolean(run))) return;
   // A look at a push is none.
   const head = run ? t("push.at_work") : job ? `${job.data?.refusals ? t("push.show") : t(`kind.${job.kind.replace("-", "_")}`)}: ${t(`job.${job.state}`)}` : t("push.no_answer");
-  const once = toldOnce(error ? [told(error), ...lines] : lines, false);
-  show(box, h("h2", {}, head), error && h("p", { class: "fault", id: "refused", role: "alert" }, once.shift()), h("ul", { class: "lines" }, once.map((one) => h("li", {}, capital(plain(one))))));
+  const once = toldOnce(error ? [error, ...lines] : lines, false);
+  show(box, h("h2", {}, head), error && h("p", { class: "fault", id: "refused", role: "alert" }, told(once.shift())), h("ul", { class: "lines" }, once.map((one) => h("li", {}, capital(message(one))))));
 }

@@ -1,6 +1,6 @@
 // The one large sentence: what to do now, and what more there is to know about it.
 import { state } from "./state.js";
-import { capital, plain, say, t, told, toldApart } from "./words.js";
+import { capital, recorded, say, t, told, toldApart } from "./words.js";
 
 // A push that is at work has not been held: its tables are told as they stand.
 const AT_WORK = ["begun", "writing", "written", "on"];
@@ -22,7 +22,7 @@ function chosen() {
   if (status.run && writing()) return { loud: "", head: t("now.writing"), more: newest() };
   // Whoever recovers a held push is asked to press: that stands above what is wrong until then.
   if (held) return { loud: "bad", head: t(surelyOn(held) ? "now.held_on" : "now.held_maybe"), more: heldWords(held) };
-  if (status.run && stuckFor()) return { loud: "attention", head: t("now.stuck"), more: t("capture.waits", { what: plain(state.waiting.missing) }) };
+  if (status.run && stuckFor()) return { loud: "attention", head: t("now.stuck"), more: t("capture.waits", { what: recorded(state.waiting.missing) }) };
   if (status.run) return { loud: "", head: t("now.wait"), more: newest() };
   if (status.left.length) { const [head, more] = toldApart(status.left[0]); return { loud: "attention", head, more }; }
   if (status.trouble) return { loud: "attention", ...parts(status.trouble) };
@@ -30,9 +30,9 @@ function chosen() {
   const away = status.devices.find((one) => ["lost", "failed"].includes(one.state) || (one.state === "closed" && one.error));
   if (away) return { loud: "attention", head: t("now.device", { name: away.name }), more: told(away.error) };
   if (status.held.length) return { loud: "attention", head: t("now.held"), more: heldWords(status.held[0]) };
-  if (status.alarms.length) return { loud: "attention", head: plain(status.alarms[0]), more: plain(status.due) };
+  if (status.alarms.length) return { loud: "attention", head: recorded(status.alarms[0]), more: recorded(status.due) };
   if (status.failure) return { loud: "attention", ...parts(status.failure) };
-  return { loud: "", head: next(), more: plain(status.due) };
+  return { loud: "", head: next(), more: recorded(status.due) };
 }
 
 // Runs that came to something: one that failed, was stopped or only looked changes nothing about what to do next.
@@ -55,12 +55,12 @@ function next() {
 
 function newest() {
   const last = state.said[state.said.length - 1];
-  return last ? capital(say(last.code, last.fields, 0, last.words)) : plain(state.status.run.words);
+  return last ? capital(say(last.code, last.fields, 0, last.words)) : recorded(state.status.run.words);
 }
 
 // While optics are mounted no light comes back: that is lost only where it was there before.
-const MOUNT = ["P-MOUNT", "P-START-SETUP", "P-JOG-SETUP"];
-const mounts = (ask) => ask && MOUNT.includes(ask.code) && !state.said.slice(-6).some((one) => one.event === "BeamLost");
+const MOUNT = ["MountingRequested", "SetupJogRequested", "SetupProgramSelected"];
+const mounts = (ask) => ask && MOUNT.includes(ask.event) && !state.said.slice(-6).some((one) => one.event === "BeamLost");
 
 // A counter tells no broken beam, and a program that somebody ended tells nothing at all: who stands there can look.
 const LONG_MS = 8000;
@@ -88,4 +88,4 @@ function parts(error) {
 // Whether the journal knows that it is on; of a write that was interrupted nobody knows before the control is asked.
 export const surelyOn = (one) => !one.code.endsWith("UNKNOWN");
 
-export const heldWords = (one) => say(one.code, one.fields, 0, plain(one.words));
+export const heldWords = (one) => say(one.code, one.fields, 0, one.words);

@@ -2,7 +2,7 @@
 import { get, post } from "./api.js";
 import { h, reworded, show } from "./dom.js";
 import { languages } from "./signin.js";
-import { capital, plain, say, t, told } from "./words.js";
+import { capital, recorded, say, t, told } from "./words.js";
 
 const ROADS = ["opcua", "mailbox", "carried", "linuxcnc", "files"];
 const AGAIN_MS = 500;
@@ -69,12 +69,12 @@ export function setUp(enter) {
 }
 
 // What was found at the control behind the last answer; what went wrong there stays.
-const found = (seen) => seen.told.filter((one) => one.loud || one.after === seen.asked.length).map((one) => h("p", { class: one.loud ? "warn found" : "found" }, plain(say(one.code, one.fields)).trim()));
+const found = (seen) => seen.told.filter((one) => one.loud || one.after === seen.asked.length).map((one) => h("p", { class: one.loud ? "warn found" : "found" }, say(one.code, one.fields).trim()));
 
 // At a terminal one types the road, and its question names them; here each has a key.
 const asks = (one) => (one.key === "road" ? t("setup.road") : say(one.code, one.fields));
 const answered = (one) => (one.key === "road" ? t(`setup.${one.answer}`) : one.answer || "–");
-const sentenceOf = (text) => `${capital(plain(text)).replace(/[.。]$/, "")}${document.documentElement.lang === "zh" ? "。" : "."}`;
+const sentenceOf = (text) => `${capital(recorded(text)).replace(/[.。]$/, "")}${document.documentElement.lang === "zh" ? "。" : "."}`;
 // Usual answers, to be changed: nobody knows by heart how an instrument is written.
 const USUAL = {
   laser: ["umd COM5", "attocube-ids tcp://192.168.1.1:9090", "bridge tcp://127.0.0.1:7001", "manual terminal://"],

@@ -1,11 +1,8 @@
 // Every sentence in the person's language, from the one catalogue of the product.
 import { get } from "./api.js";
 import { unit } from "./figures.js";
-import { teller } from "./retold.js";
 
-let texts = { page: {}, codes: {}, terms: {}, english: {} };
-// What was made in English, in the person's language.
-let retold = (text) => text;
+let texts = { page: {}, codes: {}, terms: {} };
 export const LANGUAGES = { en: "English", zh: "中文", de: "Deutsch" };
 
 export function language() {
@@ -15,8 +12,6 @@ export function language() {
 
 export async function speak(code) {
   texts = await get(`/static/words/${code}.json`);
-  const english = Object.entries(texts.english).map(([one, parts]) => [one, parts.map((text) => text.replace(UNIT.usual, unit))]);
-  retold = english.length ? teller(Object.fromEntries(english), texts.terms, (one, part, fields) => shown(filled(texts.codes[one][part], fields))) : (text) => text;
   localStorage.setItem("language", code);
   document.documentElement.lang = code;
 }
@@ -36,7 +31,7 @@ function filled(text, fields) {
     if (form === "prose") return prose(Array.isArray(value) ? value : [value]);
     if (value !== null && typeof value === "object") return written(value);
     if (typeof value === "number" && !form) return decimal(String(value));
-    if (!form || !Number.isFinite(Number(value))) return retold(String(value));
+    if (!form || !Number.isFinite(Number(value))) return String(value);
     const digits = /\.(\d)f/.exec(form)?.[1];
     return decimal(withSign(Number(value), digits ? Number(digits) : null, form.startsWith("+")));
   });
@@ -46,14 +41,14 @@ const tongue = () => document.documentElement.lang;
 const decimal = (text) => (tongue() === "de" ? text.replace(/(?<=\d)\.(?=\d)/g, ",") : text);
 
 function withSign(value, digits, signed) {
-  const plain = digits === null ? String(Number(value.toPrecision(6))) : value.toFixed(digits);
+  const plain = (digits === null ? String(Number(value.toPrecision(6))) : value.toFixed(digits)).replace("-", "−");
   return signed && value >= 0 ? `+${plain}` : plain;
 }
 
 // {count:# target|# targets}: the forms in the order of the language's plural categories, as drivers/message.py has them.
 function counted(value, form) {
   const [number, of] = typeof value === "object" ? [value.value, value.unit] : [Number(value), ""];
-  if (!Number.isFinite(number)) return retold(String(value));
+  if (!Number.isFinite(number)) return String(value);
   const forms = form.split("|").slice(0, tongue() === "zh" ? 1 : 2);
   return (number === 1 ? forms[0] : forms[forms.length - 1]).replace("#", `${decimal(String(number))} ${of}`.trim());
 }
@@ -72,15 +67,15 @@ function written(value) {
 }
 
 // A message of a record or of an error: its text, and what to do; codes and places are for logs. One without a code was
-// finished by an older version.
+// finished by an older version and is shown as it was stored.
 export function message({ code, fields, form }) {
-  if (!code) return plain(fields.text);
+  if (!code) return String(fields.text ?? "");
   const advice = form === "error" ? say(code, fields, 1) : "";
   return [say(code, fields), advice].filter(Boolean).join(" → ");
 }
 
 // What a record says: a message, or the sentence that an older version stored ("" for nothing).
-export const recorded = (one) => (one !== null && typeof one === "object" ? message(one) : plain(one));
+export const recorded = (one) => (one !== null && typeof one === "object" ? message(one) : String(one ?? ""));
 
 // Several sentences of a record, one after another.
 export const prose = (said) => (Array.isArray(said) ? said.map(message).join(tongue() === "zh" ? "" : " ") : recorded(said));
@@ -94,7 +89,7 @@ export function say(code, fields, part = 0, otherwise = "") {
   const known = texts.codes[code];
   const own = t(`instead.${code}_${part ? "do" : "what"}`, fields);
   if (!own.startsWith("[")) return own;
-  return known ? atPage(shown(filled(known[part], fields))) : atPage(retold(otherwise)) || code;
+  return known ? shown(filled(known[part], fields)) : otherwise || code;
 }
 
 // As a sentence begins; a key of a file, and an address, stay as they are written.
@@ -106,29 +101,6 @@ export function stateOf(run) {
   return found.startsWith("[") ? run.state : found;
 }
 
-// Commands that the catalogue names, and the key of the page that does the same, with its screen.
-const KEYS = {
-  "recover --apply": ["push.recover_apply", "frame.push"], "recover --finish": ["push.recover_finish", "frame.push"], "recover --undo": ["push.recover_undo", "frame.push"], recover: ["push.recover", "frame.push"], disable: ["push.disable", "frame.push"],
-  rollback: ["push.roll_back", "frame.push"], push: ["push.show", "frame.push"], approve: ["push.approve", "frame.push"], doctor: ["connect.examine", "frame.connect"],
-  "trust show": ["trust.look", "frame.connect"], "trust accept": ["trust.accept", "frame.connect"], trust: ["trust.look", "frame.connect"], "self-test": ["capture.self_test", "frame.capture"],
-  run: ["capture.measure_axes", "frame.capture"], measure: ["capture.measure_errors", "frame.capture"], "verify-table": ["push.verify", "frame.push"], report: ["report.make", "frame.report"],
-};
-const COMMAND = /`?\btrueflank (trust show|trust accept|[a-z][a-z-]*)((?: (?:SITE\b|NAME\b|[^\s`]+\.toml\b|\.\.\.|--[a-z-]+|(?<=--axis )[\w-]+))*)`?(?: with the site file)?/g;
-
-// As print has it: a real minus sign, arrows, and what an interval is written with.
-const minus = (text) => text.replace(/(?<![\w.:)\]-])-(?=\d)/g, "−").replaceAll(" -> ", " → ").replaceAll("+/-", "±").replaceAll("+-", "±");
-
-function atPage(text) {
-  return minus(String(text)).replace(COMMAND, (all, name, more) => {
-    const flag = ["--finish", "--undo", "--apply"].find((one) => more.includes(one) && `${name} ${one}` in KEYS);
-    const key = KEYS[flag ? `${name} ${flag}` : name];
-    return key ? t("order.key", { key: t(key[0]), screen: t(key[1]) }) : all;
-  });
-}
-
-// A finished sentence without codes and the places beside them, which are for logs.
-export const plain = (text) => atPage(retold(shown(String(text ?? "").replace(/\b[EPRSW](-[A-Z0-9]+)+(?: \[[^\]]*\])?: /g, ""))));
-
 export const kindOf = (code) => texts.codes[code]?.[2] ?? "result";
 
 // An error record of the service: what happened, and what to do.
@@ -139,6 +111,6 @@ export function told(error) {
 export function toldApart(error) {
   // What happened on a wire says nothing without whose wire it is.
   const whose = error.code.startsWith("E-LINK-") && error.where ? `${error.where}${document.documentElement.lang === "zh" ? "：" : ": "}` : "";
-  const parts = [whose + say(error.code, error.fields, 0, error.what), say(error.code, error.fields, 1, error.do)].map(plain);
+  const parts = [whose + say(error.code, error.fields, 0, error.what), say(error.code, error.fields, 1, error.do)];
   return parts.map((one) => one && `${capital(one).replace(/[.。]$/, "")}${document.documentElement.lang === "zh" ? "。" : "."}`);
 }

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from drivers.errors import words
+from drivers.message import Message
 from gateway.config import SiteFile
 from gateway.interlocks import MIN_REPETITIONS
 
 SPARE = 2
 
 
-def remarks(site: SiteFile) -> tuple[str, ...]:
+def remarks(site: SiteFile) -> tuple[Message, ...]:
     """One line for each live axis that asks for no more repetitions than a push needs."""
     asked = {axis.name: axis.measure.repetitions for axis in site.axes if axis.measure.file is None}
     letters = {axis.name: axis.letter for axis in site.axes}
@@ -19,7 +19,7 @@ def remarks(site: SiteFile) -> tuple[str, ...]:
     return tuple(_told(axis, count) for axis, count in asked.items() if count <= MIN_REPETITIONS)
 
 
-def _told(axis: str, asked: int) -> str:
+def _told(axis: str, asked: int) -> Message:
     code = "W-SITE-REPETITIONS-FEW" if asked < MIN_REPETITIONS else "W-SITE-REPETITIONS-LEAST"
     fields = {"asked": asked, "needed": MIN_REPETITIONS, "advised": MIN_REPETITIONS + SPARE}
-    return words(code, axis=axis, **fields)
+    return Message(code, {"axis": axis, **fields})

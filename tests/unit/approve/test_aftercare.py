@@ -172,10 +172,10 @@ async def test_the_daemon_compares_by_itself_or_says_that_it_is_due(alone: bool)
     desk: Any = Watcher(clock)
     task = asyncio.create_task(each_day(desk, daily, clock))
     await clock.sleep(3600.0 - LOOK_EVERY_S)
-    assert (done, daily.words) == ([], "")
+    assert (done, daily.due_message) == ([], None)
     await clock.sleep(2 * LOOK_EVERY_S)
     assert len(done) == alone
-    assert ("X1" in daily.words) is not alone
+    assert ("X1" in str(daily.due_message)) is not alone
     await clock.sleep(TRY_AGAIN_S)
     assert desk.begun == 2 * alone, "what failed is tried again after an hour, not before"
     task.cancel()

@@ -247,7 +247,7 @@ def test_a_site_that_asks_for_no_more_than_the_least_is_told(asked: int, word: s
         one["measure"]["repetitions"] = asked
     told = remarks(SiteFile.model_validate(data))
     assert len(told) == (3 if word else 0)
-    assert all(word in line and "to 5 or more" in line for line in told)
+    assert all(word in line and "to 5 or more" in line for line in map(str, told))
 
 
 def test_a_site_that_asks_for_two_repetitions_is_whole_with_two() -> None:

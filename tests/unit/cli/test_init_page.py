@@ -89,7 +89,7 @@ def test_what_is_doubtful_in_a_written_file_is_told_and_no_reason_against_it(tmp
     found = checked(tmp_path / "site.toml")
     assert made["made"]
     assert [one["code"] for one in made["faults"]] == [one.code for one in (*found.faults, *found.doubts)] != []
-    assert made["remarks"] == list(found.remarks)
+    assert made["remarks"] == [one.as_data() for one in found.remarks]
 
 
 def test_a_user_is_not_left_empty(tmp_path: Path) -> None:

@@ -78,7 +78,7 @@ def test_locations_are_those_of_the_bed_frame_that_x_and_z_make(seed: int) -> No
         assert found[name].value == pytest.approx(value_arcsec, abs=0.3), name
         assert abs(found[name].value - value_arcsec) < 4.0 * found[name].u + 0.02
         assert 0.0 < found[name].u < 0.2
-    assert "angle error of the square is +0.8" in found["B0Z"].how
+    assert "angle error of the square is +0.8" in str(found["B0Z"].how[0])
 
 
 def test_uncertainty_covers_what_is_left_and_is_blind_to_slopes() -> None:

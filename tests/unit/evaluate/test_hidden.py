@@ -52,7 +52,7 @@ def test_waves_near_the_targets_spacing_are_found_and_not_understated(
 def test_one_bad_place_between_two_targets_is_not_claimed_to_be_seen() -> None:
     bad = captured(3, extra=lambda q: 6.0 * np.clip(1.0 - np.abs(q - 130.0) / 2.5, 0.0, 1.0)).hidden()
     assert bad.u == 0.0
-    assert "A single local deviation between two of them may remain unseen" in bad.words
+    assert "A single local deviation between two of them may remain unseen" in str(bad.words[0])
 
 
 def test_random_offsets_betray_structure_without_check_stops() -> None:

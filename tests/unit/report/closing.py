@@ -103,6 +103,9 @@ def motion(name: str, seed: int) -> Component:
     return Component(name, f"{name[2]}1", "mm", "polynomial", domain, c, np.eye(4) * 0.01, parameters, 0.08)
 
 
+BAR = (Message.stored("tilt of Z measured against a bar at two positions half a turn apart"),)
+
+
 def errors() -> ErrorModel:
     """18 motions less one that was only assumed, and three location errors."""
     known = [name for name in MOTION_NAMES if name != "EAZ"]
@@ -114,13 +117,21 @@ def errors() -> ErrorModel:
                 6.2,
                 0.4,
                 "arcsec",
-                "both slopes were measured against one square, and again with the square reversed",
+                (Message.stored("both slopes were measured against one square, and again with the square reversed"),),
             ),
             LocationError(
-                "A0C", -3.1, 0.5, "arcsec", "tilt of Z measured against a bar at two positions half a turn apart"
+                "A0C",
+                -3.1,
+                0.5,
+                "arcsec",
+                BAR,
             ),
             LocationError(
-                "B0C", 2.2, 0.5, "arcsec", "tilt of Z measured against a bar at two positions half a turn apart"
+                "B0C",
+                2.2,
+                0.5,
+                "arcsec",
+                BAR,
             ),
         ),
         (UnmeasuredError("EAZ", 5.0, "arcsec"),),

@@ -157,7 +157,9 @@ def hostile(text: str) -> ReportMaterial:
     table = TableMaterial(replace(change, axis=text, new=new))
     skipped = TableMaterial(replace(change, axis=text, new=new, skipped=Message.stored(text)))
     tooth = ToothMaterial(
-        ErrorModel((), (LocationError(text, 1.0, 0.1, "arcsec", text),), said=(Message.stored(text),)),
+        ErrorModel(
+            (), (LocationError(text, 1.0, 0.1, "arcsec", (Message.stored(text),)),), said=(Message.stored(text),)
+        ),
         made,
         replace(closing.tooth().verdict or pytest.fail("no verdict"), words=(Message.stored(text),)),
         (PartMaterial(text, GroundPart(text, SetupValues(), 2, text, text), flank),),

@@ -8,6 +8,7 @@ from pathlib import Path
 
 from prometheus_client.parser import text_string_to_metric_families
 
+from drivers.message import Message
 from gateway.views import HeldView
 from tests.unit.web.client import Client
 from tests.unit.web.pictures import status
@@ -22,7 +23,7 @@ def figures(folder: Path) -> dict[str, list[tuple[dict[str, str], float]]]:
     """Every sample by its name, as a program with a viewer's token reads them."""
     offer = offered(folder, SITE)
     held = (HeldView("R-HELD-ON: x", loud=True), HeldView("R-HELD-OFF: y", loud=False))
-    offer.at.shown = lambda: status(alarms=("X1 differs",), held=held, due="C1 is due")
+    offer.at.shown = lambda: status(alarms=(Message.stored("X1 differs"),), held=held, due=Message.stored("C1 is due"))
     offer.service.doors.accounts.put("prometheus", ("viewer",), password="a long sentence")
     token, _made = offer.service.doors.accounts.give_token("prometheus", offer.service.clock.utc())
     answer = Client(offer.app).get("/metrics", headers={"Authorization": f"Bearer {token}"})

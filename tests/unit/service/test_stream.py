@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from drivers.clock import LoopClock
+from drivers.message import Message
 from drivers.types.sensing import Ambient, SampleBlock
 from gateway.daemon.hub import LONGEST_QUEUE, MOST_LISTENERS, Hub
 from gateway.daemon.looking import MOST_ASKED, Looking
@@ -118,8 +119,10 @@ async def test_what_is_waited_for_is_told_seldom_and_finite() -> None:
     frames: list[dict[str, Any]] = []
     looking = Looking(lambda _kind, data: frames.append(dict(data)), LoopClock())
     for _time in range(5):
-        looking.waiting("laser", "no samples", -np.inf, 2.0)
-    assert frames == [{"instrument": "laser", "missing": "no samples", "done_s": 0.0, "needed_s": 2.0}]
+        looking.waiting("laser", Message.of("W-WAIT-SAMPLES"), -np.inf, 2.0)
+    assert frames == [
+        {"instrument": "laser", "missing": {"code": "W-WAIT-SAMPLES", "fields": {}}, "done_s": 0.0, "needed_s": 2.0}
+    ]
 
 
 async def test_a_reading_is_asked_for_again_once_and_not_without_end() -> None:

@@ -62,7 +62,7 @@ def test_what_an_older_version_wrote_is_what_is_tested() -> None:
 
 
 @pytest.mark.parametrize("record", [PROPOSAL, PROOF, LIVE, MACHINE], ids=lambda one: type(one).__name__)
-def test_an_older_record_is_read_in_todays_words(record: Any) -> None:
+def test_an_older_record_is_read_with_current_keys(record: Any) -> None:
     assert same(records.decode(older(records.encode(record)), type(record)), record)
 
 

@@ -47,12 +47,14 @@ def test_health_is_short(client: Callable[..., Client]) -> None:
 
 def test_an_alarm_stands_on_the_page_in_the_data_and_in_the_health(client: Callable[..., Client]) -> None:
     alarm = "X1: the live table holds <b>other</b> values"
-    at = client(lambda: status(devices=(), run=None, alarms=(alarm,), due="C1 is due"))
+    due = Message.of("W-VERIFY-DUE", hour="06", tables="C1")
+    at = client(lambda: status(devices=(), run=None, alarms=(Message.stored(alarm),), due=due))
     assert at.get("/healthz").json() == {"status": "alarm", "alarms": [alarm]}
     data = at.get("/api/v1/sites/hall-3/status").json()
-    assert (data["state"], data["alarms"], data["due"]) == ("attention", [alarm], "C1 is due")
+    assert (data["state"], [one["text"] for one in data["alarms"]]) == ("attention", [alarm])
+    assert (data["due"]["code"], data["due"]["text"]) == ("W-VERIFY-DUE", str(due))
     text = Outline(at.get("/status").text).text
-    assert text.index(alarm) < text.index("C1 is due") < text.index("Devices")
+    assert text.index(alarm) < text.index("not compared since 06:00 UTC: C1") < text.index("Devices")
     assert "Needs attention" in text
 
 
@@ -81,6 +83,20 @@ def test_a_table_that_is_still_on_stands_first_and_loudest(client: Callable[...,
     assert (
         client(lambda: status(run=None, held=(calm,))).get("/api/v1/sites/hall-3/status").json()["state"] == "attention"
     )
+
+
+@pytest.mark.parametrize(
+    ("tables", "held"), [([("X1", "writing")], False), ([("X1", "on")], False), ([("X1", "unknown")], True), ([], True)]
+)
+def test_a_push_that_is_at_work_is_not_called_held(
+    client: Callable[..., Client], tables: list[tuple[str, str]], held: bool
+) -> None:
+    loud = HeldView("R-HELD-UNKNOWN: X1, transaction 7: nobody knows whether it is on", loud=True)
+    run = RunView("r-3", "push", "X1", 0, 0, None, "2026-03-02T09:00:00+00:00", tables=tuple(tables))
+    seen = status(run=run, held=(loud,))
+    text = Outline(client(lambda: seen).get("/status").text).text
+    assert (loud.words in text, seen.state) == (held, "running")
+    assert status(run=None, held=(loud,)).state == "still-on"
 
 
 def test_page_without_devices_runs_or_trouble_is_calm(client: Callable[..., Client]) -> None:
