@@ -6,6 +6,7 @@ import os
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
+from dataclasses import replace
 from datetime import datetime
 from pathlib import Path
 
@@ -96,6 +97,11 @@ class Approvals:
         found = [_read(self._folder / name) for name in fresh]
         wanted = [approval for approval in found if plan_hash in ("", approval.plan_hash)]
         return tuple(sorted(wanted, key=lambda approval: (approval.given_utc, approval.actor)))
+
+    @staticmethod
+    def signed_form(approval: Approval) -> bytes:
+        """What of an approval is signed: all but the signature."""
+        return b"trueflank approval 1\n" + records.encode(replace(approval, signature=""))
 
     @staticmethod
     def digest(approval: Approval) -> str:

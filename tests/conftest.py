@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import atexit
 import contextlib
 import functools
 import gc
@@ -10,6 +11,7 @@ import inspect
 import itertools
 import os
 import shutil
+import tempfile
 from collections.abc import Generator, Iterator
 from pathlib import Path
 
@@ -37,6 +39,16 @@ def _write_to_memory() -> None:
 
 
 _write_to_memory()
+
+
+def _own_keys() -> None:
+    """Keys that sign proposals and approvals lie in a folder of this process and its children, never at home."""
+    place = tempfile.mkdtemp(prefix="trueflank-keys-")
+    os.environ["TRUEFLANK_KEYS"] = place
+    atexit.register(shutil.rmtree, place, ignore_errors=True)
+
+
+_own_keys()
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:

@@ -24,7 +24,8 @@ _MARKER_LEFT: Mapping[str, bool] = {"committed": True, "held": True, "none": Fal
 class LogState:
     """One machine's part of a log, but for ``prefixes``: the first 64 bits of every line's hash.
 
-    ``plans`` are (plan hash, hash of the stored proposal) pairs that were proposed; ``approved`` and ``used`` hashes of
+    ``plans`` are (plan hash, hash of the stored proposal) pairs that were proposed, each with the keys and signatures
+    of its lines; ``approved`` and ``used`` hashes of
     approvals; ``begun`` transactions, ``announced`` those of them with a journal; ``last_mark`` the transaction whose
     end the control's marker should still name (0 none); ``alarms`` what was found at each table at the last look, where
     it was not as pushed; ``looked`` when each table was compared last (UTC), ``kinds`` what was found then.
@@ -32,7 +33,7 @@ class LogState:
     """
 
     prefixes: set[int] = field(default_factory=set)
-    plans: set[tuple[str, str]] = field(default_factory=set)
+    plans: dict[tuple[str, str], set[tuple[str, str]]] = field(default_factory=dict)
     approved: set[str] = field(default_factory=set)
     used: set[str] = field(default_factory=set)
     begun: set[int] = field(default_factory=set)
@@ -54,7 +55,8 @@ class LogState:
         if action == BEGUN:
             self.announced.add(number)
         if action == PROPOSED:
-            self.plans.add((entry["plan_hash"], str(details.get("proposal", ""))))
+            signed = (str(details.get("key", "")), str(details.get("signature", "")))
+            self.plans.setdefault((entry["plan_hash"], str(details.get("proposal", ""))), set()).add(signed)
         elif action in (APPROVED, USED):
             (self.approved if action == APPROVED else self.used).add(str(details.get("approval", "")))
         elif action == ENDING:

@@ -26,7 +26,7 @@ from gateway.daemon.logs import logged_into
 from gateway.daemon.notify import Notifier, keep_telling
 from gateway.daemon.served import ServedPlace, Serving, either, software
 from gateway.store.logbook import LogBook
-from gateway.users import Sessions, UserAccounts
+from gateway.users import KeyRing, Sessions, UserAccounts
 from gateway.web import Service, create_app
 
 LATER_S = 3.0
@@ -126,6 +126,9 @@ def service_of(
     first = next(iter(places.values()))
     wanted, root = first.site.service, first.store.root
     doors = doors_of(root, clock, accounts, sessions or sessions_of(clock, wanted), hosts=wanted.hosts, secure=secure)
+
+    for place in places.values():
+        KeyRing(place.store.root).follow(root)
 
     def health() -> dict[str, object]:
         alarms = [str(alarm) for place in places.values() for alarm in place.alarms]

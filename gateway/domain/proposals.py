@@ -116,7 +116,8 @@ class Approval:
 
     ``actor`` is who gave it; ``serial`` the machine; it holds from ``given_utc`` until ``expires_utc`` (ISO 8601
     with offset). ``run_id`` is the run whose proposal was approved. ``kept_by`` are those who made the
-    approver's account or gave it a secret within seven days before: their pushes it does not approve.
+    approver's account or gave it a secret within seven days before: their pushes it does not approve. ``signature``
+    is that of all else by the approver's ``key`` (ed25519, hex; "" where nobody at the store has one).
     """
 
     actor: str
@@ -127,6 +128,8 @@ class Approval:
     expires_utc: str
     run_id: str = ""
     kept_by: tuple[str, ...] = ()
+    key: str = ""
+    signature: str = ""
 
 
 @dataclass(frozen=True, slots=True)

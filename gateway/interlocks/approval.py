@@ -149,6 +149,8 @@ def _approval_problem(facts: PushFacts, approval: Approval) -> Iterator[Refusal]
         yield from refuse("E-INT-APPROVAL-USED", actor=approval.actor)
     elif approval in facts.request.unrecorded_approvals:
         yield from refuse("E-INT-APPROVAL-UNRECORDED", actor=approval.actor)
+    elif approval in facts.request.unsigned_approvals:
+        yield from refuse("E-INT-APPROVAL-UNSIGNED", actor=approval.actor)
     elif not _is_short_enough(approval):
         yield from refuse("E-INT-APPROVAL-TOO-LONG", actor=approval.actor, given=approval.given_utc, **_times(approval))
     elif not _is_valid_at(approval, facts.request.consent_utc or facts.now_utc):

@@ -90,10 +90,11 @@ class PushContext:
     the caller's transaction key: the same key with the same plan gives the same answer.
 
     ``log`` is the audit log (None: nobody keeps one, as in a trial). ``is_proposed`` says whether it contains the
-    proposal of this plan, ``used_approvals`` and ``unrecorded_approvals`` are those that it knows as used, or does not
-    know at all, ``alarms`` what it found at the axis' live tables. ``run_id`` is the run that approvals must name;
-    ``consent_utc`` when this push began, which is when they must hold (None: now). ``on_live`` is told the live tables
-    as read before anything is disabled, cross tables as deviations, and answers with the alarms that stand then.
+    signed proposal of this plan, ``used_approvals`` and ``unrecorded_approvals`` are those that it knows as used, or
+    does not know at all, ``unsigned_approvals`` those without a signature of their person's known key, ``alarms`` what
+    it found at the axis' live tables. ``run_id`` is the run that approvals must name; ``consent_utc`` when this push
+    began, which is when they must hold (None: now). ``on_live`` is told the live tables as read before anything is
+    disabled, cross tables as deviations, and answers with the alarms that stand then.
 
     ``self_test`` is the last one of the output axis (None: this store knows none). ``risk_taken``: who pushes has typed
     the risk of a connection that is not protected. ``resumes``: what was begun under ``key`` and has not ended goes on.
@@ -133,6 +134,7 @@ class PushContext:
     is_proposed: bool = True
     used_approvals: tuple[Approval, ...] = ()
     unrecorded_approvals: tuple[Approval, ...] = ()
+    unsigned_approvals: tuple[Approval, ...] = ()
     alarms: tuple[Message, ...] = ()
     run_id: str = ""
     on_live: Callable[[LiveSet], tuple[Message, ...]] | None = None

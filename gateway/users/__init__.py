@@ -17,11 +17,13 @@ from gateway.users.records import (
 from gateway.users.refusals import RefusedSignIn, RefusedSignIns
 from gateway.users.second_factor import factor_uri, new_factor
 from gateway.users.sessions import Session, Sessions
+from gateway.users.signatures import KeyRing, Signer
 
 __all__ = [
     "MOST_TOKEN_DAYS",
     "ROLES",
     "TOKEN_DAYS",
+    "KeyRing",
     "KnownBrowsers",
     "Person",
     "ProgramToken",
@@ -29,6 +31,7 @@ __all__ = [
     "RefusedSignIns",
     "Session",
     "Sessions",
+    "Signer",
     "Tries",
     "UserAccount",
     "UserAccounts",

@@ -40,6 +40,7 @@ from gateway.users.records import (
     UserRole,
 )
 from gateway.users.second_factor import is_factor, step_of
+from gateway.users.signatures import KeyRing, KnownPerson, SealedKey, Signer, new_key, seal, unseal
 
 FOLDER, USERS, FIRST = "service", "users.json", "first-start.token"
 SCHEMA = 2
@@ -62,32 +63,35 @@ class UserAccounts:
         self._path = root / FOLDER / USERS
         self._first = first_token_path(root)
         self._hasher = hasher or Hasher()
+        self.ring = KeyRing(root)
         self._leaked = leaked
         self._uses: dict[str, str] = {}
         self._changing = threading.RLock()
 
     def all(self) -> tuple[UserAccount, ...]:
-        """Every account by name. Raises CorruptRecord (E-USER-FILE), StoreError (E-STORE-DISK)."""
+        """Every account by name. Raises CorruptRecord (E-USER-FILE, E-USER-FOREIGN), StoreError (E-STORE-DISK)."""
         with disk_errors(self._path):
             data = read_own(self._path) if self._path.exists() else b""
         if not data:
+            self._require_ours("", b"", "")
             return ()
         try:
             kept = json.loads(data)
+            self._require_ours(kept.get("key", ""), _signed(kept["users"]), kept.get("signature", ""))
             return tuple(_account(one) for one in kept["users"])
         except (ValueError, TypeError, KeyError) as error:
             raise CorruptRecord("E-USER-FILE", str(self._path), why=str(error)) from error
+
+    def _require_ours(self, public: str, data: bytes, signature: str) -> None:
+        """Once this file was written here, one that is not signed by a gateway known here is somebody else's."""
+        if (public or self.ring.has_accounts) and not self.ring.is_gateways(public, data, signature):
+            raise CorruptRecord("E-USER-FOREIGN", str(self._path), keys=str(self.ring.path))
 
     def find(self, name: str) -> UserAccount | None:
         """An account by its name, however it is spelled; of accounts of an older version the one spelled so."""
         wanted = person_key(name)
         alike = [one for one in self.all() if person_key(one.name) == wanted]
         return alike[0] if len(alike) == 1 else next((one for one in alike if one.name == name), None)
-
-    def person_named(self, name: str) -> UserAccount | None:
-        """The account of a person by a name at the page or at an operating system; None: the name is all there is."""
-        wanted = person_key(name)
-        return self.find(name) or next((one for one in self.all() if wanted in one.keys), None)
 
     def put(
         self,
@@ -100,11 +104,14 @@ class UserAccounts:
         by: tuple[str, datetime] | None = None,
         system: Sequence[str] | None = None,
         forget_factor: bool = False,
+        signer: Signer | None = None,
     ) -> UserAccount:
         """Make an account, or change one: what is left empty of a known one stays, its name as it was spelled.
 
         ``by`` is who does it and when: for seven days that person's pushes cannot be approved by this account.
-        ``system`` are the person's names at operating systems (None: as they were).
+        ``system`` are the person's names at operating systems (None: as they were). ``signer`` is the account's own
+        key, where the person changes a secret; without it a new password gives an approver a new key, and a new PIN
+        unlocks none.
 
         A new password ends the programs' tokens. The last account with the role service keeps it. Raises StoreError
         (E-USER-NAME, E-USER-ROLE, E-USER-PASSWORD, E-USER-LEAKED, E-USER-PIN, E-USER-SYSTEM, E-USER-LAST, E-USER-LIST,
@@ -126,6 +133,7 @@ class UserAccounts:
                 tokens=() if password else before.tokens,
                 system=before.system if system is None else tuple(dict.fromkeys(one.strip() for one in system)),
                 factor="" if forget_factor else before.factor,
+                key=self._key_of(before, roles, password, pin, signer),
             )
             if by is not None and (known is None or password or pin or (forget_factor and before.factor)):
                 account = replace(account, keepers=account.kept_again(*by))
@@ -152,10 +160,33 @@ class UserAccounts:
             raise LastAdministrator("E-USER-LAST", str(self._path), name=shown(name))
         self._write(left)
 
-    def change_secret(self, name: str, *, password: str = "", pin: str = "") -> UserAccount:
-        """A person's own new password or PIN: nobody else has come to know it. Raises as `put`."""
+    def _key_of(
+        self, before: UserAccount, roles: Iterable[UserRole], password: str, pin: str, signer: Signer | None
+    ) -> SealedKey | None:
+        """The key of an account with new secrets: nobody but who knows the old one can seal the old key anew."""
+        known = before.key
+        if "approver" not in roles:
+            return None
+        if not (password or pin):
+            return known
+        if signer is not None and known is not None and signer.public == known.public:
+            by_password, by_pin = self._seals(signer, password, pin)
+            return SealedKey(known.public, by_password or known.by_password, by_pin or known.by_pin)
+        if password or known is None or not known.by_password:
+            made = Signer.of(new_key())
+            return SealedKey(made.public, *self._seals(made, password, pin))
+        return replace(known, by_pin="")
+
+    def _seals(self, signer: Signer, password: str, pin: str) -> tuple[str, str]:
+        sealed = [seal(signer.raw, secret, self._hasher.cost) if secret else "" for secret in (password, pin)]
+        return sealed[0], sealed[1]
+
+    def change_secret(
+        self, name: str, *, password: str = "", pin: str = "", signer: Signer | None = None
+    ) -> UserAccount:
+        """A person's own new password or PIN: nobody else has come to know it, and the key stays. Raises as `put`."""
         known = self._known(name)
-        return self.put(known.name, known.roles, password=password, pin=pin, known=known)
+        return self.put(known.name, known.roles, password=password, pin=pin, known=known, signer=signer)
 
     def _known(self, name: str) -> UserAccount:
         known = self.find(name)
@@ -198,12 +229,25 @@ class UserAccounts:
         return True
 
     def by_secret(self, name: str, *, password: str = "", pin: str = "") -> Person:
-        """Who signs in with a password or a PIN; slow on purpose. Raises SignInRefused (E-USER-SECRET)."""
+        """Who signs in with a password or a PIN; slow on purpose. Raises SignInRefused (E-USER-SECRET).
+
+        An approver's key is unlocked by it; who has none yet, as in an older version, gets one.
+        """
         known = self.find(name) or UserAccount(name, (), "")
-        kept, given = (known.pin, pin) if pin and not password else (known.password, password)
+        by_pin = bool(pin and not password)
+        kept, given = (known.pin, pin) if by_pin else (known.password, password)
         if not self._hasher.is_right(kept, given):
             raise NotSignedIn("E-USER-SECRET", "sign-in")
-        return known.person()
+        if "approver" not in known.roles:
+            return known.person()
+        if known.key is None:
+            made = Signer.of(new_key())
+            seals = self._seals(made, "" if by_pin else given, given if by_pin else "")
+            with self._changing:
+                self._change(replace(self._known(name), key=SealedKey(made.public, *seals)))
+            return known.person(signer=made)
+        sealed = known.key.by_pin if by_pin else known.key.by_password
+        return known.person(signer=unseal(sealed, given) if sealed else None)
 
     def take_code(self, name: str, code: str, utc: datetime) -> None:
         """Where an account has a second factor, use up a code of it. Raises SignInRefused (E-USER-CODE)."""
@@ -262,8 +306,10 @@ class UserAccounts:
             named, told = _one_name_each(every)
             until = (utc + timedelta(days=TOKEN_DAYS)).isoformat(timespec="seconds")
             ended = [replace(one, tokens=tuple(_with_end(each, until) for each in one.tokens)) for one in named]
-            if ended != list(every):
+            if ended != list(every) or (every and not self.ring.has_accounts):
                 self._write(ended)
+            elif every:
+                self.ring.keep(map(_known_person, every))
         return told
 
     def _require_unknown(self, password: str) -> None:
@@ -294,7 +340,9 @@ class UserAccounts:
 
     def _write(self, accounts: list[UserAccount]) -> None:
         users: list[dict[str, Any]] = [asdict(one) for one in sorted(accounts, key=lambda one: one.name)]
-        data = json.dumps({"schema": SCHEMA, "users": users}, indent=1).encode("ascii")
+        signer = self.ring.gateway()
+        told = {"schema": SCHEMA, "users": users, "key": signer.public, "signature": signer.sign(_signed(users))}
+        data = json.dumps(told, indent=1).encode("ascii")
         temporary = self._path.with_name(f".{USERS}.{secrets.token_hex(4)}.tmp")
         with disk_errors(self._path):
             make_own_folder(self._path.parent)
@@ -304,6 +352,17 @@ class UserAccounts:
             finally:
                 temporary.unlink(missing_ok=True)
             sync_folder(self._path.parent)
+        # A crash before this leaves a signed file, whose people the next start makes known.
+        self.ring.keep(map(_known_person, accounts))
+
+
+def _signed(users: object) -> bytes:
+    """What of the file is signed."""
+    return b"trueflank accounts 1\n" + json.dumps(users, sort_keys=True).encode("ascii")
+
+
+def _known_person(account: UserAccount) -> KnownPerson:
+    return KnownPerson(account.name, account.system, account.key.public if account.key is not None else "")
 
 
 def _account(kept: dict[str, Any]) -> UserAccount:
@@ -314,6 +373,7 @@ def _account(kept: dict[str, Any]) -> UserAccount:
     for moment in (one.ends_utc for one in tokens if one.ends_utc):
         datetime.fromisoformat(moment)
     keepers = tuple((str(who), datetime.fromisoformat(when).isoformat()) for who, when in fields.get("keepers", ()))
+    fields["key"] = SealedKey(**fields["key"]) if fields.get("key") else None
     lists = {"roles": tuple(fields["roles"]), "system": tuple(fields.get("system", ()))}
     return UserAccount(**{**fields, **lists, "tokens": tuple(tokens), "keepers": keepers})
 

@@ -8,12 +8,14 @@ import secrets
 
 from argon2 import PasswordHasher
 from argon2.exceptions import InvalidHashError, VerificationError
+from argon2.low_level import Type, hash_secret_raw
 
 
 class Hasher:
     """Hashes and checks secrets; ``time_cost`` and ``memory_kib`` are argon2's own, small ones for tests only."""
 
     def __init__(self, time_cost: int = 3, memory_kib: int = 65536) -> None:
+        self.cost = (time_cost, memory_kib)
         self._argon = PasswordHasher(time_cost=time_cost, memory_cost=memory_kib, parallelism=1)
 
     def hashed(self, secret: str) -> str:
@@ -35,3 +37,9 @@ class Hasher:
 def token_digest(token: str) -> str:
     """What is kept of a program's token: it is long and random, so its sha256 is enough."""
     return hashlib.sha256(token.encode("utf-8", "replace")).hexdigest()
+
+
+def derived(secret: str, salt: bytes, cost: tuple[int, int]) -> bytes:
+    """A key of 32 bytes from a secret; ``cost`` as in `Hasher`, so it is as slow as a sign-in."""
+    passes, kib = cost
+    return hash_secret_raw(secret.encode("utf-8"), salt, passes, kib, 1, 32, Type.ID)

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from datetime import datetime, timedelta
 from typing import Literal, get_args
 
 from drivers.local.names import person_key
+from gateway.users.signatures import SealedKey, Signer
 
 UserRole = Literal["viewer", "operator", "approver", "service"]
 ROLES: tuple[UserRole, ...] = get_args(UserRole)
@@ -20,11 +21,15 @@ TOKEN_DAYS, MOST_TOKEN_DAYS, MOST_TOKENS = 90, 366, 20
 
 @dataclass(frozen=True, slots=True)
 class Person:
-    """Who asks. ``by`` says how that was proved: "session", "token" (a program's) or "terminal" (this computer)."""
+    """Who asks. ``by`` says how that was proved: "session", "token" (a program's) or "terminal" (this computer).
+
+    ``signer`` is the person's key, where the secret that unlocks it was given.
+    """
 
     name: str
     roles: frozenset[UserRole]
     by: str = "session"
+    signer: Signer | None = field(default=None, compare=False, repr=False)
 
     def may(self, role: UserRole) -> bool:
         """Whether this person has a role; who has any may look."""
@@ -53,7 +58,7 @@ class UserAccount:
     ``tokens`` are those of programs that act as this user; ``keepers`` who made the account or gave it a secret or a
     token, each with the moment (ISO 8601, UTC). ``system`` are the names of the same person at operating systems.
     ``factor`` is the secret of the second factor (base32, "" for none) and ``factor_step`` the last step that a code
-    was taken of: no code counts twice.
+    was taken of: no code counts twice. ``key`` signs the approvals.
     """
 
     name: str
@@ -65,6 +70,7 @@ class UserAccount:
     system: tuple[str, ...] = ()
     factor: str = ""
     factor_step: int = 0
+    key: SealedKey | None = None
 
     @property
     def keys(self) -> frozenset[str]:
@@ -81,6 +87,6 @@ class UserAccount:
         fresh = [one for one in since if person_key(one[0]) != person_key(who)]
         return (*fresh, (who, utc.isoformat(timespec="seconds")))
 
-    def person(self, by: str = "session") -> Person:
+    def person(self, by: str = "session", signer: Signer | None = None) -> Person:
         """The person of this account."""
-        return Person(self.name, frozenset(self.roles), by)
+        return Person(self.name, frozenset(self.roles), by, signer)

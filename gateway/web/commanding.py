@@ -208,7 +208,7 @@ async def approve(request: Request, site: str, run: str, person: Anybody, body: 
     account = service.doors.accounts.find(person.name)
     kept_by = account.kept_by(service.clock.utc()) if account is not None else ()
     asked = {"table": body.table, "typed_name": body.machine, "actor": person.name}
-    made = await works.approved(run_of(at, run), service.clock, **asked, kept_by=kept_by)
+    made = await works.approved(run_of(at, run), service.clock, **asked, kept_by=kept_by, signer=person.signer)
     return [{"plan_hash": one.plan_hash, "by": one.actor, "expires_utc": one.expires_utc} for one in made]
 
 

@@ -188,19 +188,19 @@ async def end_own_session(request: Request, person: Viewer, ended: str) -> dict[
     return {"ended": count}
 
 
-async def _proved_own(request: Request, person: Person, proof: SignIn) -> None:
-    """Raises SignInRefused (E-WEB-LOGIN, E-USER-SECRET ...) unless this person gives the own secret once more."""
+async def _proved_own(request: Request, person: Person, proof: SignIn) -> Person:
+    """This person, who gives the own secret once more. Raises SignInRefused (E-WEB-LOGIN, E-USER-SECRET ...)."""
     if person.by != "session":
         raise NotSignedIn("E-WEB-LOGIN", "web")
-    await proved(request, person.name, password=proof.password, pin=proof.pin, code=proof.code)
+    return await proved(request, person.name, password=proof.password, pin=proof.pin, code=proof.code)
 
 
 @routes.put("/me/secret")
 async def own_secret(request: Request, person: Viewer, body: OwnSecret) -> dict[str, Any]:
     """Change the own password or PIN; every other session ends, and a new password ends the tokens."""
     service, own = service_of(request), session_of(request, touch=False)
-    await _proved_own(request, person, body.old)
-    secret = {"password": body.password, "pin": body.pin}
+    signer = (await _proved_own(request, person, body.old)).signer
+    secret: dict[str, Any] = {"password": body.password, "pin": body.pin, "signer": signer}
     await run_in_threadpool(service.doors.accounts.change_secret, person.name, **secret)
     service.doors.sessions.end_of(person.name, but=own.id if own is not None else "")
     service.note("own-secret-changed", actor=person.name)

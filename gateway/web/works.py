@@ -14,6 +14,7 @@ from gateway.remaining import RemainingTime
 from gateway.say import Say
 from gateway.store import RunFolder
 from gateway.study.inputs import gear_of, load_gear
+from gateway.users import Signer
 from gateway.web import bodies
 from gateway.web.ports import ServedSite, Work
 from gateway.workflow.control.approving import approve_plan
@@ -149,10 +150,18 @@ def self_test(at: ServedSite, clock: Clock, axis: str) -> Work:
 
 
 async def approved(
-    folder: RunFolder, clock: Clock, *, table: str, typed_name: str, actor: str, kept_by: tuple[str, ...]
+    folder: RunFolder,
+    clock: Clock,
+    *,
+    table: str,
+    typed_name: str,
+    actor: str,
+    kept_by: tuple[str, ...],
+    signer: Signer | None,
 ) -> tuple[Approval, ...]:
     """Consent, as on the command line: the same single-use record."""
-    return await approve_plan(folder, table=table, typed_name=typed_name, clock=clock, actor=actor, kept_by=kept_by)
+    who: dict[str, Any] = {"actor": actor, "kept_by": kept_by, "signer": signer}
+    return await approve_plan(folder, table=table, typed_name=typed_name, clock=clock, **who)
 
 
 def reported(folder: RunFolder) -> ReportPaths:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from datetime import datetime
-from pathlib import Path
 
 from drivers.errors import TrueflankError
 from drivers.message import Message
@@ -13,11 +12,11 @@ from gateway import audit
 from gateway.approve import Approvals
 from gateway.domain.outcomes import PushRecord
 from gateway.domain.proposals import Approval, Proposal, TableChange
-from gateway.errors import CorruptRecord, WriteRefused
+from gateway.errors import CorruptRecord, StoreError, WriteRefused
 from gateway.push import PushContext, plan_hash, table_facts
 from gateway.store import RunFolder
 from gateway.store.records import canonical, sha256
-from gateway.users import UserAccounts
+from gateway.users import KeyRing
 from gateway.workflow import stages
 from gateway.workflow.bench import Bench
 from gateway.workflow.witness import Witness, anchors
@@ -31,32 +30,32 @@ def consented(at: Bench, change: TableChange, context: PushContext, taken: Taken
     ``taken`` are approvals this push has taken up already; None: those nobody has used yet. Raises CorruptRecord
     (E-STORE-HASH) when one was altered, StoreError.
     """
-    log = Witness(at)
+    log, ring = Witness(at), KeyRing(at.store.root)
     known = log.standing
     approvals = _unused(at, change) if taken is None else taken.approvals
     digests = {approval: Approvals.digest(approval) for approval in approvals}
     return replace(
         context,
-        actor=person_named(at.store.root, audit.acting_person()),
+        actor=ring.person_named(audit.acting_person()),
         approvals=approvals,
         audit_broken=audit_problem(at),
         log=log,
         is_proposed=_is_proposed(at, change, known, context),
         used_approvals=tuple(one for one, digest in digests.items() if taken is None and digest in known.used),
         unrecorded_approvals=tuple(one for one, digest in digests.items() if digest not in known.approved),
+        unsigned_approvals=tuple(one for one in approvals if not is_signed(ring, one)),
         alarms=alarms_of(known, change.axis),
         run_id=at.folder.run_id,
         consent_utc=None if taken is None else taken.at_utc,
     )
 
 
-def person_named(root: Path, name: str) -> str:
-    """The one name of a person at a store: that of the account that has this name, or maps this system's name.
-
-    Raises CorruptRecord (E-USER-FILE), StoreError.
-    """
-    account = UserAccounts(root).person_named(name)
-    return account.name if account is not None else name
+def is_signed(ring: KeyRing, approval: Approval) -> bool:
+    """Whether a person whose key is known signed an approval; where nobody at the store has a key none is signed."""
+    if not approval.signature:
+        return not ring.signs
+    form = Approvals.signed_form(approval)
+    return ring.is_persons(approval.actor, approval.key, form, approval.signature)
 
 
 def demand_todays(folder: RunFolder) -> None:
@@ -83,16 +82,27 @@ def alarms_of(known: audit.LogState, axis: str) -> tuple[Message, ...]:
 
 
 def _is_proposed(at: Bench, change: TableChange, known: audit.LogState, context: PushContext) -> bool:
-    """Whether the log holds this plan's proposal as it is stored, made of the very capture it is judged by."""
-    folder = at.folder
+    """Whether the log holds this plan's proposal as it is stored, made of the very capture it is judged by.
+
+    A gateway that is trusted here must have signed the line: who can write the log alone cannot.
+    """
+    folder, ring = at.folder, KeyRing(at.store.root)
     if not folder.has(stages.PROPOSAL):
         return False
-    if (plan_hash(change, at.machine), folder.digest(stages.PROPOSAL)) not in known.plans:
+    plan, proposal = plan_hash(change, at.machine), folder.digest(stages.PROPOSAL)
+    form = _proposal_form(at, plan, proposal)
+    if not any(ring.is_gateways(key, form, sign) for key, sign in known.plans.get((plan, proposal), ())):
         return False
     if context.capture is None:
         return True
     capture = folder.digest(stages.capture(change.axis, "before"))
     return capture in folder.get(stages.PROPOSAL, Proposal).parents
+
+
+def _proposal_form(at: Bench, plan: str, proposal: str) -> bytes:
+    """What of a proposal is signed: its plan, the stored record by its hash, the run and the machine."""
+    told = {"plan": plan, "proposal": proposal, "run": at.folder.run_id, "serial": at.machine.serial}
+    return b"trueflank proposal 1\n" + canonical(told)
 
 
 def _unused(at: Bench, change: TableChange) -> tuple[Approval, ...]:
@@ -230,12 +240,18 @@ def proposed(at: Bench, proposal: Proposal) -> str:
 
 
 def _proposed(at: Bench, change: TableChange, told: dict[str, object]) -> str:
+    plan = plan_hash(change, at.machine)
+    try:
+        signer = KeyRing(at.store.root).gateway()
+    except StoreError as error:
+        return str(error)
+    told = told | {"key": signer.public, "signature": signer.sign(_proposal_form(at, plan, str(told["proposal"])))}
     return audit.note(
         at.store.root,
         audit.PROPOSED,
         clock=at.clock,
         serial=at.machine.serial,
-        plan_hash=plan_hash(change, at.machine),
+        plan_hash=plan,
         base_hash=change.base_digest,
         new_hash=table_hash(change),
         details={**told, **_open_road(at), "table": change.name},

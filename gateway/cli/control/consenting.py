@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -35,7 +36,7 @@ def approve(
     from gateway.cli.screen.telling import progress
     from gateway.cli.show import echo, show_json
     from gateway.store import Store
-    from gateway.workflow.control.approving import approve_plan, show_plan
+    from gateway.workflow.control.approving import approve_plan, show_plan, signer_at_keyboard
     from gateway.workflow.runsite import site_of
 
     folder = open_run(Store(store), run_folder, "proposal")
@@ -44,7 +45,9 @@ def approve(
     if not as_json:
         show_outcome(outcome, as_json=False)
     typed = typer.prompt("type the machine's name to approve", err=True, default="", show_default=False).strip()
-    made = run_to_end(_main(lambda clock: approve_plan(folder, table=axis, typed_name=typed, clock=clock)))
+    signer, kept_by = signer_at_keyboard(folder, datetime.now(UTC), _secret)
+    asked: dict[str, Any] = {"table": axis, "typed_name": typed, "signer": signer, "kept_by": kept_by}
+    made = run_to_end(_main(lambda clock: approve_plan(folder, clock=clock, **asked)))
     if as_json:
         plans = [{"plan_hash": one.plan_hash, "actor": one.actor, "expires_utc": one.expires_utc} for one in made]
         show_json({"approved": plans, **outcome.as_data()})
@@ -109,6 +112,12 @@ def verify_table_command(
     back = "unfinished" if outcome.data.get("unfinished") else "worse-axis"
     onward = step_of(back, site=site, axis=spoken().axis_of(wrong)) if outcome.exit_code else f"audit verify {site}"
     show_outcome(outcome, as_json=as_json, onward=onward)
+
+
+def _secret(code: str, name: str) -> str:
+    from drivers.errors import words
+
+    return str(typer.prompt(words(code, name=name), err=True, default="", show_default=False, hide_input=True)).strip()
 
 
 async def _main(work: Any) -> Any:

@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from dataclasses import replace
+from datetime import datetime
+
 from drivers.clock import Clock
 from drivers.errors import ConfigError
 from gateway import audit
 from gateway.approve import Approvals, give_consent
 from gateway.domain.proposals import Approval, Proposal, TableChange
-from gateway.errors import WriteRefused
+from gateway.errors import NotSignedIn, WriteRefused
 from gateway.say import Say
 from gateway.store import RunFolder
 from gateway.store.records import encode, sha256
-from gateway.users import UserAccounts
+from gateway.users import KeyRing, Signer, UserAccounts
 from gateway.workflow import stages
 from gateway.workflow.consents import demand_todays
 from gateway.workflow.control.pushing import push_run
@@ -29,21 +33,30 @@ async def show_plan(folder: RunFolder, *, table: str = "", clock: Clock, say: Sa
 
 
 async def approve_plan(
-    folder: RunFolder, *, table: str, typed_name: str, clock: Clock, actor: str = "", kept_by: tuple[str, ...] = ()
+    folder: RunFolder,
+    *,
+    table: str,
+    typed_name: str,
+    clock: Clock,
+    actor: str = "",
+    kept_by: tuple[str, ...] = (),
+    signer: Signer | None = None,
 ) -> tuple[Approval, ...]:
     """Approve the proposed tables of a run, or the one named by its name, as ``actor`` (who acts).
 
-    ``kept_by`` are those who may know that person's secret (`Approval.kept_by`), beside those whom the store's
-    account of this person names. Somebody who has an account approves in its name, also at a keyboard.
+    ``kept_by`` are those who may know that person's secret (`Approval.kept_by`), ``signer`` that person's key: where
+    people of the store have keys nobody approves without one. Who has an account approves in its name, also at a
+    keyboard.
 
     Each approval holds ten minutes, for this plan on this machine, for one push. Raises WriteRefused (E-APPROVE-...)
     with nothing approved, ConfigError (E-RUN-AXIS), CorruptRecord (E-AUDIT-BROKEN), StoreError.
     """
     site, path = site_of(folder)
     root = store_of(site, path).root
-    account = UserAccounts(root).person_named(actor or audit.acting_person())
-    person = account.name if account is not None else actor or audit.acting_person()
-    keepers = account.kept_by(clock.utc()) if account is not None else ()
+    ring = KeyRing(root)
+    person = ring.person_named(actor or audit.acting_person())
+    if signer is None and ring.signs:
+        raise WriteRefused("E-APPROVE-KEY", person, actor=person)
     proposal = folder.get(stages.PROPOSAL, Proposal)
     demand_todays(folder)
     kept = Approvals(folder.path)
@@ -58,11 +71,11 @@ async def approve_plan(
             now_utc=clock.utc(),
             run_id=folder.run_id,
             given=kept.read_unused(),
-            kept_by=tuple(dict.fromkeys((*kept_by, *keepers))),
+            kept_by=kept_by,
         )
         for change in _wanted(proposal, table, folder)
     ]
-    for approval in made:
+    for approval in (_signed(one, signer) for one in made):
         # The record comes first: an approval nobody can look up later must not exist.
         audit.record(
             root,
@@ -77,6 +90,41 @@ async def approve_plan(
         )
         kept.keep(approval)
     return tuple(made)
+
+
+def _signed(approval: Approval, signer: Signer | None) -> Approval:
+    if signer is None:
+        return approval
+    named = replace(approval, key=signer.public)
+    return replace(named, signature=signer.sign(Approvals.signed_form(named)))
+
+
+def signer_at_keyboard(
+    folder: RunFolder, utc: datetime, ask: Callable[[str, str], str]
+) -> tuple[Signer | None, tuple[str, ...]]:
+    """The key of who approves at a keyboard, where the people of its store sign, and who may know that secret.
+
+    It is that of the account of this computer's person. ``ask`` is given the code of a question and the account's name;
+    it answers with the secret, or with the second factor's code. None where nobody at this store has a key.
+    Raises SignInRefused (E-USER-...), WriteRefused (E-APPROVE-KEY), StoreError.
+    """
+    site, path = site_of(folder)
+    ring = KeyRing(store_of(site, path).root)
+    if not ring.signs:
+        return None, ()
+    accounts, name = UserAccounts(ring.accounts_root), ring.person_named(audit.acting_person())
+    account = accounts.find(name)
+    if account is None or account.key is None:
+        raise WriteRefused("E-APPROVE-KEY", name, actor=name)
+    secret = ask("P-APPROVE-SECRET", name)
+    try:
+        signer = accounts.by_secret(name, pin=secret).signer if account.pin else None
+    except NotSignedIn:
+        signer = None
+    signer = signer or accounts.by_secret(name, password=secret).signer
+    if account.factor:
+        accounts.take_code(name, ask("P-APPROVE-CODE", name), utc)
+    return signer, account.kept_by(utc)
 
 
 def _wanted(proposal: Proposal, table: str, folder: RunFolder) -> list[TableChange]:

@@ -45,6 +45,7 @@ class Asked:
     is_proposed: bool = True
     used_approvals: tuple[Approval, ...] = ()
     unrecorded_approvals: tuple[Approval, ...] = ()
+    unsigned_approvals: tuple[Approval, ...] = ()
     run_id: str = ""
     consent_utc: datetime | None = None
     alarms: tuple[str, ...] = ()

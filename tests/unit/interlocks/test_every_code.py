@@ -193,6 +193,7 @@ MORE: list[tuple[str, PushFacts]] = [
     ("E-INT-APPROVAL-OTHER-RUN", approved(run_id="20261121T100000000Z-mill-0000")),
     ("E-INT-APPROVAL-USED", replace(TWO, used_approvals=(GIVEN,))),
     ("E-INT-APPROVAL-UNRECORDED", replace(TWO, unrecorded_approvals=(GIVEN,))),
+    ("E-INT-APPROVAL-UNSIGNED", replace(TWO, unsigned_approvals=(GIVEN,))),
     ("E-INT-AUDIT-BROKEN", replace(GOOD, audit_broken="entry 7 was altered")),
     ("E-INT-AUDIT-BEHIND", replace(GOOD, behind="no line has it")),
     ("E-INT-AUDIT-BEHIND", replace(GOOD, behind="no line has it", purpose="sign-proof")),
