@@ -341,7 +341,12 @@ class UserAccounts:
     def _write(self, accounts: list[UserAccount]) -> None:
         users: list[dict[str, Any]] = [asdict(one) for one in sorted(accounts, key=lambda one: one.name)]
         signer = self.ring.gateway()
-        told = {"schema": SCHEMA, "users": users, "key": signer.public, "signature": signer.sign(_signed(users))}
+        told = {
+            "schema": SCHEMA,
+            "users": users,
+            "key": signer.public,
+            "signature": signer.signature_of(_signed(users)),
+        }
         data = json.dumps(told, indent=1).encode("ascii")
         temporary = self._path.with_name(f".{USERS}.{secrets.token_hex(4)}.tmp")
         with disk_errors(self._path):

@@ -52,7 +52,7 @@ class Signer:
         """The private key's 32 bytes, to be sealed."""
         return self._key.private_bytes_raw()
 
-    def sign(self, data: bytes) -> str:
+    def signature_of(self, data: bytes) -> str:
         """The signature (hex)."""
         return self._key.sign(data).hex()
 

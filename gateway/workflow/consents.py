@@ -245,7 +245,10 @@ def _proposed(at: Bench, change: TableChange, told: dict[str, object]) -> str:
         signer = KeyRing(at.store.root).gateway()
     except StoreError as error:
         return str(error)
-    told = told | {"key": signer.public, "signature": signer.sign(_proposal_form(at, plan, str(told["proposal"])))}
+    told = told | {
+        "key": signer.public,
+        "signature": signer.signature_of(_proposal_form(at, plan, str(told["proposal"]))),
+    }
     return audit.note(
         at.store.root,
         audit.PROPOSED,

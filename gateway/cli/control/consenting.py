@@ -114,10 +114,10 @@ def verify_table_command(
     show_outcome(outcome, as_json=as_json, onward=onward)
 
 
-def _secret(code: str, name: str) -> str:
-    from drivers.errors import words
+def _secret(question: Any) -> str:
+    from drivers.message import render
 
-    return str(typer.prompt(words(code, name=name), err=True, default="", show_default=False, hide_input=True)).strip()
+    return str(typer.prompt(render(question), err=True, default="", show_default=False, hide_input=True)).strip()
 
 
 async def _main(work: Any) -> Any:

@@ -8,6 +8,7 @@ from datetime import datetime
 
 from drivers.clock import Clock
 from drivers.errors import ConfigError
+from drivers.message import Message
 from gateway import audit
 from gateway.approve import Approvals, give_consent
 from gateway.domain.proposals import Approval, Proposal, TableChange
@@ -96,17 +97,16 @@ def _signed(approval: Approval, signer: Signer | None) -> Approval:
     if signer is None:
         return approval
     named = replace(approval, key=signer.public)
-    return replace(named, signature=signer.sign(Approvals.signed_form(named)))
+    return replace(named, signature=signer.signature_of(Approvals.signed_form(named)))
 
 
 def signer_at_keyboard(
-    folder: RunFolder, utc: datetime, ask: Callable[[str, str], str]
+    folder: RunFolder, utc: datetime, ask: Callable[[Message], str]
 ) -> tuple[Signer | None, tuple[str, ...]]:
     """The key of who approves at a keyboard, where the people of its store sign, and who may know that secret.
 
-    It is that of the account of this computer's person. ``ask`` is given the code of a question and the account's name;
-    it answers with the secret, or with the second factor's code. None where nobody at this store has a key.
-    Raises SignInRefused (E-USER-...), WriteRefused (E-APPROVE-KEY), StoreError.
+    It is that of the account of this computer's person. ``ask`` is given a question and answers
+    with the secret, or with the second factor's code. None where nobody at this store has a key. Raises SignInRefused (E-USER-...), WriteRefused (E-APPROVE-KEY), StoreError.
     """
     site, path = site_of(folder)
     ring = KeyRing(store_of(site, path).root)
@@ -116,14 +116,14 @@ def signer_at_keyboard(
     account = accounts.find(name)
     if account is None or account.key is None:
         raise WriteRefused("E-APPROVE-KEY", name, actor=name)
-    secret = ask("P-APPROVE-SECRET", name)
+    secret = ask(Message.of("P-APPROVE-SECRET", name=name))
     try:
         signer = accounts.by_secret(name, pin=secret).signer if account.pin else None
     except NotSignedIn:
         signer = None
     signer = signer or accounts.by_secret(name, password=secret).signer
     if account.factor:
-        accounts.take_code(name, ask("P-APPROVE-CODE", name), utc)
+        accounts.take_code(name, ask(Message.of("P-APPROVE-CODE", name=name)), utc)
     return signer, account.kept_by(utc)
 
 

@@ -45,7 +45,7 @@ RFC = [
 @pytest.mark.parametrize(("private", "public", "message", "signature"), RFC)
 def test_signatures_are_those_of_the_standard(private: str, public: str, message: str, signature: str) -> None:
     signer, data = Signer.of(bytes.fromhex(private)), bytes.fromhex(message)
-    assert (signer.public, signer.sign(data)) == (public, signature)
+    assert (signer.public, signer.signature_of(data)) == (public, signature)
     assert is_signature(public, data, signature)
     assert not is_signature(public, data + b"x", signature)
     for odd in ("", "zz", signature[:-2], "00" * 64):
@@ -84,7 +84,7 @@ def approval(at: Any, actor: str, signer: Signer | None, **changed: Any) -> Appr
     made = give_consent(CHANGE, MACHINE, actor=actor, now_utc=at.clock.utc(), **names)
     if signer is not None:
         named = replace(made, key=signer.public)
-        made = replace(named, signature=signer.sign(Approvals.signed_form(named)))
+        made = replace(named, signature=signer.signature_of(Approvals.signed_form(named)))
     made = replace(made, **changed)
     Approvals(at.folder.path).keep(made)
     told = {"approval": Approvals.digest(made)}
@@ -229,9 +229,9 @@ def test_two_accounts_of_a_computer_that_share_the_folder_of_keys_trust_each_oth
     one, two = (KeyRing(at.store.root, user).gateway() for user in ("1001", "1002"))
     assert one != two
     ring = KeyRing(at.store.root)
-    assert all(ring.is_gateways(signer.public, b"x", signer.sign(b"x")) for signer in (one, two))
+    assert all(ring.is_gateways(signer.public, b"x", signer.signature_of(b"x")) for signer in (one, two))
     stranger = Signer.of(new_key())
-    assert not ring.is_gateways(stranger.public, b"x", stranger.sign(b"x"))
+    assert not ring.is_gateways(stranger.public, b"x", stranger.signature_of(b"x"))
 
 
 def test_the_people_of_a_service_are_known_at_each_of_its_stores(tmp_path: Path) -> None:
