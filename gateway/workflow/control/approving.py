@@ -106,7 +106,8 @@ def signer_at_keyboard(
     """The key of who approves at a keyboard, where the people of its store sign, and who may know that secret.
 
     It is that of the account of this computer's person. ``ask`` is given a question and answers
-    with the secret, or with the second factor's code. None where nobody at this store has a key. Raises SignInRefused (E-USER-...), WriteRefused (E-APPROVE-KEY), StoreError.
+    with the secret, or with the second factor's code. None where nobody at this store has a key.
+    Raises SignInRefused (E-USER-...), WriteRefused (E-APPROVE-KEY), StoreError.
     """
     site, path = site_of(folder)
     ring = KeyRing(store_of(site, path).root)
