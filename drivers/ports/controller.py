@@ -188,6 +188,18 @@ class SavesFirst(Protocol):
 
 
 @runtime_checkable
+class TellsUnstarted(Protocol):
+    """A controller that can tell that the program of a batch never began, without the help of a person."""
+
+    async def never_started(self, batch: PushBatch) -> bool:
+        """Whether the program sent last for this batch never began and, if started now, ends before its first write.
+
+        True only on evidence in the control; False also where it cannot be told. After `Controller.abort_program`.
+        """
+        ...
+
+
+@runtime_checkable
 class ReadsTogether(Protocol):
     """A controller that reads the tables of several axes by one program, so that one press starts it."""
 

@@ -16,6 +16,7 @@ from gateway.domain.values import FloatArray
 class PushRecord:
     """What a push did to one axis: the outcome in one word and every step with its time.
 
+    "untouched": its program never began; what acted before acts, and nothing was changed.
     "held": stopped half way, and a read-back says that the table is off. "held-on": it is still on, or unknown.
     ``reasons`` are all reasons why it did not end as asked, first cause first (none: it did; a record of an older
     version has none). ``marker`` is why the control's marker could not be written at the end (None: it was).
@@ -25,7 +26,9 @@ class PushRecord:
 
     transaction: int
     axis: str
-    outcome: Literal["committed", "already-applied", "rolled-back", "held", "held-on", "refused", "skipped"]
+    outcome: Literal[
+        "committed", "already-applied", "rolled-back", "untouched", "held", "held-on", "refused", "skipped"
+    ]
     steps: tuple[Message, ...]
     backup_path: str
     effect: tuple[tuple[float, float, float], ...] = ()

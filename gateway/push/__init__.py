@@ -141,6 +141,8 @@ def outcome_error(record: PushRecord) -> TrueflankError | None:
     if record.outcome == "refused":
         return WriteRefused("E-PUSH-REFUSED", record.axis, count=max(len(record.reasons), 1), reasons=why)
     back = record.purpose == "restore"
+    if record.outcome == "untouched":
+        return VerifyError("E-ROLLBACK-UNTOUCHED" if back else "E-PUSH-UNTOUCHED", record.axis, **told)
     if record.outcome == "rolled-back":
         return VerifyError("E-ROLLBACK-UNDONE" if back else "E-PUSH-ROLLED-BACK", record.axis, **told)
     if record.outcome == "held":

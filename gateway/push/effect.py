@@ -4,10 +4,15 @@ A cross table is one of several that move its output axis, so the sum of all is 
 axes stand. No public text says in which sense a control counts its own sum of cross tables, nor whether factor tables
 count by themselves: the sign was proved with an instrument and the values were read back, so here one sense and one
 way of multiplying must fit all positions.
+
+The tables are read before the axes move to those positions, so `require_unchanged` looks once more just before the
+commit: a value or a switch changed by hand in between must not be reported as ours. It asks for nothing that needs a
+person: the whole table where it can be read directly, else its switch and what acts where the axis stands.
 """
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -15,12 +20,14 @@ from typing import Any
 from drivers.message import Message
 from drivers.types.stops import Stop, StopPlan, StopReached
 from drivers.types.tables import CompensationTable, LiveSet, LiveTable
+from drivers.types.values import Approach
 from drivers.units import deviation_scale
 from gateway.axes import AxisRecord
 from gateway.errors import VerifyError
 from gateway.interlocks import other_cross_tables, steepest, value_at
 from gateway.push import controller_access
 from gateway.push.compare import effect_positions, same_other_tables, same_table, table_in, without_tables
+from gateway.push.disable import disable_order
 from gateway.push.load import TableFaults, read_live_sets
 from gateway.push.phases import PushEvent
 from gateway.push.preflight import with_tables
@@ -145,15 +152,21 @@ async def _read_position(work: TableTransactionState, base: LiveSet, stop: Stop,
         return _ShownEffect(
             reached.target, (value_at(table, reached.target, reached.approach),), reached.encoder_compensation
         )
-    rest = (one.table for one in other_cross_tables(without_tables(base, work.beside), table) if one.enabled)
-    every = (table, *rest, *(one for one in work.acting if one.kind == "cross"))
-    # One for a single direction of the axis that moves acts only where that axis came from.
-    acting = [one for one in every if one.input_axis != table.input_axis or one.direction in (0, stop.approach)]
+    acting = _acting_cross_tables(work, base, stop.approach)
     places = {table.input_axis: reached.target}
     if len(acting) > 1:
         state = await work.context.controller.state()
         places = {name: axis.position for name, axis in state.axes.items()} | places
     return _ShownEffect(reached.target, possible_sums(acting, places), reached.cross_compensation)
+
+
+def _acting_cross_tables(work: TableTransactionState, base: LiveSet, approach: Approach) -> list[CompensationTable]:
+    """All cross tables of the output axis that should act when the input axis was reached by ``approach``."""
+    table = work.change.new
+    rest = (one.table for one in other_cross_tables(without_tables(base, work.beside), table) if one.enabled)
+    every = (table, *rest, *(one for one in work.acting if one.kind == "cross"))
+    # One for a single direction of the axis that moves acts only where that axis came from.
+    return [one for one in every if one.input_axis != table.input_axis or one.direction in (0, approach)]
 
 
 def possible_sums(acting: list[CompensationTable], places: Mapping[str, float]) -> tuple[float, ...]:
@@ -209,3 +222,53 @@ def _require_still_live(work: TableTransactionState, live: LiveSet, base: LiveSe
     again = [one.enabled for one in other_cross_tables(live, wanted.table)]
     if not same_other_tables(base, live, wanted.table, work.tolerance) or switches != again:
         raise VerifyError("E-PUSH-COUPLED", work.axis, axis=work.axis)
+
+
+async def require_unchanged(
+    works: Sequence[TableTransactionState], bases: Mapping[TableTransactionState, LiveSet]
+) -> None:
+    """The last look before the commit: the machine, its marker, and every table as far as nobody has to help.
+
+    Raises VerifyError (E-PUSH-OTHER-MACHINE, E-PUSH-OVERWRITTEN, E-PUSH-COUPLED), BusyError (E-PUSH-ANOTHER) and what
+    the port raises.
+    """
+    await works[0].require_same_machine()
+    await works[0].require_own_marker()
+    if not works[0].context.controller.capabilities.stops:
+        for work, live in zip(works, await read_live_sets(works), strict=True):
+            _require_still_live(work, live, with_tables(bases[work], work.acting))
+        return
+    for work in works:
+        if work.change.new.kind != "reversal":  # no control shows what it takes up
+            await _require_still_acting(work, with_tables(bases[work], work.acting))
+
+
+async def _require_still_acting(work: TableTransactionState, base: LiveSet) -> None:
+    """The switch reads on, and what acts where the input axis stands is one of the values that the tables predict.
+
+    A value that does not fit counts only if a second reading finds the axis where it was: one that moves shows a
+    position and a value of different moments.
+    """
+    first = await _read_acting(work, base)
+    with contextlib.suppress(VerifyError):
+        _match_shown(work, work.change.new, [first])
+        return
+    second = await _read_acting(work, base)
+    if abs(second.position - first.position) <= POSITION_SLACK:
+        _match_shown(work, work.change.new, [second])
+
+
+async def _read_acting(work: TableTransactionState, base: LiveSet) -> _ShownEffect:
+    controller, table = work.context.controller, work.change.new
+    reading = await controller.switch_reading(disable_order(table))
+    if reading.enabled is False:
+        raise VerifyError("E-PUSH-OVERWRITTEN", work.axis, axis=work.axis, first=Message.of("W-LIVE-SWITCH-OFF"))
+    places = {name: axis.position for name, axis in (await controller.state()).axes.items()}
+    position = places[table.input_axis]
+    approaches: tuple[Approach, ...] = (1, -1)
+    if table.kind == "axis":
+        expected = tuple(value_at(table, position, approach) for approach in approaches)
+    else:
+        sums = (possible_sums(_acting_cross_tables(work, base, approach), places) for approach in approaches)
+        expected = tuple(value for ways in sums for value in ways)
+    return _ShownEffect(position, expected, reading.acting)

@@ -7,7 +7,9 @@ the phase that it leads to, and what is known of the table from then on. The eve
                            |         |          |           |         |         |
                            +---------+----------+-----------+---------+---------+-> rolling back -> rolled back
                                                                                          |
-                                                            held (on or off) <- switching off
+                                          untouched <-+     held (on or off) <- switching off
+
+Untouched: the control shows that the program of the load never began, so nothing is to be put back.
 
 A line is on the disk before what it announces is done, so `LOADING`, `ENABLING` and `SWITCHING_OFF` mean that something
 was announced and nobody has read the outcome. `Switch` keeps what is known: a way back or a recovery that begins knows
@@ -54,6 +56,7 @@ class PushEvent(StrEnum):
     RESTARTED = "RESTARTED"
     COMMITTED = "COMMITTED"
     ROLLED_BACK = "ROLLED_BACK"
+    UNTOUCHED = "UNTOUCHED"
     ABORTED = "ABORTED"
     CLOSED = "CLOSED"
     HELD = "HELD"
@@ -184,6 +187,7 @@ TRANSITIONS: tuple[Transition, ...] = (
         _P.ROLLED_BACK,
         Switch.OLD,
     ),
+    Transition(PushEvent.UNTOUCHED, _from(_P.ROLLING_BACK), _P.ABORTED, Switch.UNTOUCHED),
     Transition(
         PushEvent.ABORTED,
         # Loading: refused by the control, or another gateway came first. Still on: an order to switch off that failed.
@@ -310,6 +314,7 @@ STEP_CODES: Mapping[str, str] = {
     "RESTARTED": "W-STEP-RESTARTED",
     "COMMITTED": "W-STEP-COMMITTED",
     "ROLLED_BACK": "W-STEP-ROLLED-BACK",
+    "UNTOUCHED": "W-STEP-UNTOUCHED",
     "ABORTED": "W-STEP-ABORTED",
     "CLOSED": "W-STEP-CLOSED",
     "HELD": "W-STEP-HELD",

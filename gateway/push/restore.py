@@ -16,6 +16,7 @@ from dataclasses import replace
 
 from drivers.errors import TrueflankError
 from drivers.message import Message
+from drivers.ports.controller import TellsUnstarted
 from drivers.types.orders import DisableOrder, SwitchReading
 from drivers.types.tables import LiveSet, LiveTable
 from gateway.errors import BusyError, StoreError, VerifyError, WriteRefused
@@ -39,18 +40,24 @@ from gateway.table.comparison import differences
 async def roll_back(work: TableTransactionState, why: Message) -> Outcome:
     """Restore what was live before. "rolled-back" when it is proved to be so again, else as `hold`.
 
+    "untouched" where the program of the load never began: nothing was changed and nobody has to read the tables.
+
     Raises StoreError when the journal cannot be written: then nothing more may be done. BusyError (E-PUSH-ANOTHER)
     with nothing touched when another gateway pushed before anything of this push arrived in the control.
     """
     work.because(why)
     try:
         with wrap_unexpected(work.axis):
-            proved = work.state.phase is PushPhase.MEASURED
+            proved, loading = work.state.phase is PushPhase.MEASURED, work.state.phase is PushPhase.LOADING
             work.note(PushEvent.ROLLING_BACK, why=why)
             if proved:
                 work.context.say("P-PUSH-PROOF-OFF", axis=work.name)
             else:
                 work.context.say("P-PUSH-RESTORE", axis=work.name, why=why)
+            if loading and await _never_started(work):
+                await work.finish_marker("none")
+                work.note(PushEvent.UNTOUCHED)
+                return "untouched"
             await restore_table(work)
             await work.finish_marker("none")
             work.note(PushEvent.ROLLED_BACK)
@@ -62,6 +69,22 @@ async def roll_back(work: TableTransactionState, why: Message) -> Outcome:
     except TrueflankError as error:
         return await hold(work, error.message)
     return "rolled-back"
+
+
+async def _never_started(work: TableTransactionState) -> bool:
+    """Whether the control shows that the only program of this transaction never began, and an abort keeps it so."""
+    whole, controller = work.transaction, work.context.controller
+    if whole.never_started:
+        return True
+    only = {order.transaction for order in whole.batch}
+    if not isinstance(controller, TellsUnstarted) or not only or whole.sent != only:
+        return False
+    await controller_access.reach_same_machine(work.context)
+    await work.require_own_marker()
+    await controller_access.end_program(work.context)
+    await work.context.clock.sleep(SETTLE_S)
+    whole.never_started = await controller.never_started(whole.batch)
+    return whole.never_started
 
 
 async def hold(work: TableTransactionState, why: Message) -> Outcome:

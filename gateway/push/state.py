@@ -31,7 +31,7 @@ ReadStop = Callable[[Stop], Awaitable[tuple[float, float]]]
 Reading = Callable[[], AbstractAsyncContextManager[ReadStop]]
 """An instrument that begins to read anew: a push, or a restart, moves the axis at its own feed."""
 Purpose = Literal["table", "sign-proof", "restore"]
-Outcome = Literal["committed", "already-applied", "rolled-back", "held", "held-on", "refused", "skipped"]
+Outcome = Literal["committed", "already-applied", "rolled-back", "untouched", "held", "held-on", "refused", "skipped"]
 
 
 @dataclass(slots=True)
@@ -40,6 +40,7 @@ class Transaction:
 
     ``before`` is the marker as it stood before the first order, ``sent`` are the numbers of all orders,
     ``acknowledged`` says that the marker has carried one of them. ``batch`` are the orders that were sent together.
+    ``never_started``: the control has shown that their program never began, and an abort keeps it from beginning.
     """
 
     folder: Path
@@ -50,6 +51,7 @@ class Transaction:
     sent: set[int] = field(default_factory=set)
     acknowledged: bool = False
     batch: PushBatch = ()
+    never_started: bool = False
 
 
 @dataclass(slots=True, eq=False)

@@ -8,7 +8,7 @@ table is compared, switched and proved by itself.
     load           first half: back up, compare with what the changes were made on, disable, write, read back
     release        second half: enable each table that was read back as sent, then the restart
     effect         what the control says it applies, at a few positions
-    commit         the control's marker, then one journal line for all tables
+    commit         a last look at machine, marker and tables; the control's marker; one journal line for all tables
 
 What fails leads where nothing is left in doubt:
 
@@ -25,7 +25,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 
@@ -41,7 +41,7 @@ from gateway.interlocks import MAX_JUMP, Refusal, refuse
 from gateway.push import controller_access, journal
 from gateway.push.compare import table_facts
 from gateway.push.context import PushContext, plan_hash
-from gateway.push.effect import prove_effects
+from gateway.push.effect import prove_effects, require_unchanged
 from gateway.push.journal import ReplayedJournal, is_replaying, machine_lock, replayed_value
 from gateway.push.load import (
     TableFaults,
@@ -264,7 +264,7 @@ async def _exchange(
     for work, fault in faults.items():
         ended |= await roll_back_all((work,), fault.message)
     why = await _reason_to_doubt(good, ended) if faults else None
-    return ended | (await roll_back_all(good, why) if why else await _commit(good, ended))
+    return ended | (await roll_back_all(good, why) if why else await _commit(good, ended, bases))
 
 
 async def _reason_to_doubt(
@@ -274,7 +274,7 @@ async def _reason_to_doubt(
 
     A way back switches an output axis' cross tables off and on again, so these are read once more.
     """
-    if any(outcome != "rolled-back" for outcome in ended.values()):
+    if any(outcome not in ("rolled-back", "untouched") for outcome in ended.values()):
         return Message.of("W-PUSH-REST-HELD")
     try:
         with wrap_unexpected(_names(good)):
@@ -288,11 +288,14 @@ async def _reason_to_doubt(
 
 
 async def _commit(
-    works: Sequence[TableTransactionState], ended: dict[TableTransactionState, Outcome]
+    works: Sequence[TableTransactionState],
+    ended: dict[TableTransactionState, Outcome],
+    bases: Mapping[TableTransactionState, LiveSet],
 ) -> dict[TableTransactionState, Outcome]:
-    """The marker, then one line of the journal for all. A failure before that leads back; raises StoreError."""
+    """A last look, the marker, one line of the journal for all. A failure before that leads back; raises StoreError."""
     try:
         with wrap_unexpected(_names(works)):
+            await require_unchanged(works, bases)
             await works[0].finish_marker("committed")
             note_together(works, PushEvent.COMMITTED)
     except StoreError:

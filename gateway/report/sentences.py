@@ -34,6 +34,7 @@ PUSH = {
     "committed": "written, read back equal, enabled, effect proved",
     "already-applied": "the controller already held this table; nothing was written",
     "rolled-back": "the new table failed its checks; the old table was restored",
+    "untouched": "its program was not started; the table from before acts, and nothing was changed",
     "held": "stopped before its end; the table reads back as off, and the backup is ready to be restored",
     "held-on": "held, still on: stopped before its end, and it is not verified which table acts; do not machine parts",
     "refused": "refused before anything was written",

@@ -44,7 +44,7 @@ async def ended(work: Awaitable[PushRecord]) -> str:
     except TrueflankError as error:
         return f"raised {error.code}"
     kinds: dict[str, Any] = {"refused": WriteRefused, "rolled-back": VerifyError}
-    kinds |= {"held": RollbackFailed, "held-on": StillOn}
+    kinds |= {"untouched": VerifyError, "held": RollbackFailed, "held-on": StillOn}
     assert isinstance(outcome_error(record), kinds.get(record.outcome, type(None)))
     return str(record.outcome)
 
@@ -62,7 +62,7 @@ def judge(oracle: Oracle, found: Played, said: list[str], context: PushContext) 
         found.wrong.append("rolled back, but the old table is not as it was")
     if outcome == "held" and not (oracle.off or oracle.unseen or lies(oracle)):
         found.wrong.append("held, but it is on: nobody was told")
-    if outcome in ("refused", "already-applied") and oracle.writes and not oracle.foreign:
+    if outcome in ("refused", "already-applied", "untouched") and oracle.writes and not oracle.foreign:
         found.wrong.append(f"{outcome}, but {oracle.writes} values were written")
     word = {"held": "P-PUSH-HELD", "held-on": "P-PUSH-HELD-ON"}.get(outcome, "")
     loudest = [code for code in said if "HELD" in code][-1:]
@@ -70,7 +70,7 @@ def judge(oracle: Oracle, found: Played, said: list[str], context: PushContext) 
         found.wrong.append(f"{outcome}, but not said or not kept")
     if word and [one.needs_attention for one in held_pushes(context.journals)] != [outcome == "held-on"]:
         found.wrong.append(f"{outcome}, but the journal says another thing")
-    over = outcome in ("committed", "rolled-back", "refused", "already-applied")
+    over = outcome in ("committed", "rolled-back", "untouched", "refused", "already-applied")
     if over and left:
         found.wrong.append(f"{outcome}, but the journal says {left[0].kinds[-1:]}")
     if (

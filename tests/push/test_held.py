@@ -158,6 +158,44 @@ def test_nobody_at_the_panel_is_told_as_still_on_and_recovery_switches_off(tmp_p
     on_ua(tmp_path, keys, act, swaps_points_at_reset=2)
 
 
+def test_a_program_that_nobody_started_has_changed_nothing_and_cannot_any_more(tmp_path: Path, keys: Path) -> None:
+    async def act(at: UaWorld) -> None:
+        at.person.leaves_at = "P-PUSH-START"
+        outcome, said, context = await pushed(at, tmp_path)
+        assert (outcome, at.oracle.as_before) == ("untouched", True)
+        assert "P-PUSH-HELD-ON" not in said
+        assert unfinished_tables(tmp_path / "journal", context.machine.serial) == ()
+        assert (await context.controller.marker()).state == "none"
+        at.nck.nc_start()  # somebody presses start later: the program leaves before it saves or switches anything
+        await at.clock.sleep(5.0)
+        assert (at.nck.channel_status, at.oracle.as_before, at.oracle.whims) == (0, True, [])
+        await context.controller.close()
+
+    on_ua(tmp_path, keys, act)
+
+
+def test_a_program_that_was_started_is_never_taken_for_one_that_was_not(tmp_path: Path, keys: Path) -> None:
+    async def act(at: UaWorld) -> None:
+        at.nck.on_block = lambda _block: setattr(at.person, "starts", False)
+        at.spawn(reset_at_backup(at))
+        outcome, _said, context = await pushed(at, tmp_path)
+        assert outcome != "untouched"
+        at.person.starts = at.person.restarts = True
+        await at.ready()
+        await recovered(tmp_path, context)
+        assert at.oracle.as_before
+        await context.controller.close()
+
+    on_ua(tmp_path, keys, act)
+
+
+async def reset_at_backup(at: UaWorld) -> None:
+    """RESET at the panel while the push program is at its first blocks."""
+    while at.person.starts:
+        await at.clock.sleep(0.05)
+    at.nck.channel_reset()
+
+
 async def late_reset(at: UaWorld) -> None:
     """The activating reset, and then everybody goes home."""
     while not at.nck.message.startswith("TRUEFLANK ACTIVATE"):

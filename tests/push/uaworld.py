@@ -45,9 +45,12 @@ class UaPerson:
     resets: bool = True
     after_s: float = 0.0
     wishes: list[str] = field(default_factory=list)
+    leaves_at: str = ""  # goes home when this is said
 
     def hear(self, code: str, _fields: Mapping[str, object]) -> None:
         """What the gateway says aloud."""
+        if code == self.leaves_at:
+            self.starts = self.restarts = self.resets = False
         if code in ("P-PUSH-RESET", "P-PUSH-RESTART"):
             self.wishes.append(code)
 

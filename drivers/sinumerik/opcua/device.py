@@ -302,6 +302,10 @@ class SinumerikOpcUa(CleanupMixin, StopPlanMixin, KnownAs):
         """As `drivers.ports.controller.SavesFirst.saved_first`, with one program alone. Raises as `Pushing.saved`."""
         return await self._pushing.saved(batch, timeout_s, self._configuration)
 
+    async def never_started(self, batch: PushBatch) -> bool:
+        """As `drivers.ports.controller.TellsUnstarted.never_started`."""
+        return await self._pushing.never_started(batch)
+
     async def backup_of(self, batch: PushBatch) -> tuple[LiveSet, ...]:
         """What stood before the batch, from the files that its own program wrote. Raises as `Pushing.backup`."""
         return await self._pushing.backup(batch, self._configuration)

@@ -201,6 +201,7 @@ class ProgramDialogue:
         self._original: tuple[float, ...] | None = None
         self._others: dict[int, float] = {}
         self._mine: set[float] = set()
+        self.newest = 0  # number of the program whose words were cleared last
         self.book: SentPrograms | None = None
         self.sent: Sent | None = None
         self.names: tuple[str, ...] = ()
@@ -227,7 +228,9 @@ class ProgramDialogue:
                 others=dict(self._others),
             )
         )
+        self.newest = 0
         await self.write({word: 0.0 for word in Word if word not in MARKED})
+        self.newest = number
         self._mine.add(float(number))
         self.pace.again()
 

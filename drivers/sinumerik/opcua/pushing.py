@@ -141,6 +141,19 @@ class Pushing:
             found.append(ReadBack(old, new, bool(good >> place & 1)))
         return tuple(found)
 
+    async def never_started(self, batch: PushBatch) -> bool:
+        """Whether the words stand as `prepare` left them, but for the abort word that ends a start from now on.
+
+        The program writes its number first of all; what is sent for another program clears the words, so this batch
+        must be the newest. The marker, written with it, shows that the control has not lost its words since.
+        """
+        if self._dialogue.newest != batch[0].transaction:
+            return False
+        seen = await self._dialogue.look()
+        marked = seen.word(Word.MARKER) == batch[0].transaction
+        cleared = not any(seen.word(word) for word in (Word.TRANSACTION, Word.PHASE, Word.COUNTER))
+        return seen.channel is ChannelStatus.RESET and marked and cleared and seen.word(Word.ABORT) == 1.0
+
     async def saved(self, batch: PushBatch, timeout_s: float, configuration: Configuration) -> tuple[LiveSet, ...]:
         """What the program found before it, once it stands after its back-up; nothing is switched or written yet.
 

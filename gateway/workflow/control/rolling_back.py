@@ -200,7 +200,9 @@ async def _applied(at: Bench, found: ConsentSet, undos: Sequence[Sequence[Rollba
 
 def _worst(records: Mapping[str, PushRecord]) -> str:
     outcomes = {record.outcome for record in records.values()}
-    return "rollback-" + next(one for one in ("held-on", "held", "rolled-back", "refused") if one in outcomes)
+    return "rollback-" + next(
+        one for one in ("held-on", "held", "rolled-back", "untouched", "refused") if one in outcomes
+    )
 
 
 def _in_part(failure: TrueflankError, tables: Sequence[str], back: Sequence[str]) -> TrueflankError:

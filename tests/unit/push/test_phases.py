@@ -58,6 +58,8 @@ def test_what_a_path_says_of_the_table_is_what_was_announced_and_read(seed: int)
         assert state.switch is Switch.NEW
     elif state.phase is PushPhase.ROLLED_BACK:
         assert state.switch is Switch.OLD
+    elif path[-1] is PushEvent.UNTOUCHED:  # the control showed that nothing of what was announced began
+        assert state.switch is Switch.UNTOUCHED
     elif newest in ANNOUNCED:
         assert state.switch is Switch.UNKNOWN
     elif newest in READ_OFF:

@@ -192,6 +192,7 @@ def test_a_journal_of_an_older_version_is_tied_by_its_run(tmp_path: Path) -> Non
 ENDS = {
     "refused": ("E-PUSH-REFUSED", "E-PUSH-REFUSED"),
     "rolled-back": ("E-PUSH-ROLLED-BACK", "E-ROLLBACK-UNDONE"),
+    "untouched": ("E-PUSH-UNTOUCHED", "E-ROLLBACK-UNTOUCHED"),
     "held": ("E-PUSH-HELD", "E-ROLLBACK-HELD"),
     "held-on": ("E-PUSH-HELD-ON", "E-ROLLBACK-HELD-ON"),
     "committed": ("", ""),
