@@ -1,7 +1,8 @@
 """Measured flank points from tables by declared columns: space, flank, place, deviation; nothing is guessed.
 
-A place is x, y, z, or radius (or diameter), angle and z about the gear's axis. Traces that give a place along the
-profile only (roll length, diameter alone) hold no point in the part frame and are refused.
+A place is x, y, z, or radius (or diameter), angle and z about the gear's axis. A trace without angles gives radius (or
+diameter), z and deviation: where such a point lies on the flank is calculated from the gear (`GearTraces`). Roll
+lengths belong to an involute and are refused.
 """
 
 from __future__ import annotations
@@ -22,13 +23,14 @@ from drivers.files.tables.sheet import cells
 from drivers.files.text import end_doubts, read_bytes
 from drivers.local.textfile import decode_text
 from drivers.message import Message
-from drivers.types.gears import GearInspection
+from drivers.types.gears import GearInspection, GearTraces
 from drivers.units import MM_PER_INCH
 
 LENGTHS = {"mm": 1.0, "um": 1e-3, "m": 1e3, "inch": MM_PER_INCH}
 ANGLES = {"deg": np.pi / 180.0, "rad": 1.0, "mrad": 1e-3}
 FLANKS = dict.fromkeys(("left", "l", "links", "+", "+1", "1"), 1)
 FLANKS |= dict.fromkeys(("right", "r", "rechts", "-", "-1"), -1)
+FLANKS |= {"左": 1, "右": -1}
 MOST_SPACES = 10_000
 LARGEST_MM, LARGEST_DEVIATION_UM = 5000.0, 5000.0
 _BREAK = re.compile(r"\r\n|\n|\r")
@@ -79,14 +81,19 @@ class GearColumns(PointMap):
 
     def limits(self) -> Iterable[tuple[str, bool, str]]:
         """See `PointMap.limits`."""
-        round_one = bool(self.radius) != bool(self.diameter) and bool(self.angle)
+        # A trace has no angles: then the deviation says what was measured at the radius.
+        round_one = bool(self.radius) != bool(self.diameter) and bool(self.angle or self.deviation)
         square = bool(self.x and self.y) and not (self.radius or self.diameter or self.angle)
         return (
             *PointMap.limits(self),
             ("space", self.space >= 1, "must be a column from 1"),
             ("flank", self.flank >= 1, "must be a column from 1"),
             ("z", self.z >= 1, "must be a column from 1: a point needs its height"),
-            ("x", square or round_one, "give x and y, or angle and radius or diameter: a point needs its place"),
+            (
+                "x",
+                square or round_one,
+                "give x and y, or radius or diameter with angle or deviation: a point needs its place",
+            ),
             ("skip", self.skip >= 0, "must be 0 or more"),
             ("separator", len(self.separator) == 1, "must be one character"),
         )
@@ -94,7 +101,7 @@ class GearColumns(PointMap):
     @property
     def numbers(self) -> tuple[int, ...]:
         """Columns that hold numbers: two of the place across the axis, z, and the deviation where there is one."""
-        across = (self.x, self.y) if self.x else (self.radius or self.diameter, self.angle)
+        across = (self.x, self.y) if self.x else (self.radius or self.diameter, *((self.angle,) if self.angle else ()))
         return (*across, self.z, *((self.deviation,) if self.deviation else ()))
 
 
@@ -118,7 +125,7 @@ class GearCsvFormat:
         """What tables of the same layout have in common, "" for one without a heading."""
         return signature_of(decode_text(read_bytes(path), self._codepage, str(path)))
 
-    def read(self, path: Path) -> GearInspection:
+    def read(self, path: Path) -> GearInspection | GearTraces:
         """Read a file. Raises ConfigError (E-FILE-GEAR-MAP) without columns, FileFormatError with the line."""
         where = str(path)
         if self._columns is None:
@@ -126,12 +133,35 @@ class GearCsvFormat:
         return read_gear_table(decode_text(read_bytes(path), self._codepage, where), self._columns, where)
 
 
-def read_gear_table(text: str, columns: GearColumns, where: str) -> GearInspection:
-    """A whole table, pure. Raises FileFormatError (E-FILE-LINE, E-FILE-ROWS)."""
+def read_gear_table(text: str, columns: GearColumns, where: str) -> GearInspection | GearTraces:
+    """A whole table, pure: points, or traces without angles. Raises FileFormatError (E-FILE-LINE, E-FILE-ROWS)."""
     lines = list(enumerate(_BREAK.split(text), start=1))[columns.skip :]
     touches = [_touch(line, columns, at, where) for at, line in lines if line.strip()]
+    if not (columns.x or columns.angle):
+        return _traces(touches, columns, where, end_doubts(text))
     return inspection(
         touches, columns, where, polar=not columns.x, diameter=bool(columns.diameter), warnings=end_doubts(text)
+    )
+
+
+def _traces(touches: list[Touch], columns: GearColumns, where: str, doubts: tuple[Message, ...]) -> GearTraces:
+    """Radius, z and deviation of each touch. Raises FileFormatError (E-FILE-ROWS, E-FILE-GEAR-SIZE)."""
+    if not touches:
+        raise FileFormatError("E-FILE-ROWS", where)
+    numbers = np.asarray([one.numbers for one in touches], dtype=np.float64)
+    length = LENGTHS[columns.length_unit]
+    radius, z = numbers[:, 0] * length * (0.5 if columns.diameter else 1.0), numbers[:, 1] * length
+    deviation = numbers[:, 2] * LENGTHS[columns.deviation_unit] * 1000.0
+    _check_size(np.column_stack([radius, z]), deviation, where)
+    return GearTraces(
+        radius_mm=radius,
+        z_mm=z,
+        deviation_um=deviation,
+        space=np.asarray([one.space for one in touches], dtype=np.int64),
+        flank=np.asarray([one.flank for one in touches], dtype=np.int64) * (-1 if columns.swap_flanks else 1),
+        probe_u_um=columns.probe_u_um or None,
+        source=where,
+        warnings=(*doubts, Message.of("S-GEARFILE-TRACES")),
     )
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -85,3 +85,19 @@ class InspectedGear:
     ball_space: NDArray[np.int64]
     temperature_degc: float | None = None
     measured_utc: str = ""
+
+
+class GearTraces(NamedTuple):
+    """Traces whose points are known by their radius and height alone, with the deviation along the normal.
+
+    ``radius_mm``, ``z_mm``, ``deviation_um`` (n,), + surplus; ``space`` and ``flank`` as in `GearInspection`.
+    """
+
+    radius_mm: FloatArray
+    z_mm: FloatArray
+    deviation_um: FloatArray
+    space: NDArray[np.int64]
+    flank: NDArray[np.int64]
+    probe_u_um: float | None = None
+    source: str = ""
+    warnings: tuple[Message, ...] = ()

@@ -42,6 +42,7 @@ TAKEN: dict[str, tuple[str, ...]] = {
     "evaluate --kind positioning": (*_GEOMETRY, *_POSITIONING),
     "evaluate --kind transmission": (*_FILES, "pins", "ratio", "rated_torque", "encoder_u"),
     "evaluate --kind ballbar": _FILES,
+    "evaluate --kind gear": ("files", "kind", "limit", "plot", "site"),
     **{f"evaluate --kind {name}": (*_GEOMETRY, *own) for name, own in _KINDS.items()},
 }
 ALWAYS = ("as_json", "_quiet", "_verbose", "help")

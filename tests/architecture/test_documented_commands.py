@@ -18,6 +18,7 @@ from gateway.cli.begin.checking import checked
 from gateway.cli.files.commandpage import page
 from gateway.push.phases import transitions_in_markdown
 from simulators.pytest_plugin import CellStarter
+from tests.unit.drivers.test_gear_measuring_files import mka
 
 ROOT = Path(__file__).parents[2]
 DOCS = ROOT / "docs"
@@ -46,6 +47,7 @@ PARSED = {
 }
 """What is parsed here and not run, and which test does it instead."""
 NEEDS = {
+    "evaluate disc.dat": "a site with a gear: tests/unit/cli/test_inspecting.py",
     "convert latest": "a run with an error model: tests/unit/exchange",
     "accept --allow move": "a person mounts instruments: tests/acceptance",
     "accept --allow write": "as move",
@@ -148,6 +150,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     circle = [f"{at % 360},{150 + 0.002 * (at % 7)}" for at in range(400)]
     text = "\n".join(("# Radius mm,150", "angle_deg,radius_mm", *circle, ""))
     (tmp_path / "circle.csv").write_text(text, encoding="utf-8")
+    (tmp_path / "gear.mka").write_text(mka(), encoding="utf-8")
     for name, lines in OTHER_CONTROLS.items():
         (tmp_path / name).write_text("\n".join((*lines, "")), encoding="utf-8")
     (tmp_path / "record.csv").write_text(_bench_record(), encoding="utf-8")

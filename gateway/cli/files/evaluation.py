@@ -43,7 +43,7 @@ def evaluate(
         str,
         typer.Option(
             help="positioning, straightness, angular, squareness, parallelism, reversal, axis-location, rotary-motion, "
-            "harmonics, six-dof, transmission, ballbar."
+            "harmonics, six-dof, transmission, ballbar, gear."
         ),
     ] = "positioning",
     angle: Annotated[
@@ -80,7 +80,10 @@ def evaluate(
     ] = None,
     site: Annotated[
         Path | None,
-        typer.Option(help="Positioning: site file with the tolerances and equipment to use.", show_default=False),
+        typer.Option(
+            help="Site file: of positioning its tolerances and equipment, of kind gear the gear of a contour scan.",
+            show_default=False,
+        ),
     ] = None,
     plot: Annotated[Path | None, typer.Option(help="Picture (.png or .svg).", show_default=False)] = None,
     jobs: Annotated[int, typer.Option(min=1, help="Positioning: number of processes that share the files.")] = 1,
@@ -102,7 +105,7 @@ def evaluate(
         only("evaluate --standard list")
         list_standards(as_json=as_json)
         return
-    if kind != "positioning" and site is not None:  # its tolerances: ignored, they would be taken for a pass
+    if kind not in ("positioning", "gear") and site is not None:  # tolerances ignored would be taken for a pass
         raise ConfigError("E-CLI-SITE-KIND", "--site", kind=kind)
     only(f"evaluate --kind {kind}")
     if kind != "positioning":
@@ -126,6 +129,10 @@ def evaluate(
 
             circle = CircleOptions(columns_of(column or ()), plot, limits_of(limit or ()))
             raise typer.Exit(evaluate_ballbar_files(files or [], circle, as_json=as_json))
+        if kind == "gear":
+            from gateway.cli.files.geometry import evaluate_gear_files
+
+            raise typer.Exit(evaluate_gear_files(files or [], site, limits_of(limit or ()), plot, as_json=as_json))
         from gateway.cli.files.geometry import KindOptions, evaluate_kinds, point_of
         from gateway.workflow.files.kindrecords import KindQuestion
 

@@ -80,6 +80,41 @@ def evaluate_kinds(files: Sequence[Path], asked: KindOptions, *, as_json: bool) 
     return of_verdicts([*(one.verdict for one, _ in decided), *("not decidable" for _ in blocking_doubts(doubts))])
 
 
+def evaluate_gear_files(
+    files: Sequence[Path], site: Path | None, limits: Mapping[str, float], plot: Path | None, *, as_json: bool
+) -> int:
+    """Print the figures of a gear measuring machine's file and judge them; the exit code of the verdicts.
+
+    Raises ConfigError (E-CLI-NO-FILES, E-GEARFILE-SITE), FileFormatError, ModelError.
+    """
+    from gateway.workflow.files.gears import evaluate_gear
+
+    if not files:
+        raise ConfigError("E-CLI-NO-FILES", "evaluate")
+    gear = None
+    if site is not None:
+        from gateway.config import load_site
+        from gateway.study.machine import gear_of
+        from gateway.workflow.part.grinding import gear_of_site
+
+        gear = gear_of(gear_of_site(load_site(site), site))
+    answer = evaluate_gear(files, gear)
+    decided = answer.decided(limits)
+    if plot is not None:
+        from gateway.report.drawings.kinds import draw
+
+        draw(answer, plot)
+    if as_json:
+        show_json(answer.as_data() | {"verdicts": [verdict(one) for one, _ in decided]})
+    else:
+        show_answer(answer, ())
+        for place, (one, unit) in enumerate(decided, 1):
+            show_verdicts([verdict(one)], unit, rule=place == len(decided))
+        if plot is not None:
+            echo(f"picture: {plot}")
+    return of_verdicts([one.verdict for one, _ in decided])
+
+
 def _doubts(measured: MeasuredSet, asked: KindOptions) -> tuple[Doubt, ...]:
     """Doubts that matter for the kind: of the reader, their size, and along the own axis whether a turn closes."""
     from gateway.evaluate.behaviour.doubts import accept_doubts, all_doubts, notable_doubts

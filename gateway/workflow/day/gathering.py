@@ -13,7 +13,7 @@ from drivers.errors import ConfigError, FileFormatError, FileUnreadable, Truefla
 from drivers.local.names import shown
 from drivers.local.textfile import decode_beginning
 from drivers.message import Message
-from drivers.types.gears import GearInspection
+from drivers.types.gears import GearInspection, GearTraces
 from drivers.types.results import MeasuredSet
 from gateway.store import Maps
 from gateway.workflow.day.answers import Answers
@@ -167,7 +167,7 @@ def _entry(name: str, path: Path, read: Read, digest: str) -> DayFile:
             words=content.header,
             component=read.component,
         )
-    kind: Kind = "gear" if isinstance(content, GearInspection) else "dynamic"
+    kind: Kind = "gear" if isinstance(content, GearInspection | GearTraces) else "dynamic"
     return DayFile(name, path, kind, read.driver, sha256=digest)
 
 

@@ -14,7 +14,7 @@ from drivers.errors import ConfigError, FileFormatError
 from drivers.local.names import shown
 from drivers.message import Message
 from drivers.recordings import Recording
-from drivers.types.gears import GearInspection
+from drivers.types.gears import GearInspection, GearTraces
 from drivers.types.results import MeasuredSet, TableHeading
 from gateway.store import Maps
 from gateway.store.maps import Value
@@ -28,7 +28,7 @@ HEAD_BYTES = 4096
 WHOLE, READINGS = {"target"}, {"deviation", "measured", "increment", "length"}
 ONCE = ("confirmed", "beside", "factor", "axis", "instrument")
 """Words about one file only: they are never remembered for others."""
-Content = MeasuredSet | Recording | GearInspection
+Content = MeasuredSet | Recording | GearInspection | GearTraces
 KEPT = {"unit": "S-READ-KEPT-UNIT", "columns": "S-READ-KEPT-COLUMNS", "senses": "S-READ-KEPT-SENSES"}
 """What is remembered of a file, as people read it."""
 
@@ -81,14 +81,33 @@ def driver_of(path: Path, how: How) -> str:
     return name
 
 
-def refuse_tables(path: Path) -> None:
-    """Raises FileFormatError (E-FILE-CONTROL) for a table of a control that is known by its text."""
+def gear_driver(path: Path) -> str:
+    """Driver of a gear measuring machine's own file, by its ending or by the mark of a contour scan; "" of others."""
+    ending = path.suffix.lower().lstrip(".")
+    if ending in ("mka", "mew"):
+        return ending
+    if ending not in ("dat", "txt"):
+        return ""
+    is_contour = registry.load("contour-mark", "recogniser")
+    return "contour" if is_contour(_head_of(path)) else ""
+
+
+def _head_of(path: Path) -> str:
+    """The first characters of a file, "" where it cannot be read: its reader says why."""
     try:
         with path.open("rb") as file:
-            head = file.read(HEAD_BYTES)
+            return file.read(HEAD_BYTES).decode("latin-1")
     except OSError:
-        return  # its reader says what is wrong
-    found = registry.load("other-controls", "recogniser")(head.decode("latin-1"))
+        return ""
+
+
+def refuse_tables(path: Path) -> None:
+    """Raises FileFormatError for a file that holds no readings: E-FILE-CONTROL (a table of a control, known by its
+    text), E-GEARFILE-KIND (curves of a gear measuring machine).
+    """
+    if gear_driver(path):
+        raise FileFormatError("E-GEARFILE-KIND", str(path))
+    found = registry.load("other-controls", "recogniser")(_head_of(path))
     if found is not None:
         raise FileFormatError("E-FILE-CONTROL", str(path), control=found.control, format=found.format, to=found.to)
 

@@ -10,11 +10,13 @@ from pathlib import Path
 
 import numpy as np
 
+from drivers import registry
 from drivers.clock import Clock
-from drivers.errors import ConfigError, DeviceRefused, TrueflankError
+from drivers.errors import ConfigError, DeviceRefused, FileFormatError, TrueflankError
 from drivers.message import Message, fixed
 from drivers.ports.instruments import GearInspector
-from drivers.types.gears import ClampedPart, GearInspection, GearPlan, InspectedGear
+from drivers.types.gearfiles import GearContour
+from drivers.types.gears import ClampedPart, GearInspection, GearPlan, GearTraces, InspectedGear
 from gateway.config import SiteFile
 from gateway.correct.part.inspected import InspectionSource, check_gear, inspected_flank
 from gateway.domain.equipment import Equipment
@@ -22,6 +24,7 @@ from gateway.errors import IllegalTransition
 from gateway.events import RunStarted
 from gateway.gear.cycloid import CycloidGear
 from gateway.gear.measured_points import Heights
+from gateway.gear.traces import inspection_of_contour, inspection_of_traces
 from gateway.say import Say
 from gateway.store import Maps, RunFolder
 from gateway.store.disk import checked_name
@@ -31,7 +34,7 @@ from gateway.tooth import InspectedFlank
 from gateway.workflow import stages
 from gateway.workflow.axes.measure import store_equipment
 from gateway.workflow.bench import Bench, bench
-from gateway.workflow.files.reading import How, read_file
+from gateway.workflow.files.reading import How, gear_driver, read_file
 from gateway.workflow.part.planning import gear_of_site, work_section
 from gateway.workflow.part.running import running_words
 from gateway.workflow.runsite import new_run, store_of
@@ -180,13 +183,32 @@ def inspect_file(
     """
     checked_name(stages.inspected(part))
     work, gear = work_section(site), gear_of(gear_of_site(site, site_path))
-    how = How(machine=site.site.name, columns=file.columns, gear=True)
-    read = read_file(file.path, how, Maps(store_of(site, site_path).root), utc)
+    maps = Maps(store_of(site, site_path).root)
+    points, notes = _points_of(gear, file, How(machine=site.site.name, columns=file.columns, gear=True), maps, utc=utc)
+    clamping = work.inspection_clamping_um
+    about = InspectionSource(part, file.path.name, clamping_um=clamping, heights=file.heights, said=notes)
+    return _kept(folder, RawInspection(file=points), gear, about, say)
+
+
+def _points_of(
+    gear: CycloidGear, file: FlankFile, how: How, maps: Maps, *, utc: Callable[[], datetime] | None
+) -> tuple[GearInspection, tuple[Message, ...]]:
+    """Flank points of a file, whether it has points, traces or plane contour scans; and notes of its reading.
+
+    Raises ConfigError (E-INSPECT-FILE), FileFormatError (E-GEARFILE-INVOLUTE), ModelError, and what `read_file` raises.
+    """
+    own = gear_driver(file.path)
+    if own:
+        content = registry.load(own, "gear-curves")().read(file.path)
+        if not isinstance(content, GearContour):
+            raise FileFormatError("E-GEARFILE-INVOLUTE", str(file.path))
+        return inspection_of_contour(gear, content), (Message.of("S-GEARFILE-CONTOUR"),)
+    read = read_file(file.path, how, maps, utc)
+    if isinstance(read.content, GearTraces):
+        return inspection_of_traces(gear, read.content), read.notes
     if not isinstance(read.content, GearInspection):
         raise ConfigError("E-INSPECT-FILE", str(file.path))
-    clamping = work.inspection_clamping_um
-    about = InspectionSource(part, file.path.name, clamping_um=clamping, heights=file.heights, said=read.notes)
-    return _kept(folder, RawInspection(file=read.content), gear, about, say)
+    return read.content, read.notes
 
 
 def plans_of(gear: CycloidGear) -> tuple[GearPlan, ...]:
