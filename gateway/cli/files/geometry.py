@@ -94,8 +94,8 @@ def evaluate_gear_files(
     gear = None
     if site is not None:
         from gateway.config import load_site
-        from gateway.study.machine import gear_of
-        from gateway.workflow.part.grinding import gear_of_site
+        from gateway.study.inputs import gear_of
+        from gateway.workflow.part.planning import gear_of_site
 
         gear = gear_of(gear_of_site(load_site(site), site))
     answer = evaluate_gear(files, gear)

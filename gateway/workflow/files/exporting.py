@@ -14,7 +14,7 @@ from drivers.errors import ConfigError
 from drivers.local.names import shown
 from drivers.message import Message
 from drivers.recordings import Recording
-from drivers.types.gears import GearInspection
+from drivers.types.gears import GearInspection, GearTraces
 from drivers.types.results import MeasuredSet
 from drivers.types.values import CompensatedFor
 from gateway.domain.captures import Capture, Corrections
@@ -150,7 +150,11 @@ def export(item: MeasuredItem, form: str, output: Path, *, unit: str = "", force
     """
     content = item.content
     dynamic = isinstance(content, Recording)
-    if form not in FORMS or isinstance(content, GearInspection) or (form != "csv" and (form == "rtx") != dynamic):
+    if (
+        form not in FORMS
+        or isinstance(content, GearInspection | GearTraces)
+        or (form != "csv" and (form == "rtx") != dynamic)
+    ):
         raise ConfigError("E-EXPORT-FORM", item.label, form=form, kind=type(content).__name__)
     if isinstance(content, Recording):
         return _export_recording(content, form, output, unit, force=force)

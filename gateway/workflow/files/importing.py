@@ -12,7 +12,7 @@ from pathlib import Path
 from drivers.errors import FileFormatError, FileUnreadable
 from drivers.message import Message
 from drivers.recordings import Recording
-from drivers.types.gears import GearInspection
+from drivers.types.gears import GearInspection, GearTraces
 from drivers.types.results import MeasuredSet
 from gateway.config import SiteFile
 from gateway.domain.stated import StatedFacts
@@ -147,10 +147,12 @@ def _doubted(read: Read, accepted: Mapping[str, str]) -> Read:
 
 def header_of(content: Content) -> Mapping[str, str]:
     """What a file states about itself; nothing of a gear's inspection."""
-    return {} if isinstance(content, GearInspection) else content.header
+    return {} if isinstance(content, GearInspection | GearTraces) else content.header
 
 
 def _import(path: Path, store: Store, read: Read, digest: str, *, at: Compared, stated: StatedFacts) -> Imported:
+    if isinstance(read.content, GearTraces):
+        raise ConfigError("E-GEARFILE-IMPORT", str(path))
     kind, meaning = _kind(read.content), meaning_of(read.content, read.component)
     known = already(store, digest, meaning)
     folder = RunFolder(known) if known is not None else None
