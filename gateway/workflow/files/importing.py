@@ -152,7 +152,7 @@ def header_of(content: Content) -> Mapping[str, str]:
 
 def _import(path: Path, store: Store, read: Read, digest: str, *, at: Compared, stated: StatedFacts) -> Imported:
     if isinstance(read.content, GearTraces):
-        raise ConfigError("E-GEARFILE-IMPORT", str(path))
+        raise FileFormatError("E-GEARFILE-IMPORT", str(path))
     kind, meaning = _kind(read.content), meaning_of(read.content, read.component)
     known = already(store, digest, meaning)
     folder = RunFolder(known) if known is not None else None
