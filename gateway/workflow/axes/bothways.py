@@ -12,7 +12,7 @@ from gateway.config import AxisSection
 from gateway.domain.proposals import FindingWeight, TableChange, TableFinding
 from gateway.model.components import is_periodic, value
 from gateway.table import Grid
-from gateway.table.comparison import effective
+from gateway.table import effective
 from gateway.table.limits import check_reach
 from gateway.table.merging import with_directions
 from gateway.workflow.axes.reversing import SeenReversal
