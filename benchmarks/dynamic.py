@@ -14,7 +14,7 @@ from scipy import signal
 from benchmarks.report import Report, main, spent
 from drivers.recordings import Recording
 from gateway.workflow.axes.dynamic import outcome_of
-from gateway.workflow.files.reading import How, read_file
+from gateway.workflow.files.reading import ReadOptions, read_file
 
 COUNT, RATE_HZ = 1_000_001, 50_000.0
 HEAD = (
@@ -35,7 +35,7 @@ def written(path: Path) -> Path:
 
 def ours(path: Path, picture: Path) -> None:
     """As `trueflank dynamic FILE.rtx --unit mm` does it."""
-    read = read_file(path, How("mm"))
+    read = read_file(path, ReadOptions("mm"))
     if not isinstance(read.content, Recording):
         raise SystemExit("the benchmark's own file is no dynamic capture")
     outcome_of(read.content, path, picture, None)

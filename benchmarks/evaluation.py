@@ -21,7 +21,7 @@ from benchmarks.report import Report, child, main, spent
 from gateway.evaluate.standards.registry import evaluate_by
 from gateway.evaluate.uncertainty.budget import Budget
 from gateway.evaluate.uncertainty.montecarlo import BLOCK
-from gateway.workflow.files.reading import How, read_file
+from gateway.workflow.files.reading import ReadOptions, read_file
 
 RTL = """HEADER::
 File type  : rtl
@@ -146,7 +146,9 @@ def large_table(report: Report, folder: Path) -> None:
     floor = spent(lambda: pd.read_csv(path), 2)
     report.say(f"CSV: {len(table)} readings by pandas.read_csv", floor, "s")
     report.at_most(
-        "CSV: read, checked and arranged / pandas.read_csv", spent(lambda: read_file(path, How()), 1) / floor, 8.0
+        "CSV: read, checked and arranged / pandas.read_csv",
+        spent(lambda: read_file(path, ReadOptions()), 1) / floor,
+        8.0,
     )
     if not report.smoke:
         whole = child(["evaluate", str(path)])

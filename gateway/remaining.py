@@ -1,6 +1,6 @@
 """The remaining time of a command: where it is among its pieces, and about how long all that is left takes; pure.
 
-A command is foreseen as pieces of work (`gateway.workflow.loop.forecast`): an axis or set-up, a part, a push. Each is
+A command is foreseen as pieces of work (`gateway.workflow.forecast`): an axis or set-up, a part, a push. Each is
 split into the stops that are read and the rest (mounting, starts, grinding, programs without stops), because the two
 go at different paces: stops take what this machine and these settings take, the rest what people take.
 

@@ -11,8 +11,8 @@ from drivers.errors import ConfigError
 from drivers.types.drives import DriveRecord
 from gateway.domain.values import FloatArray
 from gateway.evaluate.behaviour.drive import DriveFigures
-from gateway.workflow.doubles import SAID
 from gateway.workflow.files.drives import DriveQuestion, evaluate_drives, read_drive
+from gateway.workflow.run.stages import SAID
 from trueflank.frames import frame
 from trueflank.given import path_given
 

@@ -13,7 +13,7 @@ from gateway.correct.outlook.flank_uncertainty import FlankDoubts
 from gateway.correct.part.inspected import USUAL_CLAMPING_UM, inspection_patterns
 from gateway.gear.measured_points import Heights
 from gateway.study.inputs import gear_of
-from gateway.workflow.part.matching import DiscFile, disc_of_file
+from gateway.workflow.tooth.pairing import DiscFile, disc_of_file
 from trueflank.given import of_kind, path_given
 from trueflank.tooth import Flank, Gear
 

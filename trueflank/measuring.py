@@ -203,15 +203,15 @@ def read(
     ``accepted`` are doubts that you answer for, reasons by code. Raises ConfigError (E-LIBRARY-COLUMNS, -WAYS, -RUNS,
     -READINGS, -SEVERAL and -SHEET: ``columns`` answers them), FileFormatError with line and reason.
     """
-    from gateway.workflow.files.days import to_come
-    from gateway.workflow.files.facts import facts_of
-    from gateway.workflow.files.reading import How, read_file
+    from gateway.workflow.files.headers import is_future
+    from gateway.workflow.files.reading import ReadOptions, read_file
+    from gateway.workflow.files.statements import facts_of
 
     path_given(path, "read")
     axis = axis_unit_of(motion_name(name, "read")) if name else None
     mixed = axis is not None and component_unit(name, axis) != deviation_unit(axis)
     try:
-        got = read_file(Path(path), How(unit, columns=columns, mixed=mixed))
+        got = read_file(Path(path), ReadOptions(unit, columns=columns, mixed=mixed))
     except ConfigError as error:
         if error.code not in ASKS:
             raise
@@ -227,7 +227,7 @@ def read(
     stated = facts_of(Path(path).name, found.header).said
     today = _today()
     early = stated.get("date", "")
-    later = (words("W-FACTS-TO-COME", date=shown(early), today=today.isoformat()),) if to_come(early, today) else ()
+    later = (words("W-FACTS-TO-COME", date=shown(early), today=today.isoformat()),) if is_future(early, today) else ()
     return Measured(
         found.targets,
         found.deviations,
@@ -523,7 +523,7 @@ def report(run: str | Path, store: str | Path = "runs") -> Path:
     path_given(store, "report")
     from gateway.errors import StoreError
     from gateway.store import Store
-    from gateway.workflow.results.reporting import write_report
+    from gateway.workflow.results.report import write_report
 
     try:
         folder = Store(Path(store)).open(run)

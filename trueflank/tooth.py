@@ -47,7 +47,7 @@ from gateway.study.machine import (
     table_grids,
 )
 from gateway.study.relative_errors import relative_u
-from gateway.workflow.tooth.known import KnownMachine, known_machine
+from gateway.workflow.tooth.known_machine import KnownMachine, known_machine
 from trueflank.frames import frame
 from trueflank.given import (
     motion_name,

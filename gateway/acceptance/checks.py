@@ -23,12 +23,12 @@ from gateway.errors import VerifyError
 from gateway.say import silence
 from gateway.table.trial import triangle_for_axes
 from gateway.workflow.axes.measure import fetch_tables
-from gateway.workflow.bench import Bench
-from gateway.workflow.control.contexts import table_context
-from gateway.workflow.control.proving import BenchEyes, provable, prove
-from gateway.workflow.runsite import known_of, store_of
-from gateway.workflow.selftests import untested
-from gateway.workflow.witness import Witness
+from gateway.workflow.control.signs import MountedInstruments, can_prove_sign, prove_table_signs
+from gateway.workflow.run.audit_trail import AuditAdapter
+from gateway.workflow.run.context import RunContext
+from gateway.workflow.run.folder import known_of, store_of
+from gateway.workflow.run.push_context import table_context
+from gateway.workflow.run.self_test import axes_without_self_test
 
 START_S = 60.0
 WRONG = "E-ACCEPT-WRONG"
@@ -128,7 +128,7 @@ async def _rights(desk: SiteDesk, _axis: str) -> SeenLine:
 
 async def _tested(desk: SiteDesk, name: str) -> SeenLine:
     async with desk.bench() as at:
-        missing = untested(at, (name,))
+        missing = axes_without_self_test(at, (name,))
         needed = at.supervisor.controller.capabilities.self_test
     _demand(
         not missing,
@@ -155,7 +155,7 @@ async def _written(desk: SiteDesk, name: str) -> SeenLine:
     """A triangle of 3 um or 3 arcsec: written, read back, switched, seen, and the old table put back, proved equal."""
     axis = _measured(desk, name)
     async with desk.bench((axis.measure.instrument,)) as at:
-        if not provable(at, at.axis(name)):
+        if not can_prove_sign(at, at.axis(name)):
             raise NotHere("no-switch")
         before = await fetch_tables(at, at.axis(name))
         slope = await _proof(at, at.axis(name), before)
@@ -165,7 +165,7 @@ async def _written(desk: SiteDesk, name: str) -> SeenLine:
     return seen(f"written-{_state(after)}", slope=f"{slope:+.3f}", **_told(after).fields)
 
 
-async def _proof(at: Bench, axis: AxisSection, before: LiveSet) -> float:
+async def _proof(at: RunContext, axis: AxisSection, before: LiveSet) -> float:
     grid, facts = axis.table, at.facts(axis)
     table, _ = triangle_for_axes(facts, facts, minimum=grid.minimum, maximum=grid.maximum, step=grid.step)
     nothing = np.zeros(0)
@@ -179,8 +179,8 @@ async def _proof(at: Bench, axis: AxisSection, before: LiveSet) -> float:
         predicted=nothing,
         predicted_U=nothing,
     )
-    context = replace(table_context(at, table, None), log=Witness(at))
-    (found,) = await prove(at, ((change, context),), BenchEyes(at))
+    context = replace(table_context(at, table, None), log=AuditAdapter(at))
+    (found,) = await prove_table_signs(at, ((change, context),), MountedInstruments(at))
     if isinstance(found, VerifyError):
         raise found
     return found.slope

@@ -47,7 +47,7 @@ def pytest_configure(config: pytest.Config) -> None:
     from drivers.errors import TrueflankError  # noqa: PLC0415 - pytest loads this file on every run
     from gateway.acceptance.sheet import check_sheet  # noqa: PLC0415
     from gateway.config import load_site  # noqa: PLC0415
-    from gateway.workflow.bench import check_name  # noqa: PLC0415
+    from gateway.workflow.run.context import check_name  # noqa: PLC0415
 
     path = Path(given).resolve()
     try:

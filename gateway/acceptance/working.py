@@ -11,7 +11,7 @@ from drivers.clock import Clock
 from gateway.acceptance.results import seen
 from gateway.config import SiteFile
 from gateway.say import Say
-from gateway.workflow.bench import Bench, bench, run_or_look
+from gateway.workflow.run.context import RunContext, open_context, run_or_look
 
 
 class NotHere(Exception):
@@ -33,11 +33,11 @@ class SiteDesk:
     say: Say
 
     @asynccontextmanager
-    async def bench(self, instruments: Collection[str] = ()) -> AsyncIterator[Bench]:
+    async def bench(self, instruments: Collection[str] = ()) -> AsyncIterator[RunContext]:
         """The control and these instruments, open; a run folder is left only where an instrument was at work."""
         state = "accepting"
         with run_or_look(self.site, self.site_path, state, look=not instruments) as folder:
-            at = bench(
+            at = open_context(
                 self.site,
                 self.site_path,
                 folder=folder,

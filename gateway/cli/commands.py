@@ -69,10 +69,10 @@ def push(
     """Show a stored proposal's difference and every refusal; with --apply write it and measure again."""
     from gateway.approve import take_risk
     from gateway.cli.machine.running import PushAsked, push_run_command
-    from gateway.workflow.carrying import way_of
+    from gateway.workflow.run.push_context import push_by_files
 
     asked = PushAsked(tuple(axis or ()), apply, machine, points)
-    with take_risk(risk), way_of(offline=offline, resume=resume):
+    with take_risk(risk), push_by_files(offline=offline, resume=resume):
         push_run_command(run_folder, store, asked, as_json=as_json)
 
 

@@ -15,7 +15,7 @@ from gateway.cli.onward import next_step
 from gateway.cli.show import NEXT, echo, show_strips
 from gateway.remaining import RemainingTime
 from gateway.store import RunFolder
-from gateway.workflow import stages as names
+from gateway.workflow.run import stages as names
 
 SLOW = 1.5
 """Load of the computer for each of its cores, and wall time for each second of work, from which it is called busy."""
@@ -49,7 +49,7 @@ def show_ending(outcome: Any, chosen: str, took: Took, clock: Clock) -> None:
 
     ``chosen`` says which set-ups were measured; "" where all were.
     """
-    from gateway.workflow.results.reporting import material_of
+    from gateway.workflow.results.report import material_of
 
     folder = RunFolder(Path(outcome.run_folder))
     material = material_of(folder)
@@ -89,11 +89,11 @@ def lines_of(material: Any, chosen: str) -> Iterator[str | Message]:
 
 def _written(folder: RunFolder, material: Any, clock: Clock) -> tuple[Path | None, Path]:
     """The calibration report as PDF, where what makes one is installed, and the run's page with it."""
-    from gateway.workflow.results.reporting import write_index
+    from gateway.workflow.results.report import write_index
 
     made = None
     try:
-        from gateway.workflow.results.documenting import write_document
+        from gateway.workflow.results.document import write_document
     except ModuleNotFoundError:
         pass  # without the extra `report` there is no PDF, and its line is left out
     else:

@@ -190,7 +190,7 @@ def _demand_resumable(demo: Demo) -> None:
         return
     from gateway.cli.options import open_run
     from gateway.store import Store
-    from gateway.workflow import stages
+    from gateway.workflow.run import stages
 
     folder = open_run(Store(demo.folder / "runs"), demo.run)
     if folder.has(stages.PROPOSAL):
@@ -200,11 +200,11 @@ def _demand_resumable(demo: Demo) -> None:
 def _that_pay(site: Path) -> Any:
     """The set-ups that pay by the ranking of the site as it is. Raises ConfigError, ModelError."""
     from gateway.config import load_site
-    from gateway.workflow.errors21.paying import setups_that_pay
+    from gateway.workflow.errors21.measurement import worthwhile_setups
     from gateway.workflow.tooth.proposal import work_of
 
     tree = load_site(site)
-    return setups_that_pay(tree, work_of(tree, site).tooth)
+    return worthwhile_setups(tree, work_of(tree, site).tooth)
 
 
 def list_cells() -> None:

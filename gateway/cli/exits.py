@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from gateway.workflow.outcome import CANNOT_TELL, LIMIT_EXCEEDED, of_verdicts
+from gateway.workflow.run.outcome import CANNOT_TELL, LIMIT_EXCEEDED, of_verdicts
 
 __all__ = ["CANNOT_TELL", "LIMIT_EXCEEDED", "REMEASURE", "of_verdicts"]
 REMEASURE = 20

@@ -194,10 +194,10 @@ def load_site(path: Path) -> Any:
 
 def compared_of(site: Path | None, accepted: list[str] | None, *, ask: bool, tree: Any = None) -> Any:
     """With what files' statements are compared: a site, what was accepted, and whether a person is asked."""
-    from gateway.workflow.files.facts import Compared
+    from gateway.workflow.files.statements import StatementComparison
 
     known = load_site(site) if tree is None and site is not None else tree
-    return Compared(known, tuple(accepted or ()), _ask_about if ask else None, _now)
+    return StatementComparison(known, tuple(accepted or ()), _ask_about if ask else None, _now)
 
 
 @dataclass(frozen=True, slots=True)
@@ -209,9 +209,11 @@ class TodayAlone:
 
     def compared(self, header: Mapping[str, str]) -> Any:
         """With what its statements are compared, None where its day is not still to come."""
-        from gateway.workflow.files.days import date_in, to_come
+        from gateway.workflow.files.headers import date_in, is_future
 
-        return compared_of(None, list(self.accepted), ask=self.ask) if to_come(date_in(header), _now().date()) else None
+        return (
+            compared_of(None, list(self.accepted), ask=self.ask) if is_future(date_in(header), _now().date()) else None
+        )
 
 
 def _now() -> datetime:
@@ -222,7 +224,7 @@ def _ask_about(one: Any) -> bool:
     """Show one difference; yes takes the file. Without anybody at the terminal it is refused (E-FACTS-DIFFER)."""
     from drivers.local.names import visible
     from gateway.cli.show import echo
-    from gateway.workflow.files.facts import refusal
+    from gateway.workflow.files.statements import refusal
 
     echo(Message.of("P-FACTS-DIFFER", **difference_fields(one)))
     try:
@@ -233,7 +235,7 @@ def _ask_about(one: Any) -> bool:
 
 def difference_fields(one: Any) -> dict[str, str]:
     """The fields of P-FACTS-DIFFER for a difference."""
-    from gateway.workflow.files.facts import SITE
+    from gateway.workflow.files.statements import SITE
 
     found = {name: shown(getattr(one, name)) for name in ("file", "key", "value", "other", "source")}
     return {**found, "source": words("W-FACTS-SITE")} if one.source == SITE else found

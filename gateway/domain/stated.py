@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 
 @dataclass(frozen=True, slots=True)
 class StatedFact:
-    """One statement of a file: ``key`` of `gateway.workflow.files.facts.KEYS`, ``value`` as the file has it."""
+    """One statement of a file: ``key`` of `gateway.workflow.files.statements.KEYS`, ``value`` as the file has it."""
 
     file: str
     key: str

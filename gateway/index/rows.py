@@ -15,7 +15,7 @@ from gateway.push import table_id, table_states
 from gateway.store import RunFolder, RunSummary
 from gateway.store.records import canonical, sha256
 from gateway.tooth import ToothVerdict
-from gateway.workflow import stages
+from gateway.workflow.run import stages
 
 PARAMETERS = ("E", "R", "B", "A", "M")
 FLANK, FLANK_PARAMETERS = "flank", ("rms",)

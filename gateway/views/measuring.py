@@ -8,7 +8,7 @@ from gateway.capture.targets import targets_of
 from gateway.config import AxisSection, SiteFile
 from gateway.model.chain import Axis, Element
 from gateway.model.error_model import yk7350b
-from gateway.workflow.errors21.setups import Planned, planned, remountings
+from gateway.workflow.errors21.setups import PlannedSetup, plan_setups, remountings
 
 
 def plan_of(site: SiteFile) -> dict[str, Any]:
@@ -16,7 +16,7 @@ def plan_of(site: SiteFile) -> dict[str, Any]:
 
     ``chain`` names the axes from the bed outward to the work and to the wheel, each with its direction.
     """
-    setups = planned(site) if site.setups else ()
+    setups = plan_setups(site) if site.setups else ()
     return {
         "axes": [_axis(axis) for axis in site.axes],
         "setups": [_setup(one) for one in setups],
@@ -61,7 +61,7 @@ def _axis(axis: AxisSection) -> dict[str, Any]:
     }
 
 
-def _setup(one: Planned) -> dict[str, Any]:
+def _setup(one: PlannedSetup) -> dict[str, Any]:
     setup = one.setup
     return {
         "setup": one.key,

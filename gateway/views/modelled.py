@@ -27,8 +27,8 @@ from gateway.report.tooth.errors import error_rows
 from gateway.sensitivity.outputs import ScaledMotion
 from gateway.store import RunFolder
 from gateway.tooth import ToothProposal
-from gateway.workflow import stages
-from gateway.workflow.errors21.components import grids
+from gateway.workflow.errors21.measurement import grids
+from gateway.workflow.run import stages
 from gateway.workflow.tooth.proposal import PROFILE, WIDTH, ToothWork, work_of
 
 POINTS = 61

@@ -14,8 +14,8 @@ from gateway.users import Person
 from gateway.web.bodies import SiteAnswers, Thumbprint
 from gateway.web.doors import needs, service_of, site_of
 from gateway.web.ports import Making
-from gateway.workflow.control.trusting import accepted, shown_by
-from gateway.workflow.runsite import known_of
+from gateway.workflow.run.folder import known_of
+from gateway.workflow.run.identity import accept_certificate, shown_certificate
 
 routes = APIRouter(prefix="/api/v1", tags=["beginning"])
 ServiceRole = Annotated[Person, Depends(needs("service"))]
@@ -50,14 +50,14 @@ async def write(request: Request, person: ServiceRole, body: SiteAnswers) -> dic
 async def trust(request: Request, site: str, _person: ServiceRole) -> dict[str, Any]:
     """The certificate that the control shows now, beside the pinned one; nothing changes."""
     at = site_of(request, site)
-    return _told(await shown_by(at.site, service_of(request).clock))
+    return _told(await shown_certificate(at.site, service_of(request).clock))
 
 
 @routes.post("/sites/{site}/trust", status_code=201)
 async def accept(request: Request, site: str, person: ServiceRole, body: Thumbprint) -> dict[str, Any]:
     """Pin what the control shows now, if the thumbprint that was read at the control itself is its own."""
     at, clock = site_of(request, site), service_of(request).clock
-    return _told(await accepted(at.site, at.path, body.thumbprint, who=person.name, clock=clock))
+    return _told(await accept_certificate(at.site, at.path, body.thumbprint, who=person.name, clock=clock))
 
 
 @routes.get("/sites/{site}/identity")

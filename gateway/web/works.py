@@ -17,19 +17,16 @@ from gateway.study.inputs import gear_of, load_gear
 from gateway.users import Signer
 from gateway.web import bodies
 from gateway.web.ports import ServedSite, Work
-from gateway.workflow.control.approving import approve_plan
-from gateway.workflow.control.disabling import disable_site
-from gateway.workflow.control.pushing import push_run
-from gateway.workflow.control.recovering import recover_site
-from gateway.workflow.control.rolling_back import roll_back_site
-from gateway.workflow.control.selftesting import self_test_site
-from gateway.workflow.control.verifying import verify_table
-from gateway.workflow.errors21.components import measure_site
-from gateway.workflow.loop.forecast import day_of_closing, day_of_measuring, day_of_run, remaining_of
-from gateway.workflow.loop.run import run_site
-from gateway.workflow.loop.tooth_loop import close_site
-from gateway.workflow.outcome import Outcome
-from gateway.workflow.results.reporting import ReportPaths, write_report
+from gateway.workflow.complete_run import close_site, run_site
+from gateway.workflow.control.disable import disable_site
+from gateway.workflow.control.push import approve_plan, push_run
+from gateway.workflow.control.rollback import recover_site, roll_back_site
+from gateway.workflow.control.verify import verify_table
+from gateway.workflow.errors21.measurement import measure_site
+from gateway.workflow.forecast import day_of_closing, day_of_measuring, day_of_run, remaining_of
+from gateway.workflow.results.report import ReportPaths, write_report
+from gateway.workflow.run.outcome import Outcome
+from gateway.workflow.run.self_test import self_test_site
 
 
 def run(at: ServedSite, clock: Clock) -> Work:

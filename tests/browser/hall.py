@@ -15,7 +15,7 @@ from typing import IO, Any
 from gateway.config import load_site
 from gateway.store import Store
 from gateway.users import first_token_path
-from gateway.workflow.runsite import store_of
+from gateway.workflow.run.folder import store_of
 from simulators.cellfile import load_cell
 from tests.selftested import keep
 

@@ -16,7 +16,7 @@ from playwright.sync_api import expect
 from gateway.domain.proposals import Proposal
 from gateway.interlocks.table import largest_change
 from gateway.tooth import InspectedFlank
-from gateway.workflow import stages
+from gateway.workflow.run import stages
 from simulators.cell.site import section
 from tests.browser.hall import Hall, hall
 from tests.browser.person import CHROMIUM, IDLE, SCREENS, Person, chromium, opened

@@ -11,8 +11,8 @@ from typing import Any
 from drivers.clock import LoopClock, run_virtual
 from gateway.approve import UNPROTECTED, take_risk
 from gateway.config import load_site
-from gateway.workflow.loop.run import run_site
-from gateway.workflow.outcome import Outcome
+from gateway.workflow.complete_run import run_site
+from gateway.workflow.run.outcome import Outcome
 from simulators.cell import Cell
 from simulators.cell.site import section
 from tests.selftested import cell_running

@@ -33,9 +33,9 @@ from gateway.stopping import StopAsked, Stopped, current, obey
 from gateway.store.proofs import Proofs
 from gateway.supervisor import Supervisor
 from gateway.views.stored import pushes_held
-from gateway.workflow.control.recovering import recover_site
-from gateway.workflow.loop.run import run_site
-from gateway.workflow.runsite import store_of
+from gateway.workflow.complete_run import run_site
+from gateway.workflow.control.rollback import recover_site
+from gateway.workflow.run.folder import store_of
 from simulators.cell import Cell
 from tests.cell.bench import short
 from tests.selftested import cell_running

@@ -20,15 +20,14 @@ from gateway.say import silence
 from gateway.store import RunFolder, Store
 from gateway.tooth import FlankMap, FlankPrediction, SetupValues, ToothProposal
 from gateway.views.stored import last_acting
-from gateway.workflow import stages
-from gateway.workflow.axes.acting import check_acting, check_u, judge_acting
-from gateway.workflow.axes.guard import guard_site
 from gateway.workflow.axes.measure import measure_axis, store_equipment
-from gateway.workflow.axes.propose import axis_changes, keep
-from gateway.workflow.bench import bench
-from gateway.workflow.control.pushing import apply_proposal
-from gateway.workflow.runsite import new_run
-from gateway.workflow.tooth.everything import outlooks
+from gateway.workflow.axes.propose import axis_changes, store_proposal
+from gateway.workflow.axes.short_capture import check_u, guard_site, judge_combined_effect, verify_combined_effect
+from gateway.workflow.control.push import apply_proposal
+from gateway.workflow.run import stages
+from gateway.workflow.run.context import open_context
+from gateway.workflow.run.folder import new_run
+from gateway.workflow.tooth.messages import full_correction_outlooks
 from tests.cell.bench import section, short
 from tests.selftested import cell_running
 
@@ -55,7 +54,7 @@ def test_c_deviates_on_purpose_as_predicted_and_a_wrong_prediction_is_seen(tmp_p
             path.write_text(f"{text}\n{guard}", encoding="utf-8")
             site = load_site(path)
             folder = new_run(site, path)
-            async with bench(site, path, folder, clock, silence) as at:
+            async with open_context(site, path, folder, clock, silence) as at:
                 store_equipment(at)
                 measured = {"C1": await measure_axis(at, at.axis("C1"), "before")}
                 own, *_ = await axis_changes(at, measured)
@@ -64,16 +63,20 @@ def test_c_deviates_on_purpose_as_predicted_and_a_wrong_prediction_is_seen(tmp_p
                 cross = TableChange(
                     "C1", table_in(live, new).table, new, False, live.digest, NOTHING, NOTHING, NOTHING, base=live
                 )
-                proposal = keep(at, (own, cross), (measured["C1"].digest,))
+                proposal = store_proposal(at, (own, cross), (measured["C1"].digest,))
                 said = FlankPrediction(EMPTY, EMPTY, EMPTY, 0.0, 0.1, np.zeros((1, 1, 1)), 0.1, 0.1)
-                folder.put(stages.TOOTH, ToothProposal(SetupValues(), said, axes=outlooks((own,), (cross,))))
-                assert await check_acting(at) == ()  # nothing acts yet
+                folder.put(
+                    stages.TOOTH, ToothProposal(SetupValues(), said, axes=full_correction_outlooks((own,), (cross,)))
+                )
+                assert await verify_combined_effect(at) == ()  # nothing acts yet
                 await apply_proposal(at, proposal, measured)
-                (found,) = await check_acting(at)
-                assert (await check_acting(at))[0].words == found.words  # what is stored is not measured again
+                (found,) = await verify_combined_effect(at)
+                assert (await verify_combined_effect(at))[
+                    0
+                ].words == found.words  # what is stored is not measured again
                 capture = folder.get(stages.capture("C1", "acting"), Capture)
-                wrong = replace(outlooks((own,), (cross,))[0], deviation=own.predicted)
-                missed = judge_acting(wrong, check_u(at.axis("C1"), capture, GuardSection()))
+                wrong = replace(full_correction_outlooks((own,), (cross,))[0], deviation=own.predicted)
+                missed = judge_combined_effect(wrong, check_u(at.axis("C1"), capture, GuardSection()))
                 assert robust_means(capture.targets, capture.deviations).s < 0.5
             guarded = await guard_site(site, path, folder, "C1", clock=clock, say=silence)
             return folder, found, missed, guarded

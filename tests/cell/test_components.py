@@ -21,11 +21,11 @@ from gateway.say import silence
 from gateway.store import RunFolder, Store
 from gateway.study.inputs import gear_of, load_gear
 from gateway.supervisor import DevicesFailed, Supervisor
-from gateway.workflow.axes.guard import GuardOutcome, guard_site
-from gateway.workflow.errors21.components import PlanOutcome, measure_site
-from gateway.workflow.errors21.setups import planned
-from gateway.workflow.loop.run import run_site
-from gateway.workflow.runsite import store_of
+from gateway.workflow.axes.short_capture import GuardOutcome, guard_site
+from gateway.workflow.complete_run import run_site
+from gateway.workflow.errors21.measurement import PlanOutcome, measure_site
+from gateway.workflow.errors21.setups import plan_setups
+from gateway.workflow.run.folder import store_of
 from simulators.cell import Cell
 from simulators.cell.backdoor import BackDoor
 from simulators.cell.setup_files import write_site_of_files
@@ -245,7 +245,7 @@ def test_the_whole_plan_identifies_all_21(tmp_path: Path) -> None:
         file = load_gear(cell.site_path.parent / site.work.gear)
         tooth = ToothSpec(gear_of(file), file.grinding.centre_distance_mm, site.work.height_mm)
         ask: dict[str, Any] = {"clock": clock, "say": silence, "tooth": tooth}
-        part = tuple(one.key for one in planned(site) if one.setup.component != "EBC")
+        part = tuple(one.key for one in plan_setups(site) if one.setup.component != "EBC")
         first = await measure_site(site, cell.site_path, wanted=part, **ask)
         print(first.advice)
         assert first.advice.startswith("Next: EBC-C1")

@@ -15,11 +15,11 @@ from gateway.domain.outcomes import Verdict
 from gateway.domain.proposals import Proposal, TableChange
 from gateway.push.compare import table_in
 from gateway.say import silence
-from gateway.workflow import consents, stages
 from gateway.workflow.axes.measure import fetch_tables
-from gateway.workflow.bench import bench
-from gateway.workflow.control.pushing import apply_proposal
-from gateway.workflow.runsite import new_run
+from gateway.workflow.control.push import apply_proposal
+from gateway.workflow.run import audit_trail, stages
+from gateway.workflow.run.context import open_context
+from gateway.workflow.run.folder import new_run
 from tests.cell.bench import short
 from tests.selftested import cell_running
 from tests.sizes import few
@@ -58,7 +58,7 @@ def test_cross_tables_are_proved_pushed_and_act(tmp_path: Path, sign: int) -> No
             path.write_text(short(("X1", "Z1", "C1"), 9, 3)(path.read_text(encoding="utf-8")), encoding="utf-8")
             site = load_site(path)
             folder = new_run(site, path)
-            async with bench(site, path, folder, clock, silence) as at:
+            async with open_context(site, path, folder, clock, silence) as at:
                 grids = {axis.name: axis.table for axis in site.axes}
                 live = await fetch_tables(at, at.axis("X1"))
                 z = grids["Z1"]
@@ -74,7 +74,7 @@ def test_cross_tables_are_proved_pushed_and_act(tmp_path: Path, sign: int) -> No
                 )
                 proposal = Proposal(at.machine, changes, (), clock.utc().isoformat())
                 folder.put(stages.PROPOSAL, proposal)
-                assert consents.proposed(at, proposal) == ""
+                assert audit_trail.record_proposal(at, proposal) == ""
                 verdict = await apply_proposal(at, proposal, {})
                 proof = at.proofs.find(at.machine, "cross", "X1")
             middle = (len(tables[0].deviations) - 1) // 2

@@ -16,8 +16,8 @@ from gateway.errors import WriteRefused
 from gateway.say import silence
 from gateway.store import Store
 from gateway.tooth import GroundPart, SetupValues
-from gateway.workflow.part.grinding import grind_site
-from gateway.workflow.runsite import store_of
+from gateway.workflow.run.folder import store_of
+from gateway.workflow.tooth.grinding import grind_site
 from simulators.cell import Cell, cell_running
 from simulators.cellfile import load_cell, with_plan
 from tests.closing.judge import places

@@ -20,17 +20,17 @@ from gateway.errors import WriteRefused
 from gateway.push.transaction import push_table
 from gateway.say import silence
 from gateway.store import Store
-from gateway.workflow import consents, stages
-from gateway.workflow.bench import bench
-from gateway.workflow.control.approving import approve_plan, show_plan
-from gateway.workflow.control.contexts import push_context
-from gateway.workflow.control.disabling import disable_site
-from gateway.workflow.control.rolling_back import roll_back_site
-from gateway.workflow.control.verifying import verify_table
-from gateway.workflow.loop.run import run_site
-from gateway.workflow.outcome import Outcome
-from gateway.workflow.runsite import store_of
-from gateway.workflow.showing import narrowed
+from gateway.workflow.complete_run import run_site
+from gateway.workflow.control.disable import disable_site
+from gateway.workflow.control.push import approve_plan, show_plan
+from gateway.workflow.control.rollback import roll_back_site
+from gateway.workflow.control.verify import verify_table
+from gateway.workflow.results.endings import select_tables
+from gateway.workflow.run import audit_trail, stages
+from gateway.workflow.run.context import open_context
+from gateway.workflow.run.folder import store_of
+from gateway.workflow.run.outcome import Outcome
+from gateway.workflow.run.push_context import push_context
 from simulators.cell import Cell
 from simulators.cell.backdoor import BackDoor
 from tests.cell.bench import short
@@ -56,15 +56,17 @@ class Story:
 
     async def push(self, actor: str) -> str:
         change = self.folder.get(stages.PROPOSAL, Proposal).changes[0]
-        async with bench(self.site, self.path, self.folder, self.clock, silence) as at:
+        async with open_context(self.site, self.path, self.folder, self.clock, silence) as at:
             moment = datetime.now(UTC).isoformat()
             proof = SignProof(at.machine, "axis", "C1", -1.0, 0.01, 1, moment)
-            taken = consents.take_up(at, narrowed(self.folder.get(stages.PROPOSAL, Proposal), ("C1",)))
-            context = consents.consented(at, change, push_context(at, at.axis("C1"), None), taken[change.name])
+            taken = audit_trail.consume_approvals(
+                at, select_tables(self.folder.get(stages.PROPOSAL, Proposal), ("C1",))
+            )
+            context = audit_trail.with_consent(at, change, push_context(at, at.axis("C1"), None), taken[change.name])
             context = replace(context, actor=actor, proof=proof, approvals_needed=2)
-            consents.begin(at, change, context)
+            audit_trail.record_start(at, change, context)
             record = await push_table(change, context)
-            assert consents.ended(at, change, record) == ""
+            assert audit_trail.record_end(at, change, record) == ""
         return record.outcome
 
     def runs(self) -> set[str]:

@@ -15,7 +15,7 @@ from gateway.domain.captures import Capture
 from gateway.domain.figures import Evaluation
 from gateway.domain.proposals import Proposal
 from gateway.store import RunFolder
-from gateway.workflow import stages
+from gateway.workflow.run import stages
 from simulators.cell import Cell
 from simulators.cellfile import CellFile, load_cell
 from simulators.truth import AxisMotion

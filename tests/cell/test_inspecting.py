@@ -16,12 +16,11 @@ from gateway.domain.proposals import Proposal
 from gateway.say import silence
 from gateway.store import RunFolder, Store
 from gateway.tooth import GearProposal, GroundPart, InspectedFlank, SetupValues
-from gateway.workflow.control.pushing import push_run
-from gateway.workflow.part import inspecting
-from gateway.workflow.part.correcting import propose_from_gear
-from gateway.workflow.part.guard import guard_gear_site
-from gateway.workflow.part.inspecting import inspect_site
-from gateway.workflow.runsite import store_of
+from gateway.workflow.control.push import push_run
+from gateway.workflow.run.folder import store_of
+from gateway.workflow.tooth import inspection
+from gateway.workflow.tooth.from_gear import propose_from_gear
+from gateway.workflow.tooth.inspection import guard_gear_site, inspect_site
 from simulators.cell import Cell
 from simulators.cellfile import CellFile, load_cell, with_plan
 from simulators.grinding import WorkPiece
@@ -120,7 +119,7 @@ def test_a_part_is_inspected_and_guards_its_machine(tmp_path: Path, monkeypatch:
         assert any("clamping eccentricity" in line for line in map(str, found.said))
         assert found.figures["F_p"] > found.figures["f_p"] > 0.2
         assert run.get("inspected-after", InspectedFlank).fitted.rms_um == pytest.approx(found.fitted.rms_um, rel=1e-12)
-        raw = run.get("inspected-after-raw", inspecting.RawInspection)
+        raw = run.get("inspected-after-raw", inspection.RawInspection)
         assert raw.whole.points_mm[:, 2].min() == pytest.approx(0.5)
         assert await hands.refused(run) == "E-INSPECT-SAME"
 
@@ -140,7 +139,7 @@ def test_a_part_is_inspected_and_guards_its_machine(tmp_path: Path, monkeypatch:
         assert await hands.guard(part_of(cell.truth, x_mm=-0.011, start_s=600.0), run) == "still valid"
         gear.change(glitches=0)
         assert await hands.guard(part_of(cell.truth, x_mm=-0.015), run) == "re-measure this axis"
-        monkeypatch.setattr(inspecting, "LEVELS", (-0.4, 0.0, 0.4))
+        monkeypatch.setattr(inspection, "LEVELS", (-0.4, 0.0, 0.4))
         assert await hands.guard(work, run) == "cannot tell"
 
     on_cell(tmp_path, story)

@@ -18,7 +18,7 @@ from gateway.push.sign_proof_tables import Steps
 from gateway.push.sign_proof_tables import judge_steps as judged_by
 from gateway.store import RunFolder
 from gateway.tooth import ToothProposal, ToothVerdict
-from gateway.workflow import stages
+from gateway.workflow.run import stages
 from tests.cell.bench import main_job, short
 from tests.closing.families import relative
 from tests.closing.runs import quick, run_machine

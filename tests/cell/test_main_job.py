@@ -10,7 +10,7 @@ import pytest
 from gateway.domain.captures import Capture
 from gateway.errors import WriteRefused
 from gateway.store import RunFolder
-from gateway.workflow import stages
+from gateway.workflow.run import stages
 from simulators.cell import Cell
 from simulators.cell.backdoor import BackDoor
 from tests.cell.bench import Judged, main_job, short

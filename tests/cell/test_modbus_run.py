@@ -14,8 +14,8 @@ from gateway.config import load_site
 from gateway.domain.proposals import Proposal
 from gateway.store import Store
 from gateway.store.proofs import Proofs
-from gateway.workflow import stages
 from gateway.workflow.programs import programs
+from gateway.workflow.run import stages
 from simulators.cell import Cell
 from tests.cell.bench import main_job, short
 from tests.cell.test_reversals import lagging

@@ -15,8 +15,8 @@ from gateway.domain.captures import Capture
 from gateway.domain.outcomes import Verdict
 from gateway.domain.proposals import Proposal
 from gateway.store import RunFolder
-from gateway.workflow import stages
-from gateway.workflow.errors21.components import measure_site
+from gateway.workflow.errors21.measurement import measure_site
+from gateway.workflow.run import stages
 from simulators.cellfile import CellFile
 from tests.cell.bench import main_job, short
 from tests.cell.test_components import truth_of, without_positioning

@@ -24,17 +24,17 @@ from gateway.domain.proposals import Proposal, TableChange
 from gateway.push.compare import table_in
 from gateway.say import silence
 from gateway.tooth import SetupValues
-from gateway.workflow import consents, stages
 from gateway.workflow.axes.measure import fetch_tables
-from gateway.workflow.bench import Bench, bench
-from gateway.workflow.control.disabling import disable_site
-from gateway.workflow.control.pushing import apply_proposal
-from gateway.workflow.control.selftesting import self_test_site
-from gateway.workflow.loop.run import run_site
-from gateway.workflow.onpaper import What
-from gateway.workflow.part.grinding import grind_site
-from gateway.workflow.programs import Written, programs
-from gateway.workflow.runsite import new_run, store_of
+from gateway.workflow.complete_run import run_site
+from gateway.workflow.control.disable import disable_site
+from gateway.workflow.control.push import apply_proposal
+from gateway.workflow.programs import PrintedProgram, programs
+from gateway.workflow.run import audit_trail, stages
+from gateway.workflow.run.context import RunContext, open_context
+from gateway.workflow.run.folder import new_run, store_of
+from gateway.workflow.run.paper_control import ProgramKind
+from gateway.workflow.run.self_test import self_test_site
+from gateway.workflow.tooth.grinding import grind_site
 from simulators.cell import Cell, cell_running
 from simulators.cellfile import CellFile, load_cell, with_plan
 from tests.sizes import few
@@ -72,7 +72,7 @@ async def until_sent(site_path: Path, purpose: str, work: Awaitable[object], *, 
     return found[0]  # what comes after it ends the program
 
 
-def printed(site_path: Path, what: What, text: str, proposal: Proposal | None = None) -> list[Written]:
+def printed(site_path: Path, what: ProgramKind, text: str, proposal: Proposal | None = None) -> list[PrintedProgram]:
     """What `program` prints with the number of the program that was sent."""
     return list(
         programs(
@@ -89,7 +89,7 @@ def table(source: str, index: int) -> CompensationTable:
     return CompensationTable("cross", source, "X1", low, high, step, tuple(map(float, values)), **grid)  # type: ignore[arg-type]
 
 
-async def proposed(at: Bench) -> Proposal:
+async def proposed(at: RunContext) -> Proposal:
     """Two cross tables of X whose sense is proved, in the first places that are free."""
     live = await fetch_tables(at, at.axis("X1"))
     first = len([one for one in live.cross if one.enabled])
@@ -144,10 +144,10 @@ def test_a_push_sends_what_program_prints(tmp_path: Path, beside: bool) -> None:
         path = cell.site_path
         site = load_site(path)
         folder = new_run(site, path)
-        async with bench(site, path, folder, clock, silence) as at:
+        async with open_context(site, path, folder, clock, silence) as at:
             proposal = await proposed(at)
             folder.put(stages.PROPOSAL, proposal)
-            assert consents.proposed(at, proposal) == ""
+            assert audit_trail.record_proposal(at, proposal) == ""
             text = await until_sent(path, "TFPUSH", apply_proposal(at, proposal, {}))
         (one,) = printed(path, "load", text, proposal)
         assert one.program.text == text
@@ -185,9 +185,9 @@ def test_a_part_and_an_order_to_switch_off_are_sent_as_printed(
 @pytest.mark.long
 @pytest.mark.parametrize("what", ["proof", "load"])
 def test_a_sign_proof_and_the_layer_of_axis_tables_are_sent_as_printed(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, what: What
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, what: ProgramKind
 ) -> None:
-    monkeypatch.setattr("gateway.workflow.control.pushing.plans_again", lambda *_, **__: [])  # nothing was measured
+    monkeypatch.setattr("gateway.workflow.control.push.verification_plans", lambda *_, **__: [])  # nothing was measured
 
     async def job(cell: Cell, clock: LoopClock) -> None:
         text, proposal = await pushed(cell.site_path, "Z1", clock, proved=what == "load")
@@ -200,13 +200,13 @@ def test_a_sign_proof_and_the_layer_of_axis_tables_are_sent_as_printed(
 async def pushed(path: Path, axis: str, clock: LoopClock, *, proved: bool) -> tuple[str, Proposal]:
     """The first program of a push of one table of an axis, whose sense is proved first or known."""
     site = load_site(path)
-    async with bench(site, path, new_run(site, path), clock, silence) as at:
+    async with open_context(site, path, new_run(site, path), clock, silence) as at:
         change = await own_table(at, axis)
         if proved:
             at.proofs.save(SignProof(at.machine, "axis", axis, -1.0, 0.01, 1, at.clock.utc().isoformat()))
         proposal = Proposal(at.machine, (change,), (), at.clock.utc().isoformat())
         at.folder.put(stages.PROPOSAL, proposal)
-        assert consents.proposed(at, proposal) == ""
+        assert audit_trail.record_proposal(at, proposal) == ""
         return await until_sent(path, "TFPUSH", apply_proposal(at, proposal, {})), proposal
 
 
@@ -223,7 +223,7 @@ def compensated(cell: Cell, axis: AxisSection) -> None:
     cell.nck.set(f"$MA_ENC_COMP_ENABLE[0,{name}]", 1, 0)
 
 
-async def own_table(at: Bench, name: str) -> TableChange:
+async def own_table(at: RunContext, name: str) -> TableChange:
     """A table of its own for an axis."""
     axis = at.axis(name)
     live, grid = await fetch_tables(at, axis), axis.table
@@ -247,13 +247,13 @@ def test_the_proof_of_effect_and_what_follows_it_are_sent_as_printed(tmp_path: P
         if own:
             compensated(cell, site.axes[0])
         folder = new_run(site, path)
-        async with bench(site, path, folder, clock, silence) as at:
+        async with open_context(site, path, folder, clock, silence) as at:
             proposal = await proposed(at)
             if own:
                 at.proofs.save(SignProof(at.machine, "axis", "X1", -1.0, 0.01, 1, at.clock.utc().isoformat()))
                 proposal = replace(proposal, changes=(await own_table(at, "X1"), *proposal.changes))
             folder.put(stages.PROPOSAL, proposal)
-            assert consents.proposed(at, proposal) == ""
+            assert audit_trail.record_proposal(at, proposal) == ""
             known = len(sent(path, "TFMEAS"))
             text = await until_sent(path, "TFMEAS", apply_proposal(at, proposal, {}), says="TFEFFECT")
         assert text in [one.program.text for one in printed(path, "effect", text, proposal)]
@@ -263,14 +263,14 @@ def test_the_proof_of_effect_and_what_follows_it_are_sent_as_printed(tmp_path: P
         never = replace(proposal, changes=(replace(first, old_enabled=False), *proposal.changes[1:]))
         assert (text in [one.program.text for one in printed(path, "effect", text, never)]) != own
         before, *_ = [each for each in sent(path, "TFMEAS")[known:] if "TFEFFECT" not in each]
-        of: What = "backup" if own else "effect"
+        of: ProgramKind = "backup" if own else "effect"
         assert before in [one.program.text for one in printed(path, of, before, proposal)]
         assert "tables that were live before" in text
 
     at_a_cell(tmp_path, job, file=builders())
 
 
-async def cross_table(at: Bench, one: CompensationTable) -> TableChange:
+async def cross_table(at: RunContext, one: CompensationTable) -> TableChange:
     """A cross table in a free place, of an output axis whose sense is proved."""
     live = await fetch_tables(at, at.axis(one.output_axis))
     at.proofs.save(SignProof(at.machine, "cross", one.output_axis, -1.0, 0.01, 1, at.clock.utc().isoformat()))
@@ -306,12 +306,12 @@ def test_a_layer_in_three_transactions_is_sent_as_printed(tmp_path: Path) -> Non
         site = load_site(path)
         assert site.moves.places.ranges["Z1"] == (60.0, 240.0)
         folder = new_run(site, path)
-        async with bench(site, path, folder, clock, silence) as at:
+        async with open_context(site, path, folder, clock, silence) as at:
             first, last = along_z(0, "X1", 120.0, low=30.0), along_z(2, "X1", 120.0, low=30.0)
             changes = [await cross_table(at, one) for one in (first, along_z(1, "C1", 270.0, low=150.0), last)]
             proposal = Proposal(at.machine, tuple(changes), (), at.clock.utc().isoformat())
             folder.put(stages.PROPOSAL, proposal)
-            assert consents.proposed(at, proposal) == ""
+            assert audit_trail.record_proposal(at, proposal) == ""
             known = len(sent(path, "TFMEAS"))
             await apply_proposal(at, proposal, {})
         loads = sent(path, "TFPUSH")

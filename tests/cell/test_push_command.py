@@ -14,9 +14,9 @@ from gateway.config import load_site
 from gateway.errors import WriteRefused
 from gateway.say import silence
 from gateway.store import Store
-from gateway.workflow.control.pushing import push_run
-from gateway.workflow.control.selftesting import self_test_site
-from gateway.workflow.loop.run import run_site
+from gateway.workflow.complete_run import run_site
+from gateway.workflow.control.push import push_run
+from gateway.workflow.run.self_test import self_test_site
 from simulators.cell import cell_running
 from simulators.cell.backdoor import BackDoor
 from tests.cell.bench import short

@@ -24,9 +24,10 @@ from gateway.push.compare import table_in
 from gateway.push.transaction import push_table
 from gateway.say import silence
 from gateway.workflow.axes.measure import fetch_tables
-from gateway.workflow.bench import Bench, bench
-from gateway.workflow.control import contexts, proving
-from gateway.workflow.runsite import new_run
+from gateway.workflow.control import signs
+from gateway.workflow.run import push_context
+from gateway.workflow.run.context import RunContext, open_context
+from gateway.workflow.run.folder import new_run
 from simulators.cell import Cell
 from simulators.cellfile import load_cell
 from tests.cell.bench import short
@@ -57,18 +58,18 @@ def wave(function: Any, source: str, low: float, high: float, peak: float) -> Co
     return CompensationTable(function, source, "X1", low, high, step, tuple(round(float(one), 3) for one in values))
 
 
-async def pushed(at: Bench, table: CompensationTable, before: tuple[CompensationTable, ...]) -> PushRecord:
+async def pushed(at: RunContext, table: CompensationTable, before: tuple[CompensationTable, ...]) -> PushRecord:
     """Prove the sign with the laser, then push."""
     live = await fetch_tables(at, at.axis("X1"))
-    context = contexts.table_context(at, table, None)
+    context = push_context.table_context(at, table, None)
     proof = context.proof
     old = table_in(signed(live, proof.sign if proof is not None else 1), table)
     change = TableChange("X1", old.table, table, old.enabled, live.digest, NOTHING, NOTHING, NOTHING, base=live)
     if proof is None:
-        (found,) = await proving.prove(at, ((change, context),), proving.BenchEyes(at))
+        (found,) = await signs.prove_table_signs(at, ((change, context),), signs.MountedInstruments(at))
         assert isinstance(found, SignProof)
         proof = found
-    context = contexts.table_context(at, table, None)
+    context = push_context.table_context(at, table, None)
     return await push_table(change, replace(context, proof=proof, approvals_needed=1, pushed=before))
 
 
@@ -87,7 +88,7 @@ def test_the_machine_moves_as_the_tables_say_whichever_way_both_count(tmp_path: 
             path = cell.site_path
             path.write_text(short(("X1", "Z1"), 9, 3)(path.read_text(encoding="utf-8")), encoding="utf-8")
             site = load_site(path)
-            async with bench(site, path, new_run(site, path), clock, silence) as at:
+            async with open_context(site, path, new_run(site, path), clock, silence) as at:
                 own = wave("axis", "X1", -400.0, 0.0, 9.0)
                 cross = wave("cross", "Z1", 0.0, 300.0, 6.0)
                 first = stands(cell)

@@ -11,8 +11,8 @@ from drivers.clock import LoopClock
 from gateway.config import SiteFile
 from gateway.domain.captures import Capture
 from gateway.store import RunFolder, Store
-from gateway.workflow import stages
-from gateway.workflow.errors21.components import PlanOutcome, measure_site
+from gateway.workflow.errors21.measurement import PlanOutcome, measure_site
+from gateway.workflow.run import stages
 from simulators.cell import Cell
 from simulators.optics import mountings
 from tests.cell.test_components import few, on_cell

@@ -10,8 +10,8 @@ import pytest
 from drivers.clock import LoopClock, run_virtual
 from drivers.errors import TrueflankError
 from gateway.config import load_site
-from gateway.workflow.control.rolling_back import roll_back_site
-from gateway.workflow.loop.run import run_site
+from gateway.workflow.complete_run import run_site
+from gateway.workflow.control.rollback import roll_back_site
 from simulators.cell import Cell
 from simulators.cellfile import CellFile, LoadedAxisTable, load_cell
 from tests.cell.bench import main_job, short

@@ -14,9 +14,9 @@ from gateway.config import load_site
 from gateway.say import silence
 from gateway.store.selftests import SelfTestBook
 from gateway.workflow.axes.measure import fetch_tables
-from gateway.workflow.bench import bench
-from gateway.workflow.control.selftesting import self_test_site
-from gateway.workflow.runsite import new_run, store_of
+from gateway.workflow.run.context import open_context
+from gateway.workflow.run.folder import new_run, store_of
+from gateway.workflow.run.self_test import self_test_site
 from simulators.cell import Cell, cell_running
 from simulators.cellfile import load_cell
 from tests.selftested import machine_of
@@ -92,7 +92,9 @@ def test_a_cell_with_the_control_s_own_default_is_refused_with_the_size_it_needs
         async with cell_running(bare, tmp_path, clock, wires="memory") as cell:
             path = cell.site_path
             site = load_site(path)
-            async with bench(site, path, folder=new_run(site, path), clock=clock, say=silence, instruments=()) as at:
+            async with open_context(
+                site, path, folder=new_run(site, path), clock=clock, say=silence, instruments=()
+            ) as at:
                 with pytest.raises(DeviceRefused) as caught:
                     await fetch_tables(at, site.axes[0])
                 assert "_N_TFMEAS_X1_MPF" not in cell.nck.files.list("/_N_MPF_DIR")

@@ -12,8 +12,8 @@ from gateway.config import load_site
 from gateway.domain.captures import Capture
 from gateway.say import silence
 from gateway.store import RunFolder
-from gateway.workflow import stages
-from gateway.workflow.errors21.components import measure_site
+from gateway.workflow.errors21.measurement import measure_site
+from gateway.workflow.run import stages
 from simulators.cellfile import load_cell, with_plan
 from tests.selftested import cell_running
 from tests.sizes import long

@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from drivers.clock import LoopClock
-from gateway.workflow.runsite import store_of
+from gateway.workflow.run.folder import store_of
 from tests.cell.stops import INTERRUPTED, RESET, Shop, shop, table_of
 
 SPEED = 60.0

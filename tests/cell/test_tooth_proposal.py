@@ -29,12 +29,12 @@ from gateway.model.error_model import chain_of_errors
 from gateway.say import silence
 from gateway.store import RunFolder
 from gateway.tooth import FlankMap, InspectedFlank, ToothProposal
-from gateway.workflow import stages
 from gateway.workflow.axes.measure import fetch_tables, store_equipment
-from gateway.workflow.bench import bench
-from gateway.workflow.control.pushing import push_run
-from gateway.workflow.runsite import new_run
-from gateway.workflow.tooth.correcting import ToothOutcome, correct_site
+from gateway.workflow.control.push import push_run
+from gateway.workflow.run import stages
+from gateway.workflow.run.context import open_context
+from gateway.workflow.run.folder import new_run
+from gateway.workflow.tooth.proposal import ToothOutcome, correct_site
 from simulators.cell import Cell
 from simulators.cellfile import load_cell, with_plan
 from simulators.grinding.grinder import rotation_axis_frame
@@ -56,7 +56,7 @@ async def measured(cell: Cell, clock: LoopClock, without: tuple[str, ...] = ()) 
     path = cell.site_path
     site = load_site(path)
     folder, readings = new_run(site, path), read(cell.truth, SEED)
-    async with bench(site, path, folder, clock, silence, ()) as at:
+    async with open_context(site, path, folder, clock, silence, ()) as at:
         store_equipment(at)
         for name, error in OWN.items():
             capture = readings.capture(error, name, await fetch_tables(at, at.axis(name)), clock.utc().isoformat())

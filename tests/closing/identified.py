@@ -12,7 +12,7 @@ from gateway.domain.captures import Capture
 from gateway.model.components import value
 from gateway.model.error_model import ErrorModel
 from gateway.store import RunFolder
-from gateway.workflow import stages
+from gateway.workflow.run import stages
 from simulators.truth import Truth
 
 FloatArray = NDArray[np.float64]

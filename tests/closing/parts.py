@@ -19,11 +19,11 @@ from gateway.domain.captures import Capture
 from gateway.say import silence
 from gateway.store import RunFolder
 from gateway.tooth import FlankAgreement, GroundPart, InspectedFlank, SetupValues
-from gateway.workflow import stages
-from gateway.workflow.errors21.components import measure_site
-from gateway.workflow.loop.tooth_loop import close_site
-from gateway.workflow.tooth.agreement import BEFORE
+from gateway.workflow.complete_run import close_site
+from gateway.workflow.errors21.measurement import measure_site
+from gateway.workflow.run import stages
 from gateway.workflow.tooth.proposal import work_of
+from gateway.workflow.tooth.verdict import BEFORE
 from simulators.cell import Cell
 from simulators.cell.setup_files import write_site_of_files
 from simulators.cellfile import CellFile, InspectionMachine

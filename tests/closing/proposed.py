@@ -20,10 +20,10 @@ from gateway.domain.proposals import Proposal
 from gateway.say import silence
 from gateway.store import RunFolder
 from gateway.tooth import ToothProposal
-from gateway.workflow import stages
-from gateway.workflow.loop import tooth_loop
-from gateway.workflow.loop.tooth_loop import close_site
-from gateway.workflow.outcome import Outcome
+from gateway.workflow import complete_run
+from gateway.workflow.complete_run import close_site
+from gateway.workflow.run import stages
+from gateway.workflow.run.outcome import Outcome
 from simulators.cell.setup_files import write_site_of_files
 from simulators.cellfile import CellFile
 from simulators.grinding.grinder import rotation_axis_frame
@@ -59,7 +59,7 @@ async def tried(file: CellFile, folder: Path, *, report: bool = True) -> Tried:
     clock = LoopClock()
     async with cell_running(file, folder, clock, wires="memory", block_s=1.0) as cell:
         path = write_site_of_files(cell, cell.site_path)
-        with nullcontext() if report else patch.object(tooth_loop, "closed", _unreported):
+        with nullcontext() if report else patch.object(complete_run, "closed", _unreported):
             done = await close_site(load_site(path), path, apply=False, machine_name="", clock=clock, say=silence)
     run = RunFolder(Path(done.run_folder))
     tables = [one.new for one in run.get(stages.PROPOSAL, Proposal).changes if not one.skipped]

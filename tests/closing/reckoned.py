@@ -7,8 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from gateway.config import DayTimes, load_site
-from gateway.workflow.loop.dayplan import by_hand_s
-from gateway.workflow.loop.forecast import day_of_closing
+from gateway.workflow.forecast import day_of_closing, manual_seconds
 from tests.closing.presses import Presses
 
 HOURS_WITHIN = 0.15
@@ -30,7 +29,7 @@ CAUSES = {
 def usual_hours(simulated: DayTimes, presses: Presses, took_s: float) -> float:
     """What a run would have taken with the usual person and restart of a site file, not those of the double, h."""
     mounted, clamped, started, restarted = presses.counts
-    slower = [by_hand_s(times, mounted, clamped, started, restarted) for times in (DayTimes(), simulated)]
+    slower = [manual_seconds(times, mounted, clamped, started, restarted) for times in (DayTimes(), simulated)]
     inspected = clamped * 60.0 * (DayTimes().inspection_min - simulated.inspection_min)
     warm = 60.0 * (DayTimes().warm_up_min - simulated.warm_up_min)
     return (took_s - presses.stops * COARSE_S + slower[0] - slower[1] + inspected + warm) / 3600.0

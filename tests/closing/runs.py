@@ -20,10 +20,10 @@ from drivers.units import deviation_scale
 from gateway.config import SiteFile, load_site
 from gateway.store import RunFolder
 from gateway.tooth import FlankMap, FlankPrediction, InspectedFlank, ToothProposal, ToothVerdict
-from gateway.workflow import stages
-from gateway.workflow.loop.tooth_loop import AFTER, close_site
-from gateway.workflow.outcome import Outcome
-from gateway.workflow.tooth.agreement import BEFORE
+from gateway.workflow.complete_run import AFTER, close_site
+from gateway.workflow.run import stages
+from gateway.workflow.run.outcome import Outcome
+from gateway.workflow.tooth.verdict import BEFORE
 from simulators.cell import Cell
 from simulators.cell.setup_files import write_site_of_files
 from simulators.cellfile import CellFile

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from gateway.config import load_site
-from gateway.workflow.loop.forecast import day_of_closing
+from gateway.workflow.forecast import day_of_closing
 from simulators.cellfile import load_cell, with_plan
 from tests.closing.presses import by_kind
 from tests.closing.reckoned import unlike

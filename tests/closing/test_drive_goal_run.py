@@ -15,9 +15,9 @@ from gateway.reducer.uncertainty import essentials
 from gateway.study.drive import reducer_of
 from gateway.study.inputs import gear_of, load_gear
 from gateway.tooth import FlankMap, ToothProposal
-from gateway.workflow import stages
-from gateway.workflow.loop.tooth_loop import AFTER
-from gateway.workflow.tooth.agreement import BEFORE
+from gateway.workflow.complete_run import AFTER
+from gateway.workflow.run import stages
+from gateway.workflow.tooth.verdict import BEFORE
 from simulators.cell import Cell
 from simulators.cellfile import load_cell, with_plan
 from simulators.grinding import WorkPiece

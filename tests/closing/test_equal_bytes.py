@@ -19,7 +19,7 @@ import simulators.cell
 from drivers.clock import LoopClock, run_virtual
 from gateway.config import load_site
 from gateway.say import silence
-from gateway.workflow.loop.tooth_loop import close_site
+from gateway.workflow.complete_run import close_site
 from simulators.cell.setup_files import write_site_of_files
 from simulators.cellfile import load_cell, with_plan
 from tests.closing.reckoned import BLOCK_S

@@ -14,7 +14,7 @@ from pathlib import Path
 import pytest
 
 from gateway.store import RunFolder
-from gateway.workflow import stages
+from gateway.workflow.run import stages
 from tests.closing.families import FAMILIES, relative
 from tests.closing.honestpage import write
 from tests.closing.honesty import broken as dishonest

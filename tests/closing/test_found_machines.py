@@ -9,7 +9,7 @@ import pytest
 from drivers.message import prose
 from gateway.store import Store
 from gateway.tooth import ToothProposal
-from gateway.workflow import stages
+from gateway.workflow.run import stages
 from simulators.cell import Cell
 from simulators.cellfile import load_cell, with_plan
 from tests.closing.record import MachineResult

@@ -10,7 +10,7 @@ from drivers.clock import LoopClock, run_virtual
 from drivers.errors import TrueflankError
 from gateway import audit
 from gateway.tooth import ToothVerdict
-from gateway.workflow import stages
+from gateway.workflow.run import stages
 from gateway.workflow.tooth import proposal
 from simulators.cell import Cell
 from simulators.cell.backdoor import BackDoor

@@ -14,7 +14,7 @@ import pytest
 from drivers.clock import LoopClock
 from gateway.store import RunFolder
 from gateway.tooth import ToothProposal
-from gateway.workflow import stages
+from gateway.workflow.run import stages
 from simulators.cellfile import load_cell, with_plan
 from tests.closing.pool import jobs, prove
 from tests.closing.proof import machine_row, write

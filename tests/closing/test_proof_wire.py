@@ -13,7 +13,7 @@ import pytest
 
 from gateway.store import RunFolder
 from gateway.tooth import ToothProposal
-from gateway.workflow import stages
+from gateway.workflow.run import stages
 from simulators.grinding import draw_clamping
 from simulators.grinding.grinder import rotation_axis_frame
 from simulators.pytest_plugin import CellStarter, WireCell

@@ -12,8 +12,8 @@ from gateway.config import load_site
 from gateway.say import silence
 from gateway.store import RunFolder
 from gateway.tooth import ToothProposal
-from gateway.workflow import stages
-from gateway.workflow.loop.tooth_loop import close_site
+from gateway.workflow.complete_run import close_site
+from gateway.workflow.run import stages
 from simulators.cell import Cell
 from simulators.cell.backdoor import BackDoor
 from simulators.cell.setup_files import write_site_of_files

@@ -27,8 +27,8 @@ from gateway.domain.identity import KnownFact, known_machine
 from gateway.report.document.whole import document
 from gateway.report.particulars import Particulars
 from gateway.supervisor import Supervisor
-from gateway.workflow.recognising import Recognising
-from gateway.workflow.runsite import known_of
+from gateway.workflow.run.folder import known_of
+from gateway.workflow.run.identity import IdentityCheck
 from simulators.faults import named_faults
 from simulators.nck import AxisSpec, Nck, NckSpec
 from simulators.opcua import SinumerikServer
@@ -125,7 +125,7 @@ async def test_a_card_that_was_moved_is_asked_kept_and_told(tmp_path: Path) -> N
         answered = await at.typed("check", site, "--connect", answers="y\ncard exchanged at service\n")
         assert answered.exit_code == 0, answered.output
         tree, clock = load_site(at.site), LoopClock()
-        supervisor = Supervisor(tree, clock, recognise=Recognising(tree, at.site, tmp_path / "runs", clock))
+        supervisor = Supervisor(tree, clock, recognise=IdentityCheck(tree, at.site, tmp_path / "runs", clock))
         try:
             opened = await supervisor.open_all()
             assert (opened.serial, opened.differences(await supervisor.controller.identify())) == ("CARD-1", ())
@@ -182,7 +182,7 @@ async def test_a_marker_is_noted_first_and_asked_when_it_is_another(tmp_path: Pa
         assert looked["now"] == now
         assert looked["known"] == {"serial": "CARD-1", "version": "V4.8", "axes": "X1 C1"}
         clock = LoopClock()
-        Recognising(tree, at.site, tmp_path / "runs", clock)(identity(now))
+        IdentityCheck(tree, at.site, tmp_path / "runs", clock)(identity(now))
         assert known_of(tree, tmp_path / "runs").facts == now
         at.nck.set("R[900]", 4712.0, 0)
         for wrong in ("marker=", "marker", "colour=red"):

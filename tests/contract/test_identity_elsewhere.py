@@ -18,7 +18,7 @@ from drivers.errors import TrueflankError
 from gateway.cli import app
 from gateway.config import load_site
 from gateway.report.document.whole import document
-from gateway.workflow.runsite import known_of
+from gateway.workflow.run.folder import known_of
 from simulators.modbus import running_station
 from simulators.nck import AxisSpec, Nck, NckSpec
 from tests.contract.linuxcnc_stage import on_stage

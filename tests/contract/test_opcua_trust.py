@@ -29,7 +29,7 @@ from drivers.types.identity import MachineIdentity
 from gateway.cli import app
 from gateway.config.loading import load_site
 from gateway.store.selftests import SelfTestBook
-from gateway.workflow.runsite import store_of
+from gateway.workflow.run.folder import store_of
 from simulators.nck import Nck
 from simulators.opcua import SinumerikServer
 from simulators.opcua.server import APPLICATION_URI

@@ -12,12 +12,12 @@ from drivers.carried import PieceOfWork, ToCarry, carrying
 from drivers.clock import LoopClock, run_virtual
 from drivers.errors import ConfigError
 from gateway.domain.proposals import Proposal
-from gateway.workflow import stages
-from gateway.workflow.control.disabling import disable_site
-from gateway.workflow.control.selftesting import self_test_site
-from gateway.workflow.onpaper import What
-from gateway.workflow.outcome import Outcome
+from gateway.workflow.control.disable import disable_site
 from gateway.workflow.programs import numbers_in, programs
+from gateway.workflow.run import stages
+from gateway.workflow.run.outcome import Outcome
+from gateway.workflow.run.paper_control import ProgramKind
+from gateway.workflow.run.self_test import self_test_site
 from simulators.cell import cell_running
 from tests.offline.test_site_by_files import MOST, Site
 
@@ -33,7 +33,7 @@ def at_a_site(tmp_path: Path, story: Callable[[Site], Awaitable[None]]) -> None:
     run_virtual(job)
 
 
-def is_printed(site: Site, waits: ToCarry, what: What, proposal: Proposal | None = None) -> bool:
+def is_printed(site: Site, waits: ToCarry, what: ProgramKind, proposal: Proposal | None = None) -> bool:
     """Whether `program --like` prints the very bytes that are to be carried now."""
     lies = waits.folder / waits.program
     found = programs(site.tree, site.path, (what,), proposal, numbers=numbers_in(site.tree, lies))
@@ -89,7 +89,7 @@ def test_a_push_is_carried_as_it_is_printed(tmp_path: Path) -> None:
         site.proved()
         proposal = folder.get(stages.PROPOSAL, Proposal)
         # The first program reads what is live before, the last one visits the places of the proof of effect.
-        kinds: tuple[What, ...] = ("measure", "load", "load", "effect")
+        kinds: tuple[ProgramKind, ...] = ("measure", "load", "load", "effect")
         seen = []
         for count in range(MOST):
             try:

@@ -20,14 +20,14 @@ from gateway.say import silence
 from gateway.store import RunFolder, Store
 from gateway.store.proofs import Proofs
 from gateway.supervisor import DevicesFailed
-from gateway.workflow import stages
-from gateway.workflow.carrying import way_of
-from gateway.workflow.control.pushing import push_run
-from gateway.workflow.control.rolling_back import roll_back_site
-from gateway.workflow.control.selftesting import self_test_site
-from gateway.workflow.control.verifying import verify_table
-from gateway.workflow.loop.run import run_site
-from gateway.workflow.runsite import store_of
+from gateway.workflow.complete_run import run_site
+from gateway.workflow.control.push import push_run
+from gateway.workflow.control.rollback import roll_back_site
+from gateway.workflow.control.verify import verify_table
+from gateway.workflow.run import stages
+from gateway.workflow.run.folder import store_of
+from gateway.workflow.run.push_context import push_by_files
+from gateway.workflow.run.self_test import self_test_site
 from simulators.cell import Cell, cell_running
 from tests.cell.bench import short
 from tests.selftested import machine_of
@@ -77,7 +77,7 @@ class Site:
     async def push(self, folder: RunFolder, *, resume: bool) -> Any:
         """One call of `push --offline`."""
         name = self.tree.site.name
-        with way_of(offline=True, resume=resume):
+        with push_by_files(offline=True, resume=resume):
             return await push_run(folder, apply=True, machine_name=name, **self.asked)
 
     async def pushed(self, folder: RunFolder) -> tuple[Any, int]:
@@ -163,5 +163,5 @@ def test_what_waits_for_its_files_is_not_begun_twice(tmp_path: Path) -> None:
 def test_the_options_of_a_push_by_files_are_judged(tmp_path: Path) -> None:
     """`--resume` alone means nothing."""
     del tmp_path
-    with pytest.raises(ConfigError, match="E-OFF-RESUME"), way_of(offline=False, resume=True):
+    with pytest.raises(ConfigError, match="E-OFF-RESUME"), push_by_files(offline=False, resume=True):
         pass

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from gateway.config import load_site
-from gateway.workflow.runsite import store_of
+from gateway.workflow.run.folder import store_of
 from tests.browser.hall import hall
 from tests.cell.bench import short
 

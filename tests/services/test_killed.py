@@ -26,7 +26,7 @@ from drivers.errors import DeadlineExceeded
 from gateway import audit
 from gateway.broker.token import token_path
 from gateway.store import RunFolder, Store
-from gateway.workflow.runsite import store_of
+from gateway.workflow.run.folder import store_of
 from tests.cell.stops import INTERRUPTED, Shop, shop, table_of
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="kill -9, and /proc")

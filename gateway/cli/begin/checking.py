@@ -114,12 +114,12 @@ async def asked(site: Any, path: Path) -> tuple[Sequence[tuple[str, ...]], tuple
     from gateway.broker import borrowed
     from gateway.cli.begin.surveying import surveyed
     from gateway.supervisor import Supervisor
-    from gateway.workflow.recognising import Recognising
-    from gateway.workflow.runsite import store_of
+    from gateway.workflow.run.folder import store_of
+    from gateway.workflow.run.identity import IdentityCheck
 
     clock, control, root = LoopClock(), site.controller, store_of(site, path).root
     async with borrowed(root, "check", clock):
-        supervisor = Supervisor(site, clock, recognise=Recognising(site, path, root, clock, keeps=False))
+        supervisor = Supervisor(site, clock, recognise=IdentityCheck(site, path, root, clock, keeps=False))
         try:
             await supervisor.open_all()
             seen = [one for one in supervisor.picture() if one.identity is not None]

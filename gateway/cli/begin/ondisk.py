@@ -190,8 +190,8 @@ def _part(reading: SiteReading, path: Path) -> Iterator[Fault]:
     if site is None or reading.faults or site.work is None or unreadable(path.parent / site.work.gear):
         return
     from gateway.tooth import SetupValues
-    from gateway.workflow.onpaper import paper_control
-    from gateway.workflow.part.planning import gear_of_site, grind_plan
+    from gateway.workflow.run.paper_control import paper_control
+    from gateway.workflow.tooth.part_plan import gear_of_site, grind_plan
 
     try:
         plan = grind_plan(site, gear_of_site(site, path), SetupValues())

@@ -128,7 +128,7 @@ def _facts(road: str, control: dict[str, Any], folder: Path, asker: Questioner) 
 
 def _trusted(control: dict[str, Any], settings: dict[str, Any], folder: Path, asker: Questioner) -> bool:
     """Whether the certificate that the control shows is accepted: a person typed its thumbprint."""
-    from gateway.workflow.control.trusting import accept
+    from gateway.workflow.run.identity import pin_certificate
 
     clock = LoopClock()
     trust = registry.load(f"{control['driver']}-trust", "trust")("control", control["url"], settings, clock)
@@ -145,7 +145,7 @@ def _trusted(control: dict[str, Any], settings: dict[str, Any], folder: Path, as
         asker.tell("P-INIT-NOT-TRUSTED", loud=True)
         return False
     how: dict[str, Any] = {"clock": clock, "timeout_s": TIMEOUT_S}
-    asker.found(("accept", typed), lambda: accept(trust, folder / STORE, typed, asker.who, **how))
+    asker.found(("accept", typed), lambda: pin_certificate(trust, folder / STORE, typed, asker.who, **how))
     return True
 
 

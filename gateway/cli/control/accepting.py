@@ -37,8 +37,8 @@ def accept_command(
     from gateway.acceptance.sheet import Occasion, check_sheet, write_sheet
     from gateway.acceptance.working import SiteDesk
     from gateway.config import load_site
-    from gateway.workflow.bench import check_name
-    from gateway.workflow.runsite import known_of, store_of
+    from gateway.workflow.run.context import check_name
+    from gateway.workflow.run.folder import known_of, store_of
 
     tree, given, clock = load_site(site), allowance(allow), LoopClock()
     with_control(tree)

@@ -102,7 +102,7 @@ def store_root(place: Path) -> Path:
     if place.suffix != ".toml":
         raise ConfigError("E-CLI-READ", str(place), why="no such folder")
     from gateway.config import load_site
-    from gateway.workflow.runsite import store_of
+    from gateway.workflow.run.folder import store_of
 
     return store_of(load_site(place), place).root
 

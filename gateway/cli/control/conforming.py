@@ -73,8 +73,8 @@ def _recorded(site: Path, allow: Allowance, machine: str, told: Any) -> ProbedSe
     from gateway.broker import borrowed
     from gateway.config import load_site
     from gateway.conform import prober_of, recorded
-    from gateway.workflow.bench import check_name
-    from gateway.workflow.runsite import store_of
+    from gateway.workflow.run.context import check_name
+    from gateway.workflow.run.folder import store_of
 
     tree, clock = load_site(site), LoopClock()
     check_name(tree, allow == "write", machine, code="E-ACCEPT-NAME")

@@ -49,7 +49,7 @@ def doctor_command(site: SiteArgument, take: TakeOption = "", as_json: JsonOptio
 async def _borrowing(tree: Any, site: Path, take: str) -> tuple[CheckLine, ...]:
     """The lines, with the devices borrowed from a gateway that serves this site, or taken from one that hangs."""
     from gateway.broker import borrowed, taking
-    from gateway.workflow.runsite import store_of
+    from gateway.workflow.run.folder import store_of
 
     clock = LoopClock()
     with taking(take):
@@ -59,7 +59,7 @@ async def _borrowing(tree: Any, site: Path, take: str) -> tuple[CheckLine, ...]:
 
 async def examined(tree: Any, site: Path, clock: Clock) -> tuple[CheckLine, ...]:
     """Every line: the road to the control, the self-tests kept, pushes that did not end. Writes nothing."""
-    from gateway.workflow.runsite import known_of, store_of
+    from gateway.workflow.run.folder import known_of, store_of
 
     known = known_of(tree, store_of(tree, site).root)
     sought = wanted(tree, sent_before(tree, site), known.facts)
@@ -70,9 +70,9 @@ async def examined(tree: Any, site: Path, clock: Clock) -> tuple[CheckLine, ...]
 
 def show_command(site: SiteArgument, as_json: JsonOption = False) -> None:
     """What the server shows now, what is pinned, and whether they are equal; exit code 5 when they are not."""
-    from gateway.workflow.control.trusting import shown_by
+    from gateway.workflow.run.identity import shown_certificate
 
-    view = run_to_end(shown_by(load(site), LoopClock()), at=site)
+    view = run_to_end(shown_certificate(load(site), LoopClock()), at=site)
     tell(view, as_json=as_json)
     if not view.equal:
         raise typer.Exit(NOT_ALL_WELL)
@@ -92,9 +92,9 @@ def accept_command(
 ) -> None:
     """Pin the certificate that the server shows now, if its thumbprint is the one you read at the control."""
     from gateway import audit
-    from gateway.workflow.control.trusting import accepted
+    from gateway.workflow.run.identity import accept_certificate
 
-    work = accepted(load(site), site, thumbprint, who=audit.acting_person(), clock=LoopClock(), reason=reason)
+    work = accept_certificate(load(site), site, thumbprint, who=audit.acting_person(), clock=LoopClock(), reason=reason)
     tell(run_to_end(work, at=site), as_json=as_json)
 
 
@@ -117,7 +117,7 @@ def port(tree: Any, role: str, clock: Clock) -> Any:
 def sent_before(tree: Any, site: Path) -> tuple[Sent, ...]:
     """Every program this store sent to the control; none while a gateway is at work with them."""
     from gateway.push import JOURNALS, SentProgramBook
-    from gateway.workflow.runsite import store_of
+    from gateway.workflow.run.folder import store_of
 
     book = SentProgramBook(store_of(tree, site).root / JOURNALS, tree.controller.serial)
     return () if book.at_work() else book.known()
@@ -126,7 +126,7 @@ def sent_before(tree: Any, site: Path) -> tuple[Sent, ...]:
 def unended(tree: Any, site: Path) -> tuple[CheckLine, ...]:
     """A line for each push of this store that did not end and that nobody is at work with, the loud ones first."""
     from gateway.push import JOURNALS, held_pushes
-    from gateway.workflow.runsite import store_of
+    from gateway.workflow.run.folder import store_of
 
     return tuple(wrong(one.code, "journal", **one.fields) for one in held_pushes(store_of(tree, site).root / JOURNALS))
 
@@ -137,7 +137,7 @@ def kept_tests(tree: Any, site: Path, seen: Sequence[CheckLine]) -> tuple[CheckL
     ``seen`` is what was found of the control just now: a test of another version of it does not count.
     """
     from gateway.store.selftests import SelfTestBook
-    from gateway.workflow.runsite import store_of
+    from gateway.workflow.run.folder import store_of
 
     if f"{tree.controller.driver}-paper" not in registry.known("paper"):
         return ()  # no programs of ours run on this road

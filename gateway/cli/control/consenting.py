@@ -36,8 +36,8 @@ def approve(
     from gateway.cli.screen.telling import progress
     from gateway.cli.show import echo, show_json
     from gateway.store import Store
-    from gateway.workflow.control.approving import approve_plan, show_plan, signer_at_keyboard
-    from gateway.workflow.runsite import site_of
+    from gateway.workflow.control.push import approve_plan, show_plan, signer_at_keyboard
+    from gateway.workflow.run.folder import site_of
 
     folder = open_run(Store(store), run_folder, "proposal")
     with progress(quiet=as_json, folder=folder) as say:
@@ -76,7 +76,7 @@ def rollback(
     """Say what the last push replaced, table by table; with --apply put all of it back. Exit 9: a table stays on."""
     from gateway.cli.machine.running import show_outcome
     from gateway.cli.screen.telling import progress
-    from gateway.workflow.control.rolling_back import roll_back_site
+    from gateway.workflow.control.rollback import roll_back_site
 
     site, path = _site(place, store)
     with progress(quiet=as_json, at=(site, path)) as say:
@@ -98,8 +98,8 @@ def verify_table_command(
     from gateway.cli.machine.running import show_outcome
     from gateway.cli.screen.telling import progress
     from gateway.config import load_site
-    from gateway.workflow.control.verifying import verify_table
-    from gateway.workflow.runsite import store_of
+    from gateway.workflow.control.verify import verify_table
+    from gateway.workflow.run.folder import store_of
 
     tree = load_site(site)
     folder = open_run(store_of(tree, site), run, "proposal") if run else None
@@ -130,7 +130,7 @@ def _site(place: str, store: Path) -> tuple[Any, Path]:
     """The site named by its file or by a run made at it."""
     from gateway.config import load_site
     from gateway.store import Store
-    from gateway.workflow.runsite import site_of
+    from gateway.workflow.run.folder import site_of
 
     if place.endswith(".toml"):
         return load_site(Path(place)), Path(place)

@@ -41,7 +41,7 @@ def machine_command(
 ) -> None:
     """What the machine is known by, what its control says now, and what was accepted; accept one fact that changed."""
     from gateway.supervisor import refusal_of
-    from gateway.workflow.runsite import store_of
+    from gateway.workflow.run.folder import store_of
 
     tree = load_site(site)
     with_control(tree)
@@ -68,10 +68,10 @@ def machine_command(
 
 def _looked(tree: Any, root: Path) -> Any:
     """Who the machine says it is. With a control that files are carried to it ends, and says what to carry."""
-    from gateway.workflow.recognising import looked_at
+    from gateway.workflow.run.identity import read_identity
 
     with carrying(SELF_TEST):
-        return run_to_end(looked_at(tree, root, LoopClock()))
+        return run_to_end(read_identity(tree, root, LoopClock()))
 
 
 def answered(error: TrueflankError, given: Mapping[str, Any]) -> bool:
@@ -103,10 +103,10 @@ def _ask(error: TrueflankError, tree: Any, site: Path) -> None:
 
 def _accept(tree: Any, site: Path, texts: list[str], *, quiet: bool = False) -> None:
     from gateway import audit
-    from gateway.workflow.recognising import accept
-    from gateway.workflow.runsite import store_of
+    from gateway.workflow.run.folder import store_of
+    from gateway.workflow.run.identity import accept_identity
 
-    work = accept(tree, site, store_of(tree, site), texts, who=audit.acting_person(), clock=LoopClock())
+    work = accept_identity(tree, site, store_of(tree, site), texts, who=audit.acting_person(), clock=LoopClock())
     with carrying(SELF_TEST):
         kept = run_to_end(work)
     if not quiet:

@@ -30,7 +30,7 @@ def disable(
     from gateway.cli.screen.telling import progress
     from gateway.cli.stopping import run_to_end
     from gateway.config import load_site
-    from gateway.workflow.control.disabling import disable_site
+    from gateway.workflow.control.disable import disable_site
 
     tree = load_site(site)
     asked: dict[str, Any] = {"axis": axis, "table": table, "apply": apply, "machine_name": machine}

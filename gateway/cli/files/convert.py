@@ -91,11 +91,11 @@ def _read(wish: ConversionOptions) -> tuple[Any, tuple[str, ...]]:
     from gateway.evaluate.behaviour.doubts import demand_settled, with_doubts
     from gateway.evaluate.behaviour.repetitions import consistent_readings
     from gateway.store import Maps
-    from gateway.workflow.files.columnwords import columns_of
-    from gateway.workflow.files.reading import How, read_measured
+    from gateway.workflow.files.headers import columns_of
+    from gateway.workflow.files.reading import ReadOptions, read_measured
 
     content, said = read_measured(
-        wish.result, How(wish.unit, columns=columns_of(wish.columns) or None), Maps(wish.store)
+        wish.result, ReadOptions(wish.unit, columns=columns_of(wish.columns) or None), Maps(wish.store)
     )
     notes = (*map(str, said), *accepted_of((content,), wish.result, wish.compared, wish.store))
     measured = with_doubts(content, wish.accepted, modulo=wish.modulo)
@@ -147,7 +147,7 @@ def _exchange(wish: ConversionOptions, *, as_json: bool) -> None:
 
 def _declared(columns: tuple[str, ...]) -> Mapping[str, Any]:
     """Facts that the file of another control does not state, from NAME=VALUE words."""
-    from gateway.workflow.files.columnwords import columns_of
+    from gateway.workflow.files.headers import columns_of
 
     return columns_of(columns)
 
@@ -155,7 +155,7 @@ def _declared(columns: tuple[str, ...]) -> Mapping[str, Any]:
 def _measured(wish: ConversionOptions) -> tuple[Any, bool, tuple[str, ...]]:
     """The table of a measured file, at its own targets and with a curve for each direction; of a double?; and notes."""
     from gateway.table.conversion import convert_as_measured, datum_of
-    from gateway.workflow.doubles import simulated_set
+    from gateway.workflow.run.stages import simulated_set
 
     if not wish.axis:
         raise ConfigError("E-CLI-AXIS", str(wish.result))
@@ -220,7 +220,7 @@ def _form(output: Path) -> str:
 
 def _comments(wish: ConversionOptions, measured: Any) -> list[str]:
     """What stands in the file for its next reader; the control takes plain ASCII."""
-    from gateway.workflow.doubles import SAID, simulated_set
+    from gateway.workflow.run.stages import SAID, simulated_set
 
     datum = ", ".join(wish.datum)
     lines = [

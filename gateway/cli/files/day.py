@@ -36,12 +36,11 @@ def day_command(
     """Turn the files of a calibration day into set-ups, error model, plan for the tooth and calibration report."""
     from drivers.clock import LoopClock
     from gateway.store import Maps
-    from gateway.workflow.day.answers import beside, read_answers
-    from gateway.workflow.day.gathering import DayFolder
-    from gateway.workflow.runsite import store_of
+    from gateway.workflow.day.folder import DayFolder, answers_path, read_answers
+    from gateway.workflow.run.folder import store_of
 
     tree = load_site(site)
-    said = read_answers(answers or beside(folder))
+    said = read_answers(answers or answers_path(folder))
     gathering = DayFolder(folder, tree.site.name, Maps(store_of(tree, site).root), LoopClock().utc)
     spoken = language or tree.report.language
     sorted_day, said = _sorted(gathering, tree, said, spoken if ask and not as_json else "")
@@ -58,7 +57,7 @@ def day_command(
 def _sorted(gathering: Any, site: Any, said: Any, language: str) -> tuple[Any, Any]:
     """Ask until nothing is open; without a language nobody is asked. Raises ConfigError (E-DAY-OPEN)."""
     from drivers.clock import LoopClock
-    from gateway.workflow.day.answers import keep
+    from gateway.workflow.day.folder import write_answers
     from gateway.workflow.day.sorting import sort_day
 
     while True:
@@ -70,7 +69,7 @@ def _sorted(gathering: Any, site: Any, said: Any, language: str) -> tuple[Any, A
             raise _refusal(needed, said)
         one = (needed or found.open)[0]
         said = _with_answer(said, one, _answer(one, language, found.open, said))
-        keep(said)
+        write_answers(said)
 
 
 def _with_answer(said: Any, one: Any, value: Any) -> Any:
@@ -113,14 +112,14 @@ def _answer(one: Any, language: str, questions: Any, said: Any) -> Any:
 
 def _fields(one: Any, site: str) -> Mapping[str, object]:
     """The fields of a question; the site file by its name in the language."""
-    from gateway.workflow.files.facts import SITE
+    from gateway.workflow.files.statements import SITE
 
     return {**one.fields, "source": site} if one.fields.get("source") == SITE else one.fields
 
 
 def _value(one: Any, typed: str) -> Any:
     """An answer as the file keeps it; None where it will not do."""
-    from gateway.workflow.day.answers import COLDEST, FARTHEST, HOTTEST, SQUAREST, UNKNOWN
+    from gateway.workflow.day.folder import COLDEST, FARTHEST, HOTTEST, SQUAREST, UNKNOWN
 
     if one.key == "accept_doubts":
         reason = {**one.fields["accepted"], one.fields["named"]: typed} if typed else None
@@ -144,7 +143,7 @@ def _value(one: Any, typed: str) -> Any:
 
 def _are_columns(typed: str) -> bool:
     """Whether words say columns: they are kept only then, and else asked for again."""
-    from gateway.workflow.files.columnwords import columns_of
+    from gateway.workflow.files.headers import columns_of
 
     try:
         return bool(columns_of(typed.split()))
@@ -162,7 +161,7 @@ def _number(typed: str, most: float) -> float | None:
 
 def _refusal(questions: Any, said: Any) -> ConfigError:
     """Every open question as the lines that would answer it."""
-    from gateway.workflow.day.answers import section
+    from gateway.workflow.day.folder import section
 
     lines: dict[str, list[str]] = {}
     differ = [one for one in questions if one.key.startswith(ACCEPT)]
@@ -263,16 +262,16 @@ def _report(folder: Path, language: str) -> tuple[Mapping[str, object], Any]:
     """The run's report and the calibration report, where its library is there; and the site's limits as decided."""
     from drivers.clock import LoopClock
     from gateway.store import RunFolder
-    from gateway.workflow.results.reporting import material_of, write_report
+    from gateway.workflow.results.report import material_of, write_report
 
     run = RunFolder(folder)
     material = material_of(run)
     told: dict[str, object] = {"html": str(write_report(run, material).html)}
     try:
-        from gateway.workflow.results.documenting import Told, with_told, write_document
+        from gateway.workflow.results.document import DocumentOptions, with_options, write_document
     except ModuleNotFoundError as error:
         return {**told, "missing": str(error.name)}, material.judged
-    made = write_document(with_told(material, Told(language=language)), folder, LoopClock().utc())
+    made = write_document(with_options(material, DocumentOptions(language=language)), folder, LoopClock().utc())
     run.adopt(*made.files)
     return {**told, "number": made.number, "pdf": str(made.pdf)}, material.judged
 
@@ -331,7 +330,7 @@ def _size(change: Mapping[str, float], name: str) -> str:
 
 
 def _tell_tooth(outcome: Any) -> None:
-    from gateway.workflow.tooth.sentences import forecast_told
+    from gateway.workflow.tooth.messages import drive_forecast_messages
 
     if outcome.forecast is not None:
         one = outcome.forecast
@@ -343,7 +342,7 @@ def _tell_tooth(outcome: Any) -> None:
         figures = {name: f"{value:.2f} +- {u:.2f}" for name, (value, u) in steps.items()}
         sources = {name: f"{size:.2f}" for name, size in one.sources_um.items()}
         say_line(Message.of("S-DAY-FORECAST", **figures, **sources, largest=", ".join(one.largest) or "-"), 0)
-        for line in forecast_told(one.drive):
+        for line in drive_forecast_messages(one.drive):
             say_line(str(line), 0)
         rows = [(t.name, t.layer, str(t.points), f"{t.low:+.2f} .. {t.high:+.2f}", t.unit) for t in one.tables]
         show_table("tables that would be proposed", ("table", "layer", "points", "range", "unit"), rows)

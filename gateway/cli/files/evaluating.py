@@ -16,7 +16,7 @@ from drivers.terms import shown
 from gateway.cli.exits import of_verdicts
 from gateway.cli.options import TodayAlone, run_or_file
 from gateway.cli.show import echo, show_error, show_json, show_table
-from gateway.workflow.files.kindrecords import KindQuestion, MeasuredFile
+from gateway.workflow.files.kind_records import KindQuestion, MeasuredFile
 
 
 @dataclass(frozen=True, slots=True)
@@ -256,14 +256,14 @@ def _draw(files: tuple[MeasuredFile, ...], path: Path) -> None:
 def _evaluated(path: Path, asked: EvaluationOptions, drawn: list[MeasuredFile]) -> list[dict[str, Any]]:
     """Every set that a file or a run holds; what a picture shows of it is added to ``drawn``."""
     from gateway.store import Store
-    from gateway.workflow.files.columnwords import columns_of
-    from gateway.workflow.files.exporting import items, of_axis
-    from gateway.workflow.files.reading import How
+    from gateway.workflow.files.exporting import measured_items, sets_of_axis
+    from gateway.workflow.files.headers import columns_of
+    from gateway.workflow.files.reading import ReadOptions
 
-    how = How(asked.unit, columns=columns_of(asked.columns) or None)
-    found = items(run_or_file(asked.store, path), how, Store(asked.store), axis=asked.axis, phase=asked.phase)
+    how = ReadOptions(asked.unit, columns=columns_of(asked.columns) or None)
+    found = measured_items(run_or_file(asked.store, path), how, Store(asked.store), axis=asked.axis, phase=asked.phase)
     if path.is_file():
-        found = of_axis(found, asked.axis, str(path))
+        found = sets_of_axis(found, asked.axis, str(path))
     accepted = accepted_statements(path, found, asked.compared, asked.store)
     return [_evaluate(item, asked, drawn, accepted) for item in found]
 
@@ -284,7 +284,7 @@ def accepted_of(measured: Sequence[Any], path: Path, compared: Any, store: Path)
         return ()
     from gateway.cli.options import accepted_words
     from gateway.store import Maps, Store
-    from gateway.workflow.files.facts import facts_of
+    from gateway.workflow.files.statements import facts_of
 
     stated = compared.settled([facts_of(path.name, measured[0].header)], Maps(Store(store).root))
     return tuple(accepted_words(one) for one in stated.accepted)
@@ -296,7 +296,7 @@ def _evaluate(
     from drivers.types.results import MeasuredSet
     from gateway.evaluate.behaviour import doubts, positioning
     from gateway.evaluate.optics import corrections
-    from gateway.workflow.doubles import SAID, simulated_set
+    from gateway.workflow.run.stages import SAID, simulated_set
 
     measured, path = item.content, Path(item.label)
     if not isinstance(measured, MeasuredSet):
@@ -412,9 +412,9 @@ def _surroundings(measured: Any, asked: EvaluationOptions) -> Any:
 def _stated(measured: Any, asked: EvaluationOptions) -> dict[str, float]:
     if asked.site is None:
         return {}
-    from gateway.workflow.axes.conditions import stated_of
+    from gateway.workflow.axes.measure import stated_uncertainties_of
 
-    return stated_of(asked.site, _axis(measured, asked))
+    return stated_uncertainties_of(asked.site, _axis(measured, asked))
 
 
 def _outcome(outcome: Any) -> dict[str, Any]:

@@ -111,8 +111,8 @@ def evaluate(
     if kind != "positioning":
         if kind == "transmission":
             from gateway.cli.files.transmission import DriveOptions, evaluate_transmission
-            from gateway.workflow.files.columnwords import columns_of
             from gateway.workflow.files.drives import DriveQuestion
+            from gateway.workflow.files.headers import columns_of
 
             drive = DriveQuestion(
                 pins=pins,
@@ -125,7 +125,7 @@ def evaluate(
             raise typer.Exit(evaluate_transmission(files or [], wanted, as_json=as_json))
         if kind == "ballbar":
             from gateway.cli.files.ballbar import CircleOptions, evaluate_ballbar_files
-            from gateway.workflow.files.columnwords import columns_of
+            from gateway.workflow.files.headers import columns_of
 
             circle = CircleOptions(columns_of(column or ()), plot, limits_of(limit or ()))
             raise typer.Exit(evaluate_ballbar_files(files or [], circle, as_json=as_json))
@@ -134,7 +134,7 @@ def evaluate(
 
             raise typer.Exit(evaluate_gear_files(files or [], site, limits_of(limit or ()), plot, as_json=as_json))
         from gateway.cli.files.geometry import KindOptions, evaluate_kinds, point_of
-        from gateway.workflow.files.kindrecords import KindQuestion
+        from gateway.workflow.files.kind_records import KindQuestion
 
         question = KindQuestion(
             axis=axis.strip().upper(),

@@ -66,7 +66,7 @@ def exchange(wish: ExchangeOptions, measured: CompensationTable | None, *, as_js
     Raises ConfigError (E-EXCHANGE-NAME, E-EXCHANGE-KIND, E-CLI-EXISTS ...), FileFormatError, TableError.
     """
     role = _role(wish.to)
-    from gateway.workflow.doubles import DOUBLE
+    from gateway.workflow.run.stages import DOUBLE
 
     if wish.origin and DOUBLE.upper().encode() in table_data(wish.source):
         wish = replace(wish, simulated=True)
@@ -133,7 +133,7 @@ def _content(wish: ExchangeOptions) -> tuple[CompensationTable, ...] | ErrorSet:
             return errors
         return _of_axis(_read(driver, text, wish), wish)
     from gateway.store import Store
-    from gateway.workflow.files.errorset import errors_of_run
+    from gateway.workflow.errors21.error_file import errors_of_run
 
     return errors_of_run(open_run(Store(wish.store), str(wish.source), "errors"))
 
@@ -172,7 +172,7 @@ def _of_axis(tables: Sequence[CompensationTable], wish: ExchangeOptions) -> tupl
 
 
 def _comments(wish: ExchangeOptions) -> list[str]:
-    from gateway.workflow.doubles import SAID
+    from gateway.workflow.run.stages import SAID
 
     return [*((SAID,) if wish.simulated else ()), f"made by trueflank from {wish.source.name}"]
 

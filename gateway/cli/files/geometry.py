@@ -13,7 +13,7 @@ from drivers.types.results import MeasuredSet
 from gateway.cli.exits import of_verdicts
 from gateway.cli.files.evaluating import accepted_statements, show_verdicts, verdict
 from gateway.cli.show import echo, show_json, show_table
-from gateway.workflow.files.kindrecords import KindAnswer, KindQuestion, MeasuredFile
+from gateway.workflow.files.kind_records import KindAnswer, KindQuestion, MeasuredFile
 
 ALONG = ("positioning", "reversal")
 MIXED = ("angular", "rotary-motion", "six-dof")
@@ -95,7 +95,7 @@ def evaluate_gear_files(
     if site is not None:
         from gateway.config import load_site
         from gateway.study.inputs import gear_of
-        from gateway.workflow.part.planning import gear_of_site
+        from gateway.workflow.tooth.part_plan import gear_of_site
 
         gear = gear_of(gear_of_site(load_site(site), site))
     answer = evaluate_gear(files, gear)
@@ -130,12 +130,12 @@ def _doubts(measured: MeasuredSet, asked: KindOptions) -> tuple[Doubt, ...]:
 def _measured(path: Path, asked: KindOptions) -> tuple[MeasuredFile, ...]:
     """A file read by its ending, or by the columns that were said once about its like; of a run every set asked for."""
     from gateway.store import Store
-    from gateway.workflow.files.columnwords import columns_of
-    from gateway.workflow.files.exporting import items
-    from gateway.workflow.files.reading import How
+    from gateway.workflow.files.exporting import measured_items
+    from gateway.workflow.files.headers import columns_of
+    from gateway.workflow.files.reading import ReadOptions
 
-    how = How(asked.unit, columns=columns_of(asked.columns) or None, mixed=asked.kind in MIXED)
-    held = items(path, how, Store(asked.store), axis=asked.question.axis, phase=asked.phase)
+    how = ReadOptions(asked.unit, columns=columns_of(asked.columns) or None, mixed=asked.kind in MIXED)
+    held = measured_items(path, how, Store(asked.store), axis=asked.question.axis, phase=asked.phase)
     accepted_statements(path, held, asked.compared, asked.store)
     content = [(one.label, one.content) for one in held if isinstance(one.content, MeasuredSet)]
     if not content:

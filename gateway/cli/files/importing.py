@@ -43,11 +43,11 @@ def import_command(
     from datetime import UTC, datetime
 
     from gateway.store import Store
-    from gateway.workflow.files.columnwords import columns_of
+    from gateway.workflow.files.headers import columns_of
     from gateway.workflow.files.importing import import_file
-    from gateway.workflow.files.reading import How
+    from gateway.workflow.files.reading import ReadOptions
 
-    how = How(unit, machine, columns_of(column or []) or None, gear=gear, forget=forget, motion=motion)
+    how = ReadOptions(unit, machine, columns_of(column or []) or None, gear=gear, forget=forget, motion=motion)
     at = compared_of(site, accept, ask=ask and not as_json)
     told: list[dict[str, Any]] = []
     failures: list[TrueflankError] = []
@@ -100,12 +100,12 @@ def export_command(
 ) -> None:
     """Write a run's capture, or any file that can be read, in a form that others read."""
     from gateway.store import Store
-    from gateway.workflow.files.columnwords import columns_of
-    from gateway.workflow.files.exporting import export, items
-    from gateway.workflow.files.reading import How
+    from gateway.workflow.files.exporting import export, measured_items
+    from gateway.workflow.files.headers import columns_of
+    from gateway.workflow.files.reading import ReadOptions
 
-    how = How(unit, columns=columns_of(column or []) or None)
-    found = items(run_or_file(store, source), how, Store(store), axis=axis, phase=phase)
+    how = ReadOptions(unit, columns=columns_of(column or []) or None)
+    found = measured_items(run_or_file(store, source), how, Store(store), axis=axis, phase=phase)
     if len(found) > 1:
         raise ConfigError("E-EXPORT-SEVERAL", source, labels=", ".join(item.label for item in found))
     notes = [*map(str, found[0].notes), *map(str, export(found[0], to.lower(), output, unit=unit, force=force))]

@@ -63,7 +63,7 @@ def remove_command(
     from drivers.clock import LoopClock
     from gateway.cli.stopping import run_to_end
     from gateway.store import Store
-    from gateway.workflow.removing import remove_run
+    from gateway.workflow.run.audit_trail import remove_run
 
     folder = open_run(Store(store), run)
     if not yes:

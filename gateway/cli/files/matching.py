@@ -10,7 +10,7 @@ import typer
 from gateway.cli.machine.inspecting import HEIGHTS
 from gateway.cli.options import JsonOption
 from gateway.cli.show import echo, show_json, show_table
-from gateway.workflow.files.columnwords import columns_of
+from gateway.workflow.files.headers import columns_of
 
 
 def match_command(
@@ -32,7 +32,7 @@ def match_command(
     as_json: JsonOption = False,
 ) -> None:
     """Pair inspected discs for the least transmission error: who with whom, and in which tooth position."""
-    from gateway.workflow.part.matching import DiscFile, match_files
+    from gateway.workflow.tooth.pairing import DiscFile, match_files
 
     if heights not in HEIGHTS:
         raise typer.BadParameter(f"{heights!r} is none of {', '.join(HEIGHTS)}", param_hint="--heights")

@@ -58,20 +58,22 @@ def report(
 ) -> None:
     """Write the calibration report of a run, or of result files: PDF, HTML and data; 13 where a limit is exceeded."""
     try:
-        from gateway.workflow.results.documenting import Told
-        from gateway.workflow.results.testconditions import stated_conditions
+        from gateway.workflow.results.document import DocumentOptions
+        from gateway.workflow.results.particulars import stated_conditions
     except ModuleNotFoundError as error:
         raise ConfigError("E-REPORT-EXTRA", "report", library=error.name) from error
-    from gateway.workflow.files.columnwords import columns_of
-    from gateway.workflow.files.reading import How
+    from gateway.workflow.files.headers import columns_of
+    from gateway.workflow.files.reading import ReadOptions
 
     if not what:
         raise ConfigError("E-CLI-NO-FILES", "report")
     accepted = accepted_doubts(accept_doubt)
-    told = Told(language=language, site=(load_site(site), site) if site is not None else None, accepted=accepted)
+    told = DocumentOptions(
+        language=language, site=(load_site(site), site) if site is not None else None, accepted=accepted
+    )
     at = compared_of(None, accept, ask=ask and not as_json, tree=told.tree)
     said = stated_conditions(condition or ())
-    how = How(unit, columns=columns_of(column or []) or None)
+    how = ReadOptions(unit, columns=columns_of(column or []) or None)
     made, lines, data = (
         _of_files(what, store, how, told, out, at=at, said=said)
         if _files(what)
@@ -95,7 +97,7 @@ def report(
 def after_report(run: str) -> str:
     """What comes after the report of a run, by the state that the run is in."""
     from gateway.store import RunFolder
-    from gateway.workflow.runsite import site_path_of
+    from gateway.workflow.run.folder import site_path_of
 
     folder = RunFolder(Path(run))
     return step_of(folder.state, run=run, site=site_path_of(folder))
@@ -110,21 +112,21 @@ def _of_run(
 ) -> tuple[Any, tuple[Message, ...], dict[str, Any]]:
     from drivers.clock import LoopClock
     from gateway.store import Maps, Store
-    from gateway.workflow.results.documenting import with_told, write_document
-    from gateway.workflow.results.ending import lines_of
-    from gateway.workflow.results.fromfiles import imported, keep_conditions, material_of_import
-    from gateway.workflow.results.reporting import material_of, standing_report, summary_of, write_index, write_report
+    from gateway.workflow.results.document import with_options, write_document
+    from gateway.workflow.results.endings import lines_of
+    from gateway.workflow.results.from_files import is_imported, keep_conditions, material_of_import
+    from gateway.workflow.results.report import material_of, standing_report, summary_of, write_index, write_report
 
     folder = open_run(Store(store), what[0], "report")
     if said:
         keep_conditions(folder, said)
-    if imported(folder):
-        material = with_told(material_of_import(folder, at, Maps(Store(store).root), told.accepted), told)
+    if is_imported(folder):
+        material = with_options(material_of_import(folder, at, Maps(Store(store).root), told.accepted), told)
         made = write_document(material, out or folder.path, LoopClock().utc())
         return made, (), {**made.as_data(), "run": str(folder.path)}
     material = material_of(folder)
     paths = standing_report(folder, material) or write_report(folder, material)
-    made = write_document(with_told(material, told), out or folder.path, LoopClock().utc())
+    made = write_document(with_options(material, told), out or folder.path, LoopClock().utc())
     if out is None:
         folder.adopt(*made.files)
         write_index(folder, material)
@@ -145,11 +147,11 @@ def _of_files(
 ) -> tuple[Any, tuple[str, ...], dict[str, Any]]:
     from drivers.clock import LoopClock
     from gateway.store import Store
-    from gateway.workflow.results.documenting import with_told, write_document
-    from gateway.workflow.results.fromfiles import material_of_files
+    from gateway.workflow.results.document import with_options, write_document
+    from gateway.workflow.results.from_files import material_of_files
 
     paths = [Path(one) for one in what]
     read = material_of_files(paths, how, Store(store), at, conditions=said, accepted=told.accepted)
-    material = with_told(read, told)
+    material = with_options(read, told)
     made = write_document(material, out or Path(), LoopClock().utc())
     return made, tuple(material.findings), made.as_data()

@@ -29,7 +29,7 @@ def study_command(
     from gateway.study.calculate import study, the_order
     from gateway.study.inputs import load_gear
     from gateway.study.workers import workers as open_workers
-    from gateway.workflow.tooth.known import known_machine
+    from gateway.workflow.tooth.known_machine import known_machine
 
     if relative:
         only("study --relative")
@@ -103,7 +103,7 @@ def show_relative(gear: Path, errors: Path, folder: Path, height: float | None =
 def _tell_drive(drive: Any) -> None:
     from drivers.errors import words
     from gateway.study.drive import drive_rows, state_rows
-    from gateway.workflow.tooth.sentences import measure_for_drive
+    from gateway.workflow.tooth.messages import measure_for_drive
 
     own = spoken().own
     headings = ("error", "constant: transmission", "lost motion", "here: transmission", "lost motion", "rank")

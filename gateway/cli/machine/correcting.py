@@ -42,8 +42,8 @@ def correct_command(
 def _from_run(site: Path, run: str, *, as_json: bool) -> None:
     from drivers.clock import LoopClock
     from gateway.config import load_site
-    from gateway.workflow.runsite import store_of
-    from gateway.workflow.tooth.correcting import correct_site
+    from gateway.workflow.run.folder import store_of
+    from gateway.workflow.tooth.proposal import correct_site
 
     tree = load_site(site)
     folder = open_run(store_of(tree, site), run, "errors")

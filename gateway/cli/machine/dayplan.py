@@ -17,7 +17,7 @@ from gateway.cli.show import say_line, show_json, show_table
 def show_day_of_run(site: Path, axes: Sequence[str], *, apply: bool, as_json: bool) -> None:
     """The day of `run`. Raises as `day_of_run`."""
     from gateway.config.reaching import typed_rotary
-    from gateway.workflow.loop.forecast import day_of_run
+    from gateway.workflow.forecast import day_of_run
 
     tree = load_site(site)
     with_control(tree)
@@ -31,7 +31,7 @@ def show_day_of_run(site: Path, axes: Sequence[str], *, apply: bool, as_json: bo
 
 def show_day_of_closing(site: Path, *, apply: bool, as_json: bool) -> None:
     """The day of `close`. Raises as `day_of_closing`."""
-    from gateway.workflow.loop.forecast import day_of_closing
+    from gateway.workflow.forecast import day_of_closing
 
     tree = load_site(site)
     with_control(tree)

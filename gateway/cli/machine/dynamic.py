@@ -82,13 +82,13 @@ def _opened(path: Path, unit: str, plot: Path | None, band: float | None, store:
     from gateway.store import Maps
     from gateway.store.rawstream import open_stream
     from gateway.workflow.axes.dynamic import outcome_of
-    from gateway.workflow.files.reading import How, read_file
+    from gateway.workflow.files.reading import ReadOptions, read_file
 
     notes: tuple[Message, ...] = ()
     if path.suffix == ".f64":
         recording: Any = open_stream(path)
     else:
-        read = read_file(path, How(unit), Maps(store))
+        read = read_file(path, ReadOptions(unit), Maps(store))
         recording, notes = read.content, read.notes
     if not isinstance(recording, Recording):
         raise ConfigError("E-CLI-NOT-DYNAMIC", str(path))

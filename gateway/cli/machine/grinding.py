@@ -43,8 +43,8 @@ def grind_command(
     from gateway.config import load_site
     from gateway.store.setupbook import SetupBook
     from gateway.tooth import SetupValues
-    from gateway.workflow.part.planning import gear_of_site
-    from gateway.workflow.runsite import store_of
+    from gateway.workflow.run.folder import store_of
+    from gateway.workflow.tooth.part_plan import gear_of_site
 
     tree = load_site(site)
     store = store_of(tree, site)
@@ -60,7 +60,7 @@ def grind_command(
 
 def _grind(tree: Any, site: Path, part: str, setup: Any, machine: str, folder: Any, *, as_json: bool) -> None:
     from drivers.clock import LoopClock
-    from gateway.workflow.part.grinding import grind_site
+    from gateway.workflow.tooth.grinding import grind_site
 
     async def main(say: Any) -> Any:
         asked = {"part": part, "setup": setup, "machine_name": machine, "run": folder}
@@ -82,8 +82,7 @@ def _show(tree: Any, site: Path, part: str, setup: Any, into: str, *, as_json: b
     ``into`` is the option of the run that the part goes into.
     """
     from drivers import registry
-    from gateway.workflow.part.entering import entered
-    from gateway.workflow.part.planning import gear_of_site, grind_plan
+    from gateway.workflow.tooth.part_plan import entry_instructions, gear_of_site, grind_plan
 
     plan = grind_plan(tree, gear_of_site(tree, site), setup, part)
     name = f"{tree.controller.driver}-program"
@@ -97,7 +96,7 @@ def _show(tree: Any, site: Path, part: str, setup: Any, into: str, *, as_json: b
         return
     show_table("outermost places (mm, deg; machine coordinates)", ("axis", "place"), rows)
     echo(f"set-up values: x {setup.x_um:+.1f} um, C {setup.c_arcsec:+.1f} arcsec, dressing {setup.dressing_um:+.1f} um")
-    echo(entered(tree.work, setup))
+    echo(entry_instructions(tree.work, setup))
     if able:
         echo("the NC program: trueflank program --what grind, or --json here")
     echo(f"{plan.spaces} spaces, about {plan.seconds / 60.0:.0f} min; nothing was sent (--machine NAME grinds)")

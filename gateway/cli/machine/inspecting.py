@@ -13,7 +13,7 @@ from gateway.cli.options import JsonOption, PartOption, SiteArgument, open_run
 from gateway.cli.screen.telling import progress
 from gateway.cli.show import echo, show_json, show_table
 from gateway.cli.stopping import run_to_end
-from gateway.workflow.files.columnwords import columns_of
+from gateway.workflow.files.headers import columns_of
 
 Heights = Literal["lower-face", "middle"]
 HEIGHTS: tuple[str, ...] = ("lower-face", "middle")
@@ -39,9 +39,9 @@ def inspect_command(
     """Inspect the clamped part on the gear inspection machine, or read a file of its flank points."""
     from drivers.clock import LoopClock
     from gateway.config import load_site
-    from gateway.workflow.part.inspecting import inspect_site
-    from gateway.workflow.runsite import store_of
-    from gateway.workflow.tooth.flankpicture import draw_flank
+    from gateway.workflow.run.folder import store_of
+    from gateway.workflow.tooth.flank_picture import draw_flank
+    from gateway.workflow.tooth.inspection import inspect_site
 
     tree = load_site(site)
     points = flank_file(file, heights, columns_of(column or []) or None)
@@ -71,8 +71,8 @@ def guard_gear(
     """Compare the clamped part with the approved one of a run: 0 still valid, 20 changed, 21 cannot tell."""
     from drivers.clock import LoopClock
     from gateway.config import load_site
-    from gateway.workflow.part.guard import guard_gear_site
-    from gateway.workflow.runsite import store_of
+    from gateway.workflow.run.folder import store_of
+    from gateway.workflow.tooth.inspection import guard_gear_site
 
     tree = load_site(site)
     folder = open_run(store_of(tree, site), run, "part")
@@ -88,8 +88,8 @@ def correct_gear(site: Path, gear: str, part: str, heights: str, *, as_json: boo
     """Propose cross tables and set-up values from a run's inspected part, or from a file of flank points."""
     from drivers.clock import LoopClock
     from gateway.config import load_site
-    from gateway.workflow.part.correcting import propose_from_gear
-    from gateway.workflow.runsite import store_of
+    from gateway.workflow.run.folder import store_of
+    from gateway.workflow.tooth.from_gear import propose_from_gear
 
     tree = load_site(site)
     source = flank_file(Path(gear), heights) if Path(gear).is_file() else open_run(store_of(tree, site), gear, "part")
@@ -102,7 +102,7 @@ def correct_gear(site: Path, gear: str, part: str, heights: str, *, as_json: boo
 
 def flank_file(path: Path | None, heights: str, columns: Any = None) -> Any:
     """The file of flank points that was asked for; None without. Raises typer.BadParameter."""
-    from gateway.workflow.part.inspecting import FlankFile
+    from gateway.workflow.tooth.inspection import FlankFile
 
     if heights not in HEIGHTS:
         raise typer.BadParameter(f"{heights!r} is none of {', '.join(HEIGHTS)}", param_hint="--heights")

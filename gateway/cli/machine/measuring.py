@@ -30,9 +30,9 @@ def measure_command(
     from drivers.clock import LoopClock
     from gateway.config import load_site
     from gateway.store import RunFolder
-    from gateway.workflow.errors21.components import measure_site
-    from gateway.workflow.results.reporting import write_report
-    from gateway.workflow.runsite import store_of
+    from gateway.workflow.errors21.measurement import measure_site
+    from gateway.workflow.results.report import write_report
+    from gateway.workflow.run.folder import store_of
 
     if plan:
         only("measure --plan")
@@ -84,8 +84,8 @@ def guard_command(
 def _guard_axis(site: Path, run: str, axis: str, limit: float | None, *, as_json: bool) -> None:
     from drivers.clock import LoopClock
     from gateway.config import load_site
-    from gateway.workflow.axes.guard import guard_site
-    from gateway.workflow.runsite import store_of
+    from gateway.workflow.axes.short_capture import guard_site
+    from gateway.workflow.run.folder import store_of
 
     tree = load_site(site)
     folder = open_run(store_of(tree, site), run, "curve", f"{axis}-")
@@ -110,9 +110,9 @@ def _tooth(tree: Any, site: Path) -> Any:
 
 
 def _show_plan(tree: Any, *, as_json: bool) -> None:
-    from gateway.workflow.errors21.setups import planned, remountings
+    from gateway.workflow.errors21.setups import plan_setups, remountings
 
-    found = planned(tree)
+    found = plan_setups(tree)
     rows = [
         (one.key, one.setup.component, one.axis.name, one.setup.instrument or one.setup.source, one.setup.source)
         for one in found

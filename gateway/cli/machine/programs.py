@@ -52,14 +52,21 @@ def program_command(
     from drivers.errors import ConfigError
     from drivers.programs import DayNumbers
     from gateway.config import load_site
-    from gateway.workflow.dwelling import DwellWish, dwell_plans, said, target_lists
-    from gateway.workflow.onpaper import EVERY, KNOWN, known_control
-    from gateway.workflow.programs import kept, numbers_in, programs
+    from gateway.workflow.programs import (
+        DwellOptions,
+        describe_dwell,
+        dwell_plans,
+        numbers_in,
+        programs,
+        target_lists,
+        write_programs,
+    )
+    from gateway.workflow.run.paper_control import ALL_KINDS, SENT_KINDS, known_control
 
-    chosen = tuple(one for one in KNOWN if what == one or (what == "all" and one in EVERY))
+    chosen = tuple(one for one in ALL_KINDS if what == one or (what == "all" and one in SENT_KINDS))
     if not chosen:
-        raise ConfigError("E-PROGRAM-WHAT", "--what", given=what, known=", ".join((*KNOWN, "all")))
-    tree, wish = load_site(site), DwellWish(dwell, settling, calibrator_feed)
+        raise ConfigError("E-PROGRAM-WHAT", "--what", given=what, known=", ".join((*ALL_KINDS, "all")))
+    tree, wish = load_site(site), DwellOptions(dwell, settling, calibrator_feed)
     numbers = numbers_in(tree, like) if like is not None else DayNumbers(order=number)
     proposal, tooth = _proposed(run, store) if run else (None, None)
     written = programs(tree, site, chosen, proposal, tooth=tooth, dwell=wish, numbers=numbers)
@@ -67,8 +74,8 @@ def program_command(
     told: list[str] = []
     for axis, plan in dwell_plans(tree, wish) if what == "dwell" else ():
         lists |= target_lists(axis, plan)
-        told.append(said(axis, plan))
-    kept({one.name: one.program.text for one in written} | lists, output, force=force)
+        told.append(describe_dwell(axis, plan))
+    write_programs({one.name: one.program.text for one in written} | lists, output, force=force)
     if as_json:
         show_json({"folder": str(output), "programs": [one.name for one in written], "lists": list(lists)})
         return
@@ -87,7 +94,7 @@ def _proposed(run: str, store: Path) -> tuple[Any, Any]:
     from gateway.domain.proposals import Proposal
     from gateway.store import Store
     from gateway.tooth import ToothProposal
-    from gateway.workflow import stages
+    from gateway.workflow.run import stages
 
     folder = open_run(Store(store), run, "proposal")
     tooth = folder.get(stages.TOOTH, ToothProposal) if folder.has(stages.TOOTH) else None
@@ -110,7 +117,7 @@ def _after(site: Path) -> str:
     from gateway.config import load_site
     from gateway.errors import StoreError
     from gateway.store.runs import LATEST, Needs
-    from gateway.workflow.runsite import store_of
+    from gateway.workflow.run.folder import store_of
 
     with contextlib.suppress(StoreError):
         latest = store_of(load_site(site), site).open(LATEST, Needs(*NEEDS["proposal"][:2])).summary()
@@ -127,7 +134,7 @@ def self_tested(
     from gateway.cli.screen.telling import progress
     from gateway.cli.stopping import run_to_end
     from gateway.config import load_site
-    from gateway.workflow.control.selftesting import self_test_site
+    from gateway.workflow.run.self_test import self_test_site
 
     tree, used = load_site(site), clock or LoopClock()
     with progress(quiet=quiet, at=(tree, site), own_operator=own_operator) as say:

@@ -32,8 +32,8 @@ def run_site_command(
     clock: Clock | None = None,
 ) -> None:
     """Run a site; the demo, which owns its cell, types the machine's name itself."""
-    from gateway.workflow.loop.forecast import day_of_run, remaining_of
-    from gateway.workflow.loop.run import run_site
+    from gateway.workflow.complete_run import run_site
+    from gateway.workflow.forecast import day_of_run, remaining_of
 
     tree = load_site(site)
     with_control(tree)
@@ -68,8 +68,8 @@ class PushAsked:
 def push_run_command(run_folder: str, store: Path, asked: PushAsked, *, as_json: bool) -> None:
     """Show a stored proposal against the live machine, or apply it."""
     from gateway.store import Store
-    from gateway.workflow.control.pushing import push_run
-    from gateway.workflow.runsite import site_of
+    from gateway.workflow.control.push import push_run
+    from gateway.workflow.run.folder import site_of
 
     folder = open_run(Store(store), run_folder, "proposal")
 
@@ -92,7 +92,7 @@ def recover_command(
     """Say what an interrupted push or rollback left; with apply put it right."""
     from drivers.carried import PieceOfWork, carrying
     from gateway.broker import taking
-    from gateway.workflow.control.recovering import recover_site
+    from gateway.workflow.control.rollback import recover_site
 
     tree = load_site(site)
 

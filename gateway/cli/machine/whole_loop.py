@@ -72,7 +72,7 @@ class Closing:
     def stages(self) -> RemainingTime:
         """Its stages by the forecast of the site file; none where that cannot be made."""
         from gateway.config import load_site
-        from gateway.workflow.loop.forecast import day_of_closing, remaining_of
+        from gateway.workflow.forecast import day_of_closing, remaining_of
 
         tree, wanted = load_site(self.site), self.wanted
         return remaining_of(lambda: day_of_closing(tree, self.site, apply=self.apply, wanted=wanted))
@@ -80,8 +80,8 @@ class Closing:
     def run(self, *, quiet: bool, stages: RemainingTime | None = None) -> Any:
         """Do it with its progress shown; returns its outcome. Raises what `close_site` raises."""
         from gateway.config import load_site
-        from gateway.workflow.loop.tooth_loop import close_site
-        from gateway.workflow.runsite import store_of
+        from gateway.workflow.complete_run import close_site
+        from gateway.workflow.run.folder import store_of
 
         tree = load_site(self.site)
         folder = open_run(store_of(tree, self.site), self.resume) if self.resume else None

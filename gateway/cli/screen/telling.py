@@ -47,7 +47,7 @@ def progress(
     that leaves the block is kept in the log.
     """
     if folder is not None:
-        from gateway.workflow.runsite import site_path_of
+        from gateway.workflow.run.folder import site_path_of
 
         begun_with({"site": site_path_of(folder)})
     clock = LoopClock()
@@ -96,7 +96,7 @@ def _log(at: tuple[Any, Path] | None, folder: Any, clock: Clock) -> Any:
         return LogBook(folder.path.parent, clock.utc)
     if at is None:
         return None
-    from gateway.workflow.runsite import store_of
+    from gateway.workflow.run.folder import store_of
 
     return LogBook(store_of(*at).root, clock.utc)
 

@@ -25,7 +25,7 @@ def support_bundle_command(
     """Write site file, versions, logs, newest runs, wire traces and doctor into one zip, without secrets."""
     from drivers.local.ownfiles import open_own
     from gateway.cli.service.bundle import bundle
-    from gateway.workflow.runsite import store_of
+    from gateway.workflow.run.folder import store_of
 
     tree = load_site(site)
     store = store_of(tree, site)
@@ -44,7 +44,7 @@ async def _doctor(tree: Any, site: Path) -> dict[str, Any]:
     """The doctor's lines; why there are none where the control does not answer or somebody else is at work."""
     from gateway.broker import borrowed
     from gateway.cli.control.connecting import examined
-    from gateway.workflow.runsite import store_of
+    from gateway.workflow.run.folder import store_of
 
     clock = LoopClock()
     try:

@@ -14,7 +14,7 @@ from gateway.cli.show import counted, echo, show_json
 def reindex_command(site: SiteArgument, as_json: JsonOption = False) -> None:
     """Make the index of a site's runs anew; the run folders are the truth and are only read."""
     from gateway.index import SiteIndex
-    from gateway.workflow.runsite import store_of
+    from gateway.workflow.run.folder import store_of
 
     tree = load_site(site)
     store = store_of(tree, site)
@@ -35,7 +35,7 @@ def compare_command(
     """Compare one error across the machines that the site's index knows: the newest figure of each, largest first."""
     from drivers.terms import shown
     from gateway.index import SiteIndex
-    from gateway.workflow.runsite import store_of
+    from gateway.workflow.run.folder import store_of
 
     tree = load_site(site)
     index = SiteIndex(tree, site, store_of(tree, site))
@@ -58,7 +58,7 @@ def tables_command(
 ) -> None:
     """List the tables that should act in every machine of the index, by what was pushed: id and date of each."""
     from gateway.index import SiteIndex
-    from gateway.workflow.runsite import store_of
+    from gateway.workflow.run.folder import store_of
 
     tree = load_site(site)
     found = SiteIndex(tree, site, store_of(tree, site)).tables(serial=serial)

@@ -91,15 +91,15 @@ def _serving(tree: Any, path: Path, clock: LoopClock) -> Any:
     from gateway.daemon import LateDevices, Serving
     from gateway.push import JOURNALS, SentProgramBook
     from gateway.supervisor import Supervisor, unopened
-    from gateway.workflow.aftercare import StandingAlarms
     from gateway.workflow.files.importing import watcher_of
-    from gateway.workflow.recognising import Recognising
-    from gateway.workflow.runsite import store_of
+    from gateway.workflow.run.folder import store_of
+    from gateway.workflow.run.identity import IdentityCheck
+    from gateway.workflow.run.live_tables import StandingAlarms
 
     store, serial, folder = store_of(tree, path), tree.controller.serial, tree.service.watch
 
     def made() -> Supervisor:
-        book, known = SentProgramBook(store.root / JOURNALS, serial), Recognising(tree, path, store.root, clock)
+        book, known = SentProgramBook(store.root / JOURNALS, serial), IdentityCheck(tree, path, store.root, clock)
         return Supervisor(tree, clock, book=book, recognise=known)
 
     devices = LateDevices(made, unopened(tree, clock))
@@ -125,8 +125,8 @@ def _serving(tree: Any, path: Path, clock: LoopClock) -> Any:
 def _daily(tree: Any, path: Path, store: Any, devices: Any, clock: LoopClock) -> Any:
     """What is compared each day; None where the site does not want it."""
     from gateway.daemon import Daily
-    from gateway.workflow.aftercare import due
-    from gateway.workflow.control.verifying import verify_table
+    from gateway.workflow.control.verify import verify_table
+    from gateway.workflow.run.live_tables import overdue_tables
 
     serial, hour = tree.controller.serial, tree.site.verify_hour
     if not tree.site.verify_each_day:
@@ -139,13 +139,13 @@ def _daily(tree: Any, path: Path, store: Any, devices: Any, clock: LoopClock) ->
     async def compare(say: Say) -> object:
         return await verify_table(tree, path, table="", run=None, clock=clock, say=say)
 
-    return Daily(hour, lambda: due(store, serial, clock.utc(), hour), compare, alone)
+    return Daily(hour, lambda: overdue_tables(store, serial, clock.utc(), hour), compare, alone)
 
 
 async def _examined(tree: Any, path: Path, clock: LoopClock, _say: Say) -> object:
     """The doctor's lines as an outcome."""
     from gateway.cli.control.connecting import examined
-    from gateway.workflow.outcome import Outcome
+    from gateway.workflow.run.outcome import Outcome
 
     lines = await examined(tree, path, clock)
     told = tuple(one.message for one in lines)

@@ -8,9 +8,15 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any, cast
 
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+
 from drivers import registry
 from drivers.clock import Clock
 from drivers.errors import ConfigError, LimitPassed, TrueflankError, UnsupportedDevice
+from drivers.local.ownfiles import open_own
 from drivers.message import Message
 from drivers.ports.instruments import Instrument
 from drivers.recordings import Recording
@@ -24,8 +30,7 @@ from gateway.events import RunStarted
 from gateway.say import Say
 from gateway.store import RunFolder
 from gateway.store.rawstream import RawRecorder, StreamFacts, open_stream
-from gateway.workflow.axes.dynamicpicture import draw
-from gateway.workflow.runsite import new_run, store_of
+from gateway.workflow.run.folder import new_run, store_of
 
 PICTURE, STATE = "dynamic.png", "captured"
 # Settling looks at the whole record at once; a longer one is cut by its trigger or recorded shorter.
@@ -49,7 +54,7 @@ class RecordingOptions:
 
 
 @dataclass(frozen=True, slots=True)
-class Shown:
+class RecordingFindings:
     """What a record shows. ``settling`` None with ``why_not`` where it shows no move."""
 
     spectrum: DynamicSpectrum | None
@@ -62,7 +67,7 @@ class DynamicOutcome:
     """A record, what it shows, where it is kept and drawn; ``notes`` what must be known of it."""
 
     recording: Recording
-    shown: Shown
+    shown: RecordingFindings
     place: Path
     picture: Path
     notes: tuple[Message, ...] = ()
@@ -83,7 +88,7 @@ class DynamicOutcome:
         }
 
 
-def show(recording: Recording, band: float | None = None) -> Shown:
+def evaluate_recording(recording: Recording, band: float | None = None) -> RecordingFindings:
     """Spectrum and settling of a record; what it does not show is said in words."""
     try:
         made: DynamicSpectrum | None = amplitude_spectrum(recording)
@@ -92,18 +97,18 @@ def show(recording: Recording, band: float | None = None) -> Shown:
     try:
         if len(recording) > MOST_FOR_SETTLING:
             raise NotIdentifiable("E-DYN-LONG", "settling", samples=len(recording), limit=MOST_FOR_SETTLING)
-        return Shown(made, evaluate_settling(recording, band or DEFAULT_BAND[recording.unit]))
+        return RecordingFindings(made, evaluate_settling(recording, band or DEFAULT_BAND[recording.unit]))
     except NotIdentifiable as error:
-        return Shown(made, None, error.what)
+        return RecordingFindings(made, None, error.what)
 
 
 def outcome_of(
     recording: Recording, place: Path, picture: Path, band: float | None, notes: tuple[Message, ...] = ()
 ) -> Any:
     """Evaluate and draw a record. Raises ConfigError (E-CLI-EXISTS, E-CLI-WRITE) for the picture."""
-    shown = show(recording, band)
+    shown = evaluate_recording(recording, band)
     try:
-        draw(recording, shown.spectrum, picture)
+        draw_recording(recording, shown.spectrum, picture)
     except FileExistsError as error:
         raise ConfigError("E-CLI-EXISTS", str(picture)) from error
     except OSError as error:
@@ -124,7 +129,7 @@ async def capture_dynamic(
     RunStarted(str(folder.path)).tell(say)
     try:
         async with borrowed(store_of(site, site_path).root, folder.run_id, clock, say) as told:
-            ended, path, notes = await _recorded(section, wish, clock, folder, told)
+            ended, path, notes = await _record(section, wish, clock, folder, told)
     except TrueflankError as error:
         folder.set_state("failed", error=error.as_record())
         raise
@@ -143,7 +148,7 @@ def _section(site: SiteFile, name: str) -> InstrumentSection:
     raise ConfigError("E-DYN-INSTRUMENT", site.site.name, name=name, known=known or "none")
 
 
-async def _recorded(
+async def _record(
     section: InstrumentSection, wish: RecordingOptions, clock: Clock, folder: RunFolder, say: Say
 ) -> tuple[Ended, Path, tuple[Message, ...]]:
     factory = registry.load(section.driver, "instrument")
@@ -207,7 +212,7 @@ async def _follow(instrument: Instrument, wish: RecordingOptions, clock: Clock, 
         maker.begin,
         channel=wish.channel,
         trigger=wish.trigger,
-        view=_live(say, wish.channel or instrument.channels[0]),
+        view=_live_display(say, wish.channel or instrument.channels[0]),
     )
     stream = instrument.blocks()
     try:
@@ -224,7 +229,7 @@ async def _follow(instrument: Instrument, wish: RecordingOptions, clock: Clock, 
             await closer()
 
 
-def _live(say: Say, channel: str) -> Callable[[LiveView], None]:
+def _live_display(say: Say, channel: str) -> Callable[[LiveView], None]:
     unit, _scale = unit_of(channel)
 
     def view(seen: LiveView) -> None:
@@ -250,3 +255,49 @@ def _notes(instrument: Instrument, ended: Ended) -> tuple[Message, ...]:
     if instrument.compensated_for == "nothing" and instrument.channels[0].endswith("mm"):
         notes.append(Message.of("S-DYN-VACUUM"))
     return tuple(notes)
+
+
+# The picture of a dynamic record: its envelope over time and its spectrum, however many samples it has.
+
+INK, QUIET, FILL = "#22282e", "#6d757d", "#1f4e79"
+SIGN = {"um": "µm", "arcsec": "arcsec"}
+POINTS = 1500
+
+
+def draw_recording(recording: Recording, spectrum: DynamicSpectrum | None, path: Path) -> Path:
+    """Write a PNG of 1500 x 1050 pixels; the file must not exist."""
+    figure = Figure(figsize=(10.0, 7.0), dpi=150, layout="constrained")
+    FigureCanvasAgg(figure)
+    above, below = figure.subplots(2, 1)
+    _envelope(above, recording)
+    _spectrum(below, spectrum, SIGN[recording.unit])
+    with open_own(path, "xb") as file:
+        figure.savefig(file, format="png")
+    return path
+
+
+def _envelope(panel: Axes, recording: Recording) -> None:
+    time_s, low, high = recording.envelope(POINTS)
+    if len(time_s) < len(recording):
+        panel.fill_between(time_s, low, high, color=FILL, lw=0.3)
+    else:
+        panel.plot(time_s, low, color=FILL, lw=0.8)
+    for gap in recording.gaps[:POINTS]:
+        panel.axvline(float(recording.times(gap.index, gap.index + 1).sum()), color=QUIET, lw=0.6, ls=":")
+    if recording.trigger:
+        panel.axvline(float(recording.times(recording.trigger, recording.trigger + 1)[0]), color=INK, lw=0.8, ls="--")
+    panel.set_xlabel("time  s")
+    panel.set_ylabel(f"{SIGN[recording.unit]}")
+    panel.set_title(f"{len(recording)} samples at {recording.rate_hz:g} Hz", loc="left", fontsize=9)
+
+
+def _spectrum(panel: Axes, spectrum: DynamicSpectrum | None, unit: str) -> None:
+    panel.set_xlabel("frequency  Hz")
+    panel.set_ylabel(f"amplitude  {unit}")
+    if spectrum is None:
+        return
+    shown = spectrum.frequency_hz > 0.0
+    panel.loglog(spectrum.frequency_hz[shown], np.maximum(spectrum.amplitude[shown], 1e-9), color=FILL, lw=0.7)
+    for peak in spectrum.peaks[:5]:
+        panel.annotate(f"{peak.frequency_hz:.4g} Hz", (peak.frequency_hz, peak.amplitude), fontsize=7, color=INK)
+    panel.grid(True, which="major", color="#e4e7e9", lw=0.5)

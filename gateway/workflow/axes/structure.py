@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from drivers.types.values import FloatArray
-from gateway.config import AxisSection
+from gateway.capture.gathered.raw import RawCapture
+from gateway.capture.gathered.widening import affordable, cost_s
+from gateway.config import AxisSection, SiteFile
 from gateway.domain.captures import Capture
 from gateway.domain.figures import Component
 from gateway.evaluate.behaviour.fine_structure import (
@@ -19,11 +24,18 @@ from gateway.evaluate.behaviour.fine_structure import (
     out_of_line,
 )
 from gateway.evaluate.behaviour.repetitions import RobustMeans, robust_means
+from gateway.events import TargetsAdded
+from gateway.gear.grinding import Grinding
 from gateway.model.components import is_periodic, standard_uncertainty, value
+from gateway.model.error_model import ErrorModel, chain_of_errors
 from gateway.model.fit import TURN_DEG
 from gateway.model.waves import fit_means, usual_gap
-from gateway.table.benefit_probability import PosteriorCurves
+from gateway.say import Say
+from gateway.study.inputs import gear_of, load_gear
+from gateway.table import Grid
+from gateway.table.benefit_probability import PosteriorCurves, TableDoubt, held_by
 from gateway.table.posterior_curves import SeenPlaces, draw_posterior_curves
+from gateway.table.proposal import InstrumentU
 
 CURVES = 256
 FAR_ABOVE = 2.0  # a curve that leaves so many uncertainties of a mean does not follow the axis
@@ -120,3 +132,107 @@ def between_targets(component: Component, capture: Capture) -> HiddenStructure:
         curve=curve,
         period=float(str(period)) if period is not None else None,
     )
+
+
+# More targets where an axis does what its curve does not follow: which they are, and what they cost.
+
+MOST_ROUNDS = 3
+AT_LEAST = 1.0 / 3.0  # of the targets are added in a round: a wave is told by many places, not by the best few
+FEWEST = 3
+TOOTH = 0.5  # of a positioning's weight is where the tooth is ground, the rest anywhere on the axis
+
+
+@dataclass
+class AdaptiveTargets:
+    """Asked after each round of an axis' capture: which places shall be targets too. Counts what the rounds cost.
+
+    ``corrected`` makes deviations of what was read. ``tooth`` are places of the axis where the work is ground, in its
+    unit; empty: it has none. ``share`` of the weight lies there.
+    """
+
+    axis: AxisSection
+    corrected: Callable[[RawCapture], Capture]
+    say: Say
+    tooth: FloatArray = field(default_factory=lambda: np.empty(0))
+    share: float = TOOTH
+    spent_s: float = 0.0
+    rounds: int = 0
+
+    def __call__(self, raw: RawCapture) -> FloatArray:
+        """Places (k,), none where the curve follows the axis, or where no time is left."""
+        return self.wanted(self.corrected(raw))
+
+    def wanted(self, capture: Capture) -> FloatArray:
+        """The same of what was captured, corrected."""
+        if not self.axis.measure.extra_hours or self.rounds >= MOST_ROUNDS:
+            return np.empty(0)
+        shown = structure_of(self.axis, capture)
+        if not shown.found:
+            return np.empty(0)
+        doubt = self._doubt(shown)
+        enough = max(InstrumentU.usual(capture.unit).constant / 2.0, float(np.nanmean(shown.means.u)))
+        return np.empty(0) if doubt.rms <= enough else self._chosen(shown, doubt)
+
+    def _doubt(self, shown: Structure) -> TableDoubt:
+        possible, table = shown.possible(), self.axis.table
+        held = held_by(Grid(table.minimum, table.maximum, table.step), possible.lattice, modulo=self.axis.modulo)
+        curves = possible.curves - value(shown.component, possible.lattice)
+        # The zero of an axis is no matter of its table, so every curve may be shifted.
+        curves = curves - np.mean(curves, axis=1, keepdims=True)
+        return TableDoubt(possible.lattice, curves, held, self._weights(possible.lattice))
+
+    def _weights(self, lattice: FloatArray) -> FloatArray:
+        """What each place counts: the whole axis, and more where the tooth is ground."""
+        even = np.full(lattice.size, 1.0 / lattice.size)
+        period = 360.0 if self.axis.modulo else np.inf
+        away = np.abs(self.tooth[:, None] - lattice[None, :])
+        near = np.minimum(away, np.abs(period - away % period) if self.axis.modulo else away) <= self.axis.table.step
+        used = near.sum(axis=0).astype(np.float64)
+        return even if not used.any() else (1.0 - self.share) * even + self.share * used / used.sum()
+
+    def _chosen(self, shown: Structure, doubt: TableDoubt) -> FloatArray:
+        capture, gap = shown.capture, shown.seen.gap
+        span, left_s = float(np.ptp(capture.targets)), self.axis.measure.extra_hours * 3600.0 - self.spent_s
+        can = affordable(self.axis, left_s / 3600.0, span)
+        count = min(can, max(FEWEST, int(np.ceil(AT_LEAST * capture.targets.size))))
+        known = _known_deviations(capture)
+        places = doubt.places(known, count, float(np.nanmean(shown.means.u)), gap) if count >= FEWEST else np.empty(0)
+        price = cost_s(self.axis, places.size or FEWEST, span)
+        told: dict[str, Any] = {"doubt": f"{doubt.rms:.2g}", "unit": capture.unit, "count": int(places.size)}
+        told |= {"axis": self.axis.name, "minutes": f"{price / 60.0:.0f}", "left": f"{left_s / 60.0:.0f}"}
+        if places.size:
+            TargetsAdded(**told).tell(self.say)
+        else:
+            self.say("P-MORE-NONE", **told)
+        self.spent_s += price
+        self.rounds += 1
+        return np.round(places, 3)
+
+
+def _known_deviations(capture: Capture) -> FloatArray:
+    return capture.targets if capture.between is None else np.append(capture.targets, capture.between.targets)
+
+
+# Where along an axis the work of the site is ground.
+
+HEIGHTS = 25
+
+
+def tooth_places(site: SiteFile, site_path: Path, axis: AxisSection) -> FloatArray:
+    """Positions (n,) of an axis, mm or deg, at which the flank of the site's work is made; none without work.
+
+    Raises ConfigError (E-STUDY-...), ModelError (E-GEAR-...) for a gear file that is none.
+    """
+    if site.work is None:
+        return np.empty(0)
+    file = load_gear(site_path.parent / site.work.gear)
+    gear = gear_of(file)
+    grinding = Grinding(
+        chain_of_errors(ErrorModel(), height_mm=site.work.height_mm), gear, file.grinding.centre_distance_mm
+    )
+    heights = np.linspace(-0.5, 0.5, HEIGHTS) * gear.b
+    commands = grinding.commands(np.arange(gear.zc)[:, None], heights[None, :])
+    if axis.letter not in commands:
+        return np.empty(0)
+    places = np.unique(np.round(np.atleast_1d(commands[axis.letter]), 6))
+    return np.asarray(np.rad2deg(places) % 360.0 if axis.kind == "rotary" else places)

@@ -6,36 +6,150 @@ import json
 import os
 import shutil
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from datetime import date, datetime
 from pathlib import Path
 from typing import Any
 
 from drivers.clock import Clock
 from drivers.errors import ConfigError, TrueflankError
+from drivers.types.tables import CompensationTable
 from gateway.config import SiteFile, load_site, read_site
 from gateway.config.writing import site_text
+from gateway.correct.flank.noise import noise_patterns
+from gateway.correct.outlook.drive_outlook import costliest, drive_forecast
+from gateway.correct.outlook.flank_uncertainty import ProcessUncertainty, doubts, error_doubts
+from gateway.correct.outlook.prediction import Prediction, predict, select_cross_tables
+from gateway.correct.plan.layers import LayeredCorrection, correct
+from gateway.correct.plan.plan import AxisGrid, Plan
 from gateway.events import RunStarted
+from gateway.gear.flank import FlankGrid, flank_grid
+from gateway.gear.grinding import Grinding
+from gateway.model.error_model import ErrorModel, chain_of_errors
+from gateway.reducer.goal import DriveGoal
 from gateway.say import Say
 from gateway.store import RunFolder
 from gateway.store.disk import write_whole
-from gateway.workflow import stages
-from gateway.workflow.axes.conditions import tell_overdue
-from gateway.workflow.day.answers import Answers
-from gateway.workflow.day.forecast import ToothForecast, forecast
-from gateway.workflow.day.gathering import DayFolder
-from gateway.workflow.day.sorting import Placed, accepted_words, day_facts
-from gateway.workflow.doubles import simulated_set
-from gateway.workflow.errors21.components import PlanOutcome, conclude, grids, measure_site
-from gateway.workflow.errors21.filesetup import capture_of, read_setup
-from gateway.workflow.errors21.fromsetups import axes_measured
-from gateway.workflow.errors21.setups import Planned, key_of, planned
-from gateway.workflow.files.days import days_of
-from gateway.workflow.files.facts import settle
-from gateway.workflow.results.testconditions import STATED, with_unit
-from gateway.workflow.runsite import new_run
-from gateway.workflow.tooth.correcting import ToothOutcome, correct_site
-from gateway.workflow.tooth.proposal import work_of
+from gateway.tooth import DriveForecast
+from gateway.workflow.axes.measure import report_overdue_calibrations
+from gateway.workflow.day.folder import Answers, DayFolder
+from gateway.workflow.day.sorting import SortedFile, accepted_words, day_facts
+from gateway.workflow.errors21.measurement import PlanOutcome, fit_error_model, grids, measure_site
+from gateway.workflow.errors21.setup_capture import axes_from_setups, capture_of, read_setup
+from gateway.workflow.errors21.setups import PlannedSetup, key_of, plan_setups
+from gateway.workflow.files.headers import days_of
+from gateway.workflow.files.statements import settle
+from gateway.workflow.results.particulars import STATED, with_unit
+from gateway.workflow.run import stages
+from gateway.workflow.run.folder import new_run
+from gateway.workflow.run.stages import simulated_set
+from gateway.workflow.tooth.proposal import ToothOutcome, ToothWork, correct_site, work_of
+
+# What tables could do for the tooth by the errors that a day's files told, before any control was asked; pure.
+
+PROFILE, WIDTH = 11, 5
+LARGEST = 3
+
+
+@dataclass(frozen=True, slots=True)
+class ForecastTable:
+    """A table that would be proposed, by its layer and name, with its lowest and highest value (um or arcsec)."""
+
+    layer: str
+    name: str
+    points: int
+    low: float
+    high: float
+    unit: str
+
+
+@dataclass(frozen=True, slots=True)
+class ToothForecast:
+    """RMS of the flank, um: as it is with its set-up values right, with axis tables, and with everything.
+
+    Each by the errors that are known, with its standard uncertainty by all doubts (``_u_um``). ``sources_um``: what of
+    that comes from errors not measured, from measured ones and from the process, RMS on the flank; ``largest``: the
+    errors not measured that do most. It supposes that no table acted while the files were measured: only the control
+    can tell. ``drive`` where the gear file names a reducer.
+    """
+
+    before_um: float
+    before_u_um: float
+    with_own_um: float
+    with_own_u_um: float
+    after_um: float
+    after_u_um: float
+    sources_um: dict[str, float]
+    largest: tuple[str, ...]
+    tables: tuple[ForecastTable, ...]
+    drive: DriveForecast | None = None
+
+    def as_data(self) -> dict[str, Any]:
+        """For --json."""
+        return asdict(self)
+
+
+def forecast(model: ErrorModel, work: ToothWork, grids: tuple[AxisGrid, ...]) -> ToothForecast:
+    """Both layers of tables worked out for a machine without any. Raises ModelError (E-CORRECT-...)."""
+    chain = chain_of_errors(model, height_mm=work.height_mm)
+    grinding = Grinding(chain, work.gear, work.centre_distance_mm)
+    grid = flank_grid(work.gear, profile=PROFILE, width=WIDTH)
+    plan = Plan(grids, zeros=("X",), goal=work.goal)
+    plan = replace(plan, noise=noise_patterns(grinding, grid, doubts(model, chain, plan)))
+
+    def worked_out(tried: Plan) -> tuple[LayeredCorrection, Prediction]:
+        found = correct(grinding, grid, plan=tried)
+        return found, predict(grinding, grid, plan=tried, model=model, found=found, shop=ProcessUncertainty())
+
+    chosen = select_cross_tables(plan, worked_out)
+    found, parts = chosen.found, chosen.outlook.flank.parts_um
+    before, own, after = chosen.outlook.steps_um
+    gaps = {one.name for one in model.unknown}
+    kinds = {
+        name: "unmeasured" if name in gaps else "measured" if name in model.measured else "process" for name in parts
+    }
+    return ToothForecast(
+        before_um=before[0],
+        before_u_um=before[1],
+        with_own_um=own[0],
+        with_own_u_um=own[1],
+        after_um=after[0],
+        after_u_um=after[1],
+        sources_um={
+            kind: sum(size**2 for name, size in parts.items() if kinds[name] == kind) ** 0.5
+            for kind in ("unmeasured", "measured", "process")
+        },
+        largest=tuple(name for name in parts if name in gaps)[:LARGEST],
+        tables=tuple(_table(one) for one in (*found.own, *found.cross) if any(one.deviations)),
+        drive=None if work.goal is None else _drive(work.goal, grinding, grid, plan=plan, model=model, found=found),
+    )
+
+
+def _drive(
+    goal: DriveGoal, grinding: Grinding, grid: FlankGrid, *, plan: Plan, model: ErrorModel, found: LayeredCorrection
+) -> DriveForecast:
+    """The drive of the discs as the machine is, with axis tables and with everything for this goal."""
+    wrong = error_doubts(grinding, grid, plan, model)
+    costs = costliest(goal.drive, found.machine, grid, doubt=wrong, measured=model.measured)
+    machines = (
+        ("as it is", grinding),
+        ("axis tables", found.machine_with_own),
+        (f"this goal: {goal.kind}", found.machine),
+    )
+    return drive_forecast(goal.drive, machines, grid, costs)
+
+
+def _table(one: CompensationTable) -> ForecastTable:
+    values = one.deviations
+    return ForecastTable(
+        layer=one.kind,
+        name=f"{one.output_axis}({one.input_axis})",
+        points=len(values),
+        low=min(values),
+        high=max(values),
+        unit=one.deviation_unit,
+    )
+
 
 HEAD = "Made by `trueflank day` from {site} and the files of {folder}; the next `trueflank day` writes it anew."
 MARK = "# Made by `trueflank day`"
@@ -55,7 +169,7 @@ class DayOutcome:
     proposal: ToothOutcome | None = None
 
 
-def write_site(site_path: Path, folder: Path, setups: Sequence[Placed], where: Path | None = None) -> Path:
+def write_site(site_path: Path, folder: Path, setups: Sequence[SortedFile], where: Path | None = None) -> Path:
     """The site file with these set-ups in place of its own of the same errors; beside it, unless ``where`` says else.
 
     Raises ConfigError (E-DAY-SITE: a file of somebody else stands there; E-CFG-...).
@@ -86,17 +200,19 @@ def _relative(file: Path, folder: Path) -> str:
         return str(file.resolve())
 
 
-def keys_of(site: SiteFile, setups: Sequence[Placed]) -> tuple[str, ...]:
+def keys_of(site: SiteFile, setups: Sequence[SortedFile]) -> tuple[str, ...]:
     """Keys of the day's set-ups in the plan of its site."""
-    mine = {key_of(one.setup) for one in planned(site) if one.setup.source == "file"}
+    mine = {key_of(one.setup) for one in plan_setups(site) if one.setup.source == "file"}
     wanted = {(one.setup["component"], one.setup["axis"]) for one in setups}
-    return tuple(one.key for one in planned(site) if one.key in mine and (one.setup.component, one.axis.name) in wanted)
+    return tuple(
+        one.key for one in plan_setups(site) if one.key in mine and (one.setup.component, one.axis.name) in wanted
+    )
 
 
 def from_files(
     site: SiteFile,
     site_path: Path,
-    setups: Sequence[Placed],
+    setups: Sequence[SortedFile],
     *,
     folder: DayFolder,
     answers: Answers,
@@ -108,20 +224,20 @@ def from_files(
     No table can be pushed from it, for nobody knows what compensated. Raises CaptureError (E-CAP-OVERDUE), and what
     reading and evaluating raise; the run folder keeps the error.
     """
-    tell_overdue(site, _measured_on(setups, utc.date()), say)
+    report_overdue_calibrations(site, _measured_on(setups, utc.date()), say)
     run = new_run(site, site_path)
     RunStarted(str(run.path)).tell(say)
     work = work_of(site, site_path) if site.work is not None else None
     try:
         mine = {one.file.path.resolve(): one for one in setups}
-        for one in planned(site):
+        for one in plan_setups(site):
             path = (site_path.parent / Path(str(one.setup.path))).resolve()
             if one.key in keys_of(site, setups) and path in mine:
                 _store(run, one, mine[path], folder=folder, answers=answers)
         keep_stated(run, setups, answers, site, utc=utc)
-        plan = conclude(site, run, work.tooth if work is not None else None)
-        if any(one.positioning and run.has(stages.setup(one.key)) for one in planned(site)):
-            axes_measured(run, site)
+        plan = fit_error_model(site, run, work.tooth if work is not None else None)
+        if any(one.positioning and run.has(stages.setup(one.key)) for one in plan_setups(site)):
+            axes_from_setups(run, site)
     except TrueflankError as error:
         run.set_state("failed", error=error.as_record())
         raise
@@ -129,7 +245,7 @@ def from_files(
     return DayOutcome(site_path, run.path, plan, outlook)
 
 
-def _measured_on(setups: Sequence[Placed], today: date) -> date:
+def _measured_on(setups: Sequence[SortedFile], today: date) -> date:
     """The last day that the files say, today where one of them says none."""
     found = []
     for one in setups:
@@ -140,7 +256,9 @@ def _measured_on(setups: Sequence[Placed], today: date) -> date:
     return max(found, default=today)
 
 
-def keep_stated(run: RunFolder, setups: Sequence[Placed], answers: Answers, site: SiteFile, *, utc: datetime) -> None:
+def keep_stated(
+    run: RunFolder, setups: Sequence[SortedFile], answers: Answers, site: SiteFile, *, utc: datetime
+) -> None:
     """What the day's files state, what a person accepted of it, and the test conditions among the answers.
 
     Raises ConfigError (E-FACTS-DIFFER) where a statement differs that no answer accepts, StoreError.
@@ -155,7 +273,7 @@ def keep_stated(run: RunFolder, setups: Sequence[Placed], answers: Answers, site
     run.put(stages.STATED, replace(stated, conditions=said))
 
 
-def _store(run: RunFolder, one: Planned, placed: Placed, *, folder: DayFolder, answers: Answers) -> None:
+def _store(run: RunFolder, one: PlannedSetup, placed: SortedFile, *, folder: DayFolder, answers: Answers) -> None:
     path = placed.file.path
     measured = read_setup(path, one, folder.machine, folder.maps, how=folder.how(path, answers))
     capture = capture_of(one, measured, None, placed.file.whole)
@@ -165,7 +283,7 @@ def _store(run: RunFolder, one: Planned, placed: Placed, *, folder: DayFolder, a
 
 
 async def at_the_control(
-    site: SiteFile, site_path: Path, setups: Sequence[Placed], *, answers: Answers, clock: Clock, say: Say
+    site: SiteFile, site_path: Path, setups: Sequence[SortedFile], *, answers: Answers, clock: Clock, say: Say
 ) -> DayOutcome:
     """The same with the tables that the control holds now, and a proposal that can be pushed.
 

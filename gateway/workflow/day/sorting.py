@@ -2,21 +2,22 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from datetime import date
-from typing import Any
+from typing import Any, cast
 
 from drivers.errors import ConfigError
 from drivers.local.names import shown
 from gateway.config import AxisSection, SiteFile
 from gateway.domain.values import component_unit
 from gateway.evaluate.behaviour.doubts import all_doubts, blocking_doubts
+from gateway.evaluate.geometry.angular import COMPONENTS, Kind
 from gateway.siteplan import LOCATIONS
-from gateway.workflow.day.answers import ALL, UNKNOWN, Answers
-from gateway.workflow.day.gathering import DayFile, copies
-from gateway.workflow.day.naming import BY_ANSWER, Guessed, choices, guessed
-from gateway.workflow.files.facts import Difference, FileFacts, differences, facts_of
+from gateway.workflow.day.folder import ALL, UNKNOWN, Answers, DayFile, find_copies
+from gateway.workflow.files.headers import KINDS
+from gateway.workflow.files.statements import Difference, FileFacts, differences, facts_of
 
 UNITS = ("mrad", "urad", "arcsec", "deg")
 WAYS = ("+", "-")
@@ -51,7 +52,7 @@ class OpenQuestion:
 
 
 @dataclass(frozen=True, slots=True)
-class Placed:
+class SortedFile:
     """A file and what it is: the keys of its set-up ({} where it is none), who told the error, and why it is left out.
 
     ``why`` is a code with its fields where the file is no set-up: another axis, a copy, said to be left out.
@@ -69,11 +70,11 @@ class Placed:
 class SortedDay:
     """Every file in its place, and what is still open; set-ups are whole once nothing is."""
 
-    placed: tuple[Placed, ...]
+    placed: tuple[SortedFile, ...]
     open: tuple[OpenQuestion, ...]
 
     @property
-    def setups(self) -> tuple[Placed, ...]:
+    def setups(self) -> tuple[SortedFile, ...]:
         """The files that are set-ups."""
         return tuple(one for one in self.placed if one.setup)
 
@@ -84,7 +85,7 @@ def sort_day(files: Sequence[DayFile], site: SiteFile, answers: Answers, today: 
     Raises ConfigError (E-DAY-ANSWER, E-DAY-NO-FILE, E-DAY-UNIT-OF, E-DAY-TWICE).
     """
     _known_files(files, answers)
-    same = copies(files)
+    same = find_copies(files)
     work = _Sorter(tuple(site.axes), answers, files)
     placed = [work.place(one, same.get(one.name, "")) for one in files]
     work.foreign(placed, site, today)
@@ -93,7 +94,7 @@ def sort_day(files: Sequence[DayFile], site: SiteFile, answers: Answers, today: 
     return SortedDay(tuple(placed), tuple(work.questions.values()))
 
 
-def day_facts(placed: Sequence[Placed]) -> tuple[FileFacts, ...]:
+def day_facts(placed: Sequence[SortedFile]) -> tuple[FileFacts, ...]:
     """What the files that count state, one entry a file; of a table with several motions once."""
     found = {
         one.file.path: facts_of(one.file.whole, one.file.words)
@@ -126,23 +127,23 @@ class _Sorter:
         self._files = files
         self.questions: dict[tuple[str, str], OpenQuestion] = {}
 
-    def place(self, one: DayFile, copy_of: str) -> Placed:
+    def place(self, one: DayFile, copy_of: str) -> SortedFile:
         use = self._answers.of("use", one.name)
         if use is False:
-            return Placed(one, why=("W-DAY-LEFT-OUT", {}))
+            return SortedFile(one, why=("W-DAY-LEFT-OUT", {}))
         if copy_of:
-            return Placed(one, why=("W-DAY-COPY", {"other": copy_of}))
+            return SortedFile(one, why=("W-DAY-COPY", {"other": copy_of}))
         if one.kind == "open":
             self._read_first(one)
-            return Placed(one)
+            return SortedFile(one)
         if one.kind in ("trouble", "undescribed"):
             self._unreadable(one)
-            return Placed(one)
+            return SortedFile(one)
         if one.kind != "results":
-            return Placed(one, why=(NO_SETUP[one.kind], {"name": one.name}))
+            return SortedFile(one, why=(NO_SETUP[one.kind], {"name": one.name}))
         return self._results(one)
 
-    def foreign(self, placed: Sequence[Placed], site: SiteFile, today: date | None) -> None:
+    def foreign(self, placed: Sequence[SortedFile], site: SiteFile, today: date | None) -> None:
         """Statements that differ from the site's or from other files': a person says whether they belong here."""
         known = set(accepted_words(self._answers))
         open_: dict[str, list[Difference]] = {}
@@ -158,9 +159,9 @@ class _Sorter:
         mine = {key: one for key, one in self.questions.items() if key[1].startswith("accept ")}
         self.questions = {**mine, **self.questions}  # whether a file belongs here at all is asked first
 
-    def twice(self, placed: Sequence[Placed]) -> None:
+    def twice(self, placed: Sequence[SortedFile]) -> None:
         """Two files of one thing: a person says which counts. Raises ConfigError (E-DAY-TWICE)."""
-        first: dict[tuple[Any, ...], Placed] = {}
+        first: dict[tuple[Any, ...], SortedFile] = {}
         for one in placed:
             if not one.error or one.why is not None:
                 continue
@@ -174,7 +175,7 @@ class _Sorter:
                 raise ConfigError("E-DAY-TWICE", self._answers.where, **names)
             self._ask(OpenQuestion(f"files.{one.file.name}", "use", "P-DAY-TWICE", choices=YES_NO, fields=names))
 
-    def square(self, placed: Sequence[Placed]) -> None:
+    def square(self, placed: Sequence[SortedFile]) -> None:
         """A square on both axes that was not turned over: its own angle is in the figure, and no file says it."""
         pairs: dict[str, dict[str, str]] = {"B0Z": {}, "B0Z-R": {}}
         for one in placed:
@@ -206,11 +207,11 @@ class _Sorter:
         fields = {"name": one.name, "why": why, "head": head}
         self._ask(OpenQuestion(f"files.{one.name}", "use", code, choices=("no",), fields=fields))
 
-    def _results(self, one: DayFile) -> Placed:
-        told = guessed(one.name, one.driver, one.words, self._axes)
+    def _results(self, one: DayFile) -> SortedFile:
+        told = guess_content(one.name, one.driver, one.words, self._axes)
         error, axis, by = self._error(one, told)
         if told.foreign and not axis and not error:
-            return Placed(one, why=("W-DAY-FOREIGN", {"axis": told.foreign}))
+            return SortedFile(one, why=("W-DAY-FOREIGN", {"axis": told.foreign}))
         if error and not axis:
             named = tuple(
                 item.name for item in self._axes if item.letter in LOCATIONS.get(error.removesuffix("-R"), "")
@@ -223,11 +224,11 @@ class _Sorter:
             self._ask(OpenQuestion(f"files.{one.name}", "error", "P-DAY-ERROR", choices=able, fields=fields))
         moved = self._axis(axis)
         if moved is None or not error:
-            return Placed(one, error, axis, by)
+            return SortedFile(one, error, axis, by)
         self._fits(one, error, moved)
-        return Placed(one, error, axis, by, setup=self._setup(one, error, moved, told))
+        return SortedFile(one, error, axis, by, setup=self._setup(one, error, moved, told))
 
-    def _error(self, one: DayFile, told: Guessed) -> tuple[str, str, str]:
+    def _error(self, one: DayFile, told: FileGuess) -> tuple[str, str, str]:
         """Error, axis and who told them. Raises ConfigError (E-DAY-ANSWER)."""
         said, axis = self._answers.of("error", one.name), self._answers.of("axis", one.name)
         able = choices(None, "", self._axes)
@@ -266,7 +267,7 @@ class _Sorter:
         if self._unit(one) != wanted:
             raise ConfigError("E-DAY-UNIT-OF", one.name, error=error, found=self._unit(one), wanted=wanted)
 
-    def _setup(self, one: DayFile, error: str, moved: AxisSection, told: Guessed) -> Mapping[str, Any]:
+    def _setup(self, one: DayFile, error: str, moved: AxisSection, told: FileGuess) -> Mapping[str, Any]:
         """The keys of the set-up; {} while something is open."""
         datum, direction = self._datum(one, moved)
         positioning = error[1] == error[2] and error[1] != "0"
@@ -344,7 +345,7 @@ class _Sorter:
             self._wrong(place, key, said, " ".join(WAYS))
         return str(said)
 
-    def _park(self, one: DayFile, error: str, told: Guessed) -> dict[str, float] | None:
+    def _park(self, one: DayFile, error: str, told: FileGuess) -> dict[str, float] | None:
         """Where the table, and others that somebody named, stood for a bar, by axis; None while nobody said."""
         table = next((item.name for item in self._axes if item.kind == "rotary"), "")
         if error not in BARS or not table:
@@ -357,3 +358,103 @@ class _Sorter:
         fields = {"name": one.name, "table": table}
         self._ask(OpenQuestion(f"files.{one.name}", "park", "P-DAY-PARK", choices=("0", "180"), fields=fields))
         return None
+
+
+# What a result file says of itself: which axis moved and which error it holds, by its own words and its name; pure.
+
+_ERROR = re.compile(r"(?<![A-Z0-9])(E[XYZABC][XYZABC]|[AB]0[CZ](?:-R)?|[XY]0C)(?![A-Z0-9])")
+_PLACE = re.compile(r"(?<![A-Z0-9])(\d{1,3}) ?(?:DEG|GRAD|°|度)")
+_WORD = re.compile(r"[A-Z]+[0-9]*")
+BY_FILE, BY_NAME, BY_KIND, BY_ANSWER = "its words", "its name", "its kind", "answer"
+AXIS_LETTERS = "XYZABCUVW"
+
+
+@dataclass(frozen=True, slots=True)
+class FileGuess:
+    """What a file tells: machine axis and error ("" where it does not), the kind in words, and what told it.
+
+    ``foreign`` is an axis named there that the site does not have; ``park`` the angle a bar stood at, deg.
+    """
+
+    axis: str = ""
+    error: str = ""
+    kind: str = ""
+    by: str = ""
+    foreign: str = ""
+    park: float | None = None
+
+
+def guess_content(name: str, driver: str, header: Mapping[str, str], axes: Sequence[AxisSection]) -> FileGuess:
+    """From the words inside a file first, then from its name; ``driver`` says what such files usually hold."""
+    own = " ".join(header.get(key, "") for key in ("TITLE", "Title", "Location", "Comment")).upper()
+    stem = name.rpartition(".")[0].upper()
+    said, foreign = _axis(header.get("Axis", "").upper(), axes)
+    if said is None and not foreign:
+        said, foreign = _axis(stem, axes)
+    park = next((float(found[1]) for found in map(_PLACE.search, (own, stem)) if found), None)
+    for text, by in ((own, BY_FILE), (stem, BY_NAME)):
+        found = _ERROR.search(text)
+        if found is not None:
+            axis = _axis_that_moved(found[1], axes) or (said.name if said else "")
+            return FileGuess(axis, found[1], "", by, foreign="" if axis else found[1][2:3], park=park)
+    if said is None:
+        return FileGuess(foreign=foreign, park=park)
+    kind, by = _kind(own, stem)
+    error = _error(said, kind, f"{own} {stem}", driver)
+    return FileGuess(said.name, error, kind, by or (BY_KIND if error else ""), park=park)
+
+
+def _axis(text: str, axes: Sequence[AxisSection]) -> tuple[AxisSection | None, str]:
+    """The axis of the site that a text names first; else a letter that is an axis of no site, or ""."""
+    foreign = ""
+    for word in _WORD.findall(_ERROR.sub(" ", text.replace("_", " "))):
+        for axis in axes:
+            if word in (axis.name.upper(), axis.letter):
+                return axis, ""
+        if not foreign and word[0] in AXIS_LETTERS and (word[1:].isdigit() or len(word) == 1):
+            foreign = word
+    return None, foreign
+
+
+def _axis_that_moved(error: str, axes: Sequence[AxisSection]) -> str:
+    """The axis that an error motion belongs to, or the only one that moves for a location error."""
+    letters = LOCATIONS.get(error.removesuffix("-R"), (error[2:3],))
+    found = [axis.name for axis in axes if axis.letter in letters]
+    return found[0] if len(letters) == 1 and found else ""
+
+
+def _kind(own: str, stem: str) -> tuple[str, str]:
+    for text, by in ((own, BY_FILE), (stem, BY_NAME)):
+        for kind, marks in KINDS.items():
+            if any(mark in text for mark in marks):
+                return kind, by
+    return "", ""
+
+
+def _error(axis: AxisSection, kind: str, text: str, driver: str) -> str:
+    """The error by its letters, "" where the words leave it open."""
+    letter = axis.letter
+    if axis.kind == "rotary":
+        return f"E{letter}{letter}" if driver == "rta" or kind == "position" else ""
+    if kind in ("pitch", "yaw", "roll"):
+        return COMPONENTS.get((letter, cast(Kind, kind)), "")
+    if kind == "straightness":
+        across = re.findall(r"(?<![A-Z0-9])([XYZ])\d?(?![A-Z0-9])", text.replace("_", " "))
+        other = [one for one in across if one != letter]
+        return f"E{other[0]}{letter}" if other else ""
+    plain = driver in ("rtl", "pos")
+    return f"E{letter}{letter}" if kind == "position" or (plain and not kind) else ""
+
+
+def choices(axis: AxisSection | None, unit: str, axes: Sequence[AxisSection]) -> tuple[str, ...]:
+    """The errors a file may hold, by its axis (None: any of the site's) and the unit of its deviations ("": either)."""
+    moved = axes if axis is None else (axis,)
+    motions = [f"E{way}{one.letter}" for one in moved for way in "XYZABC" if unit in ("", _unit_of(way, one))]
+    letters = {one.letter for one in moved}
+    places = [name for name, able in LOCATIONS.items() if letters & set(able)] if unit != "arcsec" else []
+    turned = ["B0Z-R"] if "B0Z" in places else []
+    return (*motions, *places, *turned)
+
+
+def _unit_of(way: str, axis: AxisSection) -> str:
+    return component_unit(f"E{way}{axis.letter}", axis.unit)

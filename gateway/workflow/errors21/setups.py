@@ -23,7 +23,7 @@ JOG = {"linear": 10.0, "rotary": 5.0}
 
 
 @dataclass(frozen=True, slots=True)
-class Planned:
+class PlannedSetup:
     """One set-up made whole: ``axis`` carries its component, instrument, targets; ``unit`` is that of its readings."""
 
     key: str
@@ -78,7 +78,7 @@ class Planned:
         )
 
 
-def planned(site: SiteFile) -> tuple[Planned, ...]:
+def plan_setups(site: SiteFile) -> tuple[PlannedSetup, ...]:
     """Every set-up of the site, in the order it is best measured; each axis' own measure section is one.
 
     Raises ConfigError (E-SETUP-NONE) without any set-up, E-SETUP-TARGETS.
@@ -87,12 +87,14 @@ def planned(site: SiteFile) -> tuple[Planned, ...]:
         raise ConfigError("E-SETUP-NONE", site.site.name)
     axes = {axis.name: axis for axis in site.axes}
     listed = {(setup.component, setup.axis) for setup in site.setups}
-    own = [_own(axis) for axis in site.axes if (axis.measure.component, axis.name) not in listed]
+    own = [_own_positioning(axis) for axis in site.axes if (axis.measure.component, axis.name) not in listed]
     setups = [*(setup for setup in own if setup is not None), *site.setups]
-    return _ordered([_whole(setup, axes[setup.axis]) for setup in setups], [axis.name for axis in site.axes])
+    return _order_setups(
+        [_complete_setup(setup, axes[setup.axis]) for setup in setups], [axis.name for axis in site.axes]
+    )
 
 
-def _own(axis: AxisSection) -> SetupSection | None:
+def _own_positioning(axis: AxisSection) -> SetupSection | None:
     """An axis' own positioning as a set-up; None where it measures something that is no component of it."""
     measure = axis.measure
     if measure.component != f"E{axis.letter}{axis.letter}":
@@ -113,7 +115,7 @@ def _own(axis: AxisSection) -> SetupSection | None:
     )
 
 
-def _whole(setup: SetupSection, axis: AxisSection) -> Planned:
+def _complete_setup(setup: SetupSection, axis: AxisSection) -> PlannedSetup:
     own = {name: getattr(setup, name) for name in OWN if getattr(setup, name) is not None}
     changes: dict[str, Any] = {"component": setup.component, "instrument": setup.instrument, "file": None, **own}
     changes["accept"] = (*axis.measure.accept, *setup.accept)
@@ -128,7 +130,7 @@ def _whole(setup: SetupSection, axis: AxisSection) -> Planned:
     location = name[1] == "0"
     unit: DeviationUnit = "um" if location else component_unit(name, axis.unit)
     positioning = not location and name[1] == name[2]
-    return Planned(
+    return PlannedSetup(
         key=key_of(setup),
         setup=setup,
         axis=axis.model_copy(update={"measure": measure}),
@@ -143,7 +145,7 @@ def key_of(setup: SetupSection) -> str:
     return f"{setup.component}-{setup.axis}{parked}"
 
 
-def _ordered(plan: Sequence[Planned], axes: Sequence[str]) -> tuple[Planned, ...]:
+def _order_setups(plan: Sequence[PlannedSetup], axes: Sequence[str]) -> tuple[PlannedSetup, ...]:
     """One instrument after the other, files first; with each, all of one artefact, then one axis after the other.
 
     What measures the axes' own positioning comes last: a push asks for a young measurement at the same warmth.
@@ -152,7 +154,7 @@ def _ordered(plan: Sequence[Planned], axes: Sequence[str]) -> tuple[Planned, ...
     for one in sorted(plan, key=lambda one: one.positioning):
         ranks.setdefault(_tool(one), len(ranks))
 
-    def rank(one: Planned) -> tuple[object, ...]:
+    def rank(one: PlannedSetup) -> tuple[object, ...]:
         setup = one.setup
         artefact = setup.name if setup.name[1] == "0" else ""
         files = 0 if setup.source != "live" else 1
@@ -163,17 +165,17 @@ def _ordered(plan: Sequence[Planned], axes: Sequence[str]) -> tuple[Planned, ...
     return tuple(sorted(plan, key=rank))
 
 
-def _tool(one: Planned) -> str:
+def _tool(one: PlannedSetup) -> str:
     return one.setup.instrument if one.setup.source == "live" else ""
 
 
-def remountings(plan: Sequence[Planned]) -> int:
+def remountings(plan: Sequence[PlannedSetup]) -> int:
     """How often another instrument, or the same one on another axis or artefact, must be mounted along a plan."""
     kinds = [(_tool(p), p.axis.name, p.setup.name if p.setup.name[1] == "0" else "", p.setup.turned) for p in plan]
     return sum(before != after for before, after in zip([None, *kinds], kinds, strict=False) if after[0])
 
 
-def chosen(plan: Sequence[Planned], wanted: Sequence[str]) -> tuple[Planned, ...]:
+def select_setups(plan: Sequence[PlannedSetup], wanted: Sequence[str]) -> tuple[PlannedSetup, ...]:
     """Those asked for by key or component (none: all), if they are measured. Raises ConfigError (E-SETUP-UNKNOWN)."""
     able = [one for one in plan if one.measured]
     for name in wanted:

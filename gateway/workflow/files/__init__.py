@@ -1,1 +1,1 @@
-"""Workflows on files alone: strangers' results into the store, measured results out of it."""
+"""Files of others: read as was said about them, evaluated, imported into the store, exported from it."""

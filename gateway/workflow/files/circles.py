@@ -14,7 +14,7 @@ from drivers.types.circles import CircleRecord, MakersFigures
 from gateway.errors import ModelError
 from gateway.evaluate.geometry.ballbar import BallbarFigures, Cause, Circle, evaluate_ballbar, squareness_arcsec
 from gateway.evaluate.geometry.straightness import Plane, of_plane
-from gateway.workflow.files.kindrecords import Drawn, Figure, KindAnswer
+from gateway.workflow.files.kind_records import Drawn, Figure, KindAnswer
 
 KIND = "ballbar"
 STANDARD = "ISO 230-4:2005"
@@ -56,7 +56,7 @@ def evaluate_circles(files: Sequence[tuple[str, CircleRecord | MakersFigures]]) 
             raise ModelError("E-CIRCLE-FILES", files[1][0], why="a maker's results stand alone")
         return CircleAnswer(_of_maker(makers[0][1]))
     records = [(label, one) for label, one in files if isinstance(one, CircleRecord)]
-    record = _joined(records)
+    record = _join_senses(records)
     if record.radius_mm is None:
         raise ModelError("E-CIRCLE-RADIUS", records[0][0])
     found = evaluate_ballbar(
@@ -72,7 +72,7 @@ def evaluate_circles(files: Sequence[tuple[str, CircleRecord | MakersFigures]]) 
     )
     figures = [Figure(name, value, "um", found.figures_U) for name, value in found.figures.items()]
     figures += [Figure(one.name, one.value, one.unit, one.U) for one in found.causes]
-    figures += _located(found, record.plane)
+    figures += _location_error(found, record.plane)
     answer = KindAnswer(
         kind=KIND,
         standard=STANDARD,
@@ -85,7 +85,7 @@ def evaluate_circles(files: Sequence[tuple[str, CircleRecord | MakersFigures]]) 
     return CircleAnswer(answer, found)
 
 
-def _joined(files: Sequence[tuple[str, CircleRecord]]) -> CircleRecord:
+def _join_senses(files: Sequence[tuple[str, CircleRecord]]) -> CircleRecord:
     """Two files of one test as one. Raises ModelError (E-CIRCLE-FILES)."""
     first = files[0][1]
     if len(files) == 1:
@@ -107,7 +107,7 @@ def _joined(files: Sequence[tuple[str, CircleRecord]]) -> CircleRecord:
     )
 
 
-def _located(found: BallbarFigures, plane: str) -> list[Figure]:
+def _location_error(found: BallbarFigures, plane: str) -> list[Figure]:
     """The squareness by its ISO 230-1 letter, as the error model has it."""
     one = found.cause("squareness")
     if one is None or plane not in PLANES:
@@ -142,13 +142,13 @@ def _diagnosis(found: BallbarFigures) -> list[str]:
     sure = [one for one in order if abs(one.value) > one.U]
     unsure = [one.name for one in order if one not in sure]
     told = [
-        f"cause {place}: {_said(one)}, bends the circle by ±{one.bends_um:.2f} µm"
+        f"cause {place}: {_cause_sentence(one)}, bends the circle by ±{one.bends_um:.2f} µm"
         for place, one in enumerate(sure[:TOLD], 1)
     ]
     return [*told, *([f"not told from zero: {', '.join(unsure)}"] if unsure else [])]
 
 
-def _said(one: Cause) -> str:
+def _cause_sentence(one: Cause) -> str:
     """A cause as a sentence: what it means of the machine."""
     size = f"{one.name} {one.value:+.2f} {one.unit} (U {one.U:.2f})"
     if one.name == "squareness":

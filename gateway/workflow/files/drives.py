@@ -24,8 +24,8 @@ from gateway.evaluate.behaviour.drive import (
 )
 from gateway.evaluate.behaviour.order_causes import in_words
 from gateway.evaluate.standards.conformity import Decision
-from gateway.workflow.doubles import SAID
-from gateway.workflow.files.kindrecords import Drawn, Figure, KindAnswer
+from gateway.workflow.files.kind_records import Drawn, Figure, KindAnswer
+from gateway.workflow.run.stages import SAID
 
 KIND = "transmission"
 STANDARD = "makers' definitions"
@@ -101,7 +101,7 @@ def evaluate_drives(files: Sequence[tuple[str, DriveRecord]], asked: DriveQuesti
     runs = [run for one in each for run in one.running]
     running = tuple(_mean([run for run in runs if run.sense == sense]) for sense in (1, -1) if _any(runs, sense))
     loops = [one.loop for one in each if one.loop is not None]
-    loop = _repeated(loops) if loops else None
+    loop = _mean_loop(loops) if loops else None
     notes = tuple(dict.fromkeys(words(code, **fields) for one in each for code, fields in one.notes))
     notes += tuple(str(warning) for _, record in files for warning in record.warnings)
     simulated = any("simulated" in record.header.get("Instrument", "") for _, record in files)
@@ -110,7 +110,7 @@ def evaluate_drives(files: Sequence[tuple[str, DriveRecord]], asked: DriveQuesti
         kind=KIND,
         standard=STANDARD,
         figures=_figures(found),
-        curves=tuple(Drawn(SENSES[run.sense], *_ascending(run)) for run in running),
+        curves=tuple(Drawn(SENSES[run.sense], *_in_ascending_order(run)) for run in running),
         axes=("output  deg", "transmission error  arcsec"),
         notes=(*notes, *((SAID,) if simulated else ())),
         simulated=simulated,
@@ -147,7 +147,7 @@ def _mean(runs: Sequence[RunningError]) -> RunningError:
     return replace(runs[0], each=tuple(value for run in runs for value in run.each))
 
 
-def _repeated(loops: Sequence[TorqueLoop]) -> TorqueLoop:
+def _mean_loop(loops: Sequence[TorqueLoop]) -> TorqueLoop:
     first = loops[0]
     if len(loops) == 1:
         return first
@@ -161,7 +161,7 @@ def _repeated(loops: Sequence[TorqueLoop]) -> TorqueLoop:
     )
 
 
-def _ascending(run: RunningError) -> tuple[Any, Any]:
+def _in_ascending_order(run: RunningError) -> tuple[Any, Any]:
     order = np.argsort(run.angle_deg)
     return run.angle_deg[order], run.error_arcsec[order]
 

@@ -20,9 +20,8 @@ from drivers.types.values import CompensatedFor
 from gateway.domain.captures import Capture, Corrections
 from gateway.store import Maps, RunFolder, Store
 from gateway.store.rawstream import open_stream
-from gateway.workflow.doubles import DOUBLE
-from gateway.workflow.files.reading import Content, How, Read, read_all
-from gateway.workflow.stages import GEAR, MEASURED
+from gateway.workflow.files.reading import Content, ReadFile, ReadOptions, read_all
+from gateway.workflow.run.stages import DOUBLE, GEAR, MEASURED
 
 FORMS = ("rtl", "rta", "csv", "rtx")
 STREAM = ".f64"
@@ -49,7 +48,7 @@ class MeasuredItem:
     names: tuple[str, ...] = ()
 
 
-def of_axis(found: tuple[MeasuredItem, ...], axis: str, where: str) -> tuple[MeasuredItem, ...]:
+def sets_of_axis(found: tuple[MeasuredItem, ...], axis: str, where: str) -> tuple[MeasuredItem, ...]:
     """Those sets of a file that an axis or a component names; all for "". Raises ConfigError (E-EXPORT-AXIS)."""
     wanted = axis.upper(), axis.upper().rstrip("0123456789")  # files say X of an axis that the site calls X1
     mine = tuple(one for one in found if not axis or any(name in one.names for name in wanted))
@@ -70,7 +69,9 @@ def run_of(word: str | Path, store: Store) -> RunFolder | None:
     return store.open(str(word))
 
 
-def items(word: str | Path, how: How, store: Store, *, axis: str = "", phase: str = "") -> tuple[MeasuredItem, ...]:
+def measured_items(
+    word: str | Path, how: ReadOptions, store: Store, *, axis: str = "", phase: str = ""
+) -> tuple[MeasuredItem, ...]:
     """Everything measured that a file or run holds, of one axis (its name, or its letter) and phase if they are said.
 
     Raises ConfigError (E-EXPORT-NOTHING), what `read_file` raises, StoreError, CorruptRecord.
@@ -87,13 +88,13 @@ def items(word: str | Path, how: How, store: Store, *, axis: str = "", phase: st
     return found
 
 
-def _names_of(read: Read) -> tuple[str, ...]:
+def _names_of(read: ReadFile) -> tuple[str, ...]:
     """What a file's set may be called by: its component, the axis that moved, as file or columns state them."""
     stated = str(getattr(read.content, "header", {}).get("Axis", "")).strip().upper()
     return tuple(dict.fromkeys(name for name in (read.component, read.component[-1:], stated, stated[:1]) if name))
 
 
-def _label(word: str | Path, read: Read) -> str:
+def _label(word: str | Path, read: ReadFile) -> str:
     return f"{word} {read.component}".strip()
 
 
@@ -116,7 +117,7 @@ def _run_items(folder: RunFolder, axis: str, phase: str) -> Iterator[MeasuredIte
 
 def measured_of(capture: Capture, folder: RunFolder) -> MeasuredSet:
     """A capture as a result file would hold it; targets stay machine coordinates."""
-    from gateway.workflow.runsite import simulated_run  # noqa: PLC0415 - site files are read for a run alone
+    from gateway.workflow.run.folder import simulated_run  # noqa: PLC0415 - site files are read for a run alone
 
     header = {"Machine": str(folder.facts["site"]), "Serial No": str(folder.facts["machine"].get("serial", ""))}
     title = f"{capture.component} {folder.run_id}" + (f" {DOUBLE.upper()}" if simulated_run(folder) else "")
@@ -127,14 +128,14 @@ def measured_of(capture: Capture, folder: RunFolder) -> MeasuredSet:
         axis_unit=capture.axis_unit,
         ambient_start=capture.ambient_start,
         ambient_end=capture.ambient_end,
-        compensated_for=_compensated(capture.corrections),
+        compensated_for=_compensation_facts(capture.corrections),
         expansion_ppm_per_k=capture.corrections.details.get("expansion.ppm_per_k"),
         header=header,
         warnings=capture.notes,
     )
 
 
-def _compensated(done: Corrections) -> CompensatedFor:
+def _compensation_facts(done: Corrections) -> CompensatedFor:
     standing: set[str] = set()
     for step in done.chain:
         (standing.discard if step.undone else standing.add)(step.step)

@@ -17,7 +17,7 @@ from gateway.errors import ModelError
 from gateway.gear.cycloid import CycloidGear
 from gateway.gear.flank import trace_values
 from gateway.gear.traces import located_contour
-from gateway.workflow.files.kindrecords import Drawn, Figure, KindAnswer
+from gateway.workflow.files.kind_records import Drawn, Figure, KindAnswer
 from gateway.workflow.files.reading import gear_driver
 
 KIND = "gear"

@@ -26,11 +26,11 @@ from gateway.watch.apart import apart
 from gateway.watch.journal import WatchJournal
 from gateway.watch.listing import Folder
 from gateway.watch.watcher import Watcher
-from gateway.workflow import stages
-from gateway.workflow.files.facts import Compared, facts_of
-from gateway.workflow.files.reading import OTHER_ENDINGS, Content, How, Read, endings, read_all
-from gateway.workflow.runsite import store_of
-from gateway.workflow.stages import DYNAMIC, GEAR, MEASURED
+from gateway.workflow.files.reading import OTHER_ENDINGS, Content, ReadFile, ReadOptions, endings, read_all
+from gateway.workflow.files.statements import StatementComparison, facts_of
+from gateway.workflow.run import stages
+from gateway.workflow.run.folder import store_of
+from gateway.workflow.run.stages import DYNAMIC, GEAR, MEASURED
 
 STATE = "imported"
 CHUNK = 1 << 20
@@ -38,7 +38,7 @@ MOST_COMPARED = 10_000  # samples of a recording that tell one unit or scale fro
 
 
 @dataclass(frozen=True, slots=True)
-class Imported:
+class ImportedFile:
     """A file, or one motion of it, in the store: ``new`` is false where the same was there with the same meaning."""
 
     run_id: str
@@ -63,15 +63,15 @@ def content_hash(path: Path) -> str:
     return digest.hexdigest()
 
 
-def already(store: Store, digest: str, meaning: str) -> Path | None:
+def find_import(store: Store, digest: str, meaning: str) -> Path | None:
     """The run that holds this file with this meaning, if any does. Runs that cannot be read are passed over."""
     for summary in store.runs():
-        if summary.state == STATE and _imported(summary.path, digest) == meaning:
+        if summary.state == STATE and _imported_hash(summary.path, digest) == meaning:
             return summary.path
     return None
 
 
-def _imported(path: Path, digest: str) -> str:
+def _imported_hash(path: Path, digest: str) -> str:
     """What a run took from the file of this hash; "" where it is another file's."""
     folder = RunFolder(path)
     try:
@@ -79,12 +79,12 @@ def _imported(path: Path, digest: str) -> str:
         said = plan.get("imported") if isinstance(plan, Mapping) else None
         if not isinstance(said, Mapping) or said.get("sha256") != digest:
             return ""
-        return str(said.get("meaning") or meaning_of(_stored(folder)))
+        return str(said.get("meaning") or meaning_of(_stored_import(folder)))
     except StoreError:
         return ""
 
 
-def _stored(folder: RunFolder) -> Content:
+def _stored_import(folder: RunFolder) -> Content:
     """What an import kept. Raises StoreError."""
     if folder.has(MEASURED):
         return folder.get(MEASURED, MeasuredSet)
@@ -111,13 +111,13 @@ def meaning_of(content: Content, component: str = "") -> str:
 def import_file(
     path: Path,
     store: Store,
-    how: How,
+    how: ReadOptions,
     utc: Callable[[], datetime] | None,
     *,
-    at: Compared | None = None,
+    at: StatementComparison | None = None,
     expected: str = "",
     accepted: Mapping[str, str] | None = None,
-) -> tuple[Imported, ...]:
+) -> tuple[ImportedFile, ...]:
     """Read a file and keep each measurement in it as a run of its own; the same one a second time is only named.
 
     ``at`` says with which site the file's statements are compared. ``expected`` is the sha256 it must have. The
@@ -125,17 +125,17 @@ def import_file(
     file is never changed. Raises what `read_all` and `settle` raise; FileFormatError (E-IMPORT-CHANGED) when the file
     changed meanwhile; StoreError.
     """
-    at = at or Compared()
+    at = at or StatementComparison()
     digest = content_hash(path)
     if expected and digest != expected:
         raise FileFormatError("E-IMPORT-CHANGED", str(path))
     maps = Maps(store.root)
-    reads = tuple(_doubted(one, accepted or {}) for one in read_all(path, how, maps, utc))
+    reads = tuple(_with_doubts(one, accepted or {}) for one in read_all(path, how, maps, utc))
     stated = at.settled([facts_of(path.name, header_of(reads[0].content))], maps, utc)
     return tuple(_import(path, store, one, digest, at=at, stated=stated) for one in reads)
 
 
-def _doubted(read: Read, accepted: Mapping[str, str]) -> Read:
+def _with_doubts(read: ReadFile, accepted: Mapping[str, str]) -> ReadFile:
     """What was read with its doubts in the record; those that stop verdict and table, or would, are told."""
     across = read.component and read.component[1:2] != read.component[2:3]
     if not isinstance(read.content, MeasuredSet) or across:
@@ -150,11 +150,13 @@ def header_of(content: Content) -> Mapping[str, str]:
     return {} if isinstance(content, GearInspection | GearTraces) else content.header
 
 
-def _import(path: Path, store: Store, read: Read, digest: str, *, at: Compared, stated: StatedFacts) -> Imported:
+def _import(
+    path: Path, store: Store, read: ReadFile, digest: str, *, at: StatementComparison, stated: StatedFacts
+) -> ImportedFile:
     if isinstance(read.content, GearTraces):
         raise FileFormatError("E-GEARFILE-IMPORT", str(path))
     kind, meaning = _kind(read.content), meaning_of(read.content, read.component)
-    known = already(store, digest, meaning)
+    known = find_import(store, digest, meaning)
     folder = RunFolder(known) if known is not None else None
     if folder is None:
         said: dict[str, object] = {"name": path.name, "sha256": digest, "driver": read.driver}
@@ -165,7 +167,7 @@ def _import(path: Path, store: Store, read: Read, digest: str, *, at: Compared, 
         if stated.facts:
             folder.put(stages.STATED, stated)
         folder.set_state(STATE)
-    return Imported(
+    return ImportedFile(
         run_id=folder.run_id,
         folder=folder.path,
         sha256=digest,
@@ -211,10 +213,10 @@ def _stream(folder: RunFolder, content: Recording) -> None:
     folder.adopt(*folder.path.glob(f"{DYNAMIC}.*"))
 
 
-def taken(path: Path, sha256: str, *, site: SiteFile, root: Path, now: datetime) -> str:
+def import_watched(path: Path, sha256: str, *, site: SiteFile, root: Path, now: datetime) -> str:
     """The runs that hold a file of a watched folder, imported by today's date. Raises as `import_file`."""
-    how = How(machine=site.site.name)
-    found = import_file(path, Store(root), how, None, at=Compared(site, utc=lambda: now), expected=sha256)
+    how = ReadOptions(machine=site.site.name)
+    found = import_file(path, Store(root), how, None, at=StatementComparison(site, utc=lambda: now), expected=sha256)
     return ", ".join(one.run_id for one in found)
 
 
@@ -234,7 +236,7 @@ def watcher_of(
     store = store_of(site, site_path)
 
     def take(path: Path, sha256: str) -> str:
-        work = partial(taken, path, sha256, site=site, root=store.root, now=utc())
+        work = partial(import_watched, path, sha256, site=site, root=store.root, now=utc())
         return apart(work, where=str(path))
 
     wanted = {f".{name}" for name in (*endings(), *OTHER_ENDINGS)} - {".gear-csv", ".md"}

@@ -2,26 +2,457 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Mapping
 from dataclasses import replace
+from typing import cast
 
+import numpy as np
+
+from drivers.units import DeviationUnit, arcsec_to_rad, mm_to_um, rad_to_arcsec, um_to_mm
+from gateway.domain.values import COVERAGE, FloatArray
 from gateway.errors import ModelError
-from gateway.workflow.doubles import SAID, simulated_set
-from gateway.workflow.files import linearkinds, rotarykinds
-from gateway.workflow.files.kindrecords import KindAnswer, KindQuestion, MeasuredFile
+from gateway.evaluate.geometry import rotary_motion
+from gateway.evaluate.geometry.angular import COMPONENTS, Kind, angular_motion
+from gateway.evaluate.geometry.axis_location import FRAMES, RotaryAxis, from_bar
+from gateway.evaluate.geometry.rotary_motion import harmonics
+from gateway.evaluate.geometry.six_motions import motions_of_axis, point_error, six_motions
+from gateway.evaluate.geometry.straightness import (
+    COUNTINGS,
+    Plane,
+    Reference,
+    SquarenessRuns,
+    StraightnessRun,
+    above_90,
+    from_runs,
+    in_words,
+    of_plane,
+    reversed_square,
+    straightness,
+)
+from gateway.evaluate.standards import iso230_2
+from gateway.evaluate.uncertainty.budget import measured_budget
+from gateway.workflow.files.kind_records import (
+    Drawn,
+    Figure,
+    KindAnswer,
+    KindQuestion,
+    MeasuredFile,
+    count_of,
+    means,
+    unit_of,
+)
+from gateway.workflow.run.stages import SAID, simulated_set
+
+# Evaluations of linear axes from files: straightness, angular motion, squareness, parallelism, reversal.
+#
+# Each calls the function that a run calls; here only files become arrays and results become figures.
+
+LINES: tuple[Reference, ...] = ("minimum-zone", "lsq", "end-point")
+Files = tuple[MeasuredFile, ...]
+POSITION_UM = ("position  mm", "deviation  µm")
+SHOWN = {"um": "µm", "arcsec": "arcsec"}
+SCATTER_ONLY = ("U holds the scatter of the readings alone, not what is unknown of the instrument",)
+
+
+def evaluate_positioning(files: Files, _asked: KindQuestion) -> KindAnswer:
+    """Figures of ISO 230-2 with both directions of every file on one scale."""
+    count_of("positioning", files, "one or more")
+    unit: DeviationUnit = "um" if files[0].measured.axis_unit == "mm" else "arcsec"
+    unit_of("positioning", files, unit)
+    figures, curves = [], []
+    notes: dict[str, None] = {}
+    for one in files:
+        budget, supposed = measured_budget(one.measured)
+        notes |= dict.fromkeys(one.text for one in supposed)
+        found = iso230_2.evaluate_iso230_2(one.measured.targets, one.measured.deviations, unit, budget=budget)
+        stated = {"A": found.A, "E": found.E, "M": found.M, "R": found.R, "B": found.B}
+        figures += [
+            Figure(f"{one.label} {key}", value, unit, found.U.get(key))
+            for key, value in stated.items()
+            if value is not None
+        ]
+        for word, mean in (("+", found.mean_up), ("-", found.mean_down)):
+            there = np.isfinite(mean)
+            curves += [Drawn(f"{one.label} {word}", found.targets[there], mean[there])] if there.any() else []
+    axes = POSITION_UM if unit == "um" else ("position  deg", "deviation  arcsec")
+    return KindAnswer(
+        kind="positioning",
+        standard="ISO 230-2:2014",
+        figures=tuple(figures),
+        curves=tuple(curves),
+        axes=axes,
+        notes=tuple(notes),
+    )
+
+
+def evaluate_straightness(files: Files, _asked: KindQuestion) -> KindAnswer:
+    """Straightness of each file about three lines; the curves are about the least-squares line, on one scale."""
+    count_of("straightness", files, "one or more")
+    unit_of("straightness", files, "um")
+    figures, curves = [], []
+    for one in files:
+        at, mean, _ = means(one.measured)
+        found = {line: straightness(at, mean, line) for line in LINES}
+        figures += [Figure(f"{one.label} {line}", found[line].value, "um") for line in LINES]
+        slope = float(rad_to_arcsec(um_to_mm(found["lsq"].slope)))
+        figures.append(Figure(f"{one.label} slope taken off", slope, "arcsec"))
+        curves.append(Drawn(one.label, at, found["lsq"].residual))
+    return KindAnswer(
+        kind="straightness",
+        standard="ISO 230-1:2012",
+        figures=tuple(figures),
+        curves=tuple(curves),
+        axes=(POSITION_UM[0], "from the least-squares line  µm"),
+    )
+
+
+def evaluate_angular(files: Files, asked: KindQuestion) -> KindAnswer:
+    """Pitch, yaw or roll of a linear axis: figures of ISO 230-2 in arcsec, the range also in urad."""
+    count_of("angular", files, "one or more")
+    unit_of("angular", files, "arcsec")
+    words = sorted({word for axis, word in COMPONENTS if axis == asked.axis})
+    if asked.angle not in words:
+        known = ", ".join(words) or "give --axis X, Y or Z first"
+        raise ModelError("E-EVAL-ANGULAR", "angular", axis=asked.axis or "?", kind=asked.angle or "?", known=known)
+    figures, curves, name = [], [], ""
+    for one in files:
+        targets, angles = one.measured.targets, one.measured.deviations
+        found = angular_motion(asked.axis, cast(Kind, asked.angle), targets, angles)
+        name, told = found.component, found.evaluation
+        stated = {"E": told.E, "R": told.R, "B": told.B, "A": told.A, "M": told.M}
+        figures += [
+            Figure(f"{one.label} {key}", value, "arcsec", told.U.get(key))
+            for key, value in stated.items()
+            if value is not None
+        ]
+        if found.E_urad is not None:
+            figures.append(Figure(f"{one.label} E", found.E_urad, "urad"))
+        at, mean, _ = means(one.measured)
+        curves.append(Drawn(one.label, at, mean))
+    notes = (f"{asked.angle} of {asked.axis} is {name}; the targets are read as mm", *SCATTER_ONLY)
+    axes = ("position  mm", f"{name}  arcsec")
+    words_of = "ISO 230-1:2012, statistics of ISO 230-2:2014"
+    return KindAnswer(
+        kind="angular",
+        standard=words_of,
+        figures=tuple(figures),
+        curves=tuple(curves),
+        axes=axes,
+        notes=notes,
+    )
+
+
+def evaluate_squareness(files: Files, asked: KindQuestion) -> KindAnswer:
+    """Squareness from the straightness of two axes along one square; with four files the square is turned over."""
+    count_of(
+        "squareness", files, "two (along the first axis, along the second), or four with the square reversed", (2, 4)
+    )
+    unit_of("squareness", files, "um")
+    artefact = float(arcsec_to_rad(asked.artefact_arcsec))
+    signs = _countings(files, asked)
+    runs = [_straightness_run(one, sign) for one, sign in zip(files, signs, strict=True)]
+    pairs = [from_runs(one, other, artefact) for one, other in zip(runs[::2], runs[1::2], strict=True)]
+    above, u, notes = _squareness_of_pairs(pairs)
+    found = of_plane(cast(Plane, asked.plane), above)
+    figure = Figure(found.name, found.value_arcsec, "arcsec", COVERAGE * float(rad_to_arcsec(u)))
+    curves = tuple(Drawn(one.label, *means(one.measured)[:2]) for one in files)
+    return KindAnswer(
+        kind="squareness",
+        standard="ISO 230-1:2012",
+        figures=(figure, *_by_other_lines(runs, asked, artefact), *_slopes(pairs)),
+        curves=curves,
+        axes=POSITION_UM,
+        notes=(in_words(asked.plane, float(rad_to_arcsec(above))), LSQ, *notes, *SCATTER_ONLY),
+        fitted=True,
+    )
+
+
+LSQ = "reference lines: least squares; the other figures are by the line that they name"
+OTHER_LINES: Mapping[Reference, str] = {"end-point": "by end points", "minimum-zone": "by minimum zone"}
+
+
+def _countings(files: Files, asked: KindQuestion) -> list[int]:
+    """Sign of each file's slope, by what a person said of its reading. Raises ModelError (E-KIND-SENSES)."""
+    said = asked.senses * 2 if len(files) == 4 and len(asked.senses) == 2 else asked.senses
+    if len(said) != len(files) or not set(said) <= set(COUNTINGS):
+        names = ", ".join(one.label for one in files)
+        raise ModelError("E-KIND-SENSES", "squareness", files=names, given=",".join(asked.senses) or "-")
+    return [COUNTINGS[one] for one in said]
+
+
+def _by_other_lines(runs: list[StraightnessRun], asked: KindQuestion, artefact: float) -> tuple[Figure, ...]:
+    """The squareness by the other lines of ISO 230-1; of a reversed square the mean of both pairs."""
+    found = []
+    for line, words in OTHER_LINES.items():
+        each = [above_90(one, other, line, artefact) for one, other in zip(runs[::2], runs[1::2], strict=True)]
+        named = of_plane(cast(Plane, asked.plane), float(np.mean(each)))
+        found.append(Figure(f"{named.name} {words}", named.value_arcsec, "arcsec"))
+    return tuple(found)
+
+
+def _squareness_of_pairs(pairs: list[SquarenessRuns]) -> tuple[float, float, tuple[str, ...]]:
+    """Angle above 90 deg and its standard uncertainty, rad, and what must be known of the square."""
+    if len(pairs) == 1:
+        return pairs[0].C0Y, pairs[0].u, ("the square's own angle is in the figure, less what --artefact says",)
+    both = reversed_square(pairs[0], pairs[1])
+    own = float(rad_to_arcsec(both.own))
+    return both.C0Y, both.u, (f"the square itself: {own:+.3f} arcsec from 90 deg, taken out by its reversal",)
+
+
+def _slopes(pairs: list[SquarenessRuns]) -> tuple[Figure, ...]:
+    found = []
+    for place, pair in enumerate(pairs, 1):
+        found.append(Figure(f"slope along the first axis, pair {place}", float(rad_to_arcsec(pair.slope_x)), "arcsec"))
+        found.append(Figure(f"slope along the second axis, pair {place}", float(rad_to_arcsec(pair.slope_y)), "arcsec"))
+    return tuple(found)
+
+
+def _straightness_run(one: MeasuredFile, sign: int = 1) -> StraightnessRun:
+    """A file as a straightness run in mm, by the ``sign`` of its reading; without repeats u is what the line leaves."""
+    at, mean, u = means(one.measured)
+    return StraightnessRun(at, sign * um_to_mm(mean), None if np.isnan(u).any() else um_to_mm(u))
+
+
+SAME: Mapping[str, int] = {"same": 1, "opposite": -1}
+
+
+def evaluate_parallelism(files: Files, asked: KindQuestion) -> KindAnswer:
+    """How two straightness runs along one axis diverge, from their least-squares lines; their readings' sides said."""
+    count_of("parallelism", files, "two", (2,))
+    unit_of("parallelism", files, "um")
+    if len(asked.senses) != 1 or asked.senses[0] not in SAME:
+        raise ModelError("E-KIND-SIDES", "parallelism", given=",".join(asked.senses) or "-")
+    signs = (1, SAME[asked.senses[0]])
+    (first, u_first), (second, u_second) = (
+        _straightness_run(one, sign).direction() for one, sign in zip(files, signs, strict=True)
+    )
+    apart = first - second
+    U = COVERAGE * float(np.hypot(u_first, u_second))
+    length = float(np.ptp(files[0].measured.targets))
+    figures = (
+        Figure("parallelism", float(rad_to_arcsec(apart)), "arcsec", float(rad_to_arcsec(U))),
+        Figure(f"over {length:g} mm", abs(float(mm_to_um(apart * length))), "um", float(mm_to_um(U * length))),
+    )
+    curves = tuple(Drawn(one.label, *means(one.measured)[:2]) for one in files)
+    return KindAnswer(
+        kind="parallelism",
+        standard="ISO 230-1:2012",
+        figures=figures,
+        curves=curves,
+        axes=POSITION_UM,
+        notes=SCATTER_ONLY,
+        fitted=True,
+    )
+
+
+def evaluate_six_motions(files: Files, asked: KindQuestion) -> KindAnswer:
+    """Six motions of one axis with the covariance of their scatter, and the error of a point beside the beam."""
+    count_of("six-dof", files, "six motions of one axis: a table of them, or six files")
+    sets = {one.label.split()[-1]: one.measured for one in files}
+    axis = asked.axis or Counter(name[-1] for name in sets if name[-1] in "XYZ").most_common(1)[0][0]
+    targets = [one.targets for name, one in sets.items() if name in motions_of_axis(axis)]
+    if any(one.shape != targets[0].shape or not np.array_equal(one, targets[0]) for one in targets):
+        raise ModelError("E-SIX-SHAPE", "six-dof", shapes="targets differ")
+    first = targets[0] if targets else np.empty(0)
+    found = six_motions(axis, first, {name: one.deviations for name, one in sets.items()})
+    names, u, shared = motions_of_axis(axis), found.u(), found.correlation()
+    figures = []
+    for k, name in enumerate(names):
+        unit = "um" if name[1] in "XYZ" else "arcsec"
+        across = name[1] in "XYZ" and name[1] != axis
+        value = straightness(found.targets, found.means[:, k], "lsq").value if across else np.ptp(found.means[:, k])
+        U = None if u is None else COVERAGE * float(np.sqrt(2.0) * u[:, k].max())
+        figures.append(Figure(f"{name} {'straightness' if across else 'range'}", float(value), unit, U))
+    at = point_error(found, asked.offset_mm)
+    for place, letter in enumerate("XYZ"):
+        U = None if at.U is None else float(np.sqrt(2.0) * at.U[:, place].max())
+        figures.append(Figure(f"point along {letter} range", float(np.ptp(at.error[:, place])), "um", U))
+    where = ", ".join(f"{one:g}" for one in asked.offset_mm)
+    notes = [f"the point stands at ({where}) mm from the measured point of the carriage"]
+    if shared is not None and at.U is not None and at.U_independent is not None:
+        pairs = [(abs(shared[a, b]), a, b) for a in range(len(names)) for b in range(a)]
+        _, a, b = max(pairs)
+        notes.append(f"largest correlation of scatter: {names[b]} and {names[a]} {shared[a, b]:+.2f}")
+        apart = ", ".join(
+            f"{letter} {np.sqrt(2.0) * at.U_independent[:, k].max():.3f}" for k, letter in enumerate("XYZ")
+        )
+        notes.append(f"U of the point's range with independent channels would be {apart} um")
+    lost = sum(int((~np.isfinite(sets[name].deviations)).sum()) for name in names)
+    notes += [f"{lost} readings are missing; the channels read at the same stops count"] if lost else []
+    curves = tuple(Drawn(f"point {letter}", found.targets, at.error[:, k]) for k, letter in enumerate("XYZ"))
+    return KindAnswer(
+        kind="six-dof",
+        standard="ISO 230-1:2012",
+        figures=tuple(figures),
+        curves=curves,
+        axes=POSITION_UM,
+        notes=(*notes, *SCATTER_ONLY),
+    )
+
+
+def evaluate_reversal(files: Files, _asked: KindQuestion) -> KindAnswer:
+    """Reversal B at each target: its largest amount, its mean, and whether it depends on the position."""
+    count_of("reversal", files, "one or more")
+    figures, curves, notes = [], [], []
+    unit: DeviationUnit = "um" if files[0].measured.axis_unit == "mm" else "arcsec"
+    unit_of("reversal", files, unit)
+    for one in files:
+        found = iso230_2.evaluate_iso230_2(one.measured.targets, one.measured.deviations, unit)
+        if found.B is None:
+            raise ModelError("E-KIND-ONE-WAY", one.label)
+        there = np.isfinite(found.B_i)
+        mean = float(np.mean(found.B_i[there]))
+        varies = float(np.ptp(found.B_i[there]))
+        figures += [
+            Figure(f"{one.label} B", found.B, unit, found.U.get("B")),
+            Figure(f"{one.label} mean", mean, unit),
+            Figure(f"{one.label} range over the travel", varies, unit),
+        ]
+        if found.U.get("B") is not None and varies > found.U["B"]:
+            left = f"one constant value leaves up to {varies / 2:.2f} {SHOWN[unit]}"
+            notes.append(f"{one.label}: the reversal depends on the position; {left}")
+        curves.append(Drawn(one.label, found.targets[there], found.B_i[there]))
+    axes = ("position  mm" if unit == "um" else "position  deg", f"reversal B  {SHOWN[unit]}")
+    return KindAnswer(
+        kind="reversal",
+        standard="ISO 230-2:2014",
+        figures=tuple(figures),
+        curves=tuple(curves),
+        axes=axes,
+        notes=(*notes, *SCATTER_ONLY),
+    )
+
+
+# Evaluations of rotary axes from files: axis location from a test bar, error motions of a turning axis, harmonics.
+
+MOTIONS = {"radial": 1, "axial": 1, "rotating": 2, "tilt": 2}
+USUAL_ORDERS = 12
+
+
+def evaluate_axis_location(files: Files, asked: KindQuestion) -> KindAnswer:
+    """Lean of a rotary axis from runs up a test bar: for each direction across it a run at 0 and one at 180 deg."""
+    count_of(
+        "axis-location", files, "two (one direction, at 0 and at 180 deg) or four (the second direction too)", (2, 4)
+    )
+    unit_of("axis-location", files, "um")
+    if asked.axis not in FRAMES:
+        raise ModelError("E-EVAL-LOCATION", "location", axis=asked.axis or "?", why="--axis must be A, B or C")
+    across = FRAMES[asked.axis][:2]
+    pairs = {
+        letter: (_bar_run(files[2 * k]), _bar_run(files[2 * k + 1]))
+        for k, letter in enumerate(across[: len(files) // 2])
+    }
+    found = from_bar(cast(RotaryAxis, asked.axis), pairs)
+    figures = [Figure(name, value, "arcsec", found.U.get(name)) for name, value in found.values.items()]
+    figures += [
+        Figure(f"the bar's own lean along {letter}", value, "arcsec") for letter, value in found.artefact.items()
+    ]
+    curves = tuple(Drawn(one.label, *means(one.measured)[:2]) for one in files)
+    axes = ("height  mm", "deviation  µm")
+    return KindAnswer(
+        kind="axis-location",
+        standard="ISO 230-1:2012",
+        figures=tuple(figures),
+        curves=curves,
+        axes=axes,
+        notes=found.flags,
+        fitted=True,
+    )
+
+
+def _bar_run(one: MeasuredFile) -> StraightnessRun:
+    at, mean, u = means(one.measured)
+    return StraightnessRun(at, um_to_mm(mean), None if np.isnan(u).any() else um_to_mm(u))
+
+
+def evaluate_rotary_motion(files: Files, asked: KindQuestion) -> KindAnswer:
+    """Error motion of a turning axis (ISO 230-7): each repetition of a file is a turn, its targets are angles in deg.
+
+    One sensor for radial (fixed direction) and axial motion, two files for a rotating direction (0 and 90 deg) and for
+    tilt (far, near). Files of 360 deg carry readings in um under the heading of a table with a target in deg.
+    """
+    if asked.motion not in MOTIONS:
+        raise ModelError("E-KIND-MOTION", "rotary-motion", motion=asked.motion, known=", ".join(MOTIONS))
+    count_of("rotary-motion", files, f"{MOTIONS[asked.motion]} for {asked.motion}", (MOTIONS[asked.motion],))
+    if asked.motion == "tilt" and asked.distance_mm <= 0.0:
+        raise ModelError("E-KIND-DISTANCE", "rotary-motion")
+    angles = files[0].measured.targets
+    turns = [_turns(one, angles) for one in files]
+    found = {
+        "radial": lambda: rotary_motion.radial_fixed(angles, turns[0]),
+        "axial": lambda: rotary_motion.axial(angles, turns[0]),
+        "rotating": lambda: rotary_motion.radial_rotating(angles, turns[0], turns[1]),
+        "tilt": lambda: rotary_motion.tilt(angles, turns[0], turns[1], asked.distance_mm),
+    }[asked.motion]()
+    figures = [
+        Figure("total", found.total, found.unit),
+        Figure("synchronous", found.synchronous, found.unit),
+        Figure("synchronous without once per turn", found.residual_synchronous, found.unit),
+    ]
+    if found.asynchronous is not None:
+        figures.append(Figure("asynchronous", found.asynchronous, found.unit))
+    figures.append(Figure("once per turn", found.fundamental.amplitude, found.unit))
+    curves = [Drawn(f"turn {place}", angles, turn) for place, turn in enumerate(found.residual, 1)]
+    curves = [*curves, Drawn("average", angles, found.average)]
+    axes = ("angle  deg", f"{found.kind}  {'µm' if found.unit == 'um' else found.unit}")
+    return KindAnswer(
+        kind="rotary-motion",
+        standard=found.standard,
+        figures=tuple(figures),
+        curves=tuple(curves),
+        axes=axes,
+        polar=True,
+        notes=found.flags,
+    )
+
+
+def _turns(one: MeasuredFile, angles: FloatArray) -> FloatArray:
+    """Readings (turns, k) of the positive direction. Raises ModelError (E-KIND-ANGLES) for other angles."""
+    if not np.array_equal(one.measured.targets, angles):
+        raise ModelError("E-KIND-ANGLES", one.label)
+    return np.asarray(one.measured.deviations[:, :, 0].T, dtype=np.float64)
+
+
+def evaluate_harmonics(files: Files, asked: KindQuestion) -> KindAnswer:
+    """Harmonics of a rotary axis' deviation: amplitude and phase by order, and what they leave."""
+    count_of("harmonics", files, "one", (1,))
+    unit_of("harmonics", files, "arcsec")
+    at, mean, _ = means(files[0].measured)
+    places = np.unique(np.round(at % 360.0, 9)).size
+    most = min(USUAL_ORDERS, (places - 1) // 2)
+    orders = asked.orders or tuple(range(1, most + 1))
+    found = harmonics(at, mean, orders)
+    figures = [Figure("range", float(np.ptp(mean)), "arcsec")]
+    for order, one in found.harmonics.items():
+        figures.append(Figure(f"order {order} amplitude", one.amplitude, "arcsec"))
+        figures.append(Figure(f"order {order} phase", one.phase_deg, "deg"))
+    figures.append(Figure("range that is left", found.residual_range, "arcsec"))
+    curves = (Drawn(files[0].label, at, mean - found.mean), Drawn("what is left", at, found.residual))
+    notes = () if asked.orders else (f"{places} positions a turn tell orders up to {(places - 1) // 2}",)
+    axes = ("angle  deg", "deviation  arcsec")
+    return KindAnswer(
+        kind="harmonics",
+        standard="least squares",
+        figures=tuple(figures),
+        curves=curves,
+        axes=axes,
+        notes=notes,
+    )
+
 
 Evaluate = Callable[[tuple[MeasuredFile, ...], KindQuestion], KindAnswer]
 KINDS: Mapping[str, Evaluate] = {
-    "positioning": linearkinds.positioning,
-    "straightness": linearkinds.straight,
-    "angular": linearkinds.angular,
-    "squareness": linearkinds.square,
-    "parallelism": linearkinds.parallelism,
-    "six-dof": linearkinds.six_dof,
-    "reversal": linearkinds.reversal,
-    "axis-location": rotarykinds.axis_location,
-    "rotary-motion": rotarykinds.motion,
-    "harmonics": rotarykinds.spectrum,
+    "positioning": evaluate_positioning,
+    "straightness": evaluate_straightness,
+    "angular": evaluate_angular,
+    "squareness": evaluate_squareness,
+    "parallelism": evaluate_parallelism,
+    "six-dof": evaluate_six_motions,
+    "reversal": evaluate_reversal,
+    "axis-location": evaluate_axis_location,
+    "rotary-motion": evaluate_rotary_motion,
+    "harmonics": evaluate_harmonics,
 }
 
 

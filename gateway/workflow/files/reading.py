@@ -18,8 +18,7 @@ from drivers.types.gears import GearInspection, GearTraces
 from drivers.types.results import MeasuredSet, TableHeading
 from gateway.store import Maps
 from gateway.store.maps import Value
-from gateway.workflow.files.columnwords import ASKS
-from gateway.workflow.files.motions import OWN, TableMotions, instrument_of, motions_of, senses_in
+from gateway.workflow.files.headers import ASKS, OWN, TableMotions, instrument_of, motions_of, senses_in
 
 ROLES = ("file", "dynamic-file", "gear-file")
 OTHER_ENDINGS = {"xml": "gde", **dict.fromkeys(("txt", "dat", "tsv", "md", "xlsx", "xls"), "csv")}
@@ -34,7 +33,7 @@ KEPT = {"unit": "S-READ-KEPT-UNIT", "columns": "S-READ-KEPT-COLUMNS", "senses": 
 
 
 @dataclass(frozen=True, slots=True)
-class How:
+class ReadOptions:
     """What is said about a file: "" and None leave it to the file and to what was said before.
 
     ``machine`` is whose file it is, for remembering its unit; ``columns`` a map of columns (or of GDE names);
@@ -52,7 +51,7 @@ class How:
 
 
 @dataclass(frozen=True, slots=True)
-class Read:
+class ReadFile:
     """A file's content; ``driver`` read it, ``notes`` say what was taken from memory or put into it.
 
     ``component`` is the error motion of a table that has one in each column, "" of any other file.
@@ -69,7 +68,7 @@ class Read:
         return self.content.warnings
 
 
-def driver_of(path: Path, how: How) -> str:
+def driver_of(path: Path, how: ReadOptions) -> str:
     """Name of the driver that reads a file, by its ending. Raises ConfigError (E-CLI-FILE)."""
     ending = path.suffix.lower().lstrip(".")
     name = OTHER_ENDINGS.get(ending, ending)
@@ -124,7 +123,7 @@ def result_endings() -> tuple[str, ...]:
     return tuple(sorted(f".{one}" for one in (*drivers, *others)))
 
 
-def read_measured(path: Path, how: How, maps: Maps | None = None) -> tuple[MeasuredSet, tuple[Message, ...]]:
+def read_measured(path: Path, how: ReadOptions, maps: Maps | None = None) -> tuple[MeasuredSet, tuple[Message, ...]]:
     """The readings of an axis in a file, and what was taken from memory.
 
     Raises ConfigError (E-CLI-KIND) for another content, and what `read_file` raises.
@@ -135,7 +134,9 @@ def read_measured(path: Path, how: How, maps: Maps | None = None) -> tuple[Measu
     return read.content, read.notes
 
 
-def read_file(path: Path, how: How, maps: Maps | None = None, utc: Callable[[], datetime] | None = None) -> Read:
+def read_file(
+    path: Path, how: ReadOptions, maps: Maps | None = None, utc: Callable[[], datetime] | None = None
+) -> ReadFile:
     """Read a file that holds one measurement, or the ``motion`` of several; else as `read_all`.
 
     Raises ConfigError (E-IMPORT-SEVERAL) for a table with several motions where none is chosen.
@@ -147,8 +148,8 @@ def read_file(path: Path, how: How, maps: Maps | None = None, utc: Callable[[], 
 
 
 def read_all(
-    path: Path, how: How, maps: Maps | None = None, utc: Callable[[], datetime] | None = None
-) -> tuple[Read, ...]:
+    path: Path, how: ReadOptions, maps: Maps | None = None, utc: Callable[[], datetime] | None = None
+) -> tuple[ReadFile, ...]:
     """Read everything that a file holds by what is said now or was said before; one entry for each motion of a table.
 
     With ``utc`` what is said now is remembered. Raises ConfigError (E-FILE-RTA-UNIT, E-FILE-RTX-UNIT: say the unit
@@ -158,15 +159,15 @@ def read_all(
     refuse_tables(path)
     name = driver_of(path, how)
     factory = next(registry.known(role)[name] for role in ROLES if name in registry.known(role)).load()
-    asker = _Asker(path, how, maps, utc)
+    asker = _FileReader(path, how, maps, utc)
     if name in NEED_UNIT:
         return (asker.with_unit(name, factory),)
     if name in ("csv", "gear-csv", "gde"):
         return asker.with_columns(name, factory)
-    return (Read(factory(**_options(factory, how.unit, how)).read(path), name),)
+    return (ReadFile(factory(**_options(factory, how.unit, how)).read(path), name),)
 
 
-def _options(factory: Any, unit: str, how: How) -> dict[str, Any]:
+def _options(factory: Any, unit: str, how: ReadOptions) -> dict[str, Any]:
     """What a driver of a vendor's files takes of what was said."""
     able = inspect.signature(factory).parameters
     said = {"unit": unit} if unit and "unit" in able else {}
@@ -183,16 +184,16 @@ def _of_table(key: str) -> bool:
     return key in OWN or bool(senses_in({key: 1}))
 
 
-class _Asker:
+class _FileReader:
     """One file, what is said about it, and the memory of what was said before."""
 
-    def __init__(self, path: Path, how: How, maps: Maps | None, utc: Callable[[], datetime] | None) -> None:
+    def __init__(self, path: Path, how: ReadOptions, maps: Maps | None, utc: Callable[[], datetime] | None) -> None:
         self._path = path
         self._how = how
         self._maps = maps
         self._utc = utc
 
-    def with_unit(self, name: str, factory: Any) -> Read:
+    def with_unit(self, name: str, factory: Any) -> ReadFile:
         keys = self._places(name, factory().origin(self._path))
         self._forget("unit", keys)
         said = self._how.unit
@@ -202,7 +203,7 @@ class _Asker:
         content = factory(**_options(factory, said, self._how)).read(self._path)
         if self._how.unit:
             notes += self._keep("unit", keys[0], {"unit": said})
-        return Read(content, name, tuple(notes))
+        return ReadFile(content, name, tuple(notes))
 
     def _places(self, name: str, words: Mapping[str, str]) -> list[str]:
         """Where an answer holds, nearest first: the machine typed, the one named in the file, the folder."""
@@ -220,7 +221,7 @@ class _Asker:
                 return unit, [Message.of("S-READ-UNIT-BEFORE", unit=unit, utc=found.utc, key=key)]
         return "", []
 
-    def with_columns(self, name: str, factory: Any) -> tuple[Read, ...]:
+    def with_columns(self, name: str, factory: Any) -> tuple[ReadFile, ...]:
         signature = factory().signature(self._path)
         keys = [f"{name} {signature}"] if signature else []
         self._forget("columns", keys)
@@ -251,7 +252,7 @@ class _Asker:
             self._kept(said, keys)
             fields: Mapping[str, Any] = error.fields
             raise ConfigError(ASKS[error.code], str(self._path), **fields) from error
-        return (Read(content, name, (*notes, *self._kept(said, keys), *left)),)
+        return (ReadFile(content, name, (*notes, *self._kept(said, keys), *left)),)
 
     def _senses(
         self, heading: TableHeading | None, said: Mapping[str, Value] | None
@@ -275,7 +276,7 @@ class _Asker:
         axis = heading.said.get("Axis", "").strip().upper()[:1] if heading is not None else ""
         return motions_of(heading, said, axis, str(self._path))
 
-    def _each(self, name: str, factory: Any, table: TableMotions) -> tuple[Read, ...]:
+    def _each(self, name: str, factory: Any, table: TableMotions) -> tuple[ReadFile, ...]:
         """Every motion of a table, or the chosen one. Raises ConfigError (E-IMPORT-MOTION)."""
         wanted = self._how.motion.upper()
         chosen = [one for one in table.motions if wanted in ("", one.component)]
@@ -288,7 +289,7 @@ class _Asker:
             title = f"{one.component} {one.heading}"
             header = {"Axis": one.component[2], **content.header, "TITLE": title}
             doubts = tuple(doubt for doubt in content.doubts if doubt.code != BESIDE)
-            found.append(Read(replace(content, header=header, doubts=doubts), name, component=one.component))
+            found.append(ReadFile(replace(content, header=header, doubts=doubts), name, component=one.component))
         return tuple(found)
 
     def _options(self, name: str) -> dict[str, Any]:

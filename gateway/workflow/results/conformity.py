@@ -17,12 +17,12 @@ from gateway.evaluate.standards.conformity import STANDARD, Decision, class_limi
 from gateway.evaluate.standards.registry import evaluate_by, standard
 from gateway.report.material import AxisMaterial, Judged, ReportMaterial, ToothMaterial
 from gateway.tooth import InspectedFlank
-from gateway.workflow.outcome import Outcome, of_verdicts
+from gateway.workflow.run.outcome import Outcome, of_verdicts
 
 RUN_STANDARD = "ISO 230-2:2014"
 
 
-def judged(site: SiteFile, material: ReportMaterial) -> tuple[Judged, ...]:
+def judge_limits(site: SiteFile, material: ReportMaterial) -> tuple[Judged, ...]:
     """Each limit of the site on each axis and on the last part, as left where that was measured, else as found.
 
     Raises ModelError where a standard cannot evaluate an axis.
@@ -59,7 +59,7 @@ def _name(site: SiteFile, *said: str) -> str | None:
     return next((axis.name for axis in meant if axis is not None), None)
 
 
-def conforming(outcome: Outcome, found: Sequence[Judged]) -> Outcome:
+def with_conformity(outcome: Outcome, found: Sequence[Judged]) -> Outcome:
     """The outcome with the verdict on every limit of the site before its last line.
 
     13 or 21 is its exit code, where nothing worse gave one.
@@ -74,10 +74,10 @@ def conforming(outcome: Outcome, found: Sequence[Judged]) -> Outcome:
 
 def data_of(one: Judged) -> dict[str, Any]:
     """A decided limit for --json."""
-    return {"of": one.of, "standard": one.standard, "as_left": one.as_left, **told(one.decision)}
+    return {"of": one.of, "standard": one.standard, "as_left": one.as_left, **decision_data(one.decision)}
 
 
-def told(decision: Decision) -> dict[str, Any]:
+def decision_data(decision: Decision) -> dict[str, Any]:
     """A decision as JSON data, what kept it open in English."""
     return {**asdict(replace(decision, why=None)), "why": str(decision.why) if decision.why is not None else ""}
 

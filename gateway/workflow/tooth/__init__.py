@@ -1,1 +1,1 @@
-"""The correction for the tooth: from an error model to axis and cross tables, and what they do to the flank."""
+"""The tooth: from an error model to axis and cross tables and their effect on the flank; parts ground and inspected."""

@@ -19,8 +19,8 @@ from gateway.domain.outcomes import PushRecord
 from gateway.errors import BusyError
 from gateway.push import push_table, run_preflight
 from gateway.say import silence
-from gateway.workflow import aftercare, consents
-from gateway.workflow.outcome import Outcome, alarmed
+from gateway.workflow.run import audit_trail, live_tables
+from gateway.workflow.run.outcome import Outcome, with_alarms
 from tests.steps import lines
 from tests.unit.approve.test_attacks import Shop
 from tests.unit.push.double import MACHINE, NEW, change_of
@@ -36,7 +36,7 @@ def shop(tmp_path: Path) -> Shop:
     made.propose()
     record = made.push()
     assert record.outcome == "committed"
-    assert made.do(lambda: consents.ended(at, made.stored.changes[0], record)) == ""
+    assert made.do(lambda: audit_trail.record_end(at, made.stored.changes[0], record)) == ""
     return made
 
 
@@ -44,8 +44,8 @@ def look(shop: Shop) -> tuple[str, ...]:
     """As a run does with the live tables it has captured; the alarms that stand then."""
 
     async def main() -> tuple[str, ...]:
-        await aftercare.look_at(shop.at, shop.double.machine.live())
-        return aftercare.standing_alarms(shop.at, "X1")
+        await live_tables.compare_live_tables(shop.at, shop.double.machine.live())
+        return live_tables.standing_alarms(shop.at, "X1")
 
     return run_virtual(main)
 
@@ -63,7 +63,7 @@ def by_hand(shop: Shop, **changed: Any) -> None:
 def test_what_is_as_pushed_is_kept_and_no_alarm(shop: Shop) -> None:
     assert look(shop) == ()
     assert actions(shop)[-1] == audit.AS_PUSHED
-    assert shop.do(aftercare.StandingAlarms(shop.store, MACHINE.serial)) == ()
+    assert shop.do(live_tables.StandingAlarms(shop.store, MACHINE.serial)) == ()
 
 
 @pytest.mark.parametrize(
@@ -77,17 +77,17 @@ def test_what_is_as_pushed_is_kept_and_no_alarm(shop: Shop) -> None:
 )
 def test_a_difference_is_an_alarm_until_it_is_put_right(shop: Shop, changed: dict[str, Any]) -> None:
     right = shop.double.machine.own
-    page = aftercare.StandingAlarms(shop.store, MACHINE.serial)
+    page = live_tables.StandingAlarms(shop.store, MACHINE.serial)
     assert page() == ()
     by_hand(shop, **changed)
     (alarm,) = look(shop)
     assert actions(shop)[-1] == audit.DIFFERS
     assert page() == (alarm,)
     outcome = Outcome("proposed", "", (), ("line",), {})
-    told = alarmed(outcome, (alarm,))
+    told = with_alarms(outcome, (alarm,))
     assert (told.exit_code, told.data["alarms"]) == (9, [str(alarm)])
     assert str(alarm) in str(told.lines[-1])
-    assert alarmed(outcome, ()) is outcome
+    assert with_alarms(outcome, ()) is outcome
     shop.double.machine.own = right
     assert look(shop) == ()
     assert page() == ()
@@ -107,7 +107,7 @@ def test_a_push_to_that_axis_asks_for_a_second_person(shop: Shop) -> None:
 
     async def asked() -> Any:
         (change,) = shop.stored.changes
-        context = consents.consented(shop.at, change, replace(shop.context(), approvals_needed=None))
+        context = audit_trail.with_consent(shop.at, change, replace(shop.context(), approvals_needed=None))
         return await run_preflight(change, context, "table")
 
     found = run_virtual(asked)
@@ -121,10 +121,10 @@ def test_a_push_compares_what_it_reads_and_a_committed_one_ends_the_alarm(shop: 
 
     async def main(people: int | None) -> PushRecord:
         (change,) = shop.stored.changes
-        context = consents.consented(shop.at, change, replace(shop.context(), approvals_needed=people))
-        context = replace(context, on_live=await aftercare.in_push(shop.at, "X1"))
+        context = audit_trail.with_consent(shop.at, change, replace(shop.context(), approvals_needed=people))
+        context = replace(context, on_live=await live_tables.alarms_for_push(shop.at, "X1"))
         record = await push_table(change, context)
-        assert consents.ended(shop.at, change, record) == ""
+        assert audit_trail.record_end(shop.at, change, record) == ""
         return record
 
     alone = run_virtual(lambda: main(None))
@@ -133,17 +133,17 @@ def test_a_push_compares_what_it_reads_and_a_committed_one_ends_the_alarm(shop: 
     assert shop.double.machine.live().own == LiveTable(NEW, enabled=False)
     assert look(shop) != ()
     assert run_virtual(lambda: main(1)).outcome == "committed"
-    assert aftercare.standing_alarms(shop.at, "X1") == ()
+    assert live_tables.standing_alarms(shop.at, "X1") == ()
 
 
 def test_it_is_due_once_a_day_from_its_hour_on(shop: Shop) -> None:
     look(shop)
     seen = datetime.fromisoformat(audit.read_log_state(shop.store.root, MACHINE.serial).looked["X1"])
-    assert aftercare.due(shop.store, MACHINE.serial, seen, seen.hour) == ()
+    assert live_tables.overdue_tables(shop.store, MACHINE.serial, seen, seen.hour) == ()
     next_day = (seen + timedelta(days=1)).replace(hour=6, minute=0)
-    assert aftercare.due(shop.store, MACHINE.serial, next_day - timedelta(minutes=1), 6) == ()
-    assert aftercare.due(shop.store, MACHINE.serial, next_day, 6) == ("X1",)
-    assert aftercare.due(shop.store, "another machine", next_day, 6) == ()
+    assert live_tables.overdue_tables(shop.store, MACHINE.serial, next_day - timedelta(minutes=1), 6) == ()
+    assert live_tables.overdue_tables(shop.store, MACHINE.serial, next_day, 6) == ("X1",)
+    assert live_tables.overdue_tables(shop.store, "another machine", next_day, 6) == ()
 
 
 @dataclass

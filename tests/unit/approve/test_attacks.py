@@ -27,7 +27,7 @@ from gateway.push.context import PushContext
 from gateway.push.journal import JOURNALS
 from gateway.push.transaction import push_table
 from gateway.store import RunFolder, Store, records
-from gateway.workflow import consents, stages
+from gateway.workflow.run import audit_trail, stages
 from tests.steps import lines
 from tests.unit.push.double import MACHINE, NEW, Bench, change_of
 from tests.unit.push.double import bench as push_bench
@@ -74,7 +74,7 @@ class Shop:
     def propose(self) -> None:
         """As `run` does."""
         self.at.folder.put(stages.PROPOSAL, self.proposal)
-        assert self.do(lambda: consents.proposed(self.at, self.proposal)) == ""
+        assert self.do(lambda: audit_trail.record_proposal(self.at, self.proposal)) == ""
 
     def approve(self, *, known: bool = True, run_id: str = "", **changed: Any) -> Approval:
         """As `approve` does, by a second person; ``changed`` as an attacker writes it."""
@@ -113,7 +113,7 @@ class Shop:
 
         async def main() -> PushRecord:
             (change,) = self.stored.changes
-            context = consents.consented(self.at, change, self.context(people))
+            context = audit_trail.with_consent(self.at, change, self.context(people))
             return await push_table(change, context)
 
         return run_virtual(main)
@@ -123,8 +123,8 @@ class Shop:
 
         async def main() -> PushRecord:
             (change,) = self.stored.changes
-            taken = consents.take_up(self.at, self.stored)
-            context = consents.consented(self.at, change, self.context(people), taken[change.name])
+            taken = audit_trail.consume_approvals(self.at, self.stored)
+            context = audit_trail.with_consent(self.at, change, self.context(people), taken[change.name])
             return await push_table(change, context)
 
         return run_virtual(main)
@@ -270,7 +270,7 @@ def test_a_control_that_lost_its_memory_warns_and_refuses_nothing(shop: Shop) ->
         from gateway.push.preflight import run_preflight
 
         (change,) = shop.stored.changes
-        found = await run_preflight(change, consents.consented(shop.at, change, shop.context()), "table")
+        found = await run_preflight(change, audit_trail.with_consent(shop.at, change, shop.context()), "table")
         return tuple(one.code for one in found.refusals), tuple(one.code for one in found.warnings)
 
     refusals, warned = run_virtual(asked)
@@ -304,12 +304,12 @@ def test_an_approval_that_was_written_otherwise_does_not_count(shop: Shop, code:
 
 def test_a_used_approval_is_known_from_the_log(shop: Shop) -> None:
     made = shop.approve()
-    shop.do(lambda: consents.take_up(shop.at, shop.stored))
+    shop.do(lambda: audit_trail.consume_approvals(shop.at, shop.stored))
     folder = shop.at.folder.path / "approvals"
     for mark in folder.glob("*.used"):
         mark.unlink()
     assert made.actor in shop.refused("E-INT-APPROVAL-USED", people=2)
-    assert shop.do(lambda: consents.take_up(shop.at, shop.stored))["X1"].approvals == ()
+    assert shop.do(lambda: audit_trail.consume_approvals(shop.at, shop.stored))["X1"].approvals == ()
     for path in folder.glob("*.json"):
         path.unlink()
     Approvals(shop.at.folder.path).keep(made)
@@ -321,9 +321,9 @@ def test_an_approval_that_ends_while_the_push_waits_still_holds(shop: Shop) -> N
 
     async def main() -> PushRecord:
         (change,) = shop.stored.changes
-        taken = consents.take_up(shop.at, shop.stored)
+        taken = audit_trail.consume_approvals(shop.at, shop.stored)
         await shop.at.clock.sleep(3600.0)
-        context = consents.consented(shop.at, change, shop.context(2), taken[change.name])
+        context = audit_trail.with_consent(shop.at, change, shop.context(2), taken[change.name])
         assert shop.at.clock.utc() > datetime.fromisoformat(made.expires_utc) + timedelta(minutes=10)
         return await push_table(change, context)
 

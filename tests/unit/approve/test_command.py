@@ -17,9 +17,9 @@ from gateway.cli import app
 from gateway.domain.proposals import Proposal
 from gateway.errors import WriteRefused
 from gateway.store import RunFolder, Store
-from gateway.workflow import stages
-from gateway.workflow.control import approving
-from gateway.workflow.outcome import Outcome
+from gateway.workflow.control import push
+from gateway.workflow.run import stages
+from gateway.workflow.run.outcome import Outcome
 from tests.unit.approve.test_approve import CHANGE, MACHINE
 from tests.unit.approve.test_consents import SKIPPED
 
@@ -59,7 +59,7 @@ def run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> RunFolder:
     async def shown(*_: object, **__: object) -> Outcome:
         return Outcome("proposed", str(folder.path), (), ("X1: what push shows",), {"refusals": {}})
 
-    monkeypatch.setattr(approving, "push_run", shown)
+    monkeypatch.setattr(push, "push_run", shown)
     return folder
 
 

@@ -21,7 +21,7 @@ from gateway.errors import CorruptRecord, WriteRefused
 from gateway.store import Store
 from gateway.users import UserAccounts
 from gateway.users.passwords import Hasher
-from gateway.workflow import consents
+from gateway.workflow.run import audit_trail
 from tests.unit.approve.test_approve import CHANGE, MACHINE
 from tests.unit.audit.log import Moments
 from tests.unit.push.double import bench as push_bench
@@ -67,12 +67,12 @@ def given(at: At, actor: str, ago: timedelta = timedelta(0)) -> None:
 def test_taken_up_once_and_held_for_the_push(at: Any) -> None:
     given(at, "ann")
     given(at, "eve", ago=timedelta(minutes=11))
-    taken = consents.take_up(at, PROPOSAL)
+    taken = audit_trail.consume_approvals(at, PROPOSAL)
     assert taken["C1"].approvals == ()
     assert [one.actor for one in taken["X1"].approvals] == ["eve", "ann"]
-    held = consents.consented(at, CHANGE, push_bench(at.store.root).context, taken["X1"])
+    held = audit_trail.with_consent(at, CHANGE, push_bench(at.store.root).context, taken["X1"])
     assert (held.consent_utc, held.used_approvals, held.run_id) == (taken["X1"].at_utc, (), at.folder.run_id)
-    again = consents.take_up(at, PROPOSAL)
+    again = audit_trail.consume_approvals(at, PROPOSAL)
     assert {name: one.approvals for name, one in again.items()} == {"X1": (), "C1": ()}
     used = [entry for entry in audit.read_entries(at.store.root) if entry["action"] == audit.USED]
     assert {entry["details"]["approved_by"] for entry in used} == {"ann", "eve"}
@@ -81,44 +81,44 @@ def test_taken_up_once_and_held_for_the_push(at: Any) -> None:
 def test_two_pushes_cannot_take_up_the_same(at: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     given(at, "ann")
     both = Approvals(at.folder.path).read_unused()
-    consents.take_up(at, PROPOSAL)
+    audit_trail.consume_approvals(at, PROPOSAL)
     monkeypatch.setattr(Approvals, "read_unused", lambda *_: both)
-    assert consents.take_up(at, PROPOSAL)["X1"].approvals == (), "the log knows them as used"
+    assert audit_trail.consume_approvals(at, PROPOSAL)["X1"].approvals == (), "the log knows them as used"
     monkeypatch.setattr(audit.LogState, "take", lambda *_: None)
     with pytest.raises(WriteRefused) as caught:
-        consents.take_up(at, PROPOSAL)
+        audit_trail.consume_approvals(at, PROPOSAL)
     assert caught.value.code == "E-APPROVE-USED"
 
 
 def test_the_context_is_told_who_what_and_whether_the_audit_is_whole(at: Any, tmp_path: Path) -> None:
     given(at, "ann")
     context = push_bench(tmp_path).context
-    seen = consents.consented(at, CHANGE, context)
+    seen = audit_trail.with_consent(at, CHANGE, context)
     assert (seen.actor, seen.audit_broken) == (audit.os_user(), "")
     assert [one.actor for one in seen.approvals] == ["ann"]
-    none = consents.Taken((), at.clock.utc())
-    assert consents.consented(at, CHANGE, context, none).approvals == ()
-    consents.begin(at, CHANGE, seen)
+    none = audit_trail.ConsumedApproval((), at.clock.utc())
+    assert audit_trail.with_consent(at, CHANGE, context, none).approvals == ()
+    audit_trail.record_start(at, CHANGE, seen)
     path = next((tmp_path / AUDIT).glob("*.jsonl"))
     path.write_bytes(path.read_bytes().replace(b"push-start", b"push-stork"))
-    assert "record 2" in consents.consented(at, CHANGE, context).audit_broken
+    assert "record 2" in audit_trail.with_consent(at, CHANGE, context).audit_broken
     with pytest.raises(CorruptRecord):
-        consents.begin(at, CHANGE, seen)
+        audit_trail.record_start(at, CHANGE, seen)
 
 
 def test_every_end_leaves_its_record(at: Any, tmp_path: Path) -> None:
     given(at, "ann")
-    consents.begin(at, CHANGE, consents.consented(at, CHANGE, push_bench(tmp_path).context))
+    audit_trail.record_start(at, CHANGE, audit_trail.with_consent(at, CHANGE, push_bench(tmp_path).context))
     ends = ("committed", "rolled-back", "held", "refused", "already-applied")
     for number, outcome in enumerate(ends):
-        assert consents.ended(at, CHANGE, PushRecord(number, "X1", outcome, (), "b.mpf")) == ""
-    assert consents.failed(at, CHANGE, DeadlineExceeded("E-LINK-DEADLINE", "x", timeout_s=1.0)) == ""
-    assert consents.refused(at, ("E-INT-MODE: wrong",)) == ""
+        assert audit_trail.record_end(at, CHANGE, PushRecord(number, "X1", outcome, (), "b.mpf")) == ""
+    assert audit_trail.record_failure(at, CHANGE, DeadlineExceeded("E-LINK-DEADLINE", "x", timeout_s=1.0)) == ""
+    assert audit_trail.record_refusal(at, ("E-INT-MODE: wrong",)) == ""
     at.folder.put("proposal", PROPOSAL)
-    assert consents.proposed(at, PROPOSAL) == ""
-    assert consents.recovered(at, "R-PUSH-HALF", PushRecord(9, "X1", "rolled-back", (), "")) == ""
-    consents.proving(at, CHANGE)
-    consents.proving_again(at, CHANGE, mean=-2.1234, u=0.5, count=3)
+    assert audit_trail.record_proposal(at, PROPOSAL) == ""
+    assert audit_trail.record_recovery(at, "R-PUSH-HALF", PushRecord(9, "X1", "rolled-back", (), "")) == ""
+    audit_trail.record_sign_proof(at, CHANGE)
+    audit_trail.record_repeated_proof(at, CHANGE, mean=-2.1234, u=0.5, count=3)
     found = list(audit.read_entries(tmp_path))
     assert found.pop(0)["action"] == audit.APPROVED
     assert [entry["action"] for entry in found] == [
@@ -144,4 +144,4 @@ def test_a_person_has_one_name_at_the_page_and_at_a_keyboard(at: Any) -> None:
     context = push_bench(at.store.root).context
     for acting, known in (("ASchmidt", "Anna"), ("anna", "Anna"), ("bert", "bert")):
         with audit.act_as(acting):
-            assert consents.consented(at, CHANGE, context).actor == known
+            assert audit_trail.with_consent(at, CHANGE, context).actor == known

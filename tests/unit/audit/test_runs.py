@@ -13,7 +13,7 @@ from gateway.approve import Approvals, give_consent
 from gateway.audit import integrity
 from gateway.cli import app
 from gateway.store import RunFolder, Store
-from gateway.workflow.outcome import Outcome
+from gateway.workflow.run.outcome import Outcome
 from tests.unit.approve.test_approve import CHANGE, MACHINE, NOW
 from tests.unit.audit.log import Moments
 

@@ -29,10 +29,10 @@ from gateway.errors import CaptureError, Incomplete
 from gateway.live import looked_on_by
 from gateway.say import silence
 from gateway.store import Store
-from gateway.workflow import stages
 from gateway.workflow.axes.beforehand import remarks
-from gateway.workflow.errors21.components import _left
-from gateway.workflow.errors21.setups import planned
+from gateway.workflow.errors21.measurement import _setups_to_measure
+from gateway.workflow.errors21.setups import plan_setups
+from gateway.workflow.run import stages
 from tests.sizes import few
 from tests.unit.capture.double import LittleMachine
 from tests.unit.capture.test_live import AXIS, PATIENCE, _error_um
@@ -221,14 +221,14 @@ def test_what_stays_out_of_line_is_refused_before_the_set_up_is_left() -> None:
 def resumed(folder: Path, capture: Capture, *, hours: float = 1.0, pushed: bool = False) -> list[str]:
     """What a resume finds left to measure of X, whose capture is stored."""
     site = SiteFile.model_validate(site_data())
-    one = next(one for one in planned(site) if one.key == "EXX-X1")
+    one = next(one for one in plan_setups(site) if one.key == "EXX-X1")
     run = Store(folder).create("grinder")
     run.write_text("setup-EXX-X1.json", one.setup.model_dump_json())
     run.put(stages.setup("EXX-X1"), capture)
     if pushed:
         run.put(stages.push("X1"), capture)
     now = datetime.fromisoformat(capture.ended_utc) + timedelta(hours=hours)
-    return [left.key for left in _left(run, (one,), now, silence)]
+    return [left.key for left in _setups_to_measure(run, (one,), now, silence)]
 
 
 def test_a_resume_measures_anew_what_no_table_could_be_pushed_from(tmp_path: Path) -> None:

@@ -12,7 +12,7 @@ from typer.testing import CliRunner
 from drivers.errors import ConfigError
 from gateway.cli import app
 from gateway.config import load_site
-from gateway.workflow.loop.forecast import day_of_closing, day_of_run
+from gateway.workflow.forecast import day_of_closing, day_of_run
 from tests.unit.programs.sites import site_file
 
 SETUPS = 28  # of the demo cell: 18 error motions, B0Z by four, A0C and B0C with the table at two places, X0C, Y0C

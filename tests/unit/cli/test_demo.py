@@ -23,9 +23,9 @@ from gateway.errors import CaptureError
 from gateway.remaining import RemainingTime, Work
 from gateway.store import RunFolder, Store
 from gateway.tooth import FlankMap
-from gateway.workflow import stages as names
-from gateway.workflow.loop import tooth_loop
-from gateway.workflow.results import documenting, reporting
+from gateway.workflow import complete_run
+from gateway.workflow.results import document, report
+from gateway.workflow.run import stages as names
 from tests.unit.programs.sites import site_file
 from tests.unit.report import closing
 
@@ -112,8 +112,8 @@ def told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.Capture
 
     folder = Store(tmp_path).create("demo-grinder", {})
     (folder.path / "tooth-before-after.png").write_bytes(b"png")
-    monkeypatch.setattr(reporting, "material_of", lambda _folder: closing.material())
-    monkeypatch.setattr(documenting, "write_document", paper)
+    monkeypatch.setattr(report, "material_of", lambda _folder: closing.material())
+    monkeypatch.setattr(document, "write_document", paper)
     outcome = SimpleNamespace(run_folder=str(folder.path))
     show_ending(outcome, "measured: 11 of 28 set-ups", Took(61.0, 55.0), LoopClock())
     return [str(folder.path), *capsys.readouterr().out.splitlines()]
@@ -169,7 +169,7 @@ def stopping(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(demonstration, "cell_process", cell)
     monkeypatch.setattr(demonstration, "self_tested", lambda *_given, **_asked: None)
     monkeypatch.setattr(demoending, "say_if_busy", lambda: None)
-    monkeypatch.setattr(tooth_loop, "close_site", close)
+    monkeypatch.setattr(complete_run, "close_site", close)
 
 
 @pytest.mark.parametrize(("folder", "goes_on"), [("fresh", True), ("proposed", False)])

@@ -16,7 +16,7 @@ from drivers.types.exchange import ReadAs
 from gateway.cli import app
 from gateway.domain.figures import Component
 from gateway.model.error_model import ErrorModel, LocationError, UnmeasuredError
-from gateway.workflow.files.errorset import error_set
+from gateway.workflow.errors21.error_file import error_set
 
 GOLDEN = Path(__file__).parents[2] / "golden"
 RUNNER = CliRunner()

@@ -12,7 +12,7 @@ from drivers.errors import TrueflankError
 from gateway import errors as inner
 from gateway.cli import exits
 from gateway.stopping import INTERRUPTED, TERMINATED
-from gateway.workflow.axes.guard import EXIT
+from gateway.workflow.axes.short_capture import EXIT
 
 PAGE = Path(__file__).parents[3] / "docs" / "exit-codes.md"
 ROW = re.compile(r"^\| (\d+) \| .+? \|(?: (.*))? \|$", re.MULTILINE)

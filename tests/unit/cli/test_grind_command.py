@@ -16,7 +16,7 @@ from gateway.cli import app
 from gateway.config import load_site
 from gateway.store.setupbook import SetupBook
 from gateway.tooth import SetupValues
-from gateway.workflow.runsite import store_of
+from gateway.workflow.run.folder import store_of
 from simulators.cell.site import gear_text, site_text
 from simulators.cellfile import load_cell, with_plan
 

@@ -26,9 +26,9 @@ from gateway.errors import CaptureError, CorruptRecord
 from gateway.store import Maps, Store
 from gateway.store.rawstream import open_stream
 from gateway.views.figured import figures_by, known_standards
-from gateway.workflow import stages
 from gateway.workflow.files.importing import import_file
-from gateway.workflow.files.reading import How
+from gateway.workflow.files.reading import ReadOptions
+from gateway.workflow.run import stages
 from tests.unit.capture.test_live import AXIS
 from tests.unit.capture.test_plans import run as captured
 from tests.unit.drivers.test_rtx_files import written
@@ -175,7 +175,7 @@ def test_a_file_that_changes_while_it_is_imported_is_not_used(tmp_path: Path) ->
     path = tmp_path / "a.rtl"
     path.write_bytes((GOLDEN / "basic.rtl").read_bytes())
     with pytest.raises(FileFormatError, match="E-IMPORT-CHANGED"):
-        import_file(path, Store(tmp_path / "runs"), How(), None, expected="0" * 64)
+        import_file(path, Store(tmp_path / "runs"), ReadOptions(), None, expected="0" * 64)
     assert Store(tmp_path / "runs").runs() == ()
 
 

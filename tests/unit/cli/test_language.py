@@ -8,7 +8,7 @@ from drivers.errors import ConfigError
 from drivers.message import Message, Quantity
 from gateway.cli.machine.running import show_outcome
 from gateway.cli.show import VARIABLE, language, show_error, spoken
-from gateway.workflow.outcome import Outcome, of_table
+from gateway.workflow.run.outcome import Outcome, of_table
 
 MOVED = Message.of("S-REPORT-PART", part="P 7", rms=Quantity(0.35, decimals=2), U=Quantity(0.1, decimals=2))
 DONE = Outcome(

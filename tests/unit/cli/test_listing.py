@@ -18,7 +18,7 @@ from gateway.domain.outcomes import PushRecord
 from gateway.errors import StoreError, UnknownRun
 from gateway.store import Store
 from gateway.store.runs import Needs
-from gateway.workflow.results.reporting import material_of
+from gateway.workflow.results.report import material_of
 from tests.unit.programs.sites import site_file
 
 RUNNER = CliRunner()

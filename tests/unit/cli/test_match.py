@@ -20,7 +20,7 @@ from gateway.reducer.figures import crank_angles
 from gateway.study.drive import reducer_of
 from gateway.study.inputs import load_gear
 from gateway.tooth import InspectedFlank
-from gateway.workflow.part.matching import DiscFile, read_disc
+from gateway.workflow.tooth.pairing import DiscFile, read_disc
 from simulators.cell.site import section
 from tests.unit.reducer.drives import coarse
 

@@ -19,7 +19,7 @@ from gateway.capture.sense import SenseProof
 from gateway.cli import app
 from gateway.cli.demonstration import CellAsked, cell_process
 from gateway.store import Store
-from gateway.workflow import stages
+from gateway.workflow.run import stages
 from tests.sizes import few
 from tests.unit.cli.test_import_export import AXIS, captured
 from tests.unit.day.test_day import site

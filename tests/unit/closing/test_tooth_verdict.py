@@ -12,8 +12,7 @@ from gateway.gear.cycloid import CycloidGear
 from gateway.gear.flank import FlankGrid, flank_grid
 from gateway.gear.process_drift import set_right
 from gateway.tooth import FlankMap, FlankPrediction, FloatArray, InspectedFlank
-from gateway.workflow.tooth.change import eccentric_share
-from gateway.workflow.tooth.verdict import judge_tooth
+from gateway.workflow.tooth.verdict import eccentric_share, judge_tooth
 
 GEAR = CycloidGear(rp=64.0, rrp=3.0, a=1.3, zp=40, zc=39, b=10.0)
 GRID = flank_grid(GEAR, profile=11, width=5)

@@ -16,12 +16,11 @@ from gateway.evaluate.geometry.measurement import Measurement, arms, means_of
 from gateway.evaluate.optics.corrections import begin
 from gateway.model.components import value
 from gateway.store import RunFolder, Store
-from gateway.workflow import stages
-from gateway.workflow.axes.line import on_its_line
-from gateway.workflow.axes.measure import MeasuredAxis
+from gateway.workflow.axes.measure import MeasuredAxis, move_to_functional_line
 from gateway.workflow.axes.structure import structure_of
-from gateway.workflow.errors21.components import conclude
-from gateway.workflow.errors21.fromsetups import axes_measured
+from gateway.workflow.errors21.measurement import fit_error_model
+from gateway.workflow.errors21.setup_capture import axes_from_setups
+from gateway.workflow.run import stages
 from tests.steps import said
 from tests.unit.components.machine import Machine, X
 from tests.unit.components.site import setup, site_data
@@ -60,12 +59,12 @@ def run(folder: Path, machine: Machine, site: SiteFile) -> RunFolder:
     stored.put(stages.setup("EXX-X1"), captured(machine.length("EXX", OFFSET)))
     for name in ("EBX", "ECX"):
         stored.put(stages.setup(f"{name}-X1"), captured(machine.angle(name)))
-    conclude(site, stored, None)
+    fit_error_model(site, stored, None)
     return stored
 
 
 def of(folder: Path, machine: Machine, site: SiteFile) -> MeasuredAxis:
-    return axes_measured(run(folder, machine, site), site)["X1"]
+    return axes_from_setups(run(folder, machine, site), site)["X1"]
 
 
 def true_range(machine: Machine) -> float:
@@ -112,8 +111,8 @@ def test_angles_that_nobody_measured_stay_in_U(tmp_path: Path) -> None:
     machine, site = Machine(1), site_of(measured=False)
     stored = Store(tmp_path).create("grinder")
     stored.put(stages.setup("EXX-X1"), captured(machine.length("EXX", OFFSET)))
-    conclude(site, stored, None)
-    found = axes_measured(stored, site)["X1"]
+    fit_error_model(site, stored, None)
+    found = axes_from_setups(stored, site)["X1"]
     levers = arms("X", "X", OFFSET)
     wanted = 2.0 * np.hypot(*levers.values()) * 5.0 / np.sqrt(3.0)
     assert found.evaluation.U["M"] > wanted
@@ -127,7 +126,7 @@ def test_check_stops_and_the_measurement_after_a_push_stand_on_the_same_line(tmp
     at = slice(3, 6)
     between = Between(X[at], whole.deviations[at, :2])
     axis = next(one for one in site.axes if one.name == "X1")
-    found = on_its_line(replace(whole, between=between), axis, site, stored)
+    found = move_to_functional_line(replace(whole, between=between), axis, site, stored)
     assert found.between is not None
     np.testing.assert_allclose(found.between.deviations, found.deviations[at, :2], atol=1e-9)
     true = machine.motion("EXX", X)

@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 
 from drivers.errors import ConfigError
-from gateway.workflow.errors21.setups import chosen, key_of, planned, remountings, spans
+from gateway.workflow.errors21.setups import key_of, plan_setups, remountings, select_setups, spans
 from tests.unit.components.site import SETUPS, setup, site_of
 
 
 def test_the_whole_plan_comes_in_order_with_each_axis_own_positioning() -> None:
-    plan = planned(site_of())
+    plan = plan_setups(site_of())
     keys = [one.key for one in plan]
     assert sorted(keys) == sorted([*(key_of(one) for one in site_of().setups), "EXX-X1", "EZZ-Z1", "ECC-C1"])
     assert len(set(keys)) == len(keys)
@@ -24,14 +24,14 @@ def test_the_whole_plan_comes_in_order_with_each_axis_own_positioning() -> None:
 
 
 def test_no_other_order_of_these_set_ups_needs_fewer_remountings() -> None:
-    live = [one for one in planned(site_of(SETUPS[:8])) if one.setup.instrument in ("straightness", "level")]
+    live = [one for one in plan_setups(site_of(SETUPS[:8])) if one.setup.instrument in ("straightness", "level")]
     least = min(remountings(order) for order in itertools.permutations(live))
     assert remountings(live) == least
 
 
 def test_what_is_not_said_is_as_the_axis_has_it() -> None:
     own = setup("EYX", "X1", repetitions=2, stable=0.2, targets={"first": -100.0, "last": 0.0, "count": 5})
-    plan = {one.key: one for one in planned(site_of([own, setup("EAX", "X1", "level")]))}
+    plan = {one.key: one for one in plan_setups(site_of([own, setup("EAX", "X1", "level")]))}
     short, inherited = plan["EYX-X1"].axis.measure, plan["EAX-X1"].axis.measure
     assert short.targets is not None
     assert (short.repetitions, short.stable, short.targets.count, short.component) == (2, 0.2, 5, "EYX")
@@ -43,7 +43,7 @@ def test_what_is_not_said_is_as_the_axis_has_it() -> None:
 
 
 def test_uncertainties_of_instruments_are_given_or_usual() -> None:
-    plan = {one.key: one for one in planned(site_of([setup("EYX", "X1", U=0.8), setup("EAX", "X1", "level")]))}
+    plan = {one.key: one for one in plan_setups(site_of([setup("EYX", "X1", U=0.8), setup("EAX", "X1", "level")]))}
     assert plan["EYX-X1"].systematic == pytest.approx(0.4)
     assert plan["EAX-X1"].systematic == pytest.approx(0.15)
     assert plan["EXX-X1"].systematic == pytest.approx((0.3 + 0.0015 * 400.0) / 2.0)
@@ -82,22 +82,22 @@ def test_a_set_up_may_not_be_there_twice_but_parked_elsewhere() -> None:
 
 
 def test_some_of_a_plan_can_be_asked_for() -> None:
-    plan = planned(site_of())
-    assert [one.key for one in chosen(plan, ("EAX", "A0C-Z1-C1at180"))] == ["EAX-X1", "A0C-Z1-C1at180"]
-    assert len(chosen(plan, ("B0Z",))) == 4
-    assert len(chosen(plan, ())) == len(plan) - 1
+    plan = plan_setups(site_of())
+    assert [one.key for one in select_setups(plan, ("EAX", "A0C-Z1-C1at180"))] == ["EAX-X1", "A0C-Z1-C1at180"]
+    assert len(select_setups(plan, ("B0Z",))) == 4
+    assert len(select_setups(plan, ())) == len(plan) - 1
     for nobody in ("EBZ", "EYC"):
         with pytest.raises(ConfigError) as caught:
-            chosen(plan, (nobody,))
+            select_setups(plan, (nobody,))
         assert caught.value.code == "E-SETUP-UNKNOWN"
     with pytest.raises(ConfigError) as caught:
-        planned(site_of([]))
+        plan_setups(site_of([]))
     assert caught.value.code == "E-SETUP-NONE"
     assert spans(site_of()) == {"EBZ": 3.0}
 
 
 def test_a_bar_knows_where_the_table_stood() -> None:
-    plan = {one.key: one for one in planned(site_of())}
+    plan = {one.key: one for one in plan_setups(site_of())}
     at, nothing = np.array([0.0, 300.0]), np.zeros((2, 1, 2))
     found = plan["A0C-Z1-C1at180"].measurement(at, nothing, ["C1"])
     assert (found.turned_deg, found.letter, found.is_motion) == (180.0, "Z", False)

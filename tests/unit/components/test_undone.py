@@ -14,8 +14,8 @@ from gateway.correct.plan.plan import AxisGrid
 from gateway.evaluate.geometry.error_model import error_model
 from gateway.gear.cycloid import CycloidGear
 from gateway.model.error_model import ErrorModel, UnmeasuredError
-from gateway.workflow.errors21.components import advise
-from gateway.workflow.errors21.setups import Planned, planned
+from gateway.workflow.errors21.measurement import advise
+from gateway.workflow.errors21.setups import PlannedSetup, plan_setups
 from tests.unit.components.machine import Machine
 from tests.unit.components.site import site_of
 from tests.unit.components.test_errormodel import whole_plan
@@ -81,8 +81,8 @@ def opened(*pairs: tuple[str, float, bool]) -> tuple[OpenDoubt, ...]:
     return tuple(OpenDoubt(name, change, 0.0, 0.5, measured) for name, change, measured in pairs)
 
 
-def plan() -> tuple[Planned, ...]:
-    return planned(site_of())
+def plan() -> tuple[PlannedSetup, ...]:
+    return plan_setups(site_of())
 
 
 def _advice(*given: Any, asked: bool) -> str:

@@ -8,7 +8,7 @@ import pytest
 
 from drivers.types.tables import CompensationTable, LiveSet, LiveTable
 from gateway.errors import CaptureError
-from gateway.workflow.errors21.setupcapture import without_cross
+from gateway.workflow.errors21.setup_capture import without_cross
 
 
 def cross(*, on: bool, values: tuple[float, ...] = (0.0, 2.0, 0.0), index: int = 3) -> LiveTable:

@@ -15,7 +15,7 @@ from gateway.gear.flank import FlankGrid, flank_grid
 from gateway.gear.grinding import Grinding
 from gateway.model.error_model import ErrorModel, chain_of_errors
 from gateway.model.fit import fit_through
-from gateway.workflow.tooth.sentences import measure_better
+from gateway.workflow.tooth.messages import measure_better
 from tests.sizes import few
 from tests.unit.correct.test_prediction import E_MM, HEIGHT, PLAN, SHOP, known
 from tests.unit.gear.machines import RV40E

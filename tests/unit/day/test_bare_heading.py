@@ -11,8 +11,8 @@ import pytest
 from drivers.errors import ConfigError
 from gateway.config import SiteFile
 from gateway.errors import CaptureError
-from gateway.workflow.errors21.filesetup import read_setup
-from gateway.workflow.errors21.setups import planned
+from gateway.workflow.errors21.setup_capture import read_setup
+from gateway.workflow.errors21.setups import plan_setups
 from tests.unit.components.site import site_data
 
 GOLDEN = Path(__file__).parents[2] / "golden" / "files"
@@ -21,7 +21,7 @@ ROWS = "0,+,1,0.5\n10,+,1,1.25\n10,-,1,-1.5\n0,-,1,0.25\n"
 
 def test_bare_deviations_are_asked_for_and_stated_ones_read(tmp_path: Path) -> None:
     """The error's own unit would be a guess: a pitch in um per metre, or in urad, looks the same."""
-    plan = planned(SiteFile.model_validate(site_data()))
+    plan = plan_setups(SiteFile.model_validate(site_data()))
     units = {one.unit for one in plan if one.axis.kind == "linear"}
     assert units == {"um", "arcsec"}
     for unit in units:
@@ -36,7 +36,7 @@ def test_bare_deviations_are_asked_for_and_stated_ones_read(tmp_path: Path) -> N
 
 
 def test_a_length_that_says_so_is_no_angle(tmp_path: Path) -> None:
-    one = next(one for one in planned(SiteFile.model_validate(site_data())) if one.unit == "arcsec")
+    one = next(one for one in plan_setups(SiteFile.model_validate(site_data())) if one.unit == "arcsec")
     path = tmp_path / "one.csv"
     path.write_text(f"target_mm,direction,repetition,deviation_um\n{ROWS}", encoding="utf-8")
     with pytest.raises(CaptureError) as caught:
@@ -47,7 +47,7 @@ def test_a_length_that_says_so_is_no_angle(tmp_path: Path) -> None:
 @pytest.mark.parametrize(("unit", "arcsec"), [("deg", 3600.0), ("mrad", 206.264806), ("urad", 0.206264806)])
 def test_an_angle_in_a_file_of_lengths_is_scaled_from_its_stated_unit(tmp_path: Path, unit: str, arcsec: float) -> None:
     """An .rtl holds no unit of an angle: its numbers are those of the unit that the site file states."""
-    one = next(one for one in planned(SiteFile.model_validate(site_data())) if one.unit == "arcsec")
+    one = next(one for one in plan_setups(SiteFile.model_validate(site_data())) if one.unit == "arcsec")
     stated = replace(one, setup=one.setup.model_copy(update={"unit": unit}))
     path = tmp_path / "pitch.rtl"
     path.write_bytes((GOLDEN / "basic.rtl").read_bytes())

@@ -19,8 +19,8 @@ from gateway.domain.figures import Evaluation
 from gateway.model.components import value
 from gateway.model.error_model import TWENTY_ONE, ErrorModel
 from gateway.store import RunFolder
-from gateway.workflow import stages
-from gateway.workflow.results.reporting import material_of
+from gateway.workflow.results.report import material_of
+from gateway.workflow.run import stages
 from simulators.cell.site import section
 from tests.unit.components.machine import ARCSEC, PLACES, Machine
 from tests.unit.components.site import site_data

@@ -15,9 +15,9 @@ from gateway.gear.cycloid import CycloidGear
 from gateway.model.error_model import ErrorModel, UnmeasuredError
 from gateway.reducer.goal import goal_of
 from gateway.reducer.records import DiscPlace, for_gear
-from gateway.workflow.day.forecast import forecast
+from gateway.workflow.day.making import forecast
+from gateway.workflow.tooth.messages import drive_forecast_messages
 from gateway.workflow.tooth.proposal import ToothWork
-from gateway.workflow.tooth.sentences import forecast_told
 from tests.unit.reducer.drives import coarse
 
 GEAR = CycloidGear(rp=36.0, rrp=2.5, a=1.5, zp=12, zc=11, b=10.0, drrp=0.006)
@@ -53,7 +53,7 @@ def test_a_day_forecasts_the_drive_and_names_what_costs_it_most(
     rows = {row.name: row.transmission_arcsec for row in found.drive.rows}
     assert rows["this goal: transmission"] < rows["as it is"]
     assert found.drive.doubts[0].error == "EXC"
-    lines = list(map(str, forecast_told(found.drive)))
+    lines = list(map(str, drive_forecast_messages(found.drive)))
     assert "measure EXC next" in lines[-1]
     assert "without friction" in lines[0]
     assert found.as_data()["drive"]["doubts"][0]["cost_arcsec"] == found.drive.doubts[0].cost_arcsec

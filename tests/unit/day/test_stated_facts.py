@@ -17,9 +17,9 @@ from gateway.cli import app
 from gateway.config import SiteFile
 from gateway.domain.stated import StatedFacts
 from gateway.store import Maps, Store
-from gateway.workflow.files.days import days_of
-from gateway.workflow.files.facts import FileFacts, differences, facts_of, quantity, settle, settle_setup
+from gateway.workflow.files.headers import days_of
 from gateway.workflow.files.importing import watcher_of
+from gateway.workflow.files.statements import FileFacts, differences, facts_of, quantity, settle, settle_setup
 from simulators.cell.site import section
 from tests.unit.components.site import site_data, site_of
 

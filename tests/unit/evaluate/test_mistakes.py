@@ -20,7 +20,7 @@ from gateway.evaluate.optics.corrections import begin
 from gateway.evaluate.standards import iso230_2
 from gateway.evaluate.standards.registry import evaluate_by
 from gateway.evaluate.uncertainty.budget import file_budget, linear_budget
-from gateway.workflow.files.reading import How, read_measured
+from gateway.workflow.files.reading import ReadOptions, read_measured
 from tests.steps import said
 
 S = np.array([-1.0, -1.0, 0.0, 1.0, 1.0])
@@ -45,7 +45,7 @@ def figures(x: np.ndarray = X, **options: object) -> dict[str, float | None]:
 def csv(tmp_path: Path, text: str) -> np.ndarray:
     path = tmp_path / "a.csv"
     path.write_text(text, encoding="utf-8")
-    return read_measured(path, How())[0].deviations
+    return read_measured(path, ReadOptions())[0].deviations
 
 
 def test_mistake_01_R_and_E_of_both_directions_are_no_maxima_of_one() -> None:

@@ -12,7 +12,7 @@ from gateway.gear.cycloid import CycloidGear
 from gateway.gear.flank import flank_grid
 from gateway.gear.process_drift import depth_running, index_running
 from gateway.tooth import FlankMap
-from gateway.workflow.part.running import expanded, running_words, sure
+from gateway.workflow.tooth.inspection import drift_messages, expanded_uncertainty, is_significant
 from simulators.cellfile import CellFile, Clamping, load_cell
 from simulators.grinding import draw_clamping
 from simulators.grinding.grinder import rotation_axis_frame
@@ -50,9 +50,9 @@ def made(file: CellFile) -> tuple[FlankMap, CycloidGear]:
 def test_a_pitch_error_and_an_eccentric_part_are_nothing_that_runs(name: str) -> None:
     flank, gear = made(cell(name, {}, {}, pitch=True))
     assert np.ptp(flank.deviation_um) > 2.0
-    assert not sure(depth_running(flank, gear))
-    assert not sure(index_running(flank, gear))
-    assert running_words(flank, gear) == ()
+    assert not is_significant(depth_running(flank, gear))
+    assert not is_significant(index_running(flank, gear))
+    assert drift_messages(flank, gear) == ()
 
 
 @pytest.mark.parametrize("name", few(["eleven", "demo"]))
@@ -64,12 +64,12 @@ def test_wear_and_heat_are_found_beside_a_pitch_error(name: str) -> None:
     ran = flank.deviation_um - bare.deviation_um
     lever = gear.section(flank.theta_rad).h
     course = ran.mean(axis=2) @ lever / (lever @ lever) * 1e-3 * 206264.8
-    assert depth.value == pytest.approx(wear * (gear.zc - 1), abs=expanded(depth))
+    assert depth.value == pytest.approx(wear * (gear.zc - 1), abs=expanded_uncertainty(depth))
     assert 1.0 < abs(course[-1] - course[0]) < 5.0
-    assert index.value == pytest.approx(course[-1] - course[0], abs=expanded(index))
-    assert sure(depth)
-    assert sure(index)
-    said = prose(running_words(flank, gear))
+    assert index.value == pytest.approx(course[-1] - course[0], abs=expanded_uncertainty(index))
+    assert is_significant(depth)
+    assert is_significant(index)
+    said = prose(drift_messages(flank, gear))
     assert f"{index.value:+.1f} arcsec" in said
     assert f"{depth.value:+.2f} µm" in said
 
@@ -80,12 +80,12 @@ def test_a_wheel_that_wears_on_one_side_runs_the_index_the_way_it_looks() -> Non
     index = index_running(flank, gear)
     section = gear.section(flank.theta_rad)
     arcsec = 0.38 * float(section.ny @ section.h / (section.h @ section.h)) * 1e-3 * 206264.8
-    assert sure(index)
-    assert index.value == pytest.approx(arcsec, abs=expanded(index))
+    assert is_significant(index)
+    assert index.value == pytest.approx(arcsec, abs=expanded_uncertainty(index))
 
 
 def test_of_too_few_spaces_nothing_is_said() -> None:
     gear = CycloidGear(rp=40.0, rrp=5.0, a=2.0, zp=4, zc=3, b=10.0)
     grid = flank_grid(gear, profile=5, width=2)
     ramp = np.broadcast_to(np.arange(3.0)[:, None, None] * grid.section.nx, grid.shape)
-    assert not sure(depth_running(FlankMap(grid.thetas, grid.zs, np.asarray(ramp)), gear))
+    assert not is_significant(depth_running(FlankMap(grid.thetas, grid.zs, np.asarray(ramp)), gear))

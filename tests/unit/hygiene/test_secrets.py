@@ -13,7 +13,7 @@ from drivers.sinumerik.opcua.session.connection import read_secrets
 from drivers.sinumerik.opcua.settings import UaSettings
 from gateway.config import load_site
 from gateway.store import RunFolder
-from gateway.workflow.runsite import new_run, site_of
+from gateway.workflow.run.folder import new_run, site_of
 from tests.unit.ground.test_config import GOOD
 
 SECRET = "hunter2-correct-horse"

@@ -15,8 +15,7 @@ from drivers.programs import NOBODY
 from drivers.sinumerik.ncprogram.measuring import build_dwell_program
 from gateway.cli import app
 from gateway.config import load_site
-from gateway.workflow.dwelling import DwellWish
-from gateway.workflow.programs import _dwelling
+from gateway.workflow.programs import DwellOptions, _dwell_programs
 from tests.unit.nck.bench import SPEC, on_bench
 from tests.unit.programs.sites import site_file
 from tests.unit.sinumerik.test_grindprogram import PLAN, Walk
@@ -42,7 +41,7 @@ def test_each_target_is_stood_at_in_both_directions_and_nothing_is_written(tmp_p
     assert {row["direction"] for row in rows} == {"+", "-"}
     assert not re.search(r"^[R$].*=", text, re.MULTILINE)
     wanted = [(float(row["target_mm"]), row["direction"]) for row in rows]
-    (_, order), *_ = _dwelling(load_site(site), DwellWish(4.5, 3.0))
+    (_, order), *_ = _dwell_programs(load_site(site), DwellOptions(4.5, 3.0))
     unrolled = build_dwell_program(order, modulo=False, origin=NOBODY, loops=False)
     assert unrolled.count("SUPA G1 X=") > len(rows)
     for program in (text, unrolled):  # each dwell follows a move to the target that the list names, from its side

@@ -20,11 +20,11 @@ from drivers.types.orders import DisableOrder, PushOrder
 from drivers.types.stops import Stop, StopPlan
 from drivers.types.tables import CompensationTable
 from gateway.config import load_site
-from gateway.workflow.onpaper import EVERY, What
 from gateway.workflow.programs import programs
+from gateway.workflow.run.paper_control import SENT_KINDS, ProgramKind
 from tests.unit.programs.sites import CELLS, site_file
 
-QUICK: tuple[What, ...] = ("load", "backup", "grind", "off")
+QUICK: tuple[ProgramKind, ...] = ("load", "backup", "grind", "off")
 GOLDEN = Path(__file__).parents[2] / "golden" / "sinumerik"
 AXES = ("X1", "Y1", "Z1", "C1")
 SETTING = measuring.MachineSetting(Words(80), ReservedPoints(80, (0, 30), AXES), modulo=False)
@@ -35,7 +35,7 @@ PLAN = StopPlan("TFMEASX", "X1", "X", "mm", False, (Stop(0.0, 1), Stop(10.0, 1))
 @pytest.mark.parametrize("two", [False, True])
 def test_what_a_site_would_send_is_legal(tmp_path: Path, cell: str, two: bool) -> None:
     path = site_file(tmp_path, cell, two_programs=two)
-    wanted = EVERY if cell == "demo" and not two else QUICK
+    wanted = SENT_KINDS if cell == "demo" and not two else QUICK
     written = programs(load_site(path), path, wanted)  # each is judged on the way, or raises
     none = {"effect"} if load_site(path).work is not None else {"effect", "grind"}  # nothing is proposed here
     assert {one.what for one in written} == set(wanted) - none

@@ -26,7 +26,7 @@ from gateway.store import Store
 from gateway.store.encoding import read_typed, write_typed
 from gateway.store.proofs import Proofs
 from gateway.views.pushed import standing_tables
-from gateway.workflow.control.rolling_back import _ended
+from gateway.workflow.control.rollback import _rollback_outcome
 from tests.steps import lines
 from tests.unit.push.double import MACHINE, NEW, OLD, PROOF, Bench, Killed, Reaper, bench, change_of, deadline
 from tests.unit.push.test_batches import held_now, machine_of, new, old
@@ -112,7 +112,7 @@ def test_a_table_of_the_consent_that_stays_on_is_no_success_whatever_axis_it_mov
     found = replace(found, rest=(moved,) if rest else ())
     seen = rollback_previews(pushes, found)
     run = SimpleNamespace(folder=SimpleNamespace(state="rollback-committed", path=tmp_path))
-    ended = _ended(run, found, take_back(at, "X1-cec3"), seen)  # type: ignore[arg-type]
+    ended = _rollback_outcome(run, found, take_back(at, "X1-cec3"), seen)  # type: ignore[arg-type]
     assert ended.exit_code == code
     assert any("stay on" in line and moved.table in line for line in map(str, ended.lines)) == bool(rest)
 

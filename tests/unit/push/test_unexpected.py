@@ -16,7 +16,7 @@ from gateway.errors import StoreError, Unexpected
 from gateway.push import journal
 from gateway.push.state import wrap_unexpected
 from gateway.push.transaction import push_table
-from gateway.workflow.consents import why_of, word_of
+from gateway.workflow.run.audit_trail import error_words, outcome_word
 from tests.unit.push.double import NEW, OLD, bench, change_of, journals_of
 
 OLD_ON = LiveTable(OLD, enabled=True)
@@ -152,5 +152,5 @@ def test_a_disk_that_refuses_the_close_changes_nothing(tmp_path: Path, monkeypat
     ],
 )
 def test_the_audit_says_failed_only_where_nothing_was_written(error: BaseException, word: str) -> None:
-    assert word_of(error) == word
-    assert why_of(error)
+    assert outcome_word(error) == word
+    assert error_words(error)

@@ -13,7 +13,7 @@ from gateway.report.document.charts import axes
 from gateway.report.document.content import Block, Pair, Paragraph, PictureBlock, Whole
 from gateway.report.document.words import Tongue
 from gateway.tooth import AxisOutlook
-from gateway.workflow.axes.acting import judge_acting
+from gateway.workflow.axes.short_capture import judge_combined_effect
 from tests.unit.report import synthetic
 from tests.unit.report.test_page import Outline
 
@@ -33,7 +33,9 @@ def outlook(axis: AxisMaterial, size: float) -> AxisOutlook:
 
 def check(said: AxisOutlook) -> ActingCheck:
     few = slice(None, None, 4)
-    return judge_acting(said, (said.targets[few], said.deviation[few] + 3.0, np.full(said.targets[few].size, 0.3)))
+    return judge_combined_effect(
+        said, (said.targets[few], said.deviation[few] + 3.0, np.full(said.targets[few].size, 0.3))
+    )
 
 
 def run(*, checked: bool) -> ReportMaterial:

@@ -20,12 +20,12 @@ from gateway.evaluate.uncertainty.budget import budget_of
 from gateway.report import InstrumentNote, ReportMaterial
 from gateway.report.document.whole import document
 from gateway.store import RunFolder, Store
-from gateway.workflow import stages
-from gateway.workflow.axes.conditions import stated, tell_overdue, with_conditions
-from gateway.workflow.loop.verdict import closed
-from gateway.workflow.results.conformity import conforming, judged
-from gateway.workflow.results.reporting import material_of, standing_report, write_report
-from gateway.workflow.runsite import was_simulated
+from gateway.workflow.axes.measure import report_overdue_calibrations, stated_uncertainties, with_conditions
+from gateway.workflow.results.conformity import judge_limits, with_conformity
+from gateway.workflow.results.endings import closing_outcome
+from gateway.workflow.results.report import material_of, standing_report, write_report
+from gateway.workflow.run import stages
+from gateway.workflow.run.folder import was_simulated
 from tests.unit.report import closing, synthetic
 from tests.unit.report.test_document import texts
 from tests.unit.report.test_tooth_run import AXIS, GEAR, SITE, fill
@@ -70,7 +70,7 @@ def material() -> ReportMaterial:
 
 def verdicts(tree: SiteFile, material: ReportMaterial) -> dict[str, str]:
     """Verdict by figure."""
-    return {one.decision.parameter: one.decision.verdict for one in judged(tree, material)}
+    return {one.decision.parameter: one.decision.verdict for one in judge_limits(tree, material)}
 
 
 def test_a_limit_is_passed_failed_or_open_with_u_and_as_left(tmp_path: Path, material: ReportMaterial) -> None:
@@ -78,15 +78,15 @@ def test_a_limit_is_passed_failed_or_open_with_u_and_as_left(tmp_path: Path, mat
     assert after is not None
     assert after.A is not None
     limits = f"A = {after.A + 0.1}, E = 50.0, R = 0.5"
-    found = judged(load_site(site(tmp_path, tolerance(limits))), material)
+    found = judge_limits(load_site(site(tmp_path, tolerance(limits))), material)
     assert [one.decision.verdict for one in found] == ["not decidable", "pass", "fail"]
     assert all(one.as_left and one.of == "X1" for one in found)
     before = replace(material, axes=(replace(material.axes[0], after=None, capture_after=None),))
-    assert not judged(load_site(tmp_path / "site.toml"), before)[0].as_left
+    assert not judge_limits(load_site(tmp_path / "site.toml"), before)[0].as_left
 
 
 def test_another_standard_is_evaluated_from_the_readings(tmp_path: Path, material: ReportMaterial) -> None:
-    found = judged(load_site(site(tmp_path, tolerance("P = 90.0", "VDI/DGQ 3441:1977"))), material)
+    found = judge_limits(load_site(site(tmp_path, tolerance("P = 90.0", "VDI/DGQ 3441:1977"))), material)
     assert [(one.standard, one.decision.parameter) for one in found] == [("VDI/DGQ 3441:1977", "P")]
     assert found[0].decision.value is not None
     assert found[0].decision.verdict == "pass"
@@ -95,7 +95,7 @@ def test_another_standard_is_evaluated_from_the_readings(tmp_path: Path, materia
 def test_a_gear_is_judged_by_class_and_by_figure(tmp_path: Path) -> None:
     said = "\n[gear_tolerance]\ngrade = 5\nmodule_mm = 4.0\ndiameter_mm = 100.0\nwidth_mm = 20.0\n"
     said += "limits = { F_r = 0.01 }\n"
-    found = {one.decision.parameter: one for one in judged(load_site(site(tmp_path, said)), closing.material())}
+    found = {one.decision.parameter: one for one in judge_limits(load_site(site(tmp_path, said)), closing.material())}
     # ISO 1328-1, class 5 for d 100, m 4, b 20: F_alpha hypot(5.7, 7.2) = 9.2 -> 9.0 um; f_p 6.7 -> 6.5 um.
     assert (found["F_alpha"].decision.limit, found["f_p"].decision.limit) == (9.0, 6.5)
     assert found["F_alpha"].decision.verdict == "pass"
@@ -119,11 +119,11 @@ def test_mistakes_in_register_and_tolerances_are_told_with_their_place(tmp_path:
 
 def test_a_certificate_takes_the_place_of_an_assumption(tmp_path: Path, material: ReportMaterial) -> None:
     tree = load_site(site(tmp_path, REGISTER))
-    assert stated(tree, "laser") == {"um_per_m": 0.2, "kelvin": 0.06}
+    assert stated_uncertainties(tree, "laser") == {"um_per_m": 0.2, "kelvin": 0.06}
     capture = material.axes[0].capture_before
     assert capture is not None
     usual = budget_of(capture)
-    better = budget_of(replace(capture, conditions=Conditions(stated=stated(tree, "laser"))))
+    better = budget_of(replace(capture, conditions=Conditions(stated=stated_uncertainties(tree, "laser"))))
     length_m = float(capture.targets[-1] - capture.targets[0]) / 1000.0
     assert better.device == pytest.approx(0.2 * length_m)
     assert usual.device == pytest.approx(0.5 * length_m)
@@ -140,13 +140,13 @@ def test_an_overdue_calibration_warns_and_refuses_where_the_site_says_so(tmp_pat
         heard.append(f"{code} {fields['name']}")
 
     tree = load_site(site(tmp_path, REGISTER))
-    tell_overdue(tree, date(2026, 3, 1), say)
+    report_overdue_calibrations(tree, date(2026, 3, 1), say)
     assert heard == []
-    tell_overdue(tree, date(2026, 3, 2), say)
+    report_overdue_calibrations(tree, date(2026, 3, 2), say)
     assert heard == ["P-CAP-OVERDUE laser head (2026-03-01)"]
     strict = load_site(site(tmp_path, REGISTER, "\n[report]\nrefuse_overdue = true\n"))
     with pytest.raises(CaptureError, match="laser head"):
-        tell_overdue(strict, date(2026, 3, 2), say)
+        report_overdue_calibrations(strict, date(2026, 3, 2), say)
 
 
 STOOD = {"X": -10.0, "Z": 150.0, "C": 90.0}
@@ -283,10 +283,10 @@ def test_the_end_of_a_closing_run_says_every_verdict_and_ends_with_its_code(
     (tmp_path / "gear.toml").write_text(GEAR.read_text())
     run = Store(tmp_path / "runs").create("mill", {"site_file": str(path)})
     fill(run)
-    done = closed(run, load_site(path))
+    done = closing_outcome(run, load_site(path))
     assert done.exit_code == code
     assert any(line.startswith("X1 A ") and line.endswith(f"as left): {word}") for line in map(str, done.lines))
     assert str(done.lines[-1]).startswith("tooth: ")
     assert done.data["conformity"][0]["verdict"] == word.lower()
-    worse = conforming(replace(done, exit_code=9), judged(load_site(path), material_of(run)))
+    worse = with_conformity(replace(done, exit_code=9), judge_limits(load_site(path), material_of(run)))
     assert worse.exit_code == 9

@@ -16,10 +16,9 @@ from gateway.domain.proposals import Proposal
 from gateway.model.error_model import ErrorModel, UnmeasuredError
 from gateway.store import RunFolder, Store
 from gateway.tooth import GearProposal, SetupValues
-from gateway.workflow import stages
-from gateway.workflow.results.ending import lines_of
-from gateway.workflow.results.reporting import material_of, outcome_of, write_report
-from gateway.workflow.results.tooth import part_names
+from gateway.workflow.results.endings import lines_of
+from gateway.workflow.results.report import material_of, outcome_of, part_names, write_report
+from gateway.workflow.run import stages
 from tests.unit.report import closing, synthetic
 
 AXIS = """

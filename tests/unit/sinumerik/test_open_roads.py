@@ -23,7 +23,7 @@ from gateway.cli.screen.telling import progress
 from gateway.config import load_site, open_road
 from gateway.report import render
 from gateway.report.document.whole import document
-from gateway.workflow import consents
+from gateway.workflow.run import audit_trail
 from tests.unit.approve.test_approve import CHANGE
 from tests.unit.approve.test_consents import At
 from tests.unit.programs.sites import site_file
@@ -104,8 +104,8 @@ def test_the_report_names_it_first(code: str) -> None:
 def test_the_audit_names_it_with_plan_and_push_and_who_took_the_risk(tmp_path: Path) -> None:
     at: Any = At.of(tmp_path, open_road=words("W-MBX-UNPROTECTED"))
     context = replace(bench(tmp_path / "control").context, risk_taken=True)
-    consents.begin(at, CHANGE, context)
-    consents.begin(replace(at, open_road=""), CHANGE, context)
+    audit_trail.record_start(at, CHANGE, context)
+    audit_trail.record_start(replace(at, open_road=""), CHANGE, context)
     first, second = (entry["details"] for entry in audit.read_entries(at.store.root))
     assert (first["unprotected"], first["risk"]) == (at.open_road, "typed")
     assert {"unprotected", "risk"} & set(second) == set()

@@ -19,8 +19,8 @@ from gateway.push import journal
 from gateway.push.history import tables_of
 from gateway.store import RunFolder, Store, records
 from gateway.store.proofs import Proofs
-from gateway.workflow import stages
-from gateway.workflow.consents import demand_todays
+from gateway.workflow.run import stages
+from gateway.workflow.run.audit_trail import require_current_version
 
 MACHINE = MachineIdentity("SN-1", "V4.8", ("X1", "C1"))
 OWN = CompensationTable("axis", "X1", "X1", 0.0, 100.0, 50.0, (0.0, 3.0, 1.0))
@@ -101,7 +101,7 @@ def _facts(table: CompensationTable) -> dict[str, Any]:
 def test_an_older_proposal_is_refused_by_its_version_and_not_as_tampered(tmp_path: Path) -> None:
     folder = Store(tmp_path).create("mill")
     folder.put(stages.PROPOSAL, PROPOSAL)
-    demand_todays(folder)
+    require_current_version(folder)
     path = tmp_path / folder.run_id / _file(folder)
     data = older(path.read_bytes())
     path.write_bytes(data)
@@ -113,7 +113,7 @@ def test_an_older_proposal_is_refused_by_its_version_and_not_as_tampered(tmp_pat
     assert same(folder.get(stages.PROPOSAL, Proposal), PROPOSAL)
     assert folder.facts["machine"] == {"serial": "SN-1", "version": "V4.8"}
     with pytest.raises(WriteRefused) as caught:
-        demand_todays(RunFolder(folder.path))
+        require_current_version(RunFolder(folder.path))
     assert caught.value.code == "E-PROPOSAL-OLDER"
     assert "made with version 0.0.9" in caught.value.what
     assert "make the proposal again" in caught.value.hint

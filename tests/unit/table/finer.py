@@ -16,10 +16,8 @@ from gateway.domain.captures import Between, Capture
 from gateway.domain.proposals import TableChange
 from gateway.evaluate.optics import corrections
 from gateway.table.comparison import acting_mean
-from gateway.workflow.axes.coarse import if_worth
-from gateway.workflow.axes.more import MoreTargets
-from gateway.workflow.axes.propose import change_of, instrument_of
-from gateway.workflow.axes.structure import structure_of
+from gateway.workflow.axes.propose import change_of, instrument_of, judge_benefit
+from gateway.workflow.axes.structure import AdaptiveTargets, structure_of
 from tests.unit.table.world import live, table
 
 Curve = Callable[[np.ndarray], np.ndarray]
@@ -83,7 +81,9 @@ class Machine:
     def judged(self) -> Judged:
         """Captured, widened as long as the run asks for it, proposed; judged on a fine grid by the truth."""
         said: list[dict[str, Any]] = []
-        more = MoreTargets(self.axis, cast(Any, None), lambda code, /, **fields: said.append(fields | {"code": code}))
+        more = AdaptiveTargets(
+            self.axis, cast(Any, None), lambda code, /, **fields: said.append(fields | {"code": code})
+        )
         targets = targets_of(self.axis)
         capture = self.captured(targets)
         while (places := more.wanted(capture)).size:
@@ -92,7 +92,7 @@ class Machine:
         shown = structure_of(self.axis, capture)
         limits = TableLimits(resolution=1e-6, max_value=1.0, reserved_points=5000)
         change = change_of(self.axis, shown, cast(Any, capture.live), limits)
-        change = if_worth(change, shown, instrument_of(capture))
+        change = judge_benefit(change, shown, instrument_of(capture))
         now = self.truth(self.lattice)
         then = now - acting_mean(change.new, self.lattice) if not change.skipped else now
         return Judged(change, targets, said, now, then, self.lattice)

@@ -9,7 +9,7 @@ import pytest
 
 from gateway.tooth import AxisOutlook
 from gateway.views import acting_rows
-from gateway.workflow.axes.acting import judge_acting
+from gateway.workflow.axes.short_capture import judge_combined_effect
 
 AT = np.arange(0.0, 360.0, 30.0)
 CURVE = 5.0 * np.cos(np.radians(3.0 * AT)) + np.sin(np.radians(AT))
@@ -25,7 +25,7 @@ def seen(values: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 def test_a_curve_as_predicted_holds_whatever_its_zero() -> None:
     noise = 0.3 * np.random.default_rng(4).normal(size=AT.size)
-    check = judge_acting(OUTLOOK, seen(CURVE + noise))
+    check = judge_combined_effect(OUTLOOK, seen(CURVE + noise))
     assert check.held is True
     assert np.allclose(check.predicted, CURVE[FEW])
     assert np.allclose(check.U, np.hypot(0.3, 0.4))
@@ -39,14 +39,14 @@ def test_a_curve_as_predicted_holds_whatever_its_zero() -> None:
 
 @pytest.mark.parametrize("wrong", [-CURVE, 0.0 * CURVE, 1.3 * CURVE])
 def test_a_table_that_acts_the_wrong_way_or_not_at_all_is_missed_and_says_how_far(wrong: np.ndarray) -> None:
-    check = judge_acting(OUTLOOK, seen(wrong))
+    check = judge_combined_effect(OUTLOOK, seen(wrong))
     assert check.held is False
     assert f"{np.max(np.abs(check.measured - check.predicted)):.2f}" in str(check.words)
     assert "verify-table" in str(check.words)
 
 
 def test_with_other_tables_live_nothing_is_judged() -> None:
-    check = judge_acting(OUTLOOK, seen(CURVE), others="C1 (CEC 3)")
+    check = judge_combined_effect(OUTLOOK, seen(CURVE), others="C1 (CEC 3)")
     assert check.held is None
     assert "C1 (CEC 3)" in str(check.words)
     rows = acting_rows([OUTLOOK, replace(OUTLOOK, axis="X1")], {"C1": check})

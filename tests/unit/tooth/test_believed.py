@@ -21,9 +21,9 @@ from gateway.evaluate.behaviour.dynamics import steadiness
 from gateway.siteplan import WorkSection
 from gateway.store import Store
 from gateway.tooth import FlankMap, FlankPrediction, SetupValues, ToothProposal, ToothVerdict
-from gateway.workflow import stages
-from gateway.workflow.loop import tooth_loop
-from gateway.workflow.tooth.shop import _said_of, _with_drift, drifting
+from gateway.workflow import complete_run
+from gateway.workflow.run import stages
+from gateway.workflow.tooth.known_machine import _stated_shop, _with_drift, drift_warning
 from tests.unit.components.site import site_data
 
 FLAT = FlankMap(np.zeros(1), np.zeros(1), np.zeros((1, 1, 1)))
@@ -54,17 +54,17 @@ def test_a_clear_drift_is_told_as_a_rate_and_none_where_there_is_none(rate: floa
 def test_the_larger_of_the_site_file_and_what_was_seen_counts_and_is_said() -> None:
     def shop(x: float, c: float) -> ProcessUncertainty:
         seen: Any = {"X": SimpleNamespace(drift_per_h=x), "C": SimpleNamespace(drift_per_h=c)}
-        return _with_drift(_said_of(WORK), seen, GRINDING)
+        return _with_drift(_stated_shop(WORK), seen, GRINDING)
 
     fast, slow = shop(-2.0, 0.1), shop(0.1, 0.0)
     assert (fast.drift_um_per_h, fast.drift_arcsec_per_h) == (2.0, 0.5)
     assert slow.drift_um_per_h == 0.3
-    (told,) = drifting(fast, WORK)
+    (told,) = drift_warning(fast, WORK)
     assert "infeed drifted by 2.0 µm per hour" in str(told)
-    assert drifting(slow, WORK) == ()
+    assert drift_warning(slow, WORK) == ()
 
 
-class Loop(tooth_loop._Loop):
+class Loop(complete_run._ClosingRun):
     """A closing run whose stages are there already."""
 
     async def _part(self, part: str, setup: SetupValues) -> Any:
@@ -82,12 +82,12 @@ def test_nothing_is_ground_again_where_nothing_was_pushed(tmp_path: Path, monkey
     said: list[str] = []
     store = Store(tmp_path)
     folder = store.create("grinder")
-    monkeypatch.setattr(tooth_loop, "same_machine", lambda _at: None)
+    monkeypatch.setattr(complete_run, "same_machine", lambda _at: None)
     book = SimpleNamespace(current=lambda *_names: SetupValues())
-    monkeypatch.setattr(tooth_loop, "SetupBook", lambda _root: book)
+    monkeypatch.setattr(complete_run, "SetupBook", lambda _root: book)
     lacks = SimpleNamespace(setup=SetupValues(x_um=1.5))
-    monkeypatch.setattr(tooth_loop, "setup_from_part", lambda _part, _gear: lacks)
-    monkeypatch.setattr(tooth_loop.selftests, "demand", lambda _at: None)
+    monkeypatch.setattr(complete_run, "setup_from_part", lambda _part, _gear: lacks)
+    monkeypatch.setattr(complete_run.selftests, "demand", lambda _at: None)
     at: Any = SimpleNamespace(folder=folder, store=store, machine=None, site=SiteFile.model_validate(site_data()))
     at.say = lambda code, **fields: said.append(f"{code} {fields.get('name', fields.get('x', ''))}")
     work: Any = SimpleNamespace(name="disc", gear=None)
@@ -140,16 +140,16 @@ def test_a_flank_that_became_worse_takes_the_tables_back_unless_told_not_to(
     async def nothing(_at: Any) -> None:
         return None
 
-    monkeypatch.setattr(tooth_loop, "same_machine", lambda _at: None)
+    monkeypatch.setattr(complete_run, "same_machine", lambda _at: None)
     book = SimpleNamespace(current=lambda *_names: SetupValues(), save=lambda *_given, **_more: None)
-    monkeypatch.setattr(tooth_loop, "SetupBook", lambda _root: book)
-    monkeypatch.setattr(tooth_loop, "setup_from_part", lambda _part, _gear: SimpleNamespace(setup=SetupValues()))
-    monkeypatch.setattr(tooth_loop.selftests, "demand", lambda _at: None)
-    monkeypatch.setattr(tooth_loop, "check_acting", nothing)
-    monkeypatch.setattr(tooth_loop, "judge_tooth", lambda *_parts, **_more: verdict)
-    monkeypatch.setattr(tooth_loop, "take_back_run", take_back)
-    monkeypatch.setattr(tooth_loop, "entered", lambda *_given: "")
-    monkeypatch.setattr(tooth_loop, "work_section", lambda _site: None)
+    monkeypatch.setattr(complete_run, "SetupBook", lambda _root: book)
+    monkeypatch.setattr(complete_run, "setup_from_part", lambda _part, _gear: SimpleNamespace(setup=SetupValues()))
+    monkeypatch.setattr(complete_run.selftests, "demand", lambda _at: None)
+    monkeypatch.setattr(complete_run, "check_acting", nothing)
+    monkeypatch.setattr(complete_run, "judge_tooth", lambda *_parts, **_more: verdict)
+    monkeypatch.setattr(complete_run, "take_back_run", take_back)
+    monkeypatch.setattr(complete_run, "entered", lambda *_given: "")
+    monkeypatch.setattr(complete_run, "work_section", lambda _site: None)
     at: Any = SimpleNamespace(folder=folder, store=store, site=SiteFile.model_validate(site_data()))
     at.machine, at.clock = SimpleNamespace(serial="S1"), LoopClock()
     at.say = lambda code, **_fields: said.append(code)

@@ -19,8 +19,7 @@ from gateway.correct.flank.tables import Table, TableGrid
 from gateway.domain.proposals import TableChange
 from gateway.errors import CaptureError
 from gateway.model.error_model import yk7350b
-from gateway.workflow.axes.crossplaces import seated
-from gateway.workflow.tooth.crosstables import acting_cross, cross_changes
+from gateway.workflow.axes.cross_tables import acting_cross, assign_numbers, cross_changes
 from gateway.workflow.tooth.proposal import _Task
 from tests.signed import proof_of
 
@@ -108,7 +107,7 @@ def test_the_largest_goes_first_and_each_into_the_smallest_memory_that_holds_it(
     """In the plan's order X(Z) took a memory that only X(C) needed, and C(C) was dropped."""
     needs = {0: 31, 1: 73, 2: 31, 3: 73}
     rooms = {key: {0: 100, 1: 40, 2: 40, 3: 100} for key in needs}
-    assert seated(needs, rooms) == {1: 0, 3: 3, 0: 1, 2: 2}
+    assert assign_numbers(needs, rooms) == {1: 0, 3: 3, 0: 1, 2: 2}
     control = Control((100, 8, 8, 100))
     sets = (live("X1"), live("C1"))
     small, large = changes(bench(control), (x_of_z(), x_of_c()), sets)
@@ -118,10 +117,10 @@ def test_the_largest_goes_first_and_each_into_the_smallest_memory_that_holds_it(
 def test_where_there_is_room_for_some_those_that_gain_most_come_first() -> None:
     needs = {0: 31, 1: 73, 2: 31, 3: 73}
     rooms = {key: {0: 100, 1: 40} for key in needs}
-    assert set(seated(needs, rooms)) == {0, 1}
-    assert set(seated(needs, rooms, [3, 2, 1, 0])) == {3, 2}
-    assert set(seated(needs, rooms, [0, 2, 1, 3])) == {0, 2}
-    assert seated(needs, {key: {} for key in needs}, [0, 1, 2, 3]) == {}
+    assert set(assign_numbers(needs, rooms)) == {0, 1}
+    assert set(assign_numbers(needs, rooms, [3, 2, 1, 0])) == {3, 2}
+    assert set(assign_numbers(needs, rooms, [0, 2, 1, 3])) == {0, 2}
+    assert assign_numbers(needs, {key: {} for key in needs}, [0, 1, 2, 3]) == {}
 
 
 def test_what_the_flank_would_miss_most_comes_first() -> None:

@@ -12,8 +12,8 @@ from pydantic import ValidationError
 from drivers.errors import ConfigError
 from gateway.siteplan import GearSection
 from gateway.tooth import DriveLimit, DriveProposal, GoalRow
+from gateway.workflow.tooth.messages import drive_messages
 from gateway.workflow.tooth.proposal import work_of
-from gateway.workflow.tooth.sentences import drive_told
 
 GEAR = """
 name = "disc"
@@ -73,10 +73,10 @@ def test_a_proposal_says_what_is_expected_what_each_goal_costs_and_the_verdict()
         trials=30,
         limits=(DriveLimit("transmission_arcsec", 38.2, 12.2, 30.0, "not decidable"),),
     )
-    expected, first, mine, verdict = map(str, drive_told(drive))
+    expected, first, mine, verdict = map(str, drive_messages(drive))
     assert "38.2" in expected
     assert "predicted, not tested" in expected
     assert "0.08" in first
     assert "0.3 arcsec" in mine
     assert "NOT DECIDABLE" in verdict
-    assert drive_told(None) == ()
+    assert drive_messages(None) == ()

@@ -20,9 +20,9 @@ from gateway.gear.flank import flank_grid
 from gateway.gear.grinding import Grinding
 from gateway.gear.process_drift import set_right
 from gateway.model.error_model import chain_of_errors
-from gateway.workflow import stages
-from gateway.workflow.control import pushing
-from gateway.workflow.tooth import remaining
+from gateway.workflow.control import push
+from gateway.workflow.run import stages
+from gateway.workflow.tooth import ablation
 from gateway.workflow.tooth.proposal import PROFILE, WIDTH, ToothWork
 from tests.unit.correct.test_prediction import HEIGHT, PLAN, known
 from tests.unit.gear.machines import DISC
@@ -88,7 +88,7 @@ def bench(said: list[str], changes: tuple[TableChange, ...], pushed: tuple[str, 
 @pytest.fixture(autouse=True)
 def disc(monkeypatch: pytest.MonkeyPatch) -> None:
     """The work of the site file, without one."""
-    monkeypatch.setattr(remaining, "work_of", lambda _site, _path: WORK)
+    monkeypatch.setattr(ablation, "work_of", lambda _site, _path: WORK)
 
 
 TOLD: dict[str, Any] = {stages.TOOTH: None, stages.ERRORS: MODEL}
@@ -96,7 +96,7 @@ TOLD: dict[str, Any] = {stages.TOOTH: None, stages.ERRORS: MODEL}
 
 def test_all_tables_of_both_layers_leave_what_the_proposal_said() -> None:
     """The same flank from the correction's own machine, worked out by another road."""
-    found = remaining.remaining(bench([], own(), tuple(one.name for one in own()), **TOLD), cross())
+    found = ablation.residual_after_partial_push(bench([], own(), tuple(one.name for one in own()), **TOLD), cross())
     assert found is not None
     grid = flank_grid(DISC, profile=PROFILE, width=WIDTH)
     machines = corrected().machine_with_own, corrected().unmoved
@@ -108,7 +108,7 @@ def test_all_tables_of_both_layers_leave_what_the_proposal_said() -> None:
 
 def test_what_cures_alone_stays_and_what_spoils_alone_goes_back() -> None:
     said: list[str] = []
-    stays = pushing._may_stay(bench(said, own(), **TOLD))
+    stays = push._partial_commit_policy(bench(said, own(), **TOLD))
     assert stays(cross())
     assert not stays((spoiling(),))
     assert said == ["P-PUSH-REST-FLANK"] * 2
@@ -117,16 +117,16 @@ def test_what_cures_alone_stays_and_what_spoils_alone_goes_back() -> None:
 def test_what_cannot_be_predicted_goes_back_and_an_axis_of_its_own_stays() -> None:
     said: list[str] = []
     product = replace(spoiling(), new=replace(spoiling().new, multiply_by=3))
-    assert not pushing._may_stay(bench(said, own(), **TOLD))((product,))
-    assert not pushing._may_stay(bench(said, own(), **dict[str, Any]({stages.TOOTH: None})))(cross())
-    assert pushing._may_stay(bench(said, own()))(own())
+    assert not push._partial_commit_policy(bench(said, own(), **TOLD))((product,))
+    assert not push._partial_commit_policy(bench(said, own(), **dict[str, Any]({stages.TOOTH: None})))(cross())
+    assert push._partial_commit_policy(bench(said, own()))(own())
     assert said == []
 
 
 def test_tables_that_acted_before_are_taken_off_first() -> None:
     """A table that only comes back as it was changes no flank."""
     acted = replace(spoiling(), old=spoiling().new, old_enabled=True)
-    found = remaining.remaining(bench([], own(), **TOLD), (acted,))
+    found = ablation.residual_after_partial_push(bench([], own(), **TOLD), (acted,))
     assert found is not None
     assert found.with_them_um == pytest.approx(found.without_um, abs=1e-9)
     assert found.harmless
@@ -141,7 +141,7 @@ def test_a_reversal_and_its_pair_go_together() -> None:
     )
     turned = replace(plain, new=replace(plain.new, kind="reversal"))
     every = (plain, turned, up, down)
-    stays = pushing._may_stay(bench([], every))
+    stays = push._partial_commit_policy(bench([], every))
     assert stays(every)
     assert stays((plain,))
     assert not stays((plain, up))

@@ -18,7 +18,7 @@ from gateway.config import WorkSection
 from gateway.correct.plan.reversal import reversal_pair
 from gateway.model.waves import fit_means
 from gateway.table import Grid
-from gateway.workflow.tooth.oneway import ground_one_way
+from gateway.workflow.tooth.messages import one_way_message
 from simulators.cellfile import CellFile, load_cell
 from simulators.truth import Truth
 from tests.cell.fitted import read
@@ -66,14 +66,14 @@ def test_what_varies_marks_the_flank_by_what_is_said(none: np.ndarray) -> None:
     cell = demo({"C": [constant(2.0), C_WAVE]})
     marked, at = flank(cell)
     capture = read(Truth(cell), 3).capture("ECC", "C1", NO_TABLES, "")
-    said = ground_one_way("C1", capture, WORK, (), lever_mm=at.lever)
+    said = one_way_message("C1", capture, WORK, (), lever_mm=at.lever)
     assert len(said) == 1
     moved = rms(marked - none)
     assert moved > 0.05
     assert float(re.findall(r"makes ([0-9.]+)", str(said[0]))[0]) == pytest.approx(moved, abs=0.01)
     assert "in the direction -," in str(said[0])
     one_sided = replace(capture, deviations=capture.deviations * np.array([1.0, np.nan]))
-    assert ground_one_way("C1", one_sided, WORK, (), lever_mm=at.lever) == ()
+    assert one_way_message("C1", one_sided, WORK, (), lever_mm=at.lever) == ()
 
 
 def test_the_half_that_acts_in_the_direction_of_the_program_takes_the_mark_away(none: np.ndarray) -> None:

@@ -17,15 +17,15 @@ from gateway.errors import VerifyError
 from gateway.gear.flank import flank_grid
 from gateway.gear.process_drift import set_right
 from gateway.tooth import FlankMap, FlankPrediction, SetupValues, ToothProposal
-from gateway.workflow import stages
-from gateway.workflow.control import signing
-from gateway.workflow.tooth import without
+from gateway.workflow.control import signs
+from gateway.workflow.run import stages
+from gateway.workflow.tooth import ablation
 from gateway.workflow.tooth.proposal import PROFILE, WIDTH
 from tests.unit.gear.machines import DISC
 from tests.unit.tooth.test_remaining import MODEL, WORK, cross, own, spoiling
 
 NAMES = {letter: letter for letter in "XZC"}
-TRIED = without.Tried(MODEL, WORK, NAMES)
+TRIED = ablation.TableTrial(MODEL, WORK, NAMES)
 
 
 def every() -> tuple[TableChange, ...]:
@@ -74,8 +74,8 @@ class Said:
 def kept(monkeypatch: pytest.MonkeyPatch) -> list[tuple[str, str]]:
     """What the audit log was told; the work of the site file is the disc."""
     told: list[tuple[str, str]] = []
-    monkeypatch.setattr(without, "work_of", lambda _site, _path: WORK)
-    monkeypatch.setattr(signing, "left_out", lambda _at, change, why: told.append((change.name, why)))
+    monkeypatch.setattr(ablation, "work_of", lambda _site, _path: WORK)
+    monkeypatch.setattr(signs, "left_out", lambda _at, change, why: told.append((change.name, why)))
     return told
 
 
@@ -87,7 +87,7 @@ def rms_um(*names: str) -> float:
 def test_an_axis_of_its_own_goes_on_without_another(kept: list[tuple[str, str]]) -> None:
     """Nothing was asked for the tooth: each axis table was predicted for its axis alone."""
     said = Said()
-    found = signing._without(said.bench, own(), {("X", "axis"): no_proof("X")})
+    found = signs._without_unproved(said.bench, own(), {("X", "axis"): no_proof("X")})
     assert [one.name for one in found] == [one.name for one in own()]
     assert {one.name: bool(one.skipped) for one in found} == {one.name: one.axis == "X" for one in own()}
     assert said.codes == ["P-PUSH-WITHOUT"]
@@ -98,13 +98,13 @@ def test_an_axis_of_its_own_goes_on_without_another(kept: list[tuple[str, str]])
 
 def test_without_any_table_left_it_is_an_error() -> None:
     with pytest.raises(VerifyError, match="E-PUSH-NO-PROOF"):
-        signing._without(Said().bench, own()[:1], {(own()[0].axis, "axis"): no_proof("X")})
+        signs._without_unproved(Said().bench, own()[:1], {(own()[0].axis, "axis"): no_proof("X")})
 
 
 def test_a_sign_holds_for_all_cross_tables_of_its_axis() -> None:
     several = [one for one in cross() if one.axis == "X"]
     assert len(several) > 1
-    found = signing._without(Said().bench, every(), {("X", "cross"): no_proof("X")})
+    found = signs._without_unproved(Said().bench, every(), {("X", "cross"): no_proof("X")})
     assert [one.name for one in found if one.skipped] == [one.name for one in several]
 
 
@@ -114,16 +114,16 @@ def test_half_of_a_reversal_takes_the_other_with_it() -> None:
     up = replace(plain, new=replace(plain.new, kind="cross", index=4, input_axis=plain.axis, direction=1))
     down = replace(up, new=replace(up.new, index=5, direction=-1))
     changes = (plain, turned, up, down)
-    found = signing._without(Said().bench, changes, {(plain.axis, "cross"): no_proof(plain.axis)})
+    found = signs._without_unproved(Said().bench, changes, {(plain.axis, "cross"): no_proof(plain.axis)})
     assert [bool(one.skipped) for one in found] == [False, True, True, True]
-    found = signing._without(Said().bench, (plain, turned), {(plain.axis, "reversal"): no_proof(plain.axis)})
+    found = signs._without_unproved(Said().bench, (plain, turned), {(plain.axis, "reversal"): no_proof(plain.axis)})
     assert [bool(one.skipped) for one in found] == [False, True]
 
 
 def test_of_tables_for_a_tooth_the_better_rest_goes_on_and_the_flank_is_said() -> None:
     said = Said(**{stages.TOOTH: None, stages.ERRORS: MODEL})
     lost = cross()[0]
-    found = signing._without(said.bench, every(), {(lost.axis, "cross"): no_proof(lost.axis)})
+    found = signs._without_unproved(said.bench, every(), {(lost.axis, "cross"): no_proof(lost.axis)})
     assert said.codes[0] == "P-PUSH-WITHOUT-FLANK"
     going = [one.name for one in found if not one.skipped]
     figures = said.fields[0]
@@ -134,12 +134,12 @@ def test_of_tables_for_a_tooth_the_better_rest_goes_on_and_the_flank_is_said() -
 
 
 def test_what_spoils_without_the_lost_table_goes_too() -> None:
-    rest = without.best_rest(TRIED, (*every(), spoiling()), (*own(), spoiling()))
+    rest = ablation.best_remaining_tables(TRIED, (*every(), spoiling()), (*own(), spoiling()))
     assert [one.name for one in rest.changes] == [one.name for one in own()]
     worse = [
         replace(one, new=replace(one.new, deviations=tuple(-5.0 * d for d in one.new.deviations))) for one in own()
     ]
-    assert without.best_rest(TRIED, every(), worse).changes == ()
+    assert ablation.best_remaining_tables(TRIED, every(), worse).changes == ()
 
 
 def test_the_prediction_becomes_that_of_the_tables_that_were_pushed() -> None:
@@ -147,7 +147,7 @@ def test_the_prediction_becomes_that_of_the_tables_that_were_pushed() -> None:
     acting = [one for one in changes if one.axis != "X" or one.layer == "axis"]
     whole, plain = TRIED.right(changes), TRIED.flank(own())
     told = FlankPrediction(TRIED.flank(()), plain, whole, 0.1, 0.2, np.zeros(whole.deviation_um.shape), 0.5, 0.1)
-    found = without.revised(ToothProposal(SetupValues(), told), TRIED, changes, acting)
+    found = ablation.revise_prediction(ToothProposal(SetupValues(), told), TRIED, changes, acting)
     wanted = TRIED.right(acting)
     assert found.prediction.after.deviation_um == pytest.approx(wanted.deviation_um, abs=1e-9)
     doubt = 0.5**2 - whole.rms_um**2
@@ -173,7 +173,7 @@ def test_the_spread_of_the_rms_follows_the_flank(larger_um: float) -> None:
     flank = FlankMap(thetas, zs, plain)
     rms_um, rms_u_um = drawn(plain)
     told = FlankPrediction(flank, flank, flank, 0.1, u, np.full(plain.shape, u), rms_um, rms_u_um)
-    found, wanted = without._moved(told, more), drawn(plain + more)
+    found, wanted = ablation._move_flank(told, more), drawn(plain + more)
     assert (found.rms_um, found.rms_u_um) == pytest.approx(wanted, rel=0.05)
 
 
@@ -186,12 +186,12 @@ def test_the_stored_prediction_is_revised_once_and_says_why() -> None:
     proposal: Any = SimpleNamespace(changes=changes)
     folder[stages.PROPOSAL] = proposal
     folder |= {stages.push(one.name): PushRecord(1, one.axis, "committed", (), "") for one in changes}
-    without.predict_without(said.bench, proposal)
+    ablation.predict_without(said.bench, proposal)
     assert folder[stages.TOOTH].prediction is told
     folder[stages.push(lost.name)] = PushRecord(
         0, lost.axis, "skipped", (), "", reasons=(Message.stored("E-PUSH-NO-PROOF: too small"),)
     )
-    without.predict_without(said.bench, proposal)
+    ablation.predict_without(said.bench, proposal)
     found = folder[stages.TOOTH]
     assert str(found.said[0]) == f"{lost.name}: E-PUSH-NO-PROOF: too small"
     wanted = TRIED.right([one for one in changes if one.name != lost.name])

@@ -14,8 +14,7 @@ from gateway.domain.captures import Between, Capture
 from gateway.domain.outcomes import AxisVerdict, PushRecord
 from gateway.evaluate.optics.corrections import begin
 from gateway.evaluate.standards.iso230_2 import evaluate_iso230_2
-from gateway.workflow.axes.explaining import check_between
-from gateway.workflow.axes.verdict import judge, judge_axis
+from gateway.workflow.axes.verdict import check_between, judge_axis, judge_run
 from tests.unit.verdict.test_explaining import CHANGE, OLD
 
 TARGETS = CHANGE.targets
@@ -59,7 +58,7 @@ def test_a_good_table_is_confirmed_between_the_targets() -> None:
     good = verdict(as_the_table)
     assert (good.improved, good.worse, good.within_prediction) == (True, False, True)
     assert "Positions between the targets, not measured before, confirm it (6)" in prose(good.words)
-    assert judge((good,), (PUSH,), ()).outcome == "better"
+    assert judge_run((good,), (PUSH,), ()).outcome == "better"
 
 
 def test_a_little_more_than_stated_between_them_is_said() -> None:
@@ -74,7 +73,7 @@ def test_a_table_that_only_the_targets_agree_with_makes_the_axis_worse(machine: 
     assert (bad.improved, bad.worse) == (False, True)
     assert "The axis became worse" in prose(bad.words)
     assert "trueflank rollback SITE --axis C1" in prose(bad.words)
-    assert judge((bad,), (PUSH,), ()).outcome == "worse"
+    assert judge_run((bad,), (PUSH,), ()).outcome == "worse"
 
 
 def test_without_stops_the_targets_decide() -> None:

@@ -14,8 +14,7 @@ from gateway.domain.proposals import TableChange
 from gateway.domain.values import FloatArray
 from gateway.evaluate.standards.iso230_2 import evaluate_iso230_2
 from gateway.evaluate.uncertainty.budget import Budget
-from gateway.workflow.axes.explaining import explain
-from gateway.workflow.axes.verdict import judge_axis
+from gateway.workflow.axes.verdict import explain_residual, judge_axis
 
 OLD = CompensationTable("axis", "C1", "C1", 0.0, 360.0, 60.0, (0.0, 2.0, 4.0, 2.0, -1.0, -3.0, 0.0), True)
 NEW = replace(OLD, deviations=(0.0, 9.0, 15.0, 4.0, -12.0, -9.0, 0.0))
@@ -30,26 +29,26 @@ CHANGE = TableChange("C1", OLD, NEW, True, "base", TARGETS, np.zeros(24), np.ful
 )
 def test_what_the_new_table_did_over_the_old(slope: float, said: str) -> None:
     before = SHAPE + np.random.default_rng(5).normal(scale=0.2, size=24)
-    assert said in str(explain(CHANGE, before, before + slope * SHAPE + 0.7).words[0])
+    assert said in str(explain_residual(CHANGE, before, before + slope * SHAPE + 0.7).words[0])
 
 
 def test_an_old_table_that_was_off_took_nothing_away() -> None:
     whole = NEW.at(TARGETS)
     change = replace(CHANGE, old_enabled=False)
-    assert explain(change, whole, 0.0 * whole).kind == "as-predicted"
-    assert explain(CHANGE, whole, 0.0 * whole).kind != "doubled"
+    assert explain_residual(change, whole, 0.0 * whole).kind == "as-predicted"
+    assert explain_residual(CHANGE, whole, 0.0 * whole).kind != "doubled"
 
 
 def test_a_poor_prediction_does_not_hide_what_two_good_measurements_show() -> None:
     poor = replace(CHANGE, predicted_U=np.full(24, 6.0))
-    assert explain(poor, SHAPE, 0.0 * SHAPE).kind == "cannot-tell"
-    assert explain(poor, SHAPE, 0.0 * SHAPE, 1.2).kind == "as-predicted"
-    assert explain(CHANGE, SHAPE, 0.0 * SHAPE, 6.0).kind == "as-predicted"
+    assert explain_residual(poor, SHAPE, 0.0 * SHAPE).kind == "cannot-tell"
+    assert explain_residual(poor, SHAPE, 0.0 * SHAPE, 1.2).kind == "as-predicted"
+    assert explain_residual(CHANGE, SHAPE, 0.0 * SHAPE, 6.0).kind == "as-predicted"
 
 
 def test_other_targets_decide_nothing() -> None:
-    assert explain(CHANGE, SHAPE[1:], SHAPE[1:]).kind == "cannot-tell"
-    assert explain(CHANGE, SHAPE, SHAPE[1:]).kind == "cannot-tell"
+    assert explain_residual(CHANGE, SHAPE[1:], SHAPE[1:]).kind == "cannot-tell"
+    assert explain_residual(CHANGE, SHAPE, SHAPE[1:]).kind == "cannot-tell"
 
 
 @pytest.mark.parametrize("U", [0.1, 1.0, 3.0, 6.0])

@@ -23,7 +23,7 @@ from gateway.watch.journal import WatchJournal
 from gateway.watch.listing import Folder, SeenFile
 from gateway.watch.watcher import Watcher
 from gateway.workflow.files.importing import import_file
-from gateway.workflow.files.reading import How
+from gateway.workflow.files.reading import ReadOptions
 
 GOLDEN = Path(__file__).parents[2] / "golden" / "files"
 BASIC = (GOLDEN / "basic.rtl").read_bytes()
@@ -288,7 +288,7 @@ def real(tmp_path: Path, said: list[str]) -> tuple[Watcher, Path, Store]:
     folder.mkdir(exist_ok=True)
 
     def take(path: Path, sha256: str) -> str:
-        return import_file(path, store, How(), None, expected=sha256)[0].run_id
+        return import_file(path, store, ReadOptions(), None, expected=sha256)[0].run_id
 
     def say(code: str, /, **_fields: object) -> None:
         said.append(code)

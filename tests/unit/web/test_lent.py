@@ -13,7 +13,7 @@ from gateway.broker import Broker, Lease
 from gateway.cli.begin.checking import asked
 from gateway.say import silence
 from gateway.workflow.axes.dynamic import RecordingOptions, capture_dynamic
-from gateway.workflow.runsite import store_of
+from gateway.workflow.run.folder import store_of
 from tests.unit.web.test_daemon import SITE
 
 SOON = {"timeout_s": 0.5}

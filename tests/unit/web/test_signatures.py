@@ -19,7 +19,7 @@ from gateway.push import plan_hash
 from gateway.store.disk import read_whole
 from gateway.users import KeyRing, Signer, UserAccounts, first_token_path
 from gateway.users.signatures import is_signature, new_key, seal, unseal
-from gateway.workflow import consents, stages
+from gateway.workflow.run import audit_trail, stages
 from tests.unit.approve.test_approve import CHANGE, MACHINE
 from tests.unit.approve.test_consents import PROPOSAL, At
 from tests.unit.push.double import bench as push_bench
@@ -93,7 +93,7 @@ def approval(at: Any, actor: str, signer: Signer | None, **changed: Any) -> Appr
 
 
 def unsigned(at: Any) -> tuple[Approval, ...]:
-    return consents.consented(at, CHANGE, push_bench(at.store.root).context).unsigned_approvals
+    return audit_trail.with_consent(at, CHANGE, push_bench(at.store.root).context).unsigned_approvals
 
 
 def test_where_nobody_has_a_key_approvals_at_a_keyboard_count_as_before(at: Any, accounts: UserAccounts) -> None:
@@ -188,7 +188,7 @@ def test_a_file_of_accounts_that_this_service_did_not_write_is_refused(
 
 def is_proposed(at: Any) -> bool:
     context = replace(push_bench(at.store.root).context, capture=None)
-    return consents.consented(at, CHANGE, context).is_proposed
+    return audit_trail.with_consent(at, CHANGE, context).is_proposed
 
 
 def propose_by_hand(at: Any, **signed: str) -> None:
@@ -205,15 +205,15 @@ def test_a_proposal_counts_with_the_signature_of_a_gateway_that_is_known_here(
     assert not is_proposed(at)
     with monkeypatch.context() as elsewhere:
         elsewhere.setenv("TRUEFLANK_KEYS", str(tmp_path / "other-keys"))
-        assert consents.proposed(at, PROPOSAL) == ""
+        assert audit_trail.record_proposal(at, PROPOSAL) == ""
         assert is_proposed(at), "there it is known"
     assert not is_proposed(at)
-    assert consents.proposed(at, PROPOSAL) == ""
+    assert audit_trail.record_proposal(at, PROPOSAL) == ""
     assert is_proposed(at)
 
 
 def test_a_signature_of_another_run_or_proposal_is_none(at: Any) -> None:
-    assert consents.proposed(at, PROPOSAL) == ""
+    assert audit_trail.record_proposal(at, PROPOSAL) == ""
     (line,) = (one for one in audit.read_entries(at.store.root) if one["action"] == audit.PROPOSED)
     signed = {key: line["details"][key] for key in ("key", "signature")}
     other = At(at.store, at.store.create("mill"))

@@ -1,1 +1,0 @@
-"""Test parts: grind one, inspect it, correct from it, guard a gear."""
