@@ -11,14 +11,14 @@ from datetime import datetime
 from pathlib import Path
 
 from drivers.local.names import person_key
-from drivers.local.ownfiles import open_own
+from drivers.local.ownfiles import open_own, sync_folder
 from drivers.types.identity import MachineIdentity
 from gateway.domain.proposals import Approval, TableChange
 from gateway.errors import CorruptRecord, WriteRefused
 from gateway.interlocks import APPROVED_FOR
 from gateway.push import plan_hash
 from gateway.store import records
-from gateway.store.disk import checked_name, disk_errors, make_folder, read_whole, sync_folder, write_whole
+from gateway.store.disk import checked_name, disk_errors, make_folder, read_whole, write_whole
 
 # What an approval binds and who may give it. `gateway.interlocks` decides how many a push needs.
 

@@ -11,6 +11,7 @@ import errno
 import functools
 import os
 import stat
+import sys
 from pathlib import Path
 from typing import BinaryIO, cast
 
@@ -109,3 +110,14 @@ def _of_group(folder: Path) -> int:
     """The group's rights in a shared folder, 0 in any other."""
     mode = os.stat(folder).st_mode
     return mode & 0o070 if mode & _SHARED else 0
+
+
+def sync_folder(folder: Path) -> None:
+    """Make a rename or a new file durable; Windows has no way to ask for it and needs none."""
+    if sys.platform == "win32":
+        return
+    descriptor = os.open(folder, os.O_RDONLY)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)

@@ -26,7 +26,7 @@ from pathlib import Path
 from typing import Any, BinaryIO, Self
 
 from drivers.local.names import stem
-from drivers.local.ownfiles import make_own_folder, open_own, read_own
+from drivers.local.ownfiles import make_own_folder, open_own, read_own, sync_folder
 from drivers.message import Message
 from drivers.terms import with_current_keys
 from gateway.errors import BusyError, StoreError
@@ -317,17 +317,6 @@ def set_aside(path: Path) -> None:
         sync_folder(path.parent)
     except OSError:
         return
-
-
-def sync_folder(folder: Path) -> None:
-    """Make a new or renamed file durable; Windows has no way to ask for it."""
-    if sys.platform == "win32":
-        return
-    descriptor = os.open(folder, os.O_RDONLY)
-    try:
-        os.fsync(descriptor)
-    finally:
-        os.close(descriptor)
 
 
 # Work with a control that files are carried to starts again from its first step each time files come back. It repeats

@@ -5,13 +5,12 @@ from __future__ import annotations
 import contextlib
 import os
 import secrets
-import sys
 from collections.abc import Iterator
 from pathlib import Path
 from threading import Event
 
 from drivers.local.names import MOST_OF_FILE, allowed, is_file_name, shown
-from drivers.local.ownfiles import make_own_folder, open_own, read_own
+from drivers.local.ownfiles import make_own_folder, open_own, read_own, sync_folder
 from gateway.errors import StoreError
 
 # Windows: access denied, sharing violation, lock violation; a virus scanner holds a new file for a moment.
@@ -73,14 +72,3 @@ def replace(source: Path, target: Path) -> None:
             if getattr(error, "winerror", None) not in _PASSING or attempt == _TRIES - 1:
                 raise
             Event().wait(_PAUSE_S)
-
-
-def sync_folder(folder: Path) -> None:
-    """Make a rename or a new file durable; Windows has no way to ask for it and needs none."""
-    if sys.platform == "win32":
-        return
-    descriptor = os.open(folder, os.O_RDONLY)
-    try:
-        os.fsync(descriptor)
-    finally:
-        os.close(descriptor)

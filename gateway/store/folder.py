@@ -23,7 +23,6 @@ from gateway.store.disk import checked_name, make_folder, read_whole, write_whol
 
 R = TypeVar("R")
 RUN_FILE = "run.json"
-BESIDE = seal.BESIDE
 
 
 @dataclass(frozen=True, slots=True)
@@ -109,7 +108,7 @@ class RunFolder:
         if known is not None and known["sha256"] == digest:
             return digest
         if known is not None:
-            facts.setdefault(BESIDE, {})[layout.place(known["file"], facts)] = known["sha256"]
+            facts.setdefault(seal.BESIDE, {})[layout.place(known["file"], facts)] = known["sha256"]
         name = self._free_name(stage, facts)
         self._write(name, data, facts)
         entry = {"file": name, "sha256": digest, "parents": list(parents), "type": type(record).__name__}
@@ -193,7 +192,7 @@ class RunFolder:
         if not found:
             return
         facts = self._facts()
-        facts.setdefault(BESIDE, {}).update(found)
+        facts.setdefault(seal.BESIDE, {}).update(found)
         self._write_facts(facts)
 
     def differences(self) -> tuple[seal.Difference, ...]:

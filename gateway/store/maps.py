@@ -8,9 +8,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
+from drivers.local.ownfiles import sync_folder
 from gateway.errors import CorruptRecord
 from gateway.store import records
-from gateway.store.disk import disk_errors, make_folder, read_whole, sync_folder, write_whole
+from gateway.store.disk import disk_errors, make_folder, read_whole, write_whole
 
 _FOLDER = "maps"
 _KIND = re.compile(r"[a-z-]{1,20}")

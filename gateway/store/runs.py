@@ -19,7 +19,8 @@ from drivers.local.ownfiles import make_new_own_folder
 from gateway.errors import StoreError, UnknownRun
 from gateway.store import layout, records
 from gateway.store.disk import disk_errors, write_whole
-from gateway.store.folder import BESIDE, RUN_FILE, RunFolder, RunSummary, sealed
+from gateway.store.folder import RUN_FILE, RunFolder, RunSummary, sealed
+from gateway.store.seal import BESIDE
 
 
 def _utc_now() -> datetime:

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from drivers.local.names import MOST, allowed, is_name, person_key, shown
-from drivers.local.ownfiles import make_own_folder, open_own, read_own
+from drivers.local.ownfiles import make_own_folder, open_own, read_own, sync_folder
 from drivers.message import Message
 from gateway.errors import (
     CodeAsked,
@@ -23,7 +23,7 @@ from gateway.errors import (
     NotSignedIn,
     RecordNotFound,
 )
-from gateway.store.disk import disk_errors, sync_folder
+from gateway.store.disk import disk_errors
 from gateway.store.disk import replace as moved
 from gateway.users.leaked import is_leaked
 from gateway.users.passwords import Hasher, token_digest

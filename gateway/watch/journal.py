@@ -6,9 +6,9 @@ import json
 import os
 from pathlib import Path
 
-from drivers.local.ownfiles import make_own_folder, open_own, read_own
+from drivers.local.ownfiles import make_own_folder, open_own, read_own, sync_folder
 from gateway.errors import CorruptRecord
-from gateway.store.disk import disk_errors, sync_folder
+from gateway.store.disk import disk_errors
 
 _FOLDER, _FILE = "watch", "journal.jsonl"
 
