@@ -13,7 +13,7 @@ from benchmarks.report import Report, main, slope, spent
 from drivers.clock import LoopClock
 from gateway import audit
 from gateway.audit import AUDIT, audit_files
-from gateway.index.keeping import RunIndex
+from gateway.index.database import RunIndex
 from gateway.index.rows import IndexedFigure, IndexedRun
 
 

@@ -28,8 +28,8 @@ from drivers.umd.codec import CODE, DATA, DISPLACEMENT, SEQUENCE, VELOCITY, UmdC
 from drivers.umd.counting import UmdCounting
 from drivers.umd.device import UmdCounter
 from drivers.umd.settings import UmdSettings
-from gateway.daemon.looking import Looking
-from gateway.store.rawstream import RawRecorder, StreamFacts
+from gateway.daemon.stream import LiveObserver
+from gateway.store.raw_stream import RawRecorder, StreamFacts
 
 BLOCK = 1 << 18
 READLINES = 8_000
@@ -342,7 +342,7 @@ async def watched(port: int, frames: int) -> float:
     device = BridgeInstrument("laser", f"tcp://127.0.0.1:{port}", {}, LoopClock())
     await device.open(30.0)
     seen, before = 0, 0.0
-    looking = Looking(lambda _kind, _told: None, LoopClock())
+    looking = LiveObserver(lambda _kind, _told: None, LoopClock())
     async with aclosing(device.blocks()) as stream:  # type: ignore[type-var]
         async for block in stream:
             looking.samples("laser", block)

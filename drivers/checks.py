@@ -8,8 +8,8 @@ from datetime import datetime
 from typing import Literal
 
 from drivers.errors import TrueflankError
-from drivers.leftover import Sent
 from drivers.message import Form, Message
+from drivers.stale_programs import Sent
 from drivers.types.identity import MachineIdentity, likeness
 
 Outcome = Literal["ok", "wrong", "unknown"]

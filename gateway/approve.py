@@ -17,8 +17,7 @@ from gateway.domain.proposals import Approval, TableChange
 from gateway.errors import CorruptRecord, WriteRefused
 from gateway.interlocks import APPROVED_FOR
 from gateway.push import plan_hash
-from gateway.store import records
-from gateway.store.disk import checked_name, disk_errors, make_folder, read_whole, write_whole
+from gateway.store import checked_name, decode, disk_errors, encode, make_folder, read_whole, sha256, write_whole
 
 # What an approval binds and who may give it. `gateway.interlocks` decides how many a push needs.
 
@@ -79,8 +78,8 @@ class Approvals:
 
     def keep(self, approval: Approval) -> str:
         """Keep an approval for good; returns its hash. Raises StoreError (E-STORE-DISK)."""
-        data = records.encode(approval)
-        digest = records.sha256(data)
+        data = encode(approval)
+        digest = sha256(data)
         make_folder(self._folder)
         write_whole(self._path(digest), data)
         return digest
@@ -101,12 +100,12 @@ class Approvals:
     @staticmethod
     def signed_form(approval: Approval) -> bytes:
         """What of an approval is signed: all but the signature."""
-        return b"trueflank approval 1\n" + records.encode(replace(approval, signature=""))
+        return b"trueflank approval 1\n" + encode(replace(approval, signature=""))
 
     @staticmethod
     def digest(approval: Approval) -> str:
         """The hash that names an approval."""
-        return records.sha256(records.encode(approval))
+        return sha256(encode(approval))
 
     def use(self, approvals: tuple[Approval, ...], used_by: str) -> None:
         """Use them up, durably, before anything is written to a machine; ``used_by`` says for what.
@@ -115,7 +114,7 @@ class Approvals:
         moment; StoreError (E-STORE-DISK).
         """
         for approval in approvals:
-            path = self._path(records.sha256(records.encode(approval)))
+            path = self._path(sha256(encode(approval)))
             self._mark(path.with_name(f"{path.name}.used"), approval, used_by)
 
     def _mark(self, path: Path, approval: Approval, used_by: str) -> None:
@@ -136,9 +135,9 @@ class Approvals:
 
 def _read(path: Path) -> Approval:
     data = read_whole(path)
-    if path.stem.rpartition("-")[2] != records.sha256(data)[:16]:
+    if path.stem.rpartition("-")[2] != sha256(data)[:16]:
         raise CorruptRecord("E-STORE-HASH", str(path), stage="approval")
-    return records.decode(data, Approval, str(path))
+    return decode(data, Approval, str(path))
 
 
 # On a connection that is not protected one person alone must type the risk, for one command, word for word.

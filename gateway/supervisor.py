@@ -12,10 +12,10 @@ from typing import Any, cast
 from drivers import registry
 from drivers.clock import Clock
 from drivers.errors import ConfigError, DeviceError, TrueflankError, UnsupportedDevice
-from drivers.leftover import NOTHING, Leavable, SentPrograms
 from drivers.ports.controller import Controller
 from drivers.ports.devices import Device
 from drivers.ports.instruments import Instrument, TypedInstrument
+from drivers.stale_programs import NOTHING, LeavesPrograms, SentPrograms
 from drivers.terms import speak
 from drivers.types.identity import Identity, Likeness, MachineIdentity, Renamed, likeness
 from drivers.types.machine import MachineState
@@ -38,7 +38,7 @@ class DevicePicture:
     error: TrueflankError | None = None
 
 
-def unopened(site: SiteFile, clock: Clock) -> tuple[DevicePicture, ...]:
+def unopened_devices(site: SiteFile, clock: Clock) -> tuple[DevicePicture, ...]:
     """Every device of a site before anything was loaded for it."""
     since = clock.utc().isoformat(timespec="seconds")
     named = ((Supervisor.CONTROLLER, site.controller.driver), *((one.name, one.driver) for one in site.instruments))
@@ -116,7 +116,7 @@ class Supervisor:
         for instrument in self._wanted:
             role = next((role for role in _ROLES if instrument.driver in registry.known(role)), _ROLES[0])
             self._add(instrument.name, instrument.driver, role, instrument.url, instrument.settings)
-        if isinstance(self.controller, Leavable):
+        if isinstance(self.controller, LeavesPrograms):
             self.controller.book = self._book
 
     @property
@@ -311,7 +311,7 @@ class Supervisor:
 
     async def _look_around(self) -> None:
         """What of ours stands in the control without a gateway at work with it: kept in ``left``."""
-        if isinstance(self.controller, Leavable):
+        if isinstance(self.controller, LeavesPrograms):
             self.left = await self.controller.left_over()
 
     async def _wait(self, stop: asyncio.Event, seconds: float) -> None:

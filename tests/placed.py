@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from typing import TypeVar
 
-from drivers.standing import KeepsPlaces
+from drivers.safe_positions import SafePositionMixin
 from drivers.types.moves import SafePlaces
 
-Device = TypeVar("Device", bound=KeepsPlaces)
+Device = TypeVar("Device", bound=SafePositionMixin)
 
 WIDE = (-9999.0, 9999.0)
 PLACES = SafePlaces(dict.fromkeys(("X1", "Y1", "Z1", "A1", "C1"), WIDE), feed_mm=6000.0, feed_deg=6000.0)

@@ -14,7 +14,7 @@ import simulators.cell
 from drivers.programs import SelfTested
 from drivers.types.identity import MachineIdentity
 from gateway.config import load_site
-from gateway.store.selftests import SelfTestBook
+from gateway.store.machine_books import SelfTestBook
 from gateway.workflow.run.folder import store_of
 from simulators.cell import Cell
 from simulators.cellfile import CellFile, limit_sample_rate, load_cell

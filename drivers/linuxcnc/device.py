@@ -19,7 +19,7 @@ from drivers.linuxcnc.measuring import StopProgram, read_moves
 from drivers.linuxcnc.settings import LinuxCncSettings
 from drivers.linuxcnc.wire import AgentWire
 from drivers.ports.devices import Tell
-from drivers.standing import KeepsPlaces
+from drivers.safe_positions import SafePositionMixin
 from drivers.terms import TableKind
 from drivers.types.abilities import Capabilities, Marker, TableAbility, TableLimits
 from drivers.types.identity import Identity, KnownAs, MachineIdentity
@@ -43,7 +43,7 @@ EMERGENCY, FAULT = 1, 10
 """LinuxCNC numbers no alarms: 1 is the emergency stop, 10 + n a fault of joint n."""
 
 
-class LinuxCnc(KeepsPlaces, KnownAs):
+class LinuxCnc(SafePositionMixin, KnownAs):
     """Driver "linuxcnc-agent": settings in `drivers.linuxcnc.settings.LinuxCncSettings`; url tcp://host:port."""
 
     def __init__(self, name: str, url: str, settings: Mapping[str, Any], clock: Clock) -> None:

@@ -15,7 +15,7 @@ from drivers.probes import Allowance
 from drivers.types.tables import LiveSet
 from gateway.acceptance.results import ENGLISH, SeenLine, seen
 from gateway.acceptance.working import NotHere, SiteDesk
-from gateway.capture.sense import prove_sense
+from gateway.capture.rig import prove_sense
 from gateway.config import AxisSection
 from gateway.conform import prober_of
 from gateway.domain.proposals import TableChange

@@ -22,7 +22,7 @@ from typing import Any, Literal
 from drivers.local.ownfiles import open_own, read_own, sync_folder
 from gateway.errors import BusyError, CorruptRecord
 from gateway.push import hold_lock
-from gateway.store.disk import disk_errors, read_whole, write_whole
+from gateway.store import disk_errors, read_whole, write_whole
 
 Role = Literal["operator", "approver", "service", "program"]
 START = "0" * 64

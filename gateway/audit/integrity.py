@@ -24,8 +24,7 @@ from gateway.audit.chain import (
 from gateway.audit.log_state import read_log_state
 from gateway.errors import CorruptRecord, StoreError
 from gateway.push import journal
-from gateway.store import RunFolder, Store
-from gateway.store.seal import APPROVALS, Kind, digest_of
+from gateway.store import APPROVALS, Kind, RunFolder, Store, digest_of
 
 
 @dataclass(frozen=True, slots=True)

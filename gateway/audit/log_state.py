@@ -10,7 +10,7 @@ from typing import Any
 
 from drivers.message import Message
 from gateway.audit.chain import AUDIT, audit_files, read_entries, tail_of
-from gateway.store.disk import disk_errors
+from gateway.store import disk_errors
 
 BEGUN, ENDING = "push-begun", "push-ending"
 PROPOSED, APPROVED, USED = "propose", "approve", "approval-used"

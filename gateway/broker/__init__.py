@@ -6,10 +6,19 @@ heard by the broker, so that everybody sees one truth. Only who opens devices fo
 
 from __future__ import annotations
 
-from gateway.broker.borrowing import borrowed, taking
-from gateway.broker.lending import Broker, Lease
-from gateway.broker.lock import locked
-from gateway.broker.notice import BrokerNotice, notice_of
-from gateway.broker.token import token_of, token_path
+from gateway.broker.borrowing import borrow_devices, devices_are_own, take_from_hung_gateway
+from gateway.broker.lending import Broker, BrokerNotice, Lease, notice_of
+from gateway.broker.state_folder import hold_folder_lock, token_of, token_path
 
-__all__ = ["Broker", "BrokerNotice", "Lease", "borrowed", "locked", "notice_of", "taking", "token_of", "token_path"]
+__all__ = [
+    "Broker",
+    "BrokerNotice",
+    "Lease",
+    "borrow_devices",
+    "devices_are_own",
+    "hold_folder_lock",
+    "notice_of",
+    "take_from_hung_gateway",
+    "token_of",
+    "token_path",
+]

@@ -15,10 +15,8 @@ from drivers.clock import Clock
 from drivers.errors import DeadlineExceeded, TransportError
 from drivers.message import fields_as_data
 from gateway import audit, stopping
-from gateway.broker.lending import LOOPBACK
-from gateway.broker.lines import LONGEST, heard, line
-from gateway.broker.lock import is_locked, locked
-from gateway.broker.notice import BrokerNotice, notice_of
+from gateway.broker.lending import LONGEST, LOOPBACK, BrokerNotice, notice_of, object_line, read_object
+from gateway.broker.state_folder import hold_folder_lock, is_locked
 from gateway.errors import BusyError
 from gateway.say import Say, silence
 
@@ -27,13 +25,13 @@ ALIVE_S = 3.0
 ENDING_S = 3.0
 LOOK_S = 0.1
 
-_Talk = tuple[asyncio.StreamReader, asyncio.StreamWriter]
+_Connection = tuple[asyncio.StreamReader, asyncio.StreamWriter]
 _taking: ContextVar[str] = ContextVar("why devices are taken", default="")
 _held: ContextVar[bool] = ContextVar("devices are held", default=False)
 
 
 @contextmanager
-def taking(why: str) -> Iterator[None]:
+def take_from_hung_gateway(why: str) -> Iterator[None]:
     """In the block devices are taken from a gateway that does not answer; ``why`` goes into the audit log; "": not."""
     before = _taking.set(why)
     try:
@@ -43,7 +41,7 @@ def taking(why: str) -> Iterator[None]:
 
 
 @contextmanager
-def held_here() -> Iterator[None]:
+def devices_are_own() -> Iterator[None]:
     """In the block the devices are this process' own: nobody is asked for them."""
     before = _held.set(True)
     try:
@@ -53,7 +51,7 @@ def held_here() -> Iterator[None]:
 
 
 @asynccontextmanager
-async def borrowed(root: Path, run: str, clock: Clock, say: Say = silence) -> AsyncIterator[Say]:
+async def borrow_devices(root: Path, run: str, clock: Clock, say: Say = silence) -> AsyncIterator[Say]:
     """Have the devices while the block lasts; gives the `Say` to use in it. Without a serving gateway: at once.
 
     Raises BusyError (E-BROKER-BUSY) saying who has them, TransportError (E-BROKER-SILENT) where the gateway does not
@@ -64,18 +62,18 @@ async def borrowed(root: Path, run: str, clock: Clock, say: Say = silence) -> As
         yield say
         return
     if why := _taking.get():
-        async with _taken(root, notice, clock, why):
+        async with _take_over(root, notice, clock, why):
             yield say
         return
-    talk = await _connected(notice)
+    talk = await _connect(notice)
     if talk is None:
         yield say  # a notice that a killed process left: nobody listens
         return
-    async with _having(talk, notice, clock, root=root, run=run) as writer:
+    async with _with_lease(talk, notice, clock, root=root, run=run) as writer:
         yield _heard_by(writer, say)
 
 
-async def _connected(notice: BrokerNotice) -> _Talk | None:
+async def _connect(notice: BrokerNotice) -> _Connection | None:
     try:
         return await asyncio.open_connection(LOOPBACK, notice.port, limit=LONGEST)
     except OSError:
@@ -83,8 +81,8 @@ async def _connected(notice: BrokerNotice) -> _Talk | None:
 
 
 @asynccontextmanager
-async def _having(
-    talk: _Talk, notice: BrokerNotice, clock: Clock, *, root: Path, run: str
+async def _with_lease(
+    talk: _Connection, notice: BrokerNotice, clock: Clock, *, root: Path, run: str
 ) -> AsyncIterator[asyncio.StreamWriter]:
     reader, writer = talk
     listening: asyncio.Task[None] | None = None
@@ -95,7 +93,7 @@ async def _having(
             raise TransportError("E-BROKER-SILENT", str(root), pid=notice.pid, seconds=f"{ANSWER_S:g}")
         if not answer.get("granted"):
             raise BusyError("E-BROKER-BUSY", str(root), why=str(answer.get("what", "it does not say why")))
-        listening = asyncio.create_task(_obeying(reader), name="lease")
+        listening = asyncio.create_task(_obey_stops(reader), name="lease")
         yield writer
     finally:
         if listening is not None:
@@ -104,21 +102,23 @@ async def _having(
         writer.close()
 
 
-async def _answer(talk: _Talk, clock: Clock, asked: Mapping[str, object], timeout_s: float) -> dict[str, object] | None:
+async def _answer(
+    talk: _Connection, clock: Clock, asked: Mapping[str, object], timeout_s: float
+) -> dict[str, object] | None:
     """What the gateway answers; None where it does not, in time."""
     reader, writer = talk
     with contextlib.suppress(DeadlineExceeded, OSError):
         async with clock.deadline(timeout_s, "broker"):
-            writer.write(line(asked))
+            writer.write(object_line(asked))
             await writer.drain()
-            return await heard(reader)
+            return await read_object(reader)
     return None
 
 
-async def _obeying(reader: asyncio.StreamReader) -> None:
+async def _obey_stops(reader: asyncio.StreamReader) -> None:
     """Heed a stop that somebody asks for at the page. A gateway that is gone changes nothing: the work goes on."""
     stop = stopping.current()
-    while (said := await heard(reader)) is not None:
+    while (said := await read_object(reader)) is not None:
         if by := said.get("stop"):
             stop.ask(str(by))
 
@@ -126,7 +126,7 @@ async def _obeying(reader: asyncio.StreamReader) -> None:
 def _heard_by(writer: asyncio.StreamWriter, say: Say) -> Say:
     def told(code: str, /, **fields: object) -> None:
         say(code, **fields)
-        text = line({"code": code, "fields": fields_as_data(fields)})
+        text = object_line({"code": code, "fields": fields_as_data(fields)})
         if not writer.is_closing() and len(text) <= LONGEST:
             writer.write(text)
 
@@ -134,21 +134,21 @@ def _heard_by(writer: asyncio.StreamWriter, say: Say) -> Say:
 
 
 @asynccontextmanager
-async def _taken(root: Path, notice: BrokerNotice, clock: Clock, why: str) -> AsyncIterator[None]:
+async def _take_over(root: Path, notice: BrokerNotice, clock: Clock, why: str) -> AsyncIterator[None]:
     """End a gateway that hangs and hold its lock, so that a service that starts it again cannot come between."""
-    talk = await _connected(notice)
+    talk = await _connect(notice)
     if talk is not None:
         alive = await _answer(talk, clock, {"token": notice.token, "ping": True}, ALIVE_S)
         talk[1].close()
         if alive is not None:
             raise BusyError("E-BROKER-ANSWERS", str(root), pid=notice.pid)
     audit.record(root, "devices-taken", clock=clock, details={"why": why, "from": notice.pid})
-    await _ended(root, notice.pid, clock)
-    with locked(root):
+    await _end_process(root, notice.pid, clock)
+    with hold_folder_lock(root):
         yield
 
 
-async def _ended(root: Path, pid: int, clock: Clock) -> None:
+async def _end_process(root: Path, pid: int, clock: Clock) -> None:
     """End the process that holds the folder's lock: asked first, then killed. Raises BusyError (E-WEB-LOCKED)."""
     for number in (signal.SIGTERM, getattr(signal, "SIGKILL", signal.SIGTERM)):
         if not is_locked(root, by=pid):

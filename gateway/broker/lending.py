@@ -1,24 +1,31 @@
-"""The broker's side: who asks with the right token gets the devices, is heard while he has them, and may be stopped."""
+"""The broker's side: who asks with the right token gets the devices, is heard while he has them, and may be stopped.
+
+The serving gateway leaves a notice (process, port, token of the day) in each state folder and listens on loopback. A
+command sends the token, then both sides exchange one JSON object a line, each of bounded length. When the connection
+ends, the devices are the gateway's again.
+"""
 
 from __future__ import annotations
 
 import asyncio
 import contextlib
+import json
 import os
 import secrets
 from collections.abc import AsyncIterator, Awaitable, Callable, Iterator, Mapping
-from contextlib import ExitStack, asynccontextmanager
-from dataclasses import dataclass, field
+from contextlib import ExitStack, asynccontextmanager, contextmanager
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
 from drivers.clock import Clock
 from drivers.errors import DeadlineExceeded, TrueflankError
+from drivers.local.ownfiles import open_own, read_own
 from drivers.message import fields_from_data
-from gateway.broker.lines import LONGEST, heard, line
-from gateway.broker.notice import BrokerNotice, noticed
-from gateway.errors import BusyError
+from gateway.errors import BusyError, StoreError
 from gateway.say import Say
+
+# The broker's side: who asks with the right token gets the devices, is heard while he has them, and may be stopped.
 
 LOOPBACK = "127.0.0.1"
 ASKING_S = 5.0
@@ -61,7 +68,7 @@ class Broker:
         try:
             with ExitStack() as notices:
                 for root in dict.fromkeys(roots):
-                    notices.enter_context(noticed(root, notice))
+                    notices.enter_context(leave_notice(root, notice))
                 yield
         finally:
             server.close()
@@ -78,7 +85,7 @@ class Broker:
         try:
             asked = await self._asked(reader)
             if asked is not None and asked.get("ping"):
-                writer.write(line({"alive": True}))
+                writer.write(object_line({"alive": True}))
             elif asked is not None:
                 await self._lent(asked, reader, writer)
             await writer.drain()
@@ -91,28 +98,28 @@ class Broker:
         """The first line of who knows the token; None of anybody else."""
         with contextlib.suppress(DeadlineExceeded):
             async with self._clock.deadline(ASKING_S, "broker"):
-                asked = await heard(reader)
+                asked = await read_object(reader)
                 token = str((asked or {}).get("token", "")).encode("utf-8", "replace")
                 return asked if secrets.compare_digest(token, self._token.encode("ascii")) else None
         return None
 
     async def _lent(self, asked: Mapping[str, Any], reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         root, run, who = (str(asked.get(name, "")) for name in ("root", "run", "who"))
-        lease = Lease(root, run, who, stop=lambda by: writer.write(line({"stop": by})))
-        with _ended(lease):
+        lease = Lease(root, run, who, stop=lambda by: writer.write(object_line({"stop": by})))
+        with _borrower_ended(lease):
             try:
                 await self._lend(lease)
             except TrueflankError as error:
-                writer.write(line({"busy": isinstance(error, BusyError), **error.as_record()}))
+                writer.write(object_line({"busy": isinstance(error, BusyError), **error.as_record()}))
                 return
-            writer.write(line({"granted": True}))
+            writer.write(object_line({"granted": True}))
             await writer.drain()
-            while (said := await heard(reader)) is not None:
+            while (said := await read_object(reader)) is not None:
                 _pass_on(lease, said)
 
 
 @contextlib.contextmanager
-def _ended(lease: Lease) -> Iterator[None]:
+def _borrower_ended(lease: Lease) -> Iterator[None]:
     try:
         yield
     finally:
@@ -124,3 +131,65 @@ def _pass_on(lease: Lease, said: Mapping[str, Any]) -> None:
     if lease.say is not None and isinstance(code, str) and isinstance(fields, dict):
         with contextlib.suppress(ValueError):  # no word of ours
             lease.say(code, **fields_from_data(fields))
+
+
+# One JSON object a line in both directions, each of bounded length; what is none ends the conversation.
+
+LONGEST = 1 << 16
+
+
+def object_line(data: Mapping[str, object]) -> bytes:
+    """An object as a line."""
+    return json.dumps(data, default=str, separators=(",", ":")).encode("ascii") + b"\n"
+
+
+async def read_object(reader: asyncio.StreamReader) -> dict[str, Any] | None:
+    """The next object; None once the other side has left, or said something that is none."""
+    try:
+        text = await reader.readline()
+        said = json.loads(text) if text.endswith(b"\n") else None
+    except (OSError, ValueError, RecursionError):  # a line too long is a ValueError
+        return None
+    return said if isinstance(said, dict) else None
+
+
+# The notice that a serving gateway leaves in each of its state folders: its process, port and password of the day.
+
+NOTICE_FILE = "broker.json"
+LARGEST = 4096
+
+
+@dataclass(frozen=True, slots=True)
+class BrokerNotice:
+    """Where a broker listens on loopback; ``token`` is drawn anew at each start."""
+
+    pid: int
+    port: int
+    token: str
+
+
+def notice_of(root: Path) -> BrokerNotice | None:
+    """The notice in a state folder; None where nobody left one, or it cannot be read as one."""
+    try:
+        kept = json.loads(read_own(root / NOTICE_FILE)[:LARGEST])
+        return BrokerNotice(int(kept["pid"]), int(kept["port"]), str(kept["token"]))
+    except (OSError, ValueError, KeyError, TypeError):
+        return None
+
+
+@contextmanager
+def leave_notice(root: Path, notice: BrokerNotice) -> Iterator[None]:
+    """Leave the notice while the block lasts; for its owner's eyes alone. Raises StoreError (E-WEB-STATE)."""
+    path = root / NOTICE_FILE
+    try:
+        path.unlink(missing_ok=True)
+        with open_own(path, "xb", secret=True) as file:
+            file.write(json.dumps(asdict(notice)).encode("ascii"))
+            file.flush()
+            os.fsync(file.fileno())
+    except OSError as error:
+        raise StoreError("E-WEB-STATE", str(path), why=error.strerror or str(error)) from error
+    try:
+        yield
+    finally:
+        path.unlink(missing_ok=True)

@@ -17,22 +17,18 @@ from drivers.ports.instruments import Instrument, Recounting, RotaryCalibrator, 
 from drivers.types.machine import ChannelStatus
 from drivers.types.stops import Stop, StopPlan, StopReached
 from drivers.types.values import FloatArray
-from gateway.capture.applied import check_applied
-from gateway.capture.collecting import Collection
-from gateway.capture.diagnosis import FROZEN_TARGETS, cause
-from gateway.capture.gathered.raw import RawCapture, raw_capture
-from gateway.capture.gathered.widening import Widening
+from gateway.capture.checks import FROZEN_TARGETS, check_applied, explain_value
+from gateway.capture.collection import Collection, RawCapture, raw_capture
 from gateway.capture.readings import History, Readings
-from gateway.capture.retaking import Retake
-from gateway.capture.rig import Rig
-from gateway.capture.sense import first_channel
+from gateway.capture.revisits import AddedTargets, Retake
+from gateway.capture.rig import Rig, first_channel
 from gateway.capture.targets import measuring_plan, targets_of, with_checks
 from gateway.config import AxisSection
 from gateway.domain.equipment import SenseProof
 from gateway.errors import CaptureError, NotMoved, Scattering, Unstable
 from gateway.events import BeamLost
 from gateway.live import onlooker
-from gateway.walk import walk, watched
+from gateway.moves import leave_when_ended, walk_plan
 
 # A set-up that does not settle at so many stops one after the other does not settle at all.
 MOST_UNSETTLED = 3
@@ -41,7 +37,7 @@ POLL_S = 0.5
 AtStop = Callable[[int, Stop, StopReached], Awaitable[None]]
 
 
-def combined(axis: AxisSection, instrument: Instrument, sense: int) -> History:
+def combine_channels(axis: AxisSection, instrument: Instrument, sense: int) -> History:
     """The one quantity of the axis in its own unit: sense * displacement, or sense * laser - device."""
     if axis.kind == "linear":
         return lambda values: sense * first_channel(values)
@@ -65,7 +61,7 @@ async def capture_axis(
     """
     axis, clock = rig.axis, rig.clock
     targets, checks = with_checks(targets_of(axis), between)
-    combine = combined(axis, rig.instrument, proof.sense)
+    combine = combine_channels(axis, rig.instrument, proof.sense)
     found = Collection(
         axis=axis,
         targets=targets,
@@ -79,10 +75,12 @@ async def capture_axis(
     async with Readings(rig.instrument, clock, combine) as readings:
         plan = measuring_plan(axis, targets, "", checks=checks)
         visits = Visits(rig, found, readings)
-        return await visited(visits, plan, more, lambda raw: check_applied(raw.live, visits.shown))
+        return await visit_all(visits, plan, more, lambda raw: check_applied(raw.live, visits.shown))
 
 
-async def visited(visits: Visits, plan: StopPlan, more: More | None, judge: Callable[[RawCapture], None]) -> RawCapture:
+async def visit_all(
+    visits: Visits, plan: StopPlan, more: More | None, judge: Callable[[RawCapture], None]
+) -> RawCapture:
     """Every stop of a plan, then as long as ``more`` names places these; ``judge`` raises on what cannot be kept."""
     started = visits.rig.clock.utc().isoformat(timespec="seconds")
     await visits.all(plan, visits.first.size)
@@ -91,7 +89,7 @@ async def visited(visits: Visits, plan: StopPlan, more: More | None, judge: Call
         places = np.empty(0) if more is None else more(raw)
         if not places.size:
             return raw
-        await visits.widened(Widening.of(visits.found, visits.rig.axis, places))
+        await visits.widened(AddedTargets.of(visits.found, visits.rig.axis, places))
 
 
 async def _so_far(visits: Visits, started: str) -> RawCapture:
@@ -139,7 +137,7 @@ class Visits:
         await self._all_read(plan)
         await self._out_of_line_again(plan)
 
-    async def widened(self, wide: Widening) -> Collection:
+    async def widened(self, wide: AddedTargets) -> Collection:
         """The collection with more targets, visited now; as it was where that does not succeed."""
         self.found, self._taken, self._per_pass = wide.found, 0, wide.added.size + wide.anchors.size
         try:
@@ -186,8 +184,8 @@ class Visits:
         while True:
             try:
                 rig = self.rig
-                at_stop = watched(rig.controller, rig.clock, part, self._at_stop(last_round=last_round))
-                await walk(rig.controller, part, at_stop=at_stop, patience=rig.patience, say=rig.say)
+                at_stop = leave_when_ended(rig.controller, rig.clock, part, self._at_stop(last_round=last_round))
+                await walk_plan(rig.controller, part, at_stop=at_stop, patience=rig.patience, say=rig.say)
                 return
             except BeamObstructed:
                 if not self._recoveries or self.found.datum is None:
@@ -253,7 +251,7 @@ class Visits:
             at, seen = f"{stop.target:g}", f"{read:.6g}"
             raise CaptureError("E-CAP-DATUM", axis, target=at, read=seen, wanted=f"{wanted:.6g}") from error
         doubt = found.doubt(read, wanted)
-        known = None if doubt is None else cause(doubt, axis, stop.target)
+        known = None if doubt is None else explain_value(doubt, axis, stop.target)
         if known is not None:
             raise known from error
 

@@ -1,17 +1,20 @@
-"""Target positions and the stop plans that visit them (ISO 230-2 standard cycle); pure."""
+"""Target positions, the order in which stop plans visit them (ISO 230-2 cycles), and how long that takes; pure."""
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
 from dataclasses import replace
+from itertools import pairwise
 from typing import Literal
 
 import numpy as np
 
 from drivers.types.stops import Stop, StopPlan
 from drivers.types.values import FloatArray
-from gateway.capture.cycles import visits, with_window
 from gateway.config import AxisSection, MeasureSection, Targets, WorkingWindow
 from gateway.evaluate.standards.iso230_2 import minimum_targets
+
+# Target positions and the stop plans that visit them (ISO 230-2 standard cycle); pure.
 
 DECIMALS = 3
 RULE_OFFSET = 0.3
@@ -89,7 +92,7 @@ def measuring_plan(
     axis: AxisSection, at: FloatArray, setup: str, *, name: str = "", checks: tuple[int, ...] = ()
 ) -> StopPlan:
     """All visits of the axis' cycle; labels are target indices, those of ``checks`` are visited twice only."""
-    every = visits(axis.measure.cycle, at, axis.measure.repetitions)
+    every = cycle_visits(axis.measure.cycle, at, axis.measure.repetitions)
     stops = tuple(stop for stop in every if stop.label not in checks or stop.repetition < CHECK_REPETITIONS)
     plan = plan_of(axis, stops, setup, name=name or f"TFMEAS{axis.letter}", dwell_s=axis.measure.dwell_s)
     return replace(plan, further=True)
@@ -145,3 +148,85 @@ def expected_travel(before: Stop, here: Stop, overrun: float) -> float:
     if here.switch is not None and here.target == before.target:
         return 0.0
     return max(abs(here.target - before.target), overrun if here.approach != before.approach else 0.0)
+
+
+# In which order targets are visited: standard, step (pendulum) and pilgrim cycles; pure.
+#
+# ISO 230-2 reports rest on the standard cycle alone: all targets up, all down, again and again. The step cycle
+# swings over each target before it goes on; the pilgrim cycle goes up and down over a few targets, then on to the
+# next few. Both lose less to drift and more to local heating, and are reported as what they are.
+
+Cycle = Literal["standard", "pendulum", "pilgrim"]
+SECTION = 4
+
+
+def cycle_visits(cycle: Cycle, targets: FloatArray, repetitions: int) -> tuple[Stop, ...]:
+    """Every (target, repetition, approach) once; ``targets`` (m,) ascending, a stop's label is its index."""
+    chosen: dict[str, Callable[[FloatArray, int], Iterator[Stop]]]
+    chosen = {"standard": _standard, "pendulum": _pendulum, "pilgrim": _pilgrim}
+    return tuple(chosen[cycle](targets, repetitions))
+
+
+def _up_and_down(targets: FloatArray, indices: range, repetition: int) -> Iterator[Stop]:
+    for index in indices:
+        yield Stop(float(targets[index]), 1, repetition, index)
+    for index in reversed(indices):
+        yield Stop(float(targets[index]), -1, repetition, index)
+
+
+def _standard(targets: FloatArray, repetitions: int) -> Iterator[Stop]:
+    for repetition in range(repetitions):
+        yield from _up_and_down(targets, range(len(targets)), repetition)
+
+
+def _pendulum(targets: FloatArray, repetitions: int) -> Iterator[Stop]:
+    for index in range(len(targets)):
+        for repetition in range(repetitions):
+            yield from _up_and_down(targets, range(index, index + 1), repetition)
+
+
+def _pilgrim(targets: FloatArray, repetitions: int) -> Iterator[Stop]:
+    for repetition in range(repetitions):
+        for start in range(0, len(targets), SECTION):
+            yield from _up_and_down(targets, range(start, min(start + SECTION, len(targets))), repetition)
+
+
+def with_window(targets: FloatArray, window: FloatArray) -> FloatArray:
+    """Targets of the full travel and of a working window together, ascending.
+
+    Within the window its own points stand; a target of the travel gives way where a point of the window lies
+    nearer than half the window's step.
+    """
+    if len(window) < 2:
+        return targets
+    step = float(np.min(np.diff(window)))
+    nearest = np.min(np.abs(targets[:, None] - window[None, :]), axis=1)
+    return np.sort(np.concatenate([targets[nearest >= 0.5 * step], window]))
+
+
+# How long stops take by the site's own figures: travel at the feed, overruns, dwell, settling, averaging; pure.
+
+HANDSHAKE_S = 1.0  # from a reading to the next move, and until the stream has caught up
+
+
+def reading_s(measure: MeasureSection) -> float:
+    """Seconds that an axis stands at a stop after the dwell, until its reading is taken."""
+    return measure.settle_s + measure.average_s + HANDSHAKE_S
+
+
+def way_of(plan: StopPlan) -> float:
+    """How far the axis goes from the first stop to the last, mm or deg, with its overruns."""
+    return sum(_leg(before, here, plan.overrun) for before, here in pairwise(plan.stops))
+
+
+def plan_s(plan: StopPlan, standing_s: float) -> float:
+    """Seconds from the first stop to the end; ``standing_s`` is what each takes beyond the program's dwell."""
+    return len(plan.stops) * (plan.dwell_s + standing_s) + way_of(plan) / plan.feed * 60.0
+
+
+def _leg(before: Stop, here: Stop, overrun: float) -> float:
+    """Past the target and back where it is not approached in the direction in which the axis comes."""
+    along = here.target - before.target
+    if here.switch is not None and not along:
+        return 0.0
+    return abs(along) + (0.0 if along * here.approach > 0.0 else 2.0 * overrun)

@@ -225,8 +225,8 @@ def schema(
 
         echo(transitions_in_markdown().rstrip())
         return
-    from gateway.config.reference import page
-    from gateway.config.reference import schema as site_schema
+    from gateway.config import page
+    from gateway.config import schema as site_schema
 
     if as_page:
         only("schema --page")

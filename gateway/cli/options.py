@@ -115,7 +115,7 @@ def open_run(store: Any, run: str, needs: str = "anything", axis: str = "") -> A
     Raises as `gateway.store.Store.open`.
     """
     from gateway.cli.show import echo
-    from gateway.store.runs import ANYTHING, LATEST, Needs
+    from gateway.store import ANYTHING, LATEST, Needs
 
     code, stages, always, made = NEEDS[needs]
     wanted = Needs(code, tuple(one.format(axis=axis) for one in stages), made)
@@ -127,8 +127,7 @@ def open_run(store: Any, run: str, needs: str = "anything", axis: str = "") -> A
 
 def run_or_file(store: Path, word: Path | str) -> Path:
     """The word as it is, but `latest` as the newest run with something measured: a file of that name comes first."""
-    from gateway.store import Store
-    from gateway.store.runs import LATEST
+    from gateway.store import LATEST, Store
 
     if str(word) != LATEST or Path(word).exists():
         return Path(word)

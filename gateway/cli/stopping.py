@@ -12,9 +12,9 @@ from pathlib import Path
 from types import FrameType
 from typing import Any, TypeVar
 
-from drivers.carried import ToCarry
 from drivers.clock import LoopClock
 from drivers.errors import words
+from drivers.offline_exchange import ToCarry
 from gateway.cli.clockof import loop_at
 from gateway.cli.show import echo
 from gateway.errors import CarryFirst

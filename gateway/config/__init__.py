@@ -5,21 +5,37 @@ Everybody above may call `load_site`. Nothing here opens a device or a file othe
 
 from __future__ import annotations
 
-from gateway.config.faults import Fault, SiteFaults
-from gateway.config.loading import SiteReading, load_site, read_site
-from gateway.config.reaching import excused_certificate, files_only, one_start, open_road, plans_together
-from gateway.config.reference import schema
-from gateway.config.rules import unchecked_feed
+from gateway.config.connections import (
+    address_of,
+    by_files,
+    excused_certificate,
+    files_only,
+    one_start,
+    plans_together,
+    typed_rotary,
+    unprotected_connection,
+)
+from gateway.config.faults import Fault, SiteFaults, place_name, value_at
+from gateway.config.loading import SiteReading, load_site, read_site, with_absolute_paths, with_positions
+from gateway.config.model_faults import broken_rule
+from gateway.config.reference import page, schema, site_text, toml_value
+from gateway.config.rules import bounds, unchecked_feed
 from gateway.config.sections import (
     AxisSection,
+    CaptureConditionsSection,
     ControllerSection,
+    EquipmentSection,
+    GearToleranceSection,
     InstrumentSection,
     MeasureSection,
+    MqttSection,
+    ServiceSection,
     Site,
     SiteFile,
     TableSection,
+    ToleranceSection,
 )
-from gateway.config.service import MqttSection
+from gateway.config.site_rules import R_PARAMETER
 from gateway.siteplan import (
     AssumedSection,
     DayTimes,
@@ -32,16 +48,21 @@ from gateway.siteplan import (
 )
 
 __all__ = [
+    "R_PARAMETER",
     "AssumedSection",
     "AxisSection",
+    "CaptureConditionsSection",
     "ControllerSection",
     "DayTimes",
+    "EquipmentSection",
     "Fault",
+    "GearToleranceSection",
     "GuardSection",
     "InstrumentSection",
     "MeasureSection",
     "MqttSection",
     "OperatorTimes",
+    "ServiceSection",
     "SetupSection",
     "Site",
     "SiteFaults",
@@ -49,15 +70,28 @@ __all__ = [
     "SiteReading",
     "TableSection",
     "Targets",
+    "ToleranceSection",
     "WorkSection",
     "WorkingWindow",
+    "address_of",
+    "bounds",
+    "broken_rule",
+    "by_files",
     "excused_certificate",
     "files_only",
     "load_site",
     "one_start",
-    "open_road",
+    "page",
+    "place_name",
     "plans_together",
     "read_site",
     "schema",
+    "site_text",
+    "toml_value",
+    "typed_rotary",
     "unchecked_feed",
+    "unprotected_connection",
+    "value_at",
+    "with_absolute_paths",
+    "with_positions",
 ]

@@ -12,14 +12,11 @@ from drivers import registry
 from drivers.errors import ConfigError, words
 from drivers.local.names import guess, shown
 from drivers.local.textfile import bear, decode_utf8, find_bad_numbers, read_bounded
-from gateway.config.faults import Fault, SiteFaults
-from gateway.config.judging import rule_faults
-from gateway.config.keyfaults import LISTS, broken, key_faults
-from gateway.config.places import held, places_in
-from gateway.config.reaching import without_control
+from gateway.config.connections import without_control
+from gateway.config.faults import Fault, SiteFaults, places_in, read_tree, value_at
+from gateway.config.model_faults import LISTS, broken_rule, key_faults, readable_section
 from gateway.config.sections import SiteFile
-from gateway.config.seen import seen
-from gateway.config.tomlfaults import read_tree
+from gateway.config.site_rules import rule_faults
 
 START = (1, 1)
 """Where a section is missed of which nothing stands in the file."""
@@ -50,12 +47,12 @@ def load_site(path: Path) -> SiteFile:
     faults = tuple(fault for fault in reading.faults if not fault.later)
     if reading.site is None or faults:
         raise SiteFaults(str(path), faults)
-    return beside(reading.site, path.parent)
+    return with_absolute_paths(reading.site, path.parent)
 
 
 def site_of(tree: dict[str, Any], where: str) -> SiteFile:
     """The site of a tree that was no file, by the same rules. Raises SiteFaults."""
-    site, found = _judged(tree, partial=False)
+    site, found = _judge(tree, partial=False)
     faults = tuple(fault for fault in found if not (fault.doubt or fault.later))
     if site is None or faults:
         raise SiteFaults(where, faults)
@@ -68,30 +65,30 @@ def read_site(path: Path) -> SiteReading:
     try:
         bear(text)
     except ValueError as error:
-        return _nothing((Fault((), "E-CFG-TOML", {"why": str(error), "meant": ""}),), "")
+        return _is_empty((Fault((), "E-CFG-TOML", {"why": str(error), "meant": ""}),), "")
     try:
         tree, broken_lines, text_read = read_tree(text, LISTS)
     except RecursionError:
         why = {"why": words("W-TOML-DEEP"), "meant": ""}
-        return _nothing((Fault((), "E-CFG-TOML", why),), text)
+        return _is_empty((Fault((), "E-CFG-TOML", why),), text)
     if not text_read:
-        return _nothing(broken_lines, text)
+        return _is_empty(broken_lines, text)
     if not tree and not broken_lines:
-        return _nothing((Fault((), "E-CFG-NOTHING", line=1, column=1),), text)
+        return _is_empty((Fault((), "E-CFG-NOTHING", line=1, column=1),), text)
     tree, unmeant = without_control(tree)
-    site, found = _judged(tree, partial=bool(broken_lines))
+    site, found = _judge(tree, partial=bool(broken_lines))
     found = (*found, *unmeant)
     found = tuple(one for one in found if not _named_there(one, tree, text, broken_lines))
     site = None if broken_lines else site
-    told = placed((*broken_lines, *found), text_read)
+    told = with_positions((*broken_lines, *found), text_read)
     faults = tuple(fault for fault in told if not fault.doubt)
     doubts = tuple(fault for fault in told if fault.doubt)
-    right = seen(SiteFile, tree, {fault.path for fault in faults})
+    right = readable_section(SiteFile, tree, {fault.path for fault in faults})
     return SiteReading(site=site, faults=faults, doubts=doubts, text=text_read, tree=tree, seen=right)
 
 
-def _nothing(faults: tuple[Fault, ...], text: str) -> SiteReading:
-    return SiteReading(site=None, faults=faults, doubts=(), text=text, tree={}, seen=seen(SiteFile, {}, ()))
+def _is_empty(faults: tuple[Fault, ...], text: str) -> SiteReading:
+    return SiteReading(site=None, faults=faults, doubts=(), text=text, tree={}, seen=readable_section(SiteFile, {}, ()))
 
 
 def _text(path: Path) -> str:
@@ -99,7 +96,7 @@ def _text(path: Path) -> str:
         data = read_bounded(path)
     except (OSError, ValueError) as error:
         why = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
-        near = guess(path.name, _beside(path)) if isinstance(error, FileNotFoundError) else ""
+        near = guess(path.name, _files_beside(path)) if isinstance(error, FileNotFoundError) else ""
         raise ConfigError("E-CFG-READ", shown(path), why=why + near) from error
     try:
         return decode_utf8(data)
@@ -107,16 +104,16 @@ def _text(path: Path) -> str:
         raise ConfigError("E-CFG-ENCODING", shown(path), why=str(error)) from error
 
 
-def _beside(path: Path) -> list[str]:
+def _files_beside(path: Path) -> list[str]:
     try:
         return sorted(one.name for one in path.parent.glob("*.toml"))[:100]
     except OSError:
         return []
 
 
-def _judged(tree: dict[str, Any], *, partial: bool) -> tuple[SiteFile | None, tuple[Fault, ...]]:
+def _judge(tree: dict[str, Any], *, partial: bool) -> tuple[SiteFile | None, tuple[Fault, ...]]:
     """The site and what its keys and the rules between them say; of a partial tree nothing is missed."""
-    numbers = [broken(tree, place, words("W-CFG-FINITE")) for place, _ in find_bad_numbers(tree)]
+    numbers = [broken_rule(tree, place, words("W-CFG-FINITE")) for place, _ in find_bad_numbers(tree)]
     infinite = {fault.path for fault in numbers}
     site, keys = key_faults(tree)
     found = [*numbers, *(one for one in keys if one.path not in infinite)]
@@ -128,7 +125,7 @@ def _judged(tree: dict[str, Any], *, partial: bool) -> tuple[SiteFile | None, tu
 
 def _named_there(fault: Fault, tree: dict[str, Any], text: str, broken_lines: Sequence[Fault]) -> bool:
     """Whether a line that cannot be read says the very word that is not known: it may define it."""
-    word, rows = held(tree, fault.path), text.split("\n")
+    word, rows = value_at(tree, fault.path), text.split("\n")
     if not isinstance(word, str) or not word:
         return False
     form = re.compile(rf"\b{re.escape(word)}\b")
@@ -157,7 +154,7 @@ def _each_once(faults: Sequence[Fault]) -> tuple[Fault, ...]:
     return tuple(one for one in first.values() if not (one.doubt and one.path in refused))
 
 
-def placed(faults: Sequence[Fault], text: str) -> tuple[Fault, ...]:
+def with_positions(faults: Sequence[Fault], text: str) -> tuple[Fault, ...]:
     """The faults in the order of the file, each with its line and column."""
     places = places_in(text)
     found = []
@@ -167,7 +164,7 @@ def placed(faults: Sequence[Fault], text: str) -> tuple[Fault, ...]:
     return tuple(sorted(found, key=lambda one: (one.line, one.column)))
 
 
-def beside(site: SiteFile, folder: Path) -> SiteFile:
+def with_absolute_paths(site: SiteFile, folder: Path) -> SiteFile:
     """The same site with every path in a driver's settings taken from ``folder``."""
     controller = site.controller.model_copy(update={"settings": _settings(site.controller, "controller", folder)})
     instruments = tuple(

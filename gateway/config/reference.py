@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterator, Mapping
 from typing import Any
 
@@ -11,8 +12,8 @@ from pydantic.fields import FieldInfo
 from drivers import registry
 from drivers.settings import DriverSettings
 from drivers.terms import shown
-from gateway.config.keyfaults import is_list, section_of
-from gateway.config.reaching import INSTRUMENTS
+from gateway.config.connections import INSTRUMENTS
+from gateway.config.model_faults import is_list, section_of
 from gateway.config.sections import SiteFile
 
 ROLES = {"ControllerSection": ("controller",), "InstrumentSection": INSTRUMENTS}
@@ -42,12 +43,12 @@ def schema() -> dict[str, Any]:
             place = f"Settings-{name}"
             whole["$defs"][place] = model.model_json_schema()
             then = {"properties": {"settings": {"$ref": f"#/$defs/{place}"}}}
-            cases.append({"if": _named(whole["$defs"][section], name), "then": then})
+            cases.append({"if": _names_driver(whole["$defs"][section], name), "then": then})
         whole["$defs"][section]["allOf"] = cases
     return whole
 
 
-def _named(section: Mapping[str, Any], driver: str) -> dict[str, Any]:
+def _names_driver(section: Mapping[str, Any], driver: str) -> dict[str, Any]:
     """Where this driver is meant: named, or the one that a section without any has."""
     is_default = section["properties"]["driver"].get("default") == driver
     said = {"properties": {"driver": {"const": driver}}}
@@ -72,7 +73,7 @@ def page() -> str:
         "",
         SOURCES,
         "",
-        *_section("", SiteFile),
+        *_reference_section("", SiteFile),
         "# Settings of the drivers",
         "",
         "They stand under `settings` of the control or of an instrument. Paths are taken from the site file's folder.",
@@ -83,22 +84,29 @@ def page() -> str:
             kinds = ", ".join(
                 f"`{kind}://`" if kind else "a serial port" for kind in model.addresses if kind != "memory"
             )
-            lines += [f"## {name} ({role})", "", f"{_first(model)} Its `url` is {kinds}.", "", *_table(model), ""]
+            lines += [
+                f"## {name} ({role})",
+                "",
+                f"{_first_sentence(model)} Its `url` is {kinds}.",
+                "",
+                *_table(model),
+                "",
+            ]
             lines += [f"<!-- source: {model.sources} -->", ""] if model.sources else []
     return shown("\n".join(lines)).rstrip() + "\n"
 
 
-def _section(place: str, model: type[BaseModel]) -> Iterator[str]:
+def _reference_section(place: str, model: type[BaseModel]) -> Iterator[str]:
     if place:
-        yield from (f"## {place}", "", _first(model), "", *_table(model), "")
+        yield from (f"## {place}", "", _first_sentence(model), "", *_table(model), "")
     for name, field in model.model_fields.items():
         inner = section_of(field.annotation)
         if inner is not None:
             path = f"{place.strip('[]')}.{name}" if place else name
-            yield from _section(f"[[{path}]]" if is_list(field.annotation) else f"[{path}]", inner)
+            yield from _reference_section(f"[[{path}]]" if is_list(field.annotation) else f"[{path}]", inner)
 
 
-def _first(model: type[BaseModel]) -> str:
+def _first_sentence(model: type[BaseModel]) -> str:
     return (model.__doc__ or "").strip().split("\n\n")[0].replace("\n    ", " ").replace("``", "`")
 
 
@@ -139,3 +147,76 @@ def kind_of(one: Mapping[str, Any]) -> str:
         kind = f"list of {len(one['prefixItems'])} numbers"
     limits = [text.format(f"{one[key]:.12g}") for key, text in _LIMITS.items() if key in one]
     return ", ".join([kind, *limits])
+
+
+# A site file written for people: every section and key with what it means, from the models' own descriptions.
+
+INLINE = ("targets", "park", "window")
+_WIDE = 46
+
+
+def site_text(tree: Mapping[str, Any], head: str = "", notes: Mapping[str, str] | None = None) -> str:
+    """The TOML text of a tree; ``head`` begins it as comment, ``notes`` (by "X1.travel") stand behind a key.
+
+    What is left out has its default and stands in no line.
+    """
+    lines = [f"# {line}".rstrip() for line in head.splitlines()]
+    for name, field in SiteFile.model_fields.items():
+        model, value = section_of(field.annotation), tree.get(name)
+        if model is not None and value is not None:
+            header = f"[[{name}]]" if is_list(field.annotation) else f"[{name}]"
+            for one in value if is_list(field.annotation) else [value]:
+                lines += _written_section(header, model, one, notes or {})
+    return "\n".join(lines) + "\n"
+
+
+def _written_section(
+    header: str, model: type[BaseModel], values: Mapping[str, Any], notes: Mapping[str, str]
+) -> Iterator[str]:
+    yield from ("", f"# {_meaning_of(model)}", header)
+    inner = []
+    name = header.strip("[]")
+    for key, field in model.model_fields.items():
+        if key not in values:
+            continue
+        below = section_of(field.annotation)
+        if key == "settings":
+            inner += _settings(f"{name}.settings", str(values.get("driver", "sinumerik-opcua")), values[key])
+        elif below is not None and key not in INLINE:
+            inner += [line for line in _written_section(f"[{name}.{key}]", below, values[key], notes) if line]
+        else:
+            note = notes.get(f"{values.get('name', name)}.{key}", "")
+            yield _line(key, values[key], "; ".join(filter(None, (field.description, note))))
+    yield from inner
+
+
+def _settings(header: str, driver: str, values: Mapping[str, Any]) -> list[str]:
+    specs = {**registry.known(INSTRUMENTS[1]), **registry.known(INSTRUMENTS[0]), **registry.known("controller")}
+    model = specs[driver].load_settings() if driver in specs else None
+    fields = model.model_fields if model is not None else {}
+    told = {key: fields[key].description or "" if key in fields else "" for key in values}
+    lines = [_line(key, value, told[key]) for key, value in values.items()]
+    return [f"# What only the driver {driver} knows.", f"[{header}]", *lines] if lines else []
+
+
+def _line(key: str, value: Any, comment: str) -> str:
+    text = f"{key} = {toml_value(value)}"
+    return f"{text:<{_WIDE}} # {comment}" if comment else text
+
+
+def _meaning_of(model: type[BaseModel]) -> str:
+    first = (model.__doc__ or "").strip().split("\n")[0]
+    return first.replace("``", "")
+
+
+def toml_value(value: Any) -> str:
+    """A value in TOML: texts, numbers, true and false, lists and inline tables."""
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, Mapping):
+        return "{ " + ", ".join(f"{key} = {toml_value(one)}" for key, one in value.items()) + " }"
+    if isinstance(value, list | tuple):
+        return "[" + ", ".join(map(toml_value, value)) + "]"
+    if isinstance(value, int | float):
+        return repr(value)
+    return json.dumps(str(value), ensure_ascii=False).replace("\x7f", "\\u007f")

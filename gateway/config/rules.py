@@ -11,9 +11,8 @@ from drivers.errors import words
 from drivers.local.names import guess
 from drivers.message import Message
 from drivers.settings import SPEED_KEYS, DriverSettings
-from gateway.config.faults import Fault
-from gateway.config.keyfaults import broken
-from gateway.config.places import Path, held
+from gateway.config.faults import Fault, Path, value_at
+from gateway.config.model_faults import broken_rule
 
 LINEAR, ROTARY = "XYZUVW", "ABC"
 TURN_DEG = 360.0
@@ -36,7 +35,7 @@ def is_pair(value: Any) -> bool:
     return isinstance(value, list | tuple) and len(value) == 2 and all(isinstance(one, int | float) for one in value)
 
 
-def within(value: Any, low: float, high: float) -> bool:
+def is_within(value: Any, low: float, high: float) -> bool:
     """Whether a position lies in a range, its ends included."""
     return not isinstance(value, int | float) or low - NEAR <= value <= high + NEAR
 
@@ -49,9 +48,9 @@ def is_below(value: Any, other: Any) -> bool:
 def no_such(tree: Mapping[str, Any], path: Path, what: str, known: Iterable[str], *, by_key: bool = False) -> Fault:
     """A name of nothing in this file, with those that there are; ``by_key`` where the key is the name."""
     names = sorted(known)
-    name = path[-1] if by_key else held(tree, path)
+    name = path[-1] if by_key else value_at(tree, path)
     text = (", ".join(names) or words("W-CFG-NONE")) + guess(str(name), names)
-    return broken(tree, path, words("W-CFG-NO-SUCH", what=what, known=text))
+    return broken_rule(tree, path, words("W-CFG-NO-SUCH", what=what, known=text))
 
 
 def all_named(sections: Iterable[Any]) -> bool:
@@ -69,7 +68,7 @@ def instrument_faults(tree: Mapping[str, Any], site: Any, path: Path, name: Any)
         if all_named(site.instruments):
             yield no_such(tree, path, "instrument", drivers)
     elif drivers[name] in registry.known(GEAR_MACHINE):
-        yield broken(tree, path, words("W-CFG-GEAR-MACHINE"))
+        yield broken_rule(tree, path, words("W-CFG-GEAR-MACHINE"))
 
 
 def feed_faults(
@@ -89,7 +88,7 @@ def feed_faults(
         limit = known.followed_feed_mm_min if linear else known.followed_feed_deg_min
         if limit is not None and measure.feed > limit:
             told = words("W-CFG-FRINGES", limit=f"{limit:.0f}", unit=unit, feed=feed, **_who(one, known))
-            yield broken(tree, place, told)
+            yield broken_rule(tree, place, told)
 
 
 def unchecked_feed(site: Any, axis: Any, instrument: str = "") -> tuple[Message, ...]:
@@ -131,17 +130,17 @@ def target_faults(tree: Mapping[str, Any], axis: Any, targets: Any, overrun: Any
     low, high = bounds(axis)
     given = dict(_positions(targets))
     for path, value in given.items():
-        if not within(value, low, high):
-            yield broken(tree, path, words("W-CFG-OUTSIDE", low=low, high=high))
+        if not is_within(value, low, high):
+            yield broken_rule(tree, path, words("W-CFG-OUTSIDE", low=low, high=high))
     for key in ("first", "last"):
         if targets.count and targets.first is not None and targets.first == targets.last and key == "last":
-            yield broken(tree, (*targets.place, key), words("W-CFG-DIFFER"))
+            yield broken_rule(tree, (*targets.place, key), words("W-CFG-DIFFER"))
     if isinstance(targets.positions, list):
         for number, value in enumerate(targets.positions):
             if value in targets.positions[:number]:
-                yield broken(tree, (*targets.place, "positions", number), words("W-CFG-AGAIN"))
+                yield broken_rule(tree, (*targets.place, "positions", number), words("W-CFG-AGAIN"))
         if len(targets.positions) == 1:
-            yield broken(tree, (*targets.place, "positions"), words("W-CFG-TWO"))
+            yield broken_rule(tree, (*targets.place, "positions"), words("W-CFG-TWO"))
     yield from _order(tree, targets)
     yield from _overrun(tree, axis, given, overrun)
 
@@ -160,14 +159,14 @@ def target_positions(targets: Any) -> list[Any]:
 
 def _order(tree: Mapping[str, Any], targets: Any) -> Iterator[Fault]:
     """An end of the range that is left out, and positions that fall: both are read, and may not be meant."""
-    missing = [key for key in ("first", "last") if targets.count and key not in held(tree, targets.place)]
+    missing = [key for key in ("first", "last") if targets.count and key not in value_at(tree, targets.place)]
     for key in missing:
-        yield broken(tree, targets.place, words("W-CFG-LEFT-OUT", key=key, value=0), doubt=True)
+        yield broken_rule(tree, targets.place, words("W-CFG-LEFT-OUT", key=key, value=0), doubt=True)
     if targets.count and not missing and is_below(targets.last, targets.first):
-        yield broken(tree, (*targets.place, "first"), words("W-CFG-RISING"), doubt=True)
+        yield broken_rule(tree, (*targets.place, "first"), words("W-CFG-RISING"), doubt=True)
     listed = targets.positions if isinstance(targets.positions, list) else []
     if any(is_below(now, before) for before, now in pairwise(listed)):
-        yield broken(tree, (*targets.place, "positions"), words("W-CFG-RISING"), doubt=True)
+        yield broken_rule(tree, (*targets.place, "positions"), words("W-CFG-RISING"), doubt=True)
 
 
 def _overrun(tree: Mapping[str, Any], axis: Any, given: Mapping[Path, Any], overrun: Any) -> Iterator[Fault]:
@@ -177,14 +176,14 @@ def _overrun(tree: Mapping[str, Any], axis: Any, given: Mapping[Path, Any], over
     """
     low, high = bounds(axis)
     inside = {
-        path: value for path, value in given.items() if isinstance(value, int | float) and within(value, low, high)
+        path: value for path, value in given.items() if isinstance(value, int | float) and is_within(value, low, high)
     }
     if axis.modulo or not inside or not isinstance(overrun, int | float):
         return
     for path, ends in ((min(inside, key=inside.__getitem__), -overrun), (max(inside, key=inside.__getitem__), overrun)):
         end = inside[path] + ends
-        if not within(end, low, high):
-            yield broken(tree, path, words("W-CFG-OVERRUN", end=end, low=low, high=high), doubt=True)
+        if not is_within(end, low, high):
+            yield broken_rule(tree, path, words("W-CFG-OVERRUN", end=end, low=low, high=high), doubt=True)
 
 
 def _positions(targets: Any) -> Iterator[tuple[Path, Any]]:

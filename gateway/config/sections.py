@@ -1,10 +1,17 @@
-"""The sections of a site file: every key with its kind, limits, default and what it means."""
+"""The sections of a site file: every key with its kind, limits, default and what it means.
+
+First the service, then what is printed on paper (letterhead, equipment, tolerances), then site, devices and axes.
+"""
 
 from __future__ import annotations
 
+import re
+from collections.abc import Mapping
+from datetime import date
+from ipaddress import ip_address
 from math import inf
 from pathlib import Path
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import Field, field_validator, model_validator
 
@@ -12,8 +19,6 @@ from drivers.errors import words
 from drivers.local.scrub import has_user, secrets_in
 from drivers.types.moves import FEED_DEG, FEED_MM, SafePlaces
 from gateway.axes import AxisRecord
-from gateway.config.paper import sections as paper
-from gateway.config.service import ServiceSection
 from gateway.siteplan import (
     MOST_POINTS,
     MOST_REPETITIONS,
@@ -37,6 +42,229 @@ from gateway.siteplan import (
     Whole,
     WorkSection,
 )
+
+# The site file's section about the service: names, certificate, sign-out, index, watched folder.
+
+_HOST = re.compile(r"[A-Za-z0-9](?:[A-Za-z0-9.-]{0,251}[A-Za-z0-9])?|\[[0-9A-Fa-f:]+\]")
+
+
+class MqttSection(Section):
+    """Messages for other systems by MQTT; the service publishes only and subscribes to nothing."""
+
+    host: str = Field(min_length=1, max_length=253, description="name or address of the server of messages")
+    port: Whole = Field(default=1883, ge=1, le=65535, description="its port; 8883 is usual with TLS")
+    user: str = Field(default="", max_length=100, description="name to sign in with")
+    password_file: Path | None = Field(default=None, description="file with the password, relative to the site file")
+    password_env: str = Field(default="", max_length=100, description="environment variable with the password instead")
+    ca: Path | None = Field(
+        default=None, description="certificate (PEM) that the server's is signed by, relative to the site file: TLS"
+    )
+    prefix: str = Field(
+        default="trueflank",
+        pattern=r"^[A-Za-z0-9_.-]{1,60}(/[A-Za-z0-9_.-]{1,60}){0,5}$",
+        description="first of topics",
+    )
+    queue_mb: Whole = Field(
+        default=64, ge=1, le=4096, description="MB of messages that wait on the disk while the server is away"
+    )
+
+    @field_validator("host")
+    @classmethod
+    def _plain_host(cls, host: str) -> str:
+        if _HOST.fullmatch(host) is None:
+            raise ValueError(words("W-CFG-HOSTNAME", host=host))
+        return host
+
+    @model_validator(mode="after")
+    def _one_password(self) -> MqttSection:
+        if self.password_file is not None and self.password_env:
+            raise ValueError(words("W-CFG-PAIR-NOT", one="password_file", other="password_env"))
+        return self
+
+
+class ServiceSection(Section):
+    """The service (`trueflank serve`): its addresses, the duration of a sign-in, its watched folder."""
+
+    hosts: tuple[str, ...] = Field(
+        default=(), max_length=20, description="host names of the pages, in addition to this computer's own"
+    )
+    certificate: Path | None = Field(
+        default=None, description="TLS certificate (PEM), relative to the site file; needed beyond this computer"
+    )
+    key: Path | None = Field(default=None, description="its private key (PEM), for its owner alone")
+    proxies: tuple[str, ...] = Field(
+        default=(), max_length=8, description="addresses of reverse proxies that end TLS and say who asks through them"
+    )
+    signout_min: Number = Field(default=15.0, ge=1, le=720.0, description="minutes without a request that sign out")
+    leaked_passwords: Path | None = Field(
+        default=None,
+        description="list of leaked passwords that nobody may choose: SHA-1 hashes, sorted or in a folder by prefix",
+    )
+    index_url_file: Path | None = Field(
+        default=None, description="file with the address of a database for many gateways; else one with the runs"
+    )
+    due_days: Whole = Field(default=365, ge=1, le=3650, description="days after which an axis is to be measured again")
+    watch: Path | None = Field(
+        default=None, description="folder whose new result files become runs, relative to the site file"
+    )
+
+    syslog: str = Field(
+        default="",
+        max_length=300,
+        pattern=r"^$|^(udp|tcp)://[A-Za-z0-9.-]{1,253}(:[0-9]{1,5})?$",
+        description="server of logs for sign-ins and audit records (RFC 5424): udp://HOST:514 or tcp://HOST:514",
+    )
+    mqtt: MqttSection | None = Field(default=None, description="server of messages that other systems listen to")
+
+    @field_validator("hosts")
+    @classmethod
+    def _plain_names(cls, hosts: tuple[str, ...]) -> tuple[str, ...]:
+        for host in hosts:
+            if _HOST.fullmatch(host) is None:
+                raise ValueError(words("W-CFG-HOSTNAME", host=host))
+        return hosts
+
+    @field_validator("proxies")
+    @classmethod
+    def _addresses(cls, proxies: tuple[str, ...]) -> tuple[str, ...]:
+        for proxy in proxies:
+            try:
+                ip_address(proxy)
+            except ValueError as error:
+                raise ValueError(words("W-CFG-PROXY-ADDRESS", address=proxy)) from error
+        return proxies
+
+    @model_validator(mode="after")
+    def _both(self) -> ServiceSection:
+        if (self.certificate is None) != (self.key is None):
+            raise ValueError(words("W-CFG-PAIR", one="certificate", other="key"))
+        return self
+
+
+# What a site file says for the report: letterhead, parties, the machine, the register of equipment, tolerances.
+
+MOST_LINES = 8
+Line = Annotated[str, Field(max_length=120)]
+Lines = Annotated[tuple[Line, ...], Field(max_length=MOST_LINES)]
+Letters = Annotated[tuple[Annotated[str, Field(pattern=r"^[A-CXYZ]$")], ...], Field(max_length=6)]
+
+
+class ReportSection(Section):
+    """The calibration report: who makes it, for whom, in which language."""
+
+    language: Literal["en", "de", "zh"] = Field(default="en", description="language of the report")
+    title: Line = Field(default="", description="what it is called; left out: calibration report")
+    accreditation: Line = Field(default="", description="accreditation number; no mark is drawn")
+    laboratory: Line = Field(default="", description="who makes the report, on the letterhead")
+    address: Lines = Field(default=(), description="its address, a line each")
+    country: Annotated[str, Field(pattern=r"^([A-Z]{2})?$")] = Field(
+        default="", description="its country by ISO 3166: DE, CN; for the digital certificate"
+    )
+    logo: Path | None = Field(default=None, description="logo (.svg, .png, .jpg), relative to the site file")
+    customer: Line = Field(default="", description="for whom it is made")
+    customer_address: Lines = Field(default=(), description="the customer's address, a line each")
+    order: Line = Field(default="", description="number of the order")
+    place: Line = Field(default="", description="location of the machine")
+    operator: Line = Field(default="", description="who measured")
+    number_prefix: Annotated[str, Field(max_length=20, pattern=r"^[A-Za-z0-9_.-]*$")] = Field(
+        default="", description="prefix of the report's number"
+    )
+    warm_up: Line = Field(default="", description="how the machine was warmed up before measuring")
+    refuse_overdue: Flag = Field(
+        default=False, description="a run is refused while a calibration in the register is overdue; else a warning"
+    )
+    signatures: Lines = Field(default=(), description="who signs; left out: calibrated by, checked by")
+
+
+class MachineSection(Section):
+    """The machine as its owner names it; nothing of it is compared with the control."""
+
+    maker: Line = Field(default="", description="maker of the machine")
+    type: Line = Field(default="", description="type")
+    number: Line = Field(
+        default="", description="machine number; left out: only the control's serial number is printed"
+    )
+    year: Whole | None = Field(default=None, ge=1900, le=2200, description="year of manufacture")
+    work_side: Letters = Field(
+        default=(), description="letters of the axes from the bed outward to the work, for the drawings of mountings"
+    )
+    tool_side: Letters = Field(
+        default=(), description="letters of the axes from the bed outward to the tool or wheel, for these drawings"
+    )
+
+
+class EquipmentSection(Section):
+    """One entry of the register of equipment: who calibrated it, until when, and the uncertainty stated for it."""
+
+    name: Line = Field(min_length=1, description="what it is: laser head, optics, rotary calibrator, sensor ...")
+    instrument: MaybeName = Field(default="", description="the instrument of this site that it belongs to, if any")
+    maker: Line = Field(default="", description="maker")
+    type: Line = Field(default="", description="type")
+    serial: Line = Field(default="", description="serial number")
+    certificate: Line = Field(default="", description="number of its calibration certificate")
+    laboratory: Line = Field(default="", description="who calibrated it")
+    calibrated: date | None = Field(default=None, description="day of calibration, YYYY-MM-DD")
+    due: date | None = Field(default=None, description="day on which the next one is due, YYYY-MM-DD")
+    um_per_m: Number | None = Field(
+        default=None, gt=0, le=100.0, description="stated U (k = 2) of a laser system, um/m; used instead of 0.5"
+    )
+    arcsec: Number | None = Field(
+        default=None, gt=0, le=100.0, description="stated U (k = 2) of a rotary calibrator, arcsec; instead of 1"
+    )
+    kelvin: Number | None = Field(
+        default=None, gt=0, le=10.0, description="stated U (k = 2) of a material sensor, K; instead of a range of 0.2"
+    )
+
+
+class CaptureConditionsSection(Section):
+    """How readings of files were taken, of one axis or of all: what a file states itself counts before it."""
+
+    axis: MaybeName = Field(default="", description="machine axis; left out: every axis")
+    feed: Number | None = Field(default=None, gt=0, le=1e6, description="feed, mm/min or deg/min")
+    overrun: Number | None = Field(default=None, gt=0, le=1000.0, description="overrun before reversing, mm or deg")
+    dwell_s: Number | None = Field(default=None, gt=0, le=600.0, description="dwell at each target, s")
+    cycle: Literal["", "standard", "pendulum", "pilgrim"] = Field(default="", description="measuring cycle")
+    tables: Line = Field(default="", description="compensation tables that acted: none, or their names")
+    warm_up: Line = Field(default="", description="warm-up before measuring; left out: that of [report]")
+    other_axes: Line = Field(default="", description="positions of the axes that did not move")
+    offsets: Line = Field(default="", description="offsets from the measuring line to tool and workpiece reference")
+    sensors: Line = Field(default="", description="places of the temperature sensors")
+    instrument: Line = Field(default="", description="instrument and its optics")
+
+
+Limits = Annotated[Mapping[Name, Annotated[Number, Field(gt=0, le=1e6)]], Field(max_length=20)]
+
+
+class ToleranceSection(Section):
+    """Limits of one axis by a standard and edition, in um or arcsec; each is decided with its U by ISO 14253-1."""
+
+    axis: Name = Field(description="machine axis")
+    standard: Line = Field(
+        default="ISO 230-2:2014", description="standard and edition, as `evaluate --standard` has it"
+    )
+    limits: Limits = Field(description="limit by the standard's own letter: { A = 8.0, M = 5.0 }, um or arcsec")
+
+
+class GearToleranceSection(Section):
+    """Limits of the gear's figures: those of the reducer or an own tolerance, um, or a class of ISO 1328-1:2013.
+
+    That standard is for involute gears: for a cycloid disc its class is an own tolerance that is named so.
+    """
+
+    grade: Whole | None = Field(
+        default=None,
+        ge=2,
+        le=11,
+        description="class by the formulae of ISO 1328-1:2013, as a named own tolerance: the standard is for involute "
+        "gears; that its classes go from 2 to 11 is remembered, not looked up",
+    )
+    module_mm: Number | None = Field(default=None, gt=0, le=100.0, description="module for that class, mm")
+    diameter_mm: Number | None = Field(default=None, gt=0, le=10000.0, description="reference diameter for it, mm")
+    width_mm: Number | None = Field(default=None, gt=0, le=2000.0, description="face width for it, mm")
+    limits: Limits = Field(default_factory=dict, description="limit by figure, um: { F_alpha = 6.0, F_p = 20.0 }")
+
+
+# The sections of a site file: every key with its kind, limits, default and what it means.
 
 # The largest control has 31 axes; the rest is far above any machine and far below what fills a memory.
 MOST_AXES, MOST_INSTRUMENTS, MOST_SETUPS = 31, 64, 500
@@ -63,7 +291,7 @@ class Site(Section):
     )
 
 
-class _Reached(Section):
+class _ConnectedSection(Section):
     """What is reached by an address with settings of its own: neither may hold a secret."""
 
     url: str = Field(min_length=1, description="address, of a type that the driver supports")
@@ -90,12 +318,10 @@ class _Reached(Section):
 class IdentitySection(Section):
     """Further facts that identify the machine, as read by `init`; a missing fact is stored when it is first read."""
 
-    version: paper.Line = Field(default="", description="version of the control's software")
-    axes: paper.Line = Field(
-        default="", description="names of all machine axes in the control's own order, blanks between"
-    )
-    type: paper.Line = Field(default="", description="what the node of the setting type_node says")
-    marker: paper.Line = Field(
+    version: Line = Field(default="", description="version of the control's software")
+    axes: Line = Field(default="", description="names of all machine axes in the control's own order, blanks between")
+    type: Line = Field(default="", description="what the node of the setting type_node says")
+    marker: Line = Field(
         default="",
         description="this machine's own number, as typed into r_marker or marker_node",
     )
@@ -106,7 +332,7 @@ class IdentitySection(Section):
         return {name: value for name, value in self.model_dump().items() if value}
 
 
-class ControllerSection(_Reached):
+class ControllerSection(_ConnectedSection):
     """How to reach the control."""
 
     driver: str = Field(
@@ -124,7 +350,7 @@ class ControllerSection(_Reached):
     )
 
 
-class InstrumentSection(_Reached):
+class InstrumentSection(_ConnectedSection):
     """One instrument and its connection."""
 
     name: Name = Field(description="name that axes and set-ups use")
@@ -324,18 +550,14 @@ class SiteFile(Section):
     work: WorkSection | None = Field(default=None, description="the gear that this machine grinds")
     gear: GearSection = Field(default=GearSection(), description="what is asked of that gear")
     guard: GuardSection = Field(default=GuardSection(), description="the drift guard")
-    machine: paper.MachineSection = Field(
-        default=paper.MachineSection(), description="the machine as its owner names it"
-    )
-    equipment: tuple[paper.EquipmentSection, ...] = Field(
-        default=(), max_length=100, description="register of equipment"
-    )
-    tolerances: tuple[paper.ToleranceSection, ...] = Field(default=(), max_length=100, description="limits of the axes")
-    gear_tolerance: paper.GearToleranceSection | None = Field(default=None, description="limits of the gear's figures")
-    test_conditions: tuple[paper.CaptureConditionsSection, ...] = Field(
+    machine: MachineSection = Field(default=MachineSection(), description="the machine as its owner names it")
+    equipment: tuple[EquipmentSection, ...] = Field(default=(), max_length=100, description="register of equipment")
+    tolerances: tuple[ToleranceSection, ...] = Field(default=(), max_length=100, description="limits of the axes")
+    gear_tolerance: GearToleranceSection | None = Field(default=None, description="limits of the gear's figures")
+    test_conditions: tuple[CaptureConditionsSection, ...] = Field(
         default=(), max_length=100, description="how readings of files were taken"
     )
-    report: paper.ReportSection = Field(default=paper.ReportSection(), description="the calibration report")
+    report: ReportSection = Field(default=ReportSection(), description="the calibration report")
     service: ServiceSection = Field(default=ServiceSection(), description="the service: pages and people")
 
     def meant(self, said: str) -> AxisSection | None:

@@ -2,12 +2,20 @@
 
 from __future__ import annotations
 
-from gateway.daemon.beginning import begin
-from gateway.daemon.daily import Daily
-from gateway.daemon.desk import Devices
-from gateway.daemon.jobs import RunStarter
-from gateway.daemon.late import LateDevices
-from gateway.daemon.served import ServedPlace, Serving
-from gateway.daemon.serving import serve, service_of
+from gateway.daemon.job_runner import Devices, LazyDevices, RunStarter
+from gateway.daemon.service import serve, serve_setup, service_of
+from gateway.daemon.service_manager import JournalForm
+from gateway.daemon.site_service import DailyComparison, ServiceParts, SiteService
 
-__all__ = ["Daily", "Devices", "LateDevices", "RunStarter", "ServedPlace", "Serving", "begin", "serve", "service_of"]
+__all__ = [
+    "DailyComparison",
+    "Devices",
+    "JournalForm",
+    "LazyDevices",
+    "RunStarter",
+    "ServiceParts",
+    "SiteService",
+    "serve",
+    "serve_setup",
+    "service_of",
+]

@@ -35,7 +35,7 @@ class StatedFacts:
     """Everything that the files of one run or report state, in the order of the files.
 
     ``conditions`` are the test conditions that a person stated, by axis ("" for every axis) and by key of
-    `gateway.config.paper.sections.CaptureConditionsSection`, each as text with its unit.
+    `gateway.config.sections.CaptureConditionsSection`, each as text with its unit.
     """
 
     facts: tuple[StatedFact, ...] = ()

@@ -6,7 +6,7 @@ databases takes its time to load: this room loads it with the first question.
 
 from __future__ import annotations
 
-from gateway.index.asking import SiteIndex
 from gateway.index.rows import IndexedFigure, IndexedRun, figures_of, gateway_name
+from gateway.index.site_index import SiteIndex
 
 __all__ = ["IndexedFigure", "IndexedRun", "SiteIndex", "figures_of", "gateway_name"]

@@ -12,8 +12,7 @@ from pathlib import Path
 from gateway.domain.figures import Evaluation
 from gateway.errors import StoreError
 from gateway.push import table_id, table_states
-from gateway.store import RunFolder, RunSummary
-from gateway.store.records import canonical, sha256
+from gateway.store import RunFolder, RunSummary, canonical, sha256
 from gateway.tooth import ToothVerdict
 from gateway.workflow.run import stages
 

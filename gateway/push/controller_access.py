@@ -21,18 +21,17 @@ from drivers.types.orders import PushOrder, TableQuestion
 from drivers.types.stops import Stop, StopPlan, StopReached
 from drivers.types.tables import CompensationTable, LiveSet
 from drivers.types.values import Approach
-from gateway import jogging
+from gateway import moves
 from gateway.audience import Audience, kind_of
 from gateway.axes import AxisRecord
 from gateway.domain.proposals import TableChange
 from gateway.errors import VerifyError, WriteRefused
 from gateway.events import ProgramSelected, received
 from gateway.interlocks import MarkerCheck, PushFacts, steepest
-from gateway.moving import places_of, standing_words
+from gateway.moves import Patience, approach_in, question, safe_places_of, standing_words, walk_plan
 from gateway.push import journal
 from gateway.push.context import AuditLog, PushContext, plan_hash
 from gateway.push.state import Purpose
-from gateway.walk import Patience, approach_in, question, walk
 
 POLL_S = 0.5
 CONNECT_WITHIN_S = 60.0
@@ -78,7 +77,7 @@ async def read_facts(
         plan=plan_hash(change, context.machine),
         key_taken=key_taken,
         missing=missing_journals(context),
-        places=places_of(controller),
+        places=safe_places_of(controller),
         brought=brought,
     )
 
@@ -126,7 +125,7 @@ class PlanAxes:
 
 def plan_axes(context: PushContext) -> PlanAxes:
     """As a push knows them."""
-    return PlanAxes(context.input_axis, context.axis, places_of(context.controller))
+    return PlanAxes(context.input_axis, context.axis, safe_places_of(context.controller))
 
 
 def make_stop_plan(
@@ -190,7 +189,7 @@ async def visit(
 
     By a program of ours, or by the operator's hand where the connection runs none; ``order`` names the table that
     stops switch there. ``ask`` is said in place of the program's own words, after what will move; a plan that goes on
-    in the program that runs asks for nothing. Raises what `gateway.walk.walk` and `visit_manually` raise.
+    in the program that runs asks for nothing. Raises what `gateway.moves.walk_plan` and `visit_manually` raise.
     """
 
     async def note(_index: int, stop: Stop, found: StopReached) -> None:
@@ -204,7 +203,7 @@ async def visit(
 
     if context.controller.capabilities.stops:
         patience = Patience(context.start_timeout_s, context.stop_timeout_s)
-        await walk(context.controller, plan, note, patience=patience, say=say)
+        await walk_plan(context.controller, plan, note, patience=patience, say=say)
         return
     if ask[0]:
         context.say(ask[0], **ask[1])
@@ -244,7 +243,7 @@ async def wait_in_safe_places(context: PushContext) -> None:
     Raises DeadlineExceeded after a person's patience, WriteRefused (E-INT-NO-PLACE) where an axis has no safe place,
     and what the port raises.
     """
-    places = places_of(context.controller)
+    places = safe_places_of(context.controller)
     async with context.clock.deadline(context.start_timeout_s, context.axis.name):
         told = False
         while True:
@@ -325,14 +324,12 @@ async def bring_to_position(context: PushContext, position: float, room: float) 
     port raises.
     """
     axis = context.input_axis
-    jogged = jogging.Jogged(axis.name, axis.modulo, context.start_timeout_s)
+    jogged = moves.ManualAxis(axis.name, axis.modulo, context.start_timeout_s)
 
     def ask() -> None:
         context.say("P-PUSH-JOG", axis=axis.name, position=position, room=round(room, 3), unit=axis.unit)
 
-    return await jogging.stand_at(
-        context.controller, context.clock, jogged=jogged, position=position, room=room, ask=ask
-    )
+    return await moves.stand_at(context.controller, context.clock, jogged=jogged, position=position, room=room, ask=ask)
 
 
 async def visit_manually(context: PushContext, plan: StopPlan, at_stop: AtStop, order: PushOrder | None) -> None:

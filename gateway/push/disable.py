@@ -9,16 +9,16 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
-from drivers.carried import Carried
 from drivers.errors import TrueflankError
 from drivers.message import Message, Quantity
+from drivers.offline_exchange import OfflineExchange
 from drivers.types.machine import ChannelStatus
 from drivers.types.orders import DisableOrder, SwitchReading
 from drivers.types.tables import CompensationTable
 from gateway.domain.outcomes import SwitchRecord
 from gateway.events import DisableMoves
 from gateway.interlocks import Refusal, switching_refusals
-from gateway.moving import tell_motion
+from gateway.moves import tell_motion
 from gateway.push import controller_access, journal
 from gateway.push.context import PushContext
 from gateway.push.journal import JournalRead, machine_lock
@@ -151,7 +151,7 @@ async def disable_table(order: DisableOrder, context: PushContext, found: Journa
             return _record(
                 order, "refused", asked=asked, after=None, reasons=tuple(reason.message for reason in asked.refusals)
             )
-        fresh = not isinstance(context.controller, Carried)
+        fresh = not isinstance(context.controller, OfflineExchange)
         if fresh and asked.reading is not None and asked.reading.off and found is None:
             return _record(order, "already-off", asked=asked, after=asked.reading, reasons=())
         return await _disable_in_journal(order, context, found, asked)

@@ -16,7 +16,7 @@ from drivers.terms import spoken
 from drivers.types.tables import CompensationTable, LiveTable
 from drivers.types.values import Approach, Sense
 from gateway.errors import StoreError
-from gateway.moving import shown
+from gateway.moves import position_text
 from gateway.push import journal
 from gateway.push.compare import COARSEST, table_facts, table_from_facts
 from gateway.push.journal import JournalRead
@@ -381,7 +381,12 @@ class RollbackPreview:
             return "W-ROLLBACK-REVERSAL", {**told, **_figures(was, becomes)}
         points = list(point_changes(self.done))
         place, _, was, becomes = max(points, key=lambda one: abs(one[3] - one[2]))
-        told |= {"place": shown(place), "place_unit": new.input_unit, "input": new.input_axis, "count": len(points)}
+        told |= {
+            "place": position_text(place),
+            "place_unit": new.input_unit,
+            "input": new.input_axis,
+            "count": len(points),
+        }
         return "W-ROLLBACK-LARGEST", {**told, **_figures(was, becomes)}
 
     @property

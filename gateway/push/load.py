@@ -22,7 +22,7 @@ from drivers.types.tables import CompensationTable, LiveSet, LiveTable
 from gateway.errors import VerifyError, WriteRefused
 from gateway.events import FirstPartSelected, WholeTransactionSelected
 from gateway.interlocks import other_cross_tables, refusals, value_at
-from gateway.moving import shown, shown_there, tell_motion
+from gateway.moves import position_text, shown_by_control, tell_motion
 from gateway.push import controller_access
 from gateway.push.compare import same_other_tables, same_set, same_table, table_facts, table_in, without_tables
 from gateway.push.controller_access import bring_to_position, position_tolerance
@@ -181,7 +181,11 @@ def _say_moves(codes: tuple[str, str], loads: TableLoads, amounts: Sequence[floa
         work, table, most = one.work, one.order.table, round(abs(amount), 2)
         if most:
             told = {"amount": most, "deviation_unit": table.deviation_unit}
-            place = {"input": table.input_axis, "place": shown(work.agreeing_position), "unit": table.input_unit}
+            place = {
+                "input": table.input_axis,
+                "place": position_text(work.agreeing_position),
+                "unit": table.input_unit,
+            }
             work.context.say(codes[0], axis=work.axis, table=work.change.name, **told, **place)
         else:
             still.append(work.change.name)
@@ -261,7 +265,7 @@ async def _wait_for_activation(loads: TableLoads, together: PushBatch) -> None:
     context = loads[0].work.context
     if context.controller.capabilities.switches_now:
         restarted = tuple(one for one in acting if one.order.table.kind != "reversal")
-        there = shown_there(context.controller, "restart")
+        there = shown_by_control(context.controller, "restart")
         context.say("P-PUSH-ACTIVATE", axis=_names(restarted or acting), shown=there)
     await context.controller.restarted(_batch(acting), context.start_timeout_s)
     for one in acting:

@@ -13,8 +13,8 @@ from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
-from drivers.leftover import Sent
 from drivers.local.ownfiles import open_own, read_own
+from drivers.stale_programs import Sent
 from gateway.errors import BusyError, StoreError
 from gateway.push.journal import hold_lock, is_lock_held, machine_folder
 

@@ -1,25 +1,28 @@
-"""Run folders: every stage of a run as one hashed file, `run.json` naming them all."""
+"""Run folders: every stage of a run as one hashed file, `run.json` naming them all, and the seal over its files."""
 
 from __future__ import annotations
 
+import hashlib
 import io
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, Literal, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from drivers.errors import words
 from drivers.local.names import is_file_name, shown
-from drivers.local.ownfiles import is_link
+from drivers.local.ownfiles import is_link, open_own
 from drivers.terms import with_current_keys
 from drivers.types.identity import MachineIdentity
 from gateway.errors import CorruptRecord, RecordNotFound, StoreError
-from gateway.store import layout, records, seal
-from gateway.store.disk import checked_name, make_folder, read_whole, write_whole
+from gateway.store import records
+from gateway.store.disk import checked_name, disk_errors, make_folder, read_whole, write_whole
+
+# Run folders: every stage of a run as one hashed file, `run.json` naming them all.
 
 R = TypeVar("R")
 RUN_FILE = "run.json"
@@ -108,7 +111,7 @@ class RunFolder:
         if known is not None and known["sha256"] == digest:
             return digest
         if known is not None:
-            facts.setdefault(seal.BESIDE, {})[layout.place(known["file"], facts)] = known["sha256"]
+            facts.setdefault(BESIDE, {})[stored_place(known["file"], facts)] = known["sha256"]
         name = self._free_name(stage, facts)
         self._write(name, data, facts)
         entry = {"file": name, "sha256": digest, "parents": list(parents), "type": type(record).__name__}
@@ -188,16 +191,16 @@ class RunFolder:
 
         What is not there is left out. Raises StoreError (E-STORE-DISK).
         """
-        found = {path.relative_to(self.path).as_posix(): seal.digest_of(path) for path in paths if path.is_file()}
+        found = {path.relative_to(self.path).as_posix(): digest_of(path) for path in paths if path.is_file()}
         if not found:
             return
         facts = self._facts()
-        facts.setdefault(seal.BESIDE, {}).update(found)
+        facts.setdefault(BESIDE, {}).update(found)
         self._write_facts(facts)
 
-    def differences(self) -> tuple[seal.Difference, ...]:
+    def differences(self) -> tuple[Difference, ...]:
         """Files that are not as the seal has them: changed, missing, added. Raises StoreError, CorruptRecord."""
-        return seal.compare(self.path, self._known())
+        return compare_seal(self.path, self._known())
 
     def read_bytes(self, name: str) -> bytes:
         """A stored file, its hash checked. Raises StoreError (E-STORE-FILE), CorruptRecord (E-STORE-HASH)."""
@@ -258,10 +261,10 @@ class RunFolder:
         """Where a file lies that `run.json` names: in this folder. Raises CorruptRecord (E-STORE-PLACE)."""
         if not isinstance(name, str) or not is_file_name(name):
             raise CorruptRecord("E-STORE-PLACE", str(self.path), name=shown(name))
-        return self.path / layout.place(name, self._known())
+        return self.path / stored_place(name, self._known())
 
     def _write(self, name: str, data: bytes, facts: Mapping[str, Any]) -> Path:
-        path = self.path / layout.place(name, facts)
+        path = self.path / stored_place(name, facts)
         if path.parent != self.path:
             make_folder(path.parent)
         write_whole(path, data)
@@ -269,7 +272,7 @@ class RunFolder:
 
     def _free_name(self, stem: str, facts: Mapping[str, Any]) -> str:
         name, number = f"{stem}.json", 2
-        while (self.path / layout.place(name, facts)).exists():
+        while (self.path / stored_place(name, facts)).exists():
             name, number = f"{stem}.{number}.json", number + 1
         return name
 
@@ -284,10 +287,10 @@ class RunFolder:
         return self._last[1]
 
     def _write_facts(self, facts: dict[str, Any]) -> None:
-        write_whole(self.path / RUN_FILE, sealed(facts))
+        write_whole(self.path / RUN_FILE, with_seal(facts))
 
 
-def sealed(facts: Mapping[str, Any]) -> bytes:
+def with_seal(facts: Mapping[str, Any]) -> bytes:
     """`run.json` with its own hash."""
     body = {key: value for key, value in facts.items() if key != "sha256"}
     return json.dumps({**body, "sha256": records.sha256(records.canonical(body))}, indent=1).encode("ascii")
@@ -302,3 +305,82 @@ def _facts_in(path: Path, data: bytes | None = None) -> dict[str, Any]:
     if seal != records.sha256(records.canonical(facts)) or any(key not in facts for key in _KEYS):
         raise CorruptRecord("E-STORE-HASH", str(path), stage=RUN_FILE)
     return {**facts, "machine": with_current_keys(facts["machine"])}
+
+
+# Where a file of a run lies in its folder: the one rule, by its name; runs kept before it lie in one folder. Pure.
+
+KEY, TODAY = "layout", 2
+SUBFOLDERS: Mapping[str, tuple[str, ...]] = {
+    "captures": ("acting-", "capture-", "component-", "evaluation-", "hidden-", "source-"),
+    "setups": ("setup-", "stands-"),
+    "tables": ("backup-", "live-", "push-", "tables-"),
+    "parts": ("grind-", "ground-", "inspected-", "part-"),
+    "protocol": ("sent-",),
+    "raw": ("raw-",),
+}
+"""Sub-folders by how names begin; what is none of them (report, results, site, proposal, verdict) lies on top."""
+
+
+def stored_place(name: str, facts: Mapping[str, Any]) -> str:
+    """The path of a file of this name below its run's folder, with "/"; ``facts`` are the run's own."""
+    if facts.get(KEY) != TODAY:
+        return name
+    if name.endswith(".npy"):
+        return f"raw/{name}"
+    room = next((room for room, starts in SUBFOLDERS.items() if name.startswith(starts)), "")
+    return f"{room}/{name}" if room else name
+
+
+# The seal of a run folder: which files it must hold, by their hashes, and what is not so.
+
+BESIDE = "beside"
+# Two people write approvals at the same time: they stand beside the seal, and the audit log knows each by its hash.
+APPROVALS = "approvals"
+_BLOCK = 1 << 20
+Kind = Literal["changed", "missing", "added"]
+
+
+@dataclass(frozen=True, slots=True)
+class Difference:
+    """One file of a run folder that is not as its seal says; ``name`` is relative to the folder."""
+
+    name: str
+    kind: Kind
+
+
+def digest_of(path: Path) -> str:
+    """sha256 of a file, piece by piece. Raises StoreError (E-STORE-DISK)."""
+    digest = hashlib.sha256()
+    with disk_errors(path), open_own(path, "rb") as file:
+        while block := file.read(_BLOCK):
+            digest.update(block)
+    return digest.hexdigest()
+
+
+def sealed_hashes(facts: Mapping[str, Any]) -> dict[str, str]:
+    """Hashes by name of every file that a run's facts name."""
+    stages = {stored_place(entry["file"], facts): entry["sha256"] for entry in facts["stages"].values()}
+    files = {stored_place(name, facts): digest for name, digest in facts["files"].items()}
+    return {**facts.get(BESIDE, {}), **files, **stages}
+
+
+def compare_seal(folder: Path, facts: Mapping[str, Any]) -> tuple[Difference, ...]:
+    """Every difference between a folder and its seal, by name. Raises StoreError (E-STORE-DISK).
+
+    A run from before all files were sealed is not asked for what it does not name.
+    """
+    wanted = sealed_hashes(facts)
+    found = {name for name in _names(folder) if BESIDE in facts or name in wanted}
+    differences = [Difference(name, "added") for name in found - set(wanted)]
+    differences += [Difference(name, "missing") for name in set(wanted) - found]
+    changed = (name for name in found & set(wanted) if digest_of(folder / name) != wanted[name])
+    differences += [Difference(name, "changed") for name in changed]
+    return tuple(sorted(differences, key=lambda one: one.name))
+
+
+def _names(folder: Path) -> set[str]:
+    """The files of a folder but for run.json, which is its own seal, and what a crash left half written."""
+    with disk_errors(folder):
+        paths = [path for path in folder.rglob("*") if path.is_file()]
+    names = {path.relative_to(folder).as_posix() for path in paths if not path.name.startswith(".")}
+    return {name for name in names if name != "run.json" and not name.startswith(f"{APPROVALS}/")}

@@ -17,10 +17,9 @@ from drivers.errors import words
 from drivers.local.names import is_file_name, shown
 from drivers.local.ownfiles import make_new_own_folder
 from gateway.errors import StoreError, UnknownRun
-from gateway.store import layout, records
+from gateway.store import folder, records
 from gateway.store.disk import disk_errors, write_whole
-from gateway.store.folder import RUN_FILE, RunFolder, RunSummary, sealed
-from gateway.store.seal import BESIDE
+from gateway.store.folder import BESIDE, RUN_FILE, RunFolder, RunSummary, with_seal
 
 
 def _utc_now() -> datetime:
@@ -75,12 +74,12 @@ class Store:
             "stages": {},
             "files": {},
             BESIDE: {},
-            layout.KEY: layout.TODAY,
+            folder.KEY: folder.TODAY,
             "errors": [],
         }
         with disk_errors(path):
             make_new_own_folder(path)
-        write_whole(path / RUN_FILE, sealed(facts))
+        write_whole(path / RUN_FILE, with_seal(facts))
         return RunFolder(path)
 
     def open(self, run: str | Path, needs: Needs = ANYTHING) -> RunFolder:

@@ -18,7 +18,7 @@ from gateway.gear.cycloid import CycloidGear
 from gateway.model.components import TURN_DEG, is_periodic, motion_uncertainty, value
 from gateway.model.error_model import TWENTY_ONE, ErrorModel
 from gateway.siteplan import MOST_POINTS, Name
-from gateway.store import RunFolder, records
+from gateway.store import RunFolder, decode
 
 Number = float
 MOST_APART = 1000.0  # of a disc its smallest length to its pitch circle: less was typed in another unit
@@ -320,7 +320,7 @@ def model_of_run(path: Path) -> ErrorModel:
         data = path.read_bytes()
     except OSError as error:
         raise ConfigError("E-STUDY-READ", str(path), why=str(error)) from error
-    return records.decode(data, ErrorModel, str(path))
+    return decode(data, ErrorModel, str(path))
 
 
 def error_file(model: ErrorModel, name: str, height_mm: float = 0.0) -> ErrorFile:

@@ -23,8 +23,8 @@ from gateway.errors import (
     NotSignedIn,
     RecordNotFound,
 )
-from gateway.store.disk import disk_errors
-from gateway.store.disk import replace as moved
+from gateway.store import disk_errors
+from gateway.store import replace as moved
 from gateway.users.leaked import is_leaked
 from gateway.users.passwords import Hasher, token_digest
 from gateway.users.records import (

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import BinaryIO
 
 from gateway.errors import StoreError
-from gateway.store.disk import disk_errors
+from gateway.store import disk_errors
 
 PREFIX, MOST_LINE, MOST_FILE = 5, 100, 1 << 22
 

@@ -27,7 +27,7 @@ from cryptography.hazmat.primitives.ciphers.aead import AESGCM
 from drivers.local.names import person_key, stem
 from drivers.local.ownfiles import make_own_folder, open_own, read_own
 from gateway.errors import CorruptRecord
-from gateway.store.disk import disk_errors, write_whole
+from gateway.store import disk_errors, write_whole
 from gateway.users.passwords import derived
 
 VARIABLE = "TRUEFLANK_KEYS"

@@ -278,10 +278,10 @@ def axis_table(verdict: Verdict) -> tuple[ResultRow, ...]:
 
 def acting_rows(axes: Iterable[AxisOutlook], checks: Mapping[str, ActingCheck]) -> tuple[ActingRow, ...]:
     """Every axis with all tables of a run acting, and what its short check said; as text."""
-    return tuple(_acting(one, checks.get(one.axis)) for one in axes)
+    return tuple(_acting_row(one, checks.get(one.axis)) for one in axes)
 
 
-def _acting(one: AxisOutlook, check: ActingCheck | None) -> ActingRow:
+def _acting_row(one: AxisOutlook, check: ActingCheck | None) -> ActingRow:
     seen, answer = number(None), "not checked"
     if check is not None:
         seen = f"{number(check.M)} ± {number(check.M_U)}"

@@ -14,14 +14,12 @@ from starlette.responses import HTMLResponse, Response, StreamingResponse
 from drivers.local.names import is_file_name, shown
 from gateway import audit
 from gateway.errors import NotFound, StoreError
-from gateway.store import RunFolder
-from gateway.store.folder import RUN_FILE
-from gateway.store.selftests import SelfTestBook
+from gateway.store import RUN_FILE, RunFolder
+from gateway.store.machine_books import SelfTestBook
 from gateway.users import Person
 from gateway.views import as_data, job_data
-from gateway.views.measuring import plan_of
-from gateway.views.pushed import standing_tables
-from gateway.views.stored import has_report, sealed_file, stored_report
+from gateway.views.measurements import plan_of
+from gateway.views.runs import has_report, sealed_file, standing_tables, stored_report
 from gateway.web.doors import needs, person_of, service_of, session_of, site_of
 from gateway.web.gate import REPORT_POLICY
 from gateway.web.ports import ServedSite

@@ -19,8 +19,7 @@ from drivers.terms import spoken_texts
 from gateway.approve import Approvals
 from gateway.audience import kind_of
 from gateway.errors import InvalidRequest, NotFound
-from gateway.views.figured import figures_by, known_standards
-from gateway.views.modelled import flank_at, model_of
+from gateway.views.measurements import figures_by, flank_at, known_standards, model_of
 from gateway.web.doors import needs, site_of
 from gateway.web.reading import run_of
 

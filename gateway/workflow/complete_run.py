@@ -11,7 +11,7 @@ from drivers.clock import Clock
 from drivers.errors import ConfigError, TrueflankError
 from drivers.message import Message
 from gateway import audit
-from gateway.capture.sense import turning
+from gateway.capture.rig import turning_instrument
 from gateway.config import SiteFile
 from gateway.correct.part.inspected import setup_from_part
 from gateway.domain.outcomes import Verdict
@@ -20,7 +20,7 @@ from gateway.events import PartStarted, RunStarted
 from gateway.model.error_model import ErrorModel
 from gateway.say import Say
 from gateway.store import RunFolder
-from gateway.store.setupbook import SetupBook
+from gateway.store.machine_books import SetupBook
 from gateway.tooth import InspectedFlank, SetupValues, ToothProposal, ToothVerdict
 from gateway.workflow.axes.measure import MeasuredAxis, measure_axis, plans_of_axis, store_equipment
 from gateway.workflow.axes.propose import propose
@@ -77,7 +77,7 @@ async def _measure_and_push(at: RunContext, *, apply: bool) -> Outcome:
     live = [axis for axis in at.site.axes if axis.measure.file is None]
     for axis in live:
         if axis.kind == "rotary":
-            turning(axis, at.rig(axis).instrument)  # before hours of the other axes
+            turning_instrument(axis, at.rig(axis).instrument)  # before hours of the other axes
     store_equipment(at)
     await at.foresee([plan for axis in live for plan in plans_of_axis(axis, "before")])
     measured = {axis.name: await measure_axis(at, axis, "before") for axis in at.site.axes}

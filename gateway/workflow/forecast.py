@@ -12,12 +12,17 @@ from typing import Any, Literal
 from drivers.errors import ConfigError
 from drivers.message import Message
 from drivers.types.stops import StopPlan
-from gateway.capture.duration import HANDSHAKE_S, plan_s, reading_s
-from gateway.capture.rig import setup_of
-from gateway.capture.sense import sense_plan
-from gateway.capture.targets import measuring_plan, targets_of
-from gateway.config import AxisSection, DayTimes, SiteFile, one_start, open_road, plans_together
-from gateway.config.reaching import typed_rotary
+from gateway.capture.rig import sense_plan, setup_of
+from gateway.capture.targets import HANDSHAKE_S, measuring_plan, plan_s, reading_s, targets_of
+from gateway.config import (
+    AxisSection,
+    DayTimes,
+    SiteFile,
+    one_start,
+    plans_together,
+    typed_rotary,
+    unprotected_connection,
+)
 from gateway.correct.plan.plan import CROSS
 from gateway.model.chain import LOCATIONS
 from gateway.push import ROUNDS, TIMES
@@ -260,7 +265,9 @@ class _Day:
         """All of it."""
         every, site = tuple(pieces), self.site
         most = self._extra_h(every)
-        return DayPlan(site.site.name, command, site.times, every, most_extra_h=most, unprotected=open_road(site))
+        return DayPlan(
+            site.site.name, command, site.times, every, most_extra_h=most, unprotected=unprotected_connection(site)
+        )
 
     def _extra_h(self, pieces: Iterable[Piece]) -> float:
         """At most so many hours for targets that readings ask for, and for the same targets measured again."""

@@ -25,11 +25,11 @@ from drivers.types.orders import DisableOrder, PushOrder, SignProof
 from drivers.types.stops import Stop, StopPlan
 from drivers.types.tables import CompensationTable, LiveTable
 from gateway.axes import AxisRecord
-from gateway.capture.duration import plan_s
-from gateway.capture.targets import measuring_plan, plan_of, targets_of
+from gateway.capture.targets import measuring_plan, plan_of, plan_s, targets_of
 from gateway.config import AxisSection, SiteFile
 from gateway.domain.proposals import Proposal, TableChange
 from gateway.domain.values import FloatArray
+from gateway.moves import Patience, question
 from gateway.push import (
     TIMES,
     MovedTable,
@@ -40,9 +40,8 @@ from gateway.push import (
     proof_positions,
     transaction_groups,
 )
-from gateway.store.proofs import Proofs
+from gateway.store.machine_books import ProofBook
 from gateway.tooth import SetupValues, ToothProposal
-from gateway.walk import Patience, question
 from gateway.workflow.axes import verdict
 from gateway.workflow.axes.measure import plans_of_axis
 from gateway.workflow.axes.short_capture import plans_of_combined_effect as acting_plans
@@ -343,7 +342,7 @@ def _order(made: _For, table: CompensationTable, purpose: Literal["table", "sign
 def _proof_of(made: _For, table: CompensationTable) -> SignProof:
     """The machine's own; where none is kept yet, one of the usual sense."""
     machine, axis = made.machine, table.output_axis
-    found = Proofs(store_of(made.site, made.path).root).find(machine, table.kind, axis)
+    found = ProofBook(store_of(made.site, made.path).root).find(machine, table.kind, axis)
     return found or SignProof(machine, table.kind, output_axis=axis, slope=1.0, slope_u=0.01, sign=1, date_utc="")
 
 

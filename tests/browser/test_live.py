@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 from playwright.sync_api import Browser, BrowserContext, Page, ViewportSize
 
-from gateway.daemon.looking import EVERY_S
+from gateway.daemon.stream import EVERY_S
 from tests.browser.hall import hall
 from tests.browser.person import CHROMIUM, PATIENCE_MS, PICTURES, SECRET, SMALL, Person, chromium, opened
 from tests.browser.test_day import site

@@ -17,12 +17,12 @@ from typing import Any, BinaryIO
 import pytest
 
 from drivers.clock import LoopClock
-from drivers.leftover import LeftOver
 from drivers.sinumerik.ncprogram.words import Phase
 from drivers.sinumerik.opcua.session.client import UaSession
+from drivers.stale_programs import StaleProgram
 from drivers.types.orders import SignProof
 from gateway.config import SiteFile, load_site
-from gateway.daemon.desk import Desk
+from gateway.daemon.job_runner import JobRunner
 from gateway.errors import StoreError
 from gateway.push import journal
 from gateway.push.journal import JOURNALS
@@ -30,9 +30,9 @@ from gateway.push.recovery import unfinished_tables
 from gateway.push.sent_programs import SentProgramBook
 from gateway.say import Say
 from gateway.stopping import StopAsked, Stopped, current, obey
-from gateway.store.proofs import Proofs
+from gateway.store.machine_books import ProofBook
 from gateway.supervisor import Supervisor
-from gateway.views.stored import pushes_held
+from gateway.views.runs import pushes_held
 from gateway.workflow.complete_run import run_site
 from gateway.workflow.control.rollback import recover_site
 from gateway.workflow.run.folder import store_of
@@ -98,7 +98,7 @@ class Shop:
         async def starter(_say: Say) -> object:
             return await self.work(apply=False)
 
-        desk = Desk(devices, starter, self.clock)
+        desk = JobRunner(devices, starter, self.clock)
         starting = asyncio.create_task(desk.start())
         try:
             await desk.work(current().asked)
@@ -111,7 +111,7 @@ class Shop:
         name = self.site.site.name if apply else ""
         return recover_site(self.site, self.path, apply=apply, machine_name=name, clock=self.clock, say=self.say)
 
-    async def page(self) -> tuple[LeftOver, tuple[str, ...]]:
+    async def page(self) -> tuple[StaleProgram, tuple[str, ...]]:
         """What a daemon that opens the devices now sees in the control, and the codes its page shows."""
         store = store_of(self.site, self.path)
         book = SentProgramBook(store.root / JOURNALS, self.serial)
@@ -148,7 +148,7 @@ async def shop(folder: Path, clock: LoopClock | None = None, **operator: Any) ->
         machine = await supervisor.open_all()
         await supervisor.close_all()
         proof = SignProof(machine, "axis", "X1", -1.0, 0.01, 1, "2026-01-01T00:00:00+00:00")
-        Proofs(store_of(site, path).root).save(proof)
+        ProofBook(store_of(site, path).root).save(proof)
         yield at
 
 

@@ -19,7 +19,7 @@ from gateway.push.compare import table_in
 from gateway.say import silence
 from gateway.store import RunFolder, Store
 from gateway.tooth import FlankMap, FlankPrediction, SetupValues, ToothProposal
-from gateway.views.stored import last_acting
+from gateway.views.runs import last_acting
 from gateway.workflow.axes.measure import measure_axis, store_equipment
 from gateway.workflow.axes.propose import axis_changes, store_proposal
 from gateway.workflow.axes.short_capture import check_u, guard_site, judge_combined_effect, verify_combined_effect

@@ -13,7 +13,7 @@ from drivers.types.orders import SignProof
 from gateway.config import load_site
 from gateway.domain.proposals import Proposal
 from gateway.store import Store
-from gateway.store.proofs import Proofs
+from gateway.store.machine_books import ProofBook
 from gateway.workflow.programs import programs
 from gateway.workflow.run import stages
 from simulators.cell import Cell
@@ -73,7 +73,7 @@ def test_a_mailbox_takes_a_reversal_whose_sign_is_proved_already(
             machine = MachineIdentity(told["serial"], told["version"], tuple(axis.name for axis in cell.nck.spec.axes))
             for kind in ("axis", "reversal", "cross"):
                 proof = SignProof(machine, kind, "X1", -1.0, 0.01, sign=1, date_utc=cell.clock.utc().isoformat())
-                Proofs(cell.site_path.parent / "runs").save(proof)
+                ProofBook(cell.site_path.parent / "runs").save(proof)
         if code == "P-PUSH-JOG":
             jog = cell.operator.jog(str(fields["axis"]), float(str(fields["position"])))
             jogs.append(asyncio.get_running_loop().create_task(jog))

@@ -12,7 +12,7 @@ from drivers.errors import DeviceRefused, TrueflankError, words
 from drivers.types.identity import MachineIdentity
 from gateway.config import load_site
 from gateway.say import silence
-from gateway.store.selftests import SelfTestBook
+from gateway.store.machine_books import SelfTestBook
 from gateway.workflow.axes.measure import fetch_tables
 from gateway.workflow.run.context import open_context
 from gateway.workflow.run.folder import new_run, store_of

@@ -14,10 +14,10 @@ import pytest
 from typer.testing import CliRunner, Result
 
 from drivers import registry
-from drivers.carried import PieceOfWork, ToCarry, carrying
 from drivers.checks import Wanted
 from drivers.clock import LoopClock
 from drivers.errors import TrueflankError
+from drivers.offline_exchange import PieceOfWork, ToCarry, exchange_files_for
 from drivers.sinumerik.offline.device import OfflineDoctor, SinumerikOffline
 from drivers.types.identity import KnownAs, MachineIdentity, likeness
 from gateway.audit.chain import read_entries
@@ -220,7 +220,7 @@ async def test_carried_reports_tell_the_marker_and_the_card(tmp_path: Path) -> N
         settings = {"folder": str(world.folder), "axes": axes, "r_marker": 900}
         for _ in range(2):
             device = SinumerikOffline("840D", "carried://stick", settings, world.clock)
-            with carrying(PieceOfWork("look", "go-on", ends=True)), suppress(ToCarry):
+            with exchange_files_for(PieceOfWork("look", "go-on", ends=True)), suppress(ToCarry):
                 await device.open(60.0)
                 break
             await world.porter.work_through_sheet()

@@ -28,7 +28,7 @@ from drivers.sinumerik.opcua.settings import UaSettings
 from drivers.types.identity import MachineIdentity
 from gateway.cli import app
 from gateway.config.loading import load_site
-from gateway.store.selftests import SelfTestBook
+from gateway.store.machine_books import SelfTestBook
 from gateway.workflow.run.folder import store_of
 from simulators.nck import Nck
 from simulators.opcua import SinumerikServer

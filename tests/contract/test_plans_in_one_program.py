@@ -13,7 +13,7 @@ from drivers.sinumerik.ncprogram.words import Word
 from drivers.types.orders import TableQuestion
 from drivers.types.stops import Stop, StopPlan, StopReached
 from drivers.types.values import Approach
-from gateway.walk import Patience, walk
+from gateway.moves import Patience, walk_plan
 from tests.contract.opcua_stage import SPEC, Stage, on_stage, plan
 from tests.contract.test_safe_places import PLACES, Told
 
@@ -39,7 +39,7 @@ async def visited(on: Stage, one: StopPlan, told: Told) -> list[tuple[float, flo
             on.pressed.append("start")
             on.press()
 
-    await walk(on.device, one, at_stop, PATIENCE, say)
+    await walk_plan(on.device, one, at_stop, PATIENCE, say)
     return seen
 
 

@@ -15,8 +15,8 @@ import pytest
 from drivers.errors import DeviceRefused, words
 from drivers.types.moves import SafePlaces
 from drivers.types.stops import Stop
+from gateway.moves import Patience, walk_plan
 from gateway.push import push_table
-from gateway.walk import Patience, walk
 from tests.contract.opcua_stage import Stage, on_stage, plan
 from tests.contract.test_push_opcua import SPEC, WAVE, change_of, context_for, live_of, proof
 from tests.sizes import few
@@ -158,7 +158,7 @@ async def test_a_measuring_program_is_said_and_ends_when_a_parked_axis_left_its_
         task = asyncio.get_running_loop().create_task(leave())
         before = stands(on, "Z1")
         with pytest.raises(DeviceRefused, match="E-NC-AWAY"):
-            await walk(on.device, wanted, nothing, Patience(100.0, 100.0), told)
+            await walk_plan(on.device, wanted, nothing, Patience(100.0, 100.0), told)
         await task
         assert stands(on, "Z1") == before
     between = next(fields for code, fields in told if code == "P-MOVE-BETWEEN")

@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from drivers.carried import PieceOfWork, ToCarry, carrying
 from drivers.clock import LoopClock
+from drivers.offline_exchange import PieceOfWork, ToCarry, exchange_files_for
 from drivers.types.orders import TableQuestion
 from drivers.types.tables import LiveSet
 from simulators.operator import SHEET_NOT_DONE, OfflineOperator
@@ -29,7 +29,7 @@ async def asked(world: OfflineWorld) -> LiveSet | ToCarry:
     """The live tables, or what is to be carried for them, as a process that ends there."""
     device = world.driver()
     try:
-        with carrying(LOOKING):
+        with exchange_files_for(LOOKING):
             await device.open(60.0)
             return await device.live_tables(QUESTION, heard)
     except ToCarry as stop:
@@ -152,7 +152,7 @@ async def test_what_only_looks_harmed_is_taken(tmp_path: Path, letters: str) -> 
         (carry / "mine").mkdir()
         (carry / "notes.txt").write_text("a person's own")
         device = world.driver()
-        with carrying(LOOKING):
+        with exchange_files_for(LOOKING):
             await device.open(60.0)
             assert isinstance(await device.live_tables(QUESTION, heard), LiveSet)
             device.conclude()
@@ -167,7 +167,7 @@ async def test_files_of_an_earlier_step_are_no_answer(tmp_path: Path) -> None:
         old = tmp_path / "old"
         shutil.copytree(world.folder / "back", old)
         device = world.driver()
-        with carrying(LOOKING):
+        with exchange_files_for(LOOKING):
             await device.open(60.0)
             await device.live_tables(QUESTION, heard)
             device.conclude()

@@ -8,9 +8,9 @@ from typing import Any
 
 import pytest
 
-from drivers.carried import PieceOfWork, ToCarry, carrying
 from drivers.clock import LoopClock, run_virtual
 from drivers.errors import ConfigError
+from drivers.offline_exchange import PieceOfWork, ToCarry, exchange_files_for
 from gateway.domain.proposals import Proposal
 from gateway.workflow.control.disable import disable_site
 from gateway.workflow.programs import numbers_in, programs
@@ -46,7 +46,7 @@ def test_a_self_test_is_carried_as_it_is_printed(tmp_path: Path) -> None:
             numbers_in(site.tree, site.path)
         await site.tested()  # from here on it is known what the control has reserved
         again = PieceOfWork("self-test again", "go-on", ends=True)
-        with pytest.raises(ToCarry) as waits, carrying(again):
+        with pytest.raises(ToCarry) as waits, exchange_files_for(again):
             await self_test_site(site.tree, site.path, axis="", **site.asked)
         assert waits.value.program == "TFSELF_C1.MPF"
         assert is_printed(site, waits.value, "self-test")
@@ -101,7 +101,7 @@ def test_a_push_is_carried_as_it_is_printed(tmp_path: Path) -> None:
                 await site.clock.sleep(900.0)
         names = ("TFMEAS_C1.MPF", "TFLOAD_C1.MPF", "TFENAB_C1.MPF", "TFMEAS_C1.MPF")
         assert seen == [(name, True) for name in names]
-        with pytest.raises(ToCarry) as compared, carrying(PieceOfWork("verify-table C1", "go-on", ends=True)):
+        with pytest.raises(ToCarry) as compared, exchange_files_for(PieceOfWork("verify-table C1", "go-on", ends=True)):
             await site.compared_once()
         assert is_printed(site, compared.value, "backup")  # what the push's end left to be told goes along
 

@@ -12,9 +12,9 @@ from typing import Any
 
 import pytest
 
-from drivers.carried import PieceOfWork, ToCarry, carrying
 from drivers.clock import LoopClock
 from drivers.errors import TrueflankError
+from drivers.offline_exchange import PieceOfWork, ToCarry, exchange_files_for
 from drivers.sinumerik.ncprogram.words import Phase, Word, Words
 from drivers.types.orders import TableQuestion
 from drivers.types.tables import LiveSet
@@ -42,7 +42,7 @@ async def base(world: OfflineWorld) -> LiveSet:
     while True:
         device = world.driver()
         try:
-            with carrying(LOOKING):
+            with exchange_files_for(LOOKING):
                 await device.open(60.0)
                 found = await device.live_tables(QUESTION, heard)
                 device.conclude()
@@ -57,7 +57,7 @@ async def once(world: OfflineWorld, root: Path, live: LiveSet, **edit: Any) -> E
     """One process: it takes the push up from its beginning, and ends where a person is needed."""
     device = world.driver()
     try:
-        with carrying(PUSHING):
+        with exchange_files_for(PUSHING):
             await device.open(60.0)
             machine = await device.identify()
             context = ua_context(device, world.clock, root, machine, key="k", resumes=True, say=heard)
@@ -195,7 +195,7 @@ async def test_recover_fetches_the_backup_that_never_came_back(tmp_path: Path) -
             path.unlink()
         world.porter.start()
         device = world.driver()
-        with carrying(PieceOfWork("recover", "instead")):
+        with exchange_files_for(PieceOfWork("recover", "instead")):
             await device.open(60.0)
             machine = await device.identify()
             (found,) = unfinished_tables(tmp_path / "journal", machine.serial)

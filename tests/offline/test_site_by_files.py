@@ -9,16 +9,16 @@ from typing import Any, TypeVar
 
 import pytest
 
-from drivers.carried import PieceOfWork, ToCarry, carrying
 from drivers.clock import LoopClock, run_virtual
 from drivers.errors import ConfigError
+from drivers.offline_exchange import PieceOfWork, ToCarry, exchange_files_for
 from drivers.types.orders import SignProof
 from gateway import audit
 from gateway.config import SiteFile, load_site
 from gateway.domain.proposals import Proposal
 from gateway.say import silence
 from gateway.store import RunFolder, Store
-from gateway.store.proofs import Proofs
+from gateway.store.machine_books import ProofBook
 from gateway.supervisor import DevicesFailed
 from gateway.workflow.complete_run import run_site
 from gateway.workflow.control.push import push_run
@@ -53,7 +53,7 @@ class Site:
         """A command, repeated each time the operator has been at the machine."""
         for _ in range(MOST):
             try:
-                with carrying(work):
+                with exchange_files_for(work):
                     return await once()
             except ToCarry:
                 await self.clock.sleep(900.0)
@@ -72,7 +72,7 @@ class Site:
     def proved(self) -> None:
         """The sign of C1's own table was proved some other day."""
         machine, moment = machine_of(self.cell.file), datetime.now(UTC).isoformat()
-        Proofs(self.root).save(SignProof(machine, "axis", "C1", -1.0, 0.01, 1, moment))
+        ProofBook(self.root).save(SignProof(machine, "axis", "C1", -1.0, 0.01, 1, moment))
 
     async def push(self, folder: RunFolder, *, resume: bool) -> Any:
         """One call of `push --offline`."""

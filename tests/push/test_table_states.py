@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from drivers.clock import LoopClock
-from gateway.daemon.hub import Hub, StreamListener
+from gateway.daemon.stream import Hub, StreamListener
 from gateway.events import PushEnded, PushPhaseChanged, TableStateChanged, received
 from gateway.push.context import PushContext
 from gateway.push.phases import TRANSITIONS, PushPhase, PushState, Switch, TableNow

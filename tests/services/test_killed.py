@@ -24,7 +24,7 @@ import pytest
 from drivers.clock import LoopClock
 from drivers.errors import DeadlineExceeded
 from gateway import audit
-from gateway.broker.token import token_path
+from gateway.broker.state_folder import token_path
 from gateway.store import RunFolder, Store
 from gateway.workflow.run.folder import store_of
 from tests.cell.stops import INTERRUPTED, Shop, shop, table_of

@@ -18,8 +18,8 @@ import pytest
 from benchmarks.streams import BRIDGE
 from drivers.bridge.device import BridgeInstrument
 from drivers.clock import LoopClock
-from gateway.broker.token import token_path
-from gateway.daemon.served import ServedPlace
+from gateway.broker.state_folder import token_path
+from gateway.daemon.site_service import SiteService
 from gateway.live import onlooker
 from gateway.say import Say
 from tests.unit.web.test_daemon import SECURE, SITE, certificate, served
@@ -96,14 +96,14 @@ def captured(
 ) -> Any:
     """What clients met while a capture went on, and what it got: (clients, samples, lost, latest lags)."""
     met: dict[str, Any] = {"samples": 0, "lost": 0, "lag": [], "idle": []}
-    places: list[ServedPlace] = []
-    whole = ServedPlace.__init__
+    places: list[SiteService] = []
+    whole = SiteService.__init__
 
-    def noted(self: ServedPlace, *given: Any) -> None:
+    def noted(self: SiteService, *given: Any) -> None:
         whole(self, *given)
         places.append(self)
 
-    monkeypatch.setattr(ServedPlace, "__init__", noted)
+    monkeypatch.setattr(SiteService, "__init__", noted)
 
     async def body(client: httpx.AsyncClient, _stop: asyncio.Event) -> None:
         done = asyncio.Event()

@@ -15,8 +15,7 @@ from sqlalchemy import create_engine
 from sqlalchemy.exc import SQLAlchemyError
 
 from drivers.errors import TrueflankError
-from gateway.index.catching import caught_up, rebuilt
-from gateway.index.keeping import RunIndex
+from gateway.index.database import RunIndex, catch_up, rebuild
 from gateway.push.journal import JOURNALS
 from gateway.store import Store
 from tests.services.peers import lasting_port
@@ -98,7 +97,7 @@ def test_gateways_that_begin_together_make_one_index_and_keep_their_runs_apart(s
         index = RunIndex(store.root, server.url)
         try:
             for _round in range(3):
-                caught_up(index, store)
+                catch_up(index, store)
         except (TrueflankError, SQLAlchemyError) as error:
             failed.append(error)
 
@@ -113,7 +112,7 @@ def test_gateways_that_begin_together_make_one_index_and_keep_their_runs_apart(s
     assert len(index.trend("E", subject="X1")) == 18
     assert [(one["serial"], one["name"], one["transaction"]) for one in index.tables()] == [(SERIAL, "X1", 1)] * 6
     assert len({one["gateway"] for one in index.tables()}) == 6
-    assert rebuilt(index, stores[0]) == 3
+    assert rebuild(index, stores[0]) == 3
     assert len(index.search()) == 18
     assert len(index.tables()) == 6
 
@@ -128,7 +127,7 @@ def test_a_service_and_a_reindex_beside_it_are_in_nobodys_way(server: Server, tm
         index = RunIndex(store.root, server.url)
         try:
             for _round in range(6):
-                (rebuilt if anew else caught_up)(index, store)
+                (rebuild if anew else catch_up)(index, store)
         except (TrueflankError, SQLAlchemyError) as error:
             failed.append(error)
 
@@ -139,7 +138,7 @@ def test_a_service_and_a_reindex_beside_it_are_in_nobodys_way(server: Server, tm
         thread.join()
     assert failed == []
     index = RunIndex(store.root, server.url)
-    caught_up(index, store)
+    catch_up(index, store)
     assert len(index.search()) == len(index.trend("E", subject="X1")) == 6
 
 
@@ -148,12 +147,12 @@ def test_a_database_that_dies_in_the_middle_loses_nothing(server: Server, tmp_pa
     index = RunIndex(store.root, server.url)
     for _round in range(3):
         measured(store, "X1")
-        caught_up(index, store)
+        catch_up(index, store)
         measured(store, "C1")
         server.kill()
         with pytest.raises(TrueflankError) as caught:
-            caught_up(index, store)
+            catch_up(index, store)
         assert caught.value.code == "E-INDEX"
         server.start()
-        caught_up(index, store)
+        catch_up(index, store)
         assert {one["run_id"] for one in index.search()} == {one.run_id for one in store.runs()}

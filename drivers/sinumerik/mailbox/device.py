@@ -16,8 +16,8 @@ from urllib.parse import urlsplit
 from drivers.checks import CheckLine, Wanted, failed, fine, identity_lines, unknown, wrong
 from drivers.clock import Clock
 from drivers.errors import TrueflankError, UnsupportedDevice
-from drivers.leftover import NOTHING, LeftOver, SentPrograms
 from drivers.ports.devices import Tell
+from drivers.safe_positions import SafePositionMixin
 from drivers.sinumerik.mailbox.codec.frames import Picture, Status
 from drivers.sinumerik.mailbox.codec.registers import KINDS, MAP_VERSION, StatusBit
 from drivers.sinumerik.mailbox.conversation import PlcConversation
@@ -29,7 +29,7 @@ from drivers.sinumerik.mailbox.wire import ModbusWire
 from drivers.sinumerik.reach import host_and_port, reach
 from drivers.sinumerik.tablefile import tables
 from drivers.sinumerik.tablefile.tables import HELD_KINDS, REVERSAL
-from drivers.standing import KeepsPlaces
+from drivers.stale_programs import NOTHING, SentPrograms, StaleProgram
 from drivers.terms import TableKind
 from drivers.types.abilities import Capabilities, Marker, TableLimits
 from drivers.types.identity import Identity, KnownAs, MachineIdentity
@@ -54,7 +54,7 @@ CAPABILITIES = Capabilities(
 )
 
 
-class SinumerikModbus(KeepsPlaces, KnownAs):
+class SinumerikModbus(SafePositionMixin, KnownAs):
     """Driver "sinumerik-modbus": settings in `drivers.sinumerik.mailbox.settings.ModbusSettings`."""
 
     def __init__(self, name: str, url: str, settings: Mapping[str, Any], clock: Clock) -> None:
@@ -123,11 +123,11 @@ class SinumerikModbus(KeepsPlaces, KnownAs):
 
     # ---- what is left of ours -------------------------------------------------------------------------
 
-    async def left_over(self) -> LeftOver:
+    async def left_over(self) -> StaleProgram:
         """No programs run on this road, and the PLC ends a session whose heartbeat stops: nothing is left."""
         return NOTHING
 
-    async def withdraw(self, timeout_s: float) -> LeftOver:
+    async def withdraw(self, timeout_s: float) -> StaleProgram:
         """End our session; a table that waits for the panel is then not activated any more."""
         ours = self._talk.session
         if not ours:
@@ -135,10 +135,10 @@ class SinumerikModbus(KeepsPlaces, KnownAs):
         del timeout_s  # leaving is bounded by itself
         await self._talk.leave()
         if self._talk.unended:
-            return LeftOver("session", ours)
-        return LeftOver("closed", ours)
+            return StaleProgram("session", ours)
+        return StaleProgram("closed", ours)
 
-    async def clear_left_over(self, timeout_s: float) -> LeftOver:
+    async def clear_left_over(self, timeout_s: float) -> StaleProgram:
         """Nothing is left on this road."""
         del timeout_s
         return NOTHING

@@ -18,7 +18,6 @@ from datetime import datetime
 from pathlib import Path
 from typing import Any
 
-from drivers.carried import PieceOfWork, ToCarry, at_work
 from drivers.checks import CheckLine, Wanted, failed, identity_lines, unknown
 from drivers.clock import Clock
 from drivers.errors import (
@@ -29,7 +28,7 @@ from drivers.errors import (
     TrueflankError,
     UnsupportedDevice,
 )
-from drivers.leftover import NOTHING, LeftOver
+from drivers.offline_exchange import PieceOfWork, ToCarry, at_work
 from drivers.sinumerik.ncprogram.words import Word
 from drivers.sinumerik.offline import steps
 from drivers.sinumerik.offline.folder import CarriedStep, StepFolder, carried_files, stick_name
@@ -42,6 +41,7 @@ from drivers.sinumerik.opcua.session.connection import Secrets
 from drivers.sinumerik.opcua.session.requests import AlarmEvent, Reading
 from drivers.sinumerik.opcua.settings import UaSettings
 from drivers.sinumerik.tablefile.tables import HELD_KINDS
+from drivers.stale_programs import NOTHING, StaleProgram
 from drivers.types.abilities import Capabilities
 from drivers.types.identity import Identity
 from drivers.types.orders import PushBatch
@@ -55,7 +55,7 @@ QUIET_S = 30.0
 
 
 class CarriedSession(UaSession):
-    """Settings as the road's; ``folder`` keeps the steps of `drivers.carried.at_work`."""
+    """Settings as the road's; ``folder`` keeps the steps of `drivers.offline_exchange.at_work`."""
 
     def __init__(
         self, folder: StepFolder, asked: ReportRequest, settings: UaSettings, clock: Clock, where: str
@@ -338,7 +338,7 @@ class SinumerikOffline(SinumerikOpcUa):
 
     @property
     def stick(self) -> Path:
-        """As of `drivers.carried.Carried`."""
+        """As of `drivers.offline_exchange.OfflineExchange`."""
         return self._stick
 
     def is_waited_for(self) -> bool:
@@ -371,7 +371,7 @@ class SinumerikOffline(SinumerikOpcUa):
             await self._carried.looked(f"restart {passed[0].transaction}", restart=True)
         await super().restarted(tuple(replace(order, enable=True) for order in passed), timeout_s)
 
-    async def left_over(self) -> LeftOver:
+    async def left_over(self) -> StaleProgram:
         """Nothing that could be told: what waits for its files is no work of nobody."""
         return NOTHING if self.is_waited_for() else await super().left_over()
 

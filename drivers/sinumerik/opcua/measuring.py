@@ -13,6 +13,7 @@ from dataclasses import replace
 from drivers.clock import Clock
 from drivers.errors import DeadlineExceeded, DeviceRefused
 from drivers.programs import NOBODY, Moment
+from drivers.safe_positions import SafePositionMixin
 from drivers.sinumerik.ncprogram import measuring as measuring_program
 from drivers.sinumerik.ncprogram.backup import BackupFile
 from drivers.sinumerik.ncprogram.checks import Guard, axes_left_safe, check_program, make_guards, read_moves
@@ -27,7 +28,6 @@ from drivers.sinumerik.opcua.machine import Configuration, MachineReader
 from drivers.sinumerik.opcua.program_dialogue import ProgramDialogue, StatusSnapshot, Transfer, file_error
 from drivers.sinumerik.opcua.pushing import fetch_live_tables
 from drivers.sinumerik.opcua.settings import UaSettings
-from drivers.standing import KeepsPlaces
 from drivers.types.machine import ChannelStatus
 from drivers.types.stops import StopPlan, StopReached
 from drivers.types.tables import LiveSet
@@ -340,7 +340,7 @@ def _closed(part: tuple[StopPlan, MachineSetting]) -> tuple[StopPlan, MachineSet
 # Guards, and plans in one program.
 
 
-class GuardMixin(KeepsPlaces):
+class GuardMixin(SafePositionMixin):
     """The part of the driver that does this; it shares dialogue and transfer with the others."""
 
     _dialogue: ProgramDialogue

@@ -13,7 +13,6 @@ from dataclasses import dataclass, replace
 
 from drivers.clock import Clock
 from drivers.errors import DeviceRefused, LocalProtocolError, TransportError, TrueflankError, UnsupportedDevice
-from drivers.leftover import Sent, SentPrograms
 from drivers.programs import ProgramText
 from drivers.sinumerik.ncprogram.checks import LegalProgram
 from drivers.sinumerik.ncprogram.words import COUNT, MARKED, Phase, Word
@@ -22,6 +21,7 @@ from drivers.sinumerik.opcua.session import nodes
 from drivers.sinumerik.opcua.session.client import FileNodes, UaSession
 from drivers.sinumerik.opcua.session.status import is_not_yet
 from drivers.sinumerik.opcua.settings import UaSettings
+from drivers.stale_programs import Sent, SentPrograms
 from drivers.types.machine import ChannelStatus
 
 # Transfer.

@@ -12,12 +12,12 @@ from typing import Any
 
 from drivers.clock import Clock
 from drivers.errors import DeviceRefused, TransportError, TrueflankError
-from drivers.leftover import NOTHING, Kind, LeftOver, Sent, SentPrograms
 from drivers.sinumerik.ncprogram.checks import check_program
 from drivers.sinumerik.ncprogram.words import MARKED, Phase, Word
 from drivers.sinumerik.opcua.machine import MachineReader
 from drivers.sinumerik.opcua.program_dialogue import ProgramDialogue, StatusSnapshot, Transfer
 from drivers.sinumerik.opcua.session import nodes
+from drivers.stale_programs import NOTHING, Kind, Sent, SentPrograms, StaleProgram
 from drivers.types.machine import ChannelStatus
 
 INERT_PROGRAM = "M30\n"
@@ -25,7 +25,7 @@ INERT_PROGRAM = "M30\n"
 STANDS_S = 1.0
 
 
-def find_stale_program(seen: StatusSnapshot, selected: str, known: Sequence[Sent]) -> tuple[LeftOver, Sent | None]:
+def find_stale_program(seen: StatusSnapshot, selected: str, known: Sequence[Sent]) -> tuple[StaleProgram, Sent | None]:
     """What of ours is in the control, and the program it belongs to; ``known`` are all ever sent, oldest first."""
     by_number = _newest(known, lambda sent: sent.number in _numbers(seen))
     by_name = _newest(known, lambda sent: sent.program == selected)
@@ -38,7 +38,7 @@ def find_stale_program(seen: StatusSnapshot, selected: str, known: Sequence[Sent
     return _not_begun(seen, selected, known)
 
 
-def _not_begun(seen: StatusSnapshot, selected: str, known: Sequence[Sent]) -> tuple[LeftOver, Sent | None]:
+def _not_begun(seen: StatusSnapshot, selected: str, known: Sequence[Sent]) -> tuple[StaleProgram, Sent | None]:
     """Words were cleared for a program that shows no number yet."""
     last = known[-1] if known and known[-1].open else None
     if last is None or seen.channel is not ChannelStatus.RESET:
@@ -71,8 +71,8 @@ def _kind(seen: StatusSnapshot) -> Kind:
     return "waiting" if seen.phase == Phase.MEASURING and counted else "moving"
 
 
-def _left(kind: Kind, sent: Sent, seen: StatusSnapshot) -> LeftOver:
-    return LeftOver(kind, sent.number, short_name(sent.program), seen.message)
+def _left(kind: Kind, sent: Sent, seen: StatusSnapshot) -> StaleProgram:
+    return StaleProgram(kind, sent.number, short_name(sent.program), seen.message)
 
 
 def short_name(path: str) -> str:
@@ -101,12 +101,12 @@ class ProgramWithdrawal:
         self._where = where
         self._reopen = reopen
 
-    async def look(self) -> LeftOver:
+    async def look(self) -> StaleProgram:
         """What of ours stands in the control and is nobody's work now; reads only. Raises what the wire raises."""
         left, _sent = await self._found()
         return left
 
-    async def _found(self) -> tuple[LeftOver, Sent | None]:
+    async def _found(self) -> tuple[StaleProgram, Sent | None]:
         book: SentPrograms | None = self._dialogue.book
         known = book.known() if book is not None and not book.at_work() else ()
         if not known:
@@ -117,7 +117,7 @@ class ProgramWithdrawal:
         (name,) = await self._reader.values([nodes.in_channel("progName", self._channel, "ProgramInfo")])
         return str(name or "")
 
-    async def withdraw(self, timeout_s: float) -> LeftOver:
+    async def withdraw(self, timeout_s: float) -> StaleProgram:
         """Ask what this session sent to end, give its words back, and say what is left. Never raises ours.
 
         A program that stands at M0 is not waited for: there a person must press.
@@ -125,7 +125,7 @@ class ProgramWithdrawal:
         sent = self._dialogue.sent
         return NOTHING if sent is None else await self._bounded(sent, timeout_s, for_person=False)
 
-    async def clear(self, timeout_s: float) -> LeftOver:
+    async def clear(self, timeout_s: float) -> StaleProgram:
         """The same for what an earlier gateway left; ``timeout_s`` is the time for a person to press what was said.
 
         Raises what the wire raises while looking; nothing is written where nothing of ours is found.
@@ -136,15 +136,15 @@ class ProgramWithdrawal:
         self._dialogue.take_over(sent)
         return await self._bounded(sent, timeout_s, for_person=True)
 
-    async def _bounded(self, sent: Sent, timeout_s: float, *, for_person: bool) -> LeftOver:
+    async def _bounded(self, sent: Sent, timeout_s: float, *, for_person: bool) -> StaleProgram:
         end = self._clock.now() + 0.8 * timeout_s
         try:
             async with self._clock.deadline(timeout_s, self._where):
                 return await self._end(sent, end, for_person=for_person)
         except TrueflankError as error:
-            return LeftOver("unknown", sent.number, short_name(sent.program), why=f"{error.code}: {error.what}")
+            return StaleProgram("unknown", sent.number, short_name(sent.program), why=f"{error.code}: {error.what}")
 
-    async def _end(self, sent: Sent, end: float, *, for_person: bool) -> LeftOver:
+    async def _end(self, sent: Sent, end: float, *, for_person: bool) -> StaleProgram:
         await self._connected(end)
         await self._dialogue.write({Word.ABORT: 1.0, Word.RELEASE: 0.0})
         seen = await self._at_rest(end, for_person=for_person)
@@ -210,7 +210,7 @@ class ProgramWithdrawal:
 
 
 class CleanupMixin:
-    """What a controller device says of `drivers.leftover.Leavable`, by its parts."""
+    """What a controller device says of `drivers.stale_programs.LeavesPrograms`, by its parts."""
 
     _dialogue: ProgramDialogue
     _leaving: ProgramWithdrawal
@@ -224,14 +224,14 @@ class CleanupMixin:
     def book(self, book: SentPrograms | None) -> None:
         self._dialogue.book = book
 
-    async def left_over(self) -> LeftOver:
+    async def left_over(self) -> StaleProgram:
         """What of ours stands in the control and is nobody's work now. Raises as `Leaving.look`."""
         return await self._leaving.look()
 
-    async def withdraw(self, timeout_s: float) -> LeftOver:
+    async def withdraw(self, timeout_s: float) -> StaleProgram:
         """Ask what was sent to end, give back its words, say what is left; in a fresh session if need be."""
         return await self._leaving.withdraw(timeout_s)
 
-    async def clear_left_over(self, timeout_s: float) -> LeftOver:
+    async def clear_left_over(self, timeout_s: float) -> StaleProgram:
         """The same for what an earlier gateway left. Raises as `Leaving.clear`."""
         return await self._leaving.clear(timeout_s)

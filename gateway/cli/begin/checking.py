@@ -11,11 +11,11 @@ from urllib.parse import urlsplit
 
 import typer
 
-from drivers.carried import PieceOfWork, carrying
 from drivers.checks import ControlFacts
 from drivers.clock import LoopClock
 from drivers.errors import ConfigError, TrueflankError
 from drivers.message import Message
+from drivers.offline_exchange import PieceOfWork, exchange_files_for
 from gateway.cli.options import JsonOption, SiteArgument
 from gateway.cli.show import counted, echo, say_line, show_json, show_table
 from gateway.cli.stopping import run_to_end
@@ -37,7 +37,7 @@ class CheckedSite:
     @property
     def remarks(self) -> tuple[Message, ...]:
         """What the file asks for that will do for no push, or only just."""
-        from gateway.workflow.axes.beforehand import remarks
+        from gateway.workflow.axes.site_remarks import remarks
 
         return remarks(self.site) if self.site is not None and not self.faults else ()
 
@@ -50,16 +50,16 @@ def check_command(
     as_json: JsonOption = False,
 ) -> None:
     """Say everything that is wrong in a site file; with --connect ask every device it names, and move nothing."""
-    from gateway.config.loading import placed
+    from gateway.config import with_positions
 
     found = checked(site)
     rows: Sequence[tuple[str, ...]] = ()
     if connect and not found.faults:
         # A control that files are carried to answers another day: the command ends and says what to carry. It is the
         # program that a self-test carries first, so the one goes on with the other's files.
-        with carrying(PieceOfWork("self-test ", "go-on", ends=True)):
+        with exchange_files_for(PieceOfWork("self-test ", "go-on", ends=True)):
             rows, limits = run_to_end(asked(found.site, site), at=site)
-        found = replace(found, faults=in_order(placed(limits, found.text)))
+        found = replace(found, faults=in_order(with_positions(limits, found.text)))
     tell(found, site, rows, as_json=as_json)
     if not as_json:
         lead_on(found, site, connected=connect)
@@ -70,7 +70,7 @@ def check_command(
 def lead_on(found: CheckedSite, path: Path, *, connected: bool) -> None:
     """Say what to type after a check: the same again, the devices, the doctor, or the files of who has no wire."""
     from gateway.cli.onward import next_step, repeat
-    from gateway.config.reaching import by_files
+    from gateway.config import by_files
 
     if found.faults:
         repeat(f"check {path}")
@@ -85,14 +85,14 @@ def lead_on(found: CheckedSite, path: Path, *, connected: bool) -> None:
 def checked(path: Path) -> CheckedSite:
     """The file, and the files it names, judged. Raises ConfigError (E-CFG-READ, E-CFG-ENCODING)."""
     from gateway.cli.begin.ondisk import disk_faults
-    from gateway.config.loading import beside, placed, read_site
+    from gateway.config import read_site, with_absolute_paths, with_positions
 
     reading = read_site(path)
-    disk = placed(disk_faults(reading, path), reading.text)
+    disk = with_positions(disk_faults(reading, path), reading.text)
     found = (*reading.faults, *reading.doubts, *disk)
     faults = tuple(one for one in found if is_fault(one))
     doubts = tuple(one for one in found if not is_fault(one))
-    site = beside(reading.site, path.parent) if reading.site is not None else None
+    site = with_absolute_paths(reading.site, path.parent) if reading.site is not None else None
     return CheckedSite(site, in_order(faults), in_order(doubts), reading.text)
 
 
@@ -111,14 +111,14 @@ async def asked(site: Any, path: Path) -> tuple[Sequence[tuple[str, ...]], tuple
 
     Raises DevicesFailed, and what `gateway.broker.borrowed` raises.
     """
-    from gateway.broker import borrowed
+    from gateway.broker import borrow_devices
     from gateway.cli.begin.surveying import surveyed
     from gateway.supervisor import Supervisor
     from gateway.workflow.run.folder import store_of
     from gateway.workflow.run.identity import IdentityCheck
 
     clock, control, root = LoopClock(), site.controller, store_of(site, path).root
-    async with borrowed(root, "check", clock):
+    async with borrow_devices(root, "check", clock):
         supervisor = Supervisor(site, clock, recognise=IdentityCheck(site, path, root, clock, keeps=False))
         try:
             await supervisor.open_all()
@@ -134,8 +134,7 @@ async def asked(site: Any, path: Path) -> tuple[Sequence[tuple[str, ...]], tuple
 
 def against_control(site: Any, facts: ControlFacts) -> Iterator[Any]:
     """What the file says otherwise than the control: axes, units, endless turning, soft limits, encoder, room."""
-    from gateway.config import Fault
-    from gateway.config.rules import bounds
+    from gateway.config import Fault, bounds
 
     known = ", ".join(axis.name for axis in facts.axes)
     for number, axis in enumerate(site.axes):

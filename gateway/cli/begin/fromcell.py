@@ -11,7 +11,7 @@ from drivers.errors import words
 def cell_text(cell: str, file: Path) -> str:
     """Start the cell for a moment, take its site file, explain it. Raises ConfigError (E-CLI-CELL)."""
     from gateway.cli.demonstration import CellAsked, cell_process
-    from gateway.config.writing import site_text
+    from gateway.config import site_text
 
     site = file.resolve().parent / f"{cell}-cell" / "site.toml"
     with cell_process(CellAsked(cell, site, 1.0, plan=True)):

@@ -24,7 +24,7 @@ def instrument(text: str) -> Why | None:
 
 def reached(driver: str, role: str, url: str) -> Why | None:
     """Whether a driver opens this kind of address."""
-    from gateway.config.reaching import address_of
+    from gateway.config import address_of
 
     wrong = address_of(driver, role, url)
     return None if wrong is None else why(wrong[0], **wrong[1])

@@ -13,10 +13,7 @@ from typing import Any
 from drivers import registry
 from drivers.errors import TrueflankError, words
 from drivers.local.names import shown
-from gateway.config import Fault, SiteReading
-from gateway.config.faults import called
-from gateway.config.keyfaults import broken
-from gateway.config.places import held
+from gateway.config import Fault, SiteReading, broken_rule, place_name, value_at
 from gateway.errors import ModelError
 
 LOGOS = (".svg", ".png", ".jpg", ".jpeg")
@@ -41,7 +38,7 @@ def disk_faults(reading: SiteReading, path: Path) -> tuple[Fault, ...]:
 
 
 def _fault(tree: Any, place: tuple[str | int, ...], file: Path, why: str, *, doubt: bool = False) -> Fault:
-    fields = {"key": called(tree, place), "file": str(file), "why": why}
+    fields = {"key": place_name(tree, place), "file": str(file), "why": why}
     return Fault(place, "W-CFG-FILE-DOUBT" if doubt else "E-CFG-FILE", fields, doubt=doubt)
 
 
@@ -60,13 +57,13 @@ def unreadable(file: Path) -> str:
 def _store(tree: Any, site: Any, folder: Path) -> Iterator[Fault]:
     store = getattr(site.site, "store", None)
     if store == "":
-        yield broken(tree, ("site", "store"), words("W-CFG-NOT-EMPTY"))
+        yield broken_rule(tree, ("site", "store"), words("W-CFG-NOT-EMPTY"))
     if isinstance(store, str | Path) and (folder / store).exists() and not (folder / store).is_dir():
         yield _fault(tree, ("site", "store"), folder / store, words("W-CFG-NO-FOLDER"))
     if isinstance(store, str | Path) and _LITERAL.search(str(store)) and not (folder / store).exists():
-        yield broken(tree, ("site", "store"), words("W-CFG-LITERAL-PATH"), doubt=True)
+        yield broken_rule(tree, ("site", "store"), words("W-CFG-LITERAL-PATH"), doubt=True)
     elif isinstance(store, str | Path) and str(store) and not (folder / store).parent.exists():
-        yield broken(
+        yield broken_rule(
             tree, ("site", "store"), words("W-CFG-STORE-NEW", folder=shown((folder / store).parent)), doubt=True
         )
 
@@ -76,7 +73,7 @@ def _ports(tree: Any, site: Any) -> Iterator[Fault]:
     for section in (site.controller, *site.instruments):
         url = getattr(section, "url", None)
         if isinstance(url, str) and url.startswith("/dev/") and os.name == "posix" and not Path(url).exists():
-            yield broken(tree, (*section.place, "url"), words("W-CFG-NO-PORT"), doubt=True)
+            yield broken_rule(tree, (*section.place, "url"), words("W-CFG-NO-PORT"), doubt=True)
 
 
 def _settings(tree: Any, site: Any, path: Path) -> Iterator[Fault]:
@@ -102,7 +99,7 @@ def _pointed(tree: Any, place: tuple[str | int, ...], path: Path, value: str, ki
             yield _fault(tree, place, file, words("W-CFG-NO-FOLDER"))
     elif why := unreadable(file):
         if kind == "certificate":
-            fields = {"key": called(tree, place), "file": str(file), "why": why, "site": str(path)}
+            fields = {"key": place_name(tree, place), "file": str(file), "why": why, "site": str(path)}
             yield Fault(place, "E-CFG-CERTIFICATE", fields)
         else:
             yield _fault(tree, place, file, why)
@@ -173,12 +170,12 @@ def _calibrations(tree: Any, site: Any) -> Iterator[Fault]:
     today = datetime.now(UTC).date()
     year = getattr(site.machine, "year", None)
     if isinstance(year, int) and year > today.year:
-        yield broken(tree, ("machine", "year"), words("W-CFG-FUTURE", day=year), doubt=True)
+        yield broken_rule(tree, ("machine", "year"), words("W-CFG-FUTURE", day=year), doubt=True)
     for one in site.equipment:
         for key, code in (("calibrated", "W-CFG-FUTURE"), ("due", "W-CFG-OVERDUE")):
             day = getattr(one, key)
             if isinstance(day, date) and (day > today if key == "calibrated" else day < today):
-                yield broken(tree, (*one.place, key), words(code, day=day.isoformat()), doubt=True)
+                yield broken_rule(tree, (*one.place, key), words(code, day=day.isoformat()), doubt=True)
 
 
 def _part(reading: SiteReading, path: Path) -> Iterator[Fault]:
@@ -202,7 +199,7 @@ def _part(reading: SiteReading, path: Path) -> Iterator[Fault]:
         if not error.code.startswith("E-GRIND"):
             return  # nothing of the work; a control that runs no programs grinds none
         place: tuple[str, ...] = ("work", _key_of(site, error))
-        place = place if held(reading.tree, place) is not None else ("work",)
+        place = place if value_at(reading.tree, place) is not None else ("work",)
         if error.code == "E-GRIND-TRAVEL":
             yield Fault(place, "W-CFG-NO-PART", {"why": error.what}, doubt=True)
         else:
@@ -262,7 +259,7 @@ def _built(tree: Any, file: Path) -> Iterator[Fault]:
         if not tip < distance:
             raise ModelError("E-GEAR-DISTANCE", str(file), E=distance, limit=round(tip, 3))
     except TrueflankError as error:
-        key = called(tree, ("work", "gear"))
+        key = place_name(tree, ("work", "gear"))
         yield Fault(
             ("work", "gear"), "E-CFG-GEAR", {"key": key, "file": str(file), "why": error.what, "cure": error.hint}
         )

@@ -54,7 +54,7 @@ _PLACE = re.compile(_TRAVEL.pattern + r"|\w+\s+any")
 
 def wizard_text(file: Path, asker: Questioner) -> str:
     """The text of a site file by answers. Raises ConfigError (E-INIT-ANSWER, E-INIT-ENDED)."""
-    from gateway.config.writing import site_text
+    from gateway.config import site_text
 
     folder = file.resolve().parent
     known = _one_of(tuple(ROADS))

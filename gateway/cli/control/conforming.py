@@ -70,7 +70,7 @@ def allowance(text: str) -> Allowance:
 
 def _recorded(site: Path, allow: Allowance, machine: str, told: Any) -> ProbedSession:
     from gateway import audit
-    from gateway.broker import borrowed
+    from gateway.broker import borrow_devices
     from gateway.config import load_site
     from gateway.conform import prober_of, recorded
     from gateway.workflow.run.context import check_name
@@ -82,7 +82,7 @@ def _recorded(site: Path, allow: Allowance, machine: str, told: Any) -> ProbedSe
     root = store_of(tree, site).root
 
     async def main() -> ProbedSession:
-        async with borrowed(root, "conform", clock):
+        async with borrow_devices(root, "conform", clock):
             if allow != "read":
                 audit.record(root, "conform", clock=clock, serial=tree.controller.serial, details={"allow": allow})
             return await recorded(tree, allow, clock, told)

@@ -12,8 +12,8 @@ from drivers import registry
 from drivers.checks import CertificateView, CheckLine, TrustView, Wanted, WantedAxis, fine, gathered, unknown, wrong
 from drivers.clock import Clock, LoopClock
 from drivers.errors import ConfigError, TrueflankError
-from drivers.leftover import Sent
 from drivers.message import Message
+from drivers.stale_programs import Sent
 from gateway.cli.onward import after_doctor, next_step
 from gateway.cli.options import JsonOption, SiteArgument, TakeOption
 from gateway.cli.show import echo, say_line, show_json
@@ -48,12 +48,12 @@ def doctor_command(site: SiteArgument, take: TakeOption = "", as_json: JsonOptio
 
 async def _borrowing(tree: Any, site: Path, take: str) -> tuple[CheckLine, ...]:
     """The lines, with the devices borrowed from a gateway that serves this site, or taken from one that hangs."""
-    from gateway.broker import borrowed, taking
+    from gateway.broker import borrow_devices, take_from_hung_gateway
     from gateway.workflow.run.folder import store_of
 
     clock = LoopClock()
-    with taking(take):
-        async with borrowed(store_of(tree, site).root, "doctor", clock):
+    with take_from_hung_gateway(take):
+        async with borrow_devices(store_of(tree, site).root, "doctor", clock):
             return await examined(tree, site, clock)
 
 
@@ -136,7 +136,7 @@ def kept_tests(tree: Any, site: Path, seen: Sequence[CheckLine]) -> tuple[CheckL
 
     ``seen`` is what was found of the control just now: a test of another version of it does not count.
     """
-    from gateway.store.selftests import SelfTestBook
+    from gateway.store.machine_books import SelfTestBook
     from gateway.workflow.run.folder import store_of
 
     if f"{tree.controller.driver}-paper" not in registry.known("paper"):

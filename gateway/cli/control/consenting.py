@@ -8,7 +8,7 @@ from typing import Annotated, Any
 
 import typer
 
-from drivers.carried import PieceOfWork, carrying
+from drivers.offline_exchange import PieceOfWork, exchange_files_for
 from drivers.terms import spoken
 from gateway.cli.onward import after_dry, consent, next_step, step_of
 from gateway.cli.options import (
@@ -105,7 +105,7 @@ def verify_table_command(
     folder = open_run(store_of(tree, site), run, "proposal") if run else None
     with progress(quiet=as_json, at=(tree, site)) as say:
         asked: dict[str, Any] = {"table": axis, "run": folder, "say": say}
-        with carrying(PieceOfWork(f"verify-table {axis} {run}", "go-on", ends=True)):
+        with exchange_files_for(PieceOfWork(f"verify-table {axis} {run}", "go-on", ends=True)):
             outcome = run_to_end(_main(lambda clock: verify_table(tree, site, clock=clock, **asked)), at=site)
     rows = outcome.data.get("tables", [outcome.data])
     wrong = next((one["axis"] for one in rows if one.get("kind") != "as-approved"), axis)

@@ -8,11 +8,11 @@ from typing import Annotated, Any
 
 import typer
 
-from drivers.carried import PieceOfWork, carrying
 from drivers.clock import LoopClock
 from drivers.errors import TrueflankError, words
 from drivers.local.names import visible
 from drivers.message import Message
+from drivers.offline_exchange import PieceOfWork, exchange_files_for
 from drivers.types.identity import FACTS
 from gateway.cli.control.connecting import NOT_ALL_WELL
 from gateway.cli.options import JsonOption, SiteArgument, load_site, with_control
@@ -70,7 +70,7 @@ def _looked(tree: Any, root: Path) -> Any:
     """Who the machine says it is. With a control that files are carried to it ends, and says what to carry."""
     from gateway.workflow.run.identity import read_identity
 
-    with carrying(SELF_TEST):
+    with exchange_files_for(SELF_TEST):
         return run_to_end(read_identity(tree, root, LoopClock()))
 
 
@@ -107,7 +107,7 @@ def _accept(tree: Any, site: Path, texts: list[str], *, quiet: bool = False) -> 
     from gateway.workflow.run.identity import accept_identity
 
     work = accept_identity(tree, site, store_of(tree, site), texts, who=audit.acting_person(), clock=LoopClock())
-    with carrying(SELF_TEST):
+    with exchange_files_for(SELF_TEST):
         kept = run_to_end(work)
     if not quiet:
         echo(Message.of("W-DOC-ACCEPTED", **kept.fields))

@@ -23,9 +23,9 @@ def disable(
     as_json: JsonOption = False,
 ) -> None:
     """Say what a table does to its axis now; with --apply switch it off and read that back. Writes no value."""
-    from drivers.carried import PieceOfWork, carrying
     from drivers.clock import LoopClock
-    from gateway.broker import taking
+    from drivers.offline_exchange import PieceOfWork, exchange_files_for
+    from gateway.broker import take_from_hung_gateway
     from gateway.cli.machine.running import show_outcome
     from gateway.cli.screen.telling import progress
     from gateway.cli.stopping import run_to_end
@@ -37,7 +37,7 @@ def disable(
     with progress(quiet=as_json, at=(tree, site)) as say:
 
         async def main() -> Any:
-            with taking(take), carrying(PieceOfWork("disable", "instead")):
+            with take_from_hung_gateway(take), exchange_files_for(PieceOfWork("disable", "instead")):
                 return await disable_site(tree, site, clock=LoopClock(), say=say, **asked)
 
         outcome = run_to_end(main(), at=site)

@@ -11,7 +11,7 @@ from gateway.cli.exits import of_verdicts
 from gateway.cli.files.evaluating import show_verdicts, verdict
 from gateway.cli.files.geometry import show_answer
 from gateway.cli.show import echo, show_json
-from gateway.store.maps import Value
+from gateway.store import Value
 from gateway.workflow.files.circles import evaluate_circles, read_circle
 
 

@@ -181,11 +181,11 @@ def _refusal(questions: Any, said: Any) -> ConfigError:
 
 def _accept_lines(questions: Any, known: Any) -> list[str]:
     """One line that accepts every statement that differs, and above it what each of them is."""
-    from gateway.config.writing import written
+    from gateway.config import toml_value
 
     site = catalogue()["W-FACTS-SITE"]["what"]
     asked = [f"# {catalogue()[one.code]['what'].format_map(_fields(one, site))}" for one in questions]
-    return [*asked, f"accept = {written([*known, *(one.key.removeprefix(ACCEPT) for one in questions)])}"]
+    return [*asked, f"accept = {toml_value([*known, *(one.key.removeprefix(ACCEPT) for one in questions)])}"]
 
 
 # ------------------------------------------------------------------------------------------------------ what is told
@@ -228,7 +228,7 @@ def _facts(measured: Any) -> tuple[str, str]:
 
 def _make(found: Any, gathering: Any, said: Any, *, site: Path, connect: bool, language: str, as_json: bool) -> None:
     from drivers.clock import LoopClock
-    from gateway.config.reaching import by_files
+    from gateway.config import by_files
     from gateway.workflow.day.making import at_the_control, from_files, keep_day, keys_of, write_site
     from gateway.workflow.results.conformity import data_of, line_of
 

@@ -24,7 +24,7 @@ def logs_command(
     """Print the full record of what happened: of one run, or as it happens; --json gives the lines as they are kept."""
     from drivers.errors import ConfigError
     from gateway.store import Store
-    from gateway.store.logbook import LogBook, lines_of
+    from gateway.store.log_book import LogBook, lines_of
 
     wanted = open_run(Store(store), run).run_id if run else ""
     lines = [line for line in lines_of(store) if wanted in ("", line.get("run"))]
@@ -40,7 +40,7 @@ def _follow(path: Path, run: str, *, as_json: bool) -> None:
     """Every whole line that is added, also after the log has turned over."""
     from drivers.clock import LoopClock
     from gateway.cli.stopping import run_to_end
-    from gateway.store.logbook import LogTail
+    from gateway.store.log_book import LogTail
 
     async def main() -> None:
         clock, tail = LoopClock(), LogTail(path)

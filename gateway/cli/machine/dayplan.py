@@ -16,7 +16,7 @@ from gateway.cli.show import say_line, show_json, show_table
 
 def show_day_of_run(site: Path, axes: Sequence[str], *, apply: bool, as_json: bool) -> None:
     """The day of `run`. Raises as `day_of_run`."""
-    from gateway.config.reaching import typed_rotary
+    from gateway.config import typed_rotary
     from gateway.workflow.forecast import day_of_run
 
     tree = load_site(site)

@@ -54,7 +54,7 @@ def dynamic_command(
 
 def trigger_of(text: str, pre_s: float) -> Any:
     """A trigger from "value=0.5". Raises ConfigError (E-CLI-TRIGGER)."""
-    from gateway.capture.dynamicrecords import Trigger
+    from gateway.capture.dynamic import Trigger
 
     kind, mark, number = text.strip().partition("=")
     try:
@@ -80,7 +80,7 @@ def _captured(site: Path, wish: Any, *, as_json: bool) -> Any:
 def _opened(path: Path, unit: str, plot: Path | None, band: float | None, store: Path) -> Any:
     from drivers.recordings import Recording
     from gateway.store import Maps
-    from gateway.store.rawstream import open_stream
+    from gateway.store.raw_stream import open_stream
     from gateway.workflow.axes.dynamic import outcome_of
     from gateway.workflow.files.reading import ReadOptions, read_file
 

@@ -41,7 +41,7 @@ def grind_command(
 ) -> None:
     """Grind a test part with these set-up values; without --machine show its places and values only."""
     from gateway.config import load_site
-    from gateway.store.setupbook import SetupBook
+    from gateway.store.machine_books import SetupBook
     from gateway.tooth import SetupValues
     from gateway.workflow.run.folder import store_of
     from gateway.workflow.tooth.part_plan import gear_of_site

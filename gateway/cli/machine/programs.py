@@ -116,7 +116,7 @@ def _after(site: Path) -> str:
     """What to type after a self-test: the push that asked for it, where its run is the latest; else a run."""
     from gateway.config import load_site
     from gateway.errors import StoreError
-    from gateway.store.runs import LATEST, Needs
+    from gateway.store import LATEST, Needs
     from gateway.workflow.run.folder import store_of
 
     with contextlib.suppress(StoreError):
@@ -130,7 +130,7 @@ def self_tested(
     site: Path, axis: str = "", *, quiet: bool, clock: Clock | None = None, own_operator: bool = False
 ) -> Any:
     """Test a site's control, and what came of it; the demo does this first, as anybody must."""
-    from drivers.carried import PieceOfWork, carrying
+    from drivers.offline_exchange import PieceOfWork, exchange_files_for
     from gateway.cli.screen.telling import progress
     from gateway.cli.stopping import run_to_end
     from gateway.config import load_site
@@ -142,5 +142,5 @@ def self_tested(
         async def main() -> Any:
             return await self_test_site(tree, site, axis=axis, clock=used, say=say)
 
-        with carrying(PieceOfWork(f"self-test {axis}", "go-on", ends=True)):
+        with exchange_files_for(PieceOfWork(f"self-test {axis}", "go-on", ends=True)):
             return run_to_end(main(), at=site)

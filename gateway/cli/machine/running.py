@@ -90,14 +90,14 @@ def recover_command(
     site: Path, apply: bool, machine: str, choice: Any = "offered", *, take: str = "", as_json: bool
 ) -> None:
     """Say what an interrupted push or rollback left; with apply put it right."""
-    from drivers.carried import PieceOfWork, carrying
-    from gateway.broker import taking
+    from drivers.offline_exchange import PieceOfWork, exchange_files_for
+    from gateway.broker import take_from_hung_gateway
     from gateway.workflow.control.rollback import recover_site
 
     tree = load_site(site)
 
     async def main(say: Say) -> Any:
-        with taking(take), carrying(PieceOfWork("recover", "instead")):
+        with take_from_hung_gateway(take), exchange_files_for(PieceOfWork("recover", "instead")):
             asked: dict[str, Any] = {"apply": apply, "machine_name": machine, "choice": choice}
             return await recover_site(tree, site, clock=LoopClock(), say=say, **asked)
 

@@ -90,7 +90,7 @@ def _title(at: tuple[Any, Path] | None, folder: Any) -> str:
 
 def _log(at: tuple[Any, Path] | None, folder: Any, clock: Clock) -> Any:
     """The log of their store; what keeps it is loaded when it is needed."""
-    from gateway.store.logbook import LogBook
+    from gateway.store.log_book import LogBook
 
     if folder is not None:
         return LogBook(folder.path.parent, clock.utc)

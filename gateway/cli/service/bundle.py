@@ -23,12 +23,11 @@ from drivers.local.scrub import masked, masked_text, without_secrets_text
 from drivers.terms import shown
 from gateway import audit
 from gateway.audit import audit_files, read_entries
-from gateway.broker.notice import notice_of
-from gateway.broker.token import token_path
+from gateway.broker import notice_of, token_path
 from gateway.config import SiteFile
 from gateway.push import JOURNALS
 from gateway.store import Store
-from gateway.store.logbook import FOLDER as LOGS
+from gateway.store.log_book import FOLDER as LOGS
 from gateway.users import first_token_path
 
 MOST_FILE, MOST_ALL = 8_000_000, 200_000_000

@@ -42,13 +42,13 @@ def support_bundle_command(
 
 async def _doctor(tree: Any, site: Path) -> dict[str, Any]:
     """The doctor's lines; why there are none where the control does not answer or somebody else is at work."""
-    from gateway.broker import borrowed
+    from gateway.broker import borrow_devices
     from gateway.cli.control.connecting import examined
     from gateway.workflow.run.folder import store_of
 
     clock = LoopClock()
     try:
-        async with clock.deadline(DOCTOR_S, "doctor"), borrowed(store_of(tree, site).root, "doctor", clock):
+        async with clock.deadline(DOCTOR_S, "doctor"), borrow_devices(store_of(tree, site).root, "doctor", clock):
             lines = await examined(tree, site, clock)
     except TrueflankError as error:
         return {"error": error.as_record()}

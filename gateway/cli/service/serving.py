@@ -33,7 +33,7 @@ def serve_command(
 
     Without a site file in the folder the page asks what a site file needs, writes it and goes on.
     """
-    from gateway.daemon.logs import JournalForm
+    from gateway.daemon import JournalForm
     from gateway.stopping import StopAsked
 
     journal = logging.StreamHandler()
@@ -65,11 +65,11 @@ async def _served(files: list[Path], host: str, port: int, clock: LoopClock, sto
 
 async def _begun(file: Path, host: str, port: int, clock: LoopClock, stop: asyncio.Event) -> Any:
     from gateway.cli.begin.atpage import SiteMaker
-    from gateway.daemon import begin
+    from gateway.daemon import serve_setup
 
     maker = SiteMaker(file)
     name = words("P-SERVE-NO-SITE", file=file)
-    return await begin(
+    return await serve_setup(
         maker, maker.root, clock=clock, stop=stop, host=host, port=port, ready=_telling(name, maker.root)
     )
 
@@ -88,9 +88,9 @@ def _telling(names: str, root: Path) -> Callable[[str], None]:
 
 def _serving(tree: Any, path: Path, clock: LoopClock) -> Any:
     """A site with everything that the daemon does for it."""
-    from gateway.daemon import LateDevices, Serving
+    from gateway.daemon import LazyDevices, ServiceParts
     from gateway.push import JOURNALS, SentProgramBook
-    from gateway.supervisor import Supervisor, unopened
+    from gateway.supervisor import Supervisor, unopened_devices
     from gateway.workflow.files.importing import watcher_of
     from gateway.workflow.run.folder import store_of
     from gateway.workflow.run.identity import IdentityCheck
@@ -102,7 +102,7 @@ def _serving(tree: Any, path: Path, clock: LoopClock) -> Any:
         book, known = SentProgramBook(store.root / JOURNALS, serial), IdentityCheck(tree, path, store.root, clock)
         return Supervisor(tree, clock, book=book, recognise=known)
 
-    devices = LateDevices(made, unopened(tree, clock))
+    devices = LazyDevices(made, unopened_devices(tree, clock))
 
     async def doctor(say: Say) -> object:
         return await _examined(tree, path, clock, say)
@@ -110,7 +110,7 @@ def _serving(tree: Any, path: Path, clock: LoopClock) -> Any:
     def watcher(say: Say) -> Any:
         return watcher_of(tree, path, path.parent / str(folder), utc=clock.utc, say=say)
 
-    return Serving(
+    return ServiceParts(
         site=tree,
         path=path,
         store=store,
@@ -124,7 +124,7 @@ def _serving(tree: Any, path: Path, clock: LoopClock) -> Any:
 
 def _daily(tree: Any, path: Path, store: Any, devices: Any, clock: LoopClock) -> Any:
     """What is compared each day; None where the site does not want it."""
-    from gateway.daemon import Daily
+    from gateway.daemon import DailyComparison
     from gateway.workflow.control.verify import verify_table
     from gateway.workflow.run.live_tables import overdue_tables
 
@@ -139,7 +139,7 @@ def _daily(tree: Any, path: Path, store: Any, devices: Any, clock: LoopClock) ->
     async def compare(say: Say) -> object:
         return await verify_table(tree, path, table="", run=None, clock=clock, say=say)
 
-    return Daily(hour, lambda: overdue_tables(store, serial, clock.utc(), hour), compare, alone)
+    return DailyComparison(hour, lambda: overdue_tables(store, serial, clock.utc(), hour), compare, alone)
 
 
 async def _examined(tree: Any, path: Path, clock: LoopClock, _say: Say) -> object:

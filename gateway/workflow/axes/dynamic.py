@@ -20,16 +20,15 @@ from drivers.local.ownfiles import open_own
 from drivers.message import Message
 from drivers.ports.instruments import Instrument
 from drivers.recordings import Recording
-from gateway.broker import borrowed
-from gateway.capture.dynamic import DynamicCapture
-from gateway.capture.dynamicrecords import Ended, LiveView, Sink, StreamShape, Trigger, unit_of
+from gateway.broker import borrow_devices
+from gateway.capture.dynamic import CaptureEnd, DynamicCapture, LiveView, Sink, StreamShape, Trigger, unit_of
 from gateway.config import InstrumentSection, SiteFile
 from gateway.errors import CaptureError, NotIdentifiable
 from gateway.evaluate.behaviour.dynamics import DynamicSpectrum, SettlingResult, amplitude_spectrum, evaluate_settling
 from gateway.events import RunStarted
 from gateway.say import Say
 from gateway.store import RunFolder
-from gateway.store.rawstream import RawRecorder, StreamFacts, open_stream
+from gateway.store.raw_stream import RawRecorder, StreamFacts, open_stream
 from gateway.workflow.run.folder import new_run, store_of
 
 PICTURE, STATE = "dynamic.png", "captured"
@@ -128,7 +127,7 @@ async def capture_dynamic(
     folder = new_run(site, site_path, utc=clock.utc)
     RunStarted(str(folder.path)).tell(say)
     try:
-        async with borrowed(store_of(site, site_path).root, folder.run_id, clock, say) as told:
+        async with borrow_devices(store_of(site, site_path).root, folder.run_id, clock, say) as told:
             ended, path, notes = await _record(section, wish, clock, folder, told)
     except TrueflankError as error:
         folder.set_state("failed", error=error.as_record())
@@ -150,7 +149,7 @@ def _section(site: SiteFile, name: str) -> InstrumentSection:
 
 async def _record(
     section: InstrumentSection, wish: RecordingOptions, clock: Clock, folder: RunFolder, say: Say
-) -> tuple[Ended, Path, tuple[Message, ...]]:
+) -> tuple[CaptureEnd, Path, tuple[Message, ...]]:
     factory = registry.load(section.driver, "instrument")
     instrument = cast(Instrument, factory(section.name, section.url, section.settings, clock))
     try:
@@ -205,7 +204,9 @@ class _Recorders:
             self._recorder.close()
 
 
-async def _follow(instrument: Instrument, wish: RecordingOptions, clock: Clock, maker: _Recorders, say: Say) -> Ended:
+async def _follow(
+    instrument: Instrument, wish: RecordingOptions, clock: Clock, maker: _Recorders, say: Say
+) -> CaptureEnd:
     made = DynamicCapture(
         instrument.channels,
         wish.seconds,
@@ -248,7 +249,7 @@ def _live_display(say: Say, channel: str) -> Callable[[LiveView], None]:
     return view
 
 
-def _notes(instrument: Instrument, ended: Ended) -> tuple[Message, ...]:
+def _notes(instrument: Instrument, ended: CaptureEnd) -> tuple[Message, ...]:
     notes = [*ended.notes, *map(Message.stored, instrument.notices)]
     if ended.why != "complete":
         notes.append(Message.of("S-DYN-ENDED", why=Message.of(ENDED[ended.why])))

@@ -18,11 +18,10 @@ from drivers.types.tables import LiveSet
 from drivers.types.values import CompensatedFor, FloatArray
 from drivers.units import deviation_unit
 from gateway import audit
-from gateway.capture.corrected import from_file, from_live
+from gateway.capture.corrections import from_file, from_live
 from gateway.capture.live import capture_axis
-from gateway.capture.retaking import demand_complete
-from gateway.capture.rig import setup_of
-from gateway.capture.sense import prove_sense, sense_plan
+from gateway.capture.revisits import require_complete
+from gateway.capture.rig import prove_sense, sense_plan, setup_of
 from gateway.capture.targets import between_places, measuring_plan, targets_of, with_checks
 from gateway.config import AxisSection, SiteFile, Targets, unchecked_feed
 from gateway.domain.captures import Capture, Conditions
@@ -37,9 +36,9 @@ from gateway.evaluate.standards.iso230_2 import describe_incurable, evaluate_iso
 from gateway.evaluate.uncertainty.budget import budget_of
 from gateway.events import AxisMeasurementStarted
 from gateway.model.error_model import ErrorModel
+from gateway.moves import question
 from gateway.say import Say
 from gateway.store import Maps, RunFolder
-from gateway.walk import question
 from gateway.workflow.axes.structure import AdaptiveTargets, tooth_places
 from gateway.workflow.files.reading import ReadOptions, read_file, result_endings
 from gateway.workflow.files.statements import facts_of, settle_setup
@@ -131,7 +130,7 @@ async def _live(at: RunContext, axis: AxisSection, phase: stages.Phase) -> tuple
     capture = from_live(axis, raw, proof, rig.instrument.compensated_for)
     capture = replace(capture, notes=(*capture.notes, *unchecked_feed(at.site, axis)))
     if phase == "before":  # afterwards the table is in the control, and what was measured of it is judged as it is
-        demand_complete(capture)
+        require_complete(capture)
     return capture, (digest,)
 
 

@@ -16,10 +16,9 @@ from drivers.types.stops import StopPlan
 from drivers.types.tables import CompensationTable, LiveSet
 from drivers.types.values import FloatArray
 from drivers.units import DeviationUnit, deviation_unit
-from gateway.capture.corrected import from_live
+from gateway.capture.corrections import from_live
 from gateway.capture.live import capture_axis
-from gateway.capture.rig import Rig, setup_of
-from gateway.capture.sense import prove_sense, sense_plan
+from gateway.capture.rig import Rig, prove_sense, sense_plan, setup_of
 from gateway.capture.targets import measuring_plan, targets_of
 from gateway.config import AxisSection, GuardSection, SiteFile, Targets
 from gateway.domain.captures import Capture

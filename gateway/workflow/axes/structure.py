@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 
 from drivers.types.values import FloatArray
-from gateway.capture.gathered.raw import RawCapture
-from gateway.capture.gathered.widening import affordable, cost_s
+from gateway.capture.collection import RawCapture
+from gateway.capture.revisits import affordable, cost_s
 from gateway.config import AxisSection, SiteFile
 from gateway.domain.captures import Capture
 from gateway.domain.figures import Component

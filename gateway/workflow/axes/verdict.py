@@ -8,8 +8,8 @@ from typing import Literal
 
 import numpy as np
 
-from drivers.carried import Carried
 from drivers.message import Message, digits, fixed
+from drivers.offline_exchange import OfflineExchange
 from drivers.types.orders import SignProof
 from drivers.types.stops import StopPlan
 from drivers.types.tables import LiveTable
@@ -374,7 +374,7 @@ def _measured_again(at: RunContext, changes: Sequence[TableChange]) -> AxisSecti
 def _runs_visits(at: RunContext) -> bool:
     """Whether the control runs programs that wait for readings."""
     controller = at.supervisor.controller
-    return controller.capabilities.stops and not isinstance(controller, Carried)
+    return controller.capabilities.stops and not isinstance(controller, OfflineExchange)
 
 
 def _targets_again(axis: AxisSection, changes: Sequence[TableChange]) -> AxisSection | None:

@@ -8,10 +8,10 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from drivers.carried import Carried
 from drivers.clock import Clock
 from drivers.errors import ConfigError, TrueflankError
 from drivers.message import Message
+from drivers.offline_exchange import OfflineExchange
 from drivers.terms import spoken
 from drivers.types.orders import DisableOrder
 from gateway import audit
@@ -123,7 +123,9 @@ def _unfinished_push_of(at: RunContext, order: DisableOrder) -> JournalRead | No
 
 def _preview(at: RunContext, asked: DisablePreflight) -> Outcome:
     record_look(at, "disable", table=asked.order.name)
-    carried = isinstance(at.supervisor.controller, Carried)  # what its files say is not what its switch reads now
+    carried = isinstance(
+        at.supervisor.controller, OfflineExchange
+    )  # what its files say is not what its switch reads now
     lines = [_line(asked, carried=carried), *(reason.message for reason in asked.refusals)]
     lines.append(Message.of("W-DISABLE-DRY"))
     reading, reasons = asked.reading, [reason.words for reason in asked.refusals]

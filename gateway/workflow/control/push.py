@@ -8,10 +8,10 @@ from datetime import datetime
 from types import MappingProxyType
 from typing import TypeVar
 
-from drivers.carried import Carried
 from drivers.clock import Clock
 from drivers.errors import ConfigError, TrueflankError
 from drivers.message import Message
+from drivers.offline_exchange import OfflineExchange
 from drivers.ports.controller import ReadsTogether
 from drivers.programs import ForeseesPlans, reading_plan
 from drivers.types.orders import SignProof
@@ -41,8 +41,7 @@ from gateway.push import (
     table_questions,
 )
 from gateway.say import Say
-from gateway.store import RunFolder
-from gateway.store.records import encode, sha256
+from gateway.store import RunFolder, encode, sha256
 from gateway.users import KeyRing, Signer, UserAccounts
 from gateway.workflow.axes.measure import MeasuredAxis
 from gateway.workflow.axes.short_capture import combined_effect_plans, verify_combined_effect
@@ -336,7 +335,7 @@ async def read_before(at: RunContext, changes: Sequence[TableChange], measured: 
 def _contexts(at: RunContext, changes: Sequence[TableChange], measured: Measured) -> tuple[PushContext, ...]:
     controller = at.supervisor.controller
     together = isinstance(controller, ForeseesPlans) and isinstance(controller, ReadsTogether)
-    if not together or isinstance(controller, Carried):
+    if not together or isinstance(controller, OfflineExchange):
         return ()
     of: dict[str, PushContext] = {}
     for change in changes:

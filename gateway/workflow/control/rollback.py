@@ -10,8 +10,8 @@ from typing import Any
 
 from drivers.clock import Clock
 from drivers.errors import ConfigError, TrueflankError
-from drivers.leftover import LeftOver
 from drivers.message import Message, fixed
+from drivers.stale_programs import StaleProgram
 from drivers.terms import spoken
 from drivers.types.tables import CompensationTable
 from drivers.types.values import Sense
@@ -364,7 +364,7 @@ def _committed_pushes(at: RunContext) -> tuple[CommittedPush, ...]:
         return ()
 
 
-async def _withdraw_program(at: RunContext, found: LeftOver, *, apply: bool) -> LeftoverFinding:
+async def _withdraw_program(at: RunContext, found: StaleProgram, *, apply: bool) -> LeftoverFinding:
     """A program of ours is asked to end and its words are given back, before anything else is begun there."""
     if not apply:
         return LeftoverFinding(found)

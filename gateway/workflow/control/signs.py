@@ -6,16 +6,15 @@ from collections.abc import AsyncIterator, Mapping, Sequence
 from contextlib import asynccontextmanager
 from dataclasses import dataclass, replace
 
-from drivers.carried import Carried, at_work
 from drivers.message import Message
+from drivers.offline_exchange import OfflineExchange, at_work
 from drivers.ports.instruments import Recounting, RotaryCalibrator, TypedInstrument
 from drivers.types.orders import SignProof
 from drivers.types.stops import Stop, StopPlan
 from drivers.units import deviation_scale
-from gateway.capture.live import combined
+from gateway.capture.live import combine_channels
 from gateway.capture.readings import Readings
-from gateway.capture.rig import Rig, setup_of
-from gateway.capture.sense import prove_sense, sense_plan
+from gateway.capture.rig import Rig, prove_sense, sense_plan, setup_of
 from gateway.config import AxisSection
 from gateway.domain.proposals import TableChange, torn
 from gateway.errors import VerifyError, WriteRefused
@@ -35,7 +34,7 @@ SWITCH_SETTLE_S = 8.0
 def can_prove_sign(at: RunContext, axis: AxisSection) -> bool:
     """Whether a push can prove a sign itself: an instrument sees the output axis, on a road that lets it."""
     controller = at.supervisor.controller
-    if isinstance(controller, Carried) and (at_work().ends or not _is_typed_in(at, axis)):
+    if isinstance(controller, OfflineExchange) and (at_work().ends or not _is_typed_in(at, axis)):
         return False  # an instrument cannot be read while the axis stands at a stop of a program that was carried
     return bool(axis.measure.instrument) and controller.capabilities.proves_signs
 
@@ -57,7 +56,7 @@ class MountedInstrument:
     async def reading(self) -> AsyncIterator[ReadStop]:
         """What it reads at a stop, from a new datum: between two proofs a push moves the axis at its own feed."""
         rig, axis = self.rig, self.rig.axis
-        combine = combined(axis, rig.instrument, self.sense)
+        combine = combine_channels(axis, rig.instrument, self.sense)
         still = rig.controller.capabilities.switches_now
         window = replace(rig.window, settle_s=SWITCH_SETTLE_S) if still else rig.window
         scale = deviation_scale(axis.unit)

@@ -17,9 +17,8 @@ from drivers.local.textfile import decode_beginning, read_toml
 from drivers.message import Message
 from drivers.types.gears import GearInspection, GearTraces
 from drivers.types.results import MeasuredSet
-from gateway.config.writing import written
-from gateway.store import Maps
-from gateway.store.disk import write_whole
+from gateway.config import toml_value
+from gateway.store import Maps, write_whole
 from gateway.workflow.files.headers import ASKS, columns_of
 from gateway.workflow.files.reading import ReadFile, ReadOptions, driver_of, read_all, read_file
 
@@ -278,7 +277,7 @@ class Answers:
         """As the file has it."""
         lines = ["# What the files of a calibration day cannot say: `trueflank day` asks it once."]
         for place, values in self.said.items():
-            lines += ["", section(place), *(f"{key} = {written(value)}" for key, value in values.items())]
+            lines += ["", section(place), *(f"{key} = {toml_value(value)}" for key, value in values.items())]
         return "\n".join(lines) + "\n"
 
 
@@ -287,7 +286,7 @@ def section(place: str) -> str:
     kind, _, name = place.partition(".")
     if not name:
         return f"[{kind}]"
-    return f"[{kind}.{name if _BARE.fullmatch(name) else written(name)}]"
+    return f"[{kind}.{name if _BARE.fullmatch(name) else toml_value(name)}]"
 
 
 def answers_path(folder: Path) -> Path:

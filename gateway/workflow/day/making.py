@@ -14,8 +14,7 @@ from typing import Any
 from drivers.clock import Clock
 from drivers.errors import ConfigError, TrueflankError
 from drivers.types.tables import CompensationTable
-from gateway.config import SiteFile, load_site, read_site
-from gateway.config.writing import site_text
+from gateway.config import SiteFile, load_site, read_site, site_text
 from gateway.correct.flank.noise import noise_patterns
 from gateway.correct.outlook.drive_outlook import costliest, drive_forecast
 from gateway.correct.outlook.flank_uncertainty import ProcessUncertainty, doubts, error_doubts
@@ -28,8 +27,7 @@ from gateway.gear.grinding import Grinding
 from gateway.model.error_model import ErrorModel, chain_of_errors
 from gateway.reducer.goal import DriveGoal
 from gateway.say import Say
-from gateway.store import RunFolder
-from gateway.store.disk import write_whole
+from gateway.store import RunFolder, write_whole
 from gateway.tooth import DriveForecast
 from gateway.workflow.axes.measure import report_overdue_calibrations
 from gateway.workflow.day.folder import Answers, DayFolder

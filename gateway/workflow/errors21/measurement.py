@@ -14,7 +14,7 @@ from drivers.errors import TrueflankError, words
 from drivers.message import Message, Quantity, fixed, prose
 from drivers.types.doubts import Doubt
 from drivers.types.tables import LiveSet
-from gateway.capture.retaking import demand_complete
+from gateway.capture.revisits import require_complete
 from gateway.config import SiteFile
 from gateway.correct.outlook.flank_uncertainty import ALSO_SHOWN, THRESHOLD_UM, OpenDoubt, ToothSpec, what_next
 from gateway.correct.plan.plan import AxisGrid
@@ -153,7 +153,7 @@ def _is_done(folder: RunFolder, one: PlannedSetup, now_utc: datetime, say: Say) 
 def _reason_to_repeat(capture: Capture, now_utc: datetime, *, positioning: bool) -> str:
     """Why a stored capture is measured anew; "" where it is not."""
     try:
-        demand_complete(capture)
+        require_complete(capture)
     except Incomplete as error:
         return error.what
     against = (*suspect_refusals(capture), *age_refusals(capture, now_utc)) if positioning else ()

@@ -13,21 +13,19 @@ from drivers.types.results import MeasuredSet
 from drivers.types.stops import Stop, StopPlan, StopReached
 from drivers.types.tables import LiveSet
 from drivers.units import deg_to_arcsec, rad_to_arcsec
-from gateway.capture.corrected import doubted, from_file, from_live
-from gateway.capture.errormotion import LARGEST, ErrorRig, capture_error, channel_of, error_capture
-from gateway.capture.gathered.raw import RawCapture
+from gateway.capture.collection import RawCapture
+from gateway.capture.corrections import from_file, from_live, with_capture_doubts
+from gateway.capture.error_motion import LARGEST, ErrorRig, capture_error, channel_of, error_capture, prove_mounting
 from gateway.capture.live import capture_axis
-from gateway.capture.mounting import prove_mounting
-from gateway.capture.retaking import demand_complete
-from gateway.capture.rig import setup_of, step_of
-from gateway.capture.sense import prove_sense
+from gateway.capture.revisits import require_complete
+from gateway.capture.rig import prove_sense, setup_of, step_of
 from gateway.capture.targets import jog_plan, jog_start, measuring_plan, plan_of, step_plan, targets_of
 from gateway.config import AxisSection, SiteFile, unchecked_feed
 from gateway.domain.captures import Capture
 from gateway.errors import CaptureError
 from gateway.model.chain import LOCATIONS
+from gateway.moves import walk_plan
 from gateway.store import Maps, RunFolder
-from gateway.walk import walk
 from gateway.workflow.axes.measure import (
     MeasuredAxis,
     axis_positions,
@@ -75,7 +73,7 @@ async def measure_setup(at: RunContext, one: PlannedSetup, tables: dict[str, Liv
         await _park(at, one)
         at.folder.write_text(start_positions_file(one.key), json.dumps(await axis_positions(at)))
         capture, parents = await (_measure_positioning(at, one) if one.positioning else _measure_error_motion(at, one))
-        demand_complete(capture)
+        require_complete(capture)
     at.folder.write_text(f"setup-{one.key}.json", one.setup.model_dump_json())
     at.folder.put(stages.setup(one.key), capture, parents)
     return capture
@@ -111,7 +109,7 @@ async def _park(at: RunContext, one: PlannedSetup) -> None:
 
     for name, place in sorted(one.setup.park.items()):
         plan = _parking_plan(at.axis(name), place)
-        await walk(at.supervisor.controller, plan, at_stop=at_stop, patience=at.patience, say=at.say)
+        await walk_plan(at.supervisor.controller, plan, at_stop=at_stop, patience=at.patience, say=at.say)
 
 
 def start_positions_file(key: str) -> str:
@@ -293,7 +291,7 @@ def axes_from_setups(folder: RunFolder, site: SiteFile) -> dict[str, MeasuredAxi
     found: dict[str, MeasuredAxis] = {}
     for one in plan_setups(site):
         if one.positioning and folder.has(stages.setup(one.key)):
-            capture = doubted(folder.get(stages.setup(one.key), Capture), one.axis)
+            capture = with_capture_doubts(folder.get(stages.setup(one.key), Capture), one.axis)
             capture = move_to_functional_line(capture, one.axis, site, folder)
             capture = with_conditions(capture, one.axis, site, start_positions(site, folder, one))
             parents = (folder.digest(stages.setup(one.key)),)

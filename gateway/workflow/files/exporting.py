@@ -19,7 +19,7 @@ from drivers.types.results import MeasuredSet
 from drivers.types.values import CompensatedFor
 from gateway.domain.captures import Capture, Corrections
 from gateway.store import Maps, RunFolder, Store
-from gateway.store.rawstream import open_stream
+from gateway.store.raw_stream import open_stream
 from gateway.workflow.files.reading import Content, ReadFile, ReadOptions, read_all
 from gateway.workflow.run.stages import DOUBLE, GEAR, MEASURED
 

@@ -11,7 +11,7 @@ from typing import cast
 from drivers.errors import ConfigError
 from drivers.types.results import TableColumn, TableHeading
 from gateway.evaluate.geometry.angular import COMPONENTS, Kind
-from gateway.store.maps import Value
+from gateway.store import Value
 
 DATE = "date, measured on, test date, datum, messdatum, 日期, 测量日期, data, fecha"
 """Headings under which a file states its day."""

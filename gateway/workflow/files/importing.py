@@ -19,13 +19,9 @@ from gateway.domain.stated import StatedFacts
 from gateway.errors import StoreError
 from gateway.evaluate.behaviour.doubts import remarks, with_doubts
 from gateway.say import Say, silence
-from gateway.store import Maps, RunFolder, Store
-from gateway.store.disk import disk_errors
-from gateway.store.rawstream import RawRecorder, StreamFacts, open_stream
-from gateway.watch.apart import apart
-from gateway.watch.journal import WatchJournal
-from gateway.watch.listing import Folder
-from gateway.watch.watcher import Watcher
+from gateway.store import Maps, RunFolder, Store, disk_errors
+from gateway.store.raw_stream import RawRecorder, StreamFacts, open_stream
+from gateway.watch import Folder, Watcher, WatchJournal, run_bounded
 from gateway.workflow.files.reading import OTHER_ENDINGS, Content, ReadFile, ReadOptions, endings, read_all
 from gateway.workflow.files.statements import StatementComparison, facts_of
 from gateway.workflow.run import stages
@@ -237,7 +233,7 @@ def watcher_of(
 
     def take(path: Path, sha256: str) -> str:
         work = partial(import_watched, path, sha256, site=site, root=store.root, now=utc())
-        return apart(work, where=str(path))
+        return run_bounded(work, where=str(path))
 
     wanted = {f".{name}" for name in (*endings(), *OTHER_ENDINGS)} - {".gear-csv", ".md"}
     return Watcher(Folder(folder), WatchJournal(store.root), take, wanted, settle_s=settle_s, say=say)

@@ -16,8 +16,7 @@ from drivers.message import Message
 from drivers.recordings import Recording
 from drivers.types.gears import GearInspection, GearTraces
 from drivers.types.results import MeasuredSet, TableHeading
-from gateway.store import Maps
-from gateway.store.maps import Value
+from gateway.store import Maps, Value
 from gateway.workflow.files.headers import ASKS, OWN, TableMotions, instrument_of, motions_of, senses_in
 
 ROLES = ("file", "dynamic-file", "gear-file")

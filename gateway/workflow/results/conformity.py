@@ -8,8 +8,7 @@ from math import hypot, sqrt
 from typing import Any
 
 from drivers.message import Message, Quantity, fixed
-from gateway.config import SiteFile
-from gateway.config.paper.sections import GearToleranceSection, ToleranceSection
+from gateway.config import GearToleranceSection, SiteFile, ToleranceSection
 from gateway.domain.values import COVERAGE
 from gateway.evaluate.behaviour.doubts import all_doubts
 from gateway.evaluate.behaviour.positioning import withhold_verdicts

@@ -17,7 +17,7 @@ from gateway.report.certificate.dcc import dcc, evaluated
 from gateway.report.document.pdf import Attached, pdf
 from gateway.report.document.web import page
 from gateway.report.document.whole import document
-from gateway.store.disk import write_whole
+from gateway.store import write_whole
 from gateway.workflow.results.conformity import judge_limits
 from gateway.workflow.results.overview import gear_csv, results_csv
 from gateway.workflow.results.particulars import particulars_of

@@ -21,8 +21,7 @@ from gateway.evaluate.behaviour.positioning import Surroundings, budget_with, co
 from gateway.evaluate.optics import corrections
 from gateway.evaluate.standards.iso230_2 import evaluate_iso230_2
 from gateway.report.material import AxisMaterial, FileUsed, ReportMaterial
-from gateway.store import Maps, RunFolder, Store
-from gateway.store.disk import disk_errors
+from gateway.store import Maps, RunFolder, Store, disk_errors
 from gateway.workflow.axes.measure import stated_uncertainties_of
 from gateway.workflow.files.exporting import MeasuredItem, measured_items
 from gateway.workflow.files.headers import NAME, moment_of

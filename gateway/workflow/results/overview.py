@@ -15,7 +15,7 @@ from gateway.report.material import AxisMaterial, ReportMaterial, ToothMaterial
 from gateway.report.parameters import ParameterRow
 from gateway.report.tooth.flank import before_after, states
 from gateway.report.tooth.rows import inspected_parts
-from gateway.store import layout
+from gateway.store import stored_place
 from gateway.workflow.results.conformity import figure_U
 
 FLANK = "flank"
@@ -134,7 +134,7 @@ def index_html(facts: Mapping[str, Any], *, simulated: bool = False, lead: str =
     papers = f'<a href="{escape(paper)}">Calibration report (PDF)</a>, ' if paper else ""
     lines.append(f'<p>{papers}<a href="report.html">Report</a>, <a href="results.csv">results as a table</a></p>\n')
     for room, means in MEANS.items():
-        found = sorted(place for place in (layout.place(name, facts) for name in names) if _room(place) == room)
+        found = sorted(place for place in (stored_place(name, facts) for name in names) if _room(place) == room)
         links = "".join(f'<li><a href="{escape(one)}">{escape(one)}</a></li>' for one in found)
         lines += [f"<h2>{escape(means)}</h2><ul>{links}</ul>\n"] if links else []
     return "".join(lines)

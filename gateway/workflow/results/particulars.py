@@ -7,8 +7,7 @@ from pathlib import Path
 
 from drivers.errors import ConfigError
 from drivers.local.names import shown
-from gateway.config import AxisSection, SiteFile
-from gateway.config.paper.sections import CaptureConditionsSection, EquipmentSection
+from gateway.config import AxisSection, CaptureConditionsSection, EquipmentSection, SiteFile
 from gateway.domain.captures import Capture, Conditions
 from gateway.domain.stated import StatedFacts
 from gateway.report.material import CONDITIONS

@@ -12,8 +12,8 @@ from drivers.errors import ConfigError
 from drivers.message import Message
 from drivers.types.identity import MachineIdentity
 from drivers.types.orders import SignProof
-from gateway.capture.gathered.raw import RawCapture
-from gateway.config import AxisSection, SiteFile, excused_certificate, open_road
+from gateway.capture.collection import RawCapture
+from gateway.config import AxisSection, SiteFile, excused_certificate, unprotected_connection
 from gateway.correct.outlook.flank_uncertainty import OpenDoubt, what_next
 from gateway.domain.captures import Capture
 from gateway.domain.equipment import Equipment
@@ -172,7 +172,7 @@ def material_of(folder: RunFolder) -> ReportMaterial:
         tooth=tooth,
         particulars=particulars_of(site, path, ended or facts["created_utc"]),
         simulated=was_simulated(site, instruments),
-        unprotected=open_road(site) if opened else "",
+        unprotected=unprotected_connection(site) if opened else "",
         excused=excused_certificate(site) if opened else ("", ""),
         accepted=equipment.accepted if equipment is not None else (),
         stated=stated,

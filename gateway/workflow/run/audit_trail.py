@@ -17,9 +17,7 @@ from gateway.domain.outcomes import PushRecord
 from gateway.domain.proposals import Approval, Proposal, TableChange
 from gateway.errors import CorruptRecord, StoreError, WriteRefused
 from gateway.push import JOURNALS, PushContext, journal, plan_hash, table_facts
-from gateway.store import RunFolder
-from gateway.store.disk import disk_errors
-from gateway.store.records import canonical, sha256
+from gateway.store import RunFolder, canonical, disk_errors, sha256
 from gateway.users import KeyRing
 from gateway.workflow.run import stages
 from gateway.workflow.run.context import RunContext

@@ -16,31 +16,30 @@ from shutil import copytree
 from tempfile import TemporaryDirectory
 from typing import Any, ClassVar
 
-from drivers.carried import Carried
 from drivers.clock import Clock
 from drivers.errors import ConfigError, TrueflankError
-from drivers.leftover import NOTHING, Leavable, LeftOver
 from drivers.local.names import shown
 from drivers.message import Message
+from drivers.offline_exchange import OfflineExchange
 from drivers.ports.controller import Controller
 from drivers.programs import ForeseesPlans, ProgramText, SaysMotion, SendsPrograms, WritesWithout
+from drivers.stale_programs import NOTHING, LeavesPrograms, StaleProgram
 from drivers.types.identity import MachineIdentity
 from drivers.types.stops import StopPlan
 from gateway import audit, stopping
 from gateway.axes import AxisRecord
-from gateway.broker import borrowed
+from gateway.broker import borrow_devices
 from gateway.capture.rig import Rig, StandingOptics
 from gateway.config import AxisSection, SiteFile, files_only
 from gateway.domain.identity import KnownFact
 from gateway.errors import StoreError, WriteRefused
 from gateway.events import ConnectionUnprotected, DevicesOpened
+from gateway.moves import Patience
 from gateway.push import JOURNALS, SentProgramBook
 from gateway.say import Say
 from gateway.store import RunFolder, Store
-from gateway.store.proofs import Proofs
-from gateway.store.selftests import SelfTestBook
+from gateway.store.machine_books import ProofBook, SelfTestBook
 from gateway.supervisor import Supervisor
-from gateway.walk import Patience
 from gateway.workflow.run.folder import new_run, origin_of, store_of
 from gateway.workflow.run.identity import IdentityCheck
 
@@ -58,7 +57,7 @@ class RunContext:
     machine: MachineIdentity
     folder: RunFolder
     store: Store
-    proofs: Proofs
+    proofs: ProofBook
     clock: Clock
     say: Say
     standing: StandingOptics = field(default_factory=StandingOptics)
@@ -181,7 +180,7 @@ async def open_context(
     """
     root = store_of(site, site_path).root
     async with (
-        borrowed(root, folder.run_id, clock, say) as told,
+        borrow_devices(root, folder.run_id, clock, say) as told,
         _open_devices(site, site_path, folder=folder, clock=clock, say=told, instruments=instruments) as at,
     ):
         yield at
@@ -203,7 +202,7 @@ async def _open_devices(
     supervisor = Supervisor(site, clock, only=used, book=book, recognise=recognised)
     supervisor.trace_into(folder.path / "traces")
     road = supervisor.controller
-    if isinstance(road, Carried):
+    if isinstance(road, OfflineExchange):
         say("P-OFF-CARRY", folder=str(road.stick / "carry"), back=str(road.stick / "back"))
     try:
         machine = await supervisor.open_all()
@@ -228,7 +227,7 @@ async def _open_devices(
             machine=machine,
             folder=folder,
             store=store,
-            proofs=Proofs(store.root),
+            proofs=ProofBook(store.root),
             clock=clock,
             say=say,
             accepted=recognised.accepted,
@@ -256,7 +255,7 @@ def _report_identity(recognised: IdentityCheck, say: Say) -> None:
 
 def set_aside_carried_files(controller: Controller) -> None:
     """Work with a control that files are carried to has ended: they are set aside. Raises ConfigError."""
-    if isinstance(controller, Carried):
+    if isinstance(controller, OfflineExchange):
         controller.conclude()
 
 
@@ -287,8 +286,8 @@ STOPPED = "stopped"
 class LeftoverFinding:
     """Something of ours that an earlier gateway left in the control, before and after it was asked to end."""
 
-    found: LeftOver
-    after: LeftOver | None = None
+    found: StaleProgram
+    after: StaleProgram | None = None
     still_on: ClassVar[bool] = False
 
     @property
@@ -345,14 +344,14 @@ async def shut_down(
             _record_stop(folder, store, clock, say, stop, left)
 
 
-async def withdraw(supervisor: Supervisor) -> LeftOver:
+async def withdraw(supervisor: Supervisor) -> StaleProgram:
     """What is left after it was asked to end."""
     controller = supervisor.controller
-    return await controller.withdraw(WITHDRAW_S) if isinstance(controller, Leavable) else NOTHING
+    return await controller.withdraw(WITHDRAW_S) if isinstance(controller, LeavesPrograms) else NOTHING
 
 
 def _record_stop(
-    folder: RunFolder, store: Store, clock: Clock, say: Say, stop: stopping.StopAsked, left: LeftOver
+    folder: RunFolder, store: Store, clock: Clock, say: Say, stop: stopping.StopAsked, left: StaleProgram
 ) -> None:
     """The run's state, and for each transaction that was cut short the end of its audit record."""
     try:
@@ -367,7 +366,7 @@ def _record_stop(
     stop.transactions.clear()
 
 
-async def clear_leftovers(supervisor: Supervisor, timeout_s: float) -> LeftOver:
+async def clear_leftovers(supervisor: Supervisor, timeout_s: float) -> StaleProgram:
     """End it; ``timeout_s`` is the time for a person to press what was said."""
     controller = supervisor.controller
-    return await controller.clear_left_over(timeout_s) if isinstance(controller, Leavable) else NOTHING
+    return await controller.clear_left_over(timeout_s) if isinstance(controller, LeavesPrograms) else NOTHING

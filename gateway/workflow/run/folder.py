@@ -20,9 +20,8 @@ from gateway.config import SiteFile, load_site
 from gateway.domain.equipment import Equipment
 from gateway.domain.identity import KnownMachine, known_machine
 from gateway.errors import StoreError
-from gateway.store import RunFolder, Store
-from gateway.store.identities import IdentityBook
-from gateway.store.runs import MEASURES
+from gateway.store import MEASURES, RunFolder, Store
+from gateway.store.machine_books import IdentityBook
 from gateway.workflow.run import stages
 from gateway.workflow.run.stages import DOUBLE
 

@@ -15,7 +15,7 @@ from gateway import audit
 from gateway.config import SiteFile, files_only
 from gateway.domain.identity import KnownFact, KnownMachine
 from gateway.store import Store
-from gateway.store.identities import IdentityBook
+from gateway.store.machine_books import IdentityBook
 from gateway.supervisor import Supervisor, refusal_of
 from gateway.workflow.run.folder import known_of, store_of
 

@@ -15,7 +15,7 @@ from drivers.errors import ConfigError
 from drivers.programs import DayNumbers, Order, Origin, PaperMachine, ProgramText, SelfTested
 from drivers.types.tables import CompensationTable
 from gateway.config import AxisSection, SiteFile
-from gateway.store.selftests import SelfTestBook
+from gateway.store.machine_books import SelfTestBook
 from gateway.table.trial import triangle_for_axes
 from gateway.workflow.run.folder import known_of, origin_of, store_of
 

@@ -11,8 +11,8 @@ from dataclasses import dataclass, replace
 from datetime import datetime
 from typing import Literal, TypeVar
 
-from drivers.carried import PieceOfWork, carrying
 from drivers.errors import ConfigError, TrueflankError
+from drivers.offline_exchange import PieceOfWork, exchange_files_for
 from drivers.types.tables import CompensationTable
 from gateway.approve import is_risk_taken
 from gateway.config import AxisSection
@@ -124,7 +124,7 @@ def offline_work_of(folder: RunFolder, driver: str, *, apply: bool) -> Iterator[
     if not apply:
         raise ConfigError("E-OFF-APPLY", "--offline")
     again: Literal["go-on", "resume"] = "go-on" if _waits(folder) else "resume"
-    with carrying(PieceOfWork(f"push {folder.run_id}", again if way == "resume" else "fresh", ends=True)):
+    with exchange_files_for(PieceOfWork(f"push {folder.run_id}", again if way == "resume" else "fresh", ends=True)):
         yield
 
 

@@ -13,9 +13,9 @@ from drivers.types.machine import ChannelStatus
 from gateway import audit
 from gateway.config import AxisSection, SiteFile, files_only
 from gateway.errors import WriteRefused
-from gateway.moving import shown_there
+from gateway.moves import shown_by_control
 from gateway.say import Say
-from gateway.store.selftests import SelfTestBook
+from gateway.store.machine_books import SelfTestBook
 from gateway.workflow.run.audit_trail import report_log_problem
 from gateway.workflow.run.context import RunContext, axis_named, open_context
 from gateway.workflow.run.folder import new_run
@@ -92,7 +92,7 @@ async def _test_axis(at: RunContext, controller: SelfTests, axis: AxisSection) -
     """One axis: sent, started by a person, read and kept, in the audit log too."""
     order = SelfTest(axis.name, axis.encoder, axis.encoder_said)
     await controller.prepare_self_test(order)
-    at.say("P-SELF-TEST", axis=axis.name, shown=shown_there(at.supervisor.controller, "self-test"))
+    at.say("P-SELF-TEST", axis=axis.name, shown=shown_by_control(at.supervisor.controller, "self-test"))
     found = await controller.wait_self_test(order, at.patience.start_s)
     SelfTestBook(at.store.root).save(found)
     told = {"axis": axis.name, "run": at.folder.run_id, "version": found.machine.version, "missed": found.missed}

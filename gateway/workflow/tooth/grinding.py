@@ -15,10 +15,9 @@ from gateway.config import SiteFile
 from gateway.domain.equipment import Equipment
 from gateway.errors import IllegalTransition, WriteRefused
 from gateway.events import RunStarted
-from gateway.moving import shown_there, tell_motion
+from gateway.moves import shown_by_control, tell_motion
 from gateway.say import Say
-from gateway.store import RunFolder
-from gateway.store.disk import checked_name
+from gateway.store import RunFolder, checked_name
 from gateway.tooth import GroundPart, SetupValues
 from gateway.workflow.axes.measure import store_equipment
 from gateway.workflow.run import stages
@@ -136,7 +135,7 @@ async def _follow(at: RunContext, plan: GrindPlan, part: str) -> str:
     done = await wait(-1, patience.start_s)
     started = _utc(at)
     stock = work_section(at.site).stock_mm
-    at.say("P-GRIND-BEGUN", part=part, stock=stock, shown=shown_there(at.supervisor.controller, "clamp"))
+    at.say("P-GRIND-BEGUN", part=part, stock=stock, shown=shown_by_control(at.supervisor.controller, "clamp"))
     while done is not None:
         person = done in (0, plan.spaces)
         reached = await wait(done, patience.start_s if person else patience.stop_s)
@@ -150,7 +149,7 @@ async def _follow(at: RunContext, plan: GrindPlan, part: str) -> str:
 
 def _tell(at: RunContext, part: str, before: int, done: int, total: int) -> None:
     if done == total:
-        shown = shown_there(at.supervisor.controller, "unclamp")
+        shown = shown_by_control(at.supervisor.controller, "unclamp")
         at.say("P-GRIND-DONE", part=part, total=total, shown=shown)
     elif done // TELL_EVERY > before // TELL_EVERY:
         at.say("P-GRIND-SPACE", part=part, done=done, total=total)

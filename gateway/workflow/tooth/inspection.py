@@ -31,9 +31,7 @@ from gateway.gear.process_drift import ProcessDrift, depth_running, index_runnin
 from gateway.gear.traces import inspection_of_contour, inspection_of_traces
 from gateway.guard import GuardVerdict
 from gateway.say import Say
-from gateway.store import Maps, RunFolder
-from gateway.store.disk import checked_name
-from gateway.store.maps import Value
+from gateway.store import Maps, RunFolder, Value, checked_name
 from gateway.study.inputs import gear_of
 from gateway.tooth import FlankMap, InspectedFlank
 from gateway.workflow.axes.measure import store_equipment

@@ -25,7 +25,7 @@ from gateway.reducer.figures import Transmission, transmission, without_limit
 from gateway.reducer.pairing import Matching, Pair, match
 from gateway.reducer.records import Reducer
 from gateway.reducer.uncertainty import Expected, uncertainty
-from gateway.store.maps import Value
+from gateway.store import Value
 from gateway.study.drive import reducer_of
 from gateway.study.inputs import gear_of, load_gear
 from gateway.tooth import InspectedFlank

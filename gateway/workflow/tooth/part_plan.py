@@ -9,8 +9,7 @@ import numpy as np
 
 from drivers.errors import ConfigError, words
 from drivers.workpiece import GrindAxis, GrindPlan, check_plan
-from gateway.config import AxisSection, SiteFile, WorkSection
-from gateway.config.workfaults import R_PARAMETER
+from gateway.config import R_PARAMETER, AxisSection, SiteFile, WorkSection
 from gateway.gear.cycloid import CycloidGear
 from gateway.study.inputs import GearFile, gear_of, load_gear
 from gateway.tooth import SetupValues

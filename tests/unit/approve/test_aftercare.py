@@ -14,7 +14,7 @@ import pytest
 from drivers.clock import LoopClock, run_virtual
 from drivers.types.tables import LiveTable
 from gateway import audit
-from gateway.daemon.daily import LOOK_EVERY_S, TRY_AGAIN_S, Daily, each_day
+from gateway.daemon.site_service import LOOK_EVERY_S, TRY_AGAIN_S, DailyComparison, compare_daily
 from gateway.domain.outcomes import PushRecord
 from gateway.errors import BusyError
 from gateway.push import push_table, run_preflight
@@ -168,9 +168,9 @@ async def test_the_daemon_compares_by_itself_or_says_that_it_is_due(alone: bool)
         done.append(clock.utc())
         raise BusyError("E-WEB-BUSY", "daemon", run="r-0")
 
-    daily = Daily(6, lambda: ("X1",) if clock.utc().hour >= 6 else (), job, lambda: alone)
+    daily = DailyComparison(6, lambda: ("X1",) if clock.utc().hour >= 6 else (), job, lambda: alone)
     desk: Any = Watcher(clock)
-    task = asyncio.create_task(each_day(desk, daily, clock))
+    task = asyncio.create_task(compare_daily(desk, daily, clock))
     await clock.sleep(3600.0 - LOOK_EVERY_S)
     assert (done, daily.due_message) == ([], None)
     await clock.sleep(2 * LOOK_EVERY_S)

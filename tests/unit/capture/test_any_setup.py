@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from drivers.clock import LoopClock, run_virtual
-from gateway.capture.errormotion import ErrorRig, capture_error, error_capture
+from gateway.capture.error_motion import ErrorRig, capture_error, error_capture
 from gateway.capture.live import RawCapture
-from gateway.capture.retaking import demand_complete
+from gateway.capture.revisits import require_complete
 from gateway.domain.captures import Capture
 from tests.sizes import few
 from tests.unit.capture.test_live import PATIENCE
@@ -70,7 +70,7 @@ def test_one_reading_out_of_line_in_any_set_up_at_any_repetition_ends_nothing(co
         assert found.suspects == ()
         assert any("outlier" in note for note in map(str, found.notes))
         assert np.abs(found.deviations - np.median(found.deviations, axis=1, keepdims=True)).max() < OFF_UM / 4.0
-        demand_complete(found)
+        require_complete(found)
 
 
 @pytest.mark.parametrize("repetition", range(3))

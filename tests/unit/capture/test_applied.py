@@ -7,7 +7,7 @@ from dataclasses import replace
 import pytest
 
 from drivers.types.tables import CompensationTable, LiveSet, LiveTable
-from gateway.capture.applied import check_applied, is_uneven
+from gateway.capture.checks import check_applied, is_uneven
 from gateway.errors import CaptureError
 
 TABLE = CompensationTable("axis", "X1", "X1", 0.0, 280.0, 100.0, (0.0, 2.0, 4.0))

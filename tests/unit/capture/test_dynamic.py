@@ -17,10 +17,9 @@ from hypothesis import strategies as st
 
 from drivers.errors import ConfigError, TransportError
 from drivers.types.sensing import SampleBlock
-from gateway.capture.dynamic import DynamicCapture
-from gateway.capture.dynamicrecords import Ended, LiveView, StreamShape, Trigger
+from gateway.capture.dynamic import CaptureEnd, DynamicCapture, LiveView, StreamShape, Trigger
 from gateway.errors import CaptureError
-from gateway.store.rawstream import RawRecorder, StreamFacts, open_stream
+from gateway.store.raw_stream import RawRecorder, StreamFacts, open_stream
 
 CHANNELS = ("displacement_mm",)
 RATE_HZ = 1000.0
@@ -55,7 +54,7 @@ def block(start: int, count: int, lost: int = 0, zero_s: float = 0.0, **more: An
     return SampleBlock(CHANNELS, zero_s + index / RATE_HZ, (index / 1000.0)[:, None], valid, lost, **more)
 
 
-def follow(blocks: list[SampleBlock], seconds: float = 1.0, **options: Any) -> tuple[Kept, Ended]:
+def follow(blocks: list[SampleBlock], seconds: float = 1.0, **options: Any) -> tuple[Kept, CaptureEnd]:
     kept = Kept()
 
     async def stream() -> AsyncIterator[SampleBlock]:
@@ -74,7 +73,7 @@ def cut(total: int, edges: list[int]) -> list[SampleBlock]:
 @given(st.lists(st.integers(1, 1999), max_size=30))
 def test_however_a_stream_is_cut_the_record_is_the_same(edges: list[int]) -> None:
     kept, ended = follow(cut(2000, edges))
-    assert ended == Ended("complete", 1000, 0)
+    assert ended == CaptureEnd("complete", 1000, 0)
     np.testing.assert_array_equal(kept.values, np.arange(1000) / 1000.0)
     assert kept.facts == StreamShape("displacement_mm", RATE_HZ, "um", 1000.0, None)
 

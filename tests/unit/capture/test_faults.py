@@ -16,19 +16,18 @@ from drivers.errors import BeamObstructed, DeviceRefused, UnsupportedDevice
 from drivers.message import Message
 from drivers.types.sensing import Ambient, SampleBlock
 from drivers.units import wrap_deg
-from gateway.capture.corrected import from_live
-from gateway.capture.diagnosis import UnexpectedValue, cause
+from gateway.capture.checks import UnexpectedValue, explain_value
+from gateway.capture.corrections import from_live
 from gateway.capture.live import RawCapture, capture_axis
 from gateway.capture.readings import Readings, Window
-from gateway.capture.rig import Rig
-from gateway.capture.sense import prove_sense
+from gateway.capture.rig import Rig, prove_sense
 from gateway.capture.targets import positions
 from gateway.config import AxisSection
 from gateway.domain.equipment import SenseProof
 from gateway.errors import AmbientOutOfRange, CaptureError, ModelError, Unstable
 from gateway.evaluate.optics import rotary_calibration
 from gateway.evaluate.optics.corrections import begin, record_step
-from gateway.walk import Patience
+from gateway.moves import Patience
 from tests.unit.capture.double import LittleMachine
 from tests.unit.capture.test_live import AXIS
 from tests.unit.capture.test_plans import axis_with, error_mm, run, worst_um
@@ -241,7 +240,7 @@ def test_fault_31_the_wrong_way_is_called_so() -> None:
     doubt = UnexpectedValue(
         read=-40.0, wanted=40.0, datum=0.0, tolerance=1.0, rotary=False, targets={0.0: 0.0, 40.0: 40.0}
     )
-    found = cause(doubt, "X1", 40.0)
+    found = explain_value(doubt, "X1", 40.0)
     assert found is not None
     assert found.code == "E-CAP-SIGN"
     assert "direction is reversed" in str(found)
@@ -251,7 +250,7 @@ def test_fault_31_the_wrong_way_is_called_so() -> None:
 def test_a_reading_that_nothing_explains_is_not_explained(read: float, wanted: float) -> None:
     """Whatever is named holds: the ratio, the mirror or the other target is really there."""
     targets = {float(at): float(at) for at in range(-500, 501, 100)}
-    found = cause(UnexpectedValue(read, wanted, 0.0, 2.0, False, targets), "X1", wanted)
+    found = explain_value(UnexpectedValue(read, wanted, 0.0, 2.0, False, targets), "X1", wanted)
     if found is None:
         return
     if found.code == "E-CAP-SIGN":

@@ -12,12 +12,11 @@ from drivers.clock import LoopClock, run_virtual
 from drivers.errors import DeadlineExceeded, DeviceRefused, TrueflankError, UnsupportedDevice
 from drivers.types.machine import MachineState
 from gateway.capture.live import RawCapture, capture_axis
-from gateway.capture.rig import Rig
-from gateway.capture.sense import prove_sense
+from gateway.capture.rig import Rig, prove_sense
 from gateway.config import AxisSection
 from gateway.domain.equipment import SenseProof
 from gateway.errors import Incomplete, Unstable
-from gateway.walk import Patience
+from gateway.moves import Patience
 from tests.unit.capture.double import LittleMachine
 
 AXIS = AxisSection.model_validate(

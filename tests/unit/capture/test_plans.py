@@ -12,16 +12,14 @@ from pydantic import ValidationError
 
 from drivers.clock import LoopClock, run_virtual
 from drivers.errors import BeamObstructed
-from gateway.capture.corrected import from_live
-from gateway.capture.cycles import Cycle, visits, with_window
+from gateway.capture.corrections import from_live
 from gateway.capture.live import RawCapture, capture_axis
-from gateway.capture.rig import Rig
-from gateway.capture.sense import prove_sense
-from gateway.capture.targets import positions
+from gateway.capture.rig import Rig, prove_sense
+from gateway.capture.targets import Cycle, cycle_visits, positions, with_window
 from gateway.config import AxisSection, Targets
 from gateway.errors import Unstable
 from gateway.evaluate.behaviour.doubts import doubts_of
-from gateway.walk import Patience
+from gateway.moves import Patience
 from tests.unit.capture.double import LittleMachine
 from tests.unit.capture.test_live import AXIS
 
@@ -67,7 +65,7 @@ def worst_um(raw: RawCapture) -> float:
 @given(st.sampled_from(["standard", "pendulum", "pilgrim"]), st.integers(2, 30), st.integers(1, 6))
 def test_every_cycle_visits_everything_once(cycle: Cycle, count: int, repetitions: int) -> None:
     targets = np.arange(float(count))
-    found = visits(cycle, targets, repetitions)
+    found = cycle_visits(cycle, targets, repetitions)
     assert len(found) == 2 * count * repetitions
     assert len({(stop.label, stop.repetition, stop.approach) for stop in found}) == len(found)
     assert all(stop.target == targets[stop.label] for stop in found)
@@ -75,7 +73,7 @@ def test_every_cycle_visits_everything_once(cycle: Cycle, count: int, repetition
 
 def test_the_cycles_are_what_their_names_say() -> None:
     def shape(cycle: Cycle, count: int) -> list[tuple[int, int, int]]:
-        return [(s.label, s.approach, s.repetition) for s in visits(cycle, np.arange(float(count)), 2)]
+        return [(s.label, s.approach, s.repetition) for s in cycle_visits(cycle, np.arange(float(count)), 2)]
 
     assert shape("standard", 2) == [
         (0, 1, 0),

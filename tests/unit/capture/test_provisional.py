@@ -9,10 +9,9 @@ import pytest
 
 from drivers.clock import LoopClock, run_virtual
 from drivers.types.sensing import Ambient
-from gateway.capture.corrected import from_live
+from gateway.capture.corrections import from_live
 from gateway.capture.live import capture_axis
-from gateway.capture.rig import Rig
-from gateway.capture.sense import prove_sense
+from gateway.capture.rig import Rig, prove_sense
 from gateway.live import Asked, LiveDeviation, Nobody, looked_on_by
 from tests.unit.capture.double import LittleMachine
 from tests.unit.capture.test_live import AXIS, PATIENCE

@@ -14,22 +14,20 @@ from drivers.clock import LoopClock, run_virtual
 from drivers.types.sensing import Optics
 from drivers.types.stops import StopPlan
 from drivers.units import wrap_deg
-from gateway.capture.corrected import from_live
-from gateway.capture.errormotion import ErrorRig, capture_error, error_capture
+from gateway.capture.corrections import from_live
+from gateway.capture.error_motion import ErrorRig, capture_error, error_capture, prove_mounting
 from gateway.capture.live import RawCapture, capture_axis
-from gateway.capture.mounting import prove_mounting
-from gateway.capture.retaking import demand_complete
-from gateway.capture.rig import Rig
-from gateway.capture.sense import prove_sense
+from gateway.capture.revisits import require_complete
+from gateway.capture.rig import Rig, prove_sense
 from gateway.config import AxisSection, SiteFile
-from gateway.daemon.looking import Looking
+from gateway.daemon.stream import LiveObserver
 from gateway.domain.captures import Capture
 from gateway.domain.equipment import SenseProof
 from gateway.errors import CaptureError, Incomplete
 from gateway.live import looked_on_by
 from gateway.say import silence
 from gateway.store import Store
-from gateway.workflow.axes.beforehand import remarks
+from gateway.workflow.axes.site_remarks import remarks
 from gateway.workflow.errors21.measurement import _setups_to_measure
 from gateway.workflow.errors21.setups import plan_setups
 from gateway.workflow.run import stages
@@ -143,7 +141,7 @@ def judged(found: Capture, within_um: float = 0.4) -> None:
     true = _error_um(found.targets)
     off = found.deviations - true[:, None, None]
     assert np.ptp(off - off.mean(axis=0)) < within_um
-    demand_complete(found)
+    require_complete(found)
 
 
 @pytest.mark.parametrize("bad", few((0, 8, 35, 5, 17, 25), 3))
@@ -213,7 +211,7 @@ def test_optics_seem_touched_once_are_taken_again_and_seem_touched_twice_refuse_
 def test_what_stays_out_of_line_is_refused_before_the_set_up_is_left() -> None:
     found = positioned((9, 37, 41))
     with pytest.raises(Incomplete) as caught:
-        demand_complete(found)
+        require_complete(found)
     assert caught.value.code == "E-CAP-INCOMPLETE"
     assert (caught.value.fields["places"], caught.value.fields["named"]) == (1, f"{found.targets[2]:g}-")
 
@@ -251,12 +249,12 @@ def test_a_site_that_asks_for_no_more_than_the_least_is_told(asked: int, word: s
 
 
 def test_a_site_that_asks_for_two_repetitions_is_whole_with_two() -> None:
-    demand_complete(positioned((), repetitions=2))
+    require_complete(positioned((), repetitions=2))
 
 
 def test_what_an_onlooker_asks_for_is_taken_again_though_nothing_is_wrong_and_every_reading_is_told() -> None:
     told: list[dict[str, Any]] = []
-    looking = Looking(lambda kind, data: told.append(dict(data)) if kind == "taken" else None, LoopClock())
+    looking = LiveObserver(lambda kind, data: told.append(dict(data)) if kind == "taken" else None, LoopClock())
     target = float(positioned(()).targets[2])
     assert looking.ask_again("X1", (target, 2, 1))
     with looked_on_by(looking):

@@ -8,12 +8,11 @@ import numpy as np
 import pytest
 
 from drivers.clock import LoopClock, run_virtual
-from gateway.capture.corrected import from_live
-from gateway.capture.gathered.raw import RawCapture
-from gateway.capture.gathered.widening import affordable, cost_s
+from gateway.capture.collection import RawCapture
+from gateway.capture.corrections import from_live
 from gateway.capture.live import capture_axis
-from gateway.capture.rig import Rig
-from gateway.capture.sense import prove_sense
+from gateway.capture.revisits import affordable, cost_s
+from gateway.capture.rig import Rig, prove_sense
 from gateway.domain.captures import Capture
 from tests.unit.capture.double import LittleMachine
 from tests.unit.capture.test_live import AXIS, PATIENCE, _error_um

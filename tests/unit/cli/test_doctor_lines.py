@@ -24,7 +24,7 @@ from gateway.cli.onward import (
 )
 from gateway.cli.show import counted, folded
 from gateway.config import load_site
-from gateway.store.selftests import SelfTestBook
+from gateway.store.machine_books import SelfTestBook
 from gateway.workflow.run.folder import store_of
 from simulators.cellfile import load_cell
 from tests.selftested import machine_of, passed

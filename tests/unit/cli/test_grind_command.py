@@ -14,7 +14,7 @@ from drivers.errors import TrueflankError
 from drivers.types.identity import MachineIdentity
 from gateway.cli import app
 from gateway.config import load_site
-from gateway.store.setupbook import SetupBook
+from gateway.store.machine_books import SetupBook
 from gateway.tooth import SetupValues
 from gateway.workflow.run.folder import store_of
 from simulators.cell.site import gear_text, site_text

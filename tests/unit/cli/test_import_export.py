@@ -19,13 +19,13 @@ from drivers.files.rtx import RtxFormat
 from drivers.types.identity import Identity
 from drivers.types.results import MeasuredSet
 from drivers.types.sensing import SampleBlock
-from gateway.capture.corrected import from_live
+from gateway.capture.corrections import from_live
 from gateway.cli import app
 from gateway.domain.equipment import SenseProof
 from gateway.errors import CaptureError, CorruptRecord
 from gateway.store import Maps, Store
-from gateway.store.rawstream import open_stream
-from gateway.views.figured import figures_by, known_standards
+from gateway.store.raw_stream import open_stream
+from gateway.views.measurements import figures_by, known_standards
 from gateway.workflow.files.importing import import_file
 from gateway.workflow.files.reading import ReadOptions
 from gateway.workflow.run import stages

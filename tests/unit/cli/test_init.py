@@ -14,9 +14,8 @@ from drivers.errors import ConfigError, TrueflankError
 from gateway.cli import app
 from gateway.cli.begin.checking import against_control, checked
 from gateway.cli.begin.siteparts import axis_tree, grid, letter_of, planned, used_letters, work_tree
-from gateway.config import files_only, load_site, open_road, schema
-from gateway.config.reference import page, settings_models
-from gateway.config.writing import site_text, written
+from gateway.config import files_only, load_site, schema, unprotected_connection
+from gateway.config.reference import page, settings_models, site_text, toml_value
 from gateway.study.inputs import load_gear
 
 ROOT = Path(__file__).parents[3]
@@ -47,7 +46,7 @@ def test_a_site_of_files_names_no_control_and_says_what_it_can_do(tmp_path: Path
     text = site.read_text(encoding="utf-8")
     assert [word for word in ("url", "serial", "security", "terminal", "[moves]") if f"\n{word}" in text] == []
     tree = load_site(site)
-    assert (files_only(tree), open_road(tree), tree.instruments) == (True, "", ())
+    assert (files_only(tree), unprotected_connection(tree), tree.instruments) == (True, "", ())
     for command in ("run", "self-test", "recover", "verify-table", "accept"):
         done = CliRunner().invoke(app, [command, str(site)])
         assert isinstance(done.exception, TrueflankError), done.output
@@ -253,7 +252,7 @@ def test_letters_come_from_names() -> None:
 
 def test_written_values_are_read_back() -> None:
     tree = {"a": 'q"\\\x7f\n', "b": [1, 2.5, True], "c": {"d": -1e-9, "e": ""}}
-    assert tomllib.loads("\n".join(f"{key} = {written(value)}" for key, value in tree.items())) == tree
+    assert tomllib.loads("\n".join(f"{key} = {toml_value(value)}" for key, value in tree.items())) == tree
 
 
 @pytest.mark.parametrize("path", EXAMPLES, ids=[path.stem for path in EXAMPLES])

@@ -14,10 +14,10 @@ import pytest
 from typer.testing import CliRunner, Result
 
 from drivers.errors import TrueflankError, catalogue
-from gateway.capture.corrected import from_live
-from gateway.capture.sense import SenseProof
+from gateway.capture.corrections import from_live
 from gateway.cli import app
 from gateway.cli.demonstration import CellAsked, cell_process
+from gateway.domain.equipment import SenseProof
 from gateway.store import Store
 from gateway.workflow.run import stages
 from tests.sizes import few

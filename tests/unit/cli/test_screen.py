@@ -26,7 +26,7 @@ from gateway.cli.show import echo
 from gateway.cli.voice import Voice
 from gateway.push.phases import STEP_CODES, PushEvent, step_message
 from gateway.store import Store
-from gateway.store.logbook import lines_of
+from gateway.store.log_book import lines_of
 
 HELD = {"axis": "X1", "why": "no answer", "backup": "b.mpf"}
 

@@ -12,13 +12,20 @@ from drivers.clock import LoopClock, run_virtual
 from drivers.errors import ConfigError, UnsupportedDevice
 from drivers.types.sensing import Optics, SampleBlock
 from drivers.types.stops import StopPlan
-from gateway.capture.errormotion import ErrorReadings, ErrorRig, capture_error, channel_of, error_capture
+from gateway.capture.error_motion import (
+    ErrorReadings,
+    ErrorRig,
+    MountingProof,
+    capture_error,
+    channel_of,
+    error_capture,
+    prove_mounting,
+)
 from gateway.capture.live import RawCapture
-from gateway.capture.mounting import MountingProof, prove_mounting
 from gateway.config import AxisSection
 from gateway.domain.captures import Capture
 from gateway.errors import CaptureError
-from gateway.walk import Patience
+from gateway.moves import Patience
 from tests.unit.capture.double import LittleMachine
 from tests.unit.components.site import axis
 

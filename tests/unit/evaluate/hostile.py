@@ -7,8 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gateway.capture.cycles import Cycle, visits
-from gateway.capture.targets import CHECK_REPETITIONS, between_places
+from gateway.capture.targets import CHECK_REPETITIONS, Cycle, between_places, cycle_visits
 from gateway.domain.captures import Between
 from gateway.evaluate.behaviour.dynamics import Steadiness, steadiness
 from gateway.evaluate.behaviour.fine_structure import HiddenStructure, hidden_structure
@@ -87,7 +86,9 @@ def captured(
     places = np.sort(np.concatenate([targets, stops]))
     checks = np.flatnonzero(np.isin(places, stops))
     times = np.full((places.size, repetitions, 2), np.nan)
-    kept = [s for s in visits(cycle, places, repetitions) if s.label not in checks or s.repetition < CHECK_REPETITIONS]
+    kept = [
+        s for s in cycle_visits(cycle, places, repetitions) if s.label not in checks or s.repetition < CHECK_REPETITIONS
+    ]
     for number, stop in enumerate(kept):
         times[stop.label, stop.repetition, 0 if stop.approach == 1 else 1] = number * SECONDS_A_STOP
     half = 0.5 * rng.uniform(0.3, 1.5) * np.array([1.0, -1.0])

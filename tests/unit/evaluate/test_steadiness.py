@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from gateway.capture.cycles import Cycle
+from gateway.capture.targets import Cycle
 from gateway.evaluate.behaviour.dynamics import steadiness
 from gateway.evaluate.standards.iso230_2 import describe_incurable, evaluate_iso230_2, incurable_part
 from tests.unit.evaluate.hostile import captured

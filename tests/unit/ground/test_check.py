@@ -15,7 +15,7 @@ from drivers.errors import ConfigError, TrueflankError
 from gateway.cli import app
 from gateway.cli.begin.checking import checked, is_fault
 from gateway.config import Fault, load_site, read_site
-from gateway.config.places import places_in
+from gateway.config.faults import places_in
 
 GEAR = Path(__file__).parents[3] / "examples/gears/rv-40e-like.toml"
 EXAMPLES = Path(__file__).parents[3] / "examples/sites"

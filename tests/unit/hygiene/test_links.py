@@ -18,17 +18,16 @@ from drivers.types.orders import SignProof
 from drivers.types.sensing import Ambient
 from gateway import audit
 from gateway.approve import Approvals
-from gateway.broker.lock import LOCK_FILE, locked
-from gateway.broker.token import TOKEN_FILE, token_of, token_path
+from gateway.broker.state_folder import LOCK_FILE, TOKEN_FILE, hold_folder_lock, token_of, token_path
 from gateway.domain.proposals import Approval
 from gateway.errors import StoreError
 from gateway.push import journal
 from gateway.push.journal import hold_lock
 from gateway.store import Store
-from gateway.store.proofs import Proofs
-from gateway.store.rawstream import RawRecorder, StreamFacts
-from gateway.views.stored import newest_runs, stored_report
-from gateway.watch.journal import WatchJournal as Watched
+from gateway.store.machine_books import ProofBook
+from gateway.store.raw_stream import RawRecorder, StreamFacts
+from gateway.views.runs import newest_runs, stored_report
+from gateway.watch.watcher import WatchJournal as Watched
 
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="links and rights are told so on POSIX only")
 MACHINE = MachineIdentity("SN-1", "V4.8", ("X1",))
@@ -52,7 +51,7 @@ def with_lock(root: Path) -> None:
 
 
 def with_daemon(root: Path) -> None:
-    with locked(root):
+    with hold_folder_lock(root):
         pass
 
 
@@ -96,7 +95,7 @@ def test_no_folder_of_ours_is_a_link(tmp_path: Path, name: str) -> None:
     (tmp_path / name).symlink_to(tmp_path / "away")
     use = {
         "audit": lambda: record(tmp_path),
-        "proofs": lambda: Proofs(tmp_path).save(SignProof(MACHINE, "cross", "X1", 1.0, 0.1, 1, "2026-01-01")),
+        "proofs": lambda: ProofBook(tmp_path).save(SignProof(MACHINE, "cross", "X1", 1.0, 0.1, 1, "2026-01-01")),
         "run/approvals": lambda: Approvals(tmp_path / "run").keep(APPROVAL),
     }[name]
     if name == "proofs":
@@ -165,11 +164,11 @@ def filled(root: Path) -> Path:
     folder.put("capture", Ambient(20.0))
     folder.write_text("site.toml", "x")
     Approvals(folder.path).keep(APPROVAL)
-    Proofs(root).save(SignProof(MACHINE, "cross", "X1", 1.0, 0.1, 1, "2026-01-01"))
+    ProofBook(root).save(SignProof(MACHINE, "cross", "X1", 1.0, 0.1, 1, "2026-01-01"))
     record(root)
     Watched(root).note("0" * 64, "run", "f")
     token_of(root)
-    with hold_lock(root / "journal" / "SN-1"), locked(root):
+    with hold_lock(root / "journal" / "SN-1"), hold_folder_lock(root):
         journal.allocate_number(root / "journal" / "SN-1", 1)
         with_journal(root / "journal" / "SN-1")
     TraceRecorder(folder.path / "traces", "laser", Told(), {}).close()

@@ -24,7 +24,7 @@ from gateway.domain.captures import Capture, Corrections
 from gateway.domain.equipment import SenseProof
 from gateway.domain.proposals import TableChange, TableFinding
 from gateway.interlocks import PushFacts, refusals, value_at
-from gateway.store.encoding import read_typed, write_typed
+from gateway.store.records import read_typed, write_typed
 from tests.placed import PLACES
 from tests.unit.interlocks.asked import CAN, Asked, replace
 

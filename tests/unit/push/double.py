@@ -15,10 +15,10 @@ import numpy as np
 from drivers.clock import LoopClock
 from drivers.errors import DeadlineExceeded, DeviceRefused, UnsupportedDevice
 from drivers.ports.devices import Tell
+from drivers.safe_positions import SafePositionMixin
 from drivers.sinumerik.opcua.device import read_live_tables
 from drivers.sinumerik.tablefile import tables
 from drivers.sinumerik.tablefile.tables import HELD_KINDS
-from drivers.standing import KeepsPlaces
 from drivers.types.abilities import Capabilities, Marker, TableLimits
 from drivers.types.identity import Identity, MachineIdentity
 from drivers.types.machine import AxisState, ChannelStatus, MachineState
@@ -265,7 +265,7 @@ def _sign(order: PushOrder) -> int:
 Fault = Callable[[Machine], None]
 
 
-class Controller(KeepsPlaces):
+class Controller(SafePositionMixin):
     """The port, over a `Machine`. ``faults`` maps (call, nth from 1, "before" or "after") to what happens.
 
     With ``by_hand`` it is a road without programs: the operator's hand moves the axes, a panel switches.

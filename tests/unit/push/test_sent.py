@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from drivers.leftover import Sent
+from drivers.stale_programs import Sent
 from gateway.errors import BusyError
 from gateway.push import sent_programs as rooms
 from gateway.push.sent_programs import FILE, SentProgramBook

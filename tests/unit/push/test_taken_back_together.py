@@ -23,9 +23,9 @@ from gateway.push.recovery_findings import make_finding, with_rest
 from gateway.push.rollback import RollbackRequest, group_rollbacks, preflight_rollbacks, roll_back_pushes
 from gateway.push.transaction import push_tables
 from gateway.store import Store
-from gateway.store.encoding import read_typed, write_typed
-from gateway.store.proofs import Proofs
-from gateway.views.pushed import standing_tables
+from gateway.store.machine_books import ProofBook
+from gateway.store.records import read_typed, write_typed
+from gateway.views.runs import standing_tables
 from gateway.workflow.control.rollback import _rollback_outcome
 from tests.steps import lines
 from tests.unit.push.double import MACHINE, NEW, OLD, PROOF, Bench, Killed, Reaper, bench, change_of, deadline
@@ -300,7 +300,7 @@ def test_the_page_shows_the_set_and_the_figures_of_the_terminal(tmp_path: Path) 
             Message.of(one[name]["code"], **one[name]["fields"]) for name in ("newer", "older")
         )
     assert page["stays"] == []
-    Proofs(store.root).save(replace(PROOF, kind="cross", sign=-1, date_utc="2026-11-29T09:00:00+00:00"))
+    ProofBook(store.root).save(replace(PROOF, kind="cross", sign=-1, date_utc="2026-11-29T09:00:00+00:00"))
     turned = {one["table"]: one["move"]["fields"] for one in standing_tables(store, MACHINE.serial)["rollback"]["back"]}
     assert (turned["X1-cec2"]["was"], turned["X1-cec2"]["becomes"], turned["X1-cec2"]["size"]) == (-10.8, -2.7, 8.1)
     assert turned["X1"] == moves["X1"]

@@ -15,13 +15,11 @@ from sqlalchemy import create_engine, inspect
 from drivers.errors import ConfigError
 from gateway import audit
 from gateway.errors import StoreError
-from gateway.index import IndexedFigure, IndexedRun, SiteIndex, keeping
-from gateway.index.catching import caught_up, compared, due_of, rebuilt
-from gateway.index.keeping import RunIndex, index_url
-from gateway.index.schema import METADATA
+from gateway.index import IndexedFigure, IndexedRun, SiteIndex, database
+from gateway.index.database import METADATA, RunIndex, catch_up, compare_machines, due_measurements, index_url, rebuild
 from gateway.push.journal import JOURNALS
 from gateway.store import RunFolder, RunSummary, Store
-from gateway.views.pushed import standing_tables
+from gateway.views.runs import standing_tables
 from tests.unit.audit.log import Moments
 from tests.unit.push.test_history import SERIAL as PUSHED
 from tests.unit.push.test_history import written
@@ -42,16 +40,16 @@ def measured(store: Store, axis: str, state: str = "proposed") -> str:
 def test_an_index_says_what_the_folders_say_and_follows_them(tmp_path: Path) -> None:
     store, index = Store(tmp_path), RunIndex(tmp_path)
     first = measured(store, "X1")
-    assert caught_up(index, store) == 1
-    assert caught_up(index, store) == 0
+    assert catch_up(index, store) == 1
+    assert catch_up(index, store) == 0
     second = measured(store, "X1")
     store.open(first).set_state("pushed")
-    assert caught_up(index, store) == 2
+    assert catch_up(index, store) == 2
     assert [(one["run_id"], one["state"]) for one in index.search()] == [(second, "proposed"), (first, "pushed")]
     assert [one["run_id"] for one in index.search("PUSH")] == [first]
     assert index.search("100%_") == []
     shutil.rmtree(tmp_path / second)
-    assert caught_up(index, store) == 0
+    assert catch_up(index, store) == 0
     assert [one["run_id"] for one in index.search()] == [first]
 
 
@@ -60,7 +58,7 @@ def test_what_did_not_change_is_not_read_again_and_what_the_database_lost_is(
 ) -> None:
     store, index = Store(tmp_path), RunIndex(tmp_path)
     runs = [measured(store, "X1") for _run in range(3)]
-    caught_up(index, store)
+    catch_up(index, store)
     read: list[str] = []
     summary = Store.summary
 
@@ -69,12 +67,12 @@ def test_what_did_not_change_is_not_read_again_and_what_the_database_lost_is(
         return summary(self, run_id)
 
     monkeypatch.setattr(Store, "summary", noted)
-    assert caught_up(index, store) == 0
+    assert catch_up(index, store) == 0
     assert read == []
     store.open(runs[1]).set_state("pushed")
-    assert caught_up(index, store) == 1
+    assert catch_up(index, store) == 1
     RunIndex(tmp_path).drop(runs[:1])  # by another program
-    assert caught_up(index, store) == 1
+    assert catch_up(index, store) == 1
     assert read == [runs[1], runs[0]]
     assert {one["run_id"] for one in index.search()} == set(runs)
 
@@ -82,7 +80,7 @@ def test_what_did_not_change_is_not_read_again_and_what_the_database_lost_is(
 def test_a_trend_has_each_figure_with_its_u_in_the_order_of_time(tmp_path: Path) -> None:
     store, index = Store(tmp_path), RunIndex(tmp_path)
     runs = [measured(store, "X1") for _run in range(3)]
-    caught_up(index, store)
+    catch_up(index, store)
     material = axis_material("X1", "mm").before
     assert material is not None
     points = index.trend("E", subject="X1", phase="before")
@@ -90,9 +88,9 @@ def test_a_trend_has_each_figure_with_its_u_in_the_order_of_time(tmp_path: Path)
     assert {(one["value"], one["expanded"]) for one in points} == {(material.E, material.U.get("E"))}
     assert index.trend("E", subject="C1") == []
     now = datetime.now(UTC)
-    (due,) = due_of(index, 365, now)
+    (due,) = due_measurements(index, 365, now)
     assert (due["subject"], due["due"]) == ("X1", False)
-    assert due_of(index, 365, now + timedelta(days=366))[0]["due"] is True
+    assert due_measurements(index, 365, now + timedelta(days=366))[0]["due"] is True
 
 
 def test_made_anew_from_damage_and_beside_runs_that_cannot_be_read(tmp_path: Path) -> None:
@@ -100,7 +98,7 @@ def test_made_anew_from_damage_and_beside_runs_that_cannot_be_read(tmp_path: Pat
     good, bad = measured(store, "X1"), measured(store, "X1")
     (tmp_path / bad / "run.json").write_text("{", encoding="ascii")
     (tmp_path / "index.db").write_bytes(b"no database at all " * 100)
-    assert rebuilt(RunIndex(tmp_path), store) == 2
+    assert rebuild(RunIndex(tmp_path), store) == 2
     found = {one["run_id"]: one["problem"] for one in RunIndex(tmp_path).search()}
     assert found[good] == ""
     assert found[bad]
@@ -111,14 +109,14 @@ def test_the_tables_of_every_machine_are_found_with_id_and_date(tmp_path: Path) 
     """By what the journals say: the newest push of each table, nothing of one that was taken back by the control."""
     store, index = Store(tmp_path), RunIndex(tmp_path)
     measured(store, "X1")
-    assert caught_up(index, store) == 1
+    assert catch_up(index, store) == 1
     assert index.tables() == []
     journals = tmp_path / JOURNALS
     for number, old, new in ((1, 0.0, 1.0), (2, 1.0, 2.0)):
         written(journals, number, old, new, minute=number, serial=PUSHED)
     written(journals, 3, 2.0, 9.0, end="ROLLED_BACK", serial=PUSHED)
     written(journals, 4, 0.0, 3.0, axis="C1", serial=PUSHED)
-    assert caught_up(index, store) == 0
+    assert catch_up(index, store) == 0
     found = {one["name"]: one for one in index.tables()}
     assert {name: (one["transaction"], one["utc"]) for name, one in found.items()} == {
         "C1": (4, "2026-11-21T10:55:00+00:00"),
@@ -131,9 +129,9 @@ def test_the_tables_of_every_machine_are_found_with_id_and_date(tmp_path: Path) 
     assert index.tables(serial="SN-9") == []
     written(journals, 5, 2.0, 0.0, minute=6, undoes=2, serial=PUSHED)
     index.clear()
-    caught_up(RunIndex(tmp_path), store)
+    catch_up(RunIndex(tmp_path), store)
     assert [one["transaction"] for one in index.tables()] == [4, 5]
-    assert rebuilt(RunIndex(tmp_path), store) == 1
+    assert rebuild(RunIndex(tmp_path), store) == 1
     assert [one["transaction"] for one in index.tables()] == [4, 5]
 
 
@@ -143,7 +141,7 @@ def test_a_machine_whose_journal_cannot_be_believed_says_so(tmp_path: Path) -> N
         path = written(tmp_path / JOURNALS, number, 0.0, 1.0, serial=PUSHED)
     done = path.parent / "done" / path.name
     done.write_bytes(done.read_bytes().replace(b"live-2", b"live-7"))
-    caught_up(index, store)
+    catch_up(index, store)
     (found,) = index.tables()
     assert (found["serial"], found["name"], found["table_id"]) == (PUSHED, "", "")
     assert "E-PUSH-JOURNAL" in found["problem"]
@@ -152,7 +150,7 @@ def test_a_machine_whose_journal_cannot_be_believed_says_so(tmp_path: Path) -> N
 def test_an_index_of_an_older_program_gets_the_tables_that_it_lacks(tmp_path: Path) -> None:
     store = Store(tmp_path)
     measured(store, "X1")
-    caught_up(RunIndex(tmp_path), store)
+    catch_up(RunIndex(tmp_path), store)
     engine = create_engine(index_url(tmp_path))
     with engine.begin() as connection:
         connection.exec_driver_sql("DROP TABLE active_table")
@@ -165,7 +163,7 @@ def test_an_index_of_an_older_program_gets_the_tables_that_it_lacks(tmp_path: Pa
     engine.dispose()
     written(tmp_path / JOURNALS, 1, 0.0, 1.0, serial=PUSHED)
     index = RunIndex(tmp_path)
-    assert caught_up(index, store) == 0
+    assert catch_up(index, store) == 0
     assert [one["name"] for one in index.tables()] == ["X1"]
     (point,) = index.trend("E")
     assert (point["site"], point["created_utc"]) == ("hall-3", index.search()[0]["created_utc"])
@@ -189,7 +187,7 @@ def test_two_stores_in_one_database_are_told_apart_and_compared(tmp_path: Path) 
     stores = [Store(tmp_path / name) for name in ("a", "b")]
     for store in stores:
         measured(store, "X1")
-        caught_up(RunIndex(store.root, url), store)
+        catch_up(RunIndex(store.root, url), store)
     index = RunIndex(stores[0].root, url)
     assert len(index.trend("E")) == 2
     index.clear()
@@ -208,14 +206,14 @@ def test_one_error_is_compared_across_machines_by_the_newest_of_each(tmp_path: P
             run = IndexedRun("g", f"{run_id}-{phase}", site, serial, f"2026-01-0{day}", "", "", "", "")
             figure = IndexedFigure("g", run.run_id, "X1", phase, "E", value, 0.5, "um")
             index.put([(run, (figure,))])
-    found = [(one["serial"], one["phase"], one["value"]) for one in compared(index, "E", subject="X1")]
+    found = [(one["serial"], one["phase"], one["value"]) for one in compare_machines(index, "E", subject="X1")]
     assert found == [("SN-3", "before", 5.0), ("SN-2", "before", 3.0), ("SN-1", "after", 2.0)]
-    before = [(one["serial"], one["value"]) for one in compared(index, "E", subject="X1", phase="before")]
+    before = [(one["serial"], one["value"]) for one in compare_machines(index, "E", subject="X1", phase="before")]
     assert before == [("SN-1", 9.0), ("SN-3", 5.0), ("SN-2", 3.0)]
-    assert compared(index, "B", subject="X1") == []
+    assert compare_machines(index, "B", subject="X1") == []
     for figure, subject in (("Q", "X1"), ("rms", "X1"), ("E", "flank"), ("", "X1"), ("e", "X1")):
         with pytest.raises(ConfigError, match="E-INDEX-FIGURE"):
-            compared(index, figure, subject=subject)
+            compare_machines(index, figure, subject=subject)
 
 
 MONTH_S = 30 * 86_400
@@ -247,12 +245,12 @@ def test_the_newest_of_each_machine_is_found_among_any_number_of_figures(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, machines: int, runs: int, parameters: str
 ) -> None:
     """An answer has a most of rows, which must never be the oldest ones: here each is far below the rows there are."""
-    monkeypatch.setattr(keeping, "MOST_ROWS", machines)
+    monkeypatch.setattr(database, "MOST_ROWS", machines)
     index = RunIndex(tmp_path)
     index.open()
     fleet(index, machines, runs, parameters)
     began = time.process_time()
-    found = compared(index, "E", subject="X1")
+    found = compare_machines(index, "E", subject="X1")
     due = index.last_measured()
     used = time.process_time() - began
     assert [(one["serial"], one["value"], one["phase"]) for one in found] == [
@@ -271,7 +269,7 @@ def test_a_back_up_put_back_is_whole_and_is_found_again(tmp_path: Path) -> None:
     for axis in ("X1", "C1"):
         measured(store, axis)
         audit.record(store.root, "note", clock=Moments(), actor="ann", details={"axis": axis})
-    caught_up(RunIndex(store.root), store)
+    catch_up(RunIndex(store.root), store)
     figures = RunIndex(store.root).trend("E")
     backup = tmp_path / "backup"
     shutil.copytree(store.root, backup, ignore=shutil.ignore_patterns("index.db*"))
@@ -280,7 +278,7 @@ def test_a_back_up_put_back_is_whole_and_is_found_again(tmp_path: Path) -> None:
     assert audit.is_sound(store.root)
     assert audit.check_log(store.root).head.seq == 2
     again = Store(store.root)
-    assert rebuilt(RunIndex(store.root), again) == 2
+    assert rebuild(RunIndex(store.root), again) == 2
     assert RunIndex(store.root).trend("E") == figures
     for run in again.runs():
         folder = RunFolder(run.path)

@@ -13,9 +13,9 @@ import pytest
 
 from drivers.clock import LoopClock
 from drivers.errors import ConfigError
-from gateway.daemon import LateDevices
-from gateway.daemon.lasting import AGAIN_S, lasting
-from gateway.daemon.telling import figures_told
+from gateway.daemon import LazyDevices
+from gateway.daemon.job_runner import AGAIN_S, supervise_task
+from gateway.daemon.site_service import figures_to_publish
 from gateway.store import Store
 from tests.unit.report.synthetic import MACHINE, axis_material
 from tests.unit.web.pictures import Seen
@@ -34,7 +34,7 @@ async def test_work_that_a_fault_ended_begins_again_and_the_fault_is_known(caplo
         told.append((kind, data))
 
     with caplog.at_level(logging.ERROR):
-        await lasting("the index", work, clock, tell)
+        await supervise_task("the index", work, clock, tell)
     assert [round(at - begun[0]) for at in begun] == [0, AGAIN_S, 2 * AGAIN_S]
     assert [one.levelname for one in caplog.records] == ["ERROR", "ERROR"]
     assert "the index" in caplog.text
@@ -48,7 +48,7 @@ async def test_a_stop_ends_it(caplog: pytest.LogCaptureFixture) -> None:
     async def work() -> None:
         await LoopClock().sleep(1e6)
 
-    task = asyncio.create_task(lasting("the index", work, LoopClock()))
+    task = asyncio.create_task(supervise_task("the index", work, LoopClock()))
     await LoopClock().sleep(1.0)
     task.cancel()
     with pytest.raises(asyncio.CancelledError):
@@ -62,7 +62,7 @@ def test_figures_for_other_systems_name_the_machine_by_its_serial_number(tmp_pat
     material: Any = axis_material("X1", "mm")
     run.put("evaluation-X1-before", material.before)
     run.set_state("proposed", machine=MACHINE)
-    told = figures_told(store, run.run_id)
+    told = figures_to_publish(store, run.run_id)
     assert told["serial"] == MACHINE.serial
     assert {one["parameter"] for one in told["figures"]} >= {"E", "A"}
 
@@ -76,7 +76,7 @@ async def test_devices_are_made_once_and_shown_as_closed_until_then() -> None:
         made.append(Devices())
         return made[-1]
 
-    late = LateDevices(make, (Seen("laser", "umd", "closed"),))
+    late = LazyDevices(make, (Seen("laser", "umd", "closed"),))
     opening = asyncio.create_task(late.open_all())
     await LoopClock().sleep(0.01)  # the loop turns while they are loaded
     assert [one.state for one in late.picture()] == ["closed"]
@@ -100,7 +100,7 @@ async def test_devices_that_cannot_be_made_are_trouble_and_the_watch_waits_for_t
     def make() -> Devices:
         raise ConfigError("E-CFG-DRIVER", "nonsense", role="controller", known="none")
 
-    late, stop = LateDevices(make, ()), asyncio.Event()
+    late, stop = LazyDevices(make, ()), asyncio.Event()
     for _try in range(2):
         with pytest.raises(ConfigError):
             await late.open_all()

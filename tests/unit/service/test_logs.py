@@ -9,14 +9,14 @@ from pathlib import Path
 
 import pytest
 
-from gateway.daemon.logs import JournalForm, logged_into
+from gateway.daemon.service_manager import JournalForm, log_into
 from gateway.live import of_device, of_run
-from gateway.store.logbook import LogBook, lines_of
+from gateway.store.log_book import LogBook, lines_of
 from tests.unit.audit.log import Moments
 
 
 def test_what_the_program_says_is_kept_and_hides_what_sounds_secret(tmp_path: Path) -> None:
-    with logged_into(LogBook(tmp_path, Moments().utc)):
+    with log_into(LogBook(tmp_path, Moments().utc)):
         logging.getLogger("trueflank.mqtt").warning("at mqtt://anna:hunter2@hall: password = hunter3, token='hunter4'")
         logging.getLogger("trueflank.daemon").info("well")
         logging.getLogger("asyncio").info("too quiet")
@@ -57,7 +57,7 @@ def test_a_line_names_the_run_and_the_device_that_it_concerns(tmp_path: Path) ->
             await asyncio.gather(opened("controller"), opened("laser"))
             ours.info("of the run alone")
 
-    with logged_into(LogBook(tmp_path, Moments().utc)):
+    with log_into(LogBook(tmp_path, Moments().utc)):
         asyncio.run(both())
         ours.info("of nothing")
     run = "20260301T000000000Z-hall-3-0001"

@@ -11,12 +11,12 @@ from pathlib import Path
 import pytest
 
 from gateway import audit
-from gateway.broker.notice import NOTICE_FILE
+from gateway.broker.lending import NOTICE_FILE
 from gateway.cli.service.bundle import bundle
 from gateway.config import SiteFile, load_site
-from gateway.daemon.logs import JournalForm, logged_into
+from gateway.daemon.service_manager import JournalForm, log_into
 from gateway.store import Store
-from gateway.store.logbook import LogBook
+from gateway.store.log_book import LogBook
 from tests.unit.audit.log import Moments
 from tests.unit.web.client import Client
 from tests.unit.web.services import Offered, offered
@@ -107,7 +107,7 @@ def spoken(store: Store, capsys: pytest.CaptureFixture[str]) -> None:
     handler.setFormatter(JournalForm({"JOURNAL_STREAM": "1:1"}))
     log = logging.getLogger("trueflank.test")
     log.addHandler(handler)
-    with logged_into(LogBook(store.root, Moments().utc)):
+    with log_into(LogBook(store.root, Moments().utc)):
         try:
             raise OSError(f"refused: token = {PLANTED['error-token']}")
         except OSError:

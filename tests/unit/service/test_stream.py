@@ -11,8 +11,7 @@ import pytest
 from drivers.clock import LoopClock
 from drivers.message import Message
 from drivers.types.sensing import Ambient, SampleBlock
-from gateway.daemon.hub import LONGEST_QUEUE, MOST_LISTENERS, Hub
-from gateway.daemon.looking import MOST_ASKED, Looking
+from gateway.daemon.stream import LONGEST_QUEUE, MOST_ASKED, MOST_LISTENERS, Hub, LiveObserver
 from gateway.errors import BusyError
 from gateway.live import LiveDeviation
 
@@ -99,7 +98,7 @@ def block(first: int, count: int, *, bad: int = 0) -> SampleBlock:
 async def test_readings_of_50_khz_go_out_ten_times_a_second_and_hide_no_sample() -> None:
     frames: list[dict[str, Any]] = []
     clock = LoopClock()
-    looking = Looking(lambda _kind, data: frames.append(dict(data)), clock)
+    looking = LiveObserver(lambda _kind, data: frames.append(dict(data)), clock)
     every = [block(number * 500, 500, bad=5 if number == 7 else 0) for number in range(200)]
     for one in every:
         looking.samples("laser", one)
@@ -117,7 +116,7 @@ async def test_readings_of_50_khz_go_out_ten_times_a_second_and_hide_no_sample()
 
 async def test_what_is_waited_for_is_told_seldom_and_finite() -> None:
     frames: list[dict[str, Any]] = []
-    looking = Looking(lambda _kind, data: frames.append(dict(data)), LoopClock())
+    looking = LiveObserver(lambda _kind, data: frames.append(dict(data)), LoopClock())
     for _time in range(5):
         looking.waiting("laser", Message.of("W-WAIT-SAMPLES"), -np.inf, 2.0)
     assert frames == [
@@ -126,7 +125,7 @@ async def test_what_is_waited_for_is_told_seldom_and_finite() -> None:
 
 
 async def test_a_reading_is_asked_for_again_once_and_not_without_end() -> None:
-    looking = Looking(lambda _kind, _data: None, LoopClock())
+    looking = LiveObserver(lambda _kind, _data: None, LoopClock())
     assert all(looking.ask_again("X1", (float(number), 0, 1)) for number in range(MOST_ASKED))
     assert not looking.ask_again("X1", (0.0, 0, 1))
     assert looking.ask_again("C1", (0.0, 0, 1))
@@ -135,7 +134,7 @@ async def test_a_reading_is_asked_for_again_once_and_not_without_end() -> None:
 
 
 async def test_targets_that_join_a_capture_stand_with_those_taken_before() -> None:
-    looking = Looking(lambda _kind, _data: None, LoopClock())
+    looking = LiveObserver(lambda _kind, _data: None, LoopClock())
     for code, target in (("P-MEASURE", 0.0), ("P-STOP", 10.0), ("P-MORE-TARGETS", 5.0), ("P-SETUP", 0.0)):
         looking.said(code, {})
         looking.taken("X1", (target, 1, 1), LiveDeviation(0.1, "um", 0.4, 5.0))
@@ -145,7 +144,7 @@ async def test_targets_that_join_a_capture_stand_with_those_taken_before() -> No
 
 async def test_air_is_in_the_first_picture_of_a_page_that_is_opened_again() -> None:
     clock = LoopClock()
-    looking = Looking(lambda _kind, _data: None, clock)
+    looking = LiveObserver(lambda _kind, _data: None, clock)
     assert looking.air is None
     looking.ambient("laser", Ambient(21.3, 1002.0, 44.0, (20.6, 20.7), age_s=2.0))
     assert looking.air is not None

@@ -6,10 +6,10 @@ from dataclasses import replace
 
 import pytest
 
-from drivers.leftover import Sent
 from drivers.sinumerik.ncprogram.words import COUNT, Phase, Word, program_path
 from drivers.sinumerik.opcua.program_dialogue import StatusSnapshot
 from drivers.sinumerik.opcua.stale_programs import find_stale_program
+from drivers.stale_programs import Sent
 from drivers.types.machine import ChannelStatus
 
 MEAS, PUSH, OTHER = program_path("MEAS", "X1"), program_path("PUSH", "X1"), "/_N_MPF_DIR/_N_GEAR_MPF"

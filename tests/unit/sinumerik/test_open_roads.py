@@ -20,7 +20,7 @@ from gateway.audience import Audience, kind_of
 from gateway.cli.screen.panel import LivePanel
 from gateway.cli.screen.scene import Scene
 from gateway.cli.screen.telling import progress
-from gateway.config import load_site, open_road
+from gateway.config import load_site, unprotected_connection
 from gateway.report import render
 from gateway.report.document.whole import document
 from gateway.workflow.run import audit_trail
@@ -57,13 +57,13 @@ def test_a_protected_road_and_a_cable_of_its_own_are_not_called_open(
 
 def test_a_site_file_tells_it_before_anything_is_opened(tmp_path: Path) -> None:
     path = site_file(tmp_path, "demo", plan=False)
-    assert str(open_road(load_site(path))).startswith("OPC UA with security None")
+    assert str(unprotected_connection(load_site(path))).startswith("OPC UA with security None")
     plain = path.read_text(encoding="utf-8")
     path.write_text(plain.replace('security = "None"', 'security = "best", server_certificate = "c.der"'))
-    assert open_road(load_site(path)) == ""
+    assert unprotected_connection(load_site(path)) == ""
     mailbox = plain.replace("sinumerik-opcua", "sinumerik-modbus").replace("opc.tcp://", "tcp://")
     path.write_text(mailbox.replace('security = "None"', "unit = 1"), encoding="utf-8")
-    assert str(open_road(load_site(path))).startswith("Modbus without TLS")
+    assert str(unprotected_connection(load_site(path))).startswith("Modbus without TLS")
 
 
 @pytest.mark.parametrize("code", ["W-UA-UNPROTECTED", "W-MBX-UNPROTECTED"])

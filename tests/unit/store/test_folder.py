@@ -13,8 +13,9 @@ import pytest
 from drivers.types.identity import MachineIdentity
 from drivers.types.sensing import Ambient
 from gateway.errors import CorruptRecord, FutureSchema, StoreError
-from gateway.store import Store, disk, layout, records
-from gateway.store.folder import sealed
+from gateway.store import Store, disk, records
+from gateway.store import folder as layout
+from gateway.store.folder import with_seal
 
 MACHINE = MachineIdentity("SN-1", "V4.8", ("X1", "C1"))
 
@@ -219,7 +220,7 @@ def test_a_run_from_before_the_sub_folders_is_read_and_goes_on_as_it_was(tmp_pat
     for path in [path for path in folder.path.rglob("*") if path.is_file()]:
         path.rename(folder.path / path.name)
     facts = {key: value for key, value in folder.facts.items() if key != layout.KEY}
-    (folder.path / "run.json").write_bytes(sealed(facts))
+    (folder.path / "run.json").write_bytes(with_seal(facts))
     assert folder.get("capture-X1-before", Ambient) == Ambient(1.0)
     assert folder.read_text("sent-001-A.MPF") == "N10"
     folder.put("capture-X1-before", Ambient(2.0))

@@ -5,7 +5,7 @@ from __future__ import annotations
 from datetime import UTC, datetime
 from pathlib import Path
 
-from gateway.store.logbook import KEPT, LogBook, LogTail, lines_of
+from gateway.store.log_book import KEPT, LogBook, LogTail, lines_of
 
 
 def now() -> datetime:

@@ -18,7 +18,7 @@ from gateway.errors import FutureSchema, WriteRefused
 from gateway.push import journal
 from gateway.push.history import tables_of
 from gateway.store import RunFolder, Store, records
-from gateway.store.proofs import Proofs
+from gateway.store.machine_books import ProofBook
 from gateway.workflow.run import stages
 from gateway.workflow.run.audit_trail import require_current_version
 
@@ -73,7 +73,7 @@ def test_todays_record_with_an_older_word_is_not_believed() -> None:
 
 
 def test_an_older_proof_still_counts_for_its_machine(tmp_path: Path) -> None:
-    proofs = Proofs(tmp_path)
+    proofs = ProofBook(tmp_path)
     kept = proofs.save(PROOF)
     data = older(kept.read_bytes())
     kept.unlink()

@@ -14,7 +14,7 @@ import pytest
 
 from drivers.recordings import RecordingGap
 from gateway.errors import CorruptRecord, StoreError
-from gateway.store.rawstream import RawRecorder, StreamFacts, open_stream
+from gateway.store.raw_stream import RawRecorder, StreamFacts, open_stream
 
 FACTS = StreamFacts(50000.0, "um", 1000.0, 3, {"Axis": "X"})
 
@@ -40,7 +40,7 @@ WRITES_UNTIL_KILLED = """
 import sys
 import numpy as np
 from pathlib import Path
-from gateway.store.rawstream import RawRecorder, StreamFacts
+from gateway.store.raw_stream import RawRecorder, StreamFacts
 recorder = RawRecorder(Path(sys.argv[1]), "c1", StreamFacts(1000.0, "um"))
 block, count = np.arange(100.0), 0
 while True:

@@ -12,7 +12,7 @@ from drivers.clock import LoopClock
 from drivers.types.identity import MachineIdentity
 from gateway.errors import CorruptRecord
 from gateway.store import Store
-from gateway.store.setupbook import SetupBook
+from gateway.store.machine_books import SetupBook
 from gateway.tooth import SetupValues
 
 MACHINE = MachineIdentity("SN/1 ö", "V4.8", ("X1", "C1"))

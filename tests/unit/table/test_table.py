@@ -13,7 +13,7 @@ from drivers.message import Message, render
 from gateway.domain.figures import Component
 from gateway.domain.proposals import TableChange
 from gateway.model.fit import fit_positioning, fit_through
-from gateway.store.encoding import read_typed, write_typed
+from gateway.store.records import read_typed, write_typed
 from gateway.table import Grid, MeasuredMeans, check, effective, project, propose
 from gateway.table.limits import check_points
 from gateway.table.proposal import InstrumentU

@@ -13,7 +13,7 @@ import pytest
 from drivers.clock import LoopClock
 from drivers.message import Message, prose
 from gateway import audit
-from gateway.capture.cycles import visits
+from gateway.capture.targets import cycle_visits
 from gateway.config import SiteFile
 from gateway.correct.outlook.flank_uncertainty import ProcessUncertainty
 from gateway.domain.outcomes import Verdict
@@ -39,7 +39,7 @@ WORK = WorkSection(gear=Path("gear.toml"), height_mm=150.0, drift_um_per_h=0.3)
 def per_h(rate: float, seed: int, seconds: float = 20.0) -> float:
     """The drift an hour that a capture of 5 repetitions sees, readings scattered by 0.1 um."""
     times = np.full((AT.size, 5, 2), np.nan)
-    for number, stop in enumerate(visits("standard", AT, 5)):
+    for number, stop in enumerate(cycle_visits("standard", AT, 5)):
         times[stop.label, stop.repetition, 0 if stop.approach == 1 else 1] = number * seconds
     x = rate * times / 3600.0 + np.random.default_rng(seed).normal(0.0, 0.1, times.shape)
     return steadiness(times, x, "um").per_h

@@ -11,10 +11,8 @@ from typer.testing import CliRunner
 from drivers.errors import FileFormatError
 from drivers.local.textfile import LONGEST_LINE, MOST_KEYS, MOST_LINES, MOST_PARTS, bear, decode_text, parse_toml
 from gateway.cli import app
-from gateway.watch.apart import apart
-from gateway.watch.journal import WatchJournal
-from gateway.watch.listing import Folder, SeenFile
-from gateway.watch.watcher import LARGEST_BYTES, Watcher
+from gateway.watch.bounded_process import run_bounded
+from gateway.watch.watcher import LARGEST_BYTES, Folder, SeenFile, Watcher, WatchJournal
 
 
 def endless() -> str:
@@ -34,13 +32,13 @@ def refusing(word: str) -> str:
 
 
 def test_work_apart_gives_its_answer_or_our_own_refusal_and_is_ended_at_its_limits() -> None:
-    assert apart(partial(str.upper, "abc"), where="x") == "ABC"
+    assert run_bounded(partial(str.upper, "abc"), where="x") == "ABC"
     with pytest.raises(FileFormatError) as caught:
-        apart(partial(refusing, "y.csv"), where="x")
+        run_bounded(partial(refusing, "y.csv"), where="x")
     assert (caught.value.code, caught.value.where) == ("E-FILE-EMPTY", "y.csv")
     for work, bounds in ((endless, {"cpu_s": 1}), (greedy, {"memory_mb": 1024})):
         with pytest.raises(FileFormatError) as caught:
-            apart(work, where="x.csv", **bounds)
+            run_bounded(work, where="x.csv", **bounds)
         assert (caught.value.code, caught.value.where) == ("E-WATCH-LIMIT", "x.csv")
 
 

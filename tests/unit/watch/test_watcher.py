@@ -19,9 +19,7 @@ from drivers.errors import ConfigError, FileFormatError, FileUnreadable
 from gateway.cli import app
 from gateway.errors import CorruptRecord, StoreError
 from gateway.store import Store
-from gateway.watch.journal import WatchJournal
-from gateway.watch.listing import Folder, SeenFile
-from gateway.watch.watcher import Watcher
+from gateway.watch.watcher import Folder, SeenFile, Watcher, WatchJournal
 from gateway.workflow.files.importing import import_file
 from gateway.workflow.files.reading import ReadOptions
 

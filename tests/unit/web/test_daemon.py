@@ -26,28 +26,35 @@ from cryptography.x509.oid import NameOID
 
 from drivers.clock import LoopClock, run_virtual
 from drivers.errors import ConfigError, TransportError, TrueflankError
-from drivers.leftover import NOTHING, LeftOver
+from drivers.stale_programs import NOTHING, StaleProgram
 from drivers.types.machine import MachineState
 from gateway import audit
-from gateway.broker import Broker, BrokerNotice, Lease, borrowed, borrowing, notice_of, taking, token_path
-from gateway.broker.lines import heard, line
-from gateway.broker.lock import LOCK_FILE, locked
-from gateway.broker.notice import noticed
-from gateway.broker.token import token_of
+from gateway.broker import (
+    Broker,
+    BrokerNotice,
+    Lease,
+    borrow_devices,
+    borrowing,
+    notice_of,
+    take_from_hung_gateway,
+    token_path,
+)
+from gateway.broker.lending import leave_notice, object_line, read_object
+from gateway.broker.state_folder import LOCK_FILE, hold_folder_lock, token_of
 from gateway.config import SiteFile
 from gateway.config.sections import ServiceSection
-from gateway.daemon import RunStarter, Serving, serve
-from gateway.daemon.desk import Desk, interrupt, unless
+from gateway.daemon import RunStarter, ServiceParts, serve
+from gateway.daemon.job_runner import JobRunner, interrupt, run_until_signal
 from gateway.domain.outcomes import AxisVerdict, Verdict
 from gateway.errors import BusyError, StoreError
 from gateway.push import journal
 from gateway.say import Say
 from gateway.stopping import StopAsked, Stopped, current, obey
 from gateway.store import Store
-from gateway.store.logbook import lines_of
+from gateway.store.log_book import lines_of
 from gateway.users import UserAccounts, first_token_path
 from gateway.users.passwords import Hasher
-from gateway.views.stored import last_result, newest_runs, pushes_held, stored_report
+from gateway.views.runs import last_result, newest_runs, pushes_held, stored_report
 from gateway.web import works
 from tests.unit.report.synthetic import axis_material
 from tests.unit.web.pictures import Seen
@@ -79,7 +86,7 @@ class Devices:
     per_device: bool = True
     calls: list[str] = field(default_factory=list)
     state: str = "closed"
-    left: LeftOver = NOTHING
+    left: StaleProgram = NOTHING
     seen: MachineState | None = None
     watching: asyncio.Event = field(default_factory=asyncio.Event)
 
@@ -136,12 +143,12 @@ class Runs:
 
 
 def at_desk(
-    body: Callable[[Desk, asyncio.Event], Awaitable[None]], devices: Devices, starter: RunStarter | None
+    body: Callable[[JobRunner, asyncio.Event], Awaitable[None]], devices: Devices, starter: RunStarter | None
 ) -> None:
     """Run `body` beside a working desk in virtual time; the desk must then end by itself."""
 
     async def main() -> None:
-        desk, stop = Desk(devices, starter, LoopClock()), asyncio.Event()
+        desk, stop = JobRunner(devices, starter, LoopClock()), asyncio.Event()
         work = asyncio.create_task(desk.work(stop))
         await devices.watching.wait()
         await body(desk, stop)
@@ -155,7 +162,7 @@ def at_desk(
 def test_devices_are_opened_watched_and_closed() -> None:
     devices = Devices()
 
-    async def body(desk: Desk, _stop: asyncio.Event) -> None:
+    async def body(desk: JobRunner, _stop: asyncio.Event) -> None:
         assert [view.state for view in desk.devices()] == ["open"]
 
     at_desk(body, devices, None)
@@ -165,7 +172,7 @@ def test_devices_are_opened_watched_and_closed() -> None:
 def test_a_run_borrows_the_devices_and_gives_them_back() -> None:
     devices, runs = Devices(), Runs()
 
-    async def body(desk: Desk, _stop: asyncio.Event) -> None:
+    async def body(desk: JobRunner, _stop: asyncio.Event) -> None:
         assert await desk.start() == "20260302T080000000Z-hall-3-ab12"
         assert desk.run is not None
         assert (desk.run.axis, desk.run.stage, desk.run.progress) == ("X1", "bidirectional", 0.25)
@@ -184,7 +191,7 @@ def test_a_run_borrows_the_devices_and_gives_them_back() -> None:
 def test_one_run_at_a_time_and_the_next_after_it() -> None:
     devices, runs = Devices(), Runs()
 
-    async def body(desk: Desk, _stop: asyncio.Event) -> None:
+    async def body(desk: JobRunner, _stop: asyncio.Event) -> None:
         await desk.start()
         with pytest.raises(BusyError) as caught:
             await desk.start()
@@ -200,7 +207,7 @@ def test_one_run_at_a_time_and_the_next_after_it() -> None:
 def test_a_second_start_in_the_same_breath_is_busy() -> None:
     devices, runs = Devices(), Runs()
 
-    async def body(desk: Desk, _stop: asyncio.Event) -> None:
+    async def body(desk: JobRunner, _stop: asyncio.Event) -> None:
         answers = await asyncio.gather(desk.start(), desk.start(), return_exceptions=True)
         assert answers[0] == "20260302T080000000Z-hall-3-ab12"
         assert isinstance(answers[1], BusyError)
@@ -211,7 +218,7 @@ def test_a_second_start_in_the_same_breath_is_busy() -> None:
 def test_stopping_interrupts_a_run() -> None:
     devices, runs = Devices(), Runs()
 
-    async def body(desk: Desk, stop: asyncio.Event) -> None:
+    async def body(desk: JobRunner, stop: asyncio.Event) -> None:
         await desk.start()
         stop.set()
 
@@ -222,7 +229,7 @@ def test_stopping_interrupts_a_run() -> None:
 def test_a_run_that_is_stopped_leaves_its_machine_in_order() -> None:
     devices, runs = Devices(), Runs(leaving_s=18.0)
 
-    async def body(desk: Desk, stop: asyncio.Event) -> None:
+    async def body(desk: JobRunner, stop: asyncio.Event) -> None:
         await desk.start()
         stop.set()
 
@@ -231,9 +238,9 @@ def test_a_run_that_is_stopped_leaves_its_machine_in_order() -> None:
 
 
 def test_what_is_left_in_the_control_is_shown_while_no_run_has_it() -> None:
-    devices, runs = Devices(left=LeftOver("waiting", 123456, "TFMEAS_X1")), Runs()
+    devices, runs = Devices(left=StaleProgram("waiting", 123456, "TFMEAS_X1")), Runs()
 
-    async def body(desk: Desk, _stop: asyncio.Event) -> None:
+    async def body(desk: JobRunner, _stop: asyncio.Event) -> None:
         assert desk.left.kind == "waiting"
         await desk.start()
         assert desk.left.clear
@@ -243,7 +250,7 @@ def test_what_is_left_in_the_control_is_shown_while_no_run_has_it() -> None:
 
 
 async def test_after_the_stop_no_run_begins() -> None:
-    desk, stop = Desk(Devices(), Runs(), LoopClock()), asyncio.Event()
+    desk, stop = JobRunner(Devices(), Runs(), LoopClock()), asyncio.Event()
     stop.set()
     await desk.work(stop)
     with pytest.raises(BusyError) as caught:
@@ -255,7 +262,7 @@ def test_a_run_that_cannot_begin_tells_its_caller_and_is_over() -> None:
     devices = Devices()
     runs = Runs(error=StoreError("E-STORE-DISK", "runs", why="full"), early=True)
 
-    async def body(desk: Desk, _stop: asyncio.Event) -> None:
+    async def body(desk: JobRunner, _stop: asyncio.Event) -> None:
         for _again in range(2):
             with pytest.raises(StoreError):
                 await desk.start()
@@ -269,7 +276,7 @@ def test_a_run_that_cannot_begin_tells_its_caller_and_is_over() -> None:
 def test_a_run_that_fails_later_is_shown_and_the_devices_are_watched_again() -> None:
     devices, runs = Devices(), Runs(error=TransportError("E-LINK-DEADLINE", "laser", timeout_s=1))
 
-    async def body(desk: Desk, _stop: asyncio.Event) -> None:
+    async def body(desk: JobRunner, _stop: asyncio.Event) -> None:
         await desk.start()
         runs.go_on.set()
         await devices.watching.wait()
@@ -285,7 +292,7 @@ def test_a_run_that_fails_later_is_shown_and_the_devices_are_watched_again() -> 
 def test_a_fault_in_a_run_does_not_end_the_daemon(caplog: pytest.LogCaptureFixture) -> None:
     devices, runs = Devices(), Runs(error=ZeroDivisionError("oops"))
 
-    async def body(desk: Desk, _stop: asyncio.Event) -> None:
+    async def body(desk: JobRunner, _stop: asyncio.Event) -> None:
         await desk.start()
         runs.go_on.set()
         await devices.watching.wait()
@@ -300,7 +307,7 @@ def test_a_fault_in_a_run_does_not_end_the_daemon(caplog: pytest.LogCaptureFixtu
 def test_devices_that_do_not_open_are_watched_all_the_same() -> None:
     devices = Devices(error=TransportError("E-LINK-DEADLINE", "laser", timeout_s=1))
 
-    async def body(desk: Desk, _stop: asyncio.Event) -> None:
+    async def body(desk: JobRunner, _stop: asyncio.Event) -> None:
         (view,) = desk.devices()
         assert view.state == "failed"
         assert view.error is not None
@@ -313,7 +320,7 @@ def test_devices_that_do_not_open_are_watched_all_the_same() -> None:
 def test_the_wrong_machine_is_trouble_though_every_device_answers() -> None:
     devices = Devices(error=TransportError("E-SUP-MACHINE", "controller", found="B", wanted="A"), per_device=False)
 
-    async def body(desk: Desk, _stop: asyncio.Event) -> None:
+    async def body(desk: JobRunner, _stop: asyncio.Event) -> None:
         assert desk.trouble is not None
         assert desk.trouble["code"] == "E-SUP-MACHINE"
 
@@ -339,7 +346,7 @@ async def test_work_that_ends_by_itself_passes_its_error_on() -> None:
         raise StoreError("E-STORE-DISK", "runs", why="full")
 
     with pytest.raises(StoreError):
-        await unless(broken(), LoopClock(), asyncio.Event())
+        await run_until_signal(broken(), LoopClock(), asyncio.Event())
 
 
 # -- whole daemon on a loopback socket ---------------------------------------------------------------------
@@ -349,8 +356,8 @@ async def nothing_wrong(_say: Say) -> object:
     return None
 
 
-def serving(folder: Path, devices: Callable[[], Devices] = Devices, site: SiteFile = SITE) -> Serving:
-    return Serving(site, folder / "site.toml", Store(folder), devices, nothing_wrong)
+def serving(folder: Path, devices: Callable[[], Devices] = Devices, site: SiteFile = SITE) -> ServiceParts:
+    return ServiceParts(site, folder / "site.toml", Store(folder), devices, nothing_wrong)
 
 
 def served(
@@ -523,7 +530,7 @@ def test_with_a_certificate_it_is_served_over_tls_alone_and_its_cookie_is_secure
     async def main() -> None:
         loop = asyncio.get_running_loop()
         stop, url = asyncio.Event(), loop.create_future()
-        one = Serving(secure, tmp_path / "site.toml", Store(tmp_path), Devices, nothing_wrong)
+        one = ServiceParts(secure, tmp_path / "site.toml", Store(tmp_path), Devices, nothing_wrong)
         told = {"clock": LoopClock(), "stop": stop, "port": 0, "ready": url.set_result}
         told |= {"host": "0.0.0.0", "accounts": UserAccounts(tmp_path, Hasher(1, 8))}  # noqa: S104
         daemon = asyncio.create_task(serve([one], **told))  # type: ignore[arg-type]
@@ -554,7 +561,7 @@ async def test_a_certificate_that_cannot_be_used_is_a_message(tmp_path: Path) ->
     secure = SITE.model_copy(
         update={"service": ServiceSection(certificate=Path("gateway.pem"), key=Path("gateway.pem"))}
     )
-    one = Serving(secure, tmp_path / "site.toml", Store(tmp_path), Devices, nothing_wrong)
+    one = ServiceParts(secure, tmp_path / "site.toml", Store(tmp_path), Devices, nothing_wrong)
     with pytest.raises(ConfigError) as caught:
         await serve([one], clock=LoopClock(), stop=asyncio.Event(), port=0)
     assert caught.value.code == "E-WEB-FILES"
@@ -595,14 +602,14 @@ def test_a_command_borrows_the_devices_is_heard_and_gives_them_back(tmp_path: Pa
     async def body(client: httpx.AsyncClient, _stop: asyncio.Event) -> None:
         await devices.watching.wait()
         said: list[str] = []
-        async with borrowed(tmp_path, "r-7", LoopClock(), lambda code, **_f: said.append(code)) as say:
+        async with borrow_devices(tmp_path, "r-7", LoopClock(), lambda code, **_f: said.append(code)) as say:
             assert devices.state == "closed"
             say("P-STOP", axis="X1", program="bidirectional", done=5, total=12)
             while (run := (await client.get("/api/v1/sites/hall-3/status")).json()["run"])["done"] != 5:
                 pass
             assert (run["run_id"], run["kind"]) == ("r-7", "terminal")
             with pytest.raises(BusyError) as caught:
-                async with borrowed(tmp_path, "r-8", LoopClock()):
+                async with borrow_devices(tmp_path, "r-8", LoopClock()):
                     pytest.fail("two have the devices")
             assert caught.value.code == "E-BROKER-BUSY"
             assert "r-7" in str(caught.value.fields["why"])
@@ -623,8 +630,8 @@ def test_a_borrower_that_dies_gives_the_devices_back(tmp_path: Path) -> None:
         notice = notice_of(tmp_path)
         assert notice is not None
         reader, writer = await asyncio.open_connection("127.0.0.1", notice.port)
-        writer.write(line({"token": notice.token, "root": str(tmp_path), "run": "r", "who": "w"}))
-        assert await heard(reader) == {"granted": True}
+        writer.write(object_line({"token": notice.token, "root": str(tmp_path), "run": "r", "who": "w"}))
+        assert await read_object(reader) == {"granted": True}
         assert devices.state == "closed"
         writer.transport.abort()
         await devices.watching.wait()
@@ -655,7 +662,7 @@ def test_a_stop_at_the_page_reaches_the_terminal(tmp_path: Path) -> None:
         asked = StopAsked()
 
         async def work() -> None:
-            async with borrowed(tmp_path, "r-9", LoopClock()):
+            async with borrow_devices(tmp_path, "r-9", LoopClock()):
                 await client.post("/api/v1/sites/hall-3/stop", json={})
                 await asyncio.Event().wait()
 
@@ -670,10 +677,10 @@ async def test_a_notice_that_a_dead_daemon_left_holds_nobody_up(tmp_path: Path) 
     with socket.socket() as free:
         free.bind(("127.0.0.1", 0))
         port = free.getsockname()[1]
-    with noticed(tmp_path, BrokerNotice(1, port, "t")):
+    with leave_notice(tmp_path, BrokerNotice(1, port, "t")):
         if os.name == "posix":
             assert stat.S_IMODE((tmp_path / "broker.json").stat().st_mode) == 0o600
-        async with borrowed(tmp_path, "r", LoopClock()):
+        async with borrow_devices(tmp_path, "r", LoopClock()):
             pass
     assert notice_of(tmp_path) is None
 
@@ -683,8 +690,8 @@ async def test_devices_are_not_taken_from_a_daemon_that_answers(tmp_path: Path) 
         pytest.fail("nobody asked for them")
 
     async with Broker(lend, LoopClock()).open((tmp_path,)):
-        with taking("it hangs"), pytest.raises(BusyError) as caught:
-            async with borrowed(tmp_path, "r", LoopClock()):
+        with take_from_hung_gateway("it hangs"), pytest.raises(BusyError) as caught:
+            async with borrow_devices(tmp_path, "r", LoopClock()):
                 pytest.fail("taken")
     assert caught.value.code == "E-BROKER-ANSWERS"
 
@@ -692,8 +699,8 @@ async def test_devices_are_not_taken_from_a_daemon_that_answers(tmp_path: Path) 
 HANGING = """
 import os, socket, sys, time
 from pathlib import Path
-from gateway.broker.lock import locked
-from gateway.broker.notice import BrokerNotice, noticed
+from gateway.broker.state_folder import locked
+from gateway.broker.lending import BrokerNotice, noticed
 root = Path(sys.argv[1])
 with socket.create_server(("127.0.0.1", 0)) as server, locked(root):
     with noticed(root, BrokerNotice(os.getpid(), server.getsockname()[1], "t")):
@@ -712,13 +719,13 @@ async def test_devices_of_a_daemon_that_hangs_are_taken_with_a_reason_and_its_lo
         assert hung.stdout is not None
         assert hung.stdout.readline() == "hangs\n"
         with pytest.raises(TransportError) as caught:
-            async with borrowed(tmp_path, "r", LoopClock()):
+            async with borrow_devices(tmp_path, "r", LoopClock()):
                 pytest.fail("it does not answer")
         assert (caught.value.code, caught.value.fields["pid"]) == ("E-BROKER-SILENT", hung.pid)
-        with taking("the page does not answer"):
-            async with borrowed(tmp_path, "r", LoopClock()):
+        with take_from_hung_gateway("the page does not answer"):
+            async with borrow_devices(tmp_path, "r", LoopClock()):
                 assert hung.wait() != 0
-                with pytest.raises(BusyError), locked(tmp_path):
+                with pytest.raises(BusyError), hold_folder_lock(tmp_path):
                     pytest.fail("a new daemon came between")
     (entry,) = audit.read_entries(tmp_path)
     assert (entry["action"], entry["details"]["why"]) == ("devices-taken", "the page does not answer")
@@ -730,14 +737,14 @@ async def test_devices_of_a_daemon_that_hangs_are_taken_with_a_reason_and_its_lo
 def test_lock_is_free_again_afterwards_and_survives_a_dead_holder(tmp_path: Path) -> None:
     (tmp_path / LOCK_FILE).write_text("999999999", encoding="ascii")
     for _again in range(2):
-        with locked(tmp_path), pytest.raises(BusyError), locked(tmp_path):
+        with hold_folder_lock(tmp_path), pytest.raises(BusyError), hold_folder_lock(tmp_path):
             pytest.fail("two holders")
     assert (tmp_path / LOCK_FILE).read_text(encoding="ascii") == str(os.getpid())
 
 
 def test_a_store_that_cannot_be_made_is_a_message(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("", encoding="ascii")
-    with pytest.raises(StoreError) as caught, locked(tmp_path / "file"):
+    with pytest.raises(StoreError) as caught, hold_folder_lock(tmp_path / "file"):
         pytest.fail("locked a file")
     assert caught.value.code == "E-WEB-STATE"
     with pytest.raises(StoreError):

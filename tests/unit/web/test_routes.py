@@ -14,7 +14,7 @@ from gateway.domain.identity import KnownFact
 from gateway.domain.outcomes import Verdict
 from gateway.report import render
 from gateway.store import Store
-from gateway.store.identities import IdentityBook
+from gateway.store.machine_books import IdentityBook
 from gateway.views import DeviceView, HeldView, PastRun, RunView, StatusView
 from tests.unit.report.attacks import STRINGS
 from tests.unit.report.synthetic import axis_material, material

@@ -5,8 +5,8 @@ from __future__ import annotations
 import asyncio
 from typing import Any
 
-from gateway.daemon.jobs import Job
-from gateway.daemon.running import MOST_MOVES, fresh, told
+from gateway.daemon.job_runner import Job
+from gateway.daemon.stream import MOST_MOVES, new_run_view, updated_run
 from gateway.stopping import StopAsked
 from gateway.views import JobView, RunView
 
@@ -16,11 +16,11 @@ PRESS = ("P-START", {"axis": "X", "program": "TFMEASX"})
 
 
 def _seen(*said: tuple[str, dict[str, Any]]) -> RunView:
-    run = fresh(
+    run = new_run_view(
         JobView(job=1, kind="run", who="anna", state="running", run_id="", started_utc="", ended_utc="", words="")
     )
     for code, fields in said:
-        run = told(run, code, fields)
+        run = updated_run(run, code, fields)
     return run
 
 

@@ -11,8 +11,8 @@ import pytest
 from drivers.clock import LoopClock
 from drivers.local.names import person_key
 from gateway import audit
-from gateway.daemon.doorkeeping import keep_refused
-from gateway.daemon.hub import MOST_LISTENERS, MOST_OF_ONE, Hub
+from gateway.daemon.server import record_refusals
+from gateway.daemon.stream import MOST_LISTENERS, MOST_OF_ONE, Hub
 from gateway.errors import BusyError, LastAdministrator
 from gateway.users import RefusedSignIns
 from gateway.users.refusals import MOST_KEPT
@@ -78,8 +78,8 @@ def test_the_audit_log_gets_one_record_an_hour_in_nobodys_name(tmp_path: Path) -
         refused.add("bert", "10.0.0.66", now + timedelta(seconds=second))
 
     async def kept() -> None:
-        await keep_refused(refused, tmp_path, LoopClock())
-        await keep_refused(refused, tmp_path, LoopClock())
+        await record_refusals(refused, tmp_path, LoopClock())
+        await record_refusals(refused, tmp_path, LoopClock())
 
     asyncio.run(kept())
     (entry,) = audit.read_entries(tmp_path)

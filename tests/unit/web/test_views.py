@@ -7,12 +7,12 @@ from dataclasses import replace
 from pathlib import Path
 
 from drivers.errors import TransportError
-from drivers.leftover import LeftOver
+from drivers.stale_programs import StaleProgram
 from drivers.types.machine import ChannelStatus, MachineState
 from gateway.config import SiteFile
 from gateway.domain.outcomes import AxisVerdict, Verdict
 from gateway.views import RunView, as_data, axis_table, control_view, device_views
-from gateway.views.measuring import plan_of
+from gateway.views.measurements import plan_of
 from tests.unit.report.synthetic import axis_material
 from tests.unit.web.client import Client
 from tests.unit.web.pictures import Seen, status
@@ -76,7 +76,7 @@ def test_data_are_json_with_state_and_progress() -> None:
 
 
 def test_something_of_ours_in_the_control_is_never_ready(tmp_path: Path) -> None:
-    left = LeftOver("stopped", 123456, "TFPUSH_X1", "TRUEFLANK LOADED").said.as_record()
+    left = StaleProgram("stopped", 123456, "TFPUSH_X1", "TRUEFLANK LOADED").said.as_record()
     clean = status(run=None, devices=())
     assert clean.state == "ready"
     assert status(run=None, devices=(), left=(left,)).state == "attention"
