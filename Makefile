@@ -94,14 +94,14 @@ kernel: $(VENV)/developed
 # route fuzzed.
 services: $(VENV)/developed
 	tests/services/prepare.sh
-	$(BIN)/$(PIP) --require-hashes -r locks/peers.lock
+	locks/install.sh $(BIN)/python locks/peers.lock
 	$(BIN)/python -m pytest -q -n 0 -p schemathesis.pytest.plugin -m services tests/services
 
 # The operator's page in Debian's Chromium, from the first sign-in to the report, on a cell over real wires; its pictures
 # are kept in .browser. Ten minutes on two cores.
 browser: $(VENV)/developed
 	tests/browser/prepare.sh
-	$(BIN)/$(PIP) --require-hashes -r locks/peers.lock
+	locks/install.sh $(BIN)/python locks/peers.lock
 	$(BIN)/python -m pytest -q -n 0 -m browser tests/browser
 
 bench: $(VENV)/developed
@@ -157,16 +157,15 @@ vulnerabilities: $(TOOLS)/installed
 	$(PYTHON) -m release.vulnerabilities $(TOOLS) requirements.lock
 
 PIP := python -m pip install --quiet --disable-pip-version-check
-# What is imported is compiled then; most of what is installed never is.
 $(VENV)/installed: pyproject.toml requirements.lock locks/build.lock
 	$(PYTHON) -m venv $(VENV)
-	$(BIN)/$(PIP) --no-compile --require-hashes -r requirements.lock -r locks/build.lock
+	locks/install.sh $(BIN)/python requirements.lock locks/build.lock
 	$(BIN)/$(PIP) --no-deps --no-build-isolation -e .
 	touch $@
 
 $(VENV)/developed: pyproject.toml locks/dev.lock
 	$(PYTHON) -m venv $(VENV)
-	$(BIN)/$(PIP) --no-compile --require-hashes -r locks/dev.lock
+	locks/install.sh $(BIN)/python locks/dev.lock
 	$(BIN)/$(PIP) --no-deps --no-build-isolation -e .
 	touch $@ $(VENV)/installed
 

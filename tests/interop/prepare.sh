@@ -60,7 +60,7 @@ has_open62541() {
 }
 
 if [ -n "${1:-}" ] && ! { has_parsers "$1" && has_open62541 "$1"; }; then
-    "$1" -m pip install --quiet --disable-pip-version-check --require-hashes -r ../../locks/peers.lock
+    ../../locks/install.sh "$1" ../../locks/peers.lock
     has_open62541 "$1" || absent "open62541 (pip could not install o6, which brings it)"
     has_parsers "$1" || absent "the parsers of structured text (pip could not install blark and tree-sitter-iec61131-3-st)"
 fi
