@@ -1,6 +1,7 @@
 """`python -m benchmarks [--smoke] [--page FILE] [NAME ...]`: run benchmarks, each in a process of its own.
 
-Ends with 1 where a limit is missed. ``--page`` writes the figures with date, commit, machine and load.
+Ends with 1 where a limit is missed. ``--page`` writes the figures with date, commit, machine and load, each benchmark
+as soon as it has ended; those that were not run keep their figures.
 """
 
 from __future__ import annotations
@@ -10,6 +11,7 @@ import importlib
 import json
 import os
 import platform
+import re
 import subprocess
 import sys
 import tempfile
@@ -28,9 +30,11 @@ HEAD = """# Benchmarks
 
 `make bench` runs them and writes this page. Speed is a ratio of processor times in one process against a floor measured
 in the same run, so that neither the computer nor its load decides; a figure beyond its limit fails the run. `make test`
-runs the small form of each (`--smoke`), which judges no limit.
+runs the small form of each (`--smoke`), which judges no limit. Each section says when it was run, on what, and under
+which load.
 
 """
+PART = re.compile(r"^## (\S+)$", re.MULTILINE)
 
 
 def ran(name: str, *, smoke: bool) -> tuple[list[Figure], list[str], bool]:
@@ -47,14 +51,24 @@ def ran(name: str, *, smoke: bool) -> tuple[list[Figure], list[str], bool]:
     return [Figure(**figure) for figure in found["figures"]], found["left_out"], ended.returncode == 0
 
 
-def section(name: str, figures: list[Figure], left_out: list[str]) -> str:
+def section(name: str, begun: str, figures: list[Figure], left_out: list[str]) -> str:
     """One table of the page."""
     doc = (importlib.import_module(f"benchmarks.{name}").__doc__ or name).strip()
-    lines = [f"## {name}", "", doc, "", "| | measured | limit |", "|---|---|---|"]
+    lines = [f"## {name}", "", doc, "", begun, "", "| | measured | limit |", "|---|---|---|"]
     for figure in figures:
         value = f"{figure.value:.3g} {figure.unit}".strip()
         lines.append(f"| {figure.text} | {value}{'' if figure.met else ' **missed**'} | {figure.asked} |")
     return "\n".join([*lines, "", *(f"{text}.\n" for text in left_out)])
+
+
+def write_page(page: Path, name: str, text: str) -> None:
+    """Put one section in its place on the page; the others stay as they are."""
+    known = page.read_text(encoding="utf-8") if page.exists() else ""
+    places = [(one.start(), one[1]) for one in PART.finditer(known)]
+    ends = [*(start for start, _ in places), len(known)][1:]
+    parts = {part: known[start:end].rstrip() + "\n" for (start, part), end in zip(places, ends, strict=True)}
+    parts[name] = text.rstrip() + "\n"
+    page.write_text(HEAD + "\n".join(parts[one] for one in NAMES if one in parts), encoding="utf-8")
 
 
 def circumstances() -> str:
@@ -63,7 +77,7 @@ def circumstances() -> str:
     load = f", load {os.getloadavg()[0]:.1f}" if hasattr(os, "getloadavg") else ""
     code = commit.stdout.strip() or "unknown"
     machine = f"{os.cpu_count()} x {_processor()}, Python {platform.python_version()}{load} at the start"
-    return f"{datetime.now(UTC):%Y-%m-%d}, commit {code}, {machine}.\n\n"
+    return f"{datetime.now(UTC):%Y-%m-%d}, commit {code}, {machine}."
 
 
 def _processor() -> str:
@@ -85,12 +99,13 @@ def main() -> int:
     unknown = sorted(set(options.names) - set(NAMES))
     if unknown:
         parser.error(f"no benchmark {', '.join(unknown)}; known: {', '.join(NAMES)}")
-    begun = circumstances()
-    found = {name: ran(name, smoke=options.smoke) for name in options.names or NAMES}
-    if options.page:
-        tables = [section(name, figures, left_out) for name, (figures, left_out, _) in found.items()]
-        options.page.write_text(HEAD + begun + "\n".join(tables), encoding="utf-8")
-    missed = [name for name, (_, _, kept) in found.items() if not kept]
+    missed = []
+    for name in options.names or NAMES:
+        begun = circumstances()
+        figures, left_out, kept = ran(name, smoke=options.smoke)
+        missed += [] if kept else [name]
+        if options.page:
+            write_page(options.page, name, section(name, begun, figures, left_out))
     sys.stdout.write(f"\nlimits missed or not ended: {', '.join(missed) or 'none'}\n")
     return int(bool(missed))
 

@@ -2,9 +2,8 @@
 
 The commands run in processes of their own; what one more file costs is the difference between many files and one. It is
 mostly the Monte Carlo that says how far the figures of a repeated test scatter, trials of means and variances until its
-tolerance is kept; beside plain numpy, which has none, the line says it against as many bare draws. A table of 100 000
-targets takes a minute for the same reason: its least number of trials draws every target each time. `tf.evaluate` says
-U and doubts of each figure, which plain numpy does not.
+tolerance is kept; beside plain numpy, which has none, the line says it against as many bare draws. `tf.evaluate` says U
+and doubts of each figure, which plain numpy does not. A table of 100 000 targets has no Monte Carlo, and says so.
 """
 
 from __future__ import annotations

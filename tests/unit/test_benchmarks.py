@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib
 import math
+from pathlib import Path
 
 import pytest
 
@@ -37,7 +38,16 @@ def test_a_figure_beyond_its_limit_fails_and_one_that_is_no_number_too() -> None
 
 
 def test_the_page_tells_what_was_missed() -> None:
-    page = all_of_them.section("flank", [Figure("a", 2.0, "s", "<=", 1.0), Figure("b", 3.0)], ["c: not measured (why)"])
+    figures = [Figure("a", 2.0, "s", "<=", 1.0), Figure("b", 3.0)]
+    page = all_of_them.section("flank", "today, load 1", figures, ["c: not measured (why)"])
+    assert "\n\ntoday, load 1\n\n" in page
     assert "| a | 2 s **missed** | <= 1 s |\n| b | 3 |  |" in page
     assert "c: not measured (why)." in page
     assert slope([10.0, 100.0], [1.0, 100.0]) == pytest.approx(2.0)
+
+
+def test_a_benchmark_that_is_run_again_takes_its_own_place_on_the_page(tmp_path: Path) -> None:
+    page = tmp_path / "page.md"
+    for name, text in (("store", "old"), ("flank", "first"), ("store", "new")):
+        all_of_them.write_page(page, name, f"## {name}\n\n{text}\n")
+    assert page.read_text(encoding="utf-8") == f"{all_of_them.HEAD}## flank\n\nfirst\n\n## store\n\nnew\n"
