@@ -7,12 +7,14 @@ from pathlib import Path
 
 import pytest
 
+from gateway import audit
 from gateway.config import load_site
 from gateway.workflow.forecast import day_of_closing
 from simulators.cellfile import load_cell, with_plan
 from tests.closing.presses import by_kind
 from tests.closing.reckoned import unlike
 from tests.closing.runs import run_machine
+from tests.closing.test_short import kept
 
 RESETS = 3  # trial tables of all signs, axis layer, cross layer
 BLANKS = 3
@@ -43,7 +45,11 @@ def test_the_whole_demo_asks_for_what_is_listed_and_the_day_foretells_it(tmp_pat
     found = run_machine(file, file.seed, tmp_path, short=False, least=False)
     presses = found.presses
     print(presses.listed())
-    assert found.failed == ""
+    assert kept(found) == []
+    assert found.done_twice == ()
+    assert found.after_um < 0.5 * found.set_right_um
+    assert found.outcome == "better"
+    assert audit.read_log_state(tmp_path / "runs", file.machine.serial).alarms == {}
     mounted = Counter(one.removeprefix("mounted ") for one in presses.handled if one.startswith("mounted "))
     day = day_of_closing(load_site(tmp_path / "site.toml"), tmp_path / "site.toml", apply=True)
     causes = [(piece.stage, piece.name, piece.mounting.words) for piece in day.pieces if piece.mounting is not None]

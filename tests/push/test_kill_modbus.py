@@ -213,7 +213,7 @@ def twice(scene: Scene, root: Path, where: str, few: int | None, shard: slice) -
     return found
 
 
-@pytest.mark.parametrize("every", few([40, 15, 5]))
+@pytest.mark.parametrize("every", few([40, 15, 5], 1, 1))
 @pytest.mark.parametrize("where", few(list(FIRST)[1:] + list(FIRST)[:1]))
 def test_killed_again_while_recovering(tmp_path: Path, where: str, every: int) -> None:
     found = twice(Scene(), tmp_path, where, 2, slice(0, None, every))

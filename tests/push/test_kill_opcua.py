@@ -99,7 +99,7 @@ def steps(tmp_path_factory: pytest.TempPathFactory, keys: Path) -> list[str]:
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="a process that is killed here is ended by a signal")
-@pytest.mark.parametrize("shard", few(range(SHARDS), more=6))
+@pytest.mark.parametrize("shard", few(range(SHARDS), more=3))
 def test_killed_in_a_fresh_process(tmp_path: Path, keys: Path, steps: list[str], shard: int) -> None:
     points = random.Random(4).sample(range(len(steps)), SHARDS * EACH)[shard::SHARDS]
     found = [killed(tmp_path / str(point), keys, point, point % 2 == 0) for point in points]

@@ -41,7 +41,7 @@ def play(seeds: range, folder: Path) -> Counter[str]:
     return found
 
 
-@pytest.mark.parametrize("shard", few(range(SHARDS), more=6))
+@pytest.mark.parametrize("shard", few(range(SHARDS), more=3))
 def test_seeded_faults_on_the_mailbox(tmp_path: Path, shard: int) -> None:
     size = MODBUS // SHARDS
     found = play(range(shard * size, (shard + 1) * size), tmp_path)
@@ -69,7 +69,7 @@ def play_opcua(seeds: range, folder: Path, keys: Path) -> Counter[str]:
     return found
 
 
-@pytest.mark.parametrize("seeds", few(OPCUA), ids=str)
+@pytest.mark.parametrize("seeds", few(OPCUA, 1, 2), ids=str)
 def test_seeded_faults_over_opcua(tmp_path: Path, keys: Path, seeds: range) -> None:
     found = play_opcua(seeds, tmp_path, keys)
     assert sum(found.values()) == len(seeds)

@@ -154,7 +154,7 @@ def recovered(root: Path, machine: Machine, old: LiveTable) -> str:
     return finding.code
 
 
-@pytest.mark.parametrize("step", few(sorted(range(0, 60, 3), key=lambda step: step % 4), 8))
+@pytest.mark.parametrize("step", few(sorted(range(0, 60, 3), key=lambda step: step % 4), 8, 4))
 def test_killed_again_during_recovery(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, step: int) -> None:
     here, _ = killed(tmp_path, 40, OLD_ON, monkeypatch, False)
     here.machine.nck_reset()
