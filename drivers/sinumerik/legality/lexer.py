@@ -140,10 +140,15 @@ _TOKEN = re.compile(
 )
 _WORDLIKE = frozenset({"din", "name", "number", "variable"})
 _CLOSES = {")": "(", "]": "["}
+_KEPT_LINES = 4096
 
 
-def tokenize(line: str) -> list[Token]:
-    """Cut one line; ends with an "end" token. Raises IllegalBlock for what cannot be cut."""
+@functools.lru_cache(maxsize=_KEPT_LINES)
+def tokenize(line: str) -> tuple[Token, ...]:
+    """Cut one line; ends with an "end" token. Raises IllegalBlock for what cannot be cut.
+
+    Generators write the same lines into one program after the other, and two sides judge each: a line is cut once.
+    """
     found: list[Token] = []
     before = ""
     for match in _TOKEN.finditer(line):
@@ -161,7 +166,7 @@ def tokenize(line: str) -> list[Token]:
         before = kind
     _check_brackets(found)
     found.append(Token("end", "", len(line)))
-    return found
+    return tuple(found)
 
 
 def _check_token(kind: str, text: str, before: str) -> None:

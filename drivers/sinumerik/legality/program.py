@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import re
 from collections import defaultdict
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 from drivers.sinumerik.legality import control_flow
@@ -201,7 +201,7 @@ class Program:
         self._found += [make_finding(line, wrong) for wrong in known.wrong]
         self._blocks.append(Block(line=line, head=known.head, word=known.word, jumps=known.jumps, ends=known.ends))
 
-    def _block(self, cursor: Cursor, found: list[Token]) -> BlockReading:
+    def _block(self, cursor: Cursor, found: Sequence[Token]) -> BlockReading:
         place, steered, works = BlockHead(skipped=False, number="", label=""), "", False
         leaving: list[Jump] = []
         try:
@@ -280,7 +280,7 @@ class Program:
         yield from control_flow.check_jumps(departures, places)
 
 
-def _declares(found: list[Token]) -> bool:
+def _declares(found: Sequence[Token]) -> bool:
     """Whether a word of the block may change what names mean after it; a label before it hides none."""
     return any(token.text in _DECLARING for token in found)
 
@@ -303,7 +303,7 @@ def _read_block(cursor: Cursor, leaving: list[Jump]) -> None:
             read_word(cursor, commands)
 
 
-def _structure_word(first: str, found: list[Token]) -> str:
+def _structure_word(first: str, found: Sequence[Token]) -> str:
     """The word of a structure that this block is an element of; IF ... GOTO and REPEAT label are none."""
     if first not in control_flow.STRUCTURE_WORDS:
         return ""
@@ -322,7 +322,7 @@ def _check_structure_head(place: BlockHead, steered: str) -> None:
         raise IllegalBlock("E-LEGAL-SKIPPED", word=steered)
 
 
-def _ends_program(found: list[Token]) -> bool:
+def _ends_program(found: Sequence[Token]) -> bool:
     """M2, M17, M30, RET, or a jump without condition."""
     if any(token.kind == "name" and token.text == "RET" for token in found):
         return True
