@@ -10,7 +10,7 @@ from typing import Any
 
 from drivers.clock import Clock
 from drivers.errors import words
-from drivers.message import Message
+from drivers.message import Message, fixed
 from gateway.cli.onward import next_step
 from gateway.cli.show import NEXT, echo, show_strips
 from gateway.remaining import RemainingTime
@@ -41,7 +41,7 @@ def say_if_busy() -> None:
         return
     load, cores = os.getloadavg()[0], os.cpu_count() or 1
     if load > SLOW * cores:
-        echo(Message.of("P-DEMO-BUSY", load=f"{load:.1f}", cores=cores))
+        echo(Message.of("P-DEMO-BUSY", load=fixed(load, 1), cores=cores))
 
 
 def show_ending(outcome: Any, chosen: str, took: Took, clock: Clock) -> None:
@@ -69,7 +69,7 @@ def show_tooth(material: Any) -> None:
     named = [(word, by[key]) for word, key in (("before", "before-set-right"), ("after", "after")) if key in by]
     if len(named) == len(("before", "after")):
         show_strips(lambda columns, colours: strips(named, columns, colours=colours))
-        echo(Message.of("S-DEMO-STRIP", top=f"{top_um(named):.1f}"))
+        echo(Message.of("S-DEMO-STRIP", top=fixed(top_um(named), 1)))
 
 
 def lines_of(material: Any, chosen: str) -> Iterator[str | Message]:

@@ -9,7 +9,7 @@ import numpy as np
 
 from drivers.errors import Gap, TableError, TooManyPoints, ValueOutOfRange, words
 from drivers.limits import Limits
-from drivers.message import Form, Message
+from drivers.message import Form, Message, Quantity, digits
 from drivers.terms import spoken
 from drivers.types.tables import CompensationTable
 from drivers.units import AxisUnit
@@ -50,8 +50,8 @@ def check(new: CompensationTable, live: CompensationTable, limits: Limits, axis:
         interlock_finding(
             "W-COMP-STEEP",
             axis,
-            slope=f"{slopes[steepest]:.3g}",
-            at=f"{middles[steepest]:g}",
+            slope=digits(slopes[steepest], 3),
+            at=Quantity(middles[steepest]),
             limit=limits.warn_slope,
             unit=new.deviation_unit,
             per=new.input_unit,

@@ -10,7 +10,7 @@ import scipy
 
 from drivers.errors import Gap
 from drivers.limits import Limits
-from drivers.message import Form, Message
+from drivers.message import Form, Message, Quantity, digits
 from drivers.types.doubts import Doubt
 from drivers.types.tables import CompensationTable, LiveSet
 from drivers.units import DeviationUnit, deviation_unit
@@ -275,20 +275,20 @@ def _coverage(axis: AxisRecord, component: Component, grid: Grid) -> Sequence[Ta
         nodes = np.asarray(component.parameters.get("nodes", ()), dtype=np.float64)
         bridge = float(np.diff(np.append(nodes, nodes[0] + TURN_DEG)).max()) if nodes.size else 0.0
         if bridge > WIDEST_BRIDGE_DEG:
-            return [second_person_finding("W-COMP-BRIDGE", axis.name, gap=f"{bridge:g}", unit=axis.unit)]
+            return [second_person_finding("W-COMP-BRIDGE", axis.name, gap=Quantity(bridge), unit=axis.unit)]
         return []
     low, high = component.domain
     tolerance = grid.step * 1e-6
     found: list[TableFinding] = []
     if not grid.minimum - tolerance <= axis.reference <= grid.maximum + tolerance:
-        ends = {"low": f"{grid.minimum:g}", "high": f"{grid.maximum:g}", "unit": axis.unit}
-        found.append(second_person_finding("W-COMP-OUTSIDE", axis.name, reference=f"{axis.reference:g}", **ends))
+        ends = {"low": Quantity(grid.minimum), "high": Quantity(grid.maximum), "unit": axis.unit}
+        found.append(second_person_finding("W-COMP-OUTSIDE", axis.name, reference=Quantity(axis.reference), **ends))
     if low <= grid.minimum + tolerance and high >= grid.maximum - tolerance:
         return found
-    fields = {"low": f"{low:g}", "high": f"{high:g}", "minimum": f"{grid.minimum:g}"}
+    fields = {"low": Quantity(low), "high": Quantity(high), "minimum": Quantity(grid.minimum)}
     return [
         *found,
-        interlock_finding("W-COMP-FLAT", axis.name, **fields, maximum=f"{grid.maximum:g}", unit=axis.unit),
+        interlock_finding("W-COMP-FLAT", axis.name, **fields, maximum=Quantity(grid.maximum), unit=axis.unit),
     ]
 
 
@@ -343,18 +343,18 @@ def hidden_structure_reason(
 
 def by_chance(axis: str, unit: DeviationUnit, hidden: float, chance: Chance) -> TableFinding:
     """The label of a table that is proposed although ``hidden`` structure (RMS) stays: a second person is asked for."""
-    return second_person_finding("W-COMP-CHANCE", axis, hidden=f"{hidden:.2g}", unit=unit, **_figures(chance))
+    return second_person_finding("W-COMP-CHANCE", axis, hidden=digits(hidden), unit=unit, **_figures(chance))
 
 
 def by_gain(axis: str, unit: DeviationUnit, before: float, left: float, chance: Chance) -> TableFinding:
     """The label of a table that leaves more than half (RMS) of an axis and gains all the same: a second person too."""
-    sizes = {"before": f"{before:.2g}", "left": f"{left:.2g}"}
+    sizes = {"before": digits(before), "left": digits(left)}
     return second_person_finding("W-COMP-LEAVES", axis, unit=unit, **sizes, **_figures(chance))
 
 
 def by_scatter(axis: str, unit: DeviationUnit, scatter: float, chance: Chance) -> TableFinding:
     """The label of a table on an axis whose single readings scatter much (s), and that gains all the same."""
-    return second_person_finding("W-COMP-SCATTERS", axis, unit=unit, scatter=f"{scatter:.2g}", **_figures(chance))
+    return second_person_finding("W-COMP-SCATTERS", axis, unit=unit, scatter=digits(scatter), **_figures(chance))
 
 
 def _figures(chance: Chance) -> dict[str, str]:
@@ -374,7 +374,7 @@ def doubtful(axis: str, unit: DeviationUnit, hidden: float, taken: float) -> tup
     """A warning where hidden structure stays that is worth a second look."""
     if hidden <= WORTH_SAYING * taken:
         return ()
-    return (second_person_finding("W-COMP-HIDDEN", axis, hidden=f"{hidden:.2g}", gain=f"{taken:.2g}", unit=unit),)
+    return (second_person_finding("W-COMP-HIDDEN", axis, hidden=digits(hidden), gain=digits(taken), unit=unit),)
 
 
 def one_place(
@@ -387,7 +387,7 @@ def one_place(
     at, off = place
     if off <= WORTH_SAYING * taken:
         return ()
-    return (second_person_finding("W-COMP-PLACE", axis, at=f"{at:.4g}", per=per, off=f"{off:.2g}", unit=unit),)
+    return (second_person_finding("W-COMP-PLACE", axis, at=digits(at, 4), per=per, off=digits(off), unit=unit),)
 
 
 def scatter_reason(

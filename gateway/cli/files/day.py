@@ -9,7 +9,7 @@ from typing import Annotated, Any
 import typer
 
 from drivers.errors import ConfigError, catalogue, words
-from drivers.message import Message, prose
+from drivers.message import Message, fixed, prose
 from gateway.cli.exits import of_verdicts
 from gateway.cli.onward import next_step, step_of
 from gateway.cli.options import JsonOption, load_site
@@ -340,7 +340,7 @@ def _tell_tooth(outcome: Any) -> None:
             "after": (one.after_um, one.after_u_um),
         }
         figures = {name: f"{value:.2f} +- {u:.2f}" for name, (value, u) in steps.items()}
-        sources = {name: f"{size:.2f}" for name, size in one.sources_um.items()}
+        sources = {name: fixed(size) for name, size in one.sources_um.items()}
         say_line(Message.of("S-DAY-FORECAST", **figures, **sources, largest=", ".join(one.largest) or "-"), 0)
         for line in drive_forecast_messages(one.drive):
             say_line(str(line), 0)

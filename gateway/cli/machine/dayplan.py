@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from drivers.errors import words
-from drivers.message import Message
+from drivers.message import Message, fixed
 from drivers.terms import spoken
 from gateway.cli.onward import next_step
 from gateway.cli.options import load_site, with_control
@@ -51,7 +51,7 @@ def _show(day: Any, command: str, *, apply: bool, as_json: bool) -> None:
     counts |= {"presses": len(day.presses), "resets": len(day.resets)}
     say_line(Message.of("S-DAY-COUNTS", **counts), 2)
     stages = ", ".join(f"{stage} {hours:.1f} h" for stage, hours in day.by_stage().items())
-    say_line(Message.of("S-DAY-HOURS", hours=f"{day.hours:.1f}", stages=stages, extra=f"{day.most_extra_h:.1f}"), 2)
+    say_line(Message.of("S-DAY-HOURS", hours=fixed(day.hours, 1), stages=stages, extra=fixed(day.most_extra_h, 1)), 2)
     if day.unprotected:
         say_line(Message.of("P-UNPROTECTED", road=day.unprotected), 2)
     say_line(Message.of("S-DAY-SUPPOSES" if apply else "S-DAY-NO-APPLY"), 2)

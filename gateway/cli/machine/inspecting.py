@@ -8,7 +8,7 @@ from typing import Annotated, Any, Literal, cast
 
 import typer
 
-from drivers.message import Message
+from drivers.message import Message, fixed
 from gateway.cli.options import JsonOption, PartOption, SiteArgument, open_run
 from gateway.cli.screen.telling import progress
 from gateway.cli.show import echo, show_json, show_table
@@ -134,8 +134,8 @@ def _data(found: Any, folder: str, picture: str) -> dict[str, Any]:
 
 def _tell(found: Any, folder: str, picture: str) -> None:
 
-    flank = {"rms": f"{found.fitted.rms_um:.2f}", "u": f"{found.rms_u_um:.2f}", "u_point": f"{found.u_um:.2f}"}
-    more = {"largest": f"{found.fitted.largest_um:.2f}", "points": found.k.size}
+    flank = {"rms": fixed(found.fitted.rms_um), "u": fixed(found.rms_u_um), "u_point": fixed(found.u_um)}
+    more = {"largest": fixed(found.fitted.largest_um), "points": found.k.size}
     echo(Message.of("W-INSPECTED", part=found.part, **flank, **more))
     show_table("largest of all flanks", ("value", "um"), [(name, f"{found.figures[name]:.2f}") for name in SHOWN])
     for line in found.said:

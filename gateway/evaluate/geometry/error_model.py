@@ -8,7 +8,7 @@ from math import hypot
 
 import numpy as np
 
-from drivers.message import Message, fixed
+from drivers.message import Message, Quantity, fixed
 from drivers.units import arcsec_to_rad, rad_to_arcsec, um_to_mm
 from gateway.domain.figures import Component
 from gateway.domain.values import COVERAGE, component_unit
@@ -86,7 +86,7 @@ class _Work:
             one = one.less(slope * (at - at[known].mean()))
             found = without_line(one.fitted(), at[known])
             told = rad_to_arcsec(um_to_mm(slope))
-            self.said.append(Message.of("S-MODEL-SLOPE", name=name, slope=f"{told:+.2f}"))
+            self.said.append(Message.of("S-MODEL-SLOPE", name=name, slope=fixed(told, signed=True)))
         else:
             found = one.fitted()
         turning = one.of.axis_unit == "deg" and name[1] != name[2]
@@ -99,9 +99,11 @@ class _Work:
         if known.has(reference):
             return reference
         nearest = min(found.domain, key=lambda end: abs(end - reference))
-        ends = {"low": f"{known.low:g}", "high": f"{known.high:g}", "unit": found.axis_unit}
+        ends = {"low": Quantity(known.low), "high": Quantity(known.high), "unit": found.axis_unit}
         self.said.append(
-            Message.of("S-MODEL-DATUM", name=found.name, reference=f"{reference:g}", nearest=f"{nearest:g}", **ends)
+            Message.of(
+                "S-MODEL-DATUM", name=found.name, reference=Quantity(reference), nearest=Quantity(nearest), **ends
+            )
         )
         return nearest
 
@@ -114,7 +116,7 @@ class _Work:
         lever = Lever.of(name, one.of.letter, offset, angles=self.motions, spans=self._spans, usual_arcsec=usual)
         self.systematic[name] = hypot(self.systematic.get(name, 0.0), lever.open_u)
         for key, share in lever.open_um.items():
-            self.said.append(Message.of("S-MODEL-LEVER", name=name, angle=key, u=f"{share:.2f}"))
+            self.said.append(Message.of("S-MODEL-LEVER", name=name, angle=key, u=fixed(share)))
         self.said += lever.estimated(at)
         return replace(one.less(lever.um(at)), u=np.hypot(one.u, lever.u(at)))
 
@@ -133,8 +135,8 @@ class _Work:
         try:
             found, u = near_value(motion, at)
         except ModelError:
-            ends = {"low": f"{known.low:g}", "high": f"{known.high:g}", "unit": motion.axis_unit}
-            self.said.append(Message.of("S-MODEL-OUTSIDE", name=name, position=f"{place:g}", **ends))
+            ends = {"low": Quantity(known.low), "high": Quantity(known.high), "unit": motion.axis_unit}
+            self.said.append(Message.of("S-MODEL-OUTSIDE", name=name, position=Quantity(place), **ends))
             return 0.0, self._spans.get(name, self._usual["arcsec"]) / 3.0**0.5
         self.said += said_beyond(motion, at)
         return float(found[0]), float(u[0])
@@ -153,7 +155,7 @@ def _without_eccentricity(found: dict[str, Means], work: _Work) -> dict[str, Mea
             code = "S-MODEL-ECCENTRIC" if len(pair) == 2 else "S-MODEL-ONCE"
             size = float(np.hypot(wave.a, wave.b))
             unit = component_unit(one.of.name, "mm")
-            work.said.append(Message.of(code, name=one.of.name, size=f"{size:.2f}", unit=unit))
+            work.said.append(Message.of(code, name=one.of.name, size=fixed(size), unit=unit))
     return out
 
 

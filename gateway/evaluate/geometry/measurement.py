@@ -9,7 +9,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from drivers.message import Message
+from drivers.message import Message, Quantity
 from drivers.units import AxisUnit, DeviationUnit, arcsec_to_rad, mm_to_um
 from gateway.domain.figures import Component
 from gateway.domain.values import FloatArray, component_unit
@@ -144,8 +144,8 @@ def said_beyond(motion: Component, at: FloatArray) -> tuple[Message, ...]:
     if found is None:
         return ()
     known, place = found
-    ends = {"low": f"{known.low:g}", "high": f"{known.high:g}", "unit": motion.axis_unit}
-    return (Message.of("S-MODEL-NEAR", name=motion.name, position=f"{place:g}", **ends),)
+    ends = {"low": Quantity(known.low), "high": Quantity(known.high), "unit": motion.axis_unit}
+    return (Message.of("S-MODEL-NEAR", name=motion.name, position=Quantity(place), **ends),)
 
 
 @dataclass(frozen=True, slots=True)

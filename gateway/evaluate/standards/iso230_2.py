@@ -10,7 +10,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from drivers.message import Message
+from drivers.message import Message, digits, fixed
 from drivers.units import DeviationUnit
 from gateway.domain.figures import Evaluation
 from gateway.domain.values import FloatArray
@@ -127,8 +127,8 @@ def describe_incurable(evaluation: Evaluation) -> tuple[Message, ...]:
     if found is None or found[1] <= MOST_INCURABLE:
         return ()
     left, share = found
-    fields = {"scatter": f"{scatter_alone(evaluation):.3g}"}
-    fields |= {"A": f"{evaluation.A:.3g}", "left": f"{left:.3g}", "percent": f"{100.0 * share:.0f}"}
+    fields = {"scatter": digits(scatter_alone(evaluation), 3)}
+    fields |= {"A": digits(evaluation.A, 3), "left": digits(left, 3), "percent": fixed(100.0 * share, 0)}
     return (Message.of("W-INCURABLE", **fields, unit=evaluation.unit),)
 
 

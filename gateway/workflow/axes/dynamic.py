@@ -17,7 +17,7 @@ from drivers import registry
 from drivers.clock import Clock
 from drivers.errors import ConfigError, LimitPassed, TrueflankError, UnsupportedDevice
 from drivers.local.ownfiles import open_own
-from drivers.message import Message
+from drivers.message import Message, digits, fixed
 from drivers.ports.instruments import Instrument
 from drivers.recordings import Recording
 from gateway.broker import borrow_devices
@@ -237,10 +237,10 @@ def _live_display(say: Say, channel: str) -> Callable[[LiveView], None]:
         say(
             "P-CAP-LIVE",
             state="waiting" if seen.waiting else "at",
-            time_s=f"{seen.time_s:.2f}",
-            low=f"{seen.low:.4g}",
-            high=f"{seen.high:.4g}",
-            mean=f"{seen.mean:.4g}",
+            time_s=fixed(seen.time_s),
+            low=digits(seen.low, 4),
+            high=digits(seen.high, 4),
+            mean=digits(seen.mean, 4),
             unit=unit,
             samples=seen.samples,
             lost=seen.lost,

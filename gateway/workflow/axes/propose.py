@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from drivers.limits import Limits
-from drivers.message import Message, Quantity, digits
+from drivers.message import Message, Quantity, digits, fixed
 from drivers.types.abilities import Capabilities, TableLimits
 from drivers.types.tables import LiveSet, LiveTable
 from drivers.types.values import FloatArray
@@ -144,14 +144,18 @@ def size_of(change: TableChange) -> Message:
         left, U = float(np.nanmax(np.abs(change.predicted))), float(np.nanmax(change.predicted_U))
         return Message.of(
             "W-REVERSAL-SIZE",
-            was=f"{was:+.2f}",
-            value=f"{change.new.deviations[0]:+.2f}",
-            left=f"{left:.2f}",
-            U=f"{U:.2f}",
+            was=fixed(was, signed=True),
+            value=fixed(change.new.deviations[0], signed=True),
+            left=fixed(left),
+            U=fixed(U),
             unit=unit,
         )
     new = change.new
-    span = {"low": f"{min(new.deviations):+.2f}", "high": f"{max(new.deviations):+.2f}", "unit": unit}
+    span = {
+        "low": fixed(min(new.deviations), signed=True),
+        "high": fixed(max(new.deviations), signed=True),
+        "unit": unit,
+    }
     size = Message.of("W-TABLE-SPAN", points=len(new.deviations), **span)
     if new.direction == 0:
         return size

@@ -260,7 +260,7 @@ def _plan_summary(plan: Sequence[PlannedSetup], remaining: Sequence[str], opened
     able = [one for one in plan if one.measured]
     names = {one.setup.name for one in able if one.key in remaining}
     rest_um = sum(one.change_um**2 for one in opened if one.name in names and not one.measured) ** 0.5
-    return Message.of("S-MODEL-PART", count=len(able) - len(remaining), of=len(able), rest=f"{rest_um:.2f}")
+    return Message.of("S-MODEL-PART", count=len(able) - len(remaining), of=len(able), rest=fixed(rest_um))
 
 
 def machine_errors(site: SiteFile) -> tuple[str, ...]:
