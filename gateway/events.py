@@ -94,6 +94,12 @@ class AxisMeasurementStarted(Event):
     axis: str = ""
     component: str = ""
     phase: str = ""
+    when: Message | str = ""
+    """The phase as people read it."""
+
+    def __post_init__(self) -> None:
+        when = Message.of("S-PHASE-AFTER" if self.phase == "after" else "S-PHASE-BEFORE")
+        object.__setattr__(self, "when", self.when or when)
 
 
 @dataclass(frozen=True, slots=True)
@@ -243,6 +249,10 @@ class SetupJogRequested(MountingRequested):
     """A person mounts a set-up and then moves the axis by hand."""
 
     code: ClassVar[str] = "P-JOG-SETUP"
+    position: float = 0.0
+    unit: str = ""
+    side: Any = ""
+    room: Any = ""
 
 
 @dataclass(frozen=True, slots=True)

@@ -9,7 +9,8 @@ from collections.abc import Awaitable, Callable
 from dataclasses import dataclass
 
 from drivers.clock import Clock
-from drivers.errors import DeviceRefused, TrueflankError, words
+from drivers.errors import DeviceRefused, TrueflankError
+from drivers.message import Message, Quantity
 from drivers.ports.controller import Controller
 from drivers.programs import ForeseesPlans, Moment, SaysMotion, ShowsMessages
 from drivers.types.machine import AxisState, ChannelStatus
@@ -176,24 +177,24 @@ def say_motion(motion: Movement, say: Say) -> None:
     goes = {going.axis for going in motion.goes}
     others = [one for one in motion.stands if one.axis not in goes]
     if others:
-        say("P-MOVE-OTHERS", others="; ".join(standing_words(one) for one in others))
+        say("P-MOVE-OTHERS", others=tuple(map(standing_message, others)))
 
 
-def shown_by_control(controller: Controller, moment: Moment) -> str:
+def shown_by_control(controller: Controller, moment: Moment) -> Message | str:
     """What the control itself shows while it waits for a person, as a bracket behind our words; "" where nothing."""
     message = controller.message(moment) if isinstance(controller, ShowsMessages) else ""
-    return words("W-SHOWN-THERE", message=message) if message else ""
+    return Message.of("W-SHOWN-THERE", message=message) if message else ""
 
 
-def standing_words(one: AxisStands) -> str:
+def standing_message(one: AxisStands) -> Message:
     """Where an axis stands, and whether that is within its safe place."""
-    fields = {"axis": one.axis, "position": position_text(one.position), "unit": one.unit}
+    fields = {"axis": one.axis, "position": position(one.position), "unit": one.unit}
     if one.place is None:
-        return words("W-MOVE-NO-PLACE", **fields)
+        return Message("W-MOVE-NO-PLACE", fields)
     if math.isinf(one.place[0]) and math.isinf(one.place[1]):
-        return words("W-MOVE-ANY", **fields)
+        return Message("W-MOVE-ANY", fields)
     code = "W-MOVE-SAFE" if one.safe else "W-MOVE-OUTSIDE"
-    return words(code, low=position_text(one.place[0]), high=position_text(one.place[1]), **fields)
+    return Message(code, {"low": position(one.place[0]), "high": position(one.place[1]), **fields})
 
 
 def position_text(value: float) -> str:
@@ -202,19 +203,25 @@ def position_text(value: float) -> str:
     return "0" if text == "-0" else text
 
 
+def position(value: float) -> Quantity:
+    """A position for a message, with as many decimals as `position_text` has."""
+    text = position_text(value)
+    return Quantity(float(text), decimals=len(text.partition(".")[2]))
+
+
 def _say_going(going: Going, now: AxisStands | None, say: Say) -> None:
     start = now.position if now is not None else going.first
     slow, fast = going.feeds
-    fields = {"axis": going.axis, "unit": going.unit, "start": position_text(start), "feed": _span(slow, fast)}
+    fields = {"axis": going.axis, "unit": going.unit, "start": position(start), "feed": _span(slow, fast)}
     if going.turns:
         say("P-MOVE-TURNS", **fields)
     elif going.goes_if_elsewhere and now is not None and _destination(going, now.position):
-        say("P-MOVE-STANDS", axis=going.axis, unit=going.unit, place=position_text(going.last))
+        say("P-MOVE-STANDS", axis=going.axis, unit=going.unit, place=position(going.last))
     elif going.low == going.high:
-        say("P-MOVE-TO", end=position_text(going.last), **fields)
+        say("P-MOVE-TO", end=position(going.last), **fields)
     else:
-        ends = {"first": position_text(going.first), "low": position_text(going.low), "high": position_text(going.high)}
-        say("P-MOVE-BETWEEN", end=position_text(going.last), **ends, **fields)
+        ends = {"first": position(going.first), "low": position(going.low), "high": position(going.high)}
+        say("P-MOVE-BETWEEN", end=position(going.last), **ends, **fields)
     if going.further:
         say("P-MOVE-FURTHER", axis=going.axis)
 
@@ -224,8 +231,10 @@ def _destination(going: Going, position: float) -> bool:
     return abs(wrap_deg(off) if going.unit == "deg" else off) <= NEAR
 
 
-def _span(slow: float, fast: float) -> str:
-    return f"{slow:g}" if slow == fast else f"{slow:g} to {fast:g}"
+def _span(slow: float, fast: float) -> Message | Quantity:
+    if slow == fast:
+        return Quantity(float(slow))
+    return Message.of("S-MOVE-FEEDS", slow=Quantity(float(slow)), fast=Quantity(float(fast)))
 
 
 # Where the road to a controller runs no programs: the operator brings the axis to each stop, the state confirms it.
@@ -305,7 +314,7 @@ async def jog_through(
     jogged = ManualAxis(plan.axis, plan.rotary, patience.start_s)
 
     def ask(stop: Stop, setup: str) -> Told:
-        side = "from below" if stop.approach > 0 else "from above"
+        side = Message.of("S-JOG-BELOW" if stop.approach > 0 else "S-JOG-ABOVE")
         fields = {"axis": plan.axis, "position": stop.target, "unit": plan.unit, "side": side, "room": EXACT}
         return lambda: say("P-JOG-SETUP" if setup else "P-JOG-STOP", setup=setup, **fields)
 

@@ -211,7 +211,7 @@ class AssumedSection(Section):
     angular_arcsec: Number = Field(default=5.0, gt=0, description="half-width of rotations, arcsec")
 
 
-ENTRY = "where a person enters {} for the builder's own programs"
+ENTRY = "where a person enters {} for the builder's own programs; empty: {}"
 
 
 class WorkSection(Section):
@@ -277,10 +277,10 @@ class WorkSection(Section):
     inspection_size_um: Number = Field(default=0.0, ge=0, description="uncertainty of its probe size, um (k = 2)")
     drift_um_per_h: Number = Field(default=0.3, ge=0, description="drift of the infeed zero, um per hour")
     drift_arcsec_per_h: Number = Field(default=0.5, ge=0, description="drift of the index axis zero, arcsec per hour")
-    x_entry: str = Field(default="work offset of the infeed axis", description=ENTRY.format("the x zero"))
-    c_entry: str = Field(default="work offset of the index axis", description=ENTRY.format("the C zero"))
+    x_entry: str = Field(default="", description=ENTRY.format("the x zero", "the work offset of the infeed axis"))
+    c_entry: str = Field(default="", description=ENTRY.format("the C zero", "the work offset of the index axis"))
     dressing_entry: str = Field(
-        default="offset of the dresser in the dressing program", description=ENTRY.format("the dressing offset")
+        default="", description=ENTRY.format("the dressing offset", "the offset of the dresser in the dressing program")
     )
     part_h: Number = Field(default=0.25, gt=0, description="hours per part, including its inspection")
 

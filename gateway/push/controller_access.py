@@ -28,7 +28,7 @@ from gateway.domain.proposals import TableChange
 from gateway.errors import VerifyError, WriteRefused
 from gateway.events import ProgramSelected, received
 from gateway.interlocks import MarkerCheck, PushFacts, steepest
-from gateway.moves import Patience, approach_in, question, safe_places_of, standing_words, walk_plan
+from gateway.moves import Patience, approach_in, question, safe_places_of, standing_message, walk_plan
 from gateway.push import journal
 from gateway.push.context import AuditLog, PushContext, plan_hash
 from gateway.push.state import Purpose
@@ -255,7 +255,7 @@ async def wait_in_safe_places(context: PushContext) -> None:
             if not outside:
                 return
             if not told:
-                context.say("P-MOVE-BRING", axes="; ".join(standing_words(one) for one in outside))
+                context.say("P-MOVE-BRING", axes=tuple(map(standing_message, outside)))
             told = True
             await context.clock.sleep(POLL_S)
 

@@ -99,8 +99,7 @@ def _setup(tooth: ToothMaterial) -> Iterator[Message]:
         last = rows[-1]
         moves = {"x": last.values.x_um, "c": last.values.c_arcsec, "dressing": last.values.dressing_um}
         told = {key: fixed(value, signed=True) for key, value in moves.items()}
-        name = last.name.replace("“", '"').replace("”", '"')
-        yield Message.of("S-REPORT-SETUP", name=name, **told)
+        yield Message.of("S-REPORT-SETUP", name=last.name, **told)
 
 
 def _incurable(tooth: ToothMaterial) -> Iterator[Message]:

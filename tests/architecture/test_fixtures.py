@@ -152,6 +152,10 @@ WHOLLY_LONG = {
     ("test_judge.py", "test_of_a_tangential_error_38_percent_stay_on_the_disc_of_eleven"): JUDGED,
     ("test_judge.py", "test_the_floor_does_not_depend_on_where_its_search_began"): JUDGED,
     ("test_judge.py", "test_the_work_s_eccentricity_is_kept_out_of_the_tables"): JUDGED,
+    (
+        "test_language.py",
+        "test_a_whole_run_is_told_without_an_english_sentence",
+    ): "test_a_certificate_contains_no_english_sentence",
     ("test_layers.py", "test_no_machine_of_many_gets_worse"): "test_no_machine_gets_worse",
     (
         "test_drive_goal_measured.py",

@@ -13,6 +13,7 @@ from typing import Any
 import pytest
 
 from drivers.errors import DeviceRefused, words
+from drivers.message import joined
 from drivers.types.moves import SafePlaces
 from drivers.types.stops import Stop
 from gateway.moves import Patience, walk_plan
@@ -115,8 +116,10 @@ async def test_each_press_of_a_push_is_said_with_what_moves_and_who_stands_where
     said = told.before("P-PUSH-START")
     assert "it moves no axis" in words("P-NC-READ", axis="X1")
     goes = next(fields for code, fields in said if code == "P-MOVE-TO")
-    assert goes == {"axis": "Z1", "unit": "mm", "start": "40", "end": "0", "feed": "6000"}
-    others = [fields["others"] for code, fields in said if code == "P-MOVE-OTHERS"][-1]
+    assert {key: str(one).strip() if isinstance(one, str) else one.value for key, one in goes.items()} == {
+        "axis": "Z1", "unit": "mm", "start": 40.0, "end": 0.0, "feed": 6000.0,
+    }  # fmt: skip
+    others = [joined(fields["others"]) for code, fields in said if code == "P-MOVE-OTHERS"][-1]
     assert re.findall(r"\b[A-Z]1 at", others) == ["C1 at", "X1 at"]
     assert "in its safe place (-100 to 100)" in others
     off = next(fields for code, fields in said if code == "P-MOVE-OFF-STILL")
@@ -162,4 +165,4 @@ async def test_a_measuring_program_is_said_and_ends_when_a_parked_axis_left_its_
         await task
         assert stands(on, "Z1") == before
     between = next(fields for code, fields in told if code == "P-MOVE-BETWEEN")
-    assert (between["axis"], between["high"], between["end"]) == ("Z1", "50", "50")
+    assert (between["axis"], between["high"].value, between["end"].value) == ("Z1", 50.0, 50.0)

@@ -58,7 +58,7 @@ def tooth_data(report: ReportMaterial) -> Mapping[str, object] | None:
         "flank_figure": FIGURE,
         "flank": [_state(one) for one in states(tooth)],
         "figures_um": {row.name: dict(zip(names, row.values, strict=True)) for row in figure_rows(tooth)},
-        "setup_values": setup_rows(tooth),
+        "setup_values": [{"name": str(one.name), "values": one.values} for one in setup_rows(tooth)],
         "shares": shares(tooth.proposal.prediction) if tooth.proposal is not None else (),
         "errors": error_rows(tooth.errors) if tooth.errors is not None else (),
         "cures": cure_rows(tooth),

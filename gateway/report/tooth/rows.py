@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
+from drivers.message import Message
 from drivers.terms import spoken
 from drivers.units import AxisUnit, DeviationUnit
 from gateway.report.material import PartMaterial, TableMaterial, ToothMaterial
@@ -36,20 +37,21 @@ def figure_rows(tooth: ToothMaterial) -> tuple[FigureRow, ...]:
 class SetupRow:
     """Set-up values in um, arcsec, um: of a part as it was ground, or a proposed or applied change."""
 
-    name: str
+    name: Message
     values: SetupValues
 
 
 def setup_rows(tooth: ToothMaterial) -> tuple[SetupRow, ...]:
     """Each part's set-up values, what was proposed to add, and what was changed from the first part to the last."""
     ground = [(one.part, one.ground.setup) for one in tooth.parts if one.ground is not None]
-    rows = [SetupRow(f"part “{name}”", values) for name, values in ground]
+    rows = [SetupRow(Message.of("S-SETUP-PART", name=name), values) for name, values in ground]
     if tooth.proposal is not None:
-        rows.append(SetupRow("proposed to add, by the model", tooth.proposal.setup))
+        rows.append(SetupRow(Message.of("S-SETUP-BY-MODEL"), tooth.proposal.setup))
     if tooth.from_gear is not None:
-        rows.append(SetupRow(f"proposed to add, from part “{tooth.from_gear.part}”", tooth.from_gear.setup))
+        rows.append(SetupRow(Message.of("S-SETUP-BY-PART", name=tooth.from_gear.part), tooth.from_gear.setup))
     if len(ground) > 1:
-        rows.append(SetupRow(f"changed from “{ground[0][0]}” to “{ground[-1][0]}”", ground[-1][1].less(ground[0][1])))
+        changed = Message.of("S-SETUP-CHANGED", first=ground[0][0], last=ground[-1][0])
+        rows.append(SetupRow(changed, ground[-1][1].less(ground[0][1])))
     return tuple(rows)
 
 

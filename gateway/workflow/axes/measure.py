@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from drivers.errors import ConfigError, UnsupportedDevice
-from drivers.message import Message
+from drivers.message import Message, fixed
 from drivers.terms import spoken
 from drivers.types.results import MeasuredSet
 from drivers.types.stops import StopPlan
@@ -328,7 +328,7 @@ def line_remark(capture: Capture) -> Message:
         return Message.of("S-LINE-MEASURED")
     where = ", ".join(f"{way} {part:+g}" for way, part in zip(DIRECTIONS, capture.line_mm, strict=True) if part)
     if capture.lever_u:
-        return Message.of("S-LINE-PART", component=capture.component, where=where, u=f"{capture.lever_u:.2f}")
+        return Message.of("S-LINE-PART", component=capture.component, where=where, u=fixed(capture.lever_u))
     return Message.of("S-LINE-COUNTS", component=capture.component, where=where or "0")
 
 

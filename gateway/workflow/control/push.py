@@ -10,7 +10,7 @@ from typing import TypeVar
 
 from drivers.clock import Clock
 from drivers.errors import ConfigError, TrueflankError
-from drivers.message import Message
+from drivers.message import Message, fixed
 from drivers.offline_exchange import OfflineExchange
 from drivers.ports.controller import ReadsTogether
 from drivers.programs import ForeseesPlans, reading_plan
@@ -223,7 +223,7 @@ def _partial_commit_policy(at: RunContext) -> PartialCommitPolicy:
         found = residual_after_partial_push(at, changes)
         if found is None:
             return False
-        figures = {"with_them": f"{found.with_them_um:.2f}", "without": f"{found.without_um:.2f}"}
+        figures = {"with_them": fixed(found.with_them_um), "without": fixed(found.without_um)}
         at.say("P-PUSH-REST-FLANK", names=", ".join(one.name for one in changes), **figures)
         return found.harmless
 

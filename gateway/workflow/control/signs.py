@@ -6,7 +6,7 @@ from collections.abc import AsyncIterator, Mapping, Sequence
 from contextlib import asynccontextmanager
 from dataclasses import dataclass, replace
 
-from drivers.message import Message
+from drivers.message import Message, fixed
 from drivers.offline_exchange import OfflineExchange, at_work
 from drivers.ports.instruments import Recounting, RotaryCalibrator, TypedInstrument
 from drivers.types.orders import SignProof
@@ -128,7 +128,7 @@ async def prove_table_signs(
     for proof in found:
         if isinstance(proof, SignProof):
             at.proofs.save(proof)
-            at.say("P-SIGN-PROVED", axis=proof.output_axis, slope=f"{proof.slope:+.3f}")
+            at.say("P-SIGN-PROVED", axis=proof.output_axis, slope=fixed(proof.slope, 3, signed=True))
     return found
 
 
@@ -244,7 +244,7 @@ def _tables_made_worse(
     if tried is None:
         return {one.name: Message.of("W-PUSH-WITHOUT-UNKNOWN", names=names) for one in left}
     rest = best_remaining_tables(tried, every, left)
-    figures = {"rest": f"{rest.rms_um:.2f}", "all": f"{rest.all_um:.2f}", "none": f"{rest.none_um:.2f}"}
+    figures = {"rest": fixed(rest.rms_um), "all": fixed(rest.all_um), "none": fixed(rest.none_um)}
     at.say("P-PUSH-WITHOUT-FLANK", names=names, **figures)
     go_on = {one.name for one in rest.changes}
     return {one.name: Message.of("W-PUSH-WITHOUT-WORSE", names=names) for one in left if one.name not in go_on}

@@ -8,6 +8,7 @@ from pathlib import Path
 
 from drivers.clock import Clock
 from drivers.errors import DeviceRefused, TrueflankError, words
+from drivers.message import Message
 from drivers.terms import spoken
 from drivers.types.machine import ChannelStatus, MachineState
 from drivers.workpiece import GrindAxis, GrindPlan
@@ -29,12 +30,12 @@ TELL_EVERY = 5
 LOOK_S = 0.5
 
 
-def _dress(plan: GrindPlan, setup: SetupValues) -> str:
+def _dress(plan: GrindPlan, setup: SetupValues) -> Message | str:
     """What to do with the wheel before the program is started; "" where the program places it, or nothing does."""
     if plan.wheel_offset is None:
         return ""
     place = f"R{plan.wheel_offset}"
-    return words("W-GRIND-DRESS", dressing_um=setup.dressing_um, place=place, program=plan.name)
+    return Message.of("W-GRIND-DRESS", dressing_um=setup.dressing_um, place=place, program=plan.name)
 
 
 async def grind_site(

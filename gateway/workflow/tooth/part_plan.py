@@ -7,7 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
-from drivers.errors import ConfigError, words
+from drivers.errors import ConfigError
+from drivers.message import Message, fixed
 from drivers.workpiece import GrindAxis, GrindPlan, check_plan
 from gateway.config import R_PARAMETER, AxisSection, SiteFile, WorkSection
 from gateway.gear.cycloid import CycloidGear
@@ -114,11 +115,16 @@ def _least_slope(gear: CycloidGear) -> float:
     return float(np.min(np.abs(gear.section(theta).normal[..., 0])))
 
 
-# Where a person enters set-up values for the builder's own grinding and dressing programs, in words.
+# Where a person enters set-up values for the builder's own grinding and dressing programs.
 
 
-def entry_instructions(work: WorkSection, setup: SetupValues) -> str:
+_USUAL = {"x_entry": "S-ENTER-X", "c_entry": "S-ENTER-C", "dressing_entry": "S-ENTER-DRESSING"}
+"""Where a person enters a value usually, by the key of the site file that names another place."""
+
+
+def entry_instructions(work: WorkSection, setup: SetupValues) -> Message:
     """Each value with its place, and how it is seen that this was done; our own programs take theirs by themselves."""
-    places = {"x_entry": work.x_entry, "c_entry": work.c_entry, "dressing_entry": work.dressing_entry}
+    places = {key: getattr(work, key) or Message.of(code) for key, code in _USUAL.items()}
     values = {"x": setup.x_um, "c": setup.c_arcsec, "dressing": setup.dressing_um}
-    return words("W-SETUP-ENTER", **places, **{key: f"{value:+.1f}" for key, value in values.items()})
+    told = {key: fixed(value, 1, signed=True) for key, value in values.items()}
+    return Message("W-SETUP-ENTER", {**places, **told})

@@ -8,7 +8,6 @@ from typing import Any, Literal
 
 import numpy as np
 
-from drivers.errors import words
 from drivers.message import Message, fixed
 from gateway.correct.outlook.flank_uncertainty import ProcessUncertainty
 from gateway.correct.outlook.part_agreement import compare_part
@@ -289,10 +288,10 @@ def _difference_facts(at: RunContext, found: FlankAgreement) -> CaptureError:
     return CaptureError("E-PART-APART", at.folder.run_id, **told)
 
 
-def _again(at: RunContext, found: FlankAgreement) -> str:
-    """What to measure again, in words: the set-ups of the errors that explain it, or the part."""
+def _again(at: RunContext, found: FlankAgreement) -> Message:
+    """What to measure again: the set-ups of the errors that explain it, or the part."""
     setups = ", ".join(setups_of(at, found))
-    return words("S-PART-AGAIN", setups=setups) if setups else words("S-PART-AGAIN-PART", part=found.part)
+    return Message.of("S-PART-AGAIN", setups=setups) if setups else Message.of("S-PART-AGAIN-PART", part=found.part)
 
 
 def setups_of(at: RunContext, found: FlankAgreement) -> tuple[str, ...]:
@@ -301,25 +300,25 @@ def setups_of(at: RunContext, found: FlankAgreement) -> tuple[str, ...]:
     return tuple(one.key for one in plan_setups(at.site) if one.measured and one.setup.name in names)
 
 
-def why_of(found: FlankAgreement) -> str:
-    """Which error explains a difference, in words; that several do where they cannot be told apart, or none."""
+def why_of(found: FlankAgreement) -> tuple[Message, ...]:
+    """Which error explains a difference; that several do where they cannot be told apart, or none."""
     every = found.explanations
     if not every:
-        return "" if found.outcome == "agrees" else words("S-PART-UNEXPLAINED")
+        return () if found.outcome == "agrees" else (Message.of("S-PART-UNEXPLAINED"),)
     first = _explanation(every[0])
-    others = ", ".join(_error_name(one) for one in every[1:])
-    return first if not others else first + " " + words("S-PART-OR", others=others)
+    others = tuple(map(_error_name, every[1:]))
+    return (first, Message.of("S-PART-OR", others=others)) if others else (first,)
 
 
-def _explanation(one: Explanation) -> str:
-    figures = {"factor": f"{one.factor + 1.0:+.2f}", "u": f"{one.u:.2f}", "left": f"{one.left_um:.2f}"}
-    return words(_AGREEMENT_CODES[one.how], error=one.error, **figures)
+def _explanation(one: Explanation) -> Message:
+    figures = {"factor": fixed(one.factor + 1.0, signed=True), "u": fixed(one.u), "left": fixed(one.left_um)}
+    return Message(_AGREEMENT_CODES[one.how], {"error": one.error, **figures})
 
 
-def _error_name(one: Explanation) -> str:
-    return words(_NAMED[one.how], error=one.error)
+def _error_name(one: Explanation) -> Message:
+    return Message(_NAMED[one.how], {"error": one.error})
 
 
 def _figures(found: FlankAgreement) -> dict[str, Any]:
     sizes = {"found": found.part_um, "model": found.model_um, "missed": found.missed_um, "u": found.u_um}
-    return {"part": found.part, **{key: f"{size:.2f}" for key, size in sizes.items()}, "ratio": f"{found.ratio:.1f}"}
+    return {"part": found.part, **{key: fixed(size) for key, size in sizes.items()}, "ratio": fixed(found.ratio, 1)}

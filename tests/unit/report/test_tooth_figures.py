@@ -93,7 +93,7 @@ def test_rows_are_the_records(material: ReportMaterial, data: dict[str, Any]) ->
     assert tables["X1-cec1"] == "X(C)"
     assert tables["C1-cec2"] == "C(Z)"
     last = setup_rows(tooth)[-1]
-    assert (last.name, last.values) == ("changed from “before” to “after”", SetupValues(-4.2, 0.0, -1.4))
+    assert (str(last.name), last.values) == ("changed from “before” to “after”", SetupValues(-4.2, 0.0, -1.4))
 
 
 def _places() -> tuple[FloatArray, FloatArray, FloatArray]:
