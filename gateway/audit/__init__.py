@@ -19,7 +19,7 @@ from gateway.audit.chain import (
     parse_head,
     read_entries,
 )
-from gateway.audit.integrity import Health, Problem, check_log, is_sound, require_sound
+from gateway.audit.integrity import Health, Problem, check_log, check_store, is_sound, require_sound
 from gateway.audit.log_state import (
     APPROVED,
     AS_PUSHED,
@@ -60,6 +60,7 @@ __all__ = [
     "append",
     "audit_files",
     "check_log",
+    "check_store",
     "correct",
     "current_head",
     "encode_line",

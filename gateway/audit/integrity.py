@@ -23,7 +23,7 @@ from gateway.audit.chain import (
 )
 from gateway.audit.log_state import read_log_state
 from gateway.errors import CorruptRecord, StoreError
-from gateway.push import journal
+from gateway.push import JOURNALS, JournalRead, mark_emptied, read_journals
 from gateway.store import APPROVALS, Kind, RunFolder, Store, digest_of
 
 
@@ -190,12 +190,12 @@ def check_store(root: Path) -> StoreCheck:
     return StoreCheck(len(summaries), tuple(sorted(heads, key=lambda head: (head.seq, head.hash))), tuple(problems))
 
 
-def _journals(root: Path) -> tuple[journal.JournalRead, ...]:
+def _journals(root: Path) -> tuple[JournalRead, ...]:
     """Journals of every machine; one that is empty though the log knows its transaction is broken."""
-    folders = [path for path in (root / journal.JOURNALS).glob("*") if path.is_dir()]
+    folders = [path for path in (root / JOURNALS).glob("*") if path.is_dir()]
     begun = read_log_state(root).begun
-    every = (one for folder in folders for one in (*journal.read_all(folder), *journal.read_all(folder / "done")))
-    return tuple(journal.mark_emptied(one, begun.__contains__) for one in every)
+    every = (one for folder in folders for one in (*read_journals(folder), *read_journals(folder / "done")))
+    return tuple(mark_emptied(one, begun.__contains__) for one in every)
 
 
 def _folder_problems(folder: RunFolder, approved: set[str]) -> list[str]:

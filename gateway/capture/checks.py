@@ -129,7 +129,7 @@ def check_ambient(axis: AxisSection, seen: Ambient, already: CompensatedFor, whe
 
 
 def check_all_ambient(axis: AxisSection, seen: Iterable[Ambient], already: CompensatedFor, where: str) -> None:
-    """Every reading of a capture; raises as `check` for the first that must not be used."""
+    """Every reading of a capture; raises as `check_ambient` for the first that must not be used."""
     for one in seen:
         check_ambient(axis, one, already, where)
 

@@ -56,7 +56,7 @@ async def capture_axis(
 
     As long as ``more`` names places, these are measured before the set-up is left.
 
-    Raises what `walk` and `Readings` raise: BeamObstructed once every allowed recovery is used up, Unstable
+    Raises what `walk_plan` and `Readings` raise: BeamObstructed once every allowed recovery is used up, Unstable
     when a stop does not settle in any round either; CaptureError (E-CAP-APPLIED).
     """
     axis, clock = rig.axis, rig.clock

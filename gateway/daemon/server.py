@@ -193,7 +193,7 @@ class Moment:
 
 
 async def record_refusals_hourly(doors: Doorkeeping, root: Path, clock: Clock) -> None:
-    """Every hour, for ever, what `keep_refused` and the accounts have to keep."""
+    """Every hour, for ever, what `record_refusals` and the accounts have to keep."""
     while True:
         await clock.sleep(REFUSED_EVERY_S)
         await record_access(doors, root, clock)

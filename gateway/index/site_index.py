@@ -73,7 +73,7 @@ class SiteIndex:
         return found
 
     def due(self, now: datetime) -> Rows:
-        """As `due_of`, by the days that the site file names."""
+        """As `due_measurements`, by the days that the site file names."""
         from gateway.index.database import due_measurements
 
         return due_measurements(self._now(), self._of[0].service.due_days, now)

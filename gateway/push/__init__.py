@@ -16,7 +16,7 @@ from gateway.domain.outcomes import PushRecord
 from gateway.errors import RollbackFailed, StillOn, VerifyError, WriteRefused
 from gateway.push.compare import table_facts, table_in, tolerance
 from gateway.push.context import PushContext, plan_hash
-from gateway.push.controller_access import PlanAxes, read_live_of_axes, table_questions
+from gateway.push.controller_access import PlanAxes, read_live_of_axes, read_live_tables, table_questions
 from gateway.push.disable import DisablePreflight, disable_order, disable_table, preflight_disable
 from gateway.push.effect import make_effect_plan, proof_positions
 from gateway.push.history import (
@@ -34,7 +34,15 @@ from gateway.push.history import (
     table_id,
     tables_of,
 )
-from gateway.push.journal import JOURNALS, JournalRead, hold_lock, machine_folder, set_ended_aside
+from gateway.push.journal import (
+    JOURNALS,
+    JournalRead,
+    hold_lock,
+    machine_folder,
+    mark_emptied,
+    read_journals,
+    set_ended_aside,
+)
 from gateway.push.load import other_tables_enabled
 from gateway.push.phases import transitions_in_markdown
 from gateway.push.preflight import (
@@ -97,6 +105,7 @@ __all__ = [
     "machine_folder",
     "make_effect_plan",
     "make_finding",
+    "mark_emptied",
     "other_tables_enabled",
     "outcome_alarms",
     "outcome_error",
@@ -111,7 +120,9 @@ __all__ = [
     "push_table",
     "push_tables",
     "pushed_tables",
+    "read_journals",
     "read_live_of_axes",
+    "read_live_tables",
     "recover_table",
     "roll_back_pushes",
     "rollback_previews",

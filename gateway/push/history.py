@@ -287,7 +287,9 @@ def table_exchange(
 def _journal_parts(folder: Path) -> list[JournalRead]:
     """What every journal of a machine tells of each of its tables, ended ones first."""
     found = [
-        one for one in (*journal.read_all(folder / "done"), *journal.read_all(folder)) if one.entries or one.broken
+        one
+        for one in (*journal.read_journals(folder / "done"), *journal.read_journals(folder))
+        if one.entries or one.broken
     ]
     return [part for one in found for part in one.parts]
 

@@ -247,7 +247,7 @@ def machine_folder(root: Path, serial: str) -> Path:
     return root / stem(serial, unique=True)
 
 
-def read_all(folder: Path) -> tuple[JournalRead, ...]:
+def read_journals(folder: Path) -> tuple[JournalRead, ...]:
     """Every journal of a machine that is still in place, oldest number first."""
     if not folder.is_dir():
         return ()
@@ -273,7 +273,7 @@ def unfinished_journals(folder: Path, begun: BegunCheck | None = None) -> tuple[
 
     ``begun`` says whether a transaction is known elsewhere to have begun.
     """
-    every = (mark_emptied(found, begun) for found in (*read_all(folder), *read_all(folder / "done")))
+    every = (mark_emptied(found, begun) for found in (*read_journals(folder), *read_journals(folder / "done")))
     return tuple(found for found in every if not found.is_ended)
 
 
@@ -287,7 +287,7 @@ def is_known_number(folder: Path, number: int) -> bool:
 
 def sending_transaction(folder: Path, number: int) -> int:
     """The transaction of a machine's journals that sent this order number; 0 where none did."""
-    every = (*read_all(folder), *reversed(read_all(folder / "done")))
+    every = (*read_journals(folder), *reversed(read_journals(folder / "done")))
     return next((found.number for found in every if number in order_numbers(found)), 0)
 
 
@@ -299,7 +299,7 @@ def order_numbers(found: JournalRead) -> frozenset[int]:
 
 def set_ended_aside(folder: Path, begun: BegunCheck | None = None) -> tuple[JournalRead, ...]:
     """Set ended journals aside that a crash left in place; returns them. ``begun`` as for `unfinished_journals`."""
-    left = tuple(found for found in read_all(folder) if mark_emptied(found, begun).is_ended)
+    left = tuple(found for found in read_journals(folder) if mark_emptied(found, begun).is_ended)
     for found in left:
         set_aside(found.path)
     return left

@@ -97,7 +97,7 @@ def journals_under_key(context: PushContext) -> tuple[journal.JournalRead, ...]:
     if not context.key:
         return ()
     folder = journal.machine_folder(context.journals, context.machine.serial)
-    found = [one for one in (*journal.read_all(folder / "done"), *journal.read_all(folder)) if one.entries]
+    found = [one for one in (*journal.read_journals(folder / "done"), *journal.read_journals(folder)) if one.entries]
     with_key = (one.parts for one in reversed(found) if one.entries[0].facts.get("key") == context.key)
     return next(with_key, ())
 

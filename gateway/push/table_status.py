@@ -104,7 +104,7 @@ def held_pushes(journals: Path) -> tuple[HeldPush, ...]:
 
 
 def _held_in(folder: Path) -> list[HeldPush]:
-    left = [part for found in journal.read_all(folder) for part in found.parts if not part.is_ended]
+    left = [part for found in journal.read_journals(folder) for part in found.parts if not part.is_ended]
     pushes = _known_pushes(folder) if left else ()
     return [held_push(found, pushes) for found in left]
 
@@ -214,7 +214,7 @@ def table_states(
 
 
 def _ended_parts(folder: Path) -> Iterator[JournalRead]:
-    for found in (*journal.read_all(folder / "done"), *journal.read_all(folder)):
+    for found in (*journal.read_journals(folder / "done"), *journal.read_journals(folder)):
         yield from (part for part in found.parts if part.is_ended and not part.broken)
 
 

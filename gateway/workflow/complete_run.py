@@ -1,4 +1,13 @@
-"""The main job: measure every axis, store a proposal; with consent push it, measure again and judge."""
+"""Whole runs: `run_site` for the axes, `close_site` from all errors to the part that proves the tables.
+
+`run_site`: measure every axis, store a proposal; with consent push it, measure the pushed axes again and judge.
+
+`close_site`: measure all set-ups and fit one error model, grind and inspect the part "before", propose both layers and
+set-up values, push the axis tables, judge the axes, push the cross tables, check each axis that they act on. Then a
+part "trial" with the predicted set-up values and a part "after" with those that the trial asks for decide on the tooth.
+Where the flank became worse, the tables are rolled back. Every step is stored before the next, and a resumed run does
+only what is not stored.
+"""
 
 from __future__ import annotations
 
@@ -151,7 +160,7 @@ class _ClosingRun:
         same_machine(at)
         if apply and not folder.has(stages.VERDICT):
             self_test.require_self_tests(at)
-        if self._taken_back:
+        if self._was_rolled_back:
             folder.set_state("worse")
             return
         if apply and not folder.has(stages.VERDICT):
@@ -163,7 +172,7 @@ class _ClosingRun:
         if before is None:
             folder.set_state("proposed")
             return
-        verdict = await self._pushed(proposal)
+        verdict = await self._push_tables(proposal)
         if verdict.outcome == "not-pushed":
             lacks = setup_from_part(before, self.work.gear).setup.rounded()
             at.say("P-CLOSE-NOTHING", x=lacks.x_um, c=lacks.c_arcsec, dressing=lacks.dressing_um)
@@ -171,7 +180,7 @@ class _ClosingRun:
             return
         await verify_combined_effect(self.at)
         tooth = folder.get(stages.TOOTH, ToothProposal)  # as it is with the tables that were pushed
-        first = now.plus(self._expected(before, tooth))
+        first = now.plus(self._expected_flank(before, tooth))
         trial = await self._part(TRIAL, first)
         setup = first.plus(setup_from_part(trial, self.work.gear).setup)
         after = await self._part(AFTER, setup)
@@ -182,18 +191,18 @@ class _ClosingRun:
         folder.put(stages.TOOTH_VERDICT, judged, (folder.digest(stages.inspected(AFTER)),))
         worse = "worse" in (judged.outcome, verdict.outcome)
         if worse and judged.outcome != "better":
-            await self._go_back(judged)
+            await self._roll_back_tables(judged)
         folder.set_state("worse" if worse else judged.outcome)
 
     @property
-    def _taken_back(self) -> bool:
+    def _was_rolled_back(self) -> bool:
         stored = self.at.folder.has(stages.TOOTH_VERDICT)
         return stored and bool(self.at.folder.get(stages.TOOTH_VERDICT, ToothVerdict).taken_back)
 
-    async def _go_back(self, judged: ToothVerdict) -> None:
+    async def _roll_back_tables(self, judged: ToothVerdict) -> None:
         """All tables that acted before are put back as the run's next step, and the verdict says so.
 
-        Raises as `take_back_run`, after it is known what is back and what stays on: then the next resume tries again.
+        Raises as `roll_back_run`, after it is known what is back and what stays on: then the next resume tries again.
         """
         at = self.at
         if not self.back:
@@ -215,7 +224,7 @@ class _ClosingRun:
             record = replace(judged, words=said, taken_back=done.lines)
             at.folder.put(stages.TOOTH_VERDICT, record, at.folder.parents(stages.TOOTH_VERDICT))
 
-    def _expected(self, before: InspectedFlank, tooth: ToothProposal) -> SetupValues:
+    def _expected_flank(self, before: InspectedFlank, tooth: ToothProposal) -> SetupValues:
         """What the part before lacks, and what the tables will change of that by the model."""
         modelled = setup_from_part(replace(before, fitted=tooth.prediction.before), self.work.gear).setup
         return setup_from_part(before, self.work.gear).setup.plus(tooth.setup).less(modelled)
@@ -238,19 +247,19 @@ class _ClosingRun:
     async def _proposal(self) -> tuple[Proposal, ToothProposal]:
         """The stored one, unless it rests on what was measured anew since and nothing of it was pushed."""
         folder = self.at.folder
-        if folder.has(stages.TOOTH) and (self._begun or folder.parents(stages.PROPOSAL) == self._parents):
+        if folder.has(stages.TOOTH) and (self._started or folder.parents(stages.PROPOSAL) == self._parents):
             return folder.get(stages.PROPOSAL, Proposal), folder.get(stages.TOOTH, ToothProposal)
         return await propose_tooth(self.at, self.model, self.measured, self.work)
 
     @property
-    def _begun(self) -> bool:
+    def _started(self) -> bool:
         return any(stage.startswith(stages.push("")) for stage in self.at.folder.stages)
 
     @property
     def _parents(self) -> tuple[str, ...]:
         return self.at.folder.digest(stages.ERRORS), *(item.digest for item in self.measured.values())
 
-    async def _pushed(self, proposal: Proposal) -> Verdict:
+    async def _push_tables(self, proposal: Proposal) -> Verdict:
         folder = self.at.folder
         if folder.has(stages.VERDICT):
             return folder.get(stages.VERDICT, Verdict)

@@ -112,7 +112,7 @@ def _note(at: World, wire: Mischief, context: PushContext, story: Story) -> None
     story.writes, story.marker = oracle.writes, at.station.plc.memory.marker_state
     story.as_before, story.as_wanted, story.off = oracle.as_before, oracle.as_wanted, oracle.off
     folder = journal.machine_folder(context.journals, context.machine.serial)
-    for one in (*journal.read_all(folder / "done"), *unfinished_tables(context.journals, context.machine.serial)):
+    for one in (*journal.read_journals(folder / "done"), *unfinished_tables(context.journals, context.machine.serial)):
         for entry in one.entries:
             story.steps += [entry.kind, str(entry.facts.get("why", ""))]
 

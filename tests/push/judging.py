@@ -90,7 +90,9 @@ def lies(oracle: Oracle) -> bool:
 def as_kept(oracle: Oracle, journals: Path, serial: str) -> bool:
     """Whether the machine is as the last journal that ended says: a disk may fail after the last word is on it."""
     folder = journal.machine_folder(journals, serial)
-    kept = [one.kinds[-1] for one in (*journal.read_all(folder / "done"), *journal.read_all(folder)) if one.kinds]
+    kept = [
+        one.kinds[-1] for one in (*journal.read_journals(folder / "done"), *journal.read_journals(folder)) if one.kinds
+    ]
     return oracle.as_wanted if kept[-1:] == ["COMMITTED"] else oracle.as_before
 
 

@@ -89,7 +89,7 @@ async def settled(case: Case) -> str:
     before, expected = memory_of(at), truth(at.oracle)
     if not announced:
         assert expected in ("R-PUSH-UNTOUCHED", "R-PUSH-ENABLED"), expected
-        assert all(one.is_ended for one in journal.read_all(case.root / "journal" / at.nck.spec.serial))
+        assert all(one.is_ended for one in journal.read_journals(case.root / "journal" / at.nck.spec.serial))
         return "nothing open"
     done = await gateway(at, case.root, case.base, recovering)
     assert done.looked == before, "looking has changed the machine"

@@ -109,7 +109,7 @@ def in_order(faults: Sequence[Any]) -> tuple[Any, ...]:
 async def asked(site: Any, path: Path) -> tuple[Sequence[tuple[str, ...]], tuple[Any, ...]]:
     """Every device's identity, and what the control says against the file; a service that has the devices lends them.
 
-    Raises DevicesFailed, and what `gateway.broker.borrowed` raises.
+    Raises DevicesFailed, and what `gateway.broker.borrow_devices` raises.
     """
     from gateway.broker import borrow_devices
     from gateway.cli.begin.surveying import surveyed

@@ -22,10 +22,9 @@ def verify_command(
 ) -> None:
     """Check every record, every file of every run, and heads exported earlier; exit code 11 when one is not whole."""
     from gateway import audit
-    from gateway.audit import integrity
 
     root = store_root(store)
-    exported, kept = tuple(audit.parse_head(text) for text in head or ()), integrity.check_store(root)
+    exported, kept = tuple(audit.parse_head(text) for text in head or ()), audit.check_store(root)
     health = audit.check_log(root, (*exported, *kept.heads))
     if as_json:
         show_json({**health.as_data(), "runs": kept.runs, "files": health.files, "wrong": list(kept.problems)})

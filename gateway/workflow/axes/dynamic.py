@@ -121,7 +121,7 @@ async def capture_dynamic(
     """Record, evaluate, draw and keep. Whatever fails, what was recorded before stays readable.
 
     While a gateway serves this site, it lends the devices. Raises ConfigError (E-DYN-INSTRUMENT), CaptureError
-    (E-CAP-TRIGGER, E-CAP-CLOCK), what the instrument and `gateway.broker.borrowed` raise.
+    (E-CAP-TRIGGER, E-CAP-CLOCK), what the instrument and `gateway.broker.borrow_devices` raise.
     """
     section = _section(site, wish.instrument)
     folder = new_run(site, site_path, utc=clock.utc)

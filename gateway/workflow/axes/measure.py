@@ -60,7 +60,10 @@ class MeasuredAxis:
 
 
 def store_equipment(at: RunContext) -> None:
-    """Store who every device said it was; a calibration that is overdue is told. Raises as `tell_overdue`."""
+    """Store who every device said it was; a calibration that is overdue is told.
+
+    Raises as `report_overdue_calibrations`.
+    """
     report_overdue_calibrations(at.site, at.clock.utc().date(), at.say)
     items = tuple(
         Item(seen.name, seen.identity, _notices(at, seen.name))

@@ -1,4 +1,4 @@
-"""The drift guard at the machine: a short capture of one axis against the curve a run approved, and a plain answer."""
+"""Short captures of one axis against a curve: the drift guard of an approved run, and all tables acting together."""
 
 from __future__ import annotations
 
@@ -271,7 +271,7 @@ AS_APPROVED = "as-approved"
 
 
 def combined_effect_plans(at: RunContext, cross: Sequence[TableChange]) -> tuple[StopPlan, ...]:
-    """What `check_acting` will visit once these cross tables are in."""
+    """What `verify_combined_effect` will visit once these cross tables are in."""
     if not at.supervisor.controller.capabilities.stops or not at.folder.has(stages.TOOTH):
         return ()
     return plans_of_combined_effect(at.site, at.folder.get(stages.TOOTH, ToothProposal), cross)
@@ -280,7 +280,7 @@ def combined_effect_plans(at: RunContext, cross: Sequence[TableChange]) -> tuple
 def plans_of_combined_effect(
     site: SiteFile, tooth: ToothProposal, cross: Sequence[TableChange]
 ) -> tuple[StopPlan, ...]:
-    """As `acting_plans`, of a control that runs stops; pure."""
+    """As `combined_effect_plans`, of a control that runs stops; pure."""
     axes = {axis.name: axis for axis in site.axes}
     found: list[StopPlan] = []
     for outlook in tooth.axes:

@@ -1,4 +1,9 @@
-"""Before against after, axis by axis, in the words of ISO 230-2 and against what was predicted; pure."""
+"""The verdict on an axis: before against after in the words of ISO 230-2, against the prediction, and why it differs.
+
+The change of M counts beyond its expanded uncertainty. Every target must lie within U of its predicted curve, and the
+check stops between the targets too. If the prediction fails, the slope of the change over the table's shape
+tells why: not active, wrong sign, doubled or in part, or something else.
+"""
 
 from __future__ import annotations
 
@@ -310,14 +315,14 @@ Holds = Callable[[AxisSection], bool]
 
 
 def verification_plans(at: RunContext, own: Sequence[TableChange]) -> tuple[StopPlan, ...]:
-    """What `judged` will visit where each of these changes goes in."""
+    """What `judge_pushed_axes` will visit where each of these changes goes in."""
     return plans_of_verification(at.site, own, at.standing.holds) if _runs_visits(at) else ()
 
 
 def plans_of_verification(
     site: SiteFile, own: Sequence[TableChange], holds: Holds = lambda _axis: False
 ) -> tuple[StopPlan, ...]:
-    """As `plans_again`, of a control that runs visits; ``holds`` says whose optics stand already. Pure."""
+    """As `verification_plans`, of a control that runs visits; ``holds`` says whose optics stand already. Pure."""
     axes = {axis.name: axis for axis in site.axes}
     mine = by_axis([one for one in own if not one.skipped])
     turn = sorted(mine, key=lambda name: not holds(axes[name]))

@@ -1,4 +1,15 @@
-"""A proposal into the controller: signs proved, tables pushed axis by axis, measured again and judged."""
+"""A proposal into the controller: approved, signs proved, tables pushed layer by layer, measured again and judged.
+
+1. Nothing is written before every objection against every table was asked for; then the approvals are consumed.
+2. Missing signs are proved in as few transactions as possible; a table whose sign stays unknown is left out.
+3. Axis tables and reversals are pushed in as few transactions as the control allows, the axes measured again once and
+   judged. Cross tables follow, so an axis is judged without what the tooth asks of it.
+4. The first table that is not committed ends the push, after its record is stored; what was committed stays or goes as
+   the partial-commit policy says.
+
+A push by carried files stops while a person is at the machine and is begun again from here: what was recorded is
+replayed from the journal, and the audit log gets no second entry.
+"""
 
 from __future__ import annotations
 

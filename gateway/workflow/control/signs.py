@@ -163,7 +163,7 @@ async def prove_missing_signs(
     """The changes, their signs proved; those whose sign stays unknown are left out, with the reason.
 
     An axis without one keeps what it had, and the others are worth having: they need not fail with it. Of tables for a
-    tooth go on what leaves the better flank without them. Raises as `prove`, and VerifyError (E-PUSH-SIGN;
+    tooth go on what leaves the better flank without them. Raises as `prove_table_signs`, and VerifyError (E-PUSH-SIGN;
     E-PUSH-NO-PROOF where no table is left that is worth a push).
     """
     wishes = _unproved_changes(at, changes, measured)

@@ -15,7 +15,16 @@ from drivers.types.tables import LiveSet, LiveTable
 from gateway.config import SiteFile
 from gateway.domain.proposals import Proposal
 from gateway.errors import StoreError
-from gateway.push import JOURNALS, all_pushes, consent_set, controller_access, table_in, tolerance, unfinished_tables
+from gateway.push import (
+    JOURNALS,
+    all_pushes,
+    consent_set,
+    read_live_of_axes,
+    read_live_tables,
+    table_in,
+    tolerance,
+    unfinished_tables,
+)
 from gateway.say import Say
 from gateway.store import RunFolder
 from gateway.table.live_comparison import compare_three_tables
@@ -105,14 +114,14 @@ def _comparison_lines(looks: Sequence[TableLook]) -> Iterator[Message]:
 
 async def read_axes(at: RunContext, names: Sequence[str]) -> tuple[LiveSet, ...]:
     """The live tables of axes as stored; with programs the operator starts one that saves those of all."""
-    return await controller_access.read_live_of_axes([push_context(at, at.axis(name), None) for name in names])
+    return await read_live_of_axes([push_context(at, at.axis(name), None) for name in names])
 
 
 async def _against_run(at: RunContext, table: str, run: RunFolder) -> Outcome:
     approved, before, said = _proposed_table(run, table)
     shape, context = approved.table, rollback_context(at, approved.table)
     limits = await context.controller.table_limits(shape.output_axis, shape.kind, shape.index)
-    live = await controller_access.read_live_tables(context)
+    live = await read_live_tables(context)
     found = compare_three_tables(table_in(live, shape), approved, before, tolerance(limits, shape))
     at.folder.write_text(f"live-tables{spoken().program_suffix}", live.native)
     at.folder.set_state(f"table-{found.kind}")

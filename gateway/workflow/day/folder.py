@@ -1,4 +1,4 @@
-"""The folder of a calibration day, read: every file with what it holds, or with why it cannot be read."""
+"""The folder of a calibration day: every file read or refused with the reason, and the answers kept beside it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Files and answers to the set-ups of a day, and to the questions that nobody has answered yet; pure."""
+"""Files and answers sorted to the set-ups of a day, and the questions still open; a file's own words first. Pure."""
 
 from __future__ import annotations
 

@@ -1,4 +1,8 @@
-"""Dates as result files write them: the days that a text can mean, and whether they are still to come; pure."""
+"""What the words of a result file mean: its dates, its columns, and which column holds which error motion; pure.
+
+A date that can be read in two ways means several days (`Days`), and only what holds for all of them is concluded. No
+unit and no counting sense is supposed: what a heading leaves open is asked once for all tables with that heading.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The end of a run: its report is written, and what its rows, lines and data say."""
+"""What a run hands back at its end: report, rows, lines and data of any run; the preview of a stored proposal."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Makes a run's report from what its folder holds, and nothing else."""
+"""A run's report from what its folder holds, and nothing else; what was not stored is left out."""
 
 from __future__ import annotations
 

@@ -1,4 +1,9 @@
-"""Between a plan and its push: whose approvals count, used up before anything is written, and the audit of it all."""
+"""Approvals and audit of a run: which approvals count, consumed before anything is written, and a record of every step.
+
+A record of a start is durable before anything is sent; a log that cannot take it stops the push. After a write a log
+that fails is only reported, for a write is not undone by that. `AuditAdapter` answers what a push asks of the log, and
+reads it again as it grows.
+"""
 
 from __future__ import annotations
 
@@ -16,7 +21,7 @@ from gateway.approve import Approvals
 from gateway.domain.outcomes import PushRecord
 from gateway.domain.proposals import Approval, Proposal, TableChange
 from gateway.errors import CorruptRecord, StoreError, WriteRefused
-from gateway.push import JOURNALS, PushContext, journal, plan_hash, table_facts
+from gateway.push import JOURNALS, PushContext, machine_folder, plan_hash, read_journals, table_facts
 from gateway.store import RunFolder, canonical, disk_errors, sha256
 from gateway.users import KeyRing
 from gateway.workflow.run import stages
@@ -168,12 +173,15 @@ def record_start(at: RunContext, change: TableChange, context: PushContext) -> N
 
 
 def record_sign_proof(at: RunContext, change: TableChange) -> None:
-    """Keep that a sign proof begins: its small table is written to the machine too. Raises as `begin`."""
+    """Keep that a sign proof begins: its small table is written to the machine too. Raises as `record_start`."""
     _append_record(at, change, "sign-proof-start", {})
 
 
 def record_repeated_proof(at: RunContext, change: TableChange, mean: float, u: float, count: int) -> None:
-    """Keep that its table is switched as often again, and what the first ``count`` steps gave. Raises as `begin`."""
+    """Keep that its table is switched as often again, and what the first ``count`` steps gave.
+
+    Raises as `record_start`.
+    """
     _append_record(at, change, "sign-proof-again", {"mean": round(mean, 3), "u": round(u, 3), "steps": count})
 
 
@@ -398,8 +406,8 @@ class AuditAdapter:
 
 def anchors(root: Path, serial: str, *named: str) -> tuple[audit.ChainHead, ...]:
     """Heads that the journals of a machine, and ``named`` others, say the log has had. Raises CorruptRecord."""
-    folder = journal.machine_folder(root / JOURNALS, serial)
-    every = (*journal.read_all(folder), *journal.read_all(folder / "done"))
+    folder = machine_folder(root / JOURNALS, serial)
+    every = (*read_journals(folder), *read_journals(folder / "done"))
     told = {str(found.latest("audit")) for found in every if found.latest("audit")}
     return tuple(audit.parse_head(text) for text in sorted({*told, *(one for one in named if one)}))
 

@@ -173,7 +173,7 @@ async def open_context(
 ) -> AsyncIterator[RunContext]:
     """Open the controller and the instruments (all failures at once), hand out the context, close everything.
 
-    While a gateway serves this site its devices are asked for first: raises what `gateway.broker.borrowed` raises.
+    While a gateway serves this site its devices are asked for first: raises what `gateway.broker.borrow_devices` does.
     A failure or a stop leaves the machine in order first: what was sent is asked to end, and what is left is told.
 
     Without ``instruments`` those that measure the site's axes; others may stand in the site file unplugged.

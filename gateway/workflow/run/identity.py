@@ -1,4 +1,4 @@
-"""Whether the machine behind an address is the site's: its facts beside those known, and what a person accepts."""
+"""Who is there: the facts of the machine against those known, and the control's certificate; what a person accepts."""
 
 from __future__ import annotations
 

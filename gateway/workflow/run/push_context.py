@@ -1,4 +1,4 @@
-"""What a push of a run works with, and the audit log's word on how it ended."""
+"""The context of a push in a run: the table's axes, proof and consent; and the state of a push by carried files."""
 
 from __future__ import annotations
 

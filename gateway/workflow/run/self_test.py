@@ -1,4 +1,4 @@
-"""What a run refuses before it measures; what this store knows of the control's self-test, as a proposal says."""
+"""Self-tests of the control: run by the command, and demanded before hours of measuring are spent on a push."""
 
 from __future__ import annotations
 

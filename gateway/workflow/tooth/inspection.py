@@ -1,4 +1,8 @@
-"""Inspects a ground part on the gear inspection machine, or reads what another machine wrote of it, and stores both."""
+"""A ground part inspected on the gear inspection machine or from a file, its drift over the spaces, and the guard.
+
+The points are stored before anything is made of them. The guard compares a part of today with the one that a run
+approved, by the flanks alone.
+"""
 
 from __future__ import annotations
 

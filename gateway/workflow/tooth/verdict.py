@@ -1,4 +1,9 @@
-"""The flank before against after, and against what was predicted of it; pure."""
+"""Parts judged: the part before against the model of the errors, and the flank before against after and its prediction.
+
+The part before any push tells whether the error model is right: a difference beyond its uncertainty is explained by an
+error that is reversed, absent or of another size, or the tables are not written. After the push the complete
+flank decides where its change exceeds what the clampings may make; else the flank without any eccentricity does.
+"""
 
 from __future__ import annotations
 

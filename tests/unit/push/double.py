@@ -571,7 +571,7 @@ def change_of(machine: Machine, new: CompensationTable = NEW) -> TableChange:
 
 def journals_of(root: Path) -> Sequence[journal.JournalRead]:
     folder = journal.machine_folder(root / "journal", MACHINE.serial)
-    return (*journal.read_all(folder), *journal.read_all(folder / "done"))
+    return (*journal.read_journals(folder), *journal.read_journals(folder / "done"))
 
 
 def only_old_or_new_enabled(machine: Machine, *allowed: CompensationTable) -> bool:

@@ -89,7 +89,7 @@ def test_going_on_after_a_torn_end(tmp_path: Path) -> None:
 
 def test_empty_means_nothing_was_announced(tmp_path: Path) -> None:
     journal.Journal.create(tmp_path, 5).close()
-    (found,) = journal.read_all(tmp_path)
+    (found,) = journal.read_journals(tmp_path)
     assert found.is_ended
     assert found.entries == ()
 
@@ -146,7 +146,7 @@ def test_a_store_with_numbers_of_six_digits_goes_on(tmp_path: Path) -> None:
     (folder / "number").write_text("523456")
     number = journal.allocate_number(folder, 0)
     journal.Journal.create(folder, number).close()
-    assert [found.number for found in journal.read_all(folder)] == [523_456, number]
+    assert [found.number for found in journal.read_journals(folder)] == [523_456, number]
     assert journal.is_known_number(folder, 523_456)
     assert not journal.is_own_number(folder, 523_456)
 
@@ -180,7 +180,7 @@ def test_set_aside_keeps_the_journal(tmp_path: Path) -> None:
     data = path.read_bytes()
     journal.set_aside(path)
     assert (tmp_path / "done" / path.name).read_bytes() == data
-    assert journal.read_all(tmp_path) == ()
+    assert journal.read_journals(tmp_path) == ()
 
 
 def test_a_number_is_never_used_twice(tmp_path: Path) -> None:

@@ -170,14 +170,14 @@ def test_the_fourth_try_is_not_offered(tmp_path: Path) -> None:
 def test_committed_but_not_put_away_is_only_put_away(tmp_path: Path) -> None:
     at = stopped_at(tmp_path, "COMMITTED", nothing)
     folder = journal.machine_folder(tmp_path / "journal", MACHINE.serial)
-    (found,) = journal.read_all(folder)
+    (found,) = journal.read_journals(folder)
     assert unfinished_tables(tmp_path / "journal", MACHINE.serial) == ()
     again = bench(tmp_path, machine=at.machine)
     finding = run_virtual(lambda: inspect_unfinished(found, again.context))
     assert (finding.code, finding.action) == ("R-PUSH-DONE", "close")
     assert again.controller.calls == {}
     assert [one.number for one in journal.set_ended_aside(folder)] == [found.number]
-    assert journal.read_all(folder) == ()
+    assert journal.read_journals(folder) == ()
     assert at.machine.own == NEW_ON
 
 
