@@ -224,11 +224,6 @@ def read_array(data: Any, _hint: Any, _path: str, _where: str) -> Any:
 
 
 # Any value of a record to JSON data and back, exactly, led by the record's declared types.
-#
-# JSON has no NaN, so inside arrays NaN is ``null`` and in a float field the text "nan"; infinities are "inf"
-# and "-inf"; other floats are written by `repr`, the shortest text that gives the same double back. Where the
-# declared type is `object`, tuples, mappings, arrays and odd floats carry a tag ("$tuple", "$map", "$array",
-# "$float").
 
 
 @functools.cache

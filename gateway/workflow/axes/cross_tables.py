@@ -55,8 +55,8 @@ async def table_places(
     """A place for each table: the live one of the same axes, else a free number with memory for its points.
 
     A live one that is off and too small is left as it is; one that acts has to be the place, or there is none. Memory
-    is dealt out by `assign_numbers`; ``ranked`` are the tables' places in ``tables``, those first that gain most. Numbers
-    that are ``spoken_for`` are nobody's.
+    is dealt out by `assign_numbers`: ``ranked`` are the tables' places in ``tables``, those that gain most first.
+    Numbers that are ``spoken_for`` are nobody's.
     """
     kept = [_live_table_of(table, live) for table in tables]
     taken = {one.index for one in _tables_with_content(live)} | set(spoken_for)
