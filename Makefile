@@ -136,6 +136,7 @@ sbom: $(TOOLS)/installed
 	mkdir -p dist
 	$(TOOLS)/bin/cyclonedx-py environment --pyproject pyproject.toml --mc-type application --output-reproducible \
 		--of JSON -o dist/trueflank.cdx.json $(TOOLS)/floor
+	$(PYTHON) -m release.vendored dist/trueflank.cdx.json
 	$(PYTHON) -m release.licences dist/trueflank.cdx.json docs/licences.md
 
 # An archive for each system that installs without a network; the one for Linux is tried with the network cut.

@@ -21,13 +21,15 @@ class DriverSpec:
     """Where a driver lives ("module:attribute"), which role it plays, and where the model of its settings lives.
 
     ``settings`` stands in a module that opens nothing, so that a site file is judged without the driver; "" where a
-    driver of somebody else declares none.
+    driver of somebody else declares none. ``sees_beam`` is false where no sample is ever marked invalid: such an
+    instrument counts on without light, and nobody may call that valid.
     """
 
     name: str
     role: str
     target: str
     settings: str = ""
+    sees_beam: bool = True
 
     def load(self) -> Any:
         """Import the driver's class or factory now."""
@@ -72,10 +74,18 @@ _OWN = (
     DriverSpec("sinumerik-modbus-writes", "writes", "drivers.sinumerik.mailbox.preview:preview_writes"),
     DriverSpec("none", "controller", "drivers.files.only:FilesOnly", "drivers.files.only:FilesOnlySettings"),
     DriverSpec("none-doctor", "doctor", "drivers.files.only:FilesOnlyDoctor"),
-    DriverSpec("umd", "instrument", "drivers.umd.device:UmdCounter", "drivers.umd.settings:UmdSettings"),
+    DriverSpec(
+        "umd", "instrument", "drivers.umd.device:UmdCounter", "drivers.umd.settings:UmdSettings", sees_beam=False
+    ),
     DriverSpec("bridge", "instrument", "drivers.bridge.device:BridgeInstrument", _BRIDGE),
     DriverSpec("bridge-gear", "gear-inspector", "drivers.bridge.gear:BridgeGear", _BRIDGE_GEAR),
-    DriverSpec("manual", "instrument", "drivers.manual.device:ManualEntry", "drivers.manual.settings:ManualSettings"),
+    DriverSpec(
+        "manual",
+        "instrument",
+        "drivers.manual.device:ManualEntry",
+        "drivers.manual.settings:ManualSettings",
+        sees_beam=False,
+    ),
     DriverSpec("wire-trace", "trace", "drivers.replay.recorder:TraceRecorder"),
     DriverSpec("replay", "replay", "drivers.replay.player:Player"),
     DriverSpec(

@@ -19,6 +19,9 @@ redistribute it.
 asyncua is LGPL. It is used unchanged as a library and can be replaced by another version; this source contains none of
 it. Anyone who redistributes a bundle also redistributes the licences: each wheel contains its own text.
 
+The operator's page uses uplot and three. Their release files are in `gateway/web/vendor`, unchanged, with their
+licences; `vendored.toml` there states version and hash.
+
 | package | version | licence |
 |---|---|---|
 """

@@ -8,6 +8,7 @@ from typing import Protocol
 
 from drivers.errors import TrueflankError
 from drivers.message import Message, told
+from drivers.registry import known
 from drivers.types.machine import MachineState
 from gateway.domain.outcomes import ActingCheck, Verdict
 from gateway.report.parameters import ParameterRow, parameter_rows
@@ -49,13 +50,17 @@ class SeenRun(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class DeviceView:
-    """One device: ``state`` is open, lost, failed, closed or in use (by the run at work)."""
+    """One device: ``state`` is open, lost, failed, closed or in use (by the run at work).
+
+    ``sees_beam`` is false for an instrument that cannot tell a broken beam.
+    """
 
     name: str
     driver: str
     state: str
     since_utc: str
     error: Mapping[str, object] | None = None
+    sees_beam: bool = True
 
 
 @dataclass(frozen=True, slots=True)
@@ -246,9 +251,15 @@ def device_views(seen: Iterable[SeenDevice], *, lent: bool) -> tuple[DeviceView,
             state="in use" if lent and item.state == "closed" else item.state,
             since_utc=item.since_utc,
             error=None if item.error is None else item.error.as_record(),
+            sees_beam=_sees_beam(item.driver),
         )
         for item in seen
     )
+
+
+def _sees_beam(driver: str) -> bool:
+    spec = known("instrument").get(driver)
+    return spec is None or spec.sees_beam
 
 
 def past_run(seen: SeenRun, *, report: bool) -> PastRun:

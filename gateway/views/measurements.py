@@ -34,7 +34,7 @@ from gateway.model.error_model import ErrorModel, chain_of_errors, yk7350b
 from gateway.report.tooth.errors import error_rows
 from gateway.sensitivity.outputs import ScaledMotion
 from gateway.store import RunFolder
-from gateway.tooth import ToothProposal
+from gateway.tooth import InspectedFlank, ToothProposal
 from gateway.workflow.errors21.measurement import grids
 from gateway.workflow.errors21.setups import PlannedSetup, plan_setups, remountings
 from gateway.workflow.run import stages
@@ -84,6 +84,7 @@ def _axis(axis: AxisSection) -> dict[str, Any]:
     return {
         "axis": axis.name,
         "letter": axis.letter,
+        "reference": axis.reference if axis.kind == "rotary" else None,
         "unit": axis.unit,
         "component": measure.component,
         "instrument": measure.instrument,
@@ -230,6 +231,29 @@ def flank_at(folder: RunFolder, site: SiteFile, site_path: Path, sizes: Mapping[
     }
 
 
+def form_of(folder: RunFolder, site: SiteFile, site_path: Path, stage: str) -> dict[str, Any]:
+    """Where the points of a run's flank map are on one space of the nominal gear, for a picture of it.
+
+    ``stage`` is "tooth" or an inspection. Profile points (x, y) in mm in the frame of space 0 and their outward unit
+    normals, (T, 2) each, along which surplus counts as +; profile angles in deg, heights in mm, and the spaces.
+    Raises StoreError (E-STORE-STAGE), InvalidRequest (E-WEB-BODY), and what the gear raises.
+    """
+    if stage == stages.TOOTH:
+        shown = folder.get(stages.TOOTH, ToothProposal).prediction.after
+    elif stage.startswith("inspected-"):
+        shown = folder.get(stage, InspectedFlank).fitted
+    else:
+        raise InvalidRequest("E-WEB-BODY", "web", why="stage: tooth, inspected-before, inspected-after")
+    section = work_of(site, site_path).gear.section(shown.theta_rad)
+    return {
+        "points_mm": np.round(section.xy, 5).tolist(),
+        "normals": np.round(np.stack([section.nx, section.ny], axis=-1), 6).tolist(),
+        "angle_deg": np.round(np.degrees(shown.theta_rad), 4).tolist(),
+        "z_mm": shown.z_mm.tolist(),
+        "spaces": shown.deviation_um.shape[0],
+    }
+
+
 @dataclass(frozen=True)
 class _MachineForProposal:
     """The measured machine with its gear, as the proposal for the tooth sees it."""
@@ -296,4 +320,5 @@ def _tooth(folder: RunFolder, site: SiteFile, model: ErrorModel, work: ToothWork
         "sizes": {name: _range(one) for name, one in seen.errors.items()},
         "next": [asdict(one) for one in what_next(model, work.tooth, grids(site))],
         "threshold_um": THRESHOLD_UM,
+        "setup": asdict(stored.setup) if stored else None,
     }

@@ -47,7 +47,6 @@ _ALWAYS = {
     "cross-origin-opener-policy": "same-origin",
     "cross-origin-resource-policy": "same-origin",
     "permissions-policy": "camera=(), microphone=(), geolocation=()",
-    "cache-control": "no-store",
 }
 
 
@@ -208,6 +207,7 @@ def _record(code: str, fields: tuple[tuple[str, Any], ...]) -> bytes:
 def _harden(headers: MutableHeaders, *, secure: bool) -> None:
     for name, value in _ALWAYS.items():
         headers[name] = value
+    headers.setdefault("cache-control", "no-store")
     headers.setdefault("content-security-policy", PAGE_POLICY)
     if secure:
         headers["strict-transport-security"] = "max-age=31536000"

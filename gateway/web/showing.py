@@ -2,30 +2,20 @@
 
 from __future__ import annotations
 
-import json
-import re
-from collections.abc import Mapping
-from functools import cache
-from importlib import resources
 from typing import Annotated, Any
 
 from fastapi import APIRouter, Depends, Query, Request
-from starlette.responses import HTMLResponse, Response
+from starlette.responses import Response
 
-from drivers.errors import catalogue
-from drivers.languages import LANGUAGES, page_texts
-from drivers.local.names import is_file_name
-from drivers.terms import spoken_texts
 from gateway.approve import Approvals
-from gateway.audience import kind_of
-from gateway.errors import InvalidRequest, NotFound
-from gateway.views.measurements import figures_by, flank_at, known_standards, model_of
+from gateway.errors import InvalidRequest
+from gateway.views.measurements import figures_by, flank_at, form_of, known_standards, model_of
+from gateway.web import assets
 from gateway.web.doors import needs, site_of
 from gateway.web.reading import run_of
 
 open_routes = APIRouter(include_in_schema=False)
 routes = APIRouter(prefix="/api/v1", tags=["page"], dependencies=[Depends(needs("viewer"))])
-KINDS = {".css": "text/css", ".js": "text/javascript", ".svg": "image/svg+xml"}
 Limits = Annotated[str, Query(max_length=400, description="parameter:limit, comma between, e.g. E:12,R:4")]
 Sizes = Annotated[str, Query(max_length=600, description="error:multiple, comma between, e.g. EXX:0.5,B0Z:0")]
 Word = Annotated[str, Query(max_length=100)]
@@ -33,88 +23,14 @@ Word = Annotated[str, Query(max_length=100)]
 
 @open_routes.get("/")
 async def page() -> Response:
-    """The page, which knows nothing before somebody signs in at it."""
-    return HTMLResponse(_file("index.html"))
+    """The page, which knows nothing before somebody signs in at it; asked for each time, for it names its build."""
+    return Response(assets.first_page(), media_type="text/html; charset=utf-8", headers={"cache-control": "no-cache"})
 
 
-@open_routes.get("/static/page/{name}")
-async def file(name: str) -> Response:
-    """A style or script of the page."""
-    kind = KINDS.get(name[name.rfind(".") :]) if is_file_name(name) else None
-    if kind is None or not resources.files("gateway.web").joinpath("page", name).is_file():
-        raise NotFound("E-WEB-PATH", "web", path=f"/static/page/{name[:80]}")
-    return Response(_file(name), media_type=kind)
-
-
-@open_routes.get("/static/words/{language}.json")
-def texts(language: str) -> Response:
-    """Every sentence of the page and every text of the catalogue in one language, English where one is missing."""
-    if language not in LANGUAGES:
-        raise NotFound("E-WEB-PATH", "web", path=f"/static/words/{language[:20]}.json")
-    return Response(json.dumps(_words(language), ensure_ascii=False), media_type="application/json")
-
-
-def _words(language: str) -> dict[str, Any]:
-    page = page_texts(language)
-    known = {**catalogue(), **({} if language == "en" else catalogue(language))}
-    return {
-        "page": dict(page),
-        "codes": {
-            code: [*(_at_page(one[part], page) for part in ("what", "do")), kind_of(code).value]
-            for code, one in known.items()
-        },
-        "terms": spoken_texts(),
-    }
-
-
-_KEYS = {
-    "recover --apply": ("push.recover_apply", "frame.push"),
-    "recover --finish": ("push.recover_finish", "frame.push"),
-    "recover --undo": ("push.recover_undo", "frame.push"),
-    "recover": ("push.recover", "frame.push"),
-    "disable": ("push.disable", "frame.push"),
-    "rollback": ("push.roll_back", "frame.push"),
-    "push": ("push.show", "frame.push"),
-    "approve": ("push.approve", "frame.push"),
-    "doctor": ("connect.examine", "frame.connect"),
-    "trust show": ("trust.look", "frame.connect"),
-    "trust accept": ("trust.accept", "frame.connect"),
-    "trust": ("trust.look", "frame.connect"),
-    "self-test": ("capture.self_test", "frame.capture"),
-    "run": ("capture.measure_axes", "frame.capture"),
-    "measure": ("capture.measure_errors", "frame.capture"),
-    "verify-table": ("push.verify", "frame.push"),
-    "report": ("report.make", "frame.report"),
-}
-"""Commands that texts of the catalogue name, and the key of the page that does the same, with its screen."""
-_COMMAND = re.compile(
-    r"`?\btrueflank (trust show|trust accept|[a-z][a-z-]*)"
-    r"((?: (?:SITE\b|NAME\b|\{site\}|[^\s`]+\.toml\b|\.\.\.|--[a-z-]+|(?<=--axis )(?:[\w-]+|\{\w+\})))*)`?"
-    r"(?: with the site file| mit der Anlagendatei)?"
-)
-_SIGNS = (("->", "→"), ("+/-", "±"), ("+-", "±"))
-
-
-def _at_page(text: str, page: Mapping[str, str]) -> str:
-    """A text of the catalogue as the page shows it: commands as its keys, signs as in print."""
-
-    def key(found: re.Match[str]) -> str:
-        name, more = found[1], found[2]
-        flag = next((one for one in ("--finish", "--undo", "--apply") if one in more and f"{name} {one}" in _KEYS), "")
-        at = _KEYS.get(f"{name} {flag}".strip())
-        if at is None:
-            return found[0]
-        return page["order.key"].replace("{key}", page[at[0]]).replace("{screen}", page[at[1]])
-
-    said = _COMMAND.sub(key, text)
-    for typed, printed in _SIGNS:
-        said = said.replace(typed, printed)
-    return said
-
-
-@cache
-def _file(name: str) -> bytes:
-    return resources.files("gateway.web").joinpath("page", name).read_bytes()
+@open_routes.get("/static/{build}/{folder}/{name}")
+def file(request: Request, build: str, folder: str, name: str) -> Response:
+    """A style, script or text of the page."""
+    return assets.served(request, build, folder, name)
 
 
 @routes.get("/standards")
@@ -158,6 +74,13 @@ def flank(request: Request, site: str, run: str, sizes: Sizes = "") -> dict[str,
     """The flank that the run's errors would leave uncorrected, with some of them at other sizes; um, + surplus."""
     at = site_of(request, site)
     return flank_at(run_of(at, run), at.site, at.path, _pairs("sizes", sizes))
+
+
+@routes.get("/sites/{site}/runs/{run}/form")
+def form(request: Request, site: str, run: str, stage: Word = "tooth") -> dict[str, Any]:
+    """One space of the nominal gear at the points of a run's flank map: profile, normals, heights; mm and deg."""
+    at = site_of(request, site)
+    return form_of(run_of(at, run), at.site, at.path, stage)
 
 
 def _pairs(key: str, text: str) -> dict[str, float]:

@@ -34,6 +34,9 @@ SECRET = "a long sentence"
 PIN = "246802"
 PICTURES = Path(os.environ.get("TRUEFLANK_PICTURES", ".browser"))
 expect.set_options(timeout=PATIENCE_MS)
+# Where this build's modules are: a module that is loaded by another path is another one.
+MODULES = "window.modulePath = (name) => new URL(name, document.querySelector('script[type=module]').src).href"
+REFUSED = {"code": "E-WEB-BUSY", "what": "busy", "do": "", "fields": {"run": "r", "who": "nobody"}}
 SCREENS = ("connect", "capture", "evaluate", "model", "correct", "push", "report")
 
 
@@ -62,6 +65,7 @@ def opened(browser: Browser, at: Hall, size: tuple[int, int] = SMALL, language: 
     """A page of its own: no cookie, no memory of another one; a fault in a script is kept in `page.faults`."""
     context = browser.new_context(viewport={"width": size[0], "height": size[1]}, locale=language)
     context.set_default_timeout(PATIENCE_MS)
+    context.add_init_script(MODULES)
     page = context.new_page()
     page.goto(at.url)
     page.locator("#language").wait_for()
@@ -181,22 +185,23 @@ class Person:
         return found
 
 
-# What is wider than its box; keys lower than 52 px, or 69 on the large screen; a page that must be scrolled; a command.
+# What is wider than its box; keys smaller than 44 px; a page that must be scrolled; a command.
 LAYOUT = """() => {
-  const large = innerWidth >= 1800, low = large ? 69 : 52, found = [];
+  const low = 44, found = [];
   const seen = (one) => one.offsetParent && !one.closest('.hidden');
   const every = (names) => [...document.querySelectorAll(names)].filter(seen);
   const name = (one) => `${one.tagName} ${one.id} ${one.className} "${(one.textContent ?? '').slice(0, 40)}"`;
   const over = (one) => one.scrollWidth > one.clientWidth + 1;
   const says = (what, one) => found.push(`${what}: ${name(one)} ${one.scrollWidth} > ${one.clientWidth}`);
   for (const one of every('button, select, input:not([type=checkbox]), a.key, summary')) {
-    const high = one.getBoundingClientRect().height;
-    if (high < low - 0.5) found.push(`low: ${name(one)} ${high}`);
+    const { height, width } = one.getBoundingClientRect();
+    if (height < low - 0.5 || width < low - 0.5) found.push(`small: ${name(one)} ${width} x ${height}`);
   }
   for (const one of every('button, .chip, td, th, .digits, .row.big, h1, h2, .cell, dd, dt'))
     if (over(one) && getComputedStyle(one).display !== 'inline') says('cut', one);
   for (const one of every('.top, .rail, .low, .now, .screen, .panel')) if (over(one)) says('wide', one);
-  if (document.documentElement.scrollHeight > innerHeight + 1) found.push('the whole page scrolls');
+  if (document.documentElement.scrollWidth > innerWidth + 1) found.push('the whole page scrolls sideways');
+  if (innerWidth > 900 && document.documentElement.scrollHeight > innerHeight + 1) found.push('the whole page scrolls');
   const um = document.documentElement.lang === 'de' && /[a-zäöü,;:] µm [a-zäöü0-9]/.exec(document.body.innerText);
   if (um) found.push(`a word taken for a unit: ${um[0]}`);
   const commands = ['recover', 'disable', 'rollback', 'push', 'approve', 'doctor', 'trust', 'self-test', 'run',
@@ -204,6 +209,6 @@ LAYOUT = """() => {
   const ordered = new RegExp(`trueflank (${commands.join('|')})(?![a-z-])`).exec(document.body.innerText);
   if (ordered) found.push(`a command and no key of the page: ${ordered[0]}`);
   const top = document.querySelector('.top');
-  if (top && top.clientHeight > (large ? 100 : 76)) found.push(`the bar above has ${top.clientHeight} px`);
+  if (top && innerWidth > 900 && top.clientHeight > 76) found.push(`the bar above has ${top.clientHeight} px`);
   return found;
 }"""

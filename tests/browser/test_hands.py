@@ -19,8 +19,8 @@ pytestmark = [
 # What happens all the time at a machine: a reading is taken, something is said, a command goes on. Keys that are no
 # longer on the page after that, and fields that lost what was being typed: a person was just pressing or typing there.
 LOST = """async ([run, taken]) => {
-  const { state, changed } = await import('/static/page/state.js');
-  const { deaf, listen } = await import('/static/page/live.js');
+  const { state, changed } = await import(modulePath('state.js'));
+  const { deaf, listen } = await import(modulePath('live.js'));
   deaf();
   const [asked, status] = [window.fetch, state.status];
   let open = 0;
@@ -101,7 +101,7 @@ def _by_the_clock(anna: Person, browser: Browser) -> None:
     """Of the shop, not of Greenwich: a moment of a record stands on the screen as the wall clock beside it has it."""
     page = browser.new_context(timezone_id="Asia/Shanghai").new_page()
     page.goto(anna.at.url)
-    told = page.evaluate("async () => (await import('/static/page/figures.js')).when('2026-03-02T23:30:00+00:00')")
+    told = page.evaluate("async () => (await import(modulePath('figures.js'))).when('2026-03-02T23:30:00+00:00')")
     assert told == "2026-03-03 07:30"
 
 

@@ -19,7 +19,7 @@ from gateway.tooth import InspectedFlank
 from gateway.workflow.run import stages
 from simulators.cell.site import section
 from tests.browser.hall import Hall, hall
-from tests.browser.person import CHROMIUM, IDLE, SCREENS, Person, chromium, opened
+from tests.browser.person import CHROMIUM, IDLE, REFUSED, SCREENS, Person, chromium, opened
 from tests.browser.records import figures_of, newest, text
 from tests.browser.test_day import looked_at, site
 from tests.unit.report import closing, synthetic
@@ -27,8 +27,8 @@ from tests.unit.report import closing, synthetic
 pytestmark = pytest.mark.skipif(not CHROMIUM.exists(), reason="NOT RUN: no Chromium here (Debian package chromium)")
 # Said in English by a record and by the service; a template of the catalogue, filled.
 TOLD = """async ([code, fields, language]) => {
-  const { plain, speak } = await import('/static/page/words.js');
-  const english = (await (await fetch('/static/words/en.json')).json()).codes[code][0];
+  const { plain, speak } = await import(modulePath('words.js'));
+  const english = (await (await fetch(modulePath('../codes/en.json'))).json())[code][0];
   await speak(language);
   const made = english.replace(/\\{(\\w+)\\}/g, (_all, name) => fields[name]);
   return plain(`${made}. The prediction held at every target within k = 3.`);
@@ -122,7 +122,7 @@ def _numbers(anna: Person) -> None:
 def _lamps(anna: Person) -> None:
     """A test table that goes back once its sign is measured is no fault; a table that goes back is."""
     shown = """async (kinds) => {
-      const { lamps } = await import('/static/page/lamps.js');
+      const { lamps } = await import(modulePath('lamps.js'));
       const box = lamps('X1', kinds, true);
       const count = (what) => box.querySelectorAll(what).length;
       return [count('.done'), count('.wrong, .next, .fault'), box.lastChild.textContent];
@@ -149,19 +149,23 @@ def _mountings(anna: Person) -> None:
 def _kept_though_worse(anna: Person) -> None:
     """The whole loop asks for the machine's name and whether tables that make the flank worse stay; both go along."""
     page = anna.page
-    page.evaluate("async () => { (await import('/static/page/state.js')).state.plan.setups = [{}]; }")
+    page.evaluate("async () => { (await import(modulePath('state.js'))).state.plan.setups = [{}]; }")
     anna.go("push")
     anna.go("capture")
+    page.route("**/commands/close", lambda route: route.fulfill(status=409, json=REFUSED))
     for ticked in (False, True):
         page.locator("#close-loop").click()
         page.locator("#keep-worse").set_checked(ticked)
         page.locator("#typed-machine").fill("another")
+        expect(page.locator("#yes")).to_be_disabled()
+        page.locator("#typed-machine").fill(anna.site)
         looked_at(anna, "journey-close-loop")
         with page.expect_request(lambda one: one.url.endswith("/commands/close")) as sent:
             page.locator("#yes").click()
         asked = sent.value.post_data_json
-        assert (asked["apply"], asked["machine"], asked["keep_worse"]) == (True, "another", ticked)
-        expect(page.locator("#stop")).to_be_disabled()
+        assert (asked["apply"], asked["machine"], asked["keep_worse"]) == (True, anna.site, ticked)
+        page.locator("dialog .keys button").first.click()
+    page.unroute("**/commands/close")
 
 
 def _told(anna: Person) -> None:

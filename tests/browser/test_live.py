@@ -24,14 +24,15 @@ SPEED = 5.0
 SOON_MS = 200.0
 ENOUGH = 50
 NEWEST = 1
-# When each reading was told and heard, and when its number stood on the screen; all by this computer's clock.
+# The instrument's stamp of each reading, when it was told and heard, and when its number was painted.
 WATCH = """() => {
-  window.seen = { told: {}, heard: {}, shown: {}, behind: [], lost: 0 };
+  window.seen = { stamp: {}, told: {}, heard: {}, shown: {}, behind: [], lost: 0 };
   const listen = EventSource.prototype.addEventListener;
   EventSource.prototype.addEventListener = function (kind, take) {
     if (kind === 'reading') listen.call(this, kind, (event) => {
       const data = JSON.parse(event.data);
       window.seen.told[data.sequence] = Date.parse(data.utc);
+      window.seen.stamp[data.sequence] = data.end_s;
       window.seen.heard[data.sequence] = Date.now();
       window.seen.lost += data.lost;
     });
@@ -40,11 +41,12 @@ WATCH = """() => {
   new MutationObserver(() => {
     const number = document.querySelector('#sequence')?.textContent.slice(1);
     if (!number || number in window.seen.shown) return;
-    window.seen.shown[number] = Date.now();
+    // Painted: a frame after the number was set has it on the screen.
+    requestAnimationFrame(() => requestAnimationFrame(() => { window.seen.shown[number] ??= Date.now(); }));
     window.seen.behind.push(Object.keys(window.seen.heard).filter((one) => Number(one) > Number(number)).length);
   }).observe(document, { subtree: true, childList: true, characterData: true });
 }"""
-ANEW = "() => { window.seen = { told: {}, heard: {}, shown: {}, behind: [], lost: 0 }; }"
+ANEW = "() => { window.seen = { stamp: {}, told: {}, heard: {}, shown: {}, behind: [], lost: 0 }; }"
 BARE = "url => { new EventSource(url).addEventListener('reading', () => {}); }"
 
 
@@ -112,26 +114,38 @@ def test_a_reading_is_on_eight_screens_soon_and_no_page_is_left_behind(tmp_path:
 
 
 def _judged(every: list[dict[str, Any]], bare: dict[str, Any]) -> None:
-    """A reading waits in the service for a tenth of a second at most, then crosses the wire and is drawn.
+    """From the instrument's stamp to the painted number, of all readings on all screens: p50 and p95.
 
-    What else this computer does slows the bare client as well: what is quickest of both is compared. However slow the
-    computer is, what stands on a screen is the newest reading that this page has heard, or the one before it.
+    What else this computer does slows the bare client, which hears and paints nothing, as well: its own p95 is allowed
+    beyond the limit. However slow the computer is, what is on a screen is the newest reading that this page has heard,
+    or the one before it.
     """
-    floor = statistics.quantiles(_delays(bare, "heard"), n=10)
-    delays = statistics.quantiles([one for seen in every for one in _delays(seen, "shown")], n=10)
-    said = f"floor {_tenths(floor)} ms, shown {_tenths(delays)} ms"
+    zero = min(told - stamp for seen in every for stamp, told in _stamped(seen, "told"))
+    shown = [at - stamp - zero for seen in every for stamp, at in _stamped(seen, "shown")]
+    (p50, p95), (_, floor) = (
+        _percentiles(shown),
+        _percentiles([at - stamp - zero for stamp, at in _stamped(bare, "heard")]),
+    )
+    said = f"p50 {p50:.0f} ms, p95 {p95:.0f} ms; a bare client hears them with p95 {floor:.0f} ms"
     PICTURES.mkdir(parents=True, exist_ok=True)
-    (PICTURES / "live.txt").write_text(f"tenths of all delays on {len(every)} screens: {said}\n", encoding="utf-8")
-    assert delays[0] + 1000.0 * EVERY_S < SOON_MS + floor[0], said
+    line = f"from the stamp to the painted number on {len(every)} screens: {said}\n"
+    (PICTURES / "live.txt").write_text(line, encoding="utf-8")
+    assert p95 <= SOON_MS + max(floor - 1000.0 * EVERY_S, 0.0), said
     for seen in every:
         assert seen["lost"] == 0, "no sample of the instrument is lost"
         assert statistics.quantiles(seen["behind"], n=10)[-1] <= NEWEST, seen["behind"]
 
 
-def _tenths(times: list[float]) -> str:
-    return " ".join(f"{one:.0f}" for one in times)
+def _percentiles(times: list[float]) -> tuple[float, float]:
+    """p50 and p95."""
+    cuts = statistics.quantiles(times, n=20)
+    return cuts[9], cuts[18]
 
 
-def _delays(seen: dict[str, Any], when: str) -> list[float]:
-    """From the service's word to its being heard or shown, by sequence number; ms."""
-    return [seen[when][number] - told for number, told in seen["told"].items() if number in seen[when]]
+def _stamped(seen: dict[str, Any], when: str) -> list[tuple[float, float]]:
+    """The instrument's stamp of each reading and when it was told, heard or painted; both in ms of real time.
+
+    The cell's time runs faster than the wall's; the difference of their zeros is that of the quickest word.
+    """
+    stamps = ((number, 1000.0 * stamp / SPEED) for number, stamp in seen["stamp"].items())
+    return [(stamp, seen[when][number]) for number, stamp in stamps if number in seen[when]]

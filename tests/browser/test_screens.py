@@ -10,7 +10,7 @@ import pytest
 
 from drivers.languages import LANGUAGES
 from tests.browser.hall import Hall, hall
-from tests.browser.person import CHROMIUM, IDLE, LARGE, SCREENS, SMALL, Person, chromium, opened
+from tests.browser.person import CHROMIUM, IDLE, LARGE, REFUSED, SCREENS, SMALL, Person, chromium, opened
 from tests.browser.records import figures_of, newest
 from tests.browser.test_day import looked_at, site
 
@@ -30,17 +30,19 @@ def alone(text: str) -> str:
 
 
 def _risk_is_typed(anna: Person) -> None:
-    """What is typed goes along; here with another machine's name, so that nothing is written."""
+    """What is typed goes along; the answer is this test's, so that nothing is written."""
     anna.sees(".chip.unprotected", re.compile(r"\S"))
     page = anna.page
     page.locator("#write").click()
     page.locator("#typed-risk").fill("unprotected")
-    page.locator("#typed-machine").fill("another")
+    page.locator("#typed-machine").fill(anna.site)
     anna.keep("push-risk")
+    page.route("**/commands/push", lambda route: route.fulfill(status=409, json=REFUSED))
     with page.expect_request(lambda one: one.url.endswith("/commands/push")) as sent:
         page.locator("#yes").click()
     assert '"risk":"unprotected"' in (sent.value.post_data or "")
-    anna.sees("#refused", "another")
+    page.locator("dialog .keys button").first.click()
+    page.unroute("**/commands/push")
 
 
 def _trend_is_the_records(anna: Person, at: Hall) -> None:

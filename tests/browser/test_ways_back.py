@@ -37,6 +37,7 @@ def test_a_whole_consent_goes_back_is_stopped_and_undone_then_stopped_and_finish
         anna.go("capture")
         assert anna.done(anna.give("#measure-axes"))["error"] is None
         anna.go("push")
+        assert anna.done(anna.give("#show-plan"))["error"] is None
         assert anna.done(anna.give("#write", anna.site))["error"] is None
         _shown_before(anna, at)
         _stopped(anna, at)

@@ -7,7 +7,8 @@ import { h, same, show, write } from "./dom.js";
 import { clock, number, signed, unit } from "./figures.js";
 import { mounting } from "./drawing.js";
 import { riskAsked, riskParts } from "./push.js";
-import { stuckFor, untested } from "./sentence.js";
+import { beamMissing, seesBeam, stuckFor, untested } from "./sentence.js";
+import { devOf, unitOf } from "./readings.js";
 import { base, may, on, state } from "./state.js";
 import { recorded, t, told } from "./words.js";
 
@@ -39,48 +40,36 @@ function instrumentNow() {
   return state.status.run || !(own in state.readings) ? state.active : own;
 }
 
+// While an axis is measured its last corrected deviation is what is large; what the instrument shows is small and named.
 function readout(box) {
-  const big = h("output", { class: "digits", id: "reading" });
+  const big = h("span", { class: "digits", id: "reading" });
   const small = h("span", { class: "unit" });
+  const about = h("span", { class: "uncertainty", id: "reading-u" });
   const which = h("span", { class: "which" });
   const beam = h("strong", { class: "beam" });
   const bar = h("meter", { min: 0, max: 1, low: 0.5, high: 0.9, optimum: 1, "aria-label": t("capture.signal") });
-  const deviation = h("span", { class: "last" });
+  const raw = h("span", { class: "raw", id: "raw" });
   const seen = h("small", { class: "sequence", id: "sequence" });
-  show(box, h("div", { class: "row" }, which, beam, bar), h("div", { class: "row big" }, big, small), h("div", { class: "row" }, deviation, seen));
+  show(box, h("div", { class: "row" }, which, beam, bar), h("div", { class: "row big" }, big, small, about), h("div", { class: "row" }, raw, seen));
   return () => {
     const data = state.readings[instrumentNow()];
-    const axis = state.plan.axes.find((one) => one.axis === state.status.run?.axis);
+    const last = state.status.run ? state.taken[state.taken.length - 1] : null;
     const fresh = data && Date.now() - data.at < 2000;
-    const name = data?.channels[0];
-    const kind = channelUnit(name);
-    write(big, fresh ? signed(data.last[0], DIGITS[kind] ?? 3) : "– – –");
-    write(small, fresh ? unit(kind) : "");
-    write(which, data ? `${data.instrument}${axis && fresh ? ` · ${axis.axis}` : ""}` : t("capture.no_reading"));
-    const lost = fresh && data.signal < 0.5;
-    write(beam, !data ? "" : !fresh ? `○ ${t("capture.silent")}` : lost ? `✖ ${t("capture.beam_lost")}` : `✔ ${t("capture.beam_ok")}`);
-    beam.className = `beam ${lost ? "bad" : ""}`;
-    big.className = lost ? "digits stale" : "digits";
+    const kind = channelUnit(data?.channels[0]);
+    const shows = fresh ? signed(data.last[0], DIGITS[kind] ?? 3) : "– – –";
+    const [lost, sees] = [fresh && data.signal < 0.5, data && seesBeam(data.instrument)];
+    write(big, last ? signed(devOf(last), 2) : shows);
+    write(small, last ? unit(unitOf(last.axis)) : fresh ? unit(kind) : "");
+    write(about, last ? `± ${number(last.expanded, 2)} ${t("capture.provisional")}` : "");
+    write(which, last ? `${last.axis} ${number(last.target, 3)} ${last.approach > 0 ? "▷" : "◁"}` : data ? `${data.instrument} · ${t("capture.raw")}` : t("capture.no_reading"));
+    write(beam, !data ? "" : !fresh ? `○ ${t("capture.silent")}` : lost ? (beamMissing() ? `✖ ${t("capture.beam_lost")}` : `○ ${t("capture.no_light")}`) : sees ? `✔ ${t("capture.beam_ok")}` : `○ ${t("capture.beam_unseen")}`);
+    beam.className = `beam ${lost && beamMissing() ? "bad" : lost || !sees || !fresh ? "unknown" : ""}`;
+    big.className = !last && lost ? "digits stale" : "digits";
+    bar.hidden = Boolean(data) && !sees;
     bar.value = fresh ? data.signal : 0;
-    const last = state.taken[state.taken.length - 1];
-    write(deviation, last ? `${t("capture.last")}: ${last.axis} ${number(last.target, 3)} ${last.approach > 0 ? "▷" : "◁"} ${signed(devOf(last), 2)} ${unit(unitOf(last.axis))}` : "");
+    write(raw, data && last ? `${data.instrument} · ${t("capture.raw")}: ${shows} ${fresh ? unit(kind) : ""}` : "");
     write(seen, data ? `#${data.sequence}` : "");
   };
-}
-
-export const axisOf = (name) => state.plan.axes.find((one) => one.axis === name);
-export const unitOf = (name) => part(name)[0]?.unit ?? (axisOf(name)?.unit === "deg" ? "arcsec" : "um");
-
-// The readings of an axis that belong together: those of the newest part of the command.
-export function part(name) {
-  const own = state.taken.filter((one) => one.axis === name);
-  const newest = own[own.length - 1]?.part;
-  return own.filter((one) => one.part === newest);
-}
-
-// A reading of the plot against the first one of its axis: what it is but for a constant.
-export function devOf(one) {
-  return one.deviation - state.taken.find((other) => other.axis === one.axis && other.part === one.part).deviation;
 }
 
 function air(box) {
@@ -99,31 +88,16 @@ function waiting(box) {
   const line = !run ? t("capture.idle") : state.ask ? t("capture.asked") : run.kind === "self-test" ? t("capture.still") : now ? t("capture.waits", { what: recorded(now.missing) }) : t("capture.goes_on");
   show(box, h("div", { class: "row" }, h("strong", {}, line), now && h("span", { class: "num" }, `${number(now.done_s, 1)} / ${number(now.needed_s, 1)} s`)),
     now ? h("progress", { max: now.needed_s || 1, value: now.done_s, "aria-label": line }) : h("progress", { max: 1, value: 0, "aria-label": line }),
-    h("div", { class: "row togo" }, ...(now && stuckFor() ? [h("strong", { class: "warn", id: "stuck", role: "status" }, `▲ ${t("capture.stuck", { seconds: stuckFor() })}`)] : togo(run))));
+    h("div", { class: "row togo" }, ...(now && stuckFor() > 0 ? [h("strong", { class: "warn", id: "stuck", role: "status" }, `▲ ${t("capture.stuck", { seconds: stuckFor() })}`)] : togo(run))));
 }
 
-const pace = { key: "", first: 0, at: 0, day: null };
-
+// By the service's own reckoning; while nobody is asked for anything it runs down between two words of it.
 function togo(run) {
-  if (!run?.total) return [h("span", {}, "")];
-  const key = `${run.started_utc} ${run.axis} ${run.stage} ${run.total}`;
-  if (pace.key !== key) Object.assign(pace, { key, first: run.done, at: Date.now() });
-  const made = run.done - pace.first;
-  const left = made > 0 ? ((run.total - run.done) * (Date.now() - pace.at)) / 1000 / made : null;
+  if (!run) return [h("span", {}, "")];
+  const passed = state.ask ? 0 : (Date.now() - state.pictured) / 1000;
+  const about = (name, seconds) => typeof seconds === "number" && h("span", {}, `${t(`capture.${name}`)}: ${t("capture.about", { time: clock(Math.max(0, seconds - passed)) })}`);
   const setup = state.said.filter((one) => one.fields.number && one.kind === "step").slice(-1)[0];
-  const whole = dayLeft(run, setup);
-  return [h("span", {}, `${t("capture.setup_left")}: ${left === null ? "–" : clock(left)}`), whole !== null && h("span", {}, `${t("capture.day_left")}: ${clock(whole)}`),
-    setup && h("span", {}, t("capture.setup_of", { number: setup.fields.number, total: setup.fields.total }))];
-}
-
-// From how long the parts before this one took: set-ups of a day, or axes of a run.
-function dayLeft(run, setup) {
-  const axes = state.plan.axes.map((one) => one.axis);
-  const [number, total] = setup ? [Number(setup.fields.number), Number(setup.fields.total)] : [axes.indexOf(run.axis) + 1, axes.length];
-  const made = number - 1 + run.done / run.total;
-  // Before a twentieth is done it tells more of who had to press than of what is left.
-  if (!(made > 0.05) || total < 2) return null;
-  return Math.max(0, ((Date.now() - Date.parse(run.started_utc)) / 1000 / made) * (total - made));
+  return [about("setup_left", run.program_left_s), about("day_left", run.left_s), setup && h("span", {}, t("capture.setup_of", { number: setup.fields.number, total: setup.fields.total }))];
 }
 
 function commands(box) {

@@ -1,10 +1,9 @@
 // The targets of the axis at work: what was taken of each; the last one stays in the middle; a touch takes it again.
 import { post } from "./api.js";
-import { axisOf, devOf, part } from "./capture.js";
-import { shownAxis } from "./captureplot.js";
 import { confirmed, shown } from "./dialogs.js";
 import { h, same, show, write } from "./dom.js";
 import { number, signed, unit } from "./figures.js";
+import { axisOf, devOf, part, shownAxis, unitOf } from "./readings.js";
 import { base, may, state } from "./state.js";
 import { t, told } from "./words.js";
 
@@ -14,7 +13,7 @@ export function targetList(box) {
   const targets = [...new Set([...axis.targets, ...found.map((one) => one.target)])].sort((a, b) => a - b);
   const last = found[found.length - 1];
   // The keys stay while readings come.
-  if (!same(box, axis.axis, targets)) show(box, h("table", {}, h("thead", {}, h("tr", {}, h("th", { class: "num" }, t("capture.number")), h("th", { class: "num" }, `${t("chart.target")} [${unit(axis.unit)}]`), h("th", {}, "▷"), h("th", {}, "◁"), h("th", { class: "num" }, t("capture.mean")), h("th", {}, h("span", { class: "hidden" }, t("capture.again"))))), h("tbody", {}, targets.map((target, at) => row(axis, target, at)))));
+  if (!same(box, axis.axis, targets)) show(box, h("table", {}, h("thead", {}, h("tr", {}, h("th", { class: "num" }, t("capture.number")), h("th", { class: "num" }, `${t("chart.target")} [${unit(axis.unit)}]`), h("th", {}, "▷"), h("th", {}, "◁"), h("th", { class: "num" }, `${t("capture.mean")} [${unit(unitOf(axis.axis))}]`), h("th", {}, h("span", { class: "hidden" }, t("capture.again"))))), h("tbody", {}, targets.map((target, at) => row(axis, target, at)))));
   const rows = box.querySelectorAll("tbody tr");
   const before = box.querySelector(".current");
   targets.forEach((target, at) => tell(rows[at], found.filter((one) => one.target === target), last?.target === target));

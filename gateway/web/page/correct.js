@@ -1,6 +1,6 @@
 // Old and new tables as the control interpolates them, their difference, what was found, and what the axis will show.
 import { get } from "./api.js";
-import { band, level, limits, line, plot } from "./charts.js";
+import { chart } from "./chart.js";
 import { failed, h, same, show, turn } from "./dom.js";
 import { array, number, unit, when } from "./figures.js";
 import { record } from "./evaluate.js";
@@ -71,10 +71,8 @@ function tables(change, axis) {
   const fresh = xs.map((one) => valueAt(change.new, one));
   const old = xs.map((one) => (change.old_enabled ? valueAt(change.old, one) : 0));
   const difference = fresh.map((one, at) => one - old[at]);
-  const u = deviationUnit(change);
-  const nodes = (place) => [level(0, place, "zero"), line(xs, old, place, "old"), line(xs, fresh, place, "new"), line(xs, difference, place, "difference")];
-  return [h("div", { class: "row head" }, h("h2", {}, t("correct.table", { name: nameOf(change) })), h("span", { class: "legend" }, h("i", { class: "old" }, "┄"), t("correct.old"), h("i", { class: "new" }, "━"), t("correct.new"), h("i", { class: "difference" }, "·"), t("correct.difference"))),
-    plot({ x: limits(xs, 0.02), y: limits([...fresh, ...old, ...difference, 0]), label: t("correct.table", { name: nameOf(change) }), xName: `${change.new.input_axis} [${unit(axis.unit)}]`, yName: `[${u}]`, nodes })];
+  return chart({ title: t("correct.table", { name: nameOf(change) }), xName: change.new.input_axis, xUnit: unit(axis.unit), yName: t("chart.deviation"), yUnit: deviationUnit(change),
+    curves: [{ name: t("correct.old"), look: "old", dashed: true, x: xs, y: old }, { name: t("correct.new"), look: "new", x: xs, y: fresh }, { name: t("correct.difference"), look: "difference", dashed: true, x: xs, y: difference }] });
 }
 
 // By how much the axis moves at most once the new table acts in place of what acts now.
@@ -89,8 +87,8 @@ function predicted(change, axis) {
   const [xs, means, half] = [array(change.targets), array(change.predicted), array(change.predicted_U)];
   if (!xs.length) return null;
   const [low, high] = [means.map((one, at) => one - half[at]), means.map((one, at) => one + half[at])];
-  const nodes = (place) => [level(0, place, "zero"), band(xs, low, high, place, "new"), line(xs, means, place, "new")];
-  return [h("h2", {}, t("correct.predicted", { axis: change.axis })), plot({ x: limits(xs, 0.02), y: limits([...low, ...high, 0]), label: t("correct.predicted", { axis: change.axis }), xName: `${change.new.input_axis} [${unit(axis.unit)}]`, yName: `[${deviationUnit(change)}]`, nodes })];
+  return chart({ title: t("correct.predicted", { axis: change.axis }), xName: change.new.input_axis, xUnit: unit(axis.unit), yName: t("chart.deviation"), yUnit: deviationUnit(change), fits: true,
+    curves: [{ name: "± U", look: "new", kind: "band", follows: true, x: xs, y: low, high }, { name: t("chart.predicted"), look: "new", fit: true, x: xs, y: means }] });
 }
 
 function facts(change, axis, proposal) {

@@ -22,9 +22,17 @@ export function confirmed(title, text, yes = title) {
 
 // The machine's name, typed: consent to a write.
 export function machineTyped(title, parts, name) {
-  const input = h("input", { id: "typed-machine", autocomplete: "off", spellcheck: "false" });
-  return ask(title, [...parts, field(t("dialog.type_name", { name }), input)], (over) => [back(over),
-    h("button", { class: "primary danger", id: "yes", onclick: () => input.value && over(input.value.trim()) }, title)]);
+  // Another name begins nothing: it is compared here, not by a command that then fails.
+  const same = () => input.value.trim() === name;
+  const yes = h("button", { class: "primary danger", id: "yes", disabled: true, onclick: () => same() && over_(input.value.trim()) }, title);
+  const said = h("p", { class: "muted", id: "typed-other", role: "status" });
+  const typed = () => {
+    yes.disabled = !same();
+    said.textContent = input.value && !name.startsWith(input.value.trim()) ? t("dialog.other_name", { name }) : "";
+  };
+  const input = h("input", { id: "typed-machine", autocomplete: "off", spellcheck: "false", oninput: typed });
+  let over_ = () => {};
+  return ask(title, [...parts, field(t("dialog.type_name", { name }), input), said], (over) => { over_ = over; return [back(over), yes]; });
 }
 
 // A second person signs with name and PIN or password; the first one stays signed in.

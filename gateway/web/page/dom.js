@@ -33,7 +33,7 @@ export function show(node, ...children) {
 // Whether a box shows just this already: a key that is drawn anew between press and release hears no press, and a
 // field loses what is being typed.
 export function same(box, ...what) {
-  const key = JSON.stringify([...what, document.documentElement.lang]);
+  const key = JSON.stringify([...what, document.documentElement.lang, document.documentElement.dataset.words]);
   if (box.dataset.key === key) return true;
   box.dataset.key = key;
   return false;

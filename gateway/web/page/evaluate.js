@@ -1,6 +1,6 @@
 // A run's figures: curves with mean and band, figures with U against limits, and what stands behind a number.
 import { get } from "./api.js";
-import { band, level, limits, line, mark, plot } from "./charts.js";
+import { chart } from "./chart.js";
 import { shown } from "./dialogs.js";
 import { failed, h, same, show, turn } from "./dom.js";
 import { array, number, signed, unit, when } from "./figures.js";
@@ -41,7 +41,7 @@ async function drawAll(head, body) {
   asked.run = run.run_id;
   const set = sets.find(([, axis, phase]) => axis === asked.axis && phase === asked.phase) ?? sets[0];
   [, asked.axis, asked.phase] = set;
-  if (same(body, runs.map((one) => [one.run_id, one.state, one.stages.length]), asked)) return null;
+  if (same(body, runs.map((one) => [one.run_id, one.state, one.stages.length]), asked, kept_.count)) return null;
   const put = turn(body);
   const standards = await get("/api/v1/standards");
   const again = () => drawAll(head, body);
@@ -49,12 +49,19 @@ async function drawAll(head, body) {
     options.map(([key, text]) => h("option", { value: key, selected: key === value }, text))));
   show(head, pick("run", runs.map((one) => [one.run_id, `${when(one.created_utc)} · ${stateOf(one)}`]), asked.run),
     pick("axis", sets.map(([, axis, phase]) => [`${axis} ${phase}`, `${axis} · ${t(`phase.${phase}`)}`]), `${asked.axis} ${asked.phase}`),
-    pick("standard", [["", t("evaluate.stored")], ...standards.map((one) => [one.name, one.name])], asked.standard));
+    pick("standard", [["", t("evaluate.stored")], ...standards.map((one) => [one.name, one.name])], asked.standard), toleranceOf(again));
   const evaluation = await record(asked.run, `evaluation-${asked.axis}-${asked.phase}`);
   const capture = await record(asked.run, `capture-${asked.axis}-${asked.phase}`);
   const figures = await figuresNow();
   put(h("div", { class: "panel plots" }, curve(evaluation, capture)), h("div", { class: "panel figures" }, table(figures, { evaluation, capture, standard: standards.find((one) => one.name === figures.standard) })));
 }
+
+// A band of a person's own, drawn and never judged by.
+function toleranceOf(again) {
+  const changed = (event) => { localStorage.setItem(`tolerance ${asked.axis}`, event.target.value); kept_.count += 1; again(); };
+  return h("label", { class: "inline" }, t("capture.tolerance"), h("input", { id: "tolerance", type: "number", min: 0, step: 0.5, inputmode: "decimal", value: localStorage.getItem(`tolerance ${asked.axis}`) ?? "", onchange: changed }));
+}
+const kept_ = { count: 0 };
 
 function choose(name, value) {
   if (name === "axis") [asked.axis, asked.phase] = value.split(" ");
@@ -67,22 +74,28 @@ const limitText = () => Object.entries(limitsKept()).map(([name, value]) => `${n
 
 const figuresNow = () => at(`figures/${encodeURIComponent(asked.axis)}?${new URLSearchParams({ phase: asked.phase, standard: asked.standard, limits: limitText() })}`);
 
-export function curve(evaluation, capture) {
+// Mean of each direction with its band of 2 s, every reading, and the limits that a person set.
+export function curvesOf(evaluation, capture) {
   const [x, up, down] = [array(evaluation.targets), array(evaluation.mean_up), array(evaluation.mean_down)];
   const [su, sd] = [array(evaluation.s_up), array(evaluation.s_down)];
   const add = (means, spreads, times) => means.map((one, i) => one + times * spreads[i]);
-  const bands = [add(up, su, -2), add(up, su, 2), add(down, sd, -2), add(down, sd, 2)];
+  const band = (look, means, spreads) => ({ name: `${t(`chart.${look}`)} ± 2 s`, look, kind: "band", follows: true, x, y: add(means, spreads, -2), high: add(means, spreads, 2) });
   const readings = capture ? array(capture.deviations) : [];
   const xs = capture ? array(capture.targets) : [];
-  const u = unit(evaluation.unit);
+  const points = (look, way) => ({ name: `${t(`chart.${look}`)}: ${t("chart.readings")}`, look, kind: "points", approach: way === 0 ? 1 : -1, follows: true,
+    x: readings.flatMap((one, i) => one.map(() => xs[i])), y: readings.flatMap((one) => one.map((pair) => pair[way])) });
+  const both = { name: t("chart.both"), look: "new", dashed: true, fit: true, x, y: up.map((one, i) => (one + down[i]) / 2) };
+  return [band("up", up, su), band("down", down, sd), ...(readings.length ? [points("up", 0), points("down", 1)] : []),
+    { name: t("chart.up"), look: "up", follows: true, x, y: up }, { name: t("chart.down"), look: "down", follows: true, dashed: true, x, y: down }, both];
+}
+
+export function curve(evaluation, capture) {
   const half = Number(localStorage.getItem(`tolerance ${capture?.axis}`) ?? 0);
-  const nodes = (place) => [half ? band(limits(x, 0.02), [-half, -half], [half, half], place, "tolerance") : null, level(0, place, "zero"),
-    band(x, bands[0], bands[1], place, "up"), band(x, bands[2], bands[3], place, "down"),
-    ...readings.flatMap((one, i) => one.flatMap((pair, j) => pair.map((value, way) => Number.isFinite(value) ? mark(xs[i], value, way === 0 ? 1 : -1, place, `faint ${way === 0 ? "up" : "down"} r${j + 1}`, 3) : null))),
-    line(x, up, place, "up"), line(x, down, place, "down")];
-  const axis = capture?.axis_unit === "deg" ? "°" : "mm";
-  return [h("div", { class: "row head" }, h("h2", {}, `${capture?.component ?? ""} · ${capture?.axis ?? ""}`), h("span", { class: "legend" }, h("i", { class: "up" }, "▷"), t("chart.up"), h("i", { class: "down" }, "◁"), t("chart.down"), h("span", {}, `· ${t("chart.band")}`))),
-    plot({ x: limits(x, 0.02), y: limits([...bands.flat(), ...readings.flat(2), ...(half ? [half, -half] : [])]), label: t("evaluate.curve"), xName: `${t("chart.target")} [${axis}]`, yName: `${t("chart.deviation")} [${u}]`, nodes })];
+  const x = array(evaluation.targets);
+  const ends = [Math.min(...x), Math.max(...x)];
+  const tolerance = half > 0 ? [{ name: t("chart.tolerance"), look: "good", kind: "band", x: ends, y: [-half, -half], high: [half, half] }] : [];
+  return chart({ title: `${capture?.component ?? ""} · ${capture?.axis ?? ""}`, xName: t("chart.target"), xUnit: unit(capture?.axis_unit ?? ""), yName: t("chart.deviation"), yUnit: unit(evaluation.unit), fits: true,
+    curves: [...tolerance, ...curvesOf(evaluation, capture)] });
 }
 
 const VERDICT = { pass: ["✔", "pass"], fail: ["✖", "fail"], "not decidable": ["?", "open"] };

@@ -3,10 +3,12 @@ const UNITS = { um: "µm", degC: "°C", arcsec: "″", deg: "°" };
 
 export const unit = (name) => UNITS[name] ?? name ?? "";
 
+const decimal = (text) => (document.documentElement.lang === "de" ? text.replace(".", ",") : text);
+
 export function number(value, digits = 2) {
   if (value === null || value === undefined || !Number.isFinite(Number(value))) return "–";
   const text = Number(value).toFixed(digits);
-  return Number(text) === 0 ? text.replace("-", "") : text.replace("-", "−");
+  return decimal(Number(text) === 0 ? text.replace("-", "") : text.replace("-", "−"));
 }
 
 export function signed(value, digits = 2) {

@@ -1,4 +1,6 @@
 // A whole gear unrolled: spaces along, face width up; blue is below, red above nominal, white at zero.
+import { number } from "./figures.js";
+
 const BELOW = [33, 102, 172];
 const ABOVE = [178, 24, 43];
 
@@ -22,7 +24,7 @@ export function unrolled(canvas, { deviation_um: spaces, largest_um: largest, z_
   for (let k = 0; k < spaces.length; k += step) pen.fillText(String(k), left + (k + 0.5) * cell * spaces[0].length, bottom + em * 0.9);
   for (let k = 1; k < spaces.length; k += 1) pen.strokeRect(left + k * cell * spaces[0].length, top, 0, bottom - top);
   pen.textAlign = "right";
-  for (const z of [0, heights.length - 1]) pen.fillText(heights[z].toFixed(1).replace("-", "−"), left - em * 0.4, bottom - (z + 0.5) * row);
+  for (const z of [0, heights.length - 1]) pen.fillText(number(heights[z], 1), left - em * 0.4, bottom - (z + 0.5) * row);
   scaleOf(pen, { left: right + em * 0.6, top, bottom, em, scale });
 }
 
@@ -33,8 +35,7 @@ function scaleOf(pen, { left, top, bottom, em, scale }) {
     pen.fillRect(left, top + y, em * 0.8, 1.5);
   }
   Object.assign(pen, { fillStyle: ink, textAlign: "left" });
-  const text = (value) => (value < 0 ? `−${(-value).toFixed(1)}` : value.toFixed(1));
-  for (const [value, y] of [[scale, top + em * 0.4], [0, (top + bottom) / 2], [-scale, bottom - em * 0.4]]) pen.fillText(text(value), left + em, y);
+  for (const [value, y] of [[scale, top + em * 0.4], [0, (top + bottom) / 2], [-scale, bottom - em * 0.4]]) pen.fillText(number(value, 1), left + em, y);
 }
 
 function colour(value) {

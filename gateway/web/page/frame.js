@@ -23,14 +23,39 @@ export function build({ again, load }) {
   const go = (name) => { location.hash = name; turnTo(name); };
   const wanted = () => (location.hash.slice(1) in screens ? location.hash.slice(1) : FIRST);
   state.screen = wanted();
+  turn = go;
   // The browser's own back key.
   const back = () => { if (wanted() !== state.screen) turnTo(wanted()); };
   addEventListener("hashchange", back);
   for (const end of ends) end();
   const timer = setInterval(() => { tick(top); drawNow(now); }, 1000);
-  ends = [on("frame", () => { drawTop(bar, { again, load, redraw }); drawNow(now); drawLow(foot); }), () => clearInterval(timer), () => removeEventListener("hashchange", back)];
+  ends = [on("frame", () => { drawRail(rail, go); drawTop(bar, { again, load, redraw }); drawNow(now); drawLow(foot); }), () => clearInterval(timer), () => removeEventListener("hashchange", back)];
   redraw();
-  return [top, now, rail, body, low];
+  const skip = h("a", { class: "skip", href: "#screen", onclick: (event) => { event.preventDefault(); body.focus(); } }, t("frame.skip"));
+  const shut = (event) => closed(top, event);
+  for (const kind of ["keydown", "pointerdown"]) addEventListener(kind, shut);
+  ends.push(() => { for (const kind of ["keydown", "pointerdown"]) removeEventListener(kind, shut); });
+  return [skip, top, now, rail, body, low];
+}
+
+// A menu closes by Escape and by a press beside it.
+function closed(top, event) {
+  const menu = top.querySelector("details.menu[open]");
+  if (!menu || (event.type === "keydown" ? event.key !== "Escape" : menu.contains(event.target))) return;
+  menu.open = false;
+  if (event.type === "keydown") menu.querySelector("summary").focus();
+}
+
+// What of a day is done, and what has nothing to work on yet.
+const MEASURED = ["measured", "partial", "proposed", "better", "unchanged", "worse", "pushed", "not-pushed"];
+function stepOf(name) {
+  const states = state.status.last_runs.filter((one) => !one.problem).map((one) => one.state);
+  const some = (...wanted) => states.some((one) => wanted.includes(one));
+  const proposed = some(...MEASURED.slice(2));
+  const done = { connect: state.status.devices.every((one) => ["open", "in use"].includes(one.state)), capture: some(...MEASURED), evaluate: some(...MEASURED), model: false,
+    correct: proposed, push: (state.tables?.tables ?? []).some((one) => one.acts === "on"), report: some("better", "unchanged", "worse") };
+  const locked = { evaluate: !done.capture, model: !state.plan.setups.length, correct: !proposed, push: !proposed && !done.push, report: !done.capture };
+  return done[name] ? "done" : locked[name] ? "locked" : "";
 }
 
 // So many letters of the large sentence stand in one line of the small screen; Chinese ones take twice the room.
@@ -47,10 +72,11 @@ function open(body) {
 }
 
 function drawRail(rail, go) {
-  if (same(rail, state.screen)) return;
-  show(rail, Object.keys(screens).map((name, at) =>
-    h("button", { class: "step", id: `go-${name}`, "aria-current": state.screen === name ? "page" : null, onclick: () => go(name) },
-      h("span", { class: "number", "aria-hidden": "true" }, at + 1), h("span", {}, t(`frame.${name}`)))));
+  const steps = Object.keys(screens).map((name) => [name, stepOf(name)]);
+  if (same(rail, state.screen, steps)) return;
+  show(rail, steps.map(([name, how], at) =>
+    h("button", { class: `step ${how}`, id: `go-${name}`, "aria-current": state.screen === name ? "page" : null, onclick: () => go(name) },
+      h("span", { class: "number", "aria-hidden": "true" }, how === "done" ? "✓" : at + 1), h("span", {}, t(`frame.${name}`), how && h("span", { class: "hidden" }, `, ${t(`frame.step_${how}`)}`)))));
 }
 
 const MARK = { running: "▶", ready: "✔", attention: "▲", "still-on": "✖", open: "✔", "in use": "▶", lost: "▲", failed: "✖", closed: "○" };
@@ -138,11 +164,14 @@ function menu({ again, redraw }) {
       h("button", { id: "sound", onclick: sound }, told_()), h("button", { id: "look", onclick: look }, `◐ ${t("frame.look")}`), h("button", { id: "leave", onclick: leave }, t("frame.leave"))));
 }
 
+let turn = () => {};
 function drawNow(now) {
-  const { loud, head, more } = sentence();
-  if (same(now, loud, head, more)) return;
+  document.documentElement.classList.toggle("stale", Boolean(state.stale || state.offline));
+  const { loud, head, more, to } = sentence();
+  const key = to && to !== state.screen ? to : "";
+  if (same(now, loud, head, more, key)) return;
   now.className = `now ${loud}${head.length > (document.documentElement.lang === "zh" ? LINE / 2 : LINE) ? " long" : ""}`;
-  show(now, h("h1", {}, head), more && h("p", {}, more));
+  show(now, h("h1", {}, head), more && h("p", {}, more), key && h("button", { class: "primary", id: "now-key", onclick: () => turn(key) }, t(`frame.${key}`)));
 }
 
 function drawLow({ work, stop: place }) {

@@ -6,13 +6,19 @@ import { base, changed, state } from "./state.js";
 let source = null;
 let retry = 0;
 const AGAIN_MS = 2000;
+// The service says something every 5 s at least. A cut cable ends no socket: then two beats are missed.
+const STALE_MS = 10_000;
+let heard = 0;
+let watch = 0;
 // What stands in the service as it was after the last command: a page that never saw a short one asks for it too.
 let coming = Promise.resolve();
 
 export function listen() {
   deaf();
   source = new EventSource(`${base()}/stream`);
-  const hear = (kind, take) => source.addEventListener(kind, (event) => take(JSON.parse(event.data), event));
+  const hear = (kind, take) => source.addEventListener(kind, (event) => { alive(); take(JSON.parse(event.data), event); });
+  if (!state.stale) heard = Date.now();
+  watch = setInterval(doubt, 1000);
   source.onopen = () => {
     if (state.offline) again();
     state.offline = false;
@@ -25,12 +31,13 @@ export function listen() {
     // A service that just begins refuses the stream: then the browser does not try again by itself.
     if (source.readyState === EventSource.CLOSED) retry = setTimeout(listen, AGAIN_MS);
   };
+  hear("beat", () => {});
   hear("picture", picture);
   hear("state", picture);
   hear("said", said);
   hear("reading", reading);
   hear("ambient", (data) => { state.ambient = { ...data, at: Date.now() }; changed("ambient"); });
-  hear("waiting", (data) => { state.waiting = { ...data, since: state.waiting?.since ?? Date.now() }; changed("waiting"); });
+  hear("waiting", (data) => { state.waiting = { ...data, since: state.waiting?.since ?? Date.now(), at: Date.now() }; changed("waiting"); });
   hear("taken", taken);
   hear("ended", again);
   // More windows of this person listen than may: this one is the oldest and does not ask again by itself.
@@ -41,8 +48,27 @@ export function listen() {
 
 const again = () => { coming = refresh().catch(() => {}); };
 
+function alive() {
+  heard = Date.now();
+  if (!state.stale) return;
+  state.stale = 0;
+  again();
+  changed("frame");
+}
+
+// How old what is shown is, once it is too old to be believed; a stream that is open but silent is opened again.
+function doubt() {
+  const silent = Date.now() - heard;
+  if (silent < STALE_MS) return;
+  const first = !state.stale;
+  state.stale = Math.round(silent / 1000);
+  changed("frame");
+  if (first && source.readyState !== EventSource.CLOSED) get("/api/v1/me").then(() => state.stale && listen(), () => {});
+}
+
 export function deaf() {
   clearTimeout(retry);
+  clearInterval(watch);
   source?.close();
 }
 
@@ -51,12 +77,19 @@ function picture(data) {
   state.status = data;
   state.ask = data.run?.ask ?? null;
   state.moves = data.run?.moves ?? [];
+  state.pictured = Date.now();
   if (data.run) state.steps = data.run.steps;
+  if (data.ambient) airOf(data.ambient);
   if (data.run && data.run.started_utc !== before?.run?.started_utc) begin();
   const shown = () => changed("frame", "status", "jobs");
   // What a command came to is asked for first: nobody is shown its end with the answer of the one before.
   if (before?.run && !data.run) coming.then(shown);
   else changed("frame", "status");
+}
+
+// Air of a picture: the moment it was read is by the service's clock, and so is the picture's.
+export function airOf(found) {
+  if (!state.ambient.at || found.utc !== state.ambient.utc) state.ambient = { ...found, at: Date.now() - Math.max(0, Date.parse(state.status.now_utc) - Date.parse(found.utc)) };
 }
 
 function begin() {

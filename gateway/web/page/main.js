@@ -2,11 +2,11 @@
 import { get, setKey, whenGone } from "./api.js";
 import { h, show } from "./dom.js";
 import { build } from "./frame.js";
-import { deaf, listen, refresh } from "./live.js";
+import { airOf, deaf, listen, refresh } from "./live.js";
 import { setUp } from "./setup.js";
 import { signIn } from "./signin.js";
-import { state } from "./state.js";
-import { language, speak } from "./words.js";
+import { changed, state } from "./state.js";
+import { language, speak, whenMore } from "./words.js";
 
 const root = document.getElementById("page");
 
@@ -43,9 +43,12 @@ async function load() {
   state.ask = state.status.run?.ask ?? null;
   state.moves = state.status.run?.moves ?? [];
   state.steps = state.status.run?.steps ?? [];
+  state.pictured = Date.now();
+  if (state.status.ambient) airOf(state.status.ambient);
   state.taken = await get(`${at}/taken`);
   await refresh();
 }
 
 look();
+whenMore(() => changed("frame", "status", "jobs", "said", "waiting", "taken"));
 speak(language()).then(enter).catch((error) => show(root, h("p", { class: "fault", role: "alert" }, String(error.what ?? error))));

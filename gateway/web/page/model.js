@@ -1,8 +1,9 @@
 // The errors of the machine with their bands, what each does to the tooth, and the flank as it would be with others.
 import { get } from "./api.js";
-import { band, level, limits, line, plot } from "./charts.js";
+import { chart } from "./chart.js";
+import { band, level, limits, line } from "./charts.js";
 import { failed, h, s, same, show, turn, write } from "./dom.js";
-import { number, unit, when } from "./figures.js";
+import { number, signed, unit, when } from "./figures.js";
 import { unrolled } from "./flankmap.js";
 import { base, chosen, on, state } from "./state.js";
 import { message, prose, stateOf, t, told } from "./words.js";
@@ -44,7 +45,7 @@ function drawRun(body, found) {
     for (const one of body.querySelectorAll("button.error")) one.setAttribute("aria-pressed", String(one.textContent === name));
     curveOf(curve, found.errors.find((one) => one.name === name));
   };
-  show(body, h("div", { class: "panel errors" }, h("h2", {}, t("model.errors", { count: rows.filter((one) => one.state === "measured").length, all: rows.length })), table(rows, found, { pick, flank }), found.said.map((one) => h("p", { class: "muted" }, message(one)))),
+  show(body, h("div", { class: "panel errors" }, h("h2", {}, t("model.errors", { count: rows.filter((one) => one.state === "measured").length, all: rows.length })), table(rows, found, { pick, flank }), setups(found.tooth), found.said.map((one) => h("p", { class: "muted" }, message(one)))),
     h("div", { class: "stack fill", tabindex: 0, role: "region", "aria-label": t("model.flank") }, flank ? flank.panel : h("p", { class: "panel empty" }, told(found.why)), curve, found.tooth && next(found.tooth)));
   pick(rows.some((one) => one.name === asked.error) ? asked.error : rows[0].name);
   flank?.ask();
@@ -63,6 +64,14 @@ function table(rows, found, { pick, flank }) {
   return h("table", { class: "errors" }, h("thead", {}, h("tr", {}, heads.map((one) => h("th", { class: one === "model.range" ? "num" : null }, t(one))))), h("tbody", {}, rows.map((row) =>
     h("tr", { "data-error": row.name }, h("td", {}, h("button", { class: "error", "aria-pressed": "false", onclick: () => pick(row.name) }, row.name)), h("td", {}, spark(row)), h("td", { class: "num range" }, range(row)),
       found.tooth && [h("td", { class: "effect" }, effect(found.tooth.ranking.find((one) => one.error === row.name), most), cure(found.tooth.cures.find((one) => one.error === row.name))), slider(row, found.tooth.sizes[row.name], flank)]))));
+}
+
+// The flank beside is made of these as well: they are set by hand, and no error of an axis.
+function setups(tooth) {
+  if (!tooth?.setup) return null;
+  const { x_um: x, c_arcsec: c, dressing_um: dressing } = tooth.setup;
+  return h("div", { id: "setup-values" }, h("h3", {}, t("tooth.setup")), h("dl", { class: "facts" }, [["tooth.x", x, "µm"], ["tooth.c", c, "″"], ["tooth.dressing", dressing, "µm"]].map(([name, value, of]) => h("div", {}, h("dt", {}, t(name)), h("dd", {}, `${signed(value)} ${of}`)))),
+    h("p", { class: "muted" }, t("model.setup_too")));
 }
 
 const range = (row) => [h("span", { "data-low": row.name }, row.state === "measured" && row.curve === null ? number(row.low) : `${number(row.low)} … ${number(row.high)}`), h("br"), h("small", {}, `${row.state === "measured" ? `U ${number(row.U)}` : t("model.assumed")} ${unit(row.unit)}`)];
@@ -142,8 +151,8 @@ function curveOf(box, row) {
   if (!row.curve) return show(box, h("h2", {}, row.name), h("p", {}, `${row.state === "measured" ? `${number(row.low)} ± ${number(row.U)}` : `± ${number(row.high)}`} ${unit(row.unit)}`), h("p", { class: "muted" }, prose(row.how)));
   const { at: xs, value, U } = row.curve;
   const [low, high] = [value.map((one, i) => one - U[i]), value.map((one, i) => one + U[i])];
-  show(box, h("div", { class: "row head" }, h("h2", {}, `${row.name} · ${row.curve.axis}`), h("span", { class: "legend" }, t("model.band"))),
-    plot({ x: limits(xs, 0.01), y: limits([...low, ...high, 0]), label: row.name, xName: `${row.curve.axis} [${unit(row.curve.unit)}]`, yName: `[${unit(row.unit)}]`, nodes: (place) => [level(0, place, "zero"), band(xs, low, high, place, "new"), line(xs, value, place, "new")] }));
+  return show(box, chart({ title: `${row.name} · ${row.curve.axis}`, xName: row.curve.axis, xUnit: unit(row.curve.unit), yName: row.name, yUnit: unit(row.unit), fits: true,
+    curves: [{ name: t("model.band"), look: "new", kind: "band", follows: true, x: xs, y: low, high }, { name: row.name, look: "new", fit: true, x: xs, y: value }] }));
 }
 
 function next(tooth) {

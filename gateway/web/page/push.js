@@ -44,18 +44,31 @@ async function plan(box) {
   const busy = Boolean(state.status.run);
   const needed = state.file.site.approvals;
   const agreed = state.approved[run.run_id]?.until > Date.now();
+  const looked = Boolean(lastLook(run.run_id)?.ended_utc) && !lastLook(run.run_id).error;
+  const acts = actsNow(proposal);
   // Nothing is written over a table that nobody stands for: first it is put right.
   const settled = state.tables?.settled !== false && !state.status.held.length && !state.status.left.length;
-  if (same(box, settled, runs.map((one) => [one.run_id, one.state]), run.run_id, busy, may("operator"), agreed && state.approved[run.run_id].by)) return;
+  if (same(box, settled, runs.map((one) => [one.run_id, one.state]), run.run_id, busy, may("operator"), looked, acts, agreed && state.approved[run.run_id].by)) return;
   show(box, h("div", { class: "row head" }, h("h2", {}, t("push.plan")), h("label", { class: "inline" }, t("evaluate.run"), h("select", { id: "pick-run", onchange: (event) => { asked.run = event.target.value; plan(box); } }, runs.map((one) => h("option", { value: one.run_id, selected: one === run }, `${when(one.created_utc)} · ${stateOf(one)}`))))),
     h("ul", { class: `moves${proposal.changes.length > MANY ? " many" : ""}` }, proposal.changes.map((one) => h("li", {}, h("b", {}, nameOf(one)), ` ${recorded(one.skipped) || t("push.replaces", { points: one.new.deviations.length, axis: one.axis, most: largest(one), old: t(one.old_enabled ? "correct.was_on" : "correct.was_off") })}`))),
-    h("p", {}, t(needed > 1 ? "push.two" : "push.one")),
-    h("p", { id: "approved" }, agreed ? `✔ ${t("push.approved_by", { names: state.approved[run.run_id].by.join(", ") })}` : `○ ${t("push.not_approved")}`),
+    acts ? h("p", { class: "good", id: "acts-now" }, `● ${t("push.acts_now")}`) : [h("p", {}, t(needed > 1 ? "push.two" : "push.one")),
+    needed > 1 && h("p", { id: "approved" }, agreed ? `✔ ${t("push.approved_by", { names: state.approved[run.run_id].by.join(", ") })}` : `○ ${t("push.not_approved")}`),
     h("div", { class: "keys start three" },
       h("button", { id: "show-plan", disabled: busy || !may("operator"), onclick: () => give("push", { run: run.run_id }) }, `1 · ${t("push.show")}`),
-      h("button", { id: "approve", disabled: busy, onclick: () => approve(run.run_id) }, `2 · ${t("push.approve")}`),
-      h("button", { id: "write", class: "primary", disabled: busy || !settled || !may("operator"), title: settled ? null : t("push.not_settled"), onclick: () => write(run.run_id) }, `3 · ${t("push.write")}`)));
+      // One step after the other: first what it will do, then who agrees where two must, then the write.
+      needed > 1 && h("button", { id: "approve", disabled: busy || !looked, onclick: () => approve(run.run_id) }, `2 · ${t("push.approve")}`),
+      h("button", { id: "write", class: "primary", disabled: busy || !settled || !looked || (needed > 1 && !agreed) || !may("operator"), title: settled ? (looked ? null : t("push.look_first")) : t("push.not_settled"), onclick: () => write(run.run_id) }, `${needed > 1 ? 3 : 2} · ${t("push.write")}`))]);
 }
+
+// Whether every table of this proposal is on: pushed after it was made, and an axis' own table with its very points.
+const inControl = ({ axis, new: table }) => (state.tables?.tables ?? []).find((one) => one.axis === axis && one.kind === table.kind && (table.kind !== "cross" || one.table.endsWith(String(table.index))));
+
+function actsNow({ changes, created_utc: made }) {
+  const wanted = changes.filter((one) => !one.skipped);
+  const acts = (change, seen) => seen?.acts === "on" && Date.parse(seen.utc) > Date.parse(made) && (!seen.deviations || same_(seen.deviations, change.new.deviations));
+  return wanted.length > 0 && wanted.every((one) => acts(one, inControl(one)));
+}
+const same_ = (one, other) => one.length === other.length && one.every((value, at) => Math.abs(value - other[at]) < 1e-6);
 
 async function give(path, body) {
   try {

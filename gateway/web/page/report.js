@@ -1,10 +1,10 @@
 // Before and after of each axis with what was proved, the report, exports, runs compared.
-import { get, post } from "./api.js";
+import { post } from "./api.js";
 import { shown } from "./dialogs.js";
 import { curve, measuredRuns, record } from "./evaluate.js";
 import { failed, h, same, show, turn } from "./dom.js";
 import { array, number, unit, when } from "./figures.js";
-import { limits, level, line, plot } from "./charts.js";
+import { chart } from "./chart.js";
 import { base, changed, chosen, may, on, state } from "./state.js";
 import { verifiedTooth } from "./tooth.js";
 import { trends } from "./trends.js";
@@ -43,7 +43,7 @@ async function drawAll(head, body) {
   const [before, after] = [await kept(run, "before"), await kept(run, "after")];
   const verdict = run.stages.includes("verdict") ? await record(run.run_id, "verdict") : null;
   const own = verdict?.axes.find((one) => one.axis === asked.axis);
-  put(h("div", { class: "panel plots" }, verdict && band(verdict), compared(before, after)), h("div", { class: "panel", tabindex: 0, role: "region", "aria-label": t("frame.report") }, figures(before, after), own && h("p", { class: "verdict-words" }, prose(own.words)), h("h2", {}, t("report.other")), await other(run, runs, before)));
+  put(h("div", { class: "panel plots" }, verdict && band(verdict, own), compared(before, after)), h("div", { class: "panel", tabindex: 0, role: "region", "aria-label": t("frame.report") }, figures(before, after), own && [h("h2", {}, t("report.reasons")), h("ul", { class: "lines verdict-words" }, [own.words].flat().map((one) => h("li", {}, prose([one].flat()))))], h("h2", {}, t("report.other")), await other(run, runs, before)));
 }
 
 async function kept(run, phase) {
@@ -66,7 +66,13 @@ async function made(run) {
 
 const LOOK = { better: "✔", unchanged: "=", worse: "✖", "not-pushed": "○" };
 
-const band = (verdict) => h("p", { class: `outcome ${verdict.outcome}`, id: "outcome" }, `${LOOK[verdict.outcome]} ${t(`outcome.${verdict.outcome.replace("-", "_")}`)}`);
+// One verdict stands for the axis that is shown, by the record's own rule; what else is said of it are its reasons.
+const wordOf = (own) => (own.worse ? "worse" : own.improved ? "better" : "unchanged");
+
+function band(verdict, own) {
+  const word = own ? wordOf(own) : verdict.outcome;
+  return h("p", { class: `outcome ${word}`, id: "outcome" }, `${LOOK[word]} ${own ? `${own.axis}: ` : ""}${t(`outcome.${word.replace("-", "_")}`)}`);
+}
 
 function compared(before, after) {
   if (!after) return before ? curve(before.evaluation, before.capture) : h("p", { class: "empty" }, t("evaluate.none"));
@@ -74,11 +80,9 @@ function compared(before, after) {
 }
 
 function overlay(sets, capture) {
-  const u = unit(sets[0][2].unit);
-  const means = sets.map(([look, name, one]) => ({ look, name, x: array(one.targets), up: array(one.mean_up), down: array(one.mean_down) }));
-  const nodes = (place) => [level(0, place, "zero"), ...means.flatMap((one) => [line(one.x, one.up, place, one.look), line(one.x, one.down, place, `${one.look} dashed`)])];
-  return [h("div", { class: "row head" }, h("h2", {}, `${capture.component} · ${capture.axis}`), h("span", { class: "legend" }, means.map((one) => [h("i", { class: one.look }, "━"), h("span", {}, one.name)]), h("span", {}, `· ${t("report.dashed")}`))),
-    plot({ x: limits(means.flatMap((one) => one.x), 0.02), y: limits([...means.flatMap((one) => [...one.up, ...one.down]), 0]), label: `${capture.component} ${capture.axis}`, xName: `${t("chart.target")} [${unit(capture.axis_unit)}]`, yName: `${t("chart.deviation")} [${u}]`, nodes })];
+  const curves = sets.flatMap(([look, name, one]) => [[array(one.mean_up), "up"], [array(one.mean_down), "down"]].map(([y, way]) =>
+    ({ name: `${name} ${way === "up" ? "▷" : "◁"}`, look, dashed: way === "down", fit: look === "new", follows: true, x: array(one.targets), y })));
+  return chart({ title: `${capture.component} · ${capture.axis}`, xName: t("chart.target"), xUnit: unit(capture.axis_unit), yName: t("chart.deviation"), yUnit: unit(sets[0][2].unit), fits: true, curves });
 }
 
 function figures(before, after) {

@@ -7,6 +7,10 @@ const AT_WORK = ["begun", "writing", "written", "on"];
 export const atWork = () => (state.status?.run?.tables ?? []).filter(([, acts]) => AT_WORK.includes(acts));
 export const writing = () => atWork().length > 0;
 
+// The screen that a sentence speaks of: its key stands beside it.
+const SCREEN = { "now.correct": "correct", "now.verify": "report", "now.changed": "push", "now.self_test": "capture", "now.measure": "capture", "now.held_on": "push", "now.held_maybe": "push", "now.held": "push", "now.device": "connect" };
+const heads = (key) => ({ head: t(key), to: SCREEN[key] });
+
 export function sentence() {
   const found = chosen();
   return { ...found, head: capital(found.head) };
@@ -17,22 +21,23 @@ function chosen() {
   const held = status.held.find((one) => one.loud && surelyOn(one)) ?? status.held.find((one) => one.loud);
   if (state.replaced) return { loud: "attention", head: t("frame.replaced") };
   if (state.offline) return { loud: "attention", head: t("frame.offline"), more: toldApart({ code: "OFFLINE" })[1] };
-  if (status.run && state.beam === "lost" && !mounts(ask)) return { loud: "bad", head: t("now.beam"), more: ask ? capital(say(ask.code, ask.fields, 0, ask.words)) : newest() };
+  if (state.stale) return { loud: "attention", head: t("frame.stale", { seconds: state.stale }), more: toldApart({ code: "OFFLINE" })[1] };
+  if (status.run && beamMissing() && !mounts(ask)) return { loud: "bad", head: t("now.beam"), more: ask ? capital(say(ask.code, ask.fields, 0, ask.words)) : newest() };
   if (status.run && ask) return { loud: "ask", head: capital(say(ask.code, ask.fields, 0, ask.words)), more: moving() || (held && !writing() ? heldWords(held) : "") };
   if (status.run && writing()) return { loud: "", head: t("now.writing"), more: newest() };
   // Whoever recovers a held push is asked to press: that stands above what is wrong until then.
-  if (held) return { loud: "bad", head: t(surelyOn(held) ? "now.held_on" : "now.held_maybe"), more: heldWords(held) };
+  if (held) return { loud: "bad", ...heads(surelyOn(held) ? "now.held_on" : "now.held_maybe"), more: heldWords(held) };
   if (status.run && stuckFor()) return { loud: "attention", head: t("now.stuck"), more: t("capture.waits", { what: recorded(state.waiting.missing) }) };
   if (status.run) return { loud: "", head: t("now.wait"), more: newest() };
   if (status.left.length) { const [head, more] = toldApart(status.left[0]); return { loud: "attention", head, more }; }
   if (status.trouble) return { loud: "attention", ...parts(status.trouble) };
   // What is closed is just being opened again, after a command.
   const away = status.devices.find((one) => ["lost", "failed"].includes(one.state) || (one.state === "closed" && one.error));
-  if (away) return { loud: "attention", head: t("now.device", { name: away.name }), more: told(away.error) };
-  if (status.held.length) return { loud: "attention", head: t("now.held"), more: heldWords(status.held[0]) };
+  if (away) return { loud: "attention", head: t("now.device", { name: away.name }), to: "connect", more: told(away.error) };
+  if (status.held.length) return { loud: "attention", ...heads("now.held"), more: heldWords(status.held[0]) };
   if (status.alarms.length) return { loud: "attention", head: recorded(status.alarms[0]), more: recorded(status.due) };
   if (status.failure) return { loud: "attention", ...parts(status.failure) };
-  return { loud: "", head: next(), more: recorded(status.due) };
+  return { loud: "", ...heads(next()), more: recorded(status.due) };
 }
 
 // Runs that came to something: one that failed, was stopped or only looked changes nothing about what to do next.
@@ -43,14 +48,14 @@ export const untested = () => !last().length;
 const switched = (one) => one.state === "recovered" || /^(rollback|disable)-/.test(one.state);
 
 function next() {
-  if (untested()) return t(state.screen === "capture" ? "now.self_test_here" : "now.self_test");
+  if (untested()) return state.screen === "capture" ? "now.self_test_here" : "now.self_test";
   const newest = last().find((one) => one.state !== "self-tested");
-  if (!newest) return t(state.screen === "capture" ? "now.measure_here" : "now.measure");
-  if (newest.state === "proposed") return t("now.correct");
+  if (!newest) return state.screen === "capture" ? "now.measure_here" : "now.measure";
+  if (newest.state === "proposed") return "now.correct";
   const since = state.status.last_runs.slice(0, state.status.last_runs.indexOf(newest) + 1);
-  if (since.some(switched)) return t("now.changed");
-  if (["better", "unchanged", "worse"].includes(newest.state)) return t("now.verify");
-  return t("now.ready");
+  if (since.some(switched)) return "now.changed";
+  if (["better", "unchanged", "worse"].includes(newest.state)) return "now.verify";
+  return "now.ready";
 }
 
 function newest() {
@@ -62,11 +67,21 @@ function newest() {
 const MOUNT = ["MountingRequested", "SetupJogRequested", "SetupProgramSelected"];
 const mounts = (ask) => ask && MOUNT.includes(ask.event) && !state.said.slice(-6).some((one) => one.event === "BeamLost");
 
-// A counter tells no broken beam, and a program that somebody ended tells nothing at all: who stands there can look.
+// Light is missed only where a reading is taken now, or where the service says that it lost the beam: optics are
+// changed between readings, and then none comes back.
+const NOW_MS = 3000;
+const reads = () => state.waiting && !state.ask && Date.now() - state.waiting.at < NOW_MS;
+export const beamMissing = () => state.beam === "lost" && (reads() || state.said.slice(-6).some((one) => one.event === "BeamLost"));
+
+// Whether an instrument can tell a broken beam at all: a counter cannot.
+export const seesBeam = (name) => state.status.devices.find((one) => one.name === name)?.sees_beam !== false;
+
+// A wait is stuck when it takes this much longer than it needs by itself; one that is told no more is over.
 const LONG_MS = 8000;
 export function stuckFor() {
-  const waited = state.waiting && !state.ask ? Date.now() - state.waiting.since : 0;
-  return waited < LONG_MS ? 0 : Math.round(waited / 1000);
+  if (!reads()) return 0;
+  const waited = Date.now() - state.waiting.since;
+  return waited < LONG_MS + 1000 * state.waiting.needed_s ? 0 : Math.round(waited / 1000);
 }
 
 // What will move from where to where when the person does what is asked, and what stands still; Push tells all of many.

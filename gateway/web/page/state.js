@@ -1,7 +1,7 @@
 // What the page knows now; whoever draws is told once for each change, at most once a frame.
 export const state = {
   me: null, site: "", sites: [], status: null, plan: null, file: null, tables: null, jobs: [], screen: "capture",
-  ask: null, moves: [], said: [], steps: [], readings: {}, ambient: {}, waiting: null, taken: [], lost: 0, offline: false, replaced: false, armed: null,
+  ask: null, moves: [], said: [], steps: [], readings: {}, ambient: {}, waiting: null, taken: [], lost: 0, offline: false, stale: 0, pictured: 0, replaced: false, armed: null,
   approved: {}, beam: "", limits: {}, at: performance.now(),
 };
 const listeners = new Map();

@@ -1,8 +1,8 @@
 // A figure over time and when each axis is due, of this machine and of all machines in the index.
 import { get } from "./api.js";
-import { limits, mark, plot } from "./charts.js";
+import { chart } from "./chart.js";
 import { shown } from "./dialogs.js";
-import { h, s, show } from "./dom.js";
+import { h, show } from "./dom.js";
 import { day, number, unit, when } from "./figures.js";
 import { base, state } from "./state.js";
 import { t, told } from "./words.js";
@@ -36,15 +36,15 @@ function due(measured) {
     h("tbody", {}, measured.map((one) => h("tr", {}, h("td", {}, one.site === state.site ? h("b", {}, one.site) : one.site), h("td", {}, one.serial), h("td", {}, named(one)), h("td", {}, when(one.utc)), word(one))))));
 }
 
-// Every point is a stored figure with its U as a bar; ◁ before, ▷ after a correction.
+// Every point is a stored figure with its U as a band; ◁ before, ▷ after a correction.
 async function drawn(place, one, parameter) {
   const { points } = await get(`${base()}/trend?${new URLSearchParams({ parameter, serial: one.serial, subject: one.subject })}`);
   if (!points.length) return show(place, h("p", { class: "empty" }, t("trends.none")));
   const days = points.map((point) => (Date.parse(point.created_utc) - Date.parse(points[0].created_utc)) / DAY_MS);
   const [low, high] = [points.map((point) => point.value - (point.expanded ?? 0)), points.map((point) => point.value + (point.expanded ?? 0))];
-  const bar = (at, on) => s("line", { class: "interval", x1: on.px(days[at]), x2: on.px(days[at]), y1: on.py(low[at]), y2: on.py(high[at]) });
-  const nodes = (on) => points.flatMap((point, at) => [bar(at, on), mark(days[at], point.value, point.phase === "after" ? 1 : -1, on, point.phase === "after" ? "up" : "down", 6)]);
   const newest = points[points.length - 1];
-  return show(place, h("div", { class: "row head" }, h("span", {}, `${one.site} · ${named(one)} · ${parameter}: `, h("b", { id: "trend-newest" }, number(newest.value)), ` ${unit(newest.unit)} (${t(`phase.${newest.phase}`)})`), h("span", { class: "legend" }, h("i", { class: "down" }, "◁"), t("phase.before"), h("i", { class: "up" }, "▷"), t("phase.after"))),
-    plot({ x: limits([...days, 0, 1], 0.05), y: limits([...low, ...high, 0]), label: `${named(one)} ${parameter}`, xName: t("trends.days", { from: day(points[0].created_utc) }), yName: `${parameter} [${unit(newest.unit)}]`, nodes }));
+  const of = (phase) => points.map((point, at) => [point, at]).filter(([point]) => (point.phase === "after") === (phase === "after"));
+  const curves = ["before", "after"].map((phase) => ({ name: t(`phase.${phase}`), look: phase === "after" ? "up" : "down", kind: "points", approach: phase === "after" ? 1 : -1, x: of(phase).map(([, at]) => days[at]), y: of(phase).map(([point]) => point.value) })).filter((one) => one.x.length);
+  return show(place, h("span", {}, `${one.site} · ${named(one)} · ${parameter}: `, h("b", { id: "trend-newest" }, number(newest.value)), ` ${unit(newest.unit)} (${t(`phase.${newest.phase}`)})`),
+    chart({ title: `${named(one)} ${parameter}`, xName: t("trends.days", { from: day(points[0].created_utc) }), xUnit: "d", yName: parameter, yUnit: unit(newest.unit), curves: [{ name: "± U", look: "new", kind: "band", x: days, y: low, high }, ...curves] }));
 }

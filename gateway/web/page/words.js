@@ -1,5 +1,4 @@
 // Every sentence in the person's language, from the one catalogue of the product.
-import { get } from "./api.js";
 import { unit } from "./figures.js";
 
 let texts = { page: {}, codes: {}, terms: {} };
@@ -10,10 +9,27 @@ export function language() {
   return kept in LANGUAGES ? kept : "en";
 }
 
+const kept = (kind, code) => fetch(new URL(`../${kind}/${code}.json`, import.meta.url)).then((answer) => {
+  if (!answer.ok) throw { code: "OFFLINE", what: "OFFLINE", do: "", fields: {} };
+  return answer.json();
+}, () => { throw { code: "OFFLINE", what: "OFFLINE", do: "", fields: {} }; });
+
+// The page's own words first: the catalogue, ten times as much, is there soon after; `whenMore` hears of it.
+let whenMore_ = () => {};
+export const whenMore = (act) => { whenMore_ = act; };
+
 export async function speak(code) {
-  texts = await get(`/static/words/${code}.json`);
+  const codes = kept("codes", code);
+  texts = { ...await kept("words", code), codes: {} };
   localStorage.setItem("language", code);
-  document.documentElement.lang = code;
+  Object.assign(document.documentElement, { lang: code });
+  document.documentElement.dataset.words = "";
+  codes.then((found) => {
+    if (document.documentElement.lang !== code) return;
+    texts = { ...texts, codes: found };
+    document.documentElement.dataset.words = "all";
+    whenMore_();
+  }, () => {});
 }
 
 // "um" is also a German word: there it is a unit only behind a number or in front of a sign.

@@ -18,7 +18,7 @@ from tests.unit.web.client import Client
 from tests.unit.web.services import PASSWORD, PIN, TOKEN, Offered, offered
 from tests.unit.web.test_daemon import SITE
 
-PAGE = {"/", "/static/page/{name}", "/static/words/{language}.json"}
+PAGE = {"/", "/static/{build}/{folder}/{name}"}
 OPEN = {*PAGE, "/healthz", "/static/{name}", "/api/v1/login", "/api/v1/first-start"}
 FILL = {"site": "hall-3", "run": "r", "stage": "s", "name": "n", "job": "1", "axis": "X1", "token": "t", "ended": "e"}
 AT = "/api/v1/sites/hall-3"

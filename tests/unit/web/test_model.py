@@ -11,6 +11,7 @@ import pytest
 
 from drivers.message import Message
 from drivers.units import arcsec_to_rad, mm_to_um
+from gateway.gear.cycloid import CycloidGear
 from gateway.model.error_model import TWENTY_ONE, ErrorModel
 from gateway.store import Store
 from tests.unit.components.site import site_of
@@ -107,3 +108,22 @@ def test_a_work_beyond_the_measured_travel_leaves_the_errors_and_names_the_one_u
     assert {one["name"] for one in told["errors"]} >= set(TWENTY_ONE)
     assert (told["tooth"], told["why"]["code"], told["why"]["where"]) == (None, "E-MODEL-RANGE", "EXZ")
     assert client.get(f"{run}/flank?sizes=").status_code == 409, "nothing is out of order: the work is out of reach"
+
+
+def test_the_form_of_a_space_is_where_the_map_has_its_points(tmp_path: Path) -> None:
+    """Normals are unit and across the profile: by differences of the profile at neighbouring angles."""
+    client, path = asking(tmp_path, closing.errors(), work=WORK)
+    run = Store(tmp_path).open(path.rsplit("/", 1)[1])
+    flank = closing._left(1.0, 3)
+    run.put("inspected-before", closing.inspected("before", flank))
+    form = client.get(f"{path}/form?stage=inspected-before").json()
+    points, normals = np.array(form["points_mm"]), np.array(form["normals"])
+    assert np.hypot(*normals.T) == pytest.approx(1.0, abs=1e-5)
+    gear, step = CycloidGear(rp=64.0, rrp=3.0, a=1.3, zp=40, zc=39, b=10.0), 1e-6
+    along = gear.section(flank.theta_rad + step).xy - gear.section(flank.theta_rad - step).xy
+    assert np.sum(along * normals, axis=1) / np.hypot(*along.T) == pytest.approx(0.0, abs=1e-4)
+    assert np.hypot(*points.T) == pytest.approx(64.0, abs=6.0), "about the pin circle less the pins"
+    assert form["angle_deg"] == pytest.approx(np.degrees(flank.theta_rad), abs=1e-3)
+    assert form["spaces"] == 11
+    assert client.get(f"{path}/form?stage=errors").status_code == 422
+    assert client.get(f"{path}/form?stage=inspected-after").status_code == 404

@@ -13,7 +13,9 @@ from drivers.errors import catalogue
 from drivers.languages import LANGUAGES, page_texts
 from gateway.push.state import Outcome
 from gateway.store import Store
-from gateway.web import showing
+from gateway.web import assets
+from gateway.web.assets import build, first_modules
+from release.vendored import FOLDER, component, faults, libraries
 from tests.unit.report.synthetic import axis_material
 from tests.unit.web.client import Client
 from tests.unit.web.services import TOKEN, offered
@@ -23,7 +25,7 @@ ROOT = Path(__file__).parents[3]
 PAGE = ROOT / "gateway" / "web" / "page"
 BEARER = {"Authorization": f"Bearer {TOKEN}"}
 LITERAL = re.compile(r"""\bt\(\s*(?:[^"`()]*\? )?"([a-z_]+\.[a-z_\-]+)"(?: : "([a-z_]+\.[a-z_\-]+)")?""")
-FOREIGN = re.compile(r"(?:src|href)=\"(?!/)|https?://(?!www\.w3\.org)|innerHTML|eval\(| style=")
+FOREIGN = re.compile(r"(?:src|href)=\"(?!/|\{page\})|https?://(?!www\.w3\.org)|innerHTML|eval\(| style=")
 MADE = re.compile(r"""t\(`([a-z_]+)\.([a-z_]*)\$\{""")
 
 
@@ -96,7 +98,7 @@ def test_every_sentence_that_a_script_asks_for_is_there_and_none_is_left_over() 
     script, known = _scripts(), set(page_texts("en"))
     asked = {key for pair in LITERAL.findall(script) for key in pair if key}
     made = MADE.findall(script)
-    served = Path(showing.__file__).read_text(encoding="utf-8")  # keys that stand for commands in the catalogue
+    served = Path(assets.__file__).read_text(encoding="utf-8")  # keys that stand for commands in the catalogue
     quoted = {key for key in known if f'"{key}"' in script + served}
     assert len(asked) > 100
     assert asked - known == set()
@@ -117,13 +119,41 @@ def _imported(group: str) -> list[str]:
     return [part.split(" as ")[-1].strip() for part in group.split(",") if part.strip()]
 
 
+def test_libraries_of_others_are_as_released_listed_and_named_among_the_licences() -> None:
+    assert faults() == []
+    page = (ROOT / "docs" / "licences.md").read_text(encoding="utf-8")
+    for one in libraries():
+        assert f"| {one['name']} | {one['version']} | {one['licence']} |" in page
+        assert component(one)["hashes"][0]["alg"] == "SHA-512"
+        assert len(component(one)["hashes"][0]["content"]) == 128
+
+
+def test_a_changed_or_unlisted_library_is_told(tmp_path: Path) -> None:
+    for path in FOLDER.iterdir():
+        (tmp_path / path.name).write_bytes(path.read_bytes())
+    (tmp_path / "uPlot.min.css").write_text("body {}", encoding="ascii")
+    (tmp_path / "other.js").write_text("", encoding="ascii")
+    (tmp_path / "three.core.min.js").unlink()
+    told = [one.split(":")[0] for one in faults(tmp_path)]
+    assert told == ["other.js", "three.core.min.js", "uPlot.min.css"]
+
+
+def test_no_module_of_the_page_imports_itself_over_others() -> None:
+    imports = {
+        path.name: set(re.findall(r'from "\./([a-z0-9]+\.js)"', path.read_text(encoding="utf-8")))
+        for path in PAGE.glob("*.js")
+    }
+    while free := [name for name, of in imports.items() if not of & set(imports)]:
+        for name in free:
+            del imports[name]
+    assert imports == {}, "what is left is a circle, or leads into one"
+
+
 def test_files_of_the_page_are_small_local_and_without_inline_code() -> None:
     for path in PAGE.iterdir():
         text = path.read_text(encoding="utf-8")
         assert len(text.splitlines()) <= 300
-        assert not re.search(r"(?:src|href)=\"(?!/)|https?://(?!www\.w3\.org)|innerHTML|eval\(| style=", text), (
-            path.name
-        )
+        assert not FOREIGN.search(text), path.name
 
 
 def test_every_file_that_the_page_names_is_served_with_a_policy_that_lets_nothing_else_run(tmp_path: Path) -> None:
@@ -132,29 +162,52 @@ def test_every_file_that_the_page_names_is_served_with_a_policy_that_lets_nothin
     policy = page.headers["content-security-policy"]
     assert "default-src 'self'" in policy
     assert "unsafe" not in policy
-    named = re.findall(r'"(/static/page/[^"]+)"', page.text)
-    imported = {f"/static/page/{name}" for name in re.findall(r'from "\./([a-z]+\.js)"', _scripts())}
-    assert len(named) >= 4
-    for path in {*named, *imported}:
+    named = re.findall(r'"(/static/[^"]+\.(?:js|css))"', page.text)
+    assert page.headers["cache-control"] == "no-cache"
+    assert {name.rsplit("/", 1)[1] for name in named} >= {"base.css", *first_modules()}
+    for path in named:
         answer = client.get(path)
         assert answer.status_code == 200, path
         assert answer.headers["content-type"].startswith(("text/css", "text/javascript"))
+        assert "immutable" in answer.headers["cache-control"]
+    at = f"/static/{build()}"
     for path in (
-        "/static/page/..%2fapp.py",
-        "/static/page/nothing.js",
-        "/static/page/index.html",
-        "/static/words/xx.json",
+        f"{at}/page/..%2fapp.py",
+        f"{at}/page/nothing.js",
+        f"{at}/page/index.html",
+        f"{at}/words/xx.json",
+        f"{at}/other/base.css",
     ):
         assert client.get(path).status_code == 404
+    old = client.get("/static/0123456789ab/page/base.css")
+    assert (old.status_code, old.headers["cache-control"]) == (200, "no-cache"), "a page of another build is not kept"
+    assert client.get("/healthz").headers["cache-control"] == "no-store"
+
+
+def test_a_first_visit_takes_little_and_what_is_sent_is_compressed(tmp_path: Path) -> None:
+    """Below 150 kB: page, styles, modules, the first chart and its words; the catalogue comes after them."""
+    client = Client(offered(tmp_path, SITE).app, headers={"accept-encoding": "gzip"})
+    at = f"/static/{build()}"
+    first = re.findall(r'"(/static/[^"]+\.(?:js|css|svg))"', client.get("/").text)
+    more = [f"{at}/words/en.json", f"{at}/vendor/uPlot.iife.min.js", f"{at}/vendor/uPlot.min.css"]
+    answers = [client.get(path) for path in ("/", *dict.fromkeys(first), *more)]
+    sent = sum(int(answer.headers["content-length"]) for answer in answers)
+    assert sent < 150_000, sent
+    assert all(
+        answer.headers["content-encoding"] == "gzip" for answer in answers[2:] if "/static/icon" not in str(answer.url)
+    )
+    assert not any("three" in path for path in first), "a library of one tab is loaded with that tab"
 
 
 @pytest.mark.parametrize("language", LANGUAGES)
 def test_words_hold_the_page_every_code_and_the_terms(tmp_path: Path, language: str) -> None:
-    words = Client(offered(tmp_path, SITE).app).get(f"/static/words/{language}.json").json()
-    assert set(words["codes"]) == set(catalogue())
+    client, at = Client(offered(tmp_path, SITE).app), f"/static/{build()}"
+    words = client.get(f"{at}/words/{language}.json").json()
+    codes = client.get(f"{at}/codes/{language}.json").json()
+    assert set(codes) == set(catalogue())
     assert words["page"] == page_texts(language)
     assert "term_start" in words["terms"]
-    assert words["codes"]["P-START"][2] == "ask"
+    assert codes["P-START"][2] == "ask"
 
 
 def _measured(folder: Path) -> tuple[Client, str, Any]:

@@ -12,7 +12,7 @@ import pytest
 
 from drivers.message import Form, Message, Moment, Quantity, digits, fixed, render
 from gateway.errors import VerifyError
-from gateway.web.showing import _words
+from gateway.web.assets import codes, words
 
 PAGE = Path(__file__).parents[3] / "gateway" / "web" / "page"
 READS = Message.of("W-SWITCH-READS", switch=Message.of("W-SWITCH-ON"), acting=Quantity(0.25, "", 3, signed=True))
@@ -38,13 +38,15 @@ MESSAGES = (
     Message.stored("the old table was put back"),
 )
 SCRIPT = """
-globalThis.document = { documentElement: { lang: "en" } };
+globalThis.document = { documentElement: { lang: "en", dataset: {} } };
 globalThis.localStorage = { getItem: () => null, setItem: () => undefined };
 const { texts, language, messages } = JSON.parse(process.argv[2]);
-const headers = { get: () => "application/json" };
-globalThis.fetch = async () => ({ ok: true, status: 200, headers, json: async () => texts });
+globalThis.fetch = async (url) => {
+  return { ok: true, json: async () => (String(url).includes("/codes/") ? texts.codes : texts) };
+};
 const words = await import(process.argv[1]);
 await words.speak(language);
+await new Promise((over) => setTimeout(over));
 console.log(JSON.stringify(messages.map(words.message)));
 """
 
@@ -58,8 +60,7 @@ def test_the_page_renders_a_message_as_the_program_does(language: str, tmp_path:
         shutil.copy(PAGE / name, tmp_path / name)
     (tmp_path / "package.json").write_text('{"type": "module"}')
     used = {code for one in MESSAGES for code in _codes(one.as_data())}
-    texts = _words(language)
-    texts["codes"] = {code: text for code, text in texts["codes"].items() if code in used}
+    texts = words(language) | {"codes": {code: text for code, text in codes(language).items() if code in used}}
     told = {"texts": texts, "language": language, "messages": [one.as_data() for one in MESSAGES]}
     done = subprocess.run(
         [node, "--input-type=module", "-e", SCRIPT, str(tmp_path / "words.js"), json.dumps(told)],
@@ -80,15 +81,18 @@ def _codes(data: object) -> set[str]:
 
 
 AT_WORK = """
-globalThis.document = { documentElement: { lang: "en" } };
+globalThis.document = { documentElement: { lang: "en", dataset: {} } };
 globalThis.localStorage = { getItem: () => null, setItem: () => undefined };
-const headers = { get: () => "application/json" };
 const [, page, texts, pictures] = process.argv;
-globalThis.fetch = async () => ({ ok: true, status: 200, headers, json: async () => JSON.parse(texts) });
+const all = JSON.parse(texts);
+globalThis.fetch = async (url) => {
+  return { ok: true, json: async () => (String(url).includes("/codes/") ? all.codes : all) };
+};
 const { speak } = await import(`${page}/words.js`);
 const { state } = await import(`${page}/state.js`);
 const { sentence, writing } = await import(`${page}/sentence.js`);
 await speak("en");
+await new Promise((over) => setTimeout(over));
 console.log(JSON.stringify(JSON.parse(pictures).map((status) => {
   Object.assign(state, { status, said: [{ code: "", words: "X1" }] });
   return [writing(), sentence().head];
@@ -115,7 +119,7 @@ def test_a_push_at_work_is_called_so_and_not_held(tmp_path: Path, tables: list[l
     for name in ("words.js", "figures.js", "api.js", "state.js", "sentence.js"):
         shutil.copy(PAGE / name, tmp_path / name)
     (tmp_path / "package.json").write_text('{"type": "module"}')
-    texts = _words("en") | {"codes": {}}
+    texts = words("en") | {"codes": {}}
     held = [{"loud": True, "code": "", "fields": {"phase": "still-on"}, "words": "X1 may be on", "back": []}]
     run = {"kind": "push", "tables": tables, "words": "push"}
     picture = {"run": run, "held": held, "left": [], "devices": [], "alarms": [], "last_runs": [], "trouble": None}
