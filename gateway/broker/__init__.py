@@ -1,7 +1,7 @@
 """One broker of devices: while a gateway serves a site, a command asks it for the devices and gives them back.
 
 The command works itself, as it does without a service: its output and its exit codes are the same. What it says is
-heard by the broker, so that everybody sees one truth. Only who opens devices for a command calls this room.
+heard by the broker, so that everybody sees one truth. Only who opens devices for a command calls this package.
 """
 
 from __future__ import annotations

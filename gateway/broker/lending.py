@@ -83,7 +83,7 @@ class Broker:
 
     async def _talk(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         try:
-            asked = await self._asked(reader)
+            asked = await self._authenticated_request(reader)
             if asked is not None and asked.get("ping"):
                 writer.write(object_line({"alive": True}))
             elif asked is not None:
@@ -94,7 +94,7 @@ class Broker:
         finally:
             writer.close()
 
-    async def _asked(self, reader: asyncio.StreamReader) -> dict[str, Any] | None:
+    async def _authenticated_request(self, reader: asyncio.StreamReader) -> dict[str, Any] | None:
         """The first line of who knows the token; None of anybody else."""
         with contextlib.suppress(DeadlineExceeded):
             async with self._clock.deadline(ASKING_S, "broker"):

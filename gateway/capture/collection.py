@@ -207,7 +207,7 @@ class Collection:
         if self.datum is None:
             return
         lacking = self.datum.combined - self.combined(reading.values)
-        self._offset = self._counted(reading.values, lacking)
+        self._offset = self._expected_count(reading.values, lacking)
         self._stands(stop, reading)
 
     def stop(self, cell: tuple[int, int, int]) -> Stop:
@@ -273,9 +273,9 @@ class Collection:
 
     def level(self, cell: tuple[int, int, int], shift: float) -> None:
         """Take a shift of the combined quantity off a reading that is there."""
-        self.values[cell] -= self._counted(self.values[cell], shift)
+        self.values[cell] -= self._expected_count(self.values[cell], shift)
 
-    def _counted(self, values: FloatArray, change: float) -> FloatArray:
+    def _expected_count(self, values: FloatArray, change: float) -> FloatArray:
         """What the counting channel (c,) must change for this change of the combined quantity."""
         unit = np.zeros_like(self._offset)
         unit[self._counting] = 1.0

@@ -75,7 +75,7 @@ class DynamicCapture:
         async for block in blocks:
             if len(block) and self.take(block):
                 return self.ended("complete")
-            if self._broken(block):
+            if self._beam_is_lost(block):
                 return self.ended("beam")
         return self.ended("stream")
 
@@ -84,7 +84,7 @@ class DynamicCapture:
         return CaptureEnd(why, self._written, self._lost, tuple(self._notes))
 
     @staticmethod
-    def _broken(block: SampleBlock) -> bool:
+    def _beam_is_lost(block: SampleBlock) -> bool:
         return not bool(block.valid.all())
 
     def take(self, block: SampleBlock) -> bool:
@@ -96,7 +96,7 @@ class DynamicCapture:
                 return False
             self._settle_rate(block)
         lost = self._gap(block)
-        good = len(block) if not self._broken(block) else int(np.argmin(block.valid))
+        good = len(block) if not self._beam_is_lost(block) else int(np.argmin(block.valid))
         if good < len(block):
             self._notes.append(Message.of("S-DYN-BEAM", time=fixed(float(block.time_s[good]), 6)))
         values = block.values[:good, self._column]
@@ -149,7 +149,7 @@ class DynamicCapture:
         if self._sink is not None:
             self._write(values, lost)
             return
-        at = self._triggered(values, block)
+        at = self._trigger_index(values, block)
         if at is None:
             self._remember(values, lost)
             return
@@ -165,7 +165,7 @@ class DynamicCapture:
             self._write(piece, missing)
         self._write(values[at:], lost if not at else 0)
 
-    def _triggered(self, values: FloatArray, block: SampleBlock) -> int | None:
+    def _trigger_index(self, values: FloatArray, block: SampleBlock) -> int | None:
         """Index of the first sample of the capture in this block, None while the trigger has not come."""
         if self._trigger.kind == "none":
             return 0

@@ -191,7 +191,7 @@ class Visits:
                 if not self._recoveries or self.found.datum is None:
                     raise
             await self._program_ended()
-            part = self._resumed(plan)
+            part = self._resume(plan)
 
     async def _program_ended(self) -> None:
         """The program was asked to leave; another may be sent once the channel is in reset."""
@@ -200,7 +200,7 @@ class Visits:
             while (await rig.controller.state()).channel is not ChannelStatus.RESET:
                 await rig.clock.sleep(POLL_S)
 
-    def _resumed(self, plan: StopPlan) -> StopPlan:
+    def _resume(self, plan: StopPlan) -> StopPlan:
         self._recoveries -= 1
         datum = self.found.datum.target if self.found.datum is not None else plan.stops[0].target
         left = self.found.missing(plan.stops)

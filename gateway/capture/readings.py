@@ -149,7 +149,7 @@ class Readings:
         if self._task is not None and self._task.done():
             raise DeadlineExceeded("E-CAP-STREAM", self._instrument.name)
 
-    def _between(self, start_s: float, end_s: float) -> tuple[FloatArray, FloatArray]:
+    def _samples_between(self, start_s: float, end_s: float) -> tuple[FloatArray, FloatArray]:
         times = [block.time_s for block in self._blocks]
         values = [block.values for block in self._blocks]
         time_s, value = np.concatenate(times), np.concatenate(values)
@@ -213,7 +213,7 @@ class Readings:
         self, begin: float, window: Window, expect: tuple[float, float] | None, left_at: float | None
     ) -> StopReading | tuple[type[Unstable], Message]:
         """The reading, or which condition is missing and the class of the error that says so."""
-        time_s, values = self._between(begin, begin + window.average_s)
+        time_s, values = self._samples_between(begin, begin + window.average_s)
         if len(time_s) < 3:
             return Unstable, Message.of("W-WAIT-FEW")
         combined = self._combine(values)

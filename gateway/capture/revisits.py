@@ -56,7 +56,7 @@ class AddedTargets:
         self._as_it_was()
         kept = self.added[whole[self.added]]
         if whole[self.anchors].all():
-            self._levelled(again, kept)
+            self._level_passes(again, kept)
         else:
             kept = kept[:0]
         lost = np.setdiff1d(self.added, kept)
@@ -71,7 +71,7 @@ class AddedTargets:
         for name in READ:
             getattr(self.found, name)[self.anchors] = getattr(self.before, name)[np.searchsorted(old, self.anchors)]
 
-    def _levelled(self, again: FloatArray, kept: Indices) -> None:
+    def _level_passes(self, again: FloatArray, kept: Indices) -> None:
         own = np.setdiff1d(np.arange(len(again)), [*self.added, *self.found.checks])
         known = self.found.deviations()
         offsets = pass_offsets(known[own])
@@ -173,7 +173,7 @@ class Retake:
         again, there = found.deviations(), np.isfinite(found.times)
         values, sigmas = found.values.copy(), found.sigmas.copy()
         found.values[:], found.times[:], found.sigmas[:] = self.values, self.times, self.sigmas
-        usable, done = self._beside(), []
+        usable, done = self._neighbours_on_way(), []
         for cell in self.cells:
             beside = [one for one in _neighbours(cell, usable) if there[one]]
             if not there[cell] or not beside:
@@ -187,7 +187,7 @@ class Retake:
         what = (*done[:NAMED], *more) or Message.of("S-CAP-AGAIN-NONE")
         return Message.of("S-CAP-AGAIN", count=len(self.cells), what=what)
 
-    def _beside(self) -> np.ndarray[tuple[int, ...], np.dtype[np.bool_]]:
+    def _neighbours_on_way(self) -> np.ndarray[tuple[int, ...], np.dtype[np.bool_]]:
         """Where the neighbours on the way are, (m, n, 2)."""
         on_way = np.zeros(self.times.shape, dtype=np.bool_)
         for stop in self.stops:

@@ -88,7 +88,7 @@ class _Reader:
         many = self._text.startswith("[[", start)
         self._at += 2 if many else 1
         path: Path = ()
-        parts = self._dotted()
+        parts = self._dotted_key()
         for number, (name, _) in enumerate(parts, start=1):
             path += (name,)
             if many and number == len(parts):
@@ -100,7 +100,7 @@ class _Reader:
         self._at += 2 if many else 1
         return path
 
-    def _dotted(self) -> list[tuple[str, int]]:
+    def _dotted_key(self) -> list[tuple[str, int]]:
         """The parts of a key with their offsets; the end stands behind the blanks that follow."""
         parts = []
         while True:
@@ -125,7 +125,7 @@ class _Reader:
 
     def _entry(self, around: Path) -> None:
         path = around
-        for name, start in self._dotted():
+        for name, start in self._dotted_key():
             path += (name,)
             self.found.keys.setdefault(path, start)
         self._at += 1  # the sign of equality

@@ -478,7 +478,7 @@ class AxisSection(Section):
     table: TableSection = Field(description="the control's grid")
 
     @model_validator(mode="after")
-    def _ordered(self) -> AxisSection:
+    def _check_order(self) -> AxisSection:
         if self.travel[0] >= self.travel[1]:
             raise ValueError(words("W-CFG-TRAVEL"))
         return self

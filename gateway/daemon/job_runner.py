@@ -212,10 +212,10 @@ class JobRunner:
             ):
                 job.done(await obey(self._work_of(job), job.stop, self._clock), self._clock)
         except TrueflankError as error:
-            self._failed(job, error)
+            self._record_failure(job, error)
         except Exception as error:  # noqa: BLE001 - the daemon's top: it goes on watching and says what happened
             _LOG.exception("a run ended by a fault")
-            self._failed(job, TrueflankError("E-WEB-FAULT", "run", why=f"{type(error).__name__}: {error}"))
+            self._record_failure(job, TrueflankError("E-WEB-FAULT", "run", why=f"{type(error).__name__}: {error}"))
 
     async def _work_of(self, job: Job) -> object:
         def say(code: str, /, **fields: object) -> None:
@@ -224,20 +224,20 @@ class JobRunner:
                 now = job.view
                 self.run = updated_run(self.run, code, fields)
                 self.run = replace(
-                    self.run, run_id=now.run_id, steps=now.steps, tables=now.tables, **self._left(code, fields)
+                    self.run, run_id=now.run_id, steps=now.steps, tables=now.tables, **self._seconds_to_go(code, fields)
                 )
             self._hear(code, fields)
 
         return await job.work(say)
 
-    def _left(self, code: str, fields: Mapping[str, object]) -> dict[str, Any]:
+    def _seconds_to_go(self, code: str, fields: Mapping[str, object]) -> dict[str, Any]:
         """The time to go after one more word, in whole seconds."""
         now = self._clock.now()
         self._remaining.told(code, fields, now)
         found = {"left_s": self._remaining.left_s(now), "program_left_s": self._remaining.program_left_s(now)}
         return {name: None if seconds is None else round(seconds) for name, seconds in found.items()}
 
-    def _failed(self, job: Job, error: TrueflankError) -> None:
+    def _record_failure(self, job: Job, error: TrueflankError) -> None:
         self.failure = error.as_record()
         job.failed(error, self._clock)
 
@@ -453,12 +453,12 @@ class LazyDevices(Generic[D]):
     async def open_all(self) -> object:
         """Make them, then open every one. Raises what making and opening raise."""
         if self._coming is None:
-            self._coming = asyncio.ensure_future(asyncio.to_thread(self._loaded))
+            self._coming = asyncio.ensure_future(asyncio.to_thread(self._load_devices))
         # Whoever cancels this does not stop the thread: the next opening takes what it made.
         self.made = await asyncio.shield(self._coming)
         return await self.made.open_all()
 
-    def _loaded(self) -> D:
+    def _load_devices(self) -> D:
         with _ONE_AT_A_TIME:
             return self._make()
 

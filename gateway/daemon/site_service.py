@@ -107,11 +107,13 @@ class SiteService:
         self._clock = clock
         self._outgoing = publisher_of(what.site, what.path, what.store, clock)
         self._unprotected = unprotected_connection(what.site)
-        self.hub = Hub(clock, lambda: as_data(self.picture()), self._told)
+        self.hub = Hub(clock, lambda: as_data(self.picture()), self._tell_event)
         self._book = LogBook(what.store.root, clock.utc)
         self._index = SiteIndex(what.site, what.path, what.store)
         self._looking = LiveObserver(self.hub.tell, clock)
-        self.desk = JobRunner(what.devices(), None, clock, hear=self._said, onlooker=self._looking, after=self._ended)
+        self.desk = JobRunner(
+            what.devices(), None, clock, hear=self._hear_code, onlooker=self._looking, after=self._keep_end
+        )
 
     @property
     def site(self) -> SiteFile:
@@ -201,18 +203,18 @@ class SiteService:
         """How the messages to other systems stand."""
         return None if self._outgoing is None else self._outgoing.standing
 
-    def _told(self, kind: str, data: Mapping[str, object]) -> None:
+    def _tell_event(self, kind: str, data: Mapping[str, object]) -> None:
         if self._outgoing is not None:
             self._outgoing.take("status" if kind == "state" else kind, data)
 
-    def _said(self, code: str, fields: Mapping[str, object]) -> None:
+    def _hear_code(self, code: str, fields: Mapping[str, object]) -> None:
         self._looking.said(code, fields)
         self.hub.hear(code, fields)
         now = self.desk.run
         if now is not None and now.kind != "terminal":  # a terminal keeps its own words
             self._book.add("INFO", code, fields, run=now.run_id)
 
-    def _ended(self, job: JobView) -> None:
+    def _keep_end(self, job: JobView) -> None:
         if job.error is not None and job.kind != "terminal":
             code, fields, where = (job.error.get(key) for key in ("code", "fields", "where"))
             told = fields if isinstance(fields, Mapping) else {}

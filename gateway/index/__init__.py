@@ -1,7 +1,7 @@
 """What is found quickly of all runs: an index in a database. Run folders are the truth; it can be made anew.
 
 SQLite beside the runs, or one PostgreSQL for many gateways. Nothing a push decides is ever read from here. A library of
-databases takes its time to load: this room loads it with the first question.
+databases takes its time to load: the package loads it with the first question.
 """
 
 from __future__ import annotations

@@ -56,7 +56,7 @@ class RunFolder:
             raise StoreError("E-STORE-LINK", str(path))
         self.path = path
         self._last: tuple[bytes, Mapping[str, Any]] = (b"", {})
-        self._known()
+        self._current_facts()
 
     @property
     def run_id(self) -> str:
@@ -71,22 +71,22 @@ class RunFolder:
     @property
     def errors(self) -> tuple[Mapping[str, Any], ...]:
         """What went wrong in this run, oldest first, each as `TrueflankError.as_record` gave it."""
-        return tuple(records.from_plain(one) for one in self._known()["errors"])
+        return tuple(records.from_plain(one) for one in self._current_facts()["errors"])
 
     @property
     def stages(self) -> tuple[str, ...]:
         """Names of the stored stages in the order they were first stored."""
-        return tuple(self._known()["stages"])
+        return tuple(self._current_facts()["stages"])
 
     @property
     def state(self) -> str:
         """The run's state in one word."""
-        return str(self._known()["state"])
+        return str(self._current_facts()["state"])
 
     @property
     def anchor(self) -> str:
         """The head that the audit log had when this run last proposed; "" where it did not."""
-        return str(self._known().get("audit", ""))
+        return str(self._current_facts().get("audit", ""))
 
     def set_anchor(self, head: str) -> None:
         """Note the audit log's head, so that a log that is gone or cut is missed."""
@@ -97,7 +97,7 @@ class RunFolder:
     @property
     def plan(self) -> Any:
         """What the run was created for, as given."""
-        return records.from_plain(self._known()["plan"])
+        return records.from_plain(self._current_facts()["plan"])
 
     def put(self, stage: str, record: object, parents: tuple[str, ...] = ()) -> str:
         """Store a stage's record and return its sha256. ``parents`` are hashes of what it was made from.
@@ -140,7 +140,7 @@ class RunFolder:
         """
         path = self._place(self._entry(stage)["file"])
         kept = records.open_envelope(read_whole(path), str(path))["schema"]
-        return "" if kept >= records.RENAMED else str(self._known()["software"])
+        return "" if kept >= records.RENAMED else str(self._current_facts()["software"])
 
     def envelope(self, stage: str) -> dict[str, Any]:
         """A stage as it is stored, its hash checked: schema, type, parents and record as JSON data. Raises as `get`."""
@@ -153,7 +153,7 @@ class RunFolder:
 
     def has(self, stage: str) -> bool:
         """Whether a stage is stored."""
-        return stage in self._known()["stages"]
+        return stage in self._current_facts()["stages"]
 
     def digest(self, stage: str) -> str:
         """The sha256 of a stored stage. Raises StoreError (E-STORE-STAGE)."""
@@ -166,7 +166,7 @@ class RunFolder:
     @property
     def files(self) -> tuple[str, ...]:
         """Names of the files beside the stages, in the order they were first kept."""
-        return tuple(self._known()["files"])
+        return tuple(self._current_facts()["files"])
 
     def write_bytes(self, name: str, data: bytes) -> Path:
         """Store a file beside the stages under this name, durable, its hash in `run.json`."""
@@ -200,11 +200,11 @@ class RunFolder:
 
     def differences(self) -> tuple[Difference, ...]:
         """Files that are not as the seal has them: changed, missing, added. Raises StoreError, CorruptRecord."""
-        return compare_seal(self.path, self._known())
+        return compare_seal(self.path, self._current_facts())
 
     def read_bytes(self, name: str) -> bytes:
         """A stored file, its hash checked. Raises StoreError (E-STORE-FILE), CorruptRecord (E-STORE-HASH)."""
-        known = self._known()["files"]
+        known = self._current_facts()["files"]
         if name not in known:
             raise RecordNotFound("E-STORE-FILE", str(self.path), name=name, known=", ".join(sorted(known)))
         path = self._place(name)
@@ -237,7 +237,7 @@ class RunFolder:
 
     def summary(self) -> RunSummary:
         """This run as one line."""
-        facts = self._known()
+        facts = self._current_facts()
         return RunSummary(
             run_id=self.run_id,
             path=self.path,
@@ -251,7 +251,7 @@ class RunFolder:
         )
 
     def _entry(self, stage: str) -> dict[str, Any]:
-        stages = self._known()["stages"]
+        stages = self._current_facts()["stages"]
         if stage not in stages:
             known = ", ".join(stages) or words("W-CFG-NONE")
             raise RecordNotFound("E-STORE-STAGE", str(self.path), stage=stage, known=known)
@@ -261,7 +261,7 @@ class RunFolder:
         """Where a file lies that `run.json` names: in this folder. Raises CorruptRecord (E-STORE-PLACE)."""
         if not isinstance(name, str) or not is_file_name(name):
             raise CorruptRecord("E-STORE-PLACE", str(self.path), name=shown(name))
-        return self.path / stored_place(name, self._known())
+        return self.path / stored_place(name, self._current_facts())
 
     def _write(self, name: str, data: bytes, facts: Mapping[str, Any]) -> Path:
         path = self.path / stored_place(name, facts)
@@ -279,7 +279,7 @@ class RunFolder:
     def _facts(self) -> dict[str, Any]:
         return _facts_in(self.path / RUN_FILE)
 
-    def _known(self) -> Mapping[str, Any]:
+    def _current_facts(self) -> Mapping[str, Any]:
         """`run.json` as it is now, only to read: its bytes are read each time, judged again only where they changed."""
         data = read_whole(self.path / RUN_FILE)
         if data != self._last[0]:

@@ -91,7 +91,7 @@ class Store:
         Raises UnknownRun (E-STORE-EMPTY, E-STORE-RUN, E-STORE-NEEDS), StoreError (E-STORE-LINK), CorruptRecord,
         FutureSchema.
         """
-        found = self._named(run, needs)
+        found = self._run_by_name(run, needs)
         if not _has(found, needs):
             raise self._lacks(found.path, found.run_id, needs)
         return found
@@ -102,7 +102,7 @@ class Store:
         step = words(needs.made) if able is None else words("W-STORE-OTHER", run=able.name)
         return UnknownRun("E-STORE-NEEDS", str(where), run=run, needs=words(needs.code), step=step)
 
-    def _named(self, run: str | Path, needs: Needs) -> RunFolder:
+    def _run_by_name(self, run: str | Path, needs: Needs) -> RunFolder:
         inside = (self.root / run,) if is_file_name(str(run)) else ()
         for path in (*inside, Path(run)):
             if (path / RUN_FILE).is_file():

@@ -125,21 +125,21 @@ class Watcher:
             if not digest:
                 state.since_s = now_s
                 return 0
-            if self._known(seen, state, digest):
+            if self._is_known_content(seen, state, digest):
                 return 0
             run = self._take(self._listing.path(seen.name), digest)
         except (FileUnreadable, ConfigError, StoreError) as error:
-            self._failed(seen, state, error, "", now_s)
+            self._record_failure(seen, state, error, "", now_s)
             return 0
         except FileFormatError as error:
-            self._failed(seen, state, error, digest, now_s)
+            self._record_failure(seen, state, error, digest, now_s)
             return 0
         self._journal.note(digest, run, seen.name)
         state.done = True
         self._tell(state, "P-WATCH-IMPORTED", name=_printable_name(seen.name), run=run)
         return 1
 
-    def _known(self, seen: SeenFile, state: _State, digest: str) -> bool:
+    def _is_known_content(self, seen: SeenFile, state: _State, digest: str) -> bool:
         outcome = self._journal.outcome(digest)
         if not outcome:
             return False
@@ -148,7 +148,7 @@ class Watcher:
             self._tell(state, "P-WATCH-SAME", name=_printable_name(seen.name), run=outcome)
         return True
 
-    def _failed(self, seen: SeenFile, state: _State, error: TrueflankError, digest: str, now_s: float) -> None:
+    def _record_failure(self, seen: SeenFile, state: _State, error: TrueflankError, digest: str, now_s: float) -> None:
         """A content that is wrong is refused for good; what a person can put right elsewhere is tried again."""
         self._tell(state, "P-WATCH-FAILED", name=_printable_name(seen.name), why=str(error))
         if digest and error.code != "E-IMPORT-CHANGED":

@@ -247,12 +247,12 @@ class _ClosingRun:
     async def _proposal(self) -> tuple[Proposal, ToothProposal]:
         """The stored one, unless it rests on what was measured anew since and nothing of it was pushed."""
         folder = self.at.folder
-        if folder.has(stages.TOOTH) and (self._started or folder.parents(stages.PROPOSAL) == self._parents):
+        if folder.has(stages.TOOTH) and (self._push_has_started or folder.parents(stages.PROPOSAL) == self._parents):
             return folder.get(stages.PROPOSAL, Proposal), folder.get(stages.TOOTH, ToothProposal)
         return await propose_tooth(self.at, self.model, self.measured, self.work)
 
     @property
-    def _started(self) -> bool:
+    def _push_has_started(self) -> bool:
         return any(stage.startswith(stages.push("")) for stage in self.at.folder.stages)
 
     @property

@@ -332,7 +332,7 @@ class _Day:
         own = [axis for axis in self.site.axes if axis.measure.instrument]
         tables = [(out, over) for out, over in self._cross()] if cross else []
         own.sort(key=lambda axis: (axis.name != stands, axis.kind == "linear"))
-        yield from self._signed(own, tables, stands)
+        yield from self._sign_proofs(own, tables, stands)
         stands = _axis_still_mounted(own[-1:])
         own.sort(key=lambda axis: (axis.name != stands, self.site.axes.index(axis)))
         if own:
@@ -349,7 +349,7 @@ class _Day:
         by_letter = {axis.letter: axis for axis in self.site.axes if axis.measure.instrument}
         return ((by_letter[out], by_letter[over]) for out, over in CROSS if {out, over} <= set(by_letter))
 
-    def _signed(
+    def _sign_proofs(
         self, own: Sequence[AxisSection], tables: Sequence[tuple[AxisSection, AxisSection]], stands: str
     ) -> Teller:
         """The signs of all axes in one transaction; of cross tables one sign holds for every input axis."""

@@ -171,7 +171,7 @@ class AdaptiveTargets:
             return np.empty(0)
         doubt = self._doubt(shown)
         enough = max(InstrumentU.usual(capture.unit).constant / 2.0, float(np.nanmean(shown.means.u)))
-        return np.empty(0) if doubt.rms <= enough else self._chosen(shown, doubt)
+        return np.empty(0) if doubt.rms <= enough else self._choose_places(shown, doubt)
 
     def _doubt(self, shown: Structure) -> TableDoubt:
         possible, table = shown.possible(), self.axis.table
@@ -190,7 +190,7 @@ class AdaptiveTargets:
         used = near.sum(axis=0).astype(np.float64)
         return even if not used.any() else (1.0 - self.share) * even + self.share * used / used.sum()
 
-    def _chosen(self, shown: Structure, doubt: TableDoubt) -> FloatArray:
+    def _choose_places(self, shown: Structure, doubt: TableDoubt) -> FloatArray:
         capture, gap = shown.capture, shown.seen.gap
         span, left_s = float(np.ptp(capture.targets)), self.axis.measure.extra_hours * 3600.0 - self.spent_s
         can = affordable(self.axis, left_s / 3600.0, span)

@@ -429,7 +429,7 @@ async def approve_plan(
         )
         for change in _changes_to_approve(proposal, table, folder)
     ]
-    for approval in (_signed(one, signer) for one in made):
+    for approval in (_sign_approval(one, signer) for one in made):
         # The record comes first: an approval nobody can look up later must not exist.
         audit.record(
             root,
@@ -446,7 +446,7 @@ async def approve_plan(
     return tuple(made)
 
 
-def _signed(approval: Approval, signer: Signer | None) -> Approval:
+def _sign_approval(approval: Approval, signer: Signer | None) -> Approval:
     if signer is None:
         return approval
     named = replace(approval, key=signer.public)

@@ -240,7 +240,7 @@ class _FileReader:
         left = (Message.of("S-READ-NOT-READ", names=out),) if out else ()
         if table.motions:
             found = self._each(name, factory, table)
-            kept = self._kept(said, keys)
+            kept = self._keep_columns(said, keys)
             return tuple(replace(one, notes=(*notes, *kept, *left)) for one in found)
         try:
             content: Content = factory(columns=said, **self._options(name)).read(self._path)
@@ -248,10 +248,10 @@ class _FileReader:
             if error.code not in ASKS:
                 raise
             # What was said is kept: the next answer comes to it, until nothing is open.
-            self._kept(said, keys)
+            self._keep_columns(said, keys)
             fields: Mapping[str, Any] = error.fields
             raise ConfigError(ASKS[error.code], str(self._path), **fields) from error
-        return (ReadFile(content, name, (*notes, *self._kept(said, keys), *left)),)
+        return (ReadFile(content, name, (*notes, *self._keep_columns(said, keys), *left)),)
 
     def _senses(
         self, heading: TableHeading | None, said: Mapping[str, Value] | None
@@ -309,7 +309,7 @@ class _FileReader:
             return {**before, **now}, notes
         return (now if now is not None else before), notes
 
-    def _kept(self, said: Mapping[str, Value] | None, keys: list[str]) -> list[Message]:
+    def _keep_columns(self, said: Mapping[str, Value] | None, keys: list[str]) -> list[Message]:
         if self._how.columns is None or said is None:
             return []
         way = {"passes", "direction"} if "beside" in said else set()

@@ -146,11 +146,11 @@ def closing_outcome(folder: RunFolder, site: SiteFile) -> Outcome:
     """Write the report and gather what the caller shows; exit code 9 when an axis or the tooth got worse."""
     material = material_of(folder)
     paths = write_report(folder, material)
-    verdict = _stored(folder, stages.VERDICT, Verdict)
+    verdict = _stored_or_none(folder, stages.VERDICT, Verdict)
     evaluations = {
         axis.name: (
             folder.get(stages.evaluation(axis.name, "before"), Evaluation),
-            _stored(folder, stages.evaluation(axis.name, "after"), Evaluation),
+            _stored_or_none(folder, stages.evaluation(axis.name, "after"), Evaluation),
         )
         for axis in site.axes
         if folder.has(stages.evaluation(axis.name, "before"))
@@ -159,7 +159,7 @@ def closing_outcome(folder: RunFolder, site: SiteFile) -> Outcome:
     plain = outcome_of(
         folder.state, str(folder.path), evaluations=evaluations, proposal=proposal, verdict=verdict, paths=paths
     )
-    judged = _stored(folder, stages.TOOTH_VERDICT, ToothVerdict)
+    judged = _stored_or_none(folder, stages.TOOTH_VERDICT, ToothVerdict)
     tooth = folder.get(stages.TOOTH, ToothProposal)
     *told, figure = lines_of(material)
     untried = proposal.warnings if verdict is None else ()
@@ -187,11 +187,11 @@ def _tooth_line(judged: ToothVerdict | None) -> dict[str, Any]:
 
 def _agreement(folder: RunFolder) -> dict[str, Any]:
     """How the part before compares with the model; None without one."""
-    found = _stored(folder, stages.AGREEMENT, FlankAgreement)
+    found = _stored_or_none(folder, stages.AGREEMENT, FlankAgreement)
     return {"agreement": None if found is None else {**asdict(found), "outcome": found.outcome, "ratio": found.ratio}}
 
 
-def _stored(folder: RunFolder, stage: str, kind: type[R]) -> R | None:
+def _stored_or_none(folder: RunFolder, stage: str, kind: type[R]) -> R | None:
     return folder.get(stage, kind) if folder.has(stage) else None
 
 

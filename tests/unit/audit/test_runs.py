@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
@@ -13,17 +14,23 @@ from gateway.approve import Approvals, give_consent
 from gateway.audit import integrity
 from gateway.cli import app
 from gateway.store import RunFolder, Store
-from gateway.workflow.run.outcome import Outcome
 from tests.unit.approve.test_approve import CHANGE, MACHINE, NOW
 from tests.unit.audit.log import Moments
+
+
+@dataclass(frozen=True, slots=True)
+class Done:
+    """A record of a stage."""
+
+    what: str
 
 
 @pytest.fixture
 def run(tmp_path: Path) -> RunFolder:
     """A run with a stage stored twice, a text, a picture, a trace and an approval."""
     folder = Store(tmp_path).create("mill")
-    folder.put("done", Outcome("first", "", (), (), {}))
-    folder.put("done", Outcome("second", "", (), (), {}))
+    folder.put("done", Done("first"))
+    folder.put("done", Done("second"))
     folder.write_text("site.toml", "here")
     (folder.path / "traces").mkdir()
     (folder.path / "traces" / "laser.trace").write_bytes(b"wire")
