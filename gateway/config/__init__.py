@@ -1,6 +1,8 @@
 """Site file -> validated tree: the one place where configuration is read, judged, and described.
 
-Everybody above may call `load_site`. Nothing here opens a device or a file other than the site file itself.
+Everybody above may call `load_site`. Nothing here opens a device or a file other than the site file itself. Inside,
+`loading` asks `site_rules` > `axis_rules` > `connections` > `rules` > `model_faults` > `faults`; `sections` are the
+models, and `reference` describes them and writes a site file for people.
 """
 
 from __future__ import annotations

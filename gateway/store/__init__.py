@@ -1,7 +1,7 @@
 """Run folders, the machines' sign proofs, self-tests and set-up values: what is stored stays what it was.
 
-`proofs`, `selftests` and `setupbook` are called by their modules: their records come with half of a controller's, and
-whoever only reads a run pays for none of them.
+`machine_books`, `log_book` and `raw_stream` are called by their modules: the records of the books come with half of a
+controller's, and whoever only reads a run pays for none of them.
 """
 
 from __future__ import annotations
