@@ -8,9 +8,6 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import pytest
-from gateway.workflow.loop.tooth_loop import close_site
-from gateway.workflow.outcome import Outcome
-from gateway.workflow.results.reporting import material_of
 
 from drivers.clock import LoopClock, run_virtual
 from drivers.message import Message, render
@@ -18,6 +15,9 @@ from gateway.config import load_site
 from gateway.report.document.web import page
 from gateway.report.document.whole import document
 from gateway.store import RunFolder
+from gateway.workflow.complete_run import close_site
+from gateway.workflow.results.report import material_of
+from gateway.workflow.run.outcome import Outcome
 from simulators.cellfile import load_cell, with_plan
 from tests.closing.reckoned import BLOCK_S
 from tests.closing.runs import quick
