@@ -76,8 +76,8 @@ def test_a_chart_can_be_zoomed_read_hidden_fitted_and_saved(browser: Browser, tm
         assert chart_of(stage, "now.plot.series.at(-1).show") is False
         page.locator("select.fit").select_option("without_ends")
         page.wait_for_function("() => Math.abs(document.querySelector('.chart').chart.data.at(-1)[0]) < 1e-9")
-        ends = chart_of(stage, "[now.data.at(-1)[0], now.data.at(-1).at(-1)]")
-        assert ends == pytest.approx([0.0, 0.0], abs=1e-9)
+        ends = chart_of(stage, "now.data.at(-1).filter((one) => one !== null)")
+        assert (ends[0], ends[-1]) == pytest.approx((0.0, 0.0), abs=1e-9)
         assert stage.errors == []
 
 
@@ -98,11 +98,13 @@ def test_a_single_value_is_a_bar_and_an_axis_has_three_ticks(browser: Browser, t
         stage.page.wait_for_function("() => document.querySelector('.chart')?.chart.plot?.status === 1")
         filled = """() => {
           const { plot } = document.querySelector('.chart').chart;
-          const [x, y] = [plot.valToPos(0, 'x', true), plot.valToPos(0.7, 'y', true)];
-          return [...plot.ctx.getImageData(x, y, 1, 1).data];
+          const { left, width } = plot.bbox;
+          const row = plot.ctx.getImageData(left, plot.valToPos(0.7, 'y', true), width, 1).data;
+          const filled = Array.from({ length: row.length / 4 }, (_one, at) => row[4 * at] !== 255);
+          return filled.filter(Boolean).length / filled.length;
         }"""
-        ground = stage.page.evaluate(filled.replace("(0, 'x'", "(0.98, 'x'"))
-        assert stage.page.evaluate(filled) != ground, "the bar is filled where nothing else is"
+        part = stage.page.evaluate(filled)
+        assert 0.05 < part < 0.7, "a bar that stands in the plot and does not fill it"
 
 
 def tooth_run(folder: Path) -> Any:

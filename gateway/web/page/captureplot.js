@@ -26,6 +26,6 @@ export function plotOf(box) {
   const found = part(axis.axis);
   const what = { curves: curvesOf(found), upright: found[found.length - 1]?.target ?? null };
   if (same(box, axis.axis, unitOf(axis.axis))) return box.querySelector(".chart").redraw(what);
-  return show(box, chart({ title: t("capture.plot", { axis: axis.axis }), file: `live-${axis.axis}`, xName: t("chart.target"), xUnit: unit(axis.unit), yName: t("chart.deviation"), yUnit: unit(unitOf(axis.axis)), fits: true, ...what }),
+  return show(box, chart({ title: t("capture.plot", { axis: axis.axis }), file: `live-${axis.axis}`, xName: t("chart.target"), xUnit: unit(axis.unit), yName: t("chart.deviation"), yUnit: unit(unitOf(axis.axis)), fits: true, across: [Math.min(...axis.targets), Math.max(...axis.targets)], ...what }),
     h("p", { class: "muted" }, t("capture.provisional_what")));
 }

@@ -113,12 +113,15 @@ function options(now, UPlot, columns) {
   const axis = (side, name, unit) => ({ scale: side, stroke: colourOf("quiet"), grid: { stroke: colourOf("grid"), width: 1 }, ticks: { stroke: colourOf("grid"), width: 1 },
     font: `13px ${getComputedStyle(document.body).fontFamily}`, labelFont: `13px ${getComputedStyle(document.body).fontFamily}`, label: unit ? `${name} [${unit}]` : name, labelSize: 20, size: side === "y" ? 58 : 34,
     splits: (plot, _axis, low, high) => ticks(low, high, (side === "x" ? plot.bbox.width : plot.bbox.height) / devicePixelRatio / (side === "x" ? 80 : 44)).at,
-    values: (plot, splits) => splits.map((one) => number(one, ticks(plot.scales[side].min, plot.scales[side].max, splits.length).digits)) });
+    values: (_plot, splits) => splits.map((one) => number(one, digitsOf(splits))) });
   return { ...sizeOf(now), series, bands, legend: { show: false }, axes: [axis("x", what.xName, what.xUnit), axis("y", what.yName, what.yUnit)], padding: [10, 14, 0, 0],
-    scales: { x: { time: false, range: (_plot, low, high) => (now.auto ? roomy(low, high, single ? 1 : 0.03) : [low, high]) }, y: { range: (_plot, low, high) => (now.auto ? withZero(what, low, high) : [low, high]) } },
+    scales: { x: { time: false, range: (_plot, low, high) => (now.auto ? roomy(Math.min(low ?? 0, ...(now.what.across ?? [])), Math.max(high ?? 1, ...(now.what.across ?? [])), single && !now.what.across ? 1 : 0.03) : [low, high]) }, y: { range: (_plot, low, high) => (now.auto ? withZero(what, low, high) : [low, high]) } },
     cursor: { drag: { x: true, y: true, uni: 24, setScale: true }, points: { size: 9 }, focus: { prox: 24 } },
     hooks: { setCursor: [() => told(now)], setScale: [(plot, name) => { if (plot.status) now.zoomed = isZoomed(now, plot, name); }], drawClear: [(plot) => ground(plot)], draw: [(plot) => { now.auto = false; marks(plot, what); }] } };
 }
+
+// As many digits as tell two neighbours apart.
+const digitsOf = (splits) => (splits[1] > splits[0] ? Math.min(9, Math.max(0, -Math.floor(Math.log10(splits[1] - splits[0]) + 1e-9))) : 2);
 
 const roomy = (low, high, part) => { const more = ((high - low) || 1) * part; return [(low ?? 0) - more, (high ?? 1) + more]; };
 

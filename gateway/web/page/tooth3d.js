@@ -56,13 +56,13 @@ export function able() {
  * @param {HTMLCanvasElement} canvas
  */
 export function view(canvas, { form, pick }) {
-  const renderer = new THREE.WebGLRenderer({ canvas, antialias: true, preserveDrawingBuffer: true });
+  const renderer = new THREE.WebGLRenderer({ canvas, antialias: true, alpha: true, preserveDrawingBuffer: true });
   renderer.setPixelRatio(Math.min(devicePixelRatio, FACES));
   const scene = new THREE.Scene();
   const camera = new THREE.PerspectiveCamera(32, 1, 0.1, 5000);
   const reach = Math.max(...form.points_mm.map(([x, y]) => Math.hypot(x, y)));
   const turn = new THREE.Group();
-  scene.add(turn, new THREE.HemisphereLight(0xffffff, 0x8a8a8a, 1.9), new THREE.DirectionalLight(0xffffff, 1.6));
+  scene.add(turn, new THREE.HemisphereLight(0xffffff, 0xb0b0b0, 2.8), new THREE.DirectionalLight(0xffffff, 1.6));
   camera.position.set(0, -reach * 2.6, reach * 2.6);
   camera.lookAt(0, 0, 0);
   let [mesh, of, due, distance] = [null, [], false, 1];
