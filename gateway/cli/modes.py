@@ -37,6 +37,7 @@ TAKEN: dict[str, tuple[str, ...]] = {
     "schema --api": ("api",),
     "schema --states": ("states",),
     "correct --run": ("site", "run"),
+    "correct --run with a file of errors": ("site", "run", "error_u", "sense"),
     "guard --axis": ("site", "run", "axis", "limit"),
     "evaluate --standard list": ("standard",),
     "evaluate --kind positioning": (*_GEOMETRY, *_POSITIONING),

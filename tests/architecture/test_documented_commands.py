@@ -31,6 +31,7 @@ AT_A_CELL = ("accept", "check", "conform", "doctor", "recover", "self-test", "tr
 PARSED = {
     "audit": "the tutorial is done whole by tests/release/test_handbook.py",
     "close": "an hour of machine time: tests/closing",
+    "correct": "a site with a gear: tests/unit/cli/test_errors_file.py",
     "day": "asks of every file: tests/unit/day does it with the files of a day",
     "demo": "minutes: tests/release starts it, tests/cell and tests/closing run what it runs",
     "guard": "a run of before: tests/cell/test_grinding.py",

@@ -295,6 +295,8 @@ def _data(found: Any, outcome: Any) -> dict[str, Any]:
 
 
 def _tell(outcome: Any, report: Mapping[str, object]) -> None:
+    from gateway.workflow.day.making import ERRORS_FILE
+
     change = {one.name: one.change_um for one in outcome.plan.open}
     rows = [
         (row.name, row.state, f"{row.low:+.2f} .. {row.high:+.2f}", f"{row.U:.2f}", row.unit, _size(change, row.name))
@@ -312,6 +314,7 @@ def _tell(outcome: Any, report: Mapping[str, object]) -> None:
     _tell_tooth(outcome)
     echo(f"site file with the day's set-ups: {outcome.site_file}")
     echo(f"run folder: {outcome.run_folder}")
+    echo(f"errors for other programs (Etalon exchange): {outcome.run_folder / ERRORS_FILE}")
     echo(f"calibration report: {report.get('pdf', report['html'])}")
 
 
@@ -329,23 +332,27 @@ def _size(change: Mapping[str, float], name: str) -> str:
     return f"{change[name]:.2f}" if name in change else "-"
 
 
-def _tell_tooth(outcome: Any) -> None:
+def tell_forecast(one: Any) -> None:
+    """A forecast of the tooth as lines, and the tables that would be proposed."""
     from gateway.workflow.tooth.messages import drive_forecast_messages
 
+    steps = {
+        "before": (one.before_um, one.before_u_um),
+        "own": (one.with_own_um, one.with_own_u_um),
+        "after": (one.after_um, one.after_u_um),
+    }
+    figures = {name: f"{value:.2f} +- {u:.2f}" for name, (value, u) in steps.items()}
+    sources = {name: fixed(size) for name, size in one.sources_um.items()}
+    say_line(Message.of("S-DAY-FORECAST", **figures, **sources, largest=", ".join(one.largest) or "-"), 0)
+    for line in drive_forecast_messages(one.drive):
+        say_line(str(line), 0)
+    rows = [(t.name, t.layer, str(t.points), f"{t.low:+.2f} .. {t.high:+.2f}", t.unit) for t in one.tables]
+    show_table("tables that would be proposed", ("table", "layer", "points", "range", "unit"), rows)
+
+
+def _tell_tooth(outcome: Any) -> None:
     if outcome.forecast is not None:
-        one = outcome.forecast
-        steps = {
-            "before": (one.before_um, one.before_u_um),
-            "own": (one.with_own_um, one.with_own_u_um),
-            "after": (one.after_um, one.after_u_um),
-        }
-        figures = {name: f"{value:.2f} +- {u:.2f}" for name, (value, u) in steps.items()}
-        sources = {name: fixed(size) for name, size in one.sources_um.items()}
-        say_line(Message.of("S-DAY-FORECAST", **figures, **sources, largest=", ".join(one.largest) or "-"), 0)
-        for line in drive_forecast_messages(one.drive):
-            say_line(str(line), 0)
-        rows = [(t.name, t.layer, str(t.points), f"{t.low:+.2f} .. {t.high:+.2f}", t.unit) for t in one.tables]
-        show_table("tables that would be proposed", ("table", "layer", "points", "range", "unit"), rows)
+        tell_forecast(outcome.forecast)
     elif outcome.proposal is not None:
         show_table("tables", ("table", "what", "points and values"), outcome.proposal.tables)
     else:

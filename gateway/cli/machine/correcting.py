@@ -18,7 +18,13 @@ from gateway.cli.stopping import run_to_end
 
 def correct_command(
     site: SiteArgument,
-    run: Annotated[str, typer.Option(help="Measured run: folder or id.", show_default=False)] = "",
+    run: Annotated[
+        str,
+        typer.Option(
+            help="Measured run: folder or id; or a file of errors (Etalon exchange, ISG, error-csv): a forecast.",
+            show_default=False,
+        ),
+    ] = "",
     gear: Annotated[
         str,
         typer.Option(help="Start from an inspected part: a run, or a file of flank points.", show_default=False),
@@ -27,6 +33,16 @@ def correct_command(
         str, typer.Option(help="With --gear: which part of the run.", show_default=False, callback=named)
     ] = "",
     heights: HeightsOption = "lower-face",
+    error_u: Annotated[
+        str,
+        typer.Option(
+            "--error-u", help="File of errors: U (k = 2) of its lengths and angles, um,arcsec.", show_default=False
+        ),
+    ] = "",
+    sense: Annotated[
+        str,
+        typer.Option(help="File of errors of another program: values are error or correction.", show_default=False),
+    ] = "",
     as_json: JsonOption = False,
 ) -> None:
     """Propose axis tables, cross tables and set-up values for the tooth from a measured run, and predict the flank."""
@@ -34,6 +50,9 @@ def correct_command(
         raise typer.BadParameter("give either a measured run or an inspected gear", param_hint="--run, --gear")
     if gear:
         correct_gear(site, gear, part, heights, as_json=as_json)
+    elif Path(run).is_file():
+        only("correct --run with a file of errors")
+        _from_errors(site, Path(run), error_u, sense, as_json=as_json)
     else:
         only("correct --run")
         _from_run(site, run, as_json=as_json)
@@ -57,6 +76,27 @@ def _from_run(site: Path, run: str, *, as_json: bool) -> None:
         show_json(found.as_data())
     else:
         _tell(found)
+
+
+def _from_errors(site: Path, path: Path, error_u: str, sense: str, *, as_json: bool) -> None:
+    """The forecast of a file of errors: nothing is stored, for what compensated is in no such file."""
+    from gateway.cli.files.day import tell_forecast
+    from gateway.config import load_site
+    from gateway.workflow.day.making import forecast
+    from gateway.workflow.errors21.error_file import model_of_errors, read_errors, stated_errors
+    from gateway.workflow.errors21.measurement import grids
+    from gateway.workflow.tooth.proposal import work_of
+
+    tree = load_site(site)
+    model = model_of_errors(read_errors(path, sense), stated_errors(error_u), tree)
+    found = forecast(model, work_of(tree, site), grids(tree))
+    if as_json:
+        said = list(map(str, model.said))
+        show_json({"state": "forecast", "measured": list(model.measured), "said": said, "forecast": found.as_data()})
+        return
+    for line in model.said:
+        echo(f"note: {line}")
+    tell_forecast(found)
 
 
 def _tell(found: Any) -> None:

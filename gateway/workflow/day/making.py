@@ -11,6 +11,7 @@ from datetime import date, datetime
 from pathlib import Path
 from typing import Any
 
+from drivers import registry
 from drivers.clock import Clock
 from drivers.errors import ConfigError, TrueflankError
 from drivers.types.tables import CompensationTable
@@ -32,6 +33,7 @@ from gateway.tooth import DriveForecast
 from gateway.workflow.axes.measure import report_overdue_calibrations
 from gateway.workflow.day.folder import Answers, DayFolder
 from gateway.workflow.day.sorting import SortedFile, accepted_words, day_facts
+from gateway.workflow.errors21.error_file import errors_of_run
 from gateway.workflow.errors21.measurement import PlanOutcome, fit_error_model, grids, measure_site
 from gateway.workflow.errors21.setup_capture import axes_from_setups, capture_of, read_setup
 from gateway.workflow.errors21.setups import PlannedSetup, key_of, plan_setups
@@ -151,6 +153,7 @@ def _table(one: CompensationTable) -> ForecastTable:
 
 HEAD = "Made by `trueflank day` from {site} and the files of {folder}; the next `trueflank day` writes it anew."
 MARK = "# Made by `trueflank day`"
+ERRORS_FILE = "errors-etalon.txt"
 
 
 @dataclass(frozen=True, slots=True)
@@ -297,5 +300,8 @@ async def at_the_control(
 
 
 def keep_day(outcome: DayOutcome, day: dict[str, Any]) -> None:
-    """What was said of each file, beside the run's records."""
-    RunFolder(outcome.run_folder).write_text("day.json", json.dumps(day, indent=1, default=str))
+    """What was said of each file, beside the run's records; and the errors as a file that other programs read."""
+    run = RunFolder(outcome.run_folder)
+    run.write_text("day.json", json.dumps(day, indent=1, default=str))
+    errors = errors_of_run(run)
+    run.write_text(ERRORS_FILE, registry.load("etalon-exchange", "error-exchange")().text(errors, errors.notes))
