@@ -117,9 +117,9 @@ def _keep_others_out(port: serial.Serial) -> None:
 class _Opening:
     """A port being opened in a thread; whoever gives up waiting has it closed when it comes."""
 
-    def __init__(self, url: str, baudrate: int, parity: str) -> None:
+    def __init__(self, url: str, **line: Any) -> None:
         self._url = url
-        self._line: dict[str, Any] = {"baudrate": baudrate, "parity": parity}
+        self._line = line
         self.port: serial.Serial | None = None
         self.hardware = ""
 
@@ -277,7 +277,16 @@ def _refusal(url: str, error: Exception) -> TransportError:
     return TransportError("E-LINK-TAKEN" if taken else "E-LINK-CONNECT", url, why=text)
 
 
-async def open_serial(url: str, clock: Clock, timeout_s: float, baudrate: int, parity: str = "N") -> SerialTransport:
+async def open_serial(
+    url: str,
+    clock: Clock,
+    timeout_s: float,
+    *,
+    baudrate: int,
+    parity: str = "N",
+    data_bits: int = 8,
+    stop_bits: int = 1,
+) -> SerialTransport:
     """Open COM3, /dev/ttyUSB0, usb://SERIAL-NUMBER or socket://host:port.
 
     What waited in the port from before is thrown away. A USB serial number is looked for afresh each time, so the
@@ -285,7 +294,7 @@ async def open_serial(url: str, clock: Clock, timeout_s: float, baudrate: int, p
     E-LINK-TAKEN, E-LINK-ABSENT) or DeadlineExceeded.
     """
     workers = ThreadPoolExecutor(max_workers=1, thread_name_prefix=f"writer of {url}")
-    opening = _Opening(url, baudrate, parity)
+    opening = _Opening(url, baudrate=baudrate, parity=parity, bytesize=data_bits, stopbits=stop_bits)
     loop = asyncio.get_running_loop()
     try:
         async with clock.deadline(timeout_s, url):

@@ -35,13 +35,15 @@ async def open_transport(
     *,
     baudrate: int = 115_200,
     parity: str = "N",
+    data_bits: int = 8,
+    stop_bits: int = 1,
     tls: TlsFiles | None = None,
 ) -> ByteTransport:
     """Open tcp://host:port, memory://name, socket://host:port, usb://SERIAL-NUMBER, COM3 or /dev/ttyUSB0.
 
-    ``baudrate`` and ``parity`` (N, E, O) count for serial ports only, ``tls`` for tcp://. Raises ConfigError
-    (E-LINK-URL, E-TLS-...), TransportError (E-LINK-CONNECT, E-LINK-TAKEN, E-LINK-ABSENT, E-TLS-NONE) or
-    DeadlineExceeded.
+    ``baudrate``, ``parity`` (N, E, O), ``data_bits`` and ``stop_bits`` count for serial ports only, ``tls`` for tcp://.
+    Raises ConfigError (E-LINK-URL, E-TLS-...), TransportError (E-LINK-CONNECT, E-LINK-TAKEN, E-LINK-ABSENT, E-TLS-NONE)
+    or DeadlineExceeded.
     """
     scheme = urlsplit(url).scheme if "://" in url else ""
     # A socket is plain TCP; where loops share a clock its bytes must be counted, which those of a thread are not.
@@ -53,7 +55,9 @@ async def open_transport(
         return open_memory(url)
     if scheme not in ("", "socket", "usb") or not url.strip():
         raise ConfigError("E-LINK-URL", url, why=f"unknown kind of wire {scheme!r}")
-    return await open_serial(url, clock, timeout_s, baudrate=baudrate, parity=parity)
+    return await open_serial(
+        url, clock, timeout_s, baudrate=baudrate, parity=parity, data_bits=data_bits, stop_bits=stop_bits
+    )
 
 
 def hardware_of(wire: ByteTransport) -> str:

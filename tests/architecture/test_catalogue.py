@@ -116,7 +116,7 @@ def test_every_term_that_a_text_asks_for_is_one_a_driver_brings() -> None:
     assert all(isinstance(getattr(Terms(), name.removeprefix(PREFIX)), str) for name in asked)
 
 
-DRIVERS_OWN = ("attocube", "bridge", "legality", "linuxcnc", "mailbox", "manual", "replay", "sinumerik", "umd")
+DRIVERS_OWN = ("attocube", "bridge", "gauge", "legality", "linuxcnc", "mailbox", "manual", "replay", "sinumerik", "umd")
 """Catalogues of concrete drivers: what they mean crosses the port as an exception class or a record."""
 
 

@@ -56,7 +56,7 @@ def test_an_axis_from_a_file_is_taken_by_the_check(tmp_path: Path, monkeypatch: 
 def test_every_instrument_driver_and_every_road_has_its_way() -> None:
     page = _page("docs/instruments.md")
     shown = {tomllib.loads(block)["instruments"][0]["driver"] for block in _instruments()}
-    assert shown == {"umd", "attocube-ids", "bridge", "manual"}
+    assert shown == {"umd", "attocube-ids", "bridge", "gauge", "manual"}
     roads = ("sinumerik-opcua", "sinumerik-modbus", "sinumerik-offline", "linuxcnc-agent")
     assert [road for road in roads if f"`{road}`" not in page] == []
 

@@ -15,6 +15,7 @@ ENTRIES = (
     "gateway.cli.__main__",
     "gateway.daemon",
     "simulators.cell.__main__",
+    "simulators.gauge",
     "simulators.reducer.__main__",
     "gateway.acceptance.pytest_plugin",
     "gateway.acceptance.suite",

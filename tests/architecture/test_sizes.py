@@ -39,6 +39,7 @@ LIBRARIES = {
         "drivers",
         "drivers.attocube",
         "drivers.bridge",
+        "drivers.gauge",
         "drivers.linuxcnc",
         "drivers.manual",
         "drivers.sinumerik",

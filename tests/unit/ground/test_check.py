@@ -92,7 +92,7 @@ safe = { X1 = [-400.0, 0.0], C1 = [0.0, 360.0], S1 = "any" }
 
 # (old, new, line, column, words that must be told)
 MISTAKES = [
-    ('driver = "umd"', 'driver = "udm"', 16, 10, "known: attocube-ids, bridge, bridge-gear, manual, umd"),
+    ('driver = "umd"', 'driver = "udm"', 16, 10, "known: attocube-ids, bridge, bridge-gear, gauge, manual, umd"),
     ('driver = "sinumerik-opcua"', 'driver = "sinumerik-opc"', 5, 10, "did you mean sinumerik-opcua?"),
     ('name = "C1"', 'name = "x1"', 43, 8, "number 1 already has this name"),
     ('letter = "C"', 'letter = "X"', 44, 10, "axis number 1 already has this letter"),
