@@ -28,6 +28,7 @@ from gateway.gear.measured_points import FURTHEST, FlankPoints, flank_points
 
 STARTS, LOOKED_AT, ROUNDS = 24, 200, 40
 CONVERGED = 1e-10  # mm
+MOST_ALIKE = 0.999  # correlation of neighbouring residuals: beyond it a scan says nothing of itself
 FARTHEST_AXIS = 2.0  # mm of the gear's axis from the origin
 EDGE = 0.02  # mm beyond root and tip: rounding of printed radii
 
@@ -36,7 +37,8 @@ EDGE = 0.02  # mm beyond root and tip: rounding of printed radii
 class LocatedContour:
     """A scan in the gear's frame: axis found at ``centre_mm`` (2,), turned by ``turn`` rad; feet of the points in mm.
 
-    ``centre_u_mm`` (2,): standard uncertainty of the centre by the scatter of the points.
+    ``centre_u_mm`` (2,): standard uncertainty of the centre by what the fit leaves, in the order of the scan: form that
+    goes on from point to point counts as fewer points.
     """
 
     centre_mm: FloatArray
@@ -155,6 +157,9 @@ def _step(gear: CycloidGear, found: FlankPoints) -> tuple[FloatArray, FloatArray
         raise ModelError("E-GEAR-CONTOUR", "inspection", limit=f"{FARTHEST_AXIS:g}")
     step = np.linalg.solve(normal, design.T @ found.deviation)
     rest = found.deviation - design @ step
-    variance = float(rest @ rest) / max(rest.size - 4, 1)
+    # Form that the fit leaves goes on from point to point: so many points count as one.
+    along = float(rest[1:] @ rest[:-1]) / max(float(rest @ rest), 1e-300)
+    along = min(max(along, 0.0), MOST_ALIKE)
+    variance = float(rest @ rest) / max(rest.size - 4, 1) * (1.0 + along) / (1.0 - along)
     u = np.sqrt(variance * np.diag(np.linalg.inv(normal)))
     return np.array([step[0], step[1], step[2] / scale]), np.array([u[0], u[1], u[2] / scale])

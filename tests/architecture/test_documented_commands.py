@@ -48,6 +48,7 @@ PARSED = {
 }
 """What is parsed here and not run, and which test does it instead."""
 NEEDS = {
+    "evaluate disc-section.dat": "a site with a gear: test_every_shipped_file_gives_the_figure_of_its_page",
     "evaluate disc.dat": "a site with a gear: tests/unit/cli/test_inspecting.py",
     "convert latest": "a run with an error model: tests/unit/exchange",
     "accept --allow move": "a person mounts instruments: tests/acceptance",
@@ -151,6 +152,8 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     circle = [f"{at % 360},{150 + 0.002 * (at % 7)}" for at in range(400)]
     text = "\n".join(("# Radius mm,150", "angle_deg,radius_mm", *circle, ""))
     (tmp_path / "circle.csv").write_text(text, encoding="utf-8")
+    for example in (ROOT / "examples" / "files").iterdir():
+        (tmp_path / example.name).write_bytes(example.read_bytes())
     (tmp_path / "gear.mka").write_text(mka(), encoding="utf-8")
     for name, lines in OTHER_CONTROLS.items():
         (tmp_path / name).write_text("\n".join((*lines, "")), encoding="utf-8")
@@ -186,6 +189,44 @@ def test_every_command_of_a_block_is_run_or_its_reason_is_said() -> None:
     assert all(any(_left_out(words) and words[0] == key.split()[0] for _w, words in _calls()) for key in NEEDS)
     named = re.findall(r"tests/[\w/.]+", " ".join((*PARSED.values(), *NEEDS.values())))
     assert [name for name in named if not (ROOT / name.rstrip(".")).exists()] == []
+
+
+FIGURES = {
+    "laser-x.rtl": "2.875",
+    "turn-c.csv": "4.002",
+    "straight-x.csv": "2.703",
+    "straight-z.csv": "-2.530",
+    "six-x.csv": "5.033",
+    "circle-xy.csv": "19.991",
+    "gear-involute.mka": "10.000",
+    "disc-section.dat": "2.04",
+}
+"""What a command prints of a shipped file, and its page states."""
+POINTS = {
+    "heidenhain-x.com": "-50.0,-0.4,3.0",
+    "fanuc-listing.txt": "-250.0,4.0,",
+    "axeserr.dat": "100.0,-3.0,6.0",
+    "stage.cal": "-10.0,1.1,",
+}
+"""A row of the table that comes of a shipped file: position, deviation, deviation of the negative direction."""
+
+
+def test_every_shipped_file_gives_the_figure_of_its_page(folder: Path) -> None:
+    shipped = {one.name for one in (ROOT / "examples" / "files").iterdir()}
+    page_text = (DOCS / "from-file-to-figure.md").read_text(encoding="utf-8")
+    calls = [words for where, words in _calls() if where == "from-file-to-figure.md"]
+    printed: dict[str, str] = {}
+    for words in calls:
+        given = [str(ROOT / word) if word.startswith("examples/") else word for word in words]
+        ended = CliRunner().invoke(app, given)
+        assert ended.exit_code == 0, f"{words}: {ended.output}\n{ended.exception!r}"
+        for name in shipped & set(words):
+            printed[name] = printed.get(name, "") + ended.output
+            if words[0] == "convert":
+                printed[name] += (folder / words[-1]).read_text(encoding="utf-8")
+    assert set(printed) == shipped == {*FIGURES, *POINTS}
+    assert [name for name, figure in (FIGURES | POINTS).items() if figure not in printed[name]] == []
+    assert [name for name, figure in FIGURES.items() if figure not in page_text] == []
 
 
 def test_every_command_that_needs_no_machine_runs(folder: Path) -> None:

@@ -15,7 +15,7 @@ from drivers.types.gearfiles import GearContour
 from drivers.types.gears import GearInspection
 from gateway.cli import app
 from gateway.correct.part.inspected import inspected_flank
-from gateway.gear.traces import inspection_of_contour
+from gateway.gear.traces import inspection_of_contour, located_contour
 from simulators.cell.site import section
 from tests.unit.components.test_command import written
 from tests.unit.correct.test_inspected import ABOUT, HEIGHTS, measured
@@ -214,3 +214,17 @@ def test_curves_of_an_involute_have_figures_and_say_nothing_of_a_disc(tmp_path: 
     assert isinstance(involute.exception, TrueflankError)
     assert involute.exception.code == "E-GEARFILE-INVOLUTE"
     assert "E-GEARFILE-KIND" in called("evaluate", str(file)).output
+
+
+@pytest.mark.parametrize("waves", [2.0, 6.0, 11.0])
+def test_form_that_is_no_noise_is_in_the_uncertainty_of_the_axis(waves: float) -> None:
+    theta = np.linspace(-3.0, 3.0, 1090) * RV40E.half_pitch
+    space = np.round(theta / (2.0 * RV40E.half_pitch))
+    s = RV40E.space(theta - 2.0 * space * RV40E.half_pitch, space % 39)
+    far = []
+    for phase in np.linspace(0.0, np.pi, 7):
+        e = 0.001 * np.sin(waves * theta / RV40E.half_pitch + phase)
+        xyz = np.column_stack([s.x + e * s.nx, s.y + e * s.ny, np.zeros(theta.size)])
+        found = located_contour(RV40E, GearContour(xyz, np.zeros(theta.size, dtype=np.int64)))
+        far += list(np.abs(found.centre_mm) / (2.0 * found.centre_u_mm))
+    assert np.mean(np.asarray(far) <= 1.0) >= 0.95
