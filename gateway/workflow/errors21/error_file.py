@@ -22,8 +22,7 @@ from gateway.domain.values import COVERAGE
 from gateway.errors import ModelError
 from gateway.model.components import at_datum, value
 from gateway.model.error_model import TWENTY_ONE, ErrorModel, LocationError, unmeasured_errors
-from gateway.store import RunFolder
-from gateway.store.disk import read_whole
+from gateway.store import RunFolder, read_whole
 from gateway.workflow.errors21.setups import spans
 from gateway.workflow.run import stages
 from gateway.workflow.run.folder import simulated_run
