@@ -86,13 +86,7 @@ _OWN = (
         "drivers.manual.settings:ManualSettings",
         sees_beam=False,
     ),
-    DriverSpec(
-        "gauge",
-        "instrument",
-        "drivers.gauge.device:QueriedGauge",
-        "drivers.gauge.settings:GaugeSettings",
-        sees_beam=False,
-    ),
+    DriverSpec("gauge", "instrument", "drivers.gauge.device:QueriedGauge", "drivers.gauge.settings:GaugeSettings"),
     DriverSpec("wire-trace", "trace", "drivers.replay.recorder:TraceRecorder"),
     DriverSpec("replay", "replay", "drivers.replay.player:Player"),
     DriverSpec(
