@@ -15,7 +15,7 @@ from gateway.cli import voice
 from gateway.cli.onward import after_look, after_recovery, after_run, consent, next_step
 from gateway.cli.options import load_site, open_run, with_control
 from gateway.cli.screen.telling import progress
-from gateway.cli.show import echo, show_json, show_table
+from gateway.cli.show import echo, rendered, show_json, show_table
 from gateway.cli.stopping import run_to_end
 from gateway.errors import StillOn
 from gateway.say import Say
@@ -106,9 +106,9 @@ def recover_command(
     if as_json:
         show_json([finding.as_data() for finding in findings])
     for finding in findings if apply and not as_json else ():  # what was found was said before it was carried out
-        echo(finding.at_last)
+        echo(_sentences(finding.said_at_last))
     for finding in () if as_json or apply else findings:
-        echo(finding.words, colour="red" if finding.still_on else None, bold=finding.still_on)
+        echo(_sentences(finding.said), colour="red" if finding.still_on else None, bold=finding.still_on)
     if not apply and any(finding.still_on for finding in findings):
         raise typer.Exit(StillOn.exit_code)
     if not findings and not as_json:
@@ -118,6 +118,11 @@ def recover_command(
         next_step(after_recovery(findings, str(site), tree.site.name, apply=apply))
     if stands:
         raise typer.Exit(DeviceError.exit_code)
+
+
+def _sentences(said: tuple[Message, ...]) -> str:
+    """What was found, in the reader's language, each thought as a sentence."""
+    return ". ".join(map(rendered, said))
 
 
 def _counted(details: tuple[Message, ...]) -> tuple[Message, ...]:
