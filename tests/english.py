@@ -21,7 +21,7 @@ NO_SENTENCE = re.compile(
     r"|\bISO \S+|\bON\b|\bOFF\b"
 )
 """Code, quotations, addresses and paths, codes, keys, fields, options."""
-WORD = re.compile(r"[A-Za-zÄÖÜäöüß']+")
+WORD = re.compile(r"(?<!\w)[A-Za-zÄÖÜäöüß']+(?!\w)")
 
 
 def english_words(text: str, language: str) -> list[str]:
