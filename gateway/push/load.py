@@ -22,6 +22,7 @@ from drivers.types.tables import CompensationTable, LiveSet, LiveTable
 from gateway.errors import VerifyError, WriteRefused
 from gateway.events import FirstPartSelected, WholeTransactionSelected
 from gateway.interlocks import other_cross_tables, refusals, value_at
+from gateway.interlocks.checker import ApprovedCurve, faults_of, mean_readings
 from gateway.moves import position_text, shown_by_control, tell_motion
 from gateway.push import controller_access
 from gateway.push.compare import same_other_tables, same_set, same_table, table_facts, table_in, without_tables
@@ -389,7 +390,9 @@ def check_base(work: TableTransactionState, base: LiveSet | None, backup: LiveSe
 def read_back_fault(
     work: TableTransactionState, order: PushOrder, read: ReadBack, backup: LiveSet
 ) -> VerifyError | None:
-    """How the table differs from what was sent (E-PUSH-READBACK); None where it is as sent, and off.
+    """How the table differs from what was sent (E-PUSH-READBACK), or fails the independent check (E-PUSH-CHECK).
+
+    None where it is as sent, off, and right by `gateway.interlocks.checker`. What is restored is not checked by that.
 
     Raises VerifyError (E-PUSH-COUPLED) where anything else changed, which is no fault of one table: the others of the
     transaction are not looked at here, each is compared by itself.
@@ -403,10 +406,27 @@ def read_back_fault(
         different.append(Message.of("W-PUSH-CONTROL-DIFFERS"))
     if different:
         return VerifyError("E-PUSH-READBACK", axis, count=len(different), first=different[0])
+    wrong = () if order.purpose == "restore" else faults_of(found.table, _approved_curve(work, order, backup))
+    if wrong:
+        return VerifyError("E-PUSH-CHECK", axis, table=order.table.called, count=len(wrong), first=wrong[0])
     before, now = without_tables(backup, work.siblings), without_tables(read.found, work.siblings)
     if not same_other_tables(before, now, order.table, work.tolerance, beside=work.siblings):
         raise VerifyError("E-PUSH-COUPLED", axis, axis=axis)
     return None
+
+
+def _approved_curve(work: TableTransactionState, order: PushOrder, backup: LiveSet) -> ApprovedCurve:
+    """What the independent checker holds a table against: the approved one, what acted, and the very readings."""
+    stood, capture = table_in(backup, work.change.new), work.context.capture
+    acted = stood.table if stood.enabled else None
+    own = order.purpose == "table" and capture is not None and capture.axis == work.axis
+    acting: CompensationTable | None = None
+    measured: tuple[tuple[float, float], ...] = ()
+    if own and capture is not None and capture.live is not None:
+        measured = mean_readings(capture.targets.tolist(), capture.deviations.tolist())
+        acting = capture.live.own.table if capture.live.own.enabled else None
+    reference = work.context.input_axis.reference
+    return ApprovedCurve(work.change.new, acted, reference, work.tolerance, measured, acting)
 
 
 def is_coupled(live: LiveSet, work: TableTransactionState) -> bool:

@@ -16,7 +16,7 @@ from drivers.types.tables import LiveTable
 from gateway.domain.outcomes import PushRecord
 from gateway.domain.proposals import TableChange
 from gateway.errors import BusyError, RollbackFailed, StoreError, VerifyError, WriteRefused
-from gateway.push import journal, outcome_error
+from gateway.push import journal, load, outcome_error
 from gateway.push.journal import machine_lock
 from gateway.push.recovery import recover_table
 from gateway.push.transaction import push_table
@@ -226,6 +226,34 @@ def test_no_effect_is_rolled_back(tmp_path: Path) -> None:
     assert record.outcome == "rolled-back"
     assert any("E-PUSH-EFFECT" in step for step in lines(record))
     assert at.machine.own == OLD_ON
+
+
+def test_the_independent_checker_finds_what_a_blind_comparison_lets_through(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    at = bench(tmp_path)
+    seen = load.differences
+    monkeypatch.setattr(load, "differences", lambda *asked: [])
+
+    def once(machine: Machine) -> None:
+        machine.wrong_point = 0.5
+        at.controller.faults[("abort_program", 0, "after")] = whole_again
+
+    def whole_again(machine: Machine) -> None:
+        machine.wrong_point = 0.0
+        monkeypatch.setattr(load, "differences", seen)
+
+    at.controller.faults[("read_back", 1, "before")] = once
+    record = push(at)
+    assert record.outcome == "rolled-back"
+    assert any("E-PUSH-CHECK" in line for line in codes_in(record))
+    assert only_old_or_new_enabled(at.machine, OLD, NEW)
+    assert at.machine.acting == OLD
+
+
+def codes_in(record: PushRecord) -> list[str]:
+    """Every code that a record's steps name, those of messages in fields too."""
+    return [str(step.as_data()) for step in record.steps]
 
 
 def test_a_control_that_restarts_is_waited_for(tmp_path: Path) -> None:
