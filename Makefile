@@ -9,7 +9,7 @@ export OPENBLAS_NUM_THREADS := 1
 export PYTHONDONTWRITEBYTECODE :=
 
 .PHONY: demo test fast structure tests slowest check rules types long soak families attacks interop kernel services browser bench clean \
-	lock package sbom vulnerabilities bundle docs
+	lock package sbom vulnerabilities bundle docs mutants
 
 demo: $(VENV)/installed
 	$(BIN)/trueflank demo
@@ -69,6 +69,12 @@ soak: $(VENV)/developed
 families: $(VENV)/developed
 	TRUEFLANK_MACHINES=$(N) TRUEFLANK_PROOF=$(PROOF) \
 		$(BIN)/python -m pytest -q -s -n 0 -m soak tests/closing/test_families.py
+
+# Seeded small faults in the code that decides about a write, and what of them the tests find, into docs/reliability.md.
+MUTANTS ?= 20
+SEED ?= 1
+mutants: $(VENV)/developed
+	$(BIN)/python -m tests.mutants $(SEED) $(MUTANTS) docs/reliability.md
 
 # Attacks on a push, counted into docs/reliability.md. PUSHES and N say how many seeded ones.
 ATTACKS := .attacks
@@ -153,7 +159,8 @@ docs: $(VENV)/developed $(TOOLS)/installed
 	NO_MKDOCS_2_WARNING=1 $(TOOLS)/bin/mkdocs build --clean
 	$(BIN)/python -m pytest -q -n 0 -m release tests/release/test_handbook.py
 
-# Known weaknesses of what is pinned, as a public data base tells them; that none could be reached is said.
+# Known weaknesses of what is pinned, as a public data base tells them; where none could be reached it fails, unless
+# TRUEFLANK_VULNERABILITIES=offline.
 vulnerabilities: $(TOOLS)/installed
 	$(PYTHON) -m release.vulnerabilities $(TOOLS) requirements.lock
 

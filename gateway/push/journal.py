@@ -54,6 +54,16 @@ class Entry:
         return tuple(self.facts.get("all", ())) or (str(self.facts.get("of", "")),)
 
 
+@contextlib.contextmanager
+def _kept_open(file: BinaryIO) -> Iterator[BinaryIO]:
+    """A file that stays open behind the block, unless the block fails: then nobody else would close it."""
+    try:
+        yield file
+    except BaseException:
+        file.close()
+        raise
+
+
 @dataclass(frozen=True, slots=True)
 class JournalRead:
     """A journal as found. ``broken`` says why it cannot be believed; ``whole_bytes`` is what is sound.
@@ -140,8 +150,8 @@ class Journal:
             free = shutil.disk_usage(folder).free
             if free < FREE_BYTES:
                 raise StoreError("E-PUSH-DISK", str(folder), why=f"{free} bytes free, {FREE_BYTES} needed")
-            file = open_own(path, "xb")
-            sync_folder(folder)
+            with _kept_open(open_own(path, "xb")) as file:
+                sync_folder(folder)
         except OSError as error:
             raise StoreError("E-PUSH-DISK", str(path), why=str(error)) from error
         return cls(path, file, 0, _START)
@@ -151,9 +161,9 @@ class Journal:
         """Go on with a journal; a torn end is cut off. Its end is read afresh: another table's part may have grown."""
         found = read(found.path)
         try:
-            file = open_own(found.path, "r+b")
-            file.truncate(found.whole_bytes)
-            file.seek(found.whole_bytes)
+            with _kept_open(open_own(found.path, "r+b")) as file:
+                file.truncate(found.whole_bytes)
+                file.seek(found.whole_bytes)
         except OSError as error:
             raise StoreError("E-PUSH-DISK", str(found.path), why=str(error)) from error
         return cls(found.path, file, len(found.entries), found.last_sha)
