@@ -7,6 +7,7 @@ second person. Rules by subject: `machine`, `table`, `measurement`, `approval`; 
 from __future__ import annotations
 
 from gateway.interlocks.approval import APPROVED, people_needed, warnings
+from gateway.interlocks.checker import ApprovedCurve, faults_of, mean_readings
 from gateway.interlocks.facts import (
     APPROVED_FOR,
     MAX_JUMP,
@@ -36,12 +37,15 @@ __all__ = [
     "MAX_JUMP",
     "MAX_SUSPECT_SHARE",
     "MIN_REPETITIONS",
+    "ApprovedCurve",
     "MarkerCheck",
     "PushFacts",
     "Refusal",
     "age_refusals",
+    "faults_of",
     "gain_refusals",
     "largest_change",
+    "mean_readings",
     "other_cross_tables",
     "people_needed",
     "proves",

@@ -21,8 +21,7 @@ from drivers.types.orders import PushBatch, PushOrder, ReadBack
 from drivers.types.tables import CompensationTable, LiveSet, LiveTable
 from gateway.errors import VerifyError, WriteRefused
 from gateway.events import FirstPartSelected, WholeTransactionSelected
-from gateway.interlocks import other_cross_tables, refusals, value_at
-from gateway.interlocks.checker import ApprovedCurve, faults_of, mean_readings
+from gateway.interlocks import ApprovedCurve, faults_of, mean_readings, other_cross_tables, refusals, value_at
 from gateway.moves import position_text, shown_by_control, tell_motion
 from gateway.push import controller_access
 from gateway.push.compare import same_other_tables, same_set, same_table, table_facts, table_in, without_tables
@@ -426,7 +425,14 @@ def _approved_curve(work: TableTransactionState, order: PushOrder, backup: LiveS
         measured = mean_readings(capture.targets.tolist(), capture.deviations.tolist())
         acting = capture.live.own.table if capture.live.own.enabled else None
     reference = work.context.input_axis.reference
-    return ApprovedCurve(work.change.new, acted, reference, work.tolerance, measured, acting)
+    return ApprovedCurve(
+        table=work.change.new,
+        acted=acted,
+        reference=reference,
+        allowed=work.tolerance,
+        measured=measured,
+        acting=acting,
+    )
 
 
 def is_coupled(live: LiveSet, work: TableTransactionState) -> bool:

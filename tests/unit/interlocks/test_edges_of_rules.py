@@ -1,0 +1,73 @@
+"""Edges of the rules and figures in refusals that seeded mutants showed to be untested; each worked out by hand."""
+
+from __future__ import annotations
+
+from dataclasses import replace as frozen
+from datetime import timedelta
+from typing import Any
+
+import numpy as np
+
+from drivers.types.abilities import TableLimits
+from drivers.types.tables import TemperatureShift, reversal_of
+from gateway.interlocks import PushFacts, largest_change, refusals
+from gateway.interlocks.measurement import unmeasured_range
+from tests.unit.interlocks.asked import replace
+from tests.unit.interlocks.test_every_code import CROSS, LIVE
+from tests.unit.interlocks.test_interlocks import CAPTURE, CHANGE, GOOD, NOW, STATE
+
+
+def refusal(facts: PushFacts, code: str) -> dict[str, Any]:
+    """The fields of the one refusal of this code."""
+    (found,) = (one for one in refusals(facts) if one.code == code)
+    return dict(found.fields)
+
+
+def warmed(now: TemperatureShift, capture: Any) -> set[str]:
+    base = frozen(LIVE, temperature=TemperatureShift())
+    change = frozen(GOOD.change, base=base)
+    facts = replace(GOOD, live=frozen(LIVE, temperature=now), change=change, capture=capture)
+    return {one.code for one in refusals(facts)}
+
+
+def test_temperature_is_compared_at_the_outermost_targets_and_without_any_a_metre_around_zero() -> None:
+    # The limit is 0.1 um. The shift is 0.11 um at the last target (400 mm) and 0.096 um at the one before (350 mm).
+    assert "E-INT-TEMPERATURE-MOVED" in warmed(TemperatureShift(0.0, 0.00011 / 400.0), CAPTURE)
+    assert "E-INT-TEMPERATURE-MOVED" not in warmed(TemperatureShift(0.0, 0.00009 / 400.0), CAPTURE)
+    assert "E-INT-TEMPERATURE-MOVED" in warmed(TemperatureShift(0.0, 0.00011 / 1000.0), None)
+    assert "E-INT-TEMPERATURE-MOVED" not in warmed(TemperatureShift(0.0, 0.00009 / 1000.0), None)
+
+
+def test_the_change_of_a_constant_is_against_the_one_that_acts() -> None:
+    new, old = reversal_of("X1", "mm", -2.4), reversal_of("X1", "mm", -0.4)
+    change = frozen(CHANGE, new=new, old=old, old_enabled=True)
+    assert largest_change(change) == 2.0
+    assert largest_change(frozen(change, old_enabled=False)) == 2.4
+
+
+def test_a_turn_that_was_measured_whole_leaves_nothing_unmeasured() -> None:
+    targets = np.arange(0.0, 360.5, 0.5)
+    table = frozen(GOOD.change.new, minimum=0.0, maximum=360.0, step=0.5, modulo=True, input_unit="deg")
+    facts = replace(GOOD, change=frozen(GOOD.change, new=table), capture=frozen(CAPTURE, targets=targets))
+    assert unmeasured_range(facts) == (-0.5, 0.5)
+
+
+def test_figures_of_refusals_are_those_of_the_limit() -> None:
+    old = frozen(CAPTURE, ended_utc=(NOW - timedelta(hours=2000)).isoformat())
+    assert refusal(replace(GOOD, capture=old), "E-INT-AGE")["hours"] == 2000.0
+    told = refusal(replace(CROSS, limits=TableLimits(50, 1e-6, 0.2, 0.0123456)), "E-INT-SUM")
+    assert told["limit"] == 12.346
+    values = tuple(value + 0.00046 if value == 15.5 else value for value in CROSS.change.new.deviations)
+    table = frozen(CROSS.change.new, deviations=values)
+    more = replace(CROSS, change=frozen(CROSS.change, new=table), limits=TableLimits(50, 1e-6, 0.2, 0.012))
+    assert refusal(more, "E-INT-SUM")["total"] == 15.5
+
+
+def test_where_nothing_is_switched_at_once_nothing_jumps() -> None:
+    there = frozen(STATE, axes={"X1": frozen(STATE.axes["X1"], position=100.0)})  # the table is 12 um there
+    now = replace(GOOD, moment="release", state=there)
+    assert "E-INT-JUMP" in {one.code for one in refusals(now)}
+    later = replace(now, can=frozen(now.can, switched="by-restart"))
+    assert "E-INT-JUMP" not in {one.code for one in refusals(later)}
+    off = replace(now, purpose="restore", change=frozen(CHANGE, old_enabled=False))
+    assert "E-INT-JUMP" not in {one.code for one in refusals(off)}
