@@ -151,6 +151,8 @@ bundle: $(VENV)/developed sbom
 	$(BIN)/python -m hatchling build -t wheel -d dist
 	$(TOOLS)/bin/python -m release.bundle linux-x86_64 dist dist/trueflank.cdx.json
 	$(TOOLS)/bin/python -m release.bundle windows-amd64 dist dist/trueflank.cdx.json
+	cd dist && sha256sum trueflank-*-py*.* trueflank.cdx.json > SHA256SUMS
+	$(if $(TRUEFLANK_RELEASE_KEY),$(BIN)/python -m release.signing sign $(TRUEFLANK_RELEASE_KEY) dist/SHA256SUMS,@echo "bundle: NOT SIGNED: TRUEFLANK_RELEASE_KEY names no key")
 	$(BIN)/python -m pytest -q -n 0 -m release tests/release/test_bundle.py
 
 # The handbook into dist/handbook: it opens without a network (only its search wants a server: python3 -m http.server). A

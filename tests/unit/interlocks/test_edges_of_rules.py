@@ -11,7 +11,7 @@ import numpy as np
 from drivers.types.abilities import TableLimits
 from drivers.types.tables import TemperatureShift, reversal_of
 from gateway.interlocks import PushFacts, largest_change, refusals
-from gateway.interlocks.measurement import unmeasured_range
+from gateway.interlocks.measurement import _both_ways, unmeasured_range
 from tests.unit.interlocks.asked import replace
 from tests.unit.interlocks.test_every_code import CROSS, LIVE
 from tests.unit.interlocks.test_interlocks import CAPTURE, CHANGE, GOOD, NOW, STATE
@@ -71,3 +71,24 @@ def test_where_nothing_is_switched_at_once_nothing_jumps() -> None:
     assert "E-INT-JUMP" not in {one.code for one in refusals(later)}
     off = replace(now, purpose="restore", change=frozen(CHANGE, old_enabled=False))
     assert "E-INT-JUMP" not in {one.code for one in refusals(off)}
+
+
+def test_a_single_table_that_is_too_large_is_no_sum() -> None:
+    values = (0.0, 50.0, 100.0, 150.0, 200.5, 150.0, 100.0, 50.0, 0.0)
+    table = frozen(CROSS.change.new, deviations=values)
+    alone = replace(CROSS, change=frozen(CROSS.change, new=table), limits=frozen(CROSS.limits, max_sum=None))
+    found = {one.code for one in refusals(alone)}
+    assert "E-INT-VALUE" in found
+    assert "E-INT-SUM" not in found
+
+
+def test_what_a_pair_of_curves_takes_counts_from_the_pair_that_acts() -> None:
+    """Measured 2 um between the directions, 1 um of it taken already and 3 um then: nothing of it is left."""
+    new = frozen(CHANGE.new, reverse=tuple(one - 3.0 for one in CHANGE.new.deviations))
+    old = frozen(CHANGE.old, reverse=tuple(one - 1.0 for one in CHANGE.old.deviations))
+    change = frozen(CHANGE, new=new, old=old, old_enabled=True, predicted=np.zeros(9))
+    both = np.zeros((9, 5, 2))
+    both[:, :, 0] = 2.0
+    before, after = _both_ways(frozen(CAPTURE, deviations=both), change)
+    assert before > 0.9
+    assert after == 0.0
