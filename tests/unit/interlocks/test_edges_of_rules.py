@@ -10,10 +10,11 @@ import numpy as np
 
 from drivers.types.abilities import TableLimits
 from drivers.types.tables import TemperatureShift, reversal_of
-from gateway.interlocks import PushFacts, largest_change, refusals
-from gateway.interlocks.measurement import _both_ways, unmeasured_range
+from gateway.interlocks import MarkerCheck, PushFacts, largest_change, refusals, warnings
+from gateway.interlocks.measurement import _both_ways, _pooled_deviation, unmeasured_range
+from gateway.interlocks.table import _is_same_deviation
 from tests.unit.interlocks.asked import replace
-from tests.unit.interlocks.test_every_code import CROSS, LIVE
+from tests.unit.interlocks.test_every_code import CROSS, LIVE, TWO
 from tests.unit.interlocks.test_interlocks import CAPTURE, CHANGE, GOOD, NOW, STATE
 
 
@@ -92,3 +93,37 @@ def test_what_a_pair_of_curves_takes_counts_from_the_pair_that_acts() -> None:
     before, after = _both_ways(frozen(CAPTURE, deviations=both), change)
     assert before > 0.9
     assert after == 0.0
+
+
+def test_how_many_have_agreed_is_told_with_the_person_who_pushes() -> None:
+    told = refusal(replace(TWO, approvals=()), "E-INT-APPROVAL-MISSING")
+    assert (told["needed"], told["have"]) == (2, 1)
+
+
+def test_two_targets_are_one_interval() -> None:
+    capture = frozen(CAPTURE, targets=np.array([100.0, 300.0]))
+    assert unmeasured_range(replace(GOOD, capture=capture)) == (-100.0, 200.0)
+
+
+def test_a_far_change_is_told_with_three_decimals() -> None:
+    values = (0.0, 10.0, 20.0, 66.00046, 20.0, 10.0, 0.0, 0.0, 0.0)
+    far = frozen(CHANGE, new=frozen(CHANGE.new, step=500.0, maximum=4000.0, deviations=values))
+    (told,) = (one for one in warnings(replace(GOOD, change=far)) if one.code == "W-INT-CHANGE")
+    assert told.fields["change"] == 66.0
+
+
+def test_one_deviation_is_known_by_shape_and_size() -> None:
+    one = CHANGE.new
+    sizes = {
+        factor: frozen(one, deviations=tuple(factor * each for each in one.deviations)) for factor in (0.4, 1.0, 3.0)
+    }
+    assert [_is_same_deviation(table, one) for table in sizes.values()] == [False, True, False]
+
+
+def test_scatter_is_pooled_by_squares() -> None:
+    """Two readings 1 and 3 of one approach and two equal ones of the other: squares 1 + 1 over two degrees."""
+    assert _pooled_deviation(np.array([[[1.0, 5.0], [3.0, 5.0]]])) == 1.0
+
+
+def test_a_marker_of_which_nothing_is_known_names_no_transaction() -> None:
+    assert MarkerCheck() == MarkerCheck(ours=True, behind="", lost=0, stranger=0)
