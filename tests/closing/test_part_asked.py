@@ -92,7 +92,7 @@ async def test_a_flank_that_became_worse_takes_all_tables_of_the_run_back(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Nobody asks the part here, so a reversed indicator's tables are written; then the old ones act again."""
-    monkeypatch.setattr(proposal, "ask_part", lambda *_given, **_more: {})
+    monkeypatch.setattr(proposal, "compare_part_with_model", lambda *_given, **_more: {})
     clock = LoopClock()
     file = turned(with_plan(load_cell("demo")), "EXC")
     async with cell_running(file, tmp_path, clock, wires="memory", block_s=BLOCK_S) as cell:

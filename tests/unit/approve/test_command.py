@@ -49,18 +49,24 @@ step = 50.0
 
 
 @pytest.fixture
-def run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> RunFolder:
-    """A run with a proposal; what `push` would show of it is not asked of a machine here."""
+def stored(tmp_path: Path) -> RunFolder:
+    """A run with a proposal."""
     site = tmp_path / "site.toml"
     site.write_text(SITE)
     folder = Store(tmp_path / "runs").create("mill", {"site_file": str(site)})
     folder.put(stages.PROPOSAL, Proposal(MACHINE, (CHANGE, SKIPPED), (), "2026-11-21T10:00:00+00:00"))
+    return folder
+
+
+@pytest.fixture
+def run(stored: RunFolder, monkeypatch: pytest.MonkeyPatch) -> RunFolder:
+    """The same; what `push` would show of it is not asked of a machine here."""
 
     async def shown(*_: object, **__: object) -> Outcome:
-        return Outcome("proposed", str(folder.path), (), ("X1: what push shows",), {"refusals": {}})
+        return Outcome("proposed", str(stored.path), (), ("X1: what push shows",), {"refusals": {}})
 
     monkeypatch.setattr(push, "push_run", shown)
-    return folder
+    return stored
 
 
 def approve(run: RunFolder, typed: str, *words: str) -> Any:
@@ -110,17 +116,17 @@ def test_refused_leaves_nothing(run: RunFolder, typed: str, words: tuple[str, ..
     [((), "E-SUP-OPEN"), (("--offline",), "E-OFF-ROAD"), (("--offline", "--apply", "--machine", "mill"), "E-OFF-ROAD")],
 )
 def test_a_look_that_fails_and_a_way_that_is_refused_leave_the_run_as_it_was(
-    run: RunFolder, words: tuple[str, ...], code: str
+    stored: RunFolder, words: tuple[str, ...], code: str
 ) -> None:
     cross = replace(CHANGE, new=replace(CHANGE.new, kind="cross", output_axis="X1"))
-    run.put(stages.PROPOSAL, Proposal(MACHINE, (cross,), (), "2026-11-21T10:00:00+00:00"))
-    run.set_state("better")
-    site = run.path.parents[1] / "site.toml"
+    stored.put(stages.PROPOSAL, Proposal(MACHINE, (cross,), (), "2026-11-21T10:00:00+00:00"))
+    stored.set_state("better")
+    site = stored.path.parents[1] / "site.toml"
     site.write_text(
         SITE.replace('url = "opc.tcp://127.0.0.1:1"', 'driver = "sinumerik-modbus"\nurl = "tcp://127.0.0.1:1"')
     )
-    before = {path: path.read_bytes() for path in run.path.rglob("*") if path.is_file()}
-    found = CliRunner().invoke(app, ["push", str(run.path), *words]).exception
+    before = {path: path.read_bytes() for path in stored.path.rglob("*") if path.is_file()}
+    found = CliRunner().invoke(app, ["push", str(stored.path), *words]).exception
     assert getattr(found, "code", found) == code
-    assert {path: path.read_bytes() for path in run.path.rglob("*") if path.is_file()} == before
-    assert (run.state, run.errors) == ("better", ())
+    assert {path: path.read_bytes() for path in stored.path.rglob("*") if path.is_file()} == before
+    assert (stored.state, stored.errors) == ("better", ())

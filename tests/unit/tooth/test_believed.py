@@ -74,7 +74,7 @@ class Loop(complete_run._ClosingRun):
     async def _proposal(self) -> Any:
         return None, None
 
-    async def _pushed(self, proposal: Any) -> Verdict:
+    async def _push_tables(self, proposal: Any) -> Verdict:
         return Verdict((), "not-pushed", ())
 
 
@@ -87,7 +87,7 @@ def test_nothing_is_ground_again_where_nothing_was_pushed(tmp_path: Path, monkey
     monkeypatch.setattr(complete_run, "SetupBook", lambda _root: book)
     lacks = SimpleNamespace(setup=SetupValues(x_um=1.5))
     monkeypatch.setattr(complete_run, "setup_from_part", lambda _part, _gear: lacks)
-    monkeypatch.setattr(complete_run.selftests, "demand", lambda _at: None)
+    monkeypatch.setattr(complete_run.self_test, "require_self_tests", lambda _at: None)
     at: Any = SimpleNamespace(folder=folder, store=store, machine=None, site=SiteFile.model_validate(site_data()))
     at.say = lambda code, **fields: said.append(f"{code} {fields.get('name', fields.get('x', ''))}")
     work: Any = SimpleNamespace(name="disc", gear=None)
@@ -103,10 +103,10 @@ class Pushed(Loop):
         self.at.folder.put(stages.TOOTH, PREDICTED)
         return None, None
 
-    async def _pushed(self, proposal: Any) -> Verdict:
+    async def _push_tables(self, proposal: Any) -> Verdict:
         return Verdict((), "better", ())
 
-    def _expected(self, before: Any, tooth: Any) -> SetupValues:
+    def _expected_flank(self, before: Any, tooth: Any) -> SetupValues:
         return SetupValues()
 
     async def _part(self, part: str, setup: SetupValues) -> Any:
@@ -144,11 +144,11 @@ def test_a_flank_that_became_worse_takes_the_tables_back_unless_told_not_to(
     book = SimpleNamespace(current=lambda *_names: SetupValues(), save=lambda *_given, **_more: None)
     monkeypatch.setattr(complete_run, "SetupBook", lambda _root: book)
     monkeypatch.setattr(complete_run, "setup_from_part", lambda _part, _gear: SimpleNamespace(setup=SetupValues()))
-    monkeypatch.setattr(complete_run.selftests, "demand", lambda _at: None)
-    monkeypatch.setattr(complete_run, "check_acting", nothing)
+    monkeypatch.setattr(complete_run.self_test, "require_self_tests", lambda _at: None)
+    monkeypatch.setattr(complete_run, "verify_combined_effect", nothing)
     monkeypatch.setattr(complete_run, "judge_tooth", lambda *_parts, **_more: verdict)
-    monkeypatch.setattr(complete_run, "take_back_run", take_back)
-    monkeypatch.setattr(complete_run, "entered", lambda *_given: "")
+    monkeypatch.setattr(complete_run, "roll_back_run", take_back)
+    monkeypatch.setattr(complete_run, "entry_instructions", lambda *_given: "")
     monkeypatch.setattr(complete_run, "work_section", lambda _site: None)
     at: Any = SimpleNamespace(folder=folder, store=store, site=SiteFile.model_validate(site_data()))
     at.machine, at.clock = SimpleNamespace(serial="S1"), LoopClock()

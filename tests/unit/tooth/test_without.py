@@ -75,7 +75,7 @@ def kept(monkeypatch: pytest.MonkeyPatch) -> list[tuple[str, str]]:
     """What the audit log was told; the work of the site file is the disc."""
     told: list[tuple[str, str]] = []
     monkeypatch.setattr(ablation, "work_of", lambda _site, _path: WORK)
-    monkeypatch.setattr(signs, "left_out", lambda _at, change, why: told.append((change.name, why)))
+    monkeypatch.setattr(signs, "record_left_out", lambda _at, change, why: told.append((change.name, why)))
     return told
 
 

@@ -699,11 +699,11 @@ async def test_devices_are_not_taken_from_a_daemon_that_answers(tmp_path: Path) 
 HANGING = """
 import os, socket, sys, time
 from pathlib import Path
-from gateway.broker.state_folder import locked
-from gateway.broker.lending import BrokerNotice, noticed
+from gateway.broker.state_folder import hold_folder_lock
+from gateway.broker.lending import BrokerNotice, leave_notice
 root = Path(sys.argv[1])
-with socket.create_server(("127.0.0.1", 0)) as server, locked(root):
-    with noticed(root, BrokerNotice(os.getpid(), server.getsockname()[1], "t")):
+with socket.create_server(("127.0.0.1", 0)) as server, hold_folder_lock(root):
+    with leave_notice(root, BrokerNotice(os.getpid(), server.getsockname()[1], "t")):
         print("hangs", flush=True)
         time.sleep(600)
 """
