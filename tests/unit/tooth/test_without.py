@@ -127,9 +127,9 @@ def test_of_tables_for_a_tooth_the_better_rest_goes_on_and_the_flank_is_said() -
     assert said.codes[0] == "P-PUSH-WITHOUT-FLANK"
     going = [one.name for one in found if not one.skipped]
     figures = said.fields[0]
-    assert float(str(figures["rest"])) == pytest.approx(rms_um(*going), abs=0.006)
-    assert float(str(figures["all"])) == pytest.approx(rms_um(*(one.name for one in every())), abs=0.006)
-    assert float(str(figures["none"])) == pytest.approx(rms_um(), abs=0.006)
+    assert figures["rest"].value == pytest.approx(rms_um(*going), abs=0.006)
+    assert figures["all"].value == pytest.approx(rms_um(*(one.name for one in every())), abs=0.006)
+    assert figures["none"].value == pytest.approx(rms_um(), abs=0.006)
     assert rms_um(*going) <= rms_um() + 1e-6
 
 
