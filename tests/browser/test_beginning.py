@@ -175,7 +175,7 @@ def _corrects(anna: Person, at: Hall) -> None:
 def _invites(anna: Person, name: str) -> None:
     """An account for somebody who approves."""
     anna.go("connect")
-    anna.page.locator("main details summary").click()
+    anna.page.locator("main details:has(#add-person) summary").click()
     form = anna.page.locator("#add-person")
     for key, text in (("name", name), ("password", SECRET), ("pin", PIN)):
         form.locator(f"[name={key}]").fill(text)

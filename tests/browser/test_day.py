@@ -63,7 +63,7 @@ def _day(at: Hall, browser: Browser) -> None:
 def _connected(anna: Person, page: Page, at: Hall) -> None:
     anna.go("connect")
     for name, roles in (("bob", {"approver"}), ("carl", {"operator"})):
-        page.locator("main details summary").click()
+        page.locator("main details:has(#add-person) summary").click()
         form = page.locator("#add-person")
         form.locator("[name=name]").fill(name)
         form.locator("[name=password]").fill(SECRET)
