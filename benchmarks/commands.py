@@ -77,11 +77,11 @@ def measure(report: Report) -> None:
         if report.smoke:
             return
         started(report, "check SITE", ["check", str(site)], 0.4, 120.0, folder)
-        started(report, "check SITE that grinds", ["check", str(grinder(folder / "grinder"))], 0.6, 130.0, folder)
+        started(report, "check SITE that grinds", ["check", str(grinder(folder / "grinder"))], 0.4, 130.0, folder)
         started(report, "runs list, empty store", ["runs", "list"], 0.3, 90.0, folder)
         started(report, "evaluate FILE.rtl", ["evaluate", str(one)], 0.6, 150.0, folder)
         ten = [str(written(folder / f"ten-{number}.rtl", number)) for number in range(10)]
-        started(report, "evaluate, ten files", ["evaluate", *ten], 1.6, 150.0, folder)
+        started(report, "evaluate, ten files", ["evaluate", *ten], 1.0, 150.0, folder)
         started(report, "report FILE.rtl (PDF, HTML, data)", ["report", str(one)], 1.2, 250.0, folder)
         service(report, folder / "service")
 
