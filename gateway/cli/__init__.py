@@ -1,4 +1,9 @@
-"""The command line: thin commands that read arguments, call a workflow and show what comes back."""
+"""The command line: thin commands that read arguments, call a workflow and show the result.
+
+`command_list` reads `order.toml` and loads the module of the command that is typed, and no other. The commands are in
+`setup` (site file), `machine` (with a control), `files` (result files, tables, runs), `serve`, `service`, `cell` and
+`demo`. They share `options`, `output`, `progress`, `next_steps` and `signals`. Others import `app` and `main` alone.
+"""
 
 from __future__ import annotations
 
@@ -12,15 +17,14 @@ import typer
 # thread adds in the same order on every PC. Before numpy is loaded, or it is too late.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
-from gateway.cli.lazily import WIDTH, CommandList
-from gateway.cli.show import echo, show_error
-from gateway.cli.voice import Voice, use
+from gateway.cli.command_list import CONTEXT_SETTINGS, CommandList
+from gateway.cli.output import Voice, echo, show_error, use_voice
 
 app = typer.Typer(
     cls=CommandList,
     name="trueflank",
     help="Measure a gear grinder's axes, correct them through its controller, and prove the result.",
-    context_settings=WIDTH,
+    context_settings=CONTEXT_SETTINGS,
     no_args_is_help=True,
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
@@ -44,7 +48,7 @@ def first(
     verbose: Annotated[bool, typer.Option("--verbose", "-v", help="Print every step, as in the log.")] = False,
 ) -> None:
     """Begin every command with the plain voice, or with that asked for before its name."""
-    use(Voice.VERBOSE if verbose else Voice.QUIET if quiet else Voice.PLAIN)
+    use_voice(Voice.VERBOSE if verbose else Voice.QUIET if quiet else Voice.PLAIN)
 
 
 def main() -> None:

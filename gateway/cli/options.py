@@ -64,7 +64,7 @@ ColumnOption = Annotated[
         show_default=False,
     ),
 ]
-ROADS = ("", "opcua", "modbus", "both")
+CONNECTIONS = ("", "opcua", "modbus", "both")
 TakeOption = Annotated[
     str, typer.Option(help="Reason for taking the devices from a service that does not respond.", show_default=False)
 ]
@@ -80,7 +80,7 @@ USUAL_STORE = Path("runs")
 MOST_SITES = 50
 
 
-def store_here(context: typer.Context, given: Path) -> Path:
+def resolve_store(context: typer.Context, given: Path) -> Path:
     """The store that is meant: the one that was typed, else that of the site file that the command was given.
 
     Without a site file: `runs` here, else that of the one site file here or a folder below. With none or several of
@@ -92,15 +92,15 @@ def store_here(context: typer.Context, given: Path) -> Path:
     named = (str(context.params.get(name) or "") for name in ("site", "place"))
     site = next((Path(one) for one in named if one.endswith(".toml")), None)
     if site is not None:
-        return store_of_file(site) or given
+        return store_of_site_file(site) or given
     if given.exists():
         return given
     sites = [one for form in ("*.toml", "*/*.toml") for one in islice(Path().glob(form), MOST_SITES)]
-    found = {store for site in sites if (store := store_of_file(site)) is not None}
+    found = {store for site in sites if (store := store_of_site_file(site)) is not None}
     return found.pop() if len(found) == 1 else given
 
 
-def store_of_file(site: Path) -> Path | None:
+def store_of_site_file(site: Path) -> Path | None:
     """Where a site file keeps its runs; None for a file that is no site file."""
     try:
         named = read_toml(site)["site"].get("store", str(USUAL_STORE))
@@ -114,10 +114,10 @@ def open_run(store: Any, run: str, needs: str = "anything", axis: str = "") -> A
 
     Raises as `gateway.store.Store.open`.
     """
-    from gateway.cli.show import echo
+    from gateway.cli.output import echo
     from gateway.store import ANYTHING, LATEST, Needs
 
-    code, stages, always, made = NEEDS[needs]
+    code, stages, always, made = RUN_NEEDS[needs]
     wanted = Needs(code, tuple(one.format(axis=axis) for one in stages), made)
     folder = store.open(run, wanted if always or run == LATEST else replace(ANYTHING, made=made))
     if run == LATEST:
@@ -135,7 +135,7 @@ def run_or_file(store: Path, word: Path | str) -> Path:
 
 
 _BY_RUN, _BY_MEASURE, _BY_INSPECT = "W-MADE-BY-RUN", "W-MADE-BY-MEASURE", "W-MADE-BY-INSPECT"
-NEEDS: Mapping[str, tuple[str, tuple[str, ...], bool, str]] = {
+RUN_NEEDS: Mapping[str, tuple[str, tuple[str, ...], bool, str]] = {
     "anything": ("W-NEEDS-ANYTHING", (), False, _BY_RUN),
     "proposal": ("W-NEEDS-PROPOSAL", ("proposal",), True, _BY_RUN),
     "errors": ("W-NEEDS-ERRORS", ("errors",), True, _BY_MEASURE),
@@ -149,23 +149,23 @@ NEEDS: Mapping[str, tuple[str, tuple[str, ...], bool, str]] = {
 was named without it is a wrong option, too, and the catalogue's word for the command that makes it."""
 
 
-StoreOption = Annotated[Path, typer.Option(help="Folder that holds the runs.", callback=store_here)]
+StoreOption = Annotated[Path, typer.Option(help="Folder that holds the runs.", callback=resolve_store)]
 
 
-def named(text: str) -> str:
+def parse_name(text: str) -> str:
     """An option that becomes a part of a file's name. Raises ConfigError (E-NAME)."""
     if text and not is_name(text):
         raise ConfigError("E-NAME", "command line", name=shown(text), allowed=allowed())
     return text
 
 
-PartOption = Annotated[str, typer.Option(help="Name of the part in its run.", callback=named)]
+PartOption = Annotated[str, typer.Option(help="Name of the part in its run.", callback=parse_name)]
 
 
-def road_of(text: str) -> str:
+def parse_connection(text: str) -> str:
     """A way into a simulated control. Raises typer.BadParameter."""
-    if text not in ROADS:
-        raise typer.BadParameter(f"{text!r} is none of {', '.join(ROADS[1:])}")
+    if text not in CONNECTIONS:
+        raise typer.BadParameter(f"{text!r} is none of {', '.join(CONNECTIONS[1:])}")
     return text
 
 
@@ -176,7 +176,7 @@ def accepted_doubts(texts: list[str] | None) -> dict[str, str]:
     return accepted_of(texts or (), "--accept-doubt")
 
 
-def with_control(tree: Any) -> None:
+def require_control(tree: Any) -> None:
     """A site that names a control. Raises ConfigError (E-FILES-ONLY)."""
     from gateway.config import files_only
 
@@ -191,16 +191,16 @@ def load_site(path: Path) -> Any:
     return load(path)
 
 
-def compared_of(site: Path | None, accepted: list[str] | None, *, ask: bool, tree: Any = None) -> Any:
+def statement_comparison(site: Path | None, accepted: list[str] | None, *, ask: bool, tree: Any = None) -> Any:
     """With what files' statements are compared: a site, what was accepted, and whether a person is asked."""
     from gateway.workflow.files.statements import StatementComparison
 
     known = load_site(site) if tree is None and site is not None else tree
-    return StatementComparison(known, tuple(accepted or ()), _ask_about if ask else None, _now)
+    return StatementComparison(known, tuple(accepted or ()), _ask_about if ask else None, _utc_now)
 
 
 @dataclass(frozen=True, slots=True)
-class TodayAlone:
+class DateComparison:
     """One file without a site: its day is compared with today, and the rest with nothing; loaded where it differs."""
 
     accepted: tuple[str, ...]
@@ -211,18 +211,20 @@ class TodayAlone:
         from gateway.workflow.files.headers import date_in, is_future
 
         return (
-            compared_of(None, list(self.accepted), ask=self.ask) if is_future(date_in(header), _now().date()) else None
+            statement_comparison(None, list(self.accepted), ask=self.ask)
+            if is_future(date_in(header), _utc_now().date())
+            else None
         )
 
 
-def _now() -> datetime:
+def _utc_now() -> datetime:
     return datetime.now(UTC)  # by name, so that another process can be given it
 
 
 def _ask_about(one: Any) -> bool:
     """Show one difference; yes takes the file. Without anybody at the terminal it is refused (E-FACTS-DIFFER)."""
     from drivers.local.names import visible
-    from gateway.cli.show import echo
+    from gateway.cli.output import echo
     from gateway.workflow.files.statements import refusal
 
     echo(Message.of("P-FACTS-DIFFER", **difference_fields(one)))

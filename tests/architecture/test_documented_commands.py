@@ -14,8 +14,8 @@ from typer.testing import CliRunner
 
 from drivers.errors import catalogue
 from gateway.cli import app
-from gateway.cli.begin.checking import checked
-from gateway.cli.files.commandpage import page
+from gateway.cli.files.reference import command_page
+from gateway.cli.setup.check import check_site
 from gateway.push.phases import transitions_in_markdown
 from simulators.pytest_plugin import CellStarter
 from tests.unit.drivers.test_gear_measuring_files import mka
@@ -164,7 +164,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 def test_the_site_file_of_the_handbook_is_valid_and_short(folder: Path) -> None:
-    found = checked(folder / "site.toml")
+    found = check_site(folder / "site.toml")
     assert [fault.error("site").what for fault in found.faults] == []
     assert len((folder / "site.toml").read_text(encoding="utf-8").splitlines()) <= 15
 
@@ -257,7 +257,7 @@ def test_every_command_that_looks_at_a_control_runs_at_a_simulated_one(
 
 
 def test_the_page_of_commands_is_current() -> None:
-    wanted = page().rstrip() + "\n"
+    wanted = command_page().rstrip() + "\n"
     assert (DOCS / "commands.md").read_text(encoding="utf-8") == wanted, "run: trueflank commands > docs/commands.md"
 
 

@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 
-from gateway.cli.begin.checking import checked
+from gateway.cli.setup.check import check_site
 
 ROOT = Path(__file__).parents[2]
 BLOCK = re.compile(r"^```toml\n(.*?)^```", re.DOTALL | re.MULTILINE)
@@ -29,7 +29,7 @@ def _checked(tmp_path: Path, text: str) -> list[str]:
     (tmp_path / "site.toml").write_text(text, encoding="utf-8")
     (tmp_path / "control.der").write_bytes(b"\x30\x82")
     (tmp_path / "laser.rtl").write_bytes((ROOT / "tests" / "golden" / "files" / "basic.rtl").read_bytes())
-    return [fault.error("site").what for fault in checked(tmp_path / "site.toml").faults]
+    return [fault.error("site").what for fault in check_site(tmp_path / "site.toml").faults]
 
 
 def _site() -> str:

@@ -57,7 +57,7 @@ def _sources() -> dict[str, str]:
             parts = path.relative_to(ROOT).with_suffix("").parts
             name = ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
             found[name] = DOCSTRING.sub('""', path.read_text(encoding="utf-8"))
-    found["gateway.cli.lazily"] += (ROOT / "gateway" / "cli" / "order.toml").read_text(encoding="utf-8")
+    found["gateway.cli.command_list"] += (ROOT / "gateway" / "cli" / "order.toml").read_text(encoding="utf-8")
     return found
 
 

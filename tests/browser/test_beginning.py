@@ -11,8 +11,8 @@ from cryptography.hazmat.primitives.hashes import SHA1, SHA256
 from playwright.sync_api import Browser, expect
 
 from drivers.languages import LANGUAGES
-from gateway.cli.begin.checking import checked
-from gateway.cli.begin.wizard import STORE
+from gateway.cli.setup.check import check_site
+from gateway.cli.setup.wizard import STORE
 from gateway.config import load_site
 from gateway.users import first_token_path
 from tests.browser.hall import Hall, hall
@@ -69,7 +69,7 @@ def test_a_machine_of_carried_files_is_begun_and_what_is_doubtful_is_shown_first
             anna.page.locator("#go-on").wait_for()
             anna.sees("#doubts", "[moves.safe]")
             looked_at(anna, "beginning-doubts")
-            assert len(checked(at.path).doubts) == anna.page.locator("#doubts li").count()
+            assert len(check_site(at.path).doubts) == anna.page.locator("#doubts li").count()
             anna.page.locator("#go-on").click()
             anna.sees("#now", "Selbsttest")
     finally:
@@ -122,7 +122,7 @@ def _begun(at: Hall, browser: Browser, known: dict[str, Any]) -> None:
     _every_look(anna, browser)
     anna.page.locator("#make").click()
     anna.page.locator("#machine").wait_for()
-    found = checked(at.path)
+    found = check_site(at.path)
     assert (found.faults, found.doubts) == ((), ())
     assert load_site(at.path).site.name == "hall-9"
     _trusts_anew(anna, at, known)

@@ -9,7 +9,7 @@ import pytest
 
 from drivers.clock import LoopClock, run_virtual
 from gateway import audit
-from gateway.cli.onward import after_look, consent
+from gateway.cli.next_steps import after_push_preview, push_options
 from gateway.config import load_site
 from gateway.errors import WriteRefused
 from gateway.say import silence
@@ -68,8 +68,11 @@ def test_a_proposal_is_shown_then_pushed(tmp_path: Path) -> None:
     assert any("until `trueflank self-test` has passed" in str(line) for line in seen["made"].lines)
     assert "PRODUCT OF TABLE 0" in seen["tested"].data["axes"]["C1"]["passed"]
     assert seen["untested"].data["refused_by"] == ["E-INT-NO-SELF-TEST"]
-    assert after_look(seen["untested"].data["refused_by"], "R", "S", consent("x", "M")) == "self-test S"
-    assert after_look(seen["shown"].data["refused_by"], "R", "S", consent("x", "M")) == "push R --apply --machine M"
+    assert after_push_preview(seen["untested"].data["refused_by"], "R", "S", push_options("x", "M")) == "self-test S"
+    assert (
+        after_push_preview(seen["shown"].data["refused_by"], "R", "S", push_options("x", "M"))
+        == "push R --apply --machine M"
+    )
     assert seen["untouched"]
     assert any("is proved first" in str(line) for line in seen["shown"].lines)
     assert seen["pushed"].data["outcome"] == "better"

@@ -19,7 +19,7 @@ from drivers.bridge.device import BridgeInstrument
 from drivers.clock import LoopClock
 from drivers.errors import ConfigError, DeviceRefused, NotReferenced
 from drivers.types.sensing import SampleBlock
-from gateway.cli.begin.newinstrument import check_name, write_package
+from gateway.cli.setup.init import check_name, write_package
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 

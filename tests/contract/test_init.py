@@ -11,8 +11,8 @@ from typer.testing import CliRunner
 from drivers.clock import LoopClock
 from drivers.sinumerik.opcua.session import certificates
 from gateway.cli import app
-from gateway.cli.begin.checking import against_control, checked
-from gateway.cli.begin.surveying import surveyed
+from gateway.cli.setup.check import check_site, compare_with_control
+from gateway.cli.setup.wizard import survey_control
 from simulators.nck import AxisSpec, Nck, NckSpec
 from simulators.opcua import SinumerikServer
 
@@ -48,7 +48,7 @@ async def test_a_five_axis_machine_from_an_empty_folder(tmp_path: Path) -> None:
         assert done.exit_code == 0, done.output
         assert "this is not the thumbprint" in done.output
         assert len(typed) - 1 + 2 <= 13, "questions, and the commands init and check"
-        found = checked(path)
+        found = check_site(path)
         assert found.faults == ()
         assert [one.path for one in found.doubts] == [("moves", "safe")]
         site = found.site
@@ -64,8 +64,8 @@ async def test_a_five_axis_machine_from_an_empty_folder(tmp_path: Path) -> None:
         assert [axis.travel for axis in site.axes[:4]] == [axis.travel for axis in FIVE.axes[:4]]
         assert PASSWORD not in path.read_text()
         control = site.controller
-        facts = await surveyed(control.driver, control.url, control.settings, clock=clock, timeout_s=5.0)
-        assert list(against_control(site, facts)) == []
+        facts = await survey_control(control.driver, control.url, control.settings, clock=clock, timeout_s=5.0)
+        assert list(compare_with_control(site, facts)) == []
         assert server.requests.services["write"] == 0
     finally:
         await server.stop()

@@ -1,1 +1,1 @@
-"""Commands on files at a desk; no machine is needed: evaluate, convert, lint, import, replay, study, watch."""
+"""Commands on files and stored runs; no machine is needed: evaluate, convert, tables, import, report, runs, study."""

@@ -1,4 +1,4 @@
-"""The command that makes a compensation table file of a measured result file, once its datum is known."""
+"""The command `convert`: measured files, tables and errors into files that a control or another program reads."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import typer
 
@@ -15,9 +15,102 @@ from drivers.errors import ConfigError, words
 from drivers.tablefile import TableMachine
 from drivers.terms import TableKind, spoken
 from drivers.units import AxisUnit
-from gateway.cli.files.exchanging import TABLES, ExchangeOptions, exchange, is_exchange, known_formats
-from gateway.cli.files.tables import number, show_findings, table_format, write_text
-from gateway.cli.show import echo, show_json
+from gateway.cli.files.exchange import TABLES, ExchangeOptions, convert_exchange, is_exchange, known_formats
+from gateway.cli.files.tables import parse_number, show_findings, table_format, write_text
+from gateway.cli.options import (
+    AcceptOption,
+    AskOption,
+    ColumnOption,
+    DateComparison,
+    JsonOption,
+    StatementOption,
+    StoreOption,
+    accepted_doubts,
+)
+from gateway.cli.output import echo, show_json
+
+WORDS = spoken()
+
+
+def convert_command(
+    result: Annotated[
+        Path, typer.Argument(help="Measured result file, a file in the format of --from, or a run.", show_default=False)
+    ],
+    to: Annotated[
+        str,
+        typer.Option(
+            help=f"{WORDS.own_key} (mean of both directions), {WORDS.cross_key} (a pair by direction), linuxcnc, "
+            "twincat, heidenhain, axeserr, aerotech, table-csv; errors of a machine: isg-volumetric, "
+            "etalon-exchange, error-csv."
+        ),
+    ],
+    output: Annotated[Path, typer.Option("--output", "-o", help=f"File to write: {WORDS.suffixes}.")],
+    axis: Annotated[str, typer.Option(help=f"Machine axis name, {WORDS.axis_name}.", show_default=False)] = "",
+    origin: Annotated[
+        str,
+        typer.Option(
+            "--from",
+            help="Format of the file: tables (of the control), fanuc, or one of the names of --to.",
+            show_default=False,
+        ),
+    ] = "",
+    reference: Annotated[
+        float | None, typer.Option(help="Machine position where the table must be zero.", show_default=False)
+    ] = None,
+    datum: Annotated[
+        list[str] | None,
+        typer.Option(help="FILE=MACHINE position; twice if their directions are opposite.", show_default=False),
+    ] = None,
+    minimum: Annotated[float | None, typer.Option("--min", help="First point.", show_default=False)] = None,
+    maximum: Annotated[float | None, typer.Option("--max", help="Last point.", show_default=False)] = None,
+    step: Annotated[float | None, typer.Option(help="Distance of the points.", show_default=False)] = None,
+    modulo: Annotated[bool, typer.Option("--modulo", help="Endless rotary axis, 0 to 360 deg.")] = False,
+    unit: Annotated[str, typer.Option(help="Unit of the deviations, if the file does not state it.")] = "",
+    column: ColumnOption = None,
+    index: Annotated[
+        int, typer.Option(min=0, help=f"Encoder ({WORDS.own_key}: 0 or 1) or first table number ({WORDS.cross_key}).")
+    ] = 0,
+    form: Annotated[
+        str,
+        typer.Option(
+            help="program, ini, axis-ini, archive or numbered; linuxcnc: trims or positions; twincat: whole or real; "
+            "fanuc, heidenhain: error or correction; aerotech: mean."
+        ),
+    ] = "",
+    accept_doubt: AcceptOption = None,
+    accept: StatementOption = None,
+    ask: AskOption = True,
+    force: Annotated[bool, typer.Option("--force", help="Replace an existing file.")] = False,
+    store: StoreOption = Path("runs"),
+    as_json: JsonOption = False,
+) -> None:
+    """Make a table file of a measured result file (the datum must be given), or turn tables and errors into others."""
+
+    wish = ConversionOptions(
+        result=result,
+        to=to,
+        axis=axis,
+        reference=reference,
+        datum=tuple(datum or ()),
+        minimum=minimum,
+        maximum=maximum,
+        step=step,
+        modulo=modulo,
+        unit=unit,
+        index=index,
+        form=form,
+        output=output,
+        force=force,
+        origin=origin,
+        store=store,
+        accepted=accepted_doubts(accept_doubt),
+        columns=tuple(column or ()),
+        compared=DateComparison(tuple(accept or ()), ask and not as_json),
+    )
+    convert_file(wish, as_json=as_json)
+
+
+# ---- a table file from a measured result file, once its datum is known
 
 PLAIN_AXIS, ROTARY = re.compile(r"([ABCUVWXYZ])[0-9]*"), "ABC"
 """Names that say by their letter (ISO 841) what an axis is; AX1 and others say nothing."""
@@ -69,13 +162,18 @@ def convert_file(wish: ConversionOptions, *, as_json: bool) -> None:
     wrong = any(one.severity == "wrong" for one in findings)
     if not wrong:
         write_text(wish.output, text, force=wish.force, encoding="ascii")
-    told = [*map(str, measured.warnings), *notes, *_said(measured), *(str(one.message) for one in made.findings)]
+    told = [
+        *map(str, measured.warnings),
+        *notes,
+        *_conversion_doubts(measured),
+        *(str(one.message) for one in made.findings),
+    ]
     if as_json:
         records = [{"severity": one.severity, **one.error.as_record()} for one in findings]
         data = {"file": str(wish.output), "written": not wrong, "notes": told, "findings": records}
         show_json({**data, "doubts": doubts.as_data(measured.doubts)})
     else:
-        _say(made, told)
+        _show_conversion(made, told)
         show_findings(wish.output, findings, as_json=False)
     if wrong:
         raise typer.Exit(7)
@@ -87,7 +185,7 @@ def _read(wish: ConversionOptions) -> tuple[Any, tuple[str, ...]]:
     Readings out of line are left out, as in the fit of a run; the doubts name them. Raises InDoubt (E-DOUBT-OPEN): no
     table comes of readings in doubt.
     """
-    from gateway.cli.files.evaluating import accepted_of
+    from gateway.cli.files.positioning import accepted_of
     from gateway.evaluate.behaviour.doubts import demand_settled, with_doubts
     from gateway.evaluate.behaviour.repetitions import consistent_readings
     from gateway.store import Maps
@@ -113,7 +211,7 @@ def _check_kind(wish: ConversionOptions, measured: Any) -> None:
         raise ConfigError("E-CLI-AXIS-UNIT", str(wish.result), **fields)
 
 
-def _said(measured: Any) -> tuple[str, ...]:
+def _conversion_doubts(measured: Any) -> tuple[str, ...]:
     """The doubts that concern whoever uses a table, and which readings it leaves out."""
     from gateway.evaluate.behaviour import doubts
 
@@ -139,10 +237,10 @@ def _exchange(wish: ConversionOptions, *, as_json: bool) -> None:
     )
     from_file = not wish.origin and wish.to in registry.known(TABLES)
     if not from_file:
-        exchange(asked, None, as_json=as_json)
+        convert_exchange(asked, None, as_json=as_json)
         return
-    table, simulated, notes = _measured(wish)
-    exchange(replace(asked, simulated=simulated, notes=notes), table, as_json=as_json)
+    table, simulated, notes = _measured_table(wish)
+    convert_exchange(replace(asked, simulated=simulated, notes=notes), table, as_json=as_json)
 
 
 def _declared(columns: tuple[str, ...]) -> Mapping[str, Any]:
@@ -152,7 +250,7 @@ def _declared(columns: tuple[str, ...]) -> Mapping[str, Any]:
     return columns_of(columns)
 
 
-def _measured(wish: ConversionOptions) -> tuple[Any, bool, tuple[str, ...]]:
+def _measured_table(wish: ConversionOptions) -> tuple[Any, bool, tuple[str, ...]]:
     """The table of a measured file, at its own targets and with a curve for each direction; of a double?; and notes."""
     from gateway.table.conversion import convert_as_measured, datum_of
     from gateway.workflow.run.stages import simulated_set
@@ -163,7 +261,7 @@ def _measured(wish: ConversionOptions) -> tuple[Any, bool, tuple[str, ...]]:
     reference = _complete(wish, measured)
     datum = datum_of([_pair(word) for word in wish.datum])
     table = convert_as_measured(measured, wish.axis.strip().upper(), reference, datum)
-    return table, simulated_set(measured), (*map(str, measured.warnings), *notes, *_said(measured))
+    return table, simulated_set(measured), (*map(str, measured.warnings), *notes, *_conversion_doubts(measured))
 
 
 def _request(wish: ConversionOptions, reference: float) -> Any:
@@ -197,7 +295,7 @@ def _complete(wish: ConversionOptions, measured: Any) -> float:
             high=f"{high:g}",
             unit=measured.axis_unit,
         )
-    return number(str(wish.reference), "--reference")
+    return parse_number(str(wish.reference), "--reference")
 
 
 def _layer(to: str) -> TableKind:
@@ -211,7 +309,7 @@ def _pair(word: str) -> tuple[float, float]:
     file, mark, machine = word.partition("=")
     if not mark:
         raise ConfigError("E-CLI-POSITION", "--datum", text=word)
-    return number(file, "--datum"), number(machine, "--datum")
+    return parse_number(file, "--datum"), parse_number(machine, "--datum")
 
 
 def _form(output: Path) -> str:
@@ -236,7 +334,7 @@ def _comments(wish: ConversionOptions, measured: Any) -> list[str]:
     return ["".join(char if " " <= char <= "~" else "?" for char in line)[:180] for line in lines]
 
 
-def _say(made: Any, told: list[str]) -> None:
+def _show_conversion(made: Any, told: list[str]) -> None:
     for table in made.tables:
         way = {0: "both directions", 1: "+ direction", -1: "- direction"}[table.direction]
         largest = max(abs(value) for value in table.deviations)

@@ -10,12 +10,12 @@ import typer
 
 from drivers.errors import ConfigError, catalogue, words
 from drivers.message import Message, fixed, prose
-from gateway.cli.exits import of_verdicts
-from gateway.cli.onward import next_step, step_of
+from gateway.cli.next_steps import next_command, show_next
 from gateway.cli.options import JsonOption, load_site
-from gateway.cli.screen.telling import progress
-from gateway.cli.show import echo, say_line, show_json, show_table
-from gateway.cli.stopping import run_to_end
+from gateway.cli.output import echo, echo_folded, show_json, show_table
+from gateway.cli.progress import progress
+from gateway.cli.signals import run_to_end
+from gateway.workflow.run.outcome import of_verdicts
 
 YES, NO = ("yes", "y", "ja", "j", "是"), ("no", "n", "nein", "否")
 ACCEPT = "accept "
@@ -43,18 +43,18 @@ def day_command(
     said = read_answers(answers or answers_path(folder))
     gathering = DayFolder(folder, tree.site.name, Maps(store_of(tree, site).root), LoopClock().utc)
     spoken = language or tree.report.language
-    sorted_day, said = _sorted(gathering, tree, said, spoken if ask and not as_json else "")
+    sorted_day, said = _answer_questions(gathering, tree, said, spoken if ask and not as_json else "")
     if not as_json:
         _tell_files(sorted_day)
     if not sorted_day.setups:
         raise ConfigError("E-DAY-NO-RESULTS", str(folder), known=", ".join(axis.name for axis in tree.axes))
-    _make(sorted_day, gathering, said, site=site, connect=connect, language=spoken, as_json=as_json)
+    _process_day(sorted_day, gathering, said, site=site, connect=connect, language=spoken, as_json=as_json)
 
 
 # ---------------------------------------------------------------------------------------------------- the questions
 
 
-def _sorted(gathering: Any, site: Any, said: Any, language: str) -> tuple[Any, Any]:
+def _answer_questions(gathering: Any, site: Any, said: Any, language: str) -> tuple[Any, Any]:
     """Ask until nothing is open; without a language nobody is asked. Raises ConfigError (E-DAY-OPEN)."""
     from drivers.clock import LoopClock
     from gateway.workflow.day.folder import write_answers
@@ -89,7 +89,7 @@ def _answer(one: Any, language: str, questions: Any, said: Any) -> Any:
     told = {**catalogue(), **catalogue(language)}
     text, fields = told[one.code], _fields(one, told["W-FACTS-SITE"]["what"])
     echo(f"\n{text['what'].format_map(fields)}", bold=True)
-    say_line(f"  {text['do'].format_map(fields)}", 2)
+    echo_folded(f"  {text['do'].format_map(fields)}", 2)
     if one.choices:
         echo(f"  ({', '.join(one.choices)})")
     while True:
@@ -101,7 +101,7 @@ def _answer(one: Any, language: str, questions: Any, said: Any) -> Any:
             if one.optional:
                 return one.default
             raise _refusal(questions, said) from error
-        value = _value(one, typed)
+        value = _parse_answer(one, typed)
         if value is not None:
             return value
         wrong = NUMBERS.get(one.key, "W-DAY-AGAIN")
@@ -117,7 +117,7 @@ def _fields(one: Any, site: str) -> Mapping[str, object]:
     return {**one.fields, "source": site} if one.fields.get("source") == SITE else one.fields
 
 
-def _value(one: Any, typed: str) -> Any:
+def _parse_answer(one: Any, typed: str) -> Any:
     """An answer as the file keeps it; None where it will not do."""
     from gateway.workflow.day.folder import COLDEST, FARTHEST, HOTTEST, SQUAREST, UNKNOWN
 
@@ -199,7 +199,7 @@ def _tell_files(found: Any) -> None:
         for note in one.file.notes:
             notes.setdefault(note, []).append(one.file.name)
     for note, names in notes.items():
-        say_line(f"  note: {', '.join(names)}: {note}", 4)
+        echo_folded(f"  note: {', '.join(names)}: {note}", 4)
 
 
 def _row(one: Any) -> tuple[str, ...]:
@@ -226,7 +226,9 @@ def _facts(measured: Any) -> tuple[str, str]:
     return f"{targets}, {unit}", ", ".join(date + air + material) or "-"
 
 
-def _make(found: Any, gathering: Any, said: Any, *, site: Path, connect: bool, language: str, as_json: bool) -> None:
+def _process_day(
+    found: Any, gathering: Any, said: Any, *, site: Path, connect: bool, language: str, as_json: bool
+) -> None:
     from drivers.clock import LoopClock
     from gateway.config import by_files
     from gateway.workflow.day.making import at_the_control, from_files, keep_day, keys_of, write_site
@@ -251,10 +253,10 @@ def _make(found: Any, gathering: Any, said: Any, *, site: Path, connect: bool, l
     if as_json:
         show_json({**data, "report": report, "setups": list(keys), "conformity": [data_of(one) for one in judged]})
         raise typer.Exit(code)
-    _tell(outcome, report)
+    _show_day_result(outcome, report)
     for one in judged:
-        say_line(line_of(one), 2)
-    next_step(after_day(outcome, None if connect or by_files(tree) else gathering.folder, site))
+        echo_folded(line_of(one), 2)
+    show_next(after_day(outcome, None if connect or by_files(tree) else gathering.folder, site))
     raise typer.Exit(code)
 
 
@@ -294,7 +296,7 @@ def _data(found: Any, outcome: Any) -> dict[str, Any]:
     return data | ({"proposal": outcome.proposal.as_data()} if outcome.proposal is not None else {})
 
 
-def _tell(outcome: Any, report: Mapping[str, object]) -> None:
+def _show_day_result(outcome: Any, report: Mapping[str, object]) -> None:
     from gateway.workflow.day.making import ERRORS_FILE
 
     change = {one.name: one.change_um for one in outcome.plan.open}
@@ -309,8 +311,8 @@ def _tell(outcome: Any, report: Mapping[str, object]) -> None:
     known = len(machine) - len(missing)
     echo(Message.of("S-DAY-KNOWN", known=known, all=len(machine), missing=", ".join(missing) or "-"))
     for line in outcome.plan.model.said:
-        say_line(f"  note: {line}", 4)
-    say_line(prose(outcome.plan.advice), 0)
+        echo_folded(f"  note: {line}", 4)
+    echo_folded(prose(outcome.plan.advice), 0)
     _tell_tooth(outcome)
     echo(f"site file with the day's set-ups: {outcome.site_file}")
     echo(f"run folder: {outcome.run_folder}")
@@ -325,7 +327,7 @@ def after_day(outcome: Any, folder: Path | None, site: Path) -> str:
     """
     state = "proposed" if outcome.proposal is not None else "to-measure" if outcome.plan.remaining else "to-connect"
     place = outcome.site_file if state == "to-measure" else site
-    return step_of(state, run=outcome.run_folder, site=place, folder=folder)
+    return next_command(state, run=outcome.run_folder, site=place, folder=folder)
 
 
 def _size(change: Mapping[str, float], name: str) -> str:
@@ -343,9 +345,9 @@ def tell_forecast(one: Any) -> None:
     }
     figures = {name: f"{value:.2f} +- {u:.2f}" for name, (value, u) in steps.items()}
     sources = {name: fixed(size) for name, size in one.sources_um.items()}
-    say_line(Message.of("S-DAY-FORECAST", **figures, **sources, largest=", ".join(one.largest) or "-"), 0)
+    echo_folded(Message.of("S-DAY-FORECAST", **figures, **sources, largest=", ".join(one.largest) or "-"), 0)
     for line in drive_forecast_messages(one.drive):
-        say_line(str(line), 0)
+        echo_folded(str(line), 0)
     rows = [(t.name, t.layer, str(t.points), f"{t.low:+.2f} .. {t.high:+.2f}", t.unit) for t in one.tables]
     show_table("tables that would be proposed", ("table", "layer", "points", "range", "unit"), rows)
 

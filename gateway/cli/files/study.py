@@ -1,16 +1,75 @@
-"""The command that works out a gear on a machine: `trueflank study GEAR ERRORS`."""
+"""The commands `study` and `match`: a gear on a machine, and discs paired for drives."""
 
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
+
+import typer
 
 from drivers.terms import spoken
-from gateway.cli.modes import only
-from gateway.cli.show import echo, show_json, show_table
+from gateway.cli.command_list import require_only
+from gateway.cli.machine.tooth import HEIGHTS
+from gateway.cli.options import JsonOption
+from gateway.cli.output import echo, show_json, show_table
+from gateway.workflow.files.headers import columns_of
 
 
 def study_command(
+    gear: Annotated[Path, typer.Argument(help="Gear file (TOML).", show_default=False)],
+    errors: Annotated[
+        Path, typer.Argument(help="Error file (TOML), a run's folder, or its errors.json.", show_default=False)
+    ],
+    plots: Annotated[Path | None, typer.Option(help="Folder for pictures (PNG).", show_default=False)] = None,
+    scheduler: Annotated[str, typer.Option(help="Dask scheduler, tcp://host:port.", show_default=False)] = "",
+    workers: Annotated[
+        int | None, typer.Option(min=1, max=256, help="Processes for the ranking.", show_default=False)
+    ] = None,
+    order: Annotated[
+        str,
+        typer.Option(help="Flank of the ranking: first, second or exact. With exact, before and after are exact too."),
+    ] = "first",
+    trajectories: Annotated[int, typer.Option(min=1, max=10_000, help="Morris trajectories.")] = 20,
+    relative: Annotated[
+        bool,
+        typer.Option(
+            "--relative",
+            help="The six relative errors of wheel to work alone, without --paper; drawn into --plots, else here.",
+        ),
+    ] = False,
+    paper: Annotated[
+        Path | None,
+        typer.Option(
+            help="Folder for the paper's figures and tables, and the disc as CSV and DXF.", show_default=False
+        ),
+    ] = None,
+    height: Annotated[
+        float | None,
+        typer.Option(
+            help="Middle of the work's face in the coordinates of Z, mm, for a run; default: as its site file has it.",
+            show_default=False,
+        ),
+    ] = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Work out a gear on a machine: each error alone, ranking, cures, before and after."""
+
+    run_study(
+        gear,
+        errors,
+        plots=plots,
+        scheduler=scheduler,
+        workers=workers,
+        order=order,
+        trajectories=trajectories,
+        as_json=as_json,
+        relative=relative,
+        paper=paper,
+        height=height,
+    )
+
+
+def run_study(
     gear: Path,
     errors: Path,
     *,
@@ -32,7 +91,7 @@ def study_command(
     from gateway.workflow.tooth.known_machine import known_machine
 
     if relative:
-        only("study --relative")
+        require_only("study --relative")
         show_relative(gear, errors, plots or Path(), height, as_json=as_json)
         return
     gear_file, known, chosen = load_gear(gear), known_machine(errors, height), the_order(order)
@@ -63,7 +122,7 @@ def study_command(
     )
     show_table("by tooth (predicted)", ("value", "as it is", own, "everything", "unit"), describe.tooth_rows(found))
     if found.drive is not None:
-        _tell_drive(found.drive)
+        _show_drive(found.drive)
     setup = ", ".join(f"{name} {value:+.2f} {unit}" for name, value, unit in describe.setup_rows(found))
     lines = [
         f"set-up values: {setup}",
@@ -100,7 +159,7 @@ def show_relative(gear: Path, errors: Path, folder: Path, height: float | None =
         echo(f"picture: {path}")
 
 
-def _tell_drive(drive: Any) -> None:
+def _show_drive(drive: Any) -> None:
     from drivers.errors import words
     from gateway.study.drive import drive_rows, state_rows
     from gateway.workflow.tooth.messages import measure_for_drive
@@ -115,3 +174,57 @@ def _tell_drive(drive: Any) -> None:
     )
     for line in measure_for_drive(drive.doubts):
         echo(str(line))
+
+
+# ---- match
+
+
+def match_command(
+    gear: Annotated[Path, typer.Argument(help="Gear file (TOML) with a [reducer].", show_default=False)],
+    files: Annotated[list[Path], typer.Argument(help="Files of flank points, one a disc.", show_default=False)],
+    mark: Annotated[
+        list[int] | None,
+        typer.Option(
+            help="Tooth position of the second disc that its holes allow; repeat it. Without it all are tried."
+        ),
+    ] = None,
+    heights: Annotated[
+        str, typer.Option(help="Zero of the heights in the files: lower-face or middle.")
+    ] = "lower-face",
+    column: Annotated[list[str] | None, typer.Option(help="NAME=VALUE of the files' column map.")] = None,
+    uncertainty: Annotated[
+        bool, typer.Option("--uncertainty", help="Expected figures with u too: inspection, pins and cranks are drawn.")
+    ] = False,
+    as_json: JsonOption = False,
+) -> None:
+    """Pair inspected discs for the least transmission error: who with whom, and in which tooth position."""
+    from gateway.workflow.tooth.pairing import DiscFile, match_files
+
+    if heights not in HEIGHTS:
+        raise typer.BadParameter(f"{heights!r} is none of {', '.join(HEIGHTS)}", param_hint="--heights")
+    zero: Any = heights
+    how = DiscFile(zero, columns_of(column or []) or None)
+    found = match_files(gear, files, how, marks=mark, sure=uncertainty)
+    if as_json:
+        show_json(found.as_data())
+        return
+    heads = ["first", "second", "mark", "angle deg", "transmission arcsec", "lost motion arcsec"]
+    heads += ["backlash arcsec", "stiffness Nm/arcmin"]
+    rows = []
+    for pair in found.pairs:
+        row = [pair.first, pair.second, str(pair.mark), f"{pair.mark_deg:.3f}"]
+        row += [f"{pair.figures.error_arcsec:.2f}", f"{pair.figures.lost_motion:.2f}"]
+        row += [f"{pair.figures.backlash:.2f}", f"{pair.figures.stiffness_nm_arcmin:.4g}"]
+        if pair.expected is not None:
+            row += [
+                f"{one.mean:.2f} ± {one.u:.2f}"
+                for one in (pair.expected["error_arcsec"], pair.expected["lost_motion_arcsec"])
+            ]
+        rows.append(tuple(row))
+    if uncertainty:
+        heads += ["expected transmission ± u", "expected lost motion ± u"]
+    show_table("drives, by the full model", tuple(heads), rows)
+    for disc in found.discs:
+        echo(f"{disc.part}: RMS {disc.fitted.rms_um:.2f} um, u {disc.rms_u_um:.2f} um")
+    for line in found.lines:
+        echo(line)

@@ -1,22 +1,24 @@
-"""Commands on compensation table files alone: lint, diff. No hardware is touched."""
+"""The commands `lint` and `diff` on compensation table files; no hardware is touched."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import typer
 
 from drivers import registry
 from drivers.errors import ConfigError, FileFormatError, TrueflankError
 from drivers.tablefile import ArchiveMember, TableFile, TableFinding, TableMachine
+from drivers.terms import spoken
 from drivers.units import AxisUnit
-from gateway.cli.show import echo, show_error, show_json
+from gateway.cli.options import JsonOption
+from gateway.cli.output import echo, show_error, show_json
 
-WORDS = {"wrong": ("error", "red"), "doubtful": ("warning", "yellow"), "note": ("note", "")}
+SEVERITY_WORDS = {"wrong": ("error", "red"), "doubtful": ("warning", "yellow"), "note": ("note", "")}
 LARGEST_FILE = 500_000_000  # bytes: no archive of a control is larger
-ORDER = ("wrong", "doubtful", "note")
+SEVERITIES = ("wrong", "doubtful", "note")
 
 
 def table_format() -> Any:
@@ -45,16 +47,16 @@ def write_text(output: Path, text: str, *, force: bool, encoding: str = "utf-8")
         raise ConfigError("E-CLI-WRITE", str(output), why=str(error)) from error
 
 
-def positions(words: Sequence[str], option: str) -> dict[str, float]:
+def parse_positions(words: Sequence[str], option: str) -> dict[str, float]:
     """AXIS=POSITION or POSITION alone (for every axis, key ""). Raises ConfigError (E-CLI-POSITION)."""
     found: dict[str, float] = {}
     for word in words:
         axis, _, text = word.rpartition("=")
-        found[axis.strip().upper()] = number(text, option)
+        found[axis.strip().upper()] = parse_number(text, option)
     return found
 
 
-def number(text: str, option: str) -> float:
+def parse_number(text: str, option: str) -> float:
     """A finite number of an option. Raises ConfigError (E-CLI-POSITION)."""
     try:
         value = float(text)
@@ -65,7 +67,7 @@ def number(text: str, option: str) -> float:
     return value
 
 
-def said_units(rotary: Sequence[str], linear: Sequence[str] = ()) -> Mapping[str, AxisUnit]:
+def parse_units(rotary: Sequence[str], linear: Sequence[str] = ()) -> Mapping[str, AxisUnit]:
     """The units that --rotary and --linear say. Raises ConfigError (E-CLI-BOTH-UNITS)."""
     turning, sliding = ({axis.upper() for axis in axes} for axes in (rotary, linear))
     if turning & sliding:
@@ -98,7 +100,7 @@ def show_findings(
     file: Path, findings: Sequence[TableFinding], *, as_json: bool, members: Sequence[ArchiveMember] = ()
 ) -> None:
     """The members of an archive, findings as lines, the gravest first, and their count; or as data."""
-    counts = {kind: sum(one.severity == kind for one in findings) for kind in ORDER}
+    counts = {kind: sum(one.severity == kind for one in findings) for kind in SEVERITIES}
     if as_json:
         records = [{"severity": one.severity, **one.error.as_record()} for one in findings]
         inside = [{"name": one.name, "folder": one.folder, "size": one.size} for one in members]
@@ -108,10 +110,12 @@ def show_findings(
         echo(f"{member.size:10d}  {member.folder}{member.shown or member.name}")
     if members:
         echo(f"{file}: an archive of {len(members)} members")
-    for one in sorted(findings, key=lambda item: ORDER.index(item.severity)):
-        word, colour = WORDS[one.severity]
+    for one in sorted(findings, key=lambda item: SEVERITIES.index(item.severity)):
+        word, colour = SEVERITY_WORDS[one.severity]
         echo(f"{word}: {one.error}", colour=colour or None)
-    told = ", ".join(f"{count} {WORDS[kind][0]}{'s' * (count != 1)}" for kind, count in counts.items() if count)
+    told = ", ".join(
+        f"{count} {SEVERITY_WORDS[kind][0]}{'s' * (count != 1)}" for kind, count in counts.items() if count
+    )
     echo(f"{file}: {told or 'no findings'}")
 
 
@@ -126,9 +130,9 @@ def diff_files(first: Path, second: Path, units: Mapping[str, AxisUnit], *, as_j
         raise typer.Exit(2) from error
     difference = compare_files(*files)
     if as_json:
-        show_json(_record(first, second, difference, [note for file in files for note in file.notes]))
+        show_json(_difference_record(first, second, difference, [note for file in files for note in file.notes]))
     else:
-        _show(first, second, difference)
+        _show_difference(first, second, difference)
         for path, file in zip((first, second), files, strict=True):
             for note in file.notes:
                 echo(f"note: {path}: {note}")
@@ -145,7 +149,7 @@ def _read_both(paths: Sequence[Path], units: Mapping[str, AxisUnit]) -> list[Tab
     return [driver.read(one, str(path), known) for one, path in zip(data, paths, strict=True)] if again else files
 
 
-def _show(first: Path, second: Path, difference: Any) -> None:
+def _show_difference(first: Path, second: Path, difference: Any) -> None:
     if difference.same:
         echo(f"{first} and {second} hold the same")
         return
@@ -156,7 +160,7 @@ def _show(first: Path, second: Path, difference: Any) -> None:
         _show_pair(pair)
     for setting in difference.settings:
         change = "" if setting.change is None else f" ({setting.change:+.4f} {setting.unit})"
-        echo(f"{setting.name}: {_given(setting.first)} -> {_given(setting.second)}{change}")
+        echo(f"{setting.name}: {_setting_value(setting.first)} -> {_setting_value(setting.second)}{change}")
     if difference.largest:
         label, position, change, unit = difference.largest
         echo(f"largest: {label} at {position:g}: {change:+.4f} {unit}")
@@ -171,11 +175,11 @@ def _show_pair(pair: Any) -> None:
         echo(f"  {position:12g} {pair.input_unit}: {old:+10.4f} -> {new:+10.4f}  {change:+10.4f} {pair.unit}")
 
 
-def _given(value: object) -> str:
+def _setting_value(value: object) -> str:
     return "not set" if value is None else str(value)
 
 
-def _record(first: Path, second: Path, difference: Any, notes: Sequence[str]) -> dict[str, Any]:
+def _difference_record(first: Path, second: Path, difference: Any, notes: Sequence[str]) -> dict[str, Any]:
     largest = difference.largest
     return {
         "first": str(first),
@@ -207,3 +211,60 @@ def _pair_record(pair: Any) -> dict[str, Any]:
             for at, old, new, change in rows
         ],
     }
+
+
+# ---- the commands
+
+WORDS = spoken()
+
+
+def lint_command(
+    file: Annotated[Path, typer.Argument(help="Compensation table as text, or an NC archive.", show_default=False)],
+    control: Annotated[str, typer.Option(help=f"Size limits of a control: {WORDS.controls}.")] = "",
+    points: Annotated[
+        int | None, typer.Option(min=0, help=f"Reserved {WORDS.own} points, {WORDS.own_reserve}.", show_default=False)
+    ] = None,
+    cross_points: Annotated[
+        int | None,
+        typer.Option(
+            f"--{WORDS.cross_key}-points",
+            min=0,
+            help=f"Reserved {WORDS.cross} points, {WORDS.cross_reserve}.",
+            show_default=False,
+        ),
+    ] = None,
+    velocity: Annotated[
+        float | None, typer.Option(min=0, help="Velocity of the input axis, mm/min or deg/min.", show_default=False)
+    ] = None,
+    reference: Annotated[
+        list[str] | None, typer.Option(help="[AXIS=]POSITION where tables must be zero.", show_default=False)
+    ] = None,
+    rotary: Annotated[list[str] | None, typer.Option(help="An axis that is rotary.", show_default=False)] = None,
+    linear: Annotated[list[str] | None, typer.Option(help="An axis that is linear.", show_default=False)] = None,
+    strict: Annotated[bool, typer.Option("--strict", help="Count warnings as errors.")] = False,
+    as_json: JsonOption = False,
+) -> None:
+    """Say everything that is wrong or doubtful in a compensation table file."""
+    from drivers.tablefile import TableMachine
+
+    known = TableMachine(
+        control=control.upper().removesuffix("SL").strip(),
+        own_points=points,
+        cross_points=cross_points,
+        velocity=velocity,
+        references=parse_positions(reference or [], "--reference"),
+        units=parse_units(rotary or [], linear or []),
+    )
+    lint_file(file, known, strict=strict, as_json=as_json)
+
+
+def diff_command(
+    first: Annotated[Path, typer.Argument(help="Table file or back-up.", show_default=False)],
+    second: Annotated[Path, typer.Argument(help="The second file.", show_default=False)],
+    rotary: Annotated[list[str] | None, typer.Option(help="An axis that is rotary.", show_default=False)] = None,
+    linear: Annotated[list[str] | None, typer.Option(help="An axis that is linear.", show_default=False)] = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Compare two table files point by point; exit code 0 the same, 1 different, 2 trouble."""
+
+    diff_files(first, second, parse_units(rotary or [], linear or []), as_json=as_json)

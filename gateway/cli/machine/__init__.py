@@ -1,1 +1,1 @@
-"""Commands for who measures and grinds: run, measure, correct, grind, inspect, close."""
+"""Commands that meet a machine: run, measure, correct, grind, inspect, push, rollback, doctor, acceptance."""

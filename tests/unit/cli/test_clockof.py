@@ -12,8 +12,7 @@ from pathlib import Path
 import pytest
 
 from drivers.clock import HostedTimeLoop, JoinedTimeLoop, LoopClock
-from gateway.cli.clockof import loop_at
-from gateway.cli.stopping import run_to_end
+from gateway.cli.signals import loop_factory, run_to_end
 
 END_S = 10.0
 
@@ -66,15 +65,15 @@ async def _whose() -> type:
 def test_a_real_machine_goes_by_the_systems_clock(tmp_path: Path, text: str) -> None:
     site = tmp_path / "site.toml"
     with kept(site, text):
-        assert loop_at(site) is None
+        assert loop_factory(site) is None
 
 
 def test_where_nobody_keeps_a_clock_the_systems_is_there(tmp_path: Path) -> None:
     site = tmp_path / "site.toml"
     with kept(site):
         pass
-    assert loop_at(site) is not None
+    assert loop_factory(site) is not None
     assert not issubclass(run_to_end(_whose(), at=site), JoinedTimeLoop)
     site.with_suffix(".cell.json").write_text('{"speed": 20}', encoding="utf-8")
-    assert loop_at(site) is None
-    assert loop_at(None) is None
+    assert loop_factory(site) is None
+    assert loop_factory(None) is None

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from drivers.errors import TrueflankError
-from gateway.cli.machine.whole_loop import close_site_command
+from gateway.cli.machine.run import close_site_command
 from simulators.cell.site import gear_text, site_text
 from simulators.cellfile import load_cell, with_plan
 

@@ -15,10 +15,9 @@ from rich.console import Console
 from typer.testing import CliRunner
 
 from drivers.clock import LoopClock
-from gateway.cli import app, demoending, demonstration
-from gateway.cli.demoending import Took, show_ending
-from gateway.cli.screen.scene import Scene
-from gateway.cli.screen.strip import cells, strips
+from gateway.cli import app, demo
+from gateway.cli.demo import DemoDuration, show_demo_result, strip_cells, tooth_strips
+from gateway.cli.progress_state import ProgressState
 from gateway.errors import CaptureError
 from gateway.remaining import RemainingTime, Work
 from gateway.store import RunFolder, Store
@@ -51,7 +50,7 @@ TOLD = (
 
 def test_the_time_left_is_that_of_all_stages() -> None:
     """By hand: half of the foreseen speed. 100 s took 50, so 450 s more take 225; the last set-up is not the end."""
-    scene = Scene(began=0.0, stages=RemainingTime(DAY))
+    scene = ProgressState(began=0.0, stages=RemainingTime(DAY))
     assert scene.stages is not None
     scene.told(*TOLD[0], 0.0)
     assert scene.stages.left_s(40.0) is None
@@ -88,17 +87,17 @@ def flank(left: float, right: float, spaces: int = 4) -> FlankMap:
 
 def test_a_strip_shows_left_flanks_above_right_on_one_scale() -> None:
     named = [("before", flank(4.0, -2.0)), ("after", flank(0.4, -1.0))]
-    plain = [line.plain for line in strips(named, 30, colours=False)]
+    plain = [line.plain for line in tooth_strips(named, 30, colours=False)]
     assert plain == ["before ################ 3.16", "after  ---------------- 0.76"]
     assert all(len(line) <= 30 for line in plain)
     console = Console(force_terminal=True, color_system="256", width=40, record=True)
     with console.capture() as shown:
-        for line in strips(named, 30, colours=True):
+        for line in tooth_strips(named, 30, colours=True):
             console.print(line)
     first, second = shown.get().splitlines()
     assert "\x1b[38;5;160;48;5;147m▀" in first, "surplus red, missing half as far blue"
     assert "\x1b[38;5;231;48;5;189m▀" in second
-    assert cells(flank(1.0, 2.0, spaces=9), 4).shape == (2, 4)
+    assert strip_cells(flank(1.0, 2.0, spaces=9), 4).shape == (2, 4)
 
 
 @pytest.fixture
@@ -115,7 +114,7 @@ def told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.Capture
     monkeypatch.setattr(report, "material_of", lambda _folder: closing.material())
     monkeypatch.setattr(document, "write_document", paper)
     outcome = SimpleNamespace(run_folder=str(folder.path))
-    show_ending(outcome, "measured: 11 of 28 set-ups", Took(61.0, 55.0), LoopClock())
+    show_demo_result(outcome, "measured: 11 of 28 set-ups", DemoDuration(61.0, 55.0), LoopClock())
     return [str(folder.path), *capsys.readouterr().out.splitlines()]
 
 
@@ -142,9 +141,9 @@ def test_a_run_s_page_begins_with_picture_figures_and_report(told: list[str]) ->
 
 
 def test_a_busy_computer_is_told_by_wall_and_work() -> None:
-    assert Took(100.0, 50.0).busy
-    assert not Took(100.0, 80.0).busy
-    assert not Took(60.0, 20.0).busy
+    assert DemoDuration(100.0, 50.0).busy
+    assert not DemoDuration(100.0, 80.0).busy
+    assert not DemoDuration(60.0, 20.0).busy
 
 
 @pytest.fixture
@@ -166,9 +165,9 @@ def stopping(monkeypatch: pytest.MonkeyPatch) -> None:
             say("P-SETUP-PLAN", setup=wanted[number - 1], number=number, total=len(wanted))
         raise CaptureError("E-CAP-UNSTABLE", "calibrator", scatter="9", limit="1", unit="um")
 
-    monkeypatch.setattr(demonstration, "cell_process", cell)
-    monkeypatch.setattr(demonstration, "self_tested", lambda *_given, **_asked: None)
-    monkeypatch.setattr(demoending, "say_if_busy", lambda: None)
+    monkeypatch.setattr(demo, "cell_process", cell)
+    monkeypatch.setattr(demo, "self_tested", lambda *_given, **_asked: None)
+    monkeypatch.setattr(demo, "say_if_busy", lambda: None)
     monkeypatch.setattr(complete_run, "close_site", close)
 
 

@@ -10,19 +10,19 @@ import pytest
 
 from drivers.checks import CheckLine, fine, unknown, wrong
 from drivers.errors import catalogue
-from gateway.cli.control.connecting import kept_tests
-from gateway.cli.onward import (
-    BY_REFUSAL,
-    STEPS,
+from gateway.cli.machine.doctor import stored_self_tests
+from gateway.cli.next_steps import (
+    NEXT_COMMANDS,
+    STATE_BY_REFUSAL,
     after_doctor,
-    after_dry,
-    after_look,
+    after_preview,
+    after_push_preview,
     after_recovery,
     after_run,
-    consent,
-    step_of,
+    next_command,
+    push_options,
 )
-from gateway.cli.show import counted, folded
+from gateway.cli.output import count_words, fold_text
 from gateway.config import load_site
 from gateway.store.machine_books import SelfTestBook
 from gateway.workflow.run.folder import store_of
@@ -36,12 +36,12 @@ def test_passed_missed_outdated_and_never_made_are_four_lines(tmp_path: Path) ->
     site, machine = load_site(path), machine_of(load_cell("demo"))
     book = SelfTestBook(store_of(site, path).root)
     seen = (fine("W-DOC-SERIAL", "serial number", serial=machine.serial, version=machine.version),)
-    never = kept_tests(site, path, seen)
+    never = stored_self_tests(site, path, seen)
     assert [(line.code, line.outcome) for line in never] == [("W-DOC-UNTESTED", "unknown")] * len(site.axes)
     book.save(passed(machine, "X1"))
     book.save(replace(passed(machine, "Z1"), failed=("READ",)))
     book.save(passed(replace(machine, version="V4.7"), "C1"))
-    lines = kept_tests(site, path, seen)
+    lines = stored_self_tests(site, path, seen)
     assert [line.code for line in lines] == ["W-DOC-TESTED", "E-DOC-TESTED", "E-DOC-TESTED-OTHER"]
     assert "2026-11-20" in lines[0].what
     assert "READ" in lines[1].what
@@ -53,7 +53,7 @@ def test_the_mailbox_runs_none_so_none_is_asked_for(tmp_path: Path) -> None:
     path = site_file(tmp_path, "demo")
     site = load_site(path)
     mailbox = site.model_copy(update={"controller": site.controller.model_copy(update={"driver": "sinumerik-modbus"})})
-    assert kept_tests(mailbox, path, ()) == ()
+    assert stored_self_tests(mailbox, path, ()) == ()
 
 
 FINE, BAD = fine("W-DOC-SERIAL", "serial number"), wrong("E-DOC-SERIAL", "serial number")
@@ -79,7 +79,7 @@ def test_the_last_line_names_a_fault_only_where_one_was_found(
 @pytest.mark.parametrize("width", [80, 100])
 def test_a_line_breaks_between_words_and_stays_under_its_sentence(width: int) -> None:
     said = "could not tell self-test kept: " + "the well-known sentence of some words " * 6 + "x" * 120
-    *short, path = (lines := folded(said.strip(), width, 15).split("\n"))
+    *short, path = (lines := fold_text(said.strip(), width, 15).split("\n"))
     assert all(len(line) <= width for line in short)
     assert all(line[:15].isspace() != (line is lines[0]) for line in lines)
     assert path.strip() == "x" * 120
@@ -87,12 +87,12 @@ def test_a_line_breaks_between_words_and_stays_under_its_sentence(width: int) ->
 
 
 def test_one_is_not_told_as_many() -> None:
-    assert [counted(number, "axis", "axes") for number in (0, 1, 2)] == ["0 axes", "1 axis", "2 axes"]
+    assert [count_words(number, "axis", "axes") for number in (0, 1, 2)] == ["0 axes", "1 axis", "2 axes"]
 
 
 def test_what_a_look_offers_is_the_same_table_and_no_other() -> None:
     """`disable --axis X1 --table cec3` offered to switch off the axis' own table."""
-    assert after_dry("disable", "s.toml", "X1", "hall-3", table="cec3") == (
+    assert after_preview("disable", "s.toml", "X1", "hall-3", table="cec3") == (
         "disable s.toml --axis X1 --table cec3 --apply --machine hall-3"
     )
 
@@ -100,15 +100,15 @@ def test_what_a_look_offers_is_the_same_table_and_no_other() -> None:
 @pytest.mark.parametrize(("code", "leads"), [("E-INT-UNFINISHED", "recover s.toml"), ("E-INT-RESET", "doctor s.toml")])
 def test_a_look_that_something_speaks_against_leads_to_what_removes_it(code: str, leads: str) -> None:
     """A rollback's look named an unfinished push, and offered the rollback that this one would refuse."""
-    assert after_dry("rollback", "s.toml", "X1", "hall-3", refused_by=(code,), site=Path("s.toml")) == leads
+    assert after_preview("rollback", "s.toml", "X1", "hall-3", refused_by=(code,), site=Path("s.toml")) == leads
 
 
 def test_the_next_command_is_the_look_and_then_the_push_over_the_road_of_the_site() -> None:
     """Nothing is left for the person to fill in, and what a control without a wire needs stands there."""
-    wired, carried = consent("sinumerik-opcua", "M"), consent("sinumerik-offline", "M")
+    wired, carried = push_options("sinumerik-opcua", "M"), push_options("sinumerik-offline", "M")
     assert after_run("proposed", "R", "S") == "push R"
-    assert after_look((), "R", "S", wired) == "push R --apply --machine M"
-    assert after_look((), "R", "S", carried) == "push R --offline --apply --machine M"
+    assert after_push_preview((), "R", "S", wired) == "push R --apply --machine M"
+    assert after_push_preview((), "R", "S", carried) == "push R --offline --apply --machine M"
     assert after_run("worse", "R", "S", worse=["C1"]) == "rollback S --axis C1"
     assert after_run("worse", "R", "S", worse=["X1", "C1"]) == "rollback S"
     assert after_run("unchanged", "R", "S") == "verify-table S"
@@ -118,20 +118,20 @@ def test_the_next_command_is_the_look_and_then_the_push_over_the_road_of_the_sit
 
 @pytest.mark.parametrize("code", sorted(one for one in catalogue() if one.startswith(("E-INT-", "W-INT-"))))
 def test_a_look_never_names_itself_whatever_is_against_the_push(code: str) -> None:
-    told = after_look((code,), "R", "S", consent("sinumerik-opcua", "M"))
+    told = after_push_preview((code,), "R", "S", push_options("sinumerik-opcua", "M"))
     assert told != "push R"
     assert told.split()[0] in ("recover", "self-test", "run", "approve", "doctor")
 
 
 def test_every_refusal_that_leads_somewhere_is_one_of_the_catalogue() -> None:
-    assert {code for codes in BY_REFUSAL.values() for code in codes} <= set(catalogue())
+    assert {code for codes in STATE_BY_REFUSAL.values() for code in codes} <= set(catalogue())
 
 
-@pytest.mark.parametrize("state", STEPS)
+@pytest.mark.parametrize("state", NEXT_COMMANDS)
 def test_every_state_has_a_command_and_no_gap_is_left_in_it(state: str) -> None:
     whole = {"run": "runs/R", "site": "S", "options": "--apply", "axis": "X1", "machine": "M", "folder": "F"}
-    assert "{" not in step_of(state, **whole)
-    assert step_of(state, run="runs/R") in (
+    assert "{" not in next_command(state, **whole)
+    assert next_command(state, run="runs/R") in (
         "push runs/R",
         "approve runs/R",
         "logs --run R --store runs",

@@ -10,10 +10,11 @@ import pytest
 from drivers import errors as outer
 from drivers.errors import TrueflankError
 from gateway import errors as inner
-from gateway.cli import exits
 from gateway.stopping import INTERRUPTED, TERMINATED
 from gateway.workflow.axes.short_capture import EXIT
+from gateway.workflow.run.outcome import CANNOT_TELL, LIMIT_EXCEEDED, of_verdicts
 
+REMEASURE = 20
 PAGE = Path(__file__).parents[3] / "docs" / "exit-codes.md"
 ROW = re.compile(r"^\| (\d+) \| .+? \|(?: (.*))? \|$", re.MULTILINE)
 
@@ -33,13 +34,13 @@ def test_every_exception_with_a_code_of_its_own_stands_in_the_table() -> None:
 
 def test_every_other_code_stands_there_too() -> None:
     known = {
-        "LIMIT_EXCEEDED": exits.LIMIT_EXCEEDED,
-        "REMEASURE": exits.REMEASURE,
-        "CANNOT_TELL": exits.CANNOT_TELL,
+        "LIMIT_EXCEEDED": LIMIT_EXCEEDED,
+        "REMEASURE": REMEASURE,
+        "CANNOT_TELL": CANNOT_TELL,
         "INTERRUPTED": INTERRUPTED,
         "TERMINATED": TERMINATED,
     }
-    assert set(EXIT.values()) == {0, exits.REMEASURE, exits.CANNOT_TELL}
+    assert set(EXIT.values()) == {0, REMEASURE, CANNOT_TELL}
     for name, code in known.items():
         assert table()[code] - {"InDoubt"} == {name}
     assert set(table()) == {*range(16), 20, 21, 130, 143}
@@ -50,4 +51,4 @@ def test_every_other_code_stands_there_too() -> None:
     [((), 0), (("pass",), 0), (("pass", "not decidable"), 21), (("not decidable", "fail", "pass"), 13)],
 )
 def test_a_limit_that_is_exceeded_is_not_zero(verdicts: tuple[str, ...], code: int) -> None:
-    assert exits.of_verdicts(verdicts) == code
+    assert of_verdicts(verdicts) == code

@@ -10,7 +10,7 @@ from typer.testing import CliRunner
 
 from drivers.errors import ConfigError, catalogue, explained
 from gateway.cli import app
-from gateway.cli.files.explaining import explanation
+from gateway.cli.files.reference import explanation
 
 MET = 60
 

@@ -12,8 +12,8 @@ from typer.testing import CliRunner, Result
 from drivers.checks import ControlAxis, ControlFacts
 from drivers.errors import ConfigError, TrueflankError
 from gateway.cli import app
-from gateway.cli.begin.checking import against_control, checked
-from gateway.cli.begin.siteparts import axis_tree, grid, letter_of, planned, used_letters, work_tree
+from gateway.cli.setup.check import check_site, compare_with_control
+from gateway.cli.setup.site_tree import axis_tree, grid, letter_of, plan_axis, used_letters, work_tree
 from gateway.config import files_only, load_site, schema, unprotected_connection
 from gateway.config.reference import page, settings_models, site_text, toml_value
 from gateway.study.inputs import load_gear
@@ -32,7 +32,7 @@ def test_an_owner_of_files_gets_a_checked_file_from_three_answers(tmp_path: Path
     assert done.exit_code == 0, done.output
     assert done.output.count("  road") == 1
     assert "valid" in done.output
-    found = checked(tmp_path / "site.toml")
+    found = check_site(tmp_path / "site.toml")
     assert found.faults == ()
     assert found.doubts == (), "no program asks where axes stand"
     assert found.site.site.name == "old-1"
@@ -64,7 +64,7 @@ def test_driver_none_takes_no_address_and_no_serial_number(tmp_path: Path, key: 
     ran(tmp_path, "--yes", "--answer", "road=files")
     site = tmp_path / "site.toml"
     site.write_text(site.read_text(encoding="utf-8").replace('driver = "none"', f'driver = "none"\n{key}'))
-    assert [fault.path for fault in checked(site).faults] == [("controller", key.split(maxsplit=1)[0])]
+    assert [fault.path for fault in check_site(site).faults] == [("controller", key.split(maxsplit=1)[0])]
 
 
 def test_every_question_says_why_it_is_asked_and_a_wrong_answer_is_asked_again(tmp_path: Path) -> None:
@@ -93,7 +93,7 @@ def test_a_grinder_gets_its_gear_and_the_errors_that_its_optics_show(tmp_path: P
     optics = "optics=straightness bridge tcp://127.0.0.1:7002, angular"
     done = ran(tmp_path, "--yes", *("--answer", "road=files"), *("--answer", "gear=example 150"), *("--answer", optics))
     assert done.exit_code == 0, done.output
-    found = checked(tmp_path / "site.toml")
+    found = check_site(tmp_path / "site.toml")
     assert found.faults == ()
     site = found.site
     assert [setup.component for setup in site.setups] == ["EYX", "EZX", "EXZ", "EYZ", "EBX", "ECX", "EAZ", "EBZ"]
@@ -112,7 +112,7 @@ def test_an_own_gear_is_kept_and_the_axis_that_is_not_measured_dresses(tmp_path:
     kept = (tmp_path / "gear.toml").read_bytes()
     ran(tmp_path, "--yes", "--answer", "road=files", "--answer", "gear=example")
     assert (tmp_path / "gear.toml").read_bytes() == kept
-    plans = [planned(axis, axis.travel or (0.0, 360.0), ("a", "b")) for axis in FIVE if axis.name != "Y1"]
+    plans = [plan_axis(axis, axis.travel or (0.0, 360.0), ("a", "b")) for axis in FIVE if axis.name != "Y1"]
     tree = work_tree(plans, "gear.toml", 20.0, [FIVE[1]])
     assert (tree["dresser"], tree["dresser_letter"]) == ("Y1", "Y")
     assert "wheel_place" not in tree
@@ -158,7 +158,7 @@ def test_a_control_that_does_not_answer_leaves_a_file_and_the_next_step(tmp_path
     assert done.exit_code == 0
     assert "cannot be read now" in done.output
     assert "trueflank trust accept" in done.output
-    assert [fault.code for fault in checked(tmp_path / "site.toml").faults] == ["E-CFG-CERTIFICATE"]
+    assert [fault.code for fault in check_site(tmp_path / "site.toml").faults] == ["E-CFG-CERTIFICATE"]
 
 
 FIVE = (
@@ -172,7 +172,7 @@ FIVE = (
 
 def test_five_axes_fit_into_travel_and_room(tmp_path: Path) -> None:
     travels = [axis.travel or (0.0, 360.0) for axis in FIVE]
-    plans = [planned(axis, travel, ("laser", "ring")) for axis, travel in zip(FIVE, travels, strict=True)]
+    plans = [plan_axis(axis, travel, ("laser", "ring")) for axis, travel in zip(FIVE, travels, strict=True)]
     tree = {
         "site": {"name": "five"},
         "controller": {"driver": "sinumerik-modbus", "url": "tcp://h:502", "serial": "S"},
@@ -184,11 +184,11 @@ def test_five_axes_fit_into_travel_and_room(tmp_path: Path) -> None:
     }
     path = tmp_path / "site.toml"
     path.write_text(site_text(tree, "five"), encoding="utf-8")
-    found = checked(path)
+    found = check_site(path)
     assert found.faults == ()
     # This driver reads the tables of one measuring system for all axes, and one axis has the other.
     assert [one.path for one in found.doubts] == [("moves", "safe"), ("axes", 1, "encoder")]
-    assert list(against_control(found.site, ControlFacts("S", "V", "metric", FIVE))) == []
+    assert list(compare_with_control(found.site, ControlFacts("S", "V", "metric", FIVE))) == []
     assert [grid(plan)[2] for plan in plans] == [20.0, 1.0, 25.0, 5.0, 10.0]
 
 
@@ -231,7 +231,7 @@ def test_what_the_control_says_otherwise_is_told_before_anything_moves(tmp_path:
         "metric",
         (ControlAxis("X1", "mm", False, (0.0, 400.0), 1, 50), ControlAxis("C1", "mm", False, (0.0, 360.0), 0, 500)),
     )
-    found = [(fault.path[1:], fault.code) for fault in against_control(site, told)]
+    found = [(fault.path[1:], fault.code) for fault in compare_with_control(site, told)]
     assert found == [
         ((0, "encoder"), "E-CFG-CONTROL-ENCODER"),
         ((0, "table"), "E-CFG-CONTROL-ROOM"),
@@ -246,7 +246,7 @@ def test_what_the_control_says_otherwise_is_told_before_anything_moves(tmp_path:
 
 def test_letters_come_from_names() -> None:
     assert [letter_of(name) for name in ("X1", "MX2", "C", "TABLE", "Q7")] == ["X", "X", "C", "A", "Q"]
-    two = [planned(ControlAxis(name, "mm"), (0.0, 9.0), ("a", "b")) for name in ("X1", "X2", "Z1")]
+    two = [plan_axis(ControlAxis(name, "mm"), (0.0, 9.0), ("a", "b")) for name in ("X1", "X2", "Z1")]
     assert [plan.name for plan in used_letters(two)] == ["X1", "Z1"]
 
 
@@ -257,7 +257,7 @@ def test_written_values_are_read_back() -> None:
 
 @pytest.mark.parametrize("path", EXAMPLES, ids=[path.stem for path in EXAMPLES])
 def test_every_example_is_valid_once_its_secrets_are_there(tmp_path: Path, path: Path) -> None:
-    lacking = {fault.path[-1] for fault in checked(path).faults}
+    lacking = {fault.path[-1] for fault in check_site(path).faults}
     assert lacking <= {"password_file", "server_certificate", "token_file"}
     copy = tmp_path / "sites" / path.name
     copy.parent.mkdir()
@@ -267,7 +267,7 @@ def test_every_example_is_valid_once_its_secrets_are_there(tmp_path: Path, path:
         (copy.parent / secret).touch(mode=0o600)
         (copy.parent / secret).write_text("secret-0123456789")
     (copy.parent / "control.der").write_bytes(b"\x30\x82")
-    found = checked(copy)
+    found = check_site(copy)
     assert found.faults == ()
     assert found.doubts == ()
     assert all("#" in line for line in path.read_text().splitlines() if line.strip() and not line.startswith("["))
@@ -301,7 +301,7 @@ def test_an_owner_of_linuxcnc_gets_a_checked_file_and_a_token_for_the_agent(tmp_
     token = tmp_path / "token.txt"
     assert token.stat().st_mode & 0o077 == 0
     assert len(token.read_text().strip()) >= 16
-    found = checked(tmp_path / "site.toml")
+    found = check_site(tmp_path / "site.toml")
     assert found.faults == ()
     assert [axis.name for axis in found.site.axes] == ["X", "Y", "Z"]
 
@@ -313,7 +313,7 @@ def test_an_owner_of_a_mailbox_gets_a_checked_file_though_no_plc_answers_yet(tmp
     done = ran(tmp_path, "--yes", "--answer", "road=Mail-Box", "--answer", f"url={url}", "--answer", "serial=YK-1")
     assert done.exit_code == 0, done.output
     assert "cannot be read now" in done.output
-    found = checked(tmp_path / "site.toml")
+    found = check_site(tmp_path / "site.toml")
     assert found.faults == ()
     assert [one.path for one in found.doubts] == [("moves", "safe")]  # only who knows the machine can say the places
     control = found.site.controller

@@ -12,10 +12,10 @@ import pytest
 from drivers.checks import ControlAxis, ControlFacts
 from drivers.errors import ConfigError
 from drivers.languages import page_texts
-from gateway.cli.begin import wizard
-from gateway.cli.begin.atpage import SiteMaker
-from gateway.cli.begin.checking import checked
-from gateway.cli.begin.wizard import ROADS
+from gateway.cli.setup import wizard
+from gateway.cli.setup.check import check_site
+from gateway.cli.setup.init import SiteMaker
+from gateway.cli.setup.wizard import ROADS
 
 FILES = {"road": "files", "name": "old-1", "axes": "C1", "travel": "C1 0 360"}
 SILENT = {"road": "opcua", "name": "g", "url": "opc.tcp://127.0.0.1:9", "user": "u"}
@@ -36,7 +36,7 @@ def test_the_file_is_the_one_that_init_writes_and_none_is_written_over(tmp_path:
     with pytest.raises(ConfigError, match="E-INIT-ENDED"):
         maker.write({"road": "files"}, "anna")
     assert maker.write(FILES, "anna")["made"]
-    assert [axis.name for axis in checked(tmp_path / "site.toml").site.axes] == ["C1"]
+    assert [axis.name for axis in check_site(tmp_path / "site.toml").site.axes] == ["C1"]
     with pytest.raises(ConfigError, match="E-INIT-EXISTS"):
         maker.write(FILES, "anna")
 
@@ -68,25 +68,25 @@ def test_where_axes_may_stand_is_asked_for_a_control_that_programs_move(tmp_path
     assert maker.ask({**answers, "safe": "C1 20 10"}, "anna")["question"]["wrong"]["code"] == "W-INIT-SAFE"
     assert maker.ask({**answers, "safe": "X9 any"}, "anna")["question"]["key"] == "safe"
     assert maker.write({**answers, "safe": "C1 -5 5.5"}, "anna")["made"]
-    assert checked(tmp_path / "site.toml").site.moves.safe == {"C1": (-5.0, 5.5)}
+    assert check_site(tmp_path / "site.toml").site.moves.safe == {"C1": (-5.0, 5.5)}
 
 
 def test_a_place_is_asked_for_every_axis_that_the_control_has(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A push is refused while an axis has no place, also one that nobody measures: the page has no other way to it."""
     axes = (ControlAxis("X1", "mm", False, (0.0, 400.0)), ControlAxis("Y1", "mm"), ControlAxis("C1", "deg", True))
-    monkeypatch.setattr(wizard, "_facts", lambda *_given: ControlFacts("S7", "V", "metric", axes))
+    monkeypatch.setattr(wizard, "_read_control", lambda *_given: ControlFacts("S7", "V", "metric", axes))
     answers = {**SILENT, "password": "p", "axes": "C1", "calibrator": "manual terminal://"}
     maker = SiteMaker(tmp_path / "site.toml")
     asked = maker.ask(answers, "anna")["question"]
     assert (asked["key"], asked["fields"]) == ("safe", {"axes": "C1, X1, Y1"})
     assert maker.write({**answers, "safe": "C1 any, X1 0 400, Y1 -60 60", "gear": "none"}, "anna")["made"]
-    assert set(checked(tmp_path / "site.toml").site.moves.safe) == {"C1", "X1", "Y1"}
+    assert set(check_site(tmp_path / "site.toml").site.moves.safe) == {"C1", "X1", "Y1"}
 
 
 def test_what_is_doubtful_in_a_written_file_is_told_and_no_reason_against_it(tmp_path: Path) -> None:
     answers = {**SILENT, "password": "p", "serial": "S7", "axes": "C1", "travel": "C1 0 360", "safe": "C1 any"}
     made = SiteMaker(tmp_path / "site.toml").write({**answers, "calibrator": "manual terminal://"}, "anna")
-    found = checked(tmp_path / "site.toml")
+    found = check_site(tmp_path / "site.toml")
     assert made["made"]
     assert [one["code"] for one in made["faults"]] == [one.code for one in (*found.faults, *found.doubts)] != []
     assert made["remarks"] == [one.as_data() for one in found.remarks]

@@ -6,8 +6,8 @@ import pytest
 
 from drivers.errors import ConfigError
 from drivers.message import Message, Quantity
-from gateway.cli.machine.running import show_outcome
-from gateway.cli.show import VARIABLE, language, show_error, spoken
+from gateway.cli.next_steps import show_outcome
+from gateway.cli.output import LANGUAGE_VARIABLE, language, show_error, text_of
 from gateway.workflow.run.outcome import Outcome, of_table
 
 MOVED = Message.of("S-REPORT-PART", part="P 7", rms=Quantity(0.35, decimals=2), U=Quantity(0.1, decimals=2))
@@ -45,7 +45,7 @@ DONE = Outcome(
 def test_an_outcome_is_told_in_the_readers_language(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], reader: str, wanted: str
 ) -> None:
-    monkeypatch.setenv(VARIABLE, reader)
+    monkeypatch.setenv(LANGUAGE_VARIABLE, reader)
     show_outcome(DONE, as_json=False)
     assert capsys.readouterr().out == wanted
 
@@ -53,7 +53,7 @@ def test_an_outcome_is_told_in_the_readers_language(
 def test_an_error_keeps_its_code_and_says_what_to_do_in_the_readers_language(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setenv(VARIABLE, "de")
+    monkeypatch.setenv(LANGUAGE_VARIABLE, "de")
     show_error(ConfigError("E-REPORT-LANGUAGE", "report", language="fr", known="en, de, zh"), as_json=False)
     told = capsys.readouterr().err
     assert told.startswith("E-REPORT-LANGUAGE [report]: ")
@@ -62,6 +62,6 @@ def test_an_error_keeps_its_code_and_says_what_to_do_in_the_readers_language(
 
 
 def test_a_language_that_there_is_not_is_english(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv(VARIABLE, "fr")
+    monkeypatch.setenv(LANGUAGE_VARIABLE, "fr")
     assert language() == "en"
-    assert spoken("S-AS-LEFT") == "as left"
+    assert text_of("S-AS-LEFT") == "as left"

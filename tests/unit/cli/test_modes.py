@@ -9,7 +9,7 @@ import typer
 from typer.testing import CliRunner
 
 from gateway.cli import app
-from gateway.cli.modes import ALWAYS, TAKEN
+from gateway.cli.command_list import COMMON_OPTIONS, OPTIONS_BY_MODE
 
 ROOT = typer.main.get_command(app)
 MODE = {"--run": ["--run", "r"], "--axis": ["--run", "r", "--axis", "X1"]}
@@ -27,17 +27,19 @@ def value_of(one: Any) -> list[str]:
     return [one.opts[0], {"road": "opcua"}.get(one.name, "30")]
 
 
-@pytest.mark.parametrize("mode", TAKEN)
+@pytest.mark.parametrize("mode", OPTIONS_BY_MODE)
 def test_a_mode_refuses_by_name_whatever_it_does_not_take(mode: str) -> None:
     command, (name, *words) = command_of(mode), mode.split()
     known = {one.name for one in command.params}
-    assert set(TAKEN[mode]) <= known, "a mode takes what its command has"
+    assert set(OPTIONS_BY_MODE[mode]) <= known, "a mode takes what its command has"
     typed = [name, *MODE.get(words[0] if words[0] != "--run" or name == "correct" else "", words)]
     typed += ["x.toml" for one in command.params if one.param_type_name == "argument" and one.required]
     others = [
         one
         for one in command.params
-        if one.param_type_name == "option" and one.name not in (*TAKEN[mode], *ALWAYS) and not one.hidden
+        if one.param_type_name == "option"
+        and one.name not in (*OPTIONS_BY_MODE[mode], *COMMON_OPTIONS)
+        and not one.hidden
     ]
     assert others or mode == "evaluate --kind positioning"
     for one in others:

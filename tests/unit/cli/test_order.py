@@ -10,9 +10,9 @@ import pytest
 import typer
 from typer.testing import CliRunner
 
-from gateway.cli import app, voice
-from gateway.cli.lazily import entries, names, order
-from gateway.cli.voice import Voice
+from gateway.cli import app, output
+from gateway.cli.command_list import command_entries, command_groups, command_names
+from gateway.cli.output import Voice
 
 RUN = CliRunner()
 ROOT = typer.main.get_command(app)
@@ -27,13 +27,13 @@ def command_of(words: list[str]) -> tuple[object, list[str]]:
 
 
 def test_every_command_stands_once_in_a_group_of_the_work() -> None:
-    listed = [name for group in order() for name in group["commands"]]
-    assert listed == list(dict.fromkeys(listed)) == list(entries())
-    assert order()[0]["title"].startswith("Try")
+    listed = [name for group in command_groups() for name in group["commands"]]
+    assert listed == list(dict.fromkeys(listed)) == list(command_entries())
+    assert command_groups()[0]["title"].startswith("Try")
     assert {"init", "run", "push", "runs", "logs", "cell"} <= set(listed)
 
 
-@pytest.mark.parametrize("name", list(names()))
+@pytest.mark.parametrize("name", list(command_names()))
 def test_every_help_ends_with_two_examples_that_can_be_typed(name: str) -> None:
     done = RUN.invoke(app, [*name.split(), "--help"])
     assert done.exit_code == 0
@@ -52,7 +52,7 @@ def test_the_list_of_commands_loads_none_of_them() -> None:
     code = (
         "import sys; from typer.testing import CliRunner; from gateway.cli import app; "
         "done = CliRunner().invoke(app, ['--help']); assert done.exit_code == 0, done.output; "
-        "heavy = ('numpy', 'asyncio', 'pydantic', 'rich', 'gateway.config', 'gateway.cli.commands'); "
+        "heavy = ('numpy', 'asyncio', 'pydantic', 'rich', 'gateway.config', 'gateway.cli.machine'); "
         "print([name for name in heavy if name in sys.modules])"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
@@ -61,7 +61,7 @@ def test_the_list_of_commands_loads_none_of_them() -> None:
 
 def test_the_first_help_shows_groups_commands_and_examples() -> None:
     text = RUN.invoke(app, ["--help"]).stdout
-    assert all(group["title"] in text for group in order())
+    assert all(group["title"] in text for group in command_groups())
     assert "trueflank init" in text.partition("Examples:")[2]
     assert "\x1b" not in text
 
@@ -76,7 +76,7 @@ def test_what_is_mistyped_ends_with_two(words: list[str]) -> None:
 
 
 def test_every_command_can_be_quiet_or_verbose() -> None:
-    for name in names():
+    for name in command_names():
         options = {one for parameter in command_of(name.split())[0].params for one in parameter.opts}  # type: ignore[attr-defined]
         assert {"-q", "-v", "--quiet", "--verbose"} <= options, name
 
@@ -88,5 +88,5 @@ def test_every_command_can_be_quiet_or_verbose() -> None:
 def test_a_voice_is_chosen_before_the_commands_name_as_well_as_after(words: list[str], chosen: Voice) -> None:
     for typed in ([*words, "explain", "E-CFG-READ"], ["explain", "E-CFG-READ", *words]):
         assert RUN.invoke(app, typed).exit_code == 0
-        assert voice.now() is chosen
-    voice.use(Voice.PLAIN)
+        assert output.chosen_voice() is chosen
+    output.use_voice(Voice.PLAIN)

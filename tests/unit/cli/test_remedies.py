@@ -24,7 +24,7 @@ from typer.testing import CliRunner, Result
 import trueflank as tf
 from drivers.errors import TrueflankError, catalogue
 from gateway.cli import app
-from gateway.cli.onward import STEPS
+from gateway.cli.next_steps import NEXT_COMMANDS
 from tests.unit.cli.test_remedies_at_work import AT_WORK
 from tests.unit.drivers.test_rtx_files import written
 
@@ -112,7 +112,7 @@ def test_every_command_and_option_that_a_text_names_exists(language: str) -> Non
 
 
 def test_every_next_command_exists() -> None:
-    lines = [f"trueflank {text.split(' (')[0].replace('{', '').replace('}', '')}" for text in STEPS.values()]
+    lines = [f"trueflank {text.split(' (')[0].replace('{', '').replace('}', '')}" for text in NEXT_COMMANDS.values()]
     assert len(lines) > 20
     assert [one for line in lines for one in wrong_calls(f"`{line}`")] == []
 

@@ -16,7 +16,7 @@ from typer.testing import CliRunner, Result
 from drivers.errors import TrueflankError, catalogue
 from gateway.capture.corrections import from_live
 from gateway.cli import app
-from gateway.cli.demonstration import CellAsked, cell_process
+from gateway.cli.cell import CellRequest, cell_process
 from gateway.domain.equipment import SenseProof
 from gateway.store import Store
 from gateway.workflow.run import stages
@@ -143,7 +143,7 @@ def a_cell() -> None:
     assert "nosuch" in done.stderr + done.stdout
     (call,) = calls(refused("cell cell.toml status", "E-CLI-NO-CELL"))
     assert call == "simulate"
-    with cell_process(CellAsked(cell="demo", site=Path("cell.toml"), speed=50.0)):
+    with cell_process(CellRequest(cell="demo", site=Path("cell.toml"), speed=50.0)):
         assert typed("cell cell.toml status").exit_code == 0
         (call,) = calls(refused("cell cell.toml dance", "E-CLI-CELL-WORD"))
         listed = typed(call.replace("SITE", "cell.toml"))

@@ -17,13 +17,11 @@ from rich.console import Console
 
 from drivers.errors import TrueflankError, catalogue, words
 from gateway.audience import KINDS, Audience, kind_of
-from gateway.cli import voice
-from gateway.cli.onward import next_step
-from gateway.cli.screen.panel import LivePanel, PanelConsole
-from gateway.cli.screen.scene import Scene, clock_text
-from gateway.cli.screen.telling import progress
-from gateway.cli.show import echo
-from gateway.cli.voice import Voice
+from gateway.cli import output
+from gateway.cli.next_steps import show_next
+from gateway.cli.output import Voice, echo
+from gateway.cli.progress import LivePanel, PanelConsole, progress
+from gateway.cli.progress_state import ProgressState, clock_text
 from gateway.push.phases import STEP_CODES, PushEvent, step_message
 from gateway.store import Store
 from gateway.store.log_book import lines_of
@@ -33,7 +31,7 @@ HELD = {"axis": "X1", "why": "no answer", "backup": "b.mpf"}
 
 @pytest.fixture
 def plain(monkeypatch: pytest.MonkeyPatch) -> pytest.MonkeyPatch:
-    monkeypatch.setattr(voice, "_chosen", {"voice": Voice.PLAIN})
+    monkeypatch.setattr(output, "_chosen", {"voice": Voice.PLAIN})
     return monkeypatch
 
 
@@ -55,7 +53,7 @@ def test_who_is_asked_to_press_something_is_asked_in_every_voice() -> None:
 def test_what_must_be_heard_is_never_left_out(
     chosen: Voice, plain: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    voice.use(chosen)
+    output.use_voice(chosen)
     with progress(quiet=False) as say:
         say("P-START", axis="X1", program="TFMEASX")
         say("P-PUSH-STEP", axis="X1", step="LEASED", said=str(step_message("LEASED")))
@@ -124,7 +122,7 @@ def test_a_command_that_makes_no_run_of_its_own_is_known_in_the_log_from_its_dev
 
 
 def test_a_scene_knows_what_to_do_since_when_and_how_long_it_takes() -> None:
-    scene = Scene(began=0.0)
+    scene = ProgressState(began=0.0)
     scene.told("P-SETUP-PLAN", {"number": 1, "total": 4, "setup": "EXX-X1"}, 0.0)
     scene.told("P-START", {"axis": "X1", "program": "TFMEASX"}, 10.0)
     assert "Press" in scene.ask
@@ -144,7 +142,7 @@ def test_a_scene_knows_what_to_do_since_when_and_how_long_it_takes() -> None:
 
 
 def test_what_will_move_stands_with_the_question_until_it_is_answered() -> None:
-    scene = Scene(began=0.0)
+    scene = ProgressState(began=0.0)
     for place in ("4", "5"):
         scene.told("P-MOVE-STANDS", {"axis": f"X{place}", "unit": "mm", "place": place}, 1.0)
     scene.told("P-START", {"axis": "X1", "program": "TFMEASX"}, 2.0)
@@ -159,7 +157,7 @@ def test_what_will_move_stands_with_the_question_until_it_is_answered() -> None:
 
 
 def test_a_step_of_a_batch_names_its_tables_in_one_line() -> None:
-    scene = Scene(began=0.0)
+    scene = ProgressState(began=0.0)
     for step in ("DISABLE", "LOADED"):
         for axis in ("X1", "Z1", "C1-reversal"):
             scene.told("P-PUSH-STEP", {"axis": axis, "step": step, "said": str(step_message(step))}, 1.0)
@@ -168,7 +166,7 @@ def test_a_step_of_a_batch_names_its_tables_in_one_line() -> None:
 
 def test_the_count_of_set_ups_is_gone_when_a_part_is_ground() -> None:
     """It stood at "set-up 28 of 28, about 0:00 to go" while parts were ground and tables pushed."""
-    scene = Scene(began=0.0)
+    scene = ProgressState(began=0.0)
     scene.told("P-SETUP-PLAN", {"number": 28, "total": 28, "setup": "EZZ-Z1"}, 0.0)
     scene.told("P-MEASURE", {"axis": "Z1", "component": "EZZ", "phase": "before"}, 0.0)
     assert "outer" in scene.counts
@@ -184,7 +182,7 @@ def test_minutes_are_said_as_a_clock() -> None:
 def test_the_panel_says_what_to_do_and_since_when_in_every_width(width: int) -> None:
     told, time = io.StringIO(), {"now": 0.0}
     console = PanelConsole(file=told, width=width, force_terminal=True, highlight=False)
-    with LivePanel("trueflank: site", Scene(began=0.0), lambda: time["now"], console) as panel:
+    with LivePanel("trueflank: site", ProgressState(began=0.0), lambda: time["now"], console) as panel:
         panel.told("P-SETUP-PLAN", {"number": 3, "total": 28, "setup": "EXX-X1"})
         panel.told("P-START-SETUP", {"axis": "X1", "program": "TFSENSEX", "setup": "TRUEFLANK SETUP EXX ON X"})
         panel.keep("X1: sign proved")
@@ -231,7 +229,7 @@ def test_a_line_stays_whatever_the_panel_does_while_it_is_printed() -> None:
     """A panel that got shorter while a line above it was printed took lines with it."""
     written = io.StringIO()
     console = PanelConsole(file=written, width=100, force_terminal=True, force_interactive=True, highlight=False)
-    with LivePanel("trueflank: site", Scene(began=0.0), lambda: 0.0, console) as panel:
+    with LivePanel("trueflank: site", ProgressState(began=0.0), lambda: 0.0, console) as panel:
         panel.told("P-MOUNT", {"setup": "EXX-X1", "words": "mount it"})
         panel.told("P-START", {"axis": "X1", "program": "TFMEASX"})
         panel.keep("X1: sign proved")
@@ -253,7 +251,7 @@ def test_a_ctrl_c_is_not_echoed_into_the_panel(monkeypatch: pytest.MonkeyPatch) 
     with open(ours, "wb", buffering=0), open(theirs, encoding="utf-8") as stdin:
         monkeypatch.setattr(sys, "stdin", stdin)
         flags = [termios.tcgetattr(stdin)[3]]
-        with LivePanel("trueflank: site", Scene(began=0.0), lambda: 0.0, PanelConsole(file=io.StringIO())):
+        with LivePanel("trueflank: site", ProgressState(began=0.0), lambda: 0.0, PanelConsole(file=io.StringIO())):
             flags.append(termios.tcgetattr(stdin)[3])
         flags.append(termios.tcgetattr(stdin)[3])
     assert [bool(one & termios.ECHOCTL) for one in flags] == [True, False, True]
@@ -265,7 +263,7 @@ def test_what_is_echoed_meanwhile_stands_above_the_panel(monkeypatch: pytest.Mon
     monkeypatch.setattr(sys, "stderr", io.TextIOWrapper(io.BytesIO(), encoding="utf-8"))
     written = io.StringIO()
     console = PanelConsole(file=written, width=100, force_terminal=True, force_interactive=True, highlight=False)
-    with LivePanel("trueflank: site", Scene(began=0.0), lambda: 0.0, console) as panel:
+    with LivePanel("trueflank: site", ProgressState(began=0.0), lambda: 0.0, console) as panel:
         panel.told("P-RUN", {"folder": "runs/1"})
         panel.refresh()
         echo("stopping", err=True)
@@ -280,7 +278,7 @@ def test_a_terminal_gets_lines_broken_between_words_and_a_command_whole(monkeypa
         monkeypatch.setattr(sys, "stdout", stream)
         echo("mounted " * 15)
         assert len(stream.getvalue().splitlines()) == lines
-        next_step("push " + "latest " * 15)
+        show_next("push " + "latest " * 15)
         assert len(stream.getvalue().splitlines()) == lines + 1
 
 

@@ -11,7 +11,7 @@ from typer.testing import CliRunner
 
 from drivers.errors import TrueflankError
 from gateway.cli import app
-from gateway.cli.show import begun_with, echo, show_error, with_site
+from gateway.cli.output import echo, remember_site, show_error, with_site
 
 ROOT = Path(__file__).parents[3]
 BARE = re.compile(r"\bSITE\b")
@@ -30,9 +30,9 @@ def advice() -> list[str]:
 def test_no_text_keeps_the_bare_word_once_the_site_is_known() -> None:
     texts = advice()
     assert len(texts) > 40
-    begun_with({"site": Path("hall 3/site.toml")})
+    remember_site({"site": Path("hall 3/site.toml")})
     kept = [text for text in map(with_site, texts) if BARE.search(text)]
-    begun_with({})
+    remember_site({})
     assert kept == []
     assert [with_site(text) for text in texts] == texts, "nobody knows which is meant"
 

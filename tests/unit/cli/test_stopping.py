@@ -11,7 +11,7 @@ import pytest
 
 from drivers.clock import LoopClock, run_virtual
 from drivers.errors import TransportError
-from gateway.cli.stopping import SIGNALS, run_to_end
+from gateway.cli.signals import SIGNALS, run_to_end
 from gateway.stopping import LONGEST_S, StopAsked, Stopped, current, obey
 
 HERE = [name for name in SIGNALS if hasattr(signal, name)]

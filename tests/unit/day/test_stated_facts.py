@@ -226,7 +226,7 @@ def test_no_command_takes_one_file_of_a_day_to_come_without_a_word(
     )
     head = "target_mm,direction,repetition,deviation_um"
     Path("a.csv").write_text(f"Machine: Mill 7\nDate: 2026-12-20\n{head}\n{rows}", encoding="utf-8")
-    monkeypatch.setattr("gateway.cli.options._now", lambda: NOW)
+    monkeypatch.setattr("gateway.cli.options._utc_now", lambda: NOW)
     command, *rest = words
     refused = CliRunner().invoke(app, [command, "a.csv", *rest])
     assert refused.exit_code not in (0, 21)
@@ -236,7 +236,7 @@ def test_no_command_takes_one_file_of_a_day_to_come_without_a_word(
     assert not Path("o.spf").exists()
     accepted = CliRunner().invoke(app, [command, "a.csv", *rest, "--accept", "date=2026-12-20"])
     assert accepted.exit_code == 0, accepted.output
-    monkeypatch.setattr("gateway.cli.options._now", lambda: NOW + timedelta(days=60))
+    monkeypatch.setattr("gateway.cli.options._utc_now", lambda: NOW + timedelta(days=60))
     later = CliRunner().invoke(app, [command, "a.csv", *rest, *(("--force",) if command == "convert" else ())])
     assert later.exit_code == 0, "what was to come is past"
 

@@ -10,7 +10,7 @@ from typer.testing import CliRunner
 
 from drivers.errors import TrueflankError
 from gateway.cli import app
-from gateway.cli.exits import LIMIT_EXCEEDED
+from gateway.workflow.run.outcome import LIMIT_EXCEEDED
 from tests.unit.evaluate.real_sets import SETS, table
 
 GOLDEN = Path(__file__).parents[2] / "golden" / "files"

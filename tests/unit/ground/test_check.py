@@ -13,7 +13,7 @@ from typer.testing import CliRunner
 
 from drivers.errors import ConfigError, TrueflankError
 from gateway.cli import app
-from gateway.cli.begin.checking import checked, is_fault
+from gateway.cli.setup.check import check_site, is_fault
 from gateway.config import Fault, load_site, read_site
 from gateway.config.faults import places_in
 
@@ -363,13 +363,13 @@ def changed(old: str, new: str) -> str:
 @pytest.mark.skipif(os.name == "nt", reason="there it is a path like any other")
 def test_a_path_of_windows_is_doubted_elsewhere(folder: Path) -> None:
     site = changed('name = "grinder-7"', "name = \"grinder-7\"\nstore = 'C:\\runs'")
-    (doubt,) = checked(written(folder, site)).doubts
+    (doubt,) = check_site(written(folder, site)).doubts
     assert (doubt.line, doubt.path) == (3, ("site", "store"))
     assert "written for Windows" in str(doubt.fields["why"])
 
 
 def test_the_whole_file_is_valid(folder: Path) -> None:
-    found = checked(written(folder, WHOLE))
+    found = check_site(written(folder, WHOLE))
     assert (found.faults, found.doubts) == ((), ())
     assert found.site.controller.settings["password_file"] == str(folder / "password.txt")
 
@@ -378,7 +378,7 @@ def test_the_whole_file_is_valid(folder: Path) -> None:
 def test_each_mistake_is_told_with_its_place(
     folder: Path, old: str, new: str, line: int, column: int, told: str
 ) -> None:
-    found = checked(written(folder, changed(old, new)))
+    found = check_site(written(folder, changed(old, new)))
     errors = {(fault.line, fault.column): str(fault.error("f")) for fault in found.faults}
     assert told in errors[line, column]
     assert f"f:{line}:{column}" in errors[line, column]
@@ -395,46 +395,46 @@ def test_what_is_no_toml_is_told_with_what_was_meant(folder: Path, old: str, new
 def test_what_is_unusual_is_told_and_does_not_refuse_the_file(
     folder: Path, old: str, new: str, line: int, told: str
 ) -> None:
-    found = checked(written(folder, changed(old, new)))
+    found = check_site(written(folder, changed(old, new)))
     assert found.faults == ()
     assert any(told in str(one.error("f")) for one in found.doubts if one.line == line)
 
 
 @pytest.mark.parametrize(("old", "new"), [(old, new) for old, new, _, _ in BROKEN])
 def test_a_line_that_cannot_be_read_is_the_only_fault(folder: Path, old: str, new: str) -> None:
-    found = checked(written(folder, changed(old, new))).faults
+    found = check_site(written(folder, changed(old, new))).faults
     assert {fault.code for fault in found} == {"E-CFG-TOML"} or "twice" in str(found[0].error("f"))
 
 
 def test_single_brackets_of_a_list_are_one_fault_each(folder: Path) -> None:
-    found = checked(written(folder, WHOLE.replace("[[axes]]", "[axes]"))).faults
+    found = check_site(written(folder, WHOLE.replace("[[axes]]", "[axes]"))).faults
     assert [fault.line for fault in found] == [24, 42]
 
 
 def test_a_file_that_says_nothing_is_told_how_to_begin(folder: Path) -> None:
     for text in ("", "  \n\n", "# a site\n"):
-        (fault,) = checked(written(folder, text)).faults
+        (fault,) = check_site(written(folder, text)).faults
         assert "trueflank init" in str(fault.error("f"))
 
 
 def test_instruments_that_are_named_and_nowhere_described_are_missed(folder: Path) -> None:
     """In a file without the section nobody asked for a name that no section has: the file was called valid."""
     text = re.sub(r"\[\[instruments\]\]\n((?!\[\[axes).+\n)+", "", WHOLE)
-    (fault,) = checked(written(folder, text)).faults
+    (fault,) = check_site(written(folder, text)).faults
     assert (fault.line, fault.column, fault.path) == (1, 1, ("instruments",))
     assert "no [[instruments]] section, and axis X1: measure.instrument names laser" in str(fault.error("f"))
     mistyped = WHOLE.replace("[[instruments]]", "[[instrument]]")
-    assert {fault.code for fault in checked(written(folder, mistyped)).faults} == {"E-CFG-KEY"}
+    assert {fault.code for fault in check_site(written(folder, mistyped)).faults} == {"E-CFG-KEY"}
 
 
 def test_a_blank_in_the_name_of_an_axis_is_doubted(folder: Path) -> None:
-    found = checked(written(folder, WHOLE.replace('"X1"', '"X 1"')))
+    found = check_site(written(folder, WHOLE.replace('"X1"', '"X 1"')))
     assert (25, "no control names an axis so") in [(one.line, str(one.fields["why"])[:27]) for one in found.doubts]
 
 
 def test_an_empty_list_is_not_taken_for_a_decimal_comma(folder: Path) -> None:
     text = "axes = []\n" + re.sub(r"\[\[axes\]\](.|\n)*?(?=\[\[setups)", "", WHOLE)
-    told = [str(fault.error("f")) for fault in checked(written(folder, text)).faults if fault.path == ("axes",)]
+    told = [str(fault.error("f")) for fault in check_site(written(folder, text)).faults if fault.path == ("axes",)]
     assert ["is empty: give one at least" in one and "decimal comma" not in one for one in told] == [True]
 
 
@@ -487,8 +487,8 @@ def test_what_forbids_a_test_part_is_told(folder: Path, old: str, new: str, key:
     shutil.copy(GEAR, folder / "gear.toml")
     stroke = STROKE.replace("AT", str([*range(0, 301, 20)]))
     whole = WHOLE.replace("[[setups]]", f"{stroke}\n[[setups]]") + WORK
-    assert checked(written(folder, whole)).faults == ()
-    found = checked(written(folder, whole.replace(old, new, 1)))
+    assert check_site(written(folder, whole)).faults == ()
+    found = check_site(written(folder, whole.replace(old, new, 1)))
     said = [str(one.error("f")) for one in (*found.faults, *found.doubts) if key in one.path]
     assert [told in one for one in said] == [True]
 
@@ -521,7 +521,7 @@ def test_a_gear_that_cannot_be_built_is_told_with_its_limit(folder: Path, old: s
 def test_a_blank_in_a_serial_number_and_an_instrument_of_120_um_are_refused(
     folder: Path, old: str, new: str, key: str
 ) -> None:
-    found = checked(written(folder, WHOLE.replace(old, new, 1)))
+    found = check_site(written(folder, WHOLE.replace(old, new, 1)))
     assert [fault.path[-1] for fault in found.faults] == [key]
 
 
@@ -539,18 +539,18 @@ def test_files_of_service_and_report_are_looked_for(folder: Path) -> None:
     (folder / "server.pem").write_text("-----BEGIN CERTIFICATE-----")
     text = WHOLE + '[report]\nlogo = "logo.png"\n[service]\nwatch = "in"\ncertificate = "server.pem"\nkey = "key.pem"\n'
     text += '[service.mqtt]\nhost = "plant"\nca = "ca.pem"\npassword_file = "control.der"\n'
-    found = checked(written(folder, text)).faults
+    found = check_site(written(folder, text)).faults
     assert [fault.path[-1] for fault in found] == ["logo", "watch", "key", "ca", "password_file"]
 
 
 def test_a_name_on_a_line_that_cannot_be_read_is_no_fault_elsewhere(folder: Path) -> None:
-    found = checked(written(folder, changed('name = "X1"', "name = \u201cX1\u201d")))
+    found = check_site(written(folder, changed('name = "X1"', "name = \u201cX1\u201d")))
     assert [fault.line for fault in found.faults] == [25]
 
 
 def test_no_axis_serves_twice_in_the_work(folder: Path) -> None:
     work = '[work]\ngear = "gear.toml"\nheight_mm = 150.0\ninfeed = "X"\nstroke = "X1"\nindex = "C"\n'
-    found = checked(written(folder, f"{WHOLE}\n{work}"))
+    found = check_site(written(folder, f"{WHOLE}\n{work}"))
     told = {fault.path: str(fault.error("f")) for fault in found.faults}
     assert "this axis is the infeed axis already" in told["work", "stroke"]
 
@@ -576,14 +576,14 @@ def test_all_faults_come_at_once_those_of_broken_lines_among_them(folder: Path) 
         ('"COM5"', '"COM"'),
     ):
         text = text.replace(old, new, 1)
-    found = checked(written(folder, text))
+    found = check_site(written(folder, text))
     assert [fault.line for fault in found.faults] == [17, 32, 35, 37, 46]
 
 
 @pytest.mark.parametrize("change", [lambda text: b"\xef\xbb\xbf" + text, lambda text: text.replace(b"\n", b"\r\n")])
 def test_marks_and_line_ends_of_windows_are_read(folder: Path, change: object) -> None:
     path = written(folder, change(WHOLE.encode()))  # type: ignore[operator]
-    assert checked(path).faults == ()
+    assert check_site(path).faults == ()
     assert load_site(path).site.name == "grinder-7"
 
 
@@ -628,10 +628,10 @@ def test_files_that_are_named_and_missing_are_told(folder: Path) -> None:
         + '[work]\ngear = "gear.toml"\nheight_mm = 0.0\n'
     )
     (folder / "gear.toml").write_text("[gear]\n")
-    told = {fault.path[-1]: str(fault.error("f")) for fault in checked(written(folder, text)).faults}
+    told = {fault.path[-1]: str(fault.error("f")) for fault in check_site(written(folder, text)).faults}
     assert set(told) == {"password_file", "server_certificate", "file", "gear", "store"}
     (folder / "control.der").unlink()
-    found = checked(written(folder, WHOLE)).faults
+    found = check_site(written(folder, WHOLE)).faults
     assert [fault.code for fault in found] == ["E-CFG-FILE", "E-CFG-FILE", "E-CFG-CERTIFICATE"]
     assert "trueflank trust accept" in found[-1].error("f").hint
 
@@ -642,7 +642,7 @@ def test_an_overrun_beyond_the_travel_is_a_doubt_that_keeps_nobody_from_other_co
         ((EXAMPLES / "files-only.toml").read_text(encoding="utf-8"), "[-420.0, 20.0]", "[-417.0, 20.0]"),
     ):
         assert old in text
-        found = checked(written(folder, text.replace(old, new)))
+        found = check_site(written(folder, text.replace(old, new)))
         assert found.faults == ()
         assert any("reverses at -" in one.error("f").what for one in found.doubts)
 
@@ -670,9 +670,9 @@ def test_what_no_grinding_program_can_have_is_refused_as_by_the_program(
     shutil.copy(GEAR, folder / "gear.toml")
     stroke = STROKE.replace("AT", str([*range(0, 301, 20)]))
     whole = WHOLE.replace("[[setups]]", f"{stroke}\n[[setups]]") + WORK
-    assert checked(written(folder, whole)).faults == ()
+    assert check_site(written(folder, whole)).faults == ()
     path = written(folder, whole + line + "\n")
-    found = checked(path).faults
+    found = check_site(path).faults
     assert [(fault.path[-1], told in fault.error("f").what) for fault in found] == [(key, True)]
     made = CliRunner().invoke(app, ["program", str(path), "--what", "grind", "-o", str(folder / "programs")])
     assert isinstance(made.exception, ConfigError)
@@ -693,7 +693,7 @@ def test_what_no_grinding_program_can_have_is_refused_as_by_the_program(
 def test_what_a_grinding_program_can_have_is_not_refused(folder: Path, line: str) -> None:
     shutil.copy(GEAR, folder / "gear.toml")
     stroke = STROKE.replace("AT", str([*range(0, 301, 20)]))
-    found = checked(written(folder, WHOLE.replace("[[setups]]", f"{stroke}\n[[setups]]") + WORK + line + "\n"))
+    found = check_site(written(folder, WHOLE.replace("[[setups]]", f"{stroke}\n[[setups]]") + WORK + line + "\n"))
     assert found.faults == ()
 
 
@@ -709,14 +709,14 @@ def test_what_a_grinding_program_can_have_is_not_refused(folder: Path, line: str
 def test_what_only_looks_right_is_a_fault(
     folder: Path, right: str, wrong: str, path: tuple[str | int, ...], told: str
 ) -> None:
-    (found,) = checked(written(folder, changed(right, wrong))).faults
+    (found,) = check_site(written(folder, changed(right, wrong))).faults
     assert found.path == path
     assert told in found.error("f").what
 
 
 @pytest.mark.parametrize("store", ["~/runs", "$HOME/runs", "%TEMP%/runs"])
 def test_what_only_a_shell_would_replace_in_a_path_is_doubted(folder: Path, store: str) -> None:
-    found = checked(written(folder, changed("[site]\n", f'[site]\nstore = "{store}"\n')))
+    found = check_site(written(folder, changed("[site]\n", f'[site]\nstore = "{store}"\n')))
     assert [one.path for one in found.doubts] == [("site", "store")]
 
 
@@ -774,7 +774,7 @@ def test_slips_that_cannot_be_seen_in_an_editor_are_found(
     text = (GEAR.parents[1] / "sites" / f"{name}.toml").read_text(encoding="utf-8")
     site = tmp_path / "site.toml"
     site.write_text(text.replace(right, wrong), encoding="utf-8")
-    (found,) = [one for one in checked(site).faults if one.path == path]
+    (found,) = [one for one in check_site(site).faults if one.path == path]
     assert (found.line, found.column) > (1, 1)
 
 
@@ -790,7 +790,7 @@ def test_typed_readings_of_a_rotary_axis_are_doubted_where_a_run_is_meant(tmp_pa
     text = (GEAR.parents[1] / "sites" / "mailbox-grinder.toml").read_text(encoding="utf-8")
     site = tmp_path / "site.toml"
     site.write_text(text.replace('instrument = "calibrator"', 'instrument = "laser"'), encoding="utf-8")
-    (doubt,) = checked(site).doubts
+    (doubt,) = check_site(site).doubts
     assert doubt.path == ("axes", 2, "measure", "instrument")
     assert "typed readings" in str(doubt.fields)
     planned = CliRunner().invoke(app, ["run", str(GEAR.parents[1] / "sites" / "files-only.toml"), "--plan"])
@@ -803,7 +803,7 @@ def test_who_brings_files_is_asked_for_no_place_to_push_from(tmp_path: Path, pla
     text = (GEAR.parents[1] / "sites" / "files-only.toml").read_text(encoding="utf-8")
     site = tmp_path / "site.toml"
     site.write_text(re.sub(r"^safe = .*$", f"safe = {{ {place} }}", text, flags=re.MULTILINE), encoding="utf-8")
-    assert [one.code for one in (*checked(site).faults, *checked(site).doubts)] == []
+    assert [one.code for one in (*check_site(site).faults, *check_site(site).doubts)] == []
 
 
 def test_a_carried_control_is_not_waited_for_and_the_next_step_is_one_that_it_knows(tmp_path: Path) -> None:

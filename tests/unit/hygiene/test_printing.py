@@ -11,8 +11,8 @@ from jinja2 import Environment
 
 from drivers.errors import TrueflankError
 from drivers.local.names import visible
-from gateway.cli.screen.telling import progress
-from gateway.cli.show import echo, show_error, show_json, show_table
+from gateway.cli.output import echo, show_error, show_json, show_table
+from gateway.cli.progress import progress
 from gateway.report import page
 from gateway.web import app as web
 

@@ -13,7 +13,7 @@ import pytest
 from drivers.clock import run_virtual
 from drivers.message import Message
 from drivers.types.tables import LiveTable
-from gateway.cli.onward import after_recovery
+from gateway.cli.next_steps import after_recovery
 from gateway.domain.outcomes import PushRecord
 from gateway.errors import RollbackFailed, VerifyError
 from gateway.push import outcome_alarms, outcome_error

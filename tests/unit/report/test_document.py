@@ -16,7 +16,7 @@ import typst
 
 from drivers.message import Message, render
 from drivers.types.identity import Identity
-from gateway.cli.control.connecting import report_font
+from gateway.cli.machine.doctor import report_font_line
 from gateway.domain.outcomes import PushRecord
 from gateway.errors import StoreError, VerifyError
 from gateway.push.phases import STEP_CODES, step_message, step_with_facts
@@ -250,12 +250,12 @@ def test_doctor_names_the_font_and_a_missing_one_is_a_fault_only_where_it_is_nee
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setattr("gateway.report.document.pdf.cjk_font", lambda: "Some Sans")
-    assert [(one.outcome, one.what) for one in report_font("zh")] == [
+    assert [(one.outcome, one.what) for one in report_font_line("zh")] == [
         ("ok", "reports in Chinese are written in Some Sans")
     ]
     monkeypatch.setattr("gateway.report.document.pdf.cjk_font", lambda: "")
-    assert [one.outcome for one in report_font("en")] == ["ok"]
-    assert [one.outcome for one in report_font("zh")] == ["wrong"]
+    assert [one.outcome for one in report_font_line("en")] == ["ok"]
+    assert [one.outcome for one in report_font_line("zh")] == ["wrong"]
     with pytest.raises(StoreError, match="font"):
         fonts_for("zh")
 

@@ -11,7 +11,7 @@ from typer.testing import CliRunner
 
 from drivers.clock import LoopClock
 from gateway.cli import app
-from gateway.cli.service.installing import unit_text
+from gateway.cli.service import unit_text
 from gateway.daemon.service_manager import Notifier, keep_telling
 from tests.unit.ground.test_check import WHOLE
 

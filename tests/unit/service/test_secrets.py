@@ -12,7 +12,7 @@ import pytest
 
 from gateway import audit
 from gateway.broker.lending import NOTICE_FILE
-from gateway.cli.service.bundle import bundle
+from gateway.cli.service import make_bundle
 from gateway.config import SiteFile, load_site
 from gateway.daemon.service_manager import JournalForm, log_into
 from gateway.store import Store
@@ -130,7 +130,7 @@ def test_no_planted_secret_leaves_the_house(
         assert leaks(found.read_text(encoding="utf-8")) == [], found.name
     kept = (store.root / "service" / "users.json").read_text(encoding="utf-8")
     assert leaks(kept) == []
-    data = bundle(site, path, store, runs=5, doctor={"error": f"password: {PLANTED['control-password']}"})
+    data = make_bundle(site, path, store, runs=5, doctor={"error": f"password: {PLANTED['control-password']}"})
     with zipfile.ZipFile(io.BytesIO(data)) as found_zip:
         members = {name: found_zip.read(name).decode("utf-8", "replace") for name in found_zip.namelist()}
     kinds = {"site-as-read.json", "versions.json", "doctor.json", "audit.json", "contents.txt", "logs/trueflank.log"}

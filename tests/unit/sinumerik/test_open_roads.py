@@ -17,9 +17,8 @@ from drivers.sinumerik.opcua.device import SinumerikOpcUa
 from gateway import audit
 from gateway.approve import UNPROTECTED, is_risk_taken, take_risk
 from gateway.audience import Audience, kind_of
-from gateway.cli.screen.panel import LivePanel
-from gateway.cli.screen.scene import Scene
-from gateway.cli.screen.telling import progress
+from gateway.cli.progress import LivePanel, progress
+from gateway.cli.progress_state import ProgressState
 from gateway.config import load_site, unprotected_connection
 from gateway.report import render
 from gateway.report.document.whole import document
@@ -75,7 +74,7 @@ def test_line_panel_and_page_name_it(code: str, capsys: pytest.CaptureFixture[st
     assert f"UNPROTECTED: {road}" in capsys.readouterr().err
     drawn = io.StringIO()
     console = Console(file=drawn, width=160)
-    with LivePanel("trueflank: mill", Scene(began=0.0), lambda: 0.0, Console(file=io.StringIO())) as panel:
+    with LivePanel("trueflank: mill", ProgressState(began=0.0), lambda: 0.0, Console(file=io.StringIO())) as panel:
         panel.told("P-UNPROTECTED", {"road": road})
         panel.told("P-SETUP-PLAN", {"number": 1, "total": 2, "setup": "EXX-X1"})
         panel.told("P-START", {"axis": "X1", "program": "TFMEASX"})

@@ -10,7 +10,7 @@ import pytest
 from drivers.clock import LoopClock
 from drivers.errors import TrueflankError
 from gateway.broker import Broker, Lease
-from gateway.cli.begin.checking import asked
+from gateway.cli.setup.check import ask_devices
 from gateway.say import silence
 from gateway.workflow.axes.dynamic import RecordingOptions, capture_dynamic
 from gateway.workflow.run.folder import store_of
@@ -26,7 +26,7 @@ AWAY = SITE.model_copy(
 
 
 async def check(path: Path) -> None:
-    await asked(AWAY, path)
+    await ask_devices(AWAY, path)
 
 
 async def dynamic(path: Path) -> None:

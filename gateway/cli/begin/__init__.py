@@ -1,1 +1,0 @@
-"""The first hour: a site file made, checked and compared with the control; nothing here moves or writes a machine."""

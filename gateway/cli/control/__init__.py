@@ -1,1 +1,0 @@
-"""Commands for who answers for the control: doctor, trust, approve, rollback, disable, verify-table, audit."""

@@ -1,0 +1,179 @@
+"""The commands `accept` and `conform`: the acceptance sheet of a site, and a control compared with its simulator."""
+
+from __future__ import annotations
+
+import json
+import tempfile
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from drivers.clock import LoopClock
+from drivers.errors import ConfigError, words
+from drivers.message import Message
+from drivers.probes import ALLOWANCES, Allowance, ProbedSession, differences, read_session
+from gateway.cli.options import JsonOption, SiteArgument, require_control
+from gateway.cli.output import echo, show_json
+from gateway.cli.signals import run_to_end
+from gateway.events import DevicesOpened, received
+
+NOT_ACCEPTED_EXIT = 13
+
+
+def acceptance_command(
+    site: SiteArgument,
+    allow: Annotated[
+        str,
+        typer.Option(
+            "--allow", help="read: observe only; move: also jog; write: also try a table and restore the old one."
+        ),
+    ] = "read",
+    machine: Annotated[str, typer.Option(help="The machine's name, typed to confirm --allow write.")] = "",
+    sheet: Annotated[Path, typer.Option(help="File of the sheet to sign: .html or .pdf.")] = Path("acceptance.html"),
+    language: Annotated[str, typer.Option(help="Language of the sheet: en, de or zh; default: the site file's.")] = "",
+    as_json: JsonOption = False,
+) -> None:
+    """Accept a site: every check within the allowance, and a sheet to sign; exit code 13 where one fails."""
+    from gateway.acceptance.judging import cases, run_check
+    from gateway.acceptance.results import CheckResult
+    from gateway.acceptance.sheet import Occasion, check_sheet, write_sheet
+    from gateway.acceptance.working import SiteDesk
+    from gateway.config import load_site
+    from gateway.workflow.run.context import check_name
+    from gateway.workflow.run.folder import known_of, store_of
+
+    tree, given, clock = load_site(site), parse_allowance(allow), LoopClock()
+    require_control(tree)
+    check_name(tree, given == "write", machine, code="E-ACCEPT-NAME")
+    check_sheet(sheet, language)
+
+    told: set[str] = set()
+
+    def say(code: str, /, **fields: object) -> None:
+        """Each check opens the control anew; what it says of it is told once."""
+        line = words(code, **fields)
+        if not as_json and (not isinstance(received(code, fields), DevicesOpened) or line not in told):
+            echo(f"  {line}")
+        told.add(line)
+
+    async def main() -> list[CheckResult]:
+        results: list[CheckResult] = []
+        for check, axis in cases(tree):
+            result = await run_check(check, axis, SiteDesk(tree, site, clock, say), given)
+            results.append(result)
+            if not as_json:
+                echo(f"{result.outcome:<8} {result.name}: {result.said}")
+        return results
+
+    results: list[Any] = run_to_end(main(), at=site)
+    known = known_of(tree, store_of(tree, site).root).accepted
+    write_sheet(sheet, results, Occasion(tree, site, given, clock.utc(), language=language, accepted=known))
+    if as_json:
+        show_json({"allow": given, "results": [one.as_record() for one in results], "sheet": str(sheet)})
+    else:
+        echo(f"the sheet to sign: {sheet}")
+    if any(one.outcome == "failed" for one in results):
+        raise typer.Exit(NOT_ACCEPTED_EXIT)
+
+
+# ---- conform
+
+DIFFERENT_EXIT = 13
+CELL_SPEED = 20.0
+
+AllowOption = Annotated[
+    str, typer.Option("--allow", help="read: ask only; move: also start programs; write: also offer values.")
+]
+
+
+def conform_command(
+    site: SiteArgument,
+    allow: AllowOption = "read",
+    machine: Annotated[str, typer.Option(help="The machine's name, typed to confirm --allow write.")] = "",
+    session: Annotated[
+        Path | None, typer.Option("--session", help="Replay this recorded session without the control.")
+    ] = None,
+    output: Annotated[Path, typer.Option("-o", "--output", help="Folder for session, test and rows.")] = Path(
+        "conform"
+    ),
+    cell: Annotated[str, typer.Option(help="The simulator: cell file, or the name of a shipped cell.")] = "demo",
+    record_only: Annotated[bool, typer.Option("--record-only", help="Ask the control only, no simulator.")] = False,
+    as_json: JsonOption = False,
+) -> None:
+    """Ask the control and its double the same questions; exit code 13 and a failing test where they differ."""
+    from gateway.conform import written
+
+    told = _ignore_progress if as_json else _show_progress
+    control = (
+        read_session(session) if session is not None else _record_control(site, parse_allowance(allow), machine, told)
+    )
+    double = None if record_only else _replay_simulator(control, cell, told)
+    found = differences(control, double) if double is not None else ()
+    files = written(output, control, found, cell)
+    asked = sum(answer.asked for answer in control.answers)
+    if as_json:
+        lines = [{"name": one.probe.name, "control": one.control, "double": one.double} for one in found]
+        show_json({"asked": asked, "differences": lines, "files": [str(file) for file in files]})
+    else:
+        for one in found:
+            echo(one.line)
+        told_end = "nothing was compared" if double is None else f"{len(found)} differ"
+        echo(f"{asked} of {len(control.answers)} questions answered, {told_end}; {', '.join(map(str, files))}")
+    if found:
+        raise typer.Exit(DIFFERENT_EXIT)
+
+
+def parse_allowance(text: str) -> Allowance:
+    """An allowance as it was typed. Raises ConfigError (E-ACCEPT-ALLOW)."""
+    for one in ALLOWANCES:
+        if text == one:
+            return one
+    raise ConfigError("E-ACCEPT-ALLOW", "--allow", given=text, known=", ".join(ALLOWANCES))
+
+
+def _record_control(site: Path, allow: Allowance, machine: str, told: Any) -> ProbedSession:
+    from gateway import audit
+    from gateway.broker import borrow_devices
+    from gateway.config import load_site
+    from gateway.conform import prober_of, recorded
+    from gateway.workflow.run.context import check_name
+    from gateway.workflow.run.folder import store_of
+
+    tree, clock = load_site(site), LoopClock()
+    check_name(tree, allow == "write", machine, code="E-ACCEPT-NAME")
+    prober_of(tree, clock)
+    root = store_of(tree, site).root
+
+    async def main() -> ProbedSession:
+        async with borrow_devices(root, "conform", clock):
+            if allow != "read":
+                audit.record(root, "conform", clock=clock, serial=tree.controller.serial, details={"allow": allow})
+            return await recorded(tree, allow, clock, told)
+
+    return run_to_end(main(), at=site)
+
+
+def _replay_simulator(control: ProbedSession, cell: str, told: Any) -> ProbedSession:
+    """The double's answers, from a simulated cell with the key switch where the control had it."""
+    from gateway.cli.cell import CellRequest, cell_process
+    from gateway.config import load_site
+    from gateway.conform import replayed
+
+    with tempfile.TemporaryDirectory(prefix="trueflank-double-") as folder:
+        path = Path(folder) / "site.toml"
+        with cell_process(CellRequest(cell, path, CELL_SPEED, road="opcua")) as child:
+            order = {"set": "access_level", "value": int(control.about.get("access_level", "2"))}
+            if child.stdin is not None and child.stdout is not None:
+                child.stdin.write(json.dumps(order) + "\n")
+                child.stdin.flush()
+                child.stdout.readline()
+            return run_to_end(replayed(load_site(path), control, LoopClock(), told), at=path)
+
+
+def _show_progress(code: str, /, **fields: object) -> None:
+    echo(Message.of(code, **fields))
+
+
+def _ignore_progress(_code: str, /, **_fields: object) -> None:
+    """The result alone is printed."""
