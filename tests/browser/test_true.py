@@ -19,6 +19,8 @@ pytestmark = [
     pytest.mark.timeout(300),
     pytest.mark.skipif(not CHROMIUM.exists(), reason="NOT RUN: no Chromium here (Debian package chromium)"),
 ]
+# What was asked for when the run began is there: a frame before it would be replaced by it.
+EMPTY = "async () => (await import(modulePath('state.js'))).state.taken.length === 0"
 RUN = RunView("r-3", "TFMEASX", "X1", 3, 60, "X1: stop 3 of 60", "2026-03-02T09:00:00+00:00")
 TABLE = {
     "table": "X1",
@@ -48,8 +50,10 @@ def plotted(stage: Stage) -> list[list[float]]:
 
 
 def test_the_live_deviation_is_the_corrected_one_with_its_uncertainty(browser: Browser, tmp_path: Path) -> None:
-    with staged(browser, tmp_path, SITE) as stage:
-        stage.change(run=RUN)
+    with staged(browser, tmp_path, SITE, instead={"/taken": []}) as stage:
+        with stage.page.expect_response("**/taken"):
+            stage.change(run=RUN)
+        stage.page.wait_for_function(EMPTY)
         stage.tell("reading", reading())
         for target, deviation in ((0.0, 0.0), (50.0, 14.0), (100.0, 25.0)):
             stage.tell("taken", taken(target, deviation))
