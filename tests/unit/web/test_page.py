@@ -76,7 +76,7 @@ def _checks() -> set[str]:
     made = re.compile(r"""\b(?:fine|wrong|unknown|failed)\(\s*(?:"[A-Z-]+"|error|one\.code),\s*"([^"]+)\"""")
     named = ("doctor.py", "device.py", "control_checks.py")
     files = [path for name in named for path in (ROOT / "drivers").glob(f"*/**/{name}")]
-    files.append(ROOT / "gateway" / "cli" / "control" / "connecting.py")
+    files.append(ROOT / "gateway" / "cli" / "machine" / "doctor.py")
     return {name for path in files for name in made.findall(path.read_text(encoding="utf-8"))}
 
 
