@@ -235,6 +235,15 @@ TO_EEC = "convert f.csv --to eec --axis X1 --reference 0 --datum 0=0 -o out.spf"
 DATUM = {"E-CLI-DATUM": add("--reference", "0", "--datum", "0=0")}
 LIST: Answer = lambda _typed, _error: ["evaluate", "--standard", "list"]  # noqa: E731 - the printed command itself
 
+COM = table("BEGIN AXIS_X.COM MM", "NR AXISPOS BACKLASH X", "0 -10 0.004 0.001", "1 0 0.005 0.002", "[END]")
+
+
+def converted(words: Words, error: Raised) -> Words:
+    """The command that the remedy prints, with the file that was given."""
+    (call,) = re.findall(r"trueflank (convert .+)$", error.hint)
+    return [words[-1] if word == "FILE" else word for word in shlex.split(call)]
+
+
 REMEDIES: Mapping[str, Remedy] = {
     "E-IMPORT-COLUMNS": Remedy(
         "import --json f.csv",
@@ -255,6 +264,9 @@ REMEDIES: Mapping[str, Remedy] = {
     ),
     "E-FILE-RTA-UNIT": Remedy(
         "import --json rotary.rta", {"E-FILE-RTA-UNIT": add("--unit", "arcsec")}, {"rotary.rta": ""}
+    ),
+    "E-FILE-CONTROL": Remedy(
+        "import --json x.com", {"E-FILE-CONTROL": converted, "E-EXCHANGE-SIGN": add("--form", "error")}, {"x.com": COM}
     ),
     "E-CLI-DATUM": Remedy("convert f.csv --to eec --axis X1 -o out.spf", DATUM, {"f.csv": LINE}),
     "E-CLI-AXIS": Remedy(
