@@ -1,4 +1,4 @@
-"""Simulated cells as child processes: `simulate`, `cell` (the operator's console) and `teach`.
+"""Simulated cells as child processes: `simulate`, and `cell` (the operator's console).
 
 A cell ends when its standard input closes, so none outlives this process. Its first line of output, JSON, says that it
 is ready.
@@ -187,22 +187,6 @@ def simulate_command(
     run_cell(CellRequest(cell, site, speed, seed, plan=plan or filed, filed=filed, road=road, name=name))
 
 
-def teach_command(
-    cell: Annotated[str, typer.Argument(help="Cell file, or the name of a shipped cell.", show_default=True)] = "demo",
-    folder: Annotated[Path, typer.Option(help="Folder for the site file and the runs.")] = Path("teach"),
-    speed: SpeedOption = 20.0,
-    port: Annotated[
-        int, typer.Option(min=0, max=65535, help="Port of the operator's page; 0 selects a free one.")
-    ] = 8617,
-    alone: Annotated[
-        bool, typer.Option("--alone", help="You are the operator: no simulated person presses keys or mounts optics.")
-    ] = False,
-) -> None:
-    """Train a calibration day: the service on a simulated cell, and the machine's panel as a page; Ctrl-C ends both."""
-
-    run_training(Training(cell, folder, speed, port, alone=alone))
-
-
 def cell_command(
     site: Annotated[Path, typer.Argument(help="Site file of a running cell.", show_default=False)],
     keys: Annotated[
@@ -296,40 +280,3 @@ def _open_console(site: Path) -> Iterator[Ask]:
                 raise ConfigError("E-CLI-NO-CELL", str(site), why=str(error)) from error
 
         yield ask
-
-
-# ---- teach: the service on a simulated cell, and the machine's panel as a page
-
-
-@dataclass(frozen=True, slots=True)
-class Training:
-    """A training: a shipped cell or a file, where everything is kept, its speed, and the page's port."""
-
-    cell: str
-    folder: Path
-    speed: float
-    port: int
-    alone: bool = False
-
-
-def run_training(lesson: Training) -> None:
-    """Run cell and service until Ctrl-C. Raises what starting either raises."""
-    from gateway.cli.serve import serve_command
-
-    site = lesson.folder / "site.toml"
-    told: dict[str, object] = {}
-    asked = CellRequest(lesson.cell, site, lesson.speed, plan=True, panel=True)
-    with cell_process(asked, told.update) as child:
-        if lesson.alone and child.stdin is not None and child.stdout is not None:
-            child.stdin.write("auto off\n")
-            child.stdin.flush()
-            child.stdout.readline()
-        echo(f"the machine's panel: {told.get('panel', '')}   (keys, mounting, beams; or type here: help)")
-        echo(
-            "you are its operator: press its keys and mount there"
-            if lesson.alone
-            else "its operator does what the control asks for; --alone leaves that to you"
-        )
-        echo("the operator's page:")
-        relay_console(child)
-        serve_command([site], port=lesson.port)

@@ -1,10 +1,11 @@
-"""The command `serve`: sites served until they are stopped."""
+"""The commands `serve` and `teach`: sites served until they are stopped, and a service on a simulated cell."""
 
 from __future__ import annotations
 
 import asyncio
 import logging
 from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -12,7 +13,8 @@ import typer
 
 from drivers.clock import LoopClock
 from drivers.errors import words
-from gateway.cli.options import load_site
+from gateway.cli.cell import CellRequest, cell_process, relay_console
+from gateway.cli.options import SpeedOption, load_site
 from gateway.cli.output import echo
 from gateway.cli.signals import run_to_end
 from gateway.say import Say
@@ -152,3 +154,54 @@ async def _doctor_outcome(tree: Any, path: Path, clock: LoopClock, _say: Say) ->
     well = all(line.outcome == "ok" for line in lines)
     data = {"ok": well, "lines": [line.as_record() for line in lines]}
     return Outcome("examined", "", rows=(), lines=told, data=data, exit_code=0 if well else 5)
+
+
+# ---- teach: the service on a simulated cell, and the machine's panel as a page
+
+
+def teach_command(
+    cell: Annotated[str, typer.Argument(help="Cell file, or the name of a shipped cell.", show_default=True)] = "demo",
+    folder: Annotated[Path, typer.Option(help="Folder for the site file and the runs.")] = Path("teach"),
+    speed: SpeedOption = 20.0,
+    port: Annotated[
+        int, typer.Option(min=0, max=65535, help="Port of the operator's page; 0 selects a free one.")
+    ] = 8617,
+    alone: Annotated[
+        bool, typer.Option("--alone", help="You are the operator: no simulated person presses keys or mounts optics.")
+    ] = False,
+) -> None:
+    """Train a calibration day: the service on a simulated cell, and the machine's panel as a page; Ctrl-C ends both."""
+
+    run_training(Training(cell, folder, speed, port, alone=alone))
+
+
+@dataclass(frozen=True, slots=True)
+class Training:
+    """A training: a shipped cell or a file, where everything is kept, its speed, and the page's port."""
+
+    cell: str
+    folder: Path
+    speed: float
+    port: int
+    alone: bool = False
+
+
+def run_training(lesson: Training) -> None:
+    """Run cell and service until Ctrl-C. Raises what starting either raises."""
+    site = lesson.folder / "site.toml"
+    told: dict[str, object] = {}
+    asked = CellRequest(lesson.cell, site, lesson.speed, plan=True, panel=True)
+    with cell_process(asked, told.update) as child:
+        if lesson.alone and child.stdin is not None and child.stdout is not None:
+            child.stdin.write("auto off\n")
+            child.stdin.flush()
+            child.stdout.readline()
+        echo(f"the machine's panel: {told.get('panel', '')}   (keys, mounting, beams; or type here: help)")
+        echo(
+            "you are its operator: press its keys and mount there"
+            if lesson.alone
+            else "its operator does what the control asks for; --alone leaves that to you"
+        )
+        echo("the operator's page:")
+        relay_console(child)
+        serve_command([site], port=lesson.port)
