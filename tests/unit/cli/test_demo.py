@@ -166,8 +166,8 @@ def stopping(monkeypatch: pytest.MonkeyPatch) -> None:
         raise CaptureError("E-CAP-UNSTABLE", "calibrator", scatter="9", limit="1", unit="um")
 
     monkeypatch.setattr(demo, "cell_process", cell)
-    monkeypatch.setattr(demo, "self_tested", lambda *_given, **_asked: None)
-    monkeypatch.setattr(demo, "say_if_busy", lambda: None)
+    monkeypatch.setattr(demo, "run_self_test", lambda *_given, **_asked: None)
+    monkeypatch.setattr(demo, "warn_if_busy", lambda: None)
     monkeypatch.setattr(complete_run, "close_site", close)
 
 

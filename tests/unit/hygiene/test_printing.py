@@ -58,7 +58,7 @@ def test_one_place_prints() -> None:
         prints = re.search(
             r"(?<![.\w])(?<!def )print\(|typer\.s?echo\(|std(?:out|err)\.write\(", path.read_text(encoding="utf-8")
         )
-        assert not prints or path.name == "show.py", path
+        assert not prints or path.name == "output.py", path
 
 
 def test_every_page_escapes() -> None:
