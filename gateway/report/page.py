@@ -10,7 +10,7 @@ from itertools import zip_longest
 from jinja2 import Environment, PackageLoader, StrictUndefined, Template
 from markupsafe import Markup
 
-from drivers.message import prose
+from drivers.message import Message, prose
 from drivers.terms import spoken
 from drivers.types.sensing import Ambient
 from gateway.domain.captures import Capture
@@ -90,7 +90,9 @@ def _template() -> Template:
 
 
 def _shown(value: object) -> object:
-    return sentences.visible(value) if isinstance(value, str) and not isinstance(value, Markup) else value
+    if isinstance(value, Markup) or not isinstance(value, (str, Message)):
+        return value
+    return sentences.visible(str(value))
 
 
 def _axis_page(axis: AxisMaterial) -> AxisPage:

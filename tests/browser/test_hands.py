@@ -72,6 +72,8 @@ def _pressed(anna: Person) -> None:
     for screen in SCREENS:
         anna.go(screen)
         anna.page.locator("main .panel h2, main .panel tr").first.wait_for()
+        if screen == "connect":
+            anna.page.locator("#add-person").wait_for(state="attached")  # the accounts are asked for beside the rest
         found = anna.page.evaluate(LOST, [AT_WORK, TAKEN])
         assert found["seen"] > len(SCREENS), screen
         assert found["lost"] == [], screen

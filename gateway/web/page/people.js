@@ -8,8 +8,7 @@ import { t, told } from "./words.js";
 const ROLES = ["viewer", "operator", "approver", "service"];
 
 export async function accounts(box) {
-  const users = await get("/api/v1/users");
-  const sessions = await get("/api/v1/me/sessions");
+  const [users, sessions] = await Promise.all([get("/api/v1/users"), get("/api/v1/me/sessions")]);
   const said = h("p", { class: "fault", role: "alert" });
   const roles = ROLES.map((name) => h("label", { class: "inline tickbox" }, h("input", { type: "checkbox", name, checked: name === "operator" }), t(`role.${name}`)));
   const send = (event) => {
