@@ -17,7 +17,7 @@ from __future__ import annotations
 HOMES = {
     "benches": ("DriveTest", "EvaluatedDrive", "read_bench"),
     "drives": ("Drive", "Matched", "Reducer", "match", "transmission"),
-    "inspected": ("read_flank",),
+    "inspected": ("Separated", "read_flank", "separate"),
     "kinematics": ("FrameOf", "RelativeError", "RelativeErrors"),
     "measuring": ("ErrorMotion", "Evaluated", "Measured", "evaluate", "fit", "read", "report"),
     "studies": ("Corrected", "Ranking", "Study", "correct", "rank", "study"),
@@ -44,6 +44,7 @@ __all__ = [
     "Reducer",
     "RelativeError",
     "RelativeErrors",
+    "Separated",
     "Study",
     "Surface",
     "TrueflankError",
@@ -61,6 +62,7 @@ __all__ = [
     "read_bench",
     "read_flank",
     "report",
+    "separate",
     "study",
     "transmission",
 ]

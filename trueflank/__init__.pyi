@@ -8,7 +8,9 @@ from trueflank.drives import Matched as Matched
 from trueflank.drives import Reducer as Reducer
 from trueflank.drives import match as match
 from trueflank.drives import transmission as transmission
+from trueflank.inspected import Separated as Separated
 from trueflank.inspected import read_flank as read_flank
+from trueflank.inspected import separate as separate
 from trueflank.kinematics import FrameOf as FrameOf
 from trueflank.kinematics import RelativeError as RelativeError
 from trueflank.kinematics import RelativeErrors as RelativeErrors

@@ -116,6 +116,17 @@ def with_curvature(flank: FlankMap, gear: CycloidGear) -> FlankMap:
     return replace(flank, deviation_um=shape.straight(terms) + shape.bent(terms))
 
 
+def bent_by_shift(gear: CycloidGear, theta: FloatArray, terms: FloatArray) -> FloatArray:
+    """What the curvature makes of shifts A, B (um) and turns G (um/mm), rows (N, 3) at profile angles (N,), in um."""
+    section = gear.section(theta)
+    above, below = (gear.section(theta + step).curvature for step in (STEP, -STEP))
+    growth = (above - below) / (2.0 * STEP * section.speed)
+    lever = section.x * section.nx + section.y * section.ny
+    along = -terms[:, 0] * section.ny + terms[:, 1] * section.nx + terms[:, 2] * lever
+    um = um_to_mm(1.0)
+    return np.asarray(-um * section.curvature * along**2 / 2.0 + um**2 * growth * along**3 / 6.0)
+
+
 class _Shapes:
     """What shifts A, B (um) and turns G (um/mm) of the profile do at the angles of a map; terms are (K, Z, 3)."""
 

@@ -75,6 +75,7 @@ class BackDoor:
             "gear_machine": lambda q: self._gear_machine().machine.change(**q["options"]),
             "reclamp": lambda _q: self._gear_machine().reclamp(),
             "load_blank": lambda _q: {"done": self._cell.shop.load()},
+            "dresser_table": lambda q: {"done": self._cell.shop.give_dresser(q["axial_mm"], q["correction_um"])},
             "unload_part": lambda _q: {"done": self._cell.shop.unload()},
         }
 

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+
+import numpy as np
 
 from drivers.clock import Clock
 from simulators.cellfile import CellFile
@@ -98,6 +100,15 @@ class ShopFloor:
     def unload(self) -> bool:
         """Take the part off; False when nothing was clamped."""
         return self._grinder is not None and self._grinder.unload(self._clock.now()) is not None
+
+    def give_dresser(self, axial_mm: Sequence[float], correction_um: Sequence[float]) -> bool:
+        """A person types a correction of the profile into the dresser; it acts from the next blank's dressing on.
+
+        False when the cell has no part to make. Raises ValueError for a table that the dresser does not take.
+        """
+        if self._grinder is not None:
+            self._grinder.dresser.give(np.asarray(axial_mm, dtype=float), np.asarray(correction_um, dtype=float))
+        return self._grinder is not None
 
     def put(self, work: WorkPiece, number: int = 0) -> None:
         """A part that was ground without this control, to be inspected next; for judges and tests."""

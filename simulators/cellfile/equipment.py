@@ -66,6 +66,17 @@ class Part(CellSection):
     expansion_ppm_per_k: float = 11.5
 
 
+class WheelWave(CellSection):
+    """A wave of the dressed profile along each flank's length: so many ``waves`` from bottom to tip.
+
+    ``left_um`` and ``right_um`` are the amplitudes on the flanks at y > 0 and y < 0, + = material left on the part.
+    """
+
+    waves: float = Field(gt=0, le=20)
+    left_um: float = 0.0
+    right_um: float = 0.0
+
+
 class Wheel(CellSection):
     """The wheel's seat on its slide, and how its profile comes to its place along its axis.
 
@@ -74,7 +85,13 @@ class Wheel(CellSection):
     blank, or the letter of an axis that carries the wheel along; or nothing is. ``offset_um`` is the seat's own in
     X, Y, Z; ``tilt_arcsec`` leans the wheel's axis about X and Z; ``radius_um`` is what it is too large. From space
     to space it loses ``wear_um`` of its radius, and its profile moves along its axis by ``wear_side_um`` where it
-    wears on one side more than on the other. It is dressed anew for each blank.
+    wears on one side more than on the other. It is dressed anew for each blank, or for every ``dress_every``-th.
+
+    A dressing takes ``dressing_depth_um`` off, and so much of the wear. ``form`` is what the dressed profile differs
+    by, alike after each dressing. The diamond is smaller than its dresser believes by ``diamond_um``, and by
+    ``diamond_wear_um`` more after each dressing: the wheel is too large by that along its normal. A correction that a
+    person gives the dresser means a larger wheel where ``table_sign`` is 1, and its places count along the wheel's
+    axis where ``table_axial`` is 1, else the other way.
     """
 
     dresser: Literal["Y", ""] = "Y"
@@ -84,6 +101,13 @@ class Wheel(CellSection):
     radius_um: float = 0.0
     wear_um: float = 0.0
     wear_side_um: float = 0.0
+    form: tuple[WheelWave, ...] = ()
+    diamond_um: float = 0.0
+    diamond_wear_um: float = Field(default=0.0, ge=0)
+    dressing_depth_um: float = Field(default=20.0, ge=0)
+    dress_every: int = Field(default=1, ge=1)
+    table_sign: Literal[1, -1] = 1
+    table_axial: Literal[1, -1] = 1
 
     @property
     def parameter(self) -> int | None:

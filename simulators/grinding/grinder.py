@@ -101,6 +101,59 @@ def _turning_component(truth: Truth, first: str, second: str) -> tuple[float, fl
 LONGEST_LOOK_S = 6.0  # what drifts is taken to stand still so long
 MARGIN_MM = 0.1
 MOST_DRESSED_MM = 1.0
+FEWEST_ROWS = 2
+
+
+class Dresser:
+    """The form dresser: what a dressing makes of the wheel, and the correction that a person gave it."""
+
+    def __init__(self, lobes: CycloidDisc, centre_distance_mm: float, wheel: Wheel) -> None:
+        self._lobes = lobes
+        self._distance = centre_distance_mm
+        self._wheel = wheel
+        self._given: tuple[FloatArray, FloatArray] | None = None
+        self._dressed: tuple[FloatArray, FloatArray] | None = None
+        self.count = 0
+        self.worn_um = 0.0
+
+    def give(self, axial_mm: FloatArray, correction_um: FloatArray) -> None:
+        """A correction along the profile's normal at axial places; it acts from the next dressing on.
+
+        Raises ValueError for places that do not ascend or numbers that are none.
+        """
+        both = np.stack([np.asarray(axial_mm, dtype=np.float64), np.asarray(correction_um, dtype=np.float64)])
+        if both.shape[1] < FEWEST_ROWS or not np.all(np.isfinite(both)) or np.any(np.diff(both[0]) <= 0.0):
+            raise ValueError("the dresser takes ascending axial places and finite corrections")
+        self._given = (both[0], both[1])
+
+    def dress(self) -> None:
+        """Dress the wheel once: its wear goes as far as the depth reaches."""
+        self.count += 1
+        self._dressed = self._given
+        self.worn_um = max(self.worn_um - self._wheel.dressing_depth_um, 0.0)
+
+    def body(self, worn_um: float) -> WheelBody:
+        """The wheel after so much more wear than at hand."""
+        excess = (self._wheel.radius_um - self.worn_um - worn_um) * UM
+        plain = not (self._wheel.form or self._dressed or self.diamond_um)
+        return WheelBody(self._lobes, self._distance, excess, None if plain else self._surplus)
+
+    @property
+    def diamond_um(self) -> float:
+        """What the diamond is too small by in the last dressing."""
+        return self._wheel.diamond_um + self._wheel.diamond_wear_um * max(self.count - 1, 0)
+
+    def _surplus(self, t: FloatArray) -> FloatArray:
+        """What the dressed profile leaves of the part along its normal, mm."""
+        along = np.abs(self._lobes.length(t)) / self._lobes.length(np.asarray([self._lobes.half]))
+        left = np.full(t.shape, -self.diamond_um)
+        for wave in self._wheel.form:
+            size = np.where(t > 0.0, wave.left_um, wave.right_um)
+            left = left + size * np.cos(2.0 * np.pi * wave.waves * along)
+        if self._dressed is not None:
+            axial = self._wheel.table_axial * self._lobes.profile(t)[0].imag
+            left = left - self._wheel.table_sign * np.interp(axial, *self._dressed)
+        return UM * left
 
 
 class Grinder:
@@ -115,8 +168,10 @@ class Grinder:
         self._wheel = wheel
         self._lobes = CycloidDisc(part.gear)
         distance = part.grinding.centre_distance_mm
-        self._body = WheelBody(self._lobes, distance, wheel.radius_um * UM)
+        self._dresser = Dresser(self._lobes, distance, wheel)
+        self._body = self._dresser.body(0.0)
         self._worn = [self._body]
+        self._parts = 0
         tilt = (wheel.tilt_arcsec[0] * ARCSEC, 0.0, wheel.tilt_arcsec[1] * ARCSEC)
         self._seat = fixed_pose((wheel.offset_um[0] * UM, wheel.offset_um[1] * UM, wheel.offset_um[2] * UM), tilt)
         self._watcher = AxisWatcher(bench)
@@ -133,6 +188,11 @@ class Grinder:
         offset = self._dressed_mm()
         if abs(offset) <= MOST_DRESSED_MM:  # a dressing program refuses more, and the profile stays where it was
             self._offset_mm = offset
+        if self._parts % self._wheel.dress_every == 0:
+            self._dresser.dress()
+            self._body = self._dresser.body(0.0)
+            self._worn = [self._body]
+        self._parts += 1
         self._count += 1
         seed, height = self._bench.truth.seed, self._part.grinding.height_mm
         off = draw_clamping(self._part.clamping, seed, f"blank {self._count}")
@@ -142,10 +202,19 @@ class Grinder:
         self._now = now_s
         return self.work
 
+    @property
+    def dresser(self) -> Dresser:
+        """What dresses the wheel for each blank."""
+        return self._dresser
+
     def unload(self, now_s: float) -> WorkPiece | None:
         """Take the work off; it stays at hand as ``last`` once the wheel has been in it."""
         self.follow(now_s, whole=True)
         taken, self.work = self.work, None
+        if taken is not None and self._wheel.wear_um:
+            self._dresser.worn_um += self._wheel.wear_um * len(taken.spaces)
+            self._worn = self._worn[:1]
+            self._body = self._worn[0] = self._dresser.body(0.0)
         if taken is not None and taken.passes:
             self.last = taken
         return taken
@@ -227,8 +296,7 @@ class Grinder:
         if not self._wheel.wear_um:
             return self._body
         while len(self._worn) <= place:
-            left = self._wheel.radius_um - self._wheel.wear_um * len(self._worn)
-            self._worn.append(WheelBody(self._lobes, self._part.grinding.centre_distance_mm, left * UM))
+            self._worn.append(self._dresser.body(self._wheel.wear_um * len(self._worn)))
         return self._worn[place]
 
     def _relative(self, work: WorkPiece, frames: dict[str, Pose], times: FloatArray) -> Poses:

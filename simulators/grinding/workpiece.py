@@ -18,6 +18,7 @@ A `WorkPiece` keeps, for each space, the passes that no later pass has cut away,
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -91,25 +92,49 @@ KNOTS = 1501
 
 
 class WheelBody:
-    """Radius over the axial place; beyond the tips of the space it goes on along the tangent."""
+    """Radius over the axial place; beyond the tips of the space it goes on along the tangent.
 
-    def __init__(self, lobes: CycloidDisc, centre_distance_mm: float, excess_mm: float = 0.0) -> None:
-        # From just beside the bottom, where the two flanks may be turned apart: each side is the other's mirror.
+    ``surplus`` (mm) at signed t says what the profile leaves of the part along the normal, where it is not perfect.
+    """
+
+    def __init__(
+        self,
+        lobes: CycloidDisc,
+        centre_distance_mm: float,
+        excess_mm: float = 0.0,
+        surplus: Callable[[FloatArray], FloatArray] | None = None,
+    ) -> None:
+        # From just beside the bottom, where the two flanks may be turned apart: each side is the other's mirror,
+        # but for what the dresser left.
         t = np.linspace(1e-9, lobes.half, KNOTS)
         points, normals = lobes.profile(t)
-        self._first, self._last = float(points.imag[0]), float(points.imag[-1])
         slopes = normals.imag / normals.real
-        radii = centre_distance_mm + excess_mm - points.real
-        self._radius = CubicSpline(points.imag, radii, bc_type=((1, slopes[0]), (1, slopes[-1])))
-        self._slope = self._radius.derivative()
-        self.largest_mm = float(radii[0])
+        distance = centre_distance_mm + excess_mm
+        self._sides = {}
+        for side in (1.0,) if surplus is None else (1.0, -1.0):
+            edge = points if surplus is None else points + surplus(side * t) * normals
+            ends = (slopes[0], slopes[-1])
+            if surplus is not None:
+                first, last = (np.gradient(part.real, part.imag, edge_order=2) for part in (edge[:3], edge[-3:]))
+                ends = (-first[0], -last[-1])
+            radius = CubicSpline(edge.imag, distance - edge.real, bc_type=((1, ends[0]), (1, ends[-1])))
+            self._sides[side] = (float(edge.imag[0]), float(edge.imag[-1]), radius, radius.derivative())
+        self.largest_mm = float(distance - points.real[0])
 
     def radius(self, y: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Radius at axial places y (any shape) and its slope there, mm and mm/mm."""
-        side = np.abs(y)
-        inside = np.clip(side, self._first, self._last)
-        slope = self._slope(inside)
-        return self._radius(inside) + slope * (side - inside), np.sign(y) * slope
+        found = {side: self._half(side, y) for side in self._sides}
+        if len(found) == 1:
+            return found[1.0]
+        left = y >= 0.0
+        return np.where(left, found[1.0][0], found[-1.0][0]), np.where(left, found[1.0][1], found[-1.0][1])
+
+    def _half(self, side: float, y: FloatArray) -> tuple[FloatArray, FloatArray]:
+        first, last, radius, derivative = self._sides[side]
+        along = np.abs(y)
+        inside = np.clip(along, first, last)
+        slope = derivative(inside)
+        return radius(inside) + slope * (along - inside), np.sign(y) * slope
 
 
 NEWTON = 5

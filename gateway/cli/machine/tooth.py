@@ -254,6 +254,9 @@ def inspect_command(
     column: Annotated[
         list[str] | None, typer.Option(help="NAME=VALUE of the file's column map; asked once for each heading.")
     ] = None,
+    separate: Annotated[
+        bool, typer.Option("--separate", help="Separate the deviations by cause: wheel, set-up, axes, clamping, wear.")
+    ] = False,
     as_json: JsonOption = False,
 ) -> None:
     """Inspect the clamped part on the gear inspection machine, or read a file of its flank points."""
@@ -272,10 +275,20 @@ def inspect_command(
 
     found, used = _run_at(work, (tree, site), as_json=as_json)
     picture = draw_flank(found, used.path)
+    causes = None
+    if separate:
+        from gateway.workflow.tooth.processing import separate_part
+
+        causes = separate_part(tree, site, used, found)
     if as_json:
-        show_json(_inspection_record(found, str(used.path), str(picture)))
-    else:
-        _show_inspection(found, str(used.path), str(picture))
+        more = {} if causes is None else {"separation": causes.as_data()}
+        show_json(_inspection_record(found, str(used.path), str(picture)) | more)
+        return
+    _show_inspection(found, str(used.path), str(picture))
+    if causes is not None:
+        from gateway.cli.files.process import show_separation
+
+        show_separation(causes)
 
 
 def guard_gear(

@@ -24,6 +24,7 @@ MOST_GLITCHES = 0.02  # of all points: more is no glitch
 FORM_MM = 0.003  # what A, B, G leave of a place at most, median: more is another gear, or one that is not ground
 FEWEST_HEIGHTS, LEAST_SHARE = 2, 0.5  # heights in each space, and the part of the face they span
 MAD = 1.4826
+BALL_MM, BALL_SHARE = 0.03, 0.3  # a probe left in the points, and how little else may be in them
 FULL = 0.95  # leverage of a point that its place can hardly do without
 
 
@@ -41,7 +42,8 @@ class FittedPlaces:
 def fit_points(gear: CycloidGear, points: FlankPoints, probe: float = 0.0) -> FittedPlaces:
     """The points that count. ``probe`` (mm): what is known of one touch; readings far off the fit are left out.
 
-    Raises ModelError: E-INSPECT-GEAR (another gear, or spaces not ground), E-INSPECT-GLITCHES, E-INSPECT-SPACES.
+    Raises ModelError: E-INSPECT-GEAR (another gear, or spaces not ground), E-INSPECT-BALL (the probe's radius is in the
+    points), E-INSPECT-GLITCHES, E-INSPECT-SPACES.
     """
     found = _determined_places(gear, points)
     found = _without_glitches(gear, _of_this_gear(found), probe)
@@ -96,11 +98,22 @@ def _select_points(gear: CycloidGear, found: FittedPlaces, here: NDArray[np.bool
 def _of_this_gear(found: FittedPlaces) -> FittedPlaces:
     left = np.array([np.median(part) for part in _by_place(found.places, np.abs(found.fit.residual))])
     if np.any(left > FORM_MM):
+        _demand_no_ball(found)
         wrong = sorted({int(k) for k in found.places.k[left > FORM_MM]})
         worst, limit = f"{mm_to_um(float(left.max())):.1f}", f"{mm_to_um(FORM_MM):g}"
         spaces = _list_numbers(wrong)
         raise ModelError("E-INSPECT-GEAR", "inspection", count=len(wrong), spaces=spaces, worst=worst, limit=limit)
     return found
+
+
+def _demand_no_ball(found: FittedPlaces) -> None:
+    """Refuse points of the probe's centre: one distance from the flank everywhere. Raises ModelError E-INSPECT-BALL."""
+    e, form = found.points.deviation, found.places.form
+    plain = np.column_stack([np.ones_like(e), form])
+    size, left = np.linalg.lstsq(plain, e, rcond=None)[0][0], float(np.std(found.fit.residual))
+    rest = e - plain @ np.linalg.lstsq(plain, e, rcond=None)[0]
+    if abs(size) > BALL_MM and float(np.std(rest)) < BALL_SHARE * left:
+        raise ModelError("E-INSPECT-BALL", "inspection", size=f"{mm_to_um(float(size)):+.0f}")
 
 
 def _by_place(places: Places, values: FloatArray) -> list[FloatArray]:

@@ -244,7 +244,7 @@ def setup_from_part(
     section = gear.section(flank.theta_rad)
     ways = (np.broadcast_to(one[None, :, None], shape).ravel() for one in (section.nx, section.ny, section.h))
     found = np.linalg.lstsq(np.stack(list(ways), axis=1), flank.deviation_um.ravel(), rcond=None)[0]
-    effects = _effects(gear)
+    effects = setup_effects(gear)
     u = _scatter(inspected, gear)[:2] / np.abs(effects)
     wanted = -found[:2] / effects
     steps = np.rint(wanted / resolution_um)
@@ -263,7 +263,7 @@ def setup_from_part(
     )
 
 
-def _effects(gear: CycloidGear) -> FloatArray:
+def setup_effects(gear: CycloidGear) -> FloatArray:
     """A per um of x zero, B per um of dressing offset: the same in every space and at every height."""
     grinding = Grinding(yk7350b(), gear, 2.0 * float(gear.limits().r_tip))
     one = places_of_points(gear, 0.0, 0.0, 0.0)

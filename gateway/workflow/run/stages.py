@@ -89,6 +89,11 @@ def inspected_raw(part: str) -> str:
     return f"inspected-{part}-raw"
 
 
+def separated(part: str) -> str:
+    """The deviations of an inspected part by cause."""
+    return f"separated-{part}"
+
+
 # Whether a double stood in for the machine or an instrument, by the words of a result file.
 
 DOUBLE = "simulated"

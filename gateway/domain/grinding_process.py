@@ -1,0 +1,78 @@
+"""Frozen records of the grinding process: what the deviations of inspected parts consist of, and a wheel's profile."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from drivers.message import Message
+from gateway.domain.values import FloatArray
+
+
+@dataclass(frozen=True, slots=True)
+class ProcessShare:
+    """One cause's share of the flank: RMS over the judged flank and its standard uncertainty, um."""
+
+    name: str
+    rms_um: float
+    u_um: float
+
+
+@dataclass(frozen=True, slots=True)
+class EstimatedValue:
+    """A value with its standard uncertainty, both in ``unit``."""
+
+    value: float
+    u: float
+    unit: str = "um"
+
+
+@dataclass(frozen=True, slots=True)
+class WheelForm:
+    """What the wheel leaves on every flank alike: normal deviations (T,) in um, + surplus, at profile angles (T,).
+
+    Only over the part of the profile that was measured, and without what a shift of the wheel or a turn of the gear
+    makes of it. ``covariance_um2`` (T, T).
+    """
+
+    theta_rad: FloatArray
+    deviation_um: FloatArray
+    covariance_um2: FloatArray
+
+    @property
+    def u_um(self) -> FloatArray:
+        """Standard uncertainty (T,) of each point, um."""
+        return self.covariance_um2.diagonal().clip(min=0.0) ** 0.5
+
+
+@dataclass(frozen=True, slots=True)
+class Separation:
+    """The deviations of one or several parts by cause.
+
+    ``shares`` in the order wheel, dresser, set-up, axes, clamping, wear, rest; ``details`` split some of them
+    further. ``diamond`` is an equal error along the whole profile (- : the wheel was too large, as a worn diamond
+    leaves it); ``diamond_named`` whether the profile shows that it is one. ``setup`` are values to add for the next
+    part: x_um, dressing_um. ``wear`` is what grew from the first space ground to the last. ``correlations`` are pairs
+    of terms that cannot be told apart well, with their coefficient.
+    """
+
+    parts: tuple[str, ...]
+    total_um: float
+    point_u_um: float
+    shares: tuple[ProcessShare, ...]
+    details: tuple[ProcessShare, ...]
+    form: WheelForm
+    diamond: EstimatedValue
+    diamond_named: bool
+    setup: Mapping[str, EstimatedValue]
+    clamping: Mapping[str, EstimatedValue]
+    wear: Mapping[str, EstimatedValue]
+    correlations: tuple[tuple[str, str, float], ...] = ()
+    said: tuple[Message, ...] = field(default=())
+
+    def share(self, name: str) -> ProcessShare:
+        """One share or detail by its name. Raises KeyError."""
+        for one in (*self.shares, *self.details):
+            if one.name == name:
+                return one
+        raise KeyError(name)

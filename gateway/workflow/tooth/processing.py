@@ -1,0 +1,230 @@
+"""Inspected parts from files or a run, by cause; the wheel's correction for the dresser, and the proof of its sense."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from drivers.errors import ConfigError
+from drivers.message import Message, fixed
+from gateway.config import SiteFile
+from gateway.domain.grinding_process import Separation
+from gateway.errors import ModelError
+from gateway.gear.cycloid import CycloidGear
+from gateway.process.separation import separate
+from gateway.process.wheel import (
+    SenseProof,
+    WheelCorrection,
+    corrected_points,
+    prove_sense,
+    step_form,
+    wheel_correction,
+)
+from gateway.process.wheel_form import ProcessPart
+from gateway.store import RunFolder
+from gateway.study.dresser import load_dresser, separation_data, write_dresser, write_wheel, write_wheel_dxf
+from gateway.study.inputs import GearFile, gear_of, load_gear
+from gateway.tooth import GroundPart, InspectedFlank
+from gateway.workflow.run import stages
+from gateway.workflow.tooth.part_plan import gear_of_site, work_section
+from gateway.workflow.tooth.pairing import DiscFile, disc_of_file
+
+ORDERS = ("unknown", "ascending", "descending")
+VERDICTS = {
+    "proved": "W-WHEEL-PROVED",
+    "reversed": "W-WHEEL-REVERSED",
+    "exchanged": "W-WHEEL-EXCHANGED",
+    "reversed and exchanged": "W-WHEEL-BOTH",
+    "not seen": "W-WHEEL-NOT-SEEN",
+    "not decidable": "W-WHEEL-UNDECIDED",
+}
+
+
+def order_of(text: str, spaces: int) -> tuple[int, ...] | None:
+    """The order of grinding from "unknown", "ascending", "descending" or the numbers "0,7,14,...".
+
+    Raises ConfigError (E-PROCESS-ORDER-TEXT) for anything else.
+    """
+    if text in ("", "unknown"):
+        return None
+    if text in ORDERS:
+        ascending = tuple(range(spaces))
+        return ascending if text == "ascending" else ascending[::-1]
+    try:
+        return tuple(int(one) for one in text.replace(";", ",").split(","))
+    except ValueError:
+        raise ConfigError("E-PROCESS-ORDER-TEXT", "--order", text=text, known=", ".join(ORDERS)) from None
+
+
+@dataclass(frozen=True, slots=True)
+class SeparationOutcome:
+    """Parts by cause, of which gear."""
+
+    gear: GearFile
+    found: Separation
+
+    @property
+    def rows(self) -> list[tuple[str, str, str]]:
+        """Share, RMS, u; the details are set in below."""
+        rows = [(one.name, f"{one.rms_um:.2f}", f"{one.u_um:.2f}") for one in self.found.shares]
+        return rows + [(f"  {one.name}", f"{one.rms_um:.2f}", f"{one.u_um:.2f}") for one in self.found.details]
+
+    @property
+    def lines(self) -> tuple[Message, ...]:
+        """What goes with the table, for people."""
+        found = self.found
+        values = {
+            f"{key}_{what}": fixed(getattr(one, what)) for key, one in found.setup.items() for what in ("value", "u")
+        }
+        pairs = [
+            Message.of("S-PROCESS-CORRELATED", first=a, second=b, r=fixed(r, 2, signed=True))
+            for a, b, r in found.correlations
+        ]
+        return (Message.of("W-PROCESS-SETUP", **values), *found.said, *pairs)
+
+    def as_data(self) -> dict[str, Any]:
+        """For --json."""
+        return {"gear": self.gear.name, **separation_data(self.found)}
+
+
+@dataclass(frozen=True, slots=True)
+class RedressOutcome:
+    """Files for the dresser, and what they hold; ``step`` where it is the known step."""
+
+    correction: WheelCorrection
+    files: tuple[Path, ...]
+    step: bool
+    separation: Separation
+
+    @property
+    def lines(self) -> tuple[Message, ...]:
+        """For people."""
+        largest = float(abs(self.correction.correction_um).max())
+        told = {
+            "rms": fixed(self.correction.rms_um),
+            "largest": fixed(largest),
+            "points": self.correction.theta_rad.size,
+        }
+        if self.step:
+            return (Message.of("P-WHEEL-STEP", **told),)
+        left = fixed(float((self.correction.u_um**2).mean() ** 0.5), 3)
+        said = [one for one in self.separation.said if one.code.startswith("S-PROCESS-DIAMOND")]
+        return (Message.of("P-WHEEL-CORRECTION", left=left, **told), Message.of("S-WHEEL-RANGE"), *said)
+
+    def as_data(self) -> dict[str, Any]:
+        """For --json."""
+        found = self.correction
+        return {
+            "step": self.step,
+            "rms_um": found.rms_um,
+            "files": [str(one) for one in self.files],
+            "correction_um": found.correction_um.tolist(),
+            "radius_mm": found.radius_mm.tolist(),
+            "axial_mm": found.axial_mm.tolist(),
+        }
+
+
+@dataclass(frozen=True, slots=True)
+class ProofOutcome:
+    """What a known step did, and where the proof is kept."""
+
+    proof: SenseProof
+    path: Path
+
+    @property
+    def exit_code(self) -> int:
+        """0 proved, 1 anything else."""
+        return 0 if self.proof.verdict == "proved" else 1
+
+    @property
+    def lines(self) -> tuple[Message, ...]:
+        """For people."""
+        seen = self.proof
+        code = VERDICTS[seen.verdict]
+        return (Message.of(code, gain=fixed(seen.gain), other=fixed(seen.other), u=fixed(seen.u), file=str(self.path)),)
+
+    def as_data(self) -> dict[str, Any]:
+        """For --json."""
+        seen = self.proof
+        return {"gain": seen.gain, "other": seen.other, "u": seen.u, "verdict": seen.verdict, "file": str(self.path)}
+
+
+def separate_files(
+    gear_path: Path, files: Sequence[Path], how: DiscFile | None = None, *, order: str = "unknown"
+) -> SeparationOutcome:
+    """Inspected parts of one dressing from files of flank points, by cause.
+
+    Raises ConfigError (E-STUDY-..., E-PROCESS-ORDER-TEXT, E-INSPECT-FILE), FileFormatError, ModelError (E-INSPECT-...,
+    E-PROCESS-...).
+    """
+    file = load_gear(gear_path)
+    gear = gear_of(file)
+    return SeparationOutcome(file, separate(gear, _parts(gear, files, how or DiscFile(), order)))
+
+
+def _parts(gear: CycloidGear, files: Sequence[Path], how: DiscFile, order: str) -> list[ProcessPart]:
+    told = order_of(order, gear.zc)
+    return [ProcessPart.of(disc_of_file(path, gear, how), order=told, clamping_um=how.clamping_um) for path in files]
+
+
+def separate_part(site: SiteFile, site_path: Path, folder: RunFolder, found: InspectedFlank) -> SeparationOutcome:
+    """An inspected part of a run by cause; set-up values and order are those of its grinding where the run has it.
+
+    The separation is stored as stage ``separated-<part>``. Raises ConfigError, ModelError (E-PROCESS-...).
+    """
+    gear_file, clamping_um = gear_of_site(site, site_path), work_section(site).inspection_clamping_um
+    gear = gear_of(gear_file)
+    stage = stages.ground(found.part)
+    ground = folder.get(stage, GroundPart) if folder.has(stage) else None
+    order = None if ground is None else tuple(range(gear.zc))
+    part = ProcessPart.of(found, setup=None if ground is None else ground.setup, order=order, clamping_um=clamping_um)
+    outcome = SeparationOutcome(gear_file, separate(gear, [part]))
+    folder.put(stages.separated(found.part), outcome.found, (folder.digest(stages.inspected(found.part)),))
+    return outcome
+
+
+def redress_files(
+    gear_path: Path, files: Sequence[Path], dresser_path: Path, out: Path, how: DiscFile | None = None, *,
+    order: str = "unknown", step: bool = False, dxf: bool = False,
+) -> RedressOutcome:  # fmt: skip
+    """The wheel's correction from inspected parts as files in ``out``: or a known step that proves the dresser's sense.
+
+    Raises what `separate_files` raises, ConfigError (E-WHEEL-UNPROVED, E-WHEEL-SENSE), ModelError (E-WHEEL-...),
+    StoreError (E-STUDY-WRITE).
+    """
+    dresser = load_dresser(dresser_path)
+    if not step:
+        dresser.demand_proved()
+    outcome = separate_files(gear_path, files, how, order=order)
+    gear, distance = gear_of(outcome.gear), outcome.gear.grinding.centre_distance_mm
+    limits = {"diamond_mm": dresser.data.diamond_radius_mm, "limit_um": dresser.data.limit_um}
+    if step:
+        form = step_form(gear, outcome.found.form, dresser.data.step_um)
+        found = corrected_points(gear, distance, form, **limits)
+    else:
+        found = wheel_correction(gear, distance, outcome.found, **limits)
+    name = "step" if step else "wheel"
+    written = [
+        write_dresser(out / f"{name}-dresser.csv", dresser.data, found),
+        write_wheel(out / f"{name}-points.csv", found),
+    ]
+    if dxf:
+        written.append(write_wheel_dxf(out / f"{name}.dxf", found))
+    return RedressOutcome(found, tuple(written), step, outcome.found)
+
+
+def prove_files(
+    gear_path: Path, before: Sequence[Path], after: Sequence[Path], dresser_path: Path, how: DiscFile | None = None
+) -> ProofOutcome:
+    """Judge the known step by parts ground before and after it, and keep the proof beside the dresser file.
+
+    Raises as `separate_files`; ModelError (E-WHEEL-RANGE), StoreError (E-STUDY-WRITE).
+    """
+    dresser = load_dresser(dresser_path)
+    if set(before) & set(after):
+        raise ModelError("E-WHEEL-SAME", str(next(iter(set(before) & set(after)))))
+    forms = [separate_files(gear_path, files, how).found.form for files in (before, after)]
+    proof = prove_sense(gear_of(load_gear(gear_path)), forms[0], forms[1], dresser.data.step_um)
+    return ProofOutcome(proof, dresser.keep(proof))
