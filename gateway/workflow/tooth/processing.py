@@ -28,8 +28,8 @@ from gateway.study.dresser import load_dresser, separation_data, write_dresser, 
 from gateway.study.inputs import GearFile, gear_of, load_gear
 from gateway.tooth import GroundPart, InspectedFlank
 from gateway.workflow.run import stages
-from gateway.workflow.tooth.part_plan import gear_of_site, work_section
 from gateway.workflow.tooth.pairing import DiscFile, disc_of_file
+from gateway.workflow.tooth.part_plan import gear_of_site, work_section
 
 ORDERS = ("unknown", "ascending", "descending")
 VERDICTS = {
