@@ -97,11 +97,12 @@ def cause_columns(at: CausePlaces, parts: int, orders: int, heights: int, drift:
 
 
 def fit_causes(gear: CycloidGear, points: PlacedPoints, form: FittedForm, parts: Sequence[ProcessPart]) -> FittedCauses:
+    """A, B, G of all places by cause: coefficients with covariance, and what the columns leave."""
     orders = min(ORDERS, (gear.zc - 1) // PER_ORDER)
     drift = bool(np.any(points.ramp)) and orders >= FEWEST_ORDERS
     heights = int(np.unique(np.round(points.z / HEIGHT_MM)).size)
     at = CausePlaces(points.part, np.asarray(gear.space_angle(points.k)), points.z / (0.5 * gear.b), points.ramp)
-    columns = cause_columns(at, len(parts), orders, heights, drift)
+    columns = cause_columns(at, len(parts), orders=orders, heights=heights, drift=drift)
     terms = points.at_places(form.straight)
     terms[:, 0] -= np.array([setup_effects(gear)[0] * one.setup.x_um for one in parts])[points.part]
     terms[:, 1] -= np.array([setup_effects(gear)[1] * one.setup.dressing_um for one in parts])[points.part]
@@ -112,7 +113,7 @@ def fit_causes(gear: CycloidGear, points: PlacedPoints, form: FittedForm, parts:
     left = terms - design @ found
     inverse = np.linalg.inv(H)
     covariance = inverse @ _middle(points, weighted, left, orders) @ inverse + form.s**2 * inverse
-    return FittedCauses(columns, found, covariance, left, drift)
+    return FittedCauses(columns, found, covariance, left, drift_known=drift)
 
 
 def _middle(points: PlacedPoints, weighted: FloatArray, left: FloatArray, orders: int) -> FloatArray:

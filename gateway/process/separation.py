@@ -249,7 +249,10 @@ def _field_gram(
     at = CausePlaces(number, np.asarray(gear.space_angle(k)), z / (0.5 * gear.b), ramps[number, k.astype(np.intp)])
     orders = min(ORDERS, (gear.zc - 1) // PER_ORDER)
     heights = int(np.unique(np.round(points.z / HEIGHT_MM)).size)
-    design = np.stack([one.value for one in cause_columns(at, len(parts), orders, heights, causes.drift_known)], axis=2)
+    design = np.stack(
+        [one.value for one in cause_columns(at, len(parts), orders=orders, heights=heights, drift=causes.drift_known)],
+        axis=2,
+    )
     square = shape.T @ shape / shape.shape[0]
     return np.asarray(np.einsum("piq,ij,pjr->qr", design, square, design) / number.size)
 

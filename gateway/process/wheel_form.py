@@ -87,6 +87,7 @@ class PlacedPoints:
 
 
 def place_points(gear: CycloidGear, parts: Sequence[ProcessPart]) -> PlacedPoints:
+    """All parts' points with their places, without what large shifts bend. Raises ModelError E-PROCESS-EMPTY."""
     k, theta, z, e = (
         np.concatenate([np.asarray(getattr(part, name), dtype=np.float64) for part in parts])
         for name in ("k", "theta_rad", "z_mm", "deviation_um")
@@ -199,6 +200,7 @@ def _basis(points: PlacedPoints) -> FormBasis:
 
 
 def fit_form(points: PlacedPoints) -> FittedForm:
+    """The form common to all flanks by least squares beside free A, B, G. Raises ModelError E-PROCESS-EMPTY."""
     basis = _basis(points)
     rows = basis.rows(points.theta, points.arc)
     m = rows.shape[1]
@@ -214,7 +216,17 @@ def fit_form(points: PlacedPoints) -> FittedForm:
     s = float(np.sqrt(left @ left / freedom))
     covariance: FloatArray = np.asarray(s**2 * np.linalg.pinv(free.T @ free, hermitian=True), dtype=np.float64)
     growth = found[m:] if known else None
-    return FittedForm(basis, found[:m], covariance[:m, :m], growth, covariance[m:, m:], s, freedom, left, straight)
+    return FittedForm(
+        basis=basis,
+        value=found[:m],
+        covariance=covariance[:m, :m],
+        growth=growth,
+        growth_covariance=covariance[m:, m:],
+        s=s,
+        freedom=freedom,
+        left=left,
+        straight=straight,
+    )
 
 
 def demand_one_wheel(points: PlacedPoints, form: FittedForm, parts: Sequence[ProcessPart]) -> None:

@@ -75,7 +75,12 @@ class DresserData(BaseModel):
     def table(self) -> DresserTable:
         """What turns points into rows."""
         return DresserTable(
-            self.columns, self.length_unit, self.correction_unit, self.sign, self.axial_sense, self.along
+            columns=self.columns,
+            length_unit=self.length_unit,
+            correction_unit=self.correction_unit,
+            sign=self.sign,
+            axial_sense=self.axial_sense,
+            along=self.along,
         )
 
 

@@ -31,13 +31,11 @@ ALONE = {
     "drift_removed": "a worked case; the run levels passes and judges steadiness instead",
     "from_face_diagonals": "a worked case; no set-up measures diagonals",
     "parallel": "a worked case of two straightness runs",
-    "sensitivities": "a worked case of the refractive index",
     "from_rows": "tables of readings by hand",
     "observability": "a worked case of what the flank shows",
     "exhaustive": "worked cases of the Morris indices, which sampling meets at best nearly",
     "records_of_product": "product tables wait for their proof on a machine",
     "good_enough": "the bound on the first order",
-    "gram": "the closed form that the sweep is held against",
 }
 """Public functions of the pure rooms that no product module names, and why they stay: this list only shrinks."""
 

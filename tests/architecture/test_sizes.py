@@ -61,6 +61,7 @@ LIBRARIES = {
         "gateway.gear",
         "gateway.guard",
         "gateway.model",
+        "gateway.process",
         "gateway.reducer",
         "gateway.table",
         "simulators.grinding",

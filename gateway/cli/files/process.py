@@ -7,9 +7,9 @@ from typing import Annotated, Any
 
 import typer
 
-from gateway.cli.machine.tooth import HEIGHTS, show_lines
+from gateway.cli.machine.tooth import HEIGHTS, show_lines, show_separation
 from gateway.cli.options import JsonOption
-from gateway.cli.output import echo, show_json, show_table
+from gateway.cli.output import echo, show_json
 from gateway.workflow.files.headers import columns_of
 
 GearArgument = Annotated[Path, typer.Argument(help="Gear file (TOML).", show_default=False)]
@@ -39,7 +39,7 @@ def separate_command(
     """Separate the deviations of inspected parts by cause: wheel, dresser, set-up, axes, clamping, wear, rest."""
     from gateway.workflow.tooth.processing import separate_files
 
-    show_separation(separate_files(gear, files, _how(heights, column), order=order), plot, as_json=as_json)
+    show_separation(separate_files(gear, files, how=_how(heights, column), order=order), plot, as_json=as_json)
 
 
 def redress_command(
@@ -67,9 +67,10 @@ def redress_command(
     if before:
         if step:
             raise typer.BadParameter("give either --step or --before", param_hint="--step, --before")
-        show_lines(prove_files(gear, before, files, dresser, how), as_json=as_json)
+        proved = prove_files(gear, before, files, dresser_path=dresser, how=how)
+        show_lines(proved, as_json=as_json)
         return
-    found = redress_files(gear, files, dresser, out, how, order=order, step=step, dxf=dxf)
+    found = redress_files(gear, files, dresser, out, how=how, order=order, step=step, dxf=dxf)
     if as_json:
         show_json(found.as_data())
         return
@@ -77,22 +78,6 @@ def redress_command(
         echo(line)
     for path in found.files:
         echo(f"file: {path}")
-
-
-def show_separation(found: Any, plot: Path | None = None, *, as_json: bool = False) -> None:
-    """Print shares with their u and what goes with them, and draw them where asked."""
-    if plot is not None:
-        from gateway.study.dresser import separation_sheet
-        from gateway.study.plots.charts import new_sheet
-
-        new_sheet((11.0, 4.4), lambda figure: separation_sheet(figure, found.found)).savefig(plot)
-    if as_json:
-        show_json(found.as_data())
-        return
-    total = f"{', '.join(found.found.parts)}: {found.found.total_um:.2f} um RMS in all"
-    show_table(total, ("share", "um RMS", "u"), found.rows)
-    for line in found.lines:
-        echo(line)
 
 
 def _how(heights: str, column: list[str] | None) -> Any:

@@ -286,8 +286,6 @@ def inspect_command(
         return
     _show_inspection(found, str(used.path), str(picture))
     if causes is not None:
-        from gateway.cli.files.process import show_separation
-
         show_separation(causes)
 
 
@@ -375,3 +373,19 @@ def _show_inspection(found: Any, folder: str, picture: str) -> None:
         echo(f"  note: {line}")
     echo(f"picture: {picture}")
     echo(f"run folder: {folder}")
+
+
+def show_separation(found: Any, plot: Path | None = None, *, as_json: bool = False) -> None:
+    """Print shares with their u and what goes with them, and draw them where asked."""
+    if plot is not None:
+        from gateway.study.dresser import separation_sheet
+        from gateway.study.plots.charts import new_sheet
+
+        new_sheet((11.0, 4.4), lambda figure: separation_sheet(figure, found.found)).savefig(plot)
+    if as_json:
+        show_json(found.as_data())
+        return
+    total = f"{', '.join(found.found.parts)}: {found.found.total_um:.2f} um RMS in all"
+    show_table(total, ("share", "um RMS", "u"), found.rows)
+    for line in found.lines:
+        echo(line)

@@ -110,7 +110,7 @@ class RedressOutcome:
         if self.step:
             return (Message.of("P-WHEEL-STEP", **told),)
         left = fixed(float((self.correction.u_um**2).mean() ** 0.5), 3)
-        said = [one for one in self.separation.said if one.code.startswith("S-PROCESS-DIAMOND")]
+        said = self.separation.said[:1] if self.separation.diamond_named else ()
         return (Message.of("P-WHEEL-CORRECTION", left=left, **told), Message.of("S-WHEEL-RANGE"), *said)
 
     def as_data(self) -> dict[str, Any]:
