@@ -44,11 +44,7 @@ def read_flank(
     """
     path_given(path, "read_flank")
     of_kind(gear, Gear, "read_flank")
-    if heights not in ("lower-face", "middle"):
-        raise ConfigError(
-            "E-LIBRARY-KIND", "read_flank", call="tf.read_flank", wanted="a zero of the heights", given=repr(heights),
-            how='"lower-face" or "middle"',
-        )  # fmt: skip
+    _zero_given(heights, "read_flank")
     disc = gear_of(gear.data)
     found = disc_of_file(Path(path), disc, DiscFile(heights, columns, clamping_um))
     places, patterns = inspection_patterns(disc, found, clamping_um)
@@ -116,9 +112,7 @@ class Separated:
     def __repr__(self) -> str:
         largest = max(self.found.shares, key=lambda one: one.rms_um)
         total = self.found.total_um
-        return (
-            f"Separated({total:.2f} um RMS, most of it {largest.name}: {largest.rms_um:.2f} +- {largest.u_um:.2f} um)"
-        )
+        return f"Separated({total:.2f} um, {largest.name} {largest.rms_um:.2f} um)"
 
 
 def separate(
@@ -135,13 +129,18 @@ def separate(
     paths = [files] if isinstance(files, str) or hasattr(files, "__fspath__") else list(files)
     for path in paths:
         path_given(path, "separate")
-    if heights not in ("lower-face", "middle"):
-        raise ConfigError(
-            "E-LIBRARY-KIND", "separate", call="tf.separate", wanted="a zero of the heights", given=repr(heights),
-            how='"lower-face" or "middle"',
-        )  # fmt: skip
+    _zero_given(heights, "separate")
     disc, how = gear_of(gear.data), DiscFile(heights, columns, clamping_um)
     parts = [
         ProcessPart.of(disc_of_file(Path(path), disc, how), order=order, clamping_um=clamping_um) for path in paths
     ]
     return Separated(separate_parts(disc, parts), gear.data)
+
+
+def _zero_given(heights: str, call: str) -> None:
+    """Raise ConfigError (E-LIBRARY-KIND) for a zero of the heights that is none."""
+    if heights not in ("lower-face", "middle"):
+        raise ConfigError(
+            "E-LIBRARY-KIND", call, call=f"tf.{call}", wanted="a zero of the heights", given=repr(heights),
+            how='"lower-face" or "middle"',
+        )  # fmt: skip

@@ -31,6 +31,7 @@ ALONE = {
     "drift_removed": "a worked case; the run levels passes and judges steadiness instead",
     "from_face_diagonals": "a worked case; no set-up measures diagonals",
     "parallel": "a worked case of two straightness runs",
+    "sensitivities": "a worked case of the refractive index",
     "from_rows": "tables of readings by hand",
     "observability": "a worked case of what the flank shows",
     "exhaustive": "worked cases of the Morris indices, which sampling meets at best nearly",
