@@ -257,6 +257,20 @@ def inspect_command(
     separate: Annotated[
         bool, typer.Option("--separate", help="Separate the deviations by cause: wheel, set-up, axes, clamping, wear.")
     ] = False,
+    store: Annotated[
+        bool,
+        typer.Option(
+            "--store", help="Keep it as a routine part: valid (0), dress or measure C (20), cannot tell (21)."
+        ),
+    ] = False,
+    tolerance: Annotated[
+        float | None,
+        typer.Option(min=0.01, help="With --store: largest RMS of the deviation, um.", show_default=False),
+    ] = None,
+    dressed: Annotated[
+        int,
+        typer.Option(min=0, help="With --store: parts since dressing, with this one; 0: one more than before."),
+    ] = 0,
     as_json: JsonOption = False,
 ) -> None:
     """Inspect the clamped part on the gear inspection machine, or read a file of its flank points."""
@@ -266,6 +280,8 @@ def inspect_command(
     from gateway.workflow.tooth.flank_picture import draw_flank
     from gateway.workflow.tooth.inspection import inspect_site
 
+    if store and tolerance is None:
+        raise typer.BadParameter("--store needs --tolerance", param_hint="--tolerance")
     tree = load_site(site)
     points = flank_file(file, heights, columns_of(column or []) or None)
     folder = open_run(store_of(tree, site), run) if run else None
@@ -276,17 +292,27 @@ def inspect_command(
     found, used = _run_at(work, (tree, site), as_json=as_json)
     picture = draw_flank(found, used.path)
     causes = None
-    if separate:
+    if separate or store:
         from gateway.workflow.tooth.processing import separate_part
 
         causes = separate_part(tree, site, used, found)
+    judged = None
+    if store and causes is not None:
+        from gateway.workflow.tooth.processing import keep_routine_part
+
+        judged = keep_routine_part(
+            store_of(tree, site).root, causes, found, tolerance_um=float(tolerance or 0.0), dressed=dressed
+        )
     if as_json:
         more = {} if causes is None else {"separation": causes.as_data()}
+        more |= {} if judged is None else {"process": judged.as_data()}
         show_json(_inspection_record(found, str(used.path), str(picture)) | more)
-        return
-    _show_inspection(found, str(used.path), str(picture))
-    if causes is not None:
-        show_separation(causes)
+    else:
+        _show_inspection(found, str(used.path), str(picture))
+        if causes is not None:
+            show_separation(causes)
+    if judged is not None:
+        show_lines(judged, as_json=False, quiet=as_json)
 
 
 def guard_gear(
@@ -340,11 +366,11 @@ def flank_file(path: Path | None, heights: str, columns: Any = None) -> Any:
     return FlankFile(path, cast(Heights, heights), columns) if path is not None else None
 
 
-def show_lines(outcome: Any, *, as_json: bool) -> None:
-    """What a workflow handed back, and its exit code where it has one."""
+def show_lines(outcome: Any, *, as_json: bool, quiet: bool = False) -> None:
+    """What a workflow handed back, and its exit code where it has one; ``quiet``: the code alone."""
     if as_json:
         show_json(outcome.as_data())
-    else:
+    elif not quiet:
         for line in outcome.lines:
             echo(line)
     if getattr(outcome, "exit_code", 0):

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -11,8 +12,9 @@ from drivers.errors import ConfigError
 from drivers.message import Message, fixed
 from gateway.config import SiteFile
 from gateway.domain.grinding_process import Separation
-from gateway.errors import ModelError
+from gateway.errors import IllegalTransition, ModelError, StoreError
 from gateway.gear.cycloid import CycloidGear
+from gateway.process.charts import BASE, PartFigures, ProcessAnswer, judge_process
 from gateway.process.separation import separate
 from gateway.process.wheel import (
     SenseProof,
@@ -23,7 +25,7 @@ from gateway.process.wheel import (
     wheel_correction,
 )
 from gateway.process.wheel_form import ProcessPart
-from gateway.store import RunFolder
+from gateway.store import RunFolder, checked_name
 from gateway.study.dresser import load_dresser, separation_data, write_dresser, write_wheel, write_wheel_dxf
 from gateway.study.inputs import GearFile, gear_of, load_gear
 from gateway.tooth import GroundPart, InspectedFlank
@@ -228,3 +230,89 @@ def prove_files(
     forms = [separate_files(gear_path, files, how).found.form for files in (before, after)]
     proof = prove_sense(gear_of(load_gear(gear_path)), forms[0], forms[1], dresser.data.step_um)
     return ProofOutcome(proof, dresser.keep(proof))
+
+
+# ---- Routine parts over time: their figures in the store, and what the charts say.
+
+HISTORY = "process"
+EXITS = {"valid": 0, "dress": 20, "measure C only": 20, "cannot tell": 21}
+ANSWERS = {
+    "valid": "W-PROCESS-VALID",
+    "dress": "W-PROCESS-DRESS",
+    "measure C only": "W-PROCESS-MEASURE-C",
+    "cannot tell": "W-PROCESS-CANNOT-TELL",
+}
+
+
+@dataclass(frozen=True, slots=True)
+class RoutineOutcome:
+    """What the routine parts of a gear say, with this one."""
+
+    answer: ProcessAnswer
+
+    @property
+    def exit_code(self) -> int:
+        """0 valid, 20 dress or measure C, 21 cannot tell."""
+        return EXITS[self.answer.answer]
+
+    @property
+    def lines(self) -> tuple[Message, ...]:
+        """For people."""
+        seen = self.answer
+        if not seen.charts:
+            return (Message.of("W-PROCESS-FEW-PARTS", parts=seen.parts, base=BASE),)
+        told = {"percent": fixed(100.0 * seen.probability, 1), "tolerance": fixed(seen.tolerance_um)}
+        signals = ", ".join(seen.signals) or "-"
+        return (Message.of(ANSWERS[seen.answer], parts=seen.parts, signals=signals, **told),)
+
+    def as_data(self) -> dict[str, Any]:
+        """For --json."""
+        seen = self.answer
+        charts = {
+            one.name: {"value": one.value, "ewma": one.ewma, "mean": one.mean, "limit": one.limit}
+            for one in seen.charts
+        }
+        chance = seen.probability if seen.charts else None
+        return {"answer": seen.answer, "probability": chance, "parts": seen.parts, "charts": charts}
+
+
+def keep_routine_part(
+    root: Path, outcome: SeparationOutcome, found: InspectedFlank, tolerance_um: float, dressed: int = 0
+) -> RoutineOutcome:
+    """Add a part to the history of its gear in the store (a line of JSON), and judge the process by all of them.
+
+    ``dressed``: parts ground since dressing, with this one; 0 means one more than before. Raises StoreError
+    (E-STUDY-WRITE, E-PROCESS-HISTORY: a line of the history cannot be read), IllegalTransition (E-PROCESS-TWICE: this
+    inspection is in it).
+    """
+    path = root / HISTORY / f"{checked_name(outcome.gear.name)}.jsonl"
+    known = read_history(path)
+    count = dressed or (known[-1].dressed + 1 if known else 1)
+    one = PartFigures.of(outcome.found, found.measured_utc, count)
+    if any(one.values == other.values for other in known):
+        raise IllegalTransition("E-PROCESS-TWICE", str(path), part=one.part)
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with path.open("a", encoding="utf-8") as file:
+            file.write(json.dumps(asdict(one), sort_keys=True) + "\n")
+    except OSError as error:
+        raise StoreError("E-STUDY-WRITE", str(path), why=error.strerror or str(error)) from error
+    return RoutineOutcome(judge_process([*known, one], tolerance_um))
+
+
+def read_history(path: Path) -> list[PartFigures]:
+    """The routine parts of a gear, oldest first; none where there is no file. Raises StoreError (E-PROCESS-HISTORY)."""
+    if not path.is_file():
+        return []
+    found = []
+    for number, line in enumerate(path.read_text(encoding="utf-8").splitlines(), start=1):
+        try:
+            one = PartFigures(**json.loads(line))
+            found.append(replace(one, values=_numbers(one.values), u=_numbers(one.u)))
+        except (ValueError, TypeError, AttributeError) as error:
+            raise StoreError("E-PROCESS-HISTORY", f"{path}:{number}") from error
+    return found
+
+
+def _numbers(values: Mapping[str, Any]) -> dict[str, float]:
+    return {str(name): float(value) for name, value in values.items()}
