@@ -51,13 +51,14 @@ class ShadowOptions:
 
 @dataclass(frozen=True, slots=True)
 class ShadowOutcome:
-    """The copy, where it and its picture were written, and by what it was corrected."""
+    """The copy, where it and its picture were written, by what it was corrected, and reversals that it lacks."""
 
     copy: ProgramCopy
     path: Path
     picture: Path
     by: str
     rotary: tuple[str, ...]
+    left_out: tuple[str, ...] = ()
 
     @property
     def lines(self) -> tuple[Message, ...]:
@@ -73,7 +74,8 @@ class ShadowOutcome:
         ]  # fmt: skip
         first = sorted(set(copy.uncorrected))
         skipped = [Message.of("S-SHADOW-UNCORRECTED", lines=", ".join(map(str, first[:SHOWN])))] if first else []
-        return (Message.of("P-SHADOW", **told), *largest, *skipped, Message.of("S-SHADOW-TABLES"))
+        left = [Message.of("S-SHADOW-REVERSAL", tables=", ".join(self.left_out))] if self.left_out else []
+        return (Message.of("P-SHADOW", **told), *largest, *skipped, *left, Message.of("S-SHADOW-TABLES"))
 
     @property
     def rows(self) -> list[tuple[str, ...]]:
@@ -102,6 +104,7 @@ class ShadowOutcome:
         return {
             "file": str(self.path), "picture": str(self.picture), "blocks": self.copy.blocks,
             "points": len(self.copy.points), "largest": largest, "uncorrected": sorted(set(self.copy.uncorrected)),
+            "left_out": list(self.left_out),
         }  # fmt: skip
 
 
@@ -116,7 +119,12 @@ def shadow_program(
     if out.resolve() == program.resolve():
         raise ConfigError("E-SHADOW-SAME", str(out))
     axes = _axes(site, options)
-    correction = _field(site, site_path, run) if options.by_model else _tables(site, run)
+    left: tuple[str, ...] = ()
+    correction: FieldCorrection | TableCorrection
+    if options.by_model:
+        correction = _field(site, site_path, run)
+    else:
+        correction, left = _tables(site, run)
     chord = options.chord_um
     settings = CopySettings(chord_mm=1e-3 * chord, chord_deg=1e-4 * chord, longest=correction.longest)
     reader = ProgramReader(axes, frames=options.frames, subprogram=lambda name: _subprogram(program, name))
@@ -127,7 +135,7 @@ def shadow_program(
     path = _write(out, copy.text)
     picture = _draw(out.with_suffix(".png"), copy, axes)
     by = f"{run.run_id} --model" if options.by_model else run.run_id
-    return ShadowOutcome(copy, path, picture, by=by, rotary=tuple(a.letter for a in axes if a.rotary))
+    return ShadowOutcome(copy, path, picture, by=by, rotary=tuple(a.letter for a in axes if a.rotary), left_out=left)
 
 
 def check_copy(reader: ProgramReader, copy: ProgramCopy, axes: Sequence[ProgramAxis]) -> None:
@@ -172,11 +180,14 @@ def _axes(site: SiteFile, options: ShadowOptions) -> tuple[ProgramAxis, ...]:
     return tuple(found)
 
 
-def _tables(site: SiteFile, run: RunFolder) -> TableCorrection:
-    """What the run's proposed tables would add to those that act."""
-    changes = [one for one in run.get(stages.PROPOSAL, Proposal).changes if not one.skipped]
+def _tables(site: SiteFile, run: RunFolder) -> tuple[TableCorrection, tuple[str, ...]]:
+    """What the run's proposed tables would add to those that act; and the reversals that no position can carry."""
+    every = [one for one in run.get(stages.PROPOSAL, Proposal).changes if not one.skipped]
+    changes = [one for one in every if one.new.kind != "reversal"]
+    left = tuple(one.name for one in every if one.new.kind == "reversal")
     acting = [one.old for one in changes if one.old_enabled]
-    return TableCorrection([one.new for one in changes], acting, letters={axis.name: axis.letter for axis in site.axes})
+    letters = {axis.name: axis.letter for axis in site.axes}
+    return TableCorrection([one.new for one in changes], acting, letters=letters), left
 
 
 def _field(site: SiteFile, site_path: Path, run: RunFolder) -> FieldCorrection:

@@ -12,7 +12,7 @@ import pytest
 from typer.testing import CliRunner
 
 from drivers.errors import TrueflankError
-from drivers.types.tables import CompensationTable
+from drivers.types.tables import CompensationTable, reversal_of
 from gateway.cli import app
 from gateway.domain.proposals import Proposal
 from gateway.gear.first_order import flank_abg
@@ -260,6 +260,9 @@ async def test_the_simulated_control_cuts_the_same_by_tables_and_by_the_copy() -
         assert np.max(np.abs(known[0] - known[1])) < 5e-4  # chord tolerance, and how far the drives lag
 
 
+BACKLASH = replace(CHANGE, old=reversal_of("X1", "mm", 0.0), new=reversal_of("X1", "mm", 3.0))
+
+
 @dataclass(frozen=True)
 class Carried:
     """What the copy adds to one axis, as something that acts on the gear's grinding."""
@@ -296,7 +299,7 @@ def test_the_command_writes_prints_and_draws_the_copy(tmp_path: Path) -> None:
     site = tmp_path / "site.toml"
     site.write_text(SITE, encoding="utf-8")
     folder = Store(tmp_path / "runs").create("mill", {"site_file": str(site)})
-    folder.put(stages.PROPOSAL, Proposal(MACHINE, (CHANGE, SKIPPED), (), "2026-11-21T10:00:00+00:00"))
+    folder.put(stages.PROPOSAL, Proposal(MACHINE, (CHANGE, BACKLASH, SKIPPED), (), "2026-11-21T10:00:00+00:00"))
     program = tmp_path / "cycle.mpf"
     program.write_text("G54 G90 G0 X5\nSUB1\nM30\n", encoding="utf-8")
     (tmp_path / "SUB1.SPF").write_text("G1 X95 F1000\nM17\n", encoding="utf-8")
@@ -314,6 +317,8 @@ def test_the_command_writes_prints_and_draws_the_copy(tmp_path: Path) -> None:
     assert float(last.split("X")[1].split()[0]) == pytest.approx(95.0 - 1e-3 * wanted[1], abs=1e-6)
     assert (tmp_path / "cycle-corrected.png").stat().st_size > 5000
     assert data["points"] >= 3
+    assert data["left_out"] == ["X1-reversal"]
+    assert "X1-reversal" in CliRunner().invoke(app, [*words, "--frame", "G54:X=1"]).output
     turned = CliRunner().invoke(app, [*words, "--frame", "G54:Q=1"])
     assert isinstance(turned.exception, TrueflankError)
     assert turned.exception.code == "E-SHADOW-LETTER"
