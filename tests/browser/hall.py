@@ -7,14 +7,14 @@ import subprocess
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from datetime import datetime, timedelta
 from pathlib import Path
 from typing import IO, Any
 
 from gateway.config import load_site
 from gateway.store import Store
-from gateway.users import first_token_path
+from gateway.users import UserAccounts, first_token_path
 from gateway.workflow.run.folder import store_of
 from simulators.cellfile import load_cell
 from tests.selftested import keep
@@ -69,12 +69,10 @@ class Hall:
 
     def week_passes(self) -> None:
         """Accounts made today count as made eight days ago: their approvals count for who made them, too."""
-        path = self.store.root / "service" / "users.json"
-        kept = json.loads(path.read_text(encoding="ascii"))
-        for one in kept["users"]:
-            then = [(who, datetime.fromisoformat(when) - timedelta(days=8)) for who, when in one["keepers"]]
-            one["keepers"] = [[who, when.isoformat()] for who, when in then]
-        path.write_text(json.dumps(kept), encoding="ascii")
+        accounts = UserAccounts(self.store.root)
+        for one in accounts.all():
+            then = [(who, datetime.fromisoformat(when) - timedelta(days=8)) for who, when in one.keepers]
+            accounts._change(replace(one, keepers=tuple((who, when.isoformat()) for who, when in then)))
 
     def do(self, order: str | dict[str, Any]) -> dict[str, Any]:
         """What a person does at the machine, or the judge's order; its answer."""

@@ -210,3 +210,22 @@ def test_an_axis_has_one_verdict_and_the_rest_are_its_reasons(browser: Browser, 
         expect(stage.page.locator("#outcome")).to_have_count(1)
         expect(stage.page.locator("#outcome")).to_contain_text("X1: Better")
         expect(stage.page.locator(".verdict-words li")).to_have_count(1)
+
+
+def test_a_look_that_asks_for_a_second_person_brings_the_key_where_the_site_leaves_it_to_the_finding(
+    browser: Browser, tmp_path: Path
+) -> None:
+    run = kept_run(tmp_path)
+    left = SITE.model_copy(update={"site": SITE.site.model_copy(update={"approvals": None})})
+    fields = {"table": "C1", "needed": 2, "have": 1, "why": "the table is steep"}
+    missing = {"code": "E-INT-APPROVAL-MISSING", "fields": fields}
+    told = {"code": "P-PUSH-REFUSED", "fields": {"axis": "C1", "reason": missing}}
+    job = _job(run, ended_utc="2026-03-02T10:11:00+00:00")
+    with staged(browser, tmp_path, left, instead={"/tables": TABLES, "/jobs": [job]}) as stage:
+        stage.go("push")
+        expect(stage.page.locator("#write")).to_be_enabled()
+        assert stage.page.locator("#approve").count() == 0
+        stage.instead["/jobs"] = [{**job, "lines": [told]}]
+        stage.tell("ended", {"job": 1})
+        expect(stage.page.locator("#approve")).to_be_enabled()
+        expect(stage.page.locator("#write")).to_be_disabled()

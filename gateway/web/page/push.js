@@ -42,13 +42,13 @@ async function plan(box) {
   asked.run = run.run_id;
   const proposal = await record(run.run_id, "proposal");
   const busy = Boolean(state.status.run);
-  const needed = state.file.site.approvals;
+  const needed = mustAgree(run.run_id);
   const agreed = state.approved[run.run_id]?.until > Date.now();
   const looked = Boolean(lastLook(run.run_id)?.ended_utc) && !lastLook(run.run_id).error;
   const acts = actsNow(proposal);
   // Nothing is written over a table that nobody stands for: first it is put right.
   const settled = state.tables?.settled !== false && !state.status.held.length && !state.status.left.length;
-  if (same(box, settled, runs.map((one) => [one.run_id, one.state]), run.run_id, busy, may("operator"), looked, acts, agreed && state.approved[run.run_id].by)) return;
+  if (same(box, settled, runs.map((one) => [one.run_id, one.state]), run.run_id, busy, may("operator"), looked, needed, acts, agreed && state.approved[run.run_id].by)) return;
   show(box, h("div", { class: "row head" }, h("h2", {}, t("push.plan")), h("label", { class: "inline" }, t("evaluate.run"), h("select", { id: "pick-run", onchange: (event) => { asked.run = event.target.value; plan(box); } }, runs.map((one) => h("option", { value: one.run_id, selected: one === run }, `${when(one.created_utc)} · ${stateOf(one)}`))))),
     h("ul", { class: `moves${proposal.changes.length > MANY ? " many" : ""}` }, proposal.changes.map((one) => h("li", {}, h("b", {}, nameOf(one)), ` ${recorded(one.skipped) || t("push.replaces", { points: one.new.deviations.length, axis: one.axis, most: largest(one), old: t(one.old_enabled ? "correct.was_on" : "correct.was_off") })}`))),
     acts ? h("p", { class: "good", id: "acts-now" }, `● ${t("push.acts_now")}`) : [h("p", {}, t(needed > 1 ? "push.two" : "push.one")),
@@ -113,6 +113,12 @@ function toldOnce(lines, known) {
     return first;
   });
 }
+// How many must agree: what the site says; else one, and two where the last look found something to be looked at twice.
+function mustAgree(run) {
+  if (state.file.site.approvals) return state.file.site.approvals;
+  return state.approved[run]?.until > Date.now() ? 2 : Math.max(1, ...newestPlan(run).flatMap(people));
+}
+const people = (one) => [one?.fields?.have === undefined ? 1 : Number(one.fields.needed), ...Object.values(one?.fields ?? {}).flat().filter((inner) => inner?.code !== undefined).flatMap(people)];
 const newestPlan = (run) => lastLook(run)?.lines ?? [];
 const lookedAt = (run) => when(lastLook(run).ended_utc || lastLook(run).started_utc).slice(11);
 
