@@ -87,7 +87,7 @@ function drawTop({ machine: place, told: chips, menu: person }, more) {
   const status = state.status;
   if (!same(place, state.site, state.sites, state.tables?.serial)) show(place, machine(more), h("small", {}, state.tables?.serial ?? ""));
   if (!same(person, state.me.name)) show(person, menu(more));
-  if (same(chips, status?.state, status?.run?.tables, status?.devices, status?.control, status?.held, status?.alarms, state.tables?.tables?.map((one) => [one.id, one.acts]), state.armed, state.offline)) return;
+  if (same(chips, status?.state, status?.run?.tables, status?.devices, status?.control, status?.held, status?.left, status?.alarms, state.tables?.tables?.map((one) => [one.id, one.acts]), state.armed, state.offline)) return;
   const control = status.devices.find((one) => one.name === "controller") ?? status.devices[0];
   show(chips,
     status.simulated && h("strong", { class: "chip simulated" }, t("frame.simulated")),
