@@ -127,10 +127,10 @@ class DriverSettings(BaseModel):
         """What is allowed and seldom meant; each on the key that is to be looked at, and why."""
         return ()
 
-    def unprotected(self, url: str) -> Message | str:
-        """Why others on the network could read or change what passes on this connection; "" where they cannot."""
+    def unprotected(self, url: str) -> Message | None:
+        """Why others on the network could read or change what passes on this connection; None where they cannot."""
         del url
-        return ""
+        return None
 
     def excused(self) -> tuple[str, str]:
         """Who accepted a certificate of this road that was not valid then, and why; ("", "") where nobody did."""

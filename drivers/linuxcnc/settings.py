@@ -36,7 +36,7 @@ class LinuxCncSettings(DriverSettings):
             ("leave_input", self.leave_input != self.go_input, words("W-KEY-INPUT")),
         )
 
-    def unprotected(self, url: str) -> Message | str:
+    def unprotected(self, url: str) -> Message | None:
         """The lines are plain; on the host itself nobody else is on them."""
         parts = urlsplit(url)
-        return "" if parts.scheme == "memory" or parts.hostname in _HERE else Message.of("W-LCNC-UNPROTECTED")
+        return None if parts.scheme == "memory" or parts.hostname in _HERE else Message.of("W-LCNC-UNPROTECTED")

@@ -39,7 +39,7 @@ class Capabilities:
     ``self_test``: it tries the words of its programs (`drivers.programs.SelfTests`); a push asks for it.
     ``together``: one start loads all tables of a batch and one switches them; else the person agrees table by table.
     ``one_start``: the start that loads them leads to their switching too, once they are released.
-    ``unprotected`` says why others on the network could read or change what passes; "" where they cannot.
+    ``unprotected`` says why others on the network could read or change what passes; None where they cannot.
     """
 
     stops: bool
@@ -55,7 +55,7 @@ class Capabilities:
     together: bool = False
     one_start: bool = False
     off_anyhow: bool = False
-    unprotected: Message | str = ""
+    unprotected: Message | None = None
 
     @property
     def switches_now(self) -> bool:

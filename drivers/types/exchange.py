@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any
 
 from drivers.types.values import FloatArray
 from drivers.units import AxisUnit, DeviationUnit
@@ -20,7 +19,7 @@ class ReadAs:
     axis: str
     unit: AxisUnit
     form: str = ""
-    declared: Mapping[str, Any] = field(default_factory=dict)
+    declared: Mapping[str, object] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True)

@@ -155,10 +155,10 @@ def typed_rotary(site: SiteFile) -> tuple[str, ...]:
     return tuple(one.name for one in site.axes if one.kind == "rotary" and one.measure.instrument in typed)
 
 
-def unprotected_connection(site: SiteFile) -> Message | str:
-    """Why others on the network could read or change what passes to the control; "" where they cannot."""
+def unprotected_connection(site: SiteFile) -> Message | None:
+    """Why others on the network could read or change what passes to the control; None where they cannot."""
     told = _control_settings(site)
-    return "" if told is None else told.unprotected(site.controller.url)
+    return None if told is None else told.unprotected(site.controller.url)
 
 
 def excused_certificate(site: SiteFile) -> tuple[str, str]:

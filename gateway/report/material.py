@@ -216,7 +216,7 @@ class ReportMaterial:
     tooth: ToothMaterial | None = None
     particulars: Particulars = field(default_factory=Particulars)
     simulated: bool = False
-    unprotected: Message | str = ""
+    unprotected: Message | None = None
     excused: tuple[str, str] = ("", "")
     accepted: tuple[KnownFact, ...] = ()
     judged: tuple[Judged, ...] = ()

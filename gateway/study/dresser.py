@@ -202,7 +202,7 @@ def separation_sheet(figure: Any, found: Separation) -> None:
     at = np.arange(len(names))[::-1]
     left.barh(at, [one.rms_um for one in found.shares], xerr=[one.u_um for one in found.shares], color=NEW, ecolor=OLD)
     left.set_yticks(at, names)
-    left.set_xlabel("RMS on the flank  um")
+    left.set_xlabel("RMS on the flank  µm")
     form = found.form
     degrees, u = np.rad2deg(form.theta_rad), 2.0 * np.asarray(form.u_um)
     value = np.asarray(form.deviation_um)
@@ -211,8 +211,8 @@ def separation_sheet(figure: Any, found: Separation) -> None:
         right.plot(degrees[side], value[side], color=NEW)
     right.axhline(0.0, color=INK, linewidth=0.6)
     right.set_xlabel("profile angle  deg (left flank > 0)")
-    right.set_ylabel("form of the wheel on the flank  um (k = 2)")
-    figure.suptitle(f"{', '.join(found.parts)}: {found.total_um:.2f} um RMS", fontsize=10, color=INK)
+    right.set_ylabel("form of the wheel on the flank  µm (k = 2)")
+    figure.suptitle(f"{', '.join(found.parts)}: {found.total_um:.2f} µm RMS", fontsize=10, color=INK)
 
 
 def separation_data(found: Separation) -> dict[str, Any]:

@@ -209,7 +209,7 @@ class StatusView:
     held: tuple[HeldView, ...] = ()
     acting: tuple[ActingRow, ...] = ()
     simulated: bool = False
-    unprotected: Message | str = ""
+    unprotected: Message | None = None
     control: ControlView | None = None
     ambient: Mapping[str, object] | None = None
 
@@ -309,7 +309,7 @@ def job_data(job: JobView) -> dict[str, object]:
 
 def as_data(status: StatusView) -> dict[str, object]:
     """The picture as JSON data, with the state in one word and the progress as a number."""
-    data = asdict(replace(status, run=None, alarms=(), due=None, unprotected=""))
+    data = asdict(replace(status, run=None, alarms=(), due=None, unprotected=None))
     if status.run is not None:
         run = asdict(replace(status.run, words=None))
         data["run"] = {**run, "words": _told(status.run.words), "progress": status.run.progress}

@@ -117,7 +117,7 @@ class DayPlan:
     times: DayTimes
     pieces: tuple[Piece, ...]
     most_extra_h: float = 0.0
-    unprotected: Message | str = ""
+    unprotected: Message | None = None
 
     @property
     def mountings(self) -> tuple[ToMount, ...]:
@@ -163,7 +163,7 @@ class DayPlan:
         return {
             "site": self.site,
             "command": self.command,
-            "unprotected": str(self.unprotected),
+            "unprotected": str(self.unprotected or ""),
             "hours": round(self.hours, 3),
             "most_extra_hours": round(self.most_extra_h, 3),
             "hours_by_stage": {stage: round(hours, 3) for stage, hours in self.by_stage().items()},

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from drivers.errors import TrueflankError
+from drivers.message import prose
 from gateway.domain.captures import Capture
 from gateway.domain.figures import Evaluation
 from gateway.domain.proposals import Proposal
@@ -158,7 +159,7 @@ def test_a_wave_that_looks_like_the_first_harmonic_is_refused_before_anything_is
     never_silently_worse(end, "C1")
     assert end.judged is not None
     hidden = [fields["words"] for code, fields in end.judged.said if code == "P-HIDDEN"]
-    assert "6 check stops between the targets deviate from the curve by" in str(hidden[0])
+    assert "6 check stops between the targets deviate from the curve by" in prose(hidden[0])
 
 
 @pytest.mark.long

@@ -103,10 +103,10 @@ class ModbusSettings(DriverSettings):
         """Whether both ends prove who they are, and what passes is encrypted."""
         return self.security == TLS
 
-    def unprotected(self, url: str) -> Message | str:
+    def unprotected(self, url: str) -> Message | None:
         """Plain Modbus over a network; a serial port of this computer is a cable that nobody else is on."""
         scheme = urlsplit(url).scheme if "://" in url else ""
-        return Message.of("W-MBX-UNPROTECTED") if not self.secured and scheme not in _CABLES else ""
+        return Message.of("W-MBX-UNPROTECTED") if not self.secured and scheme not in _CABLES else None
 
     def numbered(self, names: Iterable[str]) -> Mapping[str, tuple[int, Decimal]]:
         """Number and MD32452 of each machine axis, given in their order, as the site file says: what is printed."""

@@ -360,7 +360,7 @@ class SinumerikOffline(SinumerikOpcUa):
 
         No reversal: the proof of its sign comes from both sides, with an instrument that is read as the axis stands.
         """
-        return replace(super().capabilities, tables=HELD_KINDS, grinding=False, unprotected="")
+        return replace(super().capabilities, tables=HELD_KINDS, grinding=False, unprotected=None)
 
     async def restarted(self, passed: PushBatch, timeout_s: float) -> None:
         """The next program is run after the restart; where none proves what acts, one that only looks.

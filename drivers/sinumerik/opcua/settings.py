@@ -119,10 +119,10 @@ class UaSettings(DriverSettings):
             return cls.read(settings, where)
         return cls.model_validate(dict(settings))
 
-    def unprotected(self, url: str) -> Message | str:
+    def unprotected(self, url: str) -> Message | None:
         """OPC UA without signature and encryption."""
         del url
-        return "" if self.secured else Message.of("W-UA-UNPROTECTED")
+        return None if self.secured else Message.of("W-UA-UNPROTECTED")
 
     def excused(self) -> tuple[str, str]:
         """As the record beside the pinned certificate has it; what cannot be read says nothing."""

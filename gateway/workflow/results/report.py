@@ -172,7 +172,7 @@ def material_of(folder: RunFolder) -> ReportMaterial:
         tooth=tooth,
         particulars=particulars_of(site, path, ended or facts["created_utc"]),
         simulated=was_simulated(site, instruments),
-        unprotected=unprotected_connection(site) if opened else "",
+        unprotected=unprotected_connection(site) if opened else None,
         excused=excused_certificate(site) if opened else ("", ""),
         accepted=equipment.accepted if equipment is not None else (),
         stated=stated,

@@ -95,8 +95,8 @@ class RunContext:
         return replace(axis.facts, safe=self.site.moves.places.ranges.get(axis.name))
 
     @property
-    def open_road(self) -> Message | str:
-        """Why others on the network could read or change what passes to the control; "" where they cannot."""
+    def open_road(self) -> Message | None:
+        """Why others on the network could read or change what passes to the control; None where they cannot."""
         return self.supervisor.controller.capabilities.unprotected
 
     @property

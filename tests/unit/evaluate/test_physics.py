@@ -98,7 +98,7 @@ def test_optical_path_comes_back_as_deviation() -> None:
     optical = (TARGETS + deviation / 1000.0) * n
     found, record = displacement.linear_deviations(optical, TARGETS, setup(), start=GOOD, end=GOOD)
     np.testing.assert_allclose(found, deviation, atol=1e-9)
-    assert "edlen" in record.air
+    assert "edlen" in str(record.air).lower()
     assert record.details["air.n_start"] == n
 
 
@@ -135,7 +135,7 @@ def test_what_the_instrument_did_is_left_out() -> None:
         TARGETS + 0.001, TARGETS, setup(), start=none, end=none, already="air+material"
     )
     np.testing.assert_allclose(found, 1.0, atol=1e-9)
-    assert record.air == record.expansion == "by the instrument"
+    assert str(record.air) == str(record.expansion) == "by the instrument"
     with pytest.raises(AmbientOutOfRange):
         displacement.linear_deviations(TARGETS, TARGETS, setup(), start=none, end=none, already="air")
 

@@ -14,6 +14,7 @@ import pytest
 from matplotlib import image
 
 import trueflank as tf
+from tests.unit.cli import test_process_commands as process
 from tests.unit.cli.test_transmission_command import made
 
 ROOT = Path(__file__).parents[3]
@@ -40,6 +41,16 @@ def _bench(path: Path) -> tf.DriveTest:
     return tf.read_bench(made(path / "bench.csv"), pins=40, ratio=121.0)
 
 
+def _separated(path: Path) -> tf.Separated:
+    columns = {name: int(word) if word.isdigit() else float(word) for name, word in map(_pair, process.COLUMNS)}
+    return tf.separate(process.part(path / "a.csv"), tf.Gear.load(process.gear_file(path)), columns=columns)
+
+
+def _pair(word: str) -> tuple[str, str]:
+    name, _, value = word.partition("=")
+    return name, value
+
+
 RESULTS: dict[str, Callable[[Path], Any]] = {
     "Contact": lambda _: tf.contact(MACHINE, GEAR, heights=[-4.0, 4.0], points=21).plot(),
     "Corrected": lambda _: tf.correct(MACHINE, GEAR).plot(),
@@ -58,6 +69,7 @@ RESULTS: dict[str, Callable[[Path], Any]] = {
     "Reducer": lambda _: tf.Reducer.of(GEAR, datum="bore").plot(),
     "RelativeError": lambda _: MACHINE.relative_error("dy").plot(X=-120.0, Z=0.0, C=[0.0, 90.0]),
     "RelativeErrors": lambda _: MACHINE.relative(X=-120.0, Z=0.0, C=[0.0, 90.0]).plot(),
+    "Separated": lambda path: _separated(path).plot(),
     "Surface": lambda _: tf.flank(MACHINE, GEAR).surface().plot(),
     "Wheel": lambda _: GEAR.wheel(21).plot(),
 }

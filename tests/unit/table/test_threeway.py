@@ -28,7 +28,11 @@ ALLOWED = 0.001
         (LiveTable(NEVER, enabled=False), "differs", "neither"),
         (LiveTable(replace(APPROVED, step=45.0), enabled=True), "differs", "step: 90.0, live 45.0"),
         (LiveTable(replace(APPROVED, modulo=False), enabled=True), "differs", "modulo: True, live False"),
-        (LiveTable(replace(APPROVED, reverse=BEFORE.deviations), enabled=True), "differs", "0 reverse points are 5"),
+        (
+            LiveTable(replace(APPROVED, reverse=BEFORE.deviations), enabled=True),
+            "differs",
+            "0 reverse points where 5",
+        ),
     ],
 )
 def test_each_kind(live: LiveTable, kind: str, said: str) -> None:
