@@ -8,7 +8,7 @@ import pytest
 from playwright.sync_api import Browser, Route, expect
 
 from tests.browser.hall import hall
-from tests.browser.person import CHROMIUM, IDLE, SCREENS, Person, chromium, opened
+from tests.browser.person import CHROMIUM, IDLE, MODULES, SCREENS, Person, chromium, opened
 from tests.browser.test_journey import ground, stored
 
 pytestmark = [
@@ -102,6 +102,7 @@ def _the_newest_wish_is_shown(anna: Person) -> None:
 def _by_the_clock(anna: Person, browser: Browser) -> None:
     """Of the shop, not of Greenwich: a moment of a record stands on the screen as the wall clock beside it has it."""
     page = browser.new_context(timezone_id="Asia/Shanghai").new_page()
+    page.add_init_script(MODULES)
     page.goto(anna.at.url)
     told = page.evaluate("async () => (await import(modulePath('figures.js'))).when('2026-03-02T23:30:00+00:00')")
     assert told == "2026-03-03 07:30"
