@@ -66,7 +66,7 @@ async def test_a_whole_push_goes_through_tls(papers: Papers, how: str) -> None:
     async with on_stage(URL, opened=False) as on:
         await secured(on, papers)
         on.device = device(on, GOOD[how](papers))
-        assert on.device.capabilities.unprotected == ""
+        assert on.device.capabilities.unprotected is None
         await on.device.open(5.0)
         old, new = await on.push(await order_for(on.device, table(12)))
         assert (old.own.enabled, new.own.table.deviations) == (False, table(12).deviations)

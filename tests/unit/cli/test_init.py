@@ -46,7 +46,7 @@ def test_a_site_of_files_names_no_control_and_says_what_it_can_do(tmp_path: Path
     text = site.read_text(encoding="utf-8")
     assert [word for word in ("url", "serial", "security", "terminal", "[moves]") if f"\n{word}" in text] == []
     tree = load_site(site)
-    assert (files_only(tree), unprotected_connection(tree), tree.instruments) == (True, "", ())
+    assert (files_only(tree), unprotected_connection(tree), tree.instruments) == (True, None, ())
     for command in ("run", "self-test", "recover", "verify-table", "accept"):
         done = CliRunner().invoke(app, [command, str(site)])
         assert isinstance(done.exception, TrueflankError), done.output

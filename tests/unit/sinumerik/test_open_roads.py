@@ -51,7 +51,7 @@ def test_the_driver_says_that_its_road_is_open(road: str) -> None:
 def test_a_protected_road_and_a_cable_of_its_own_are_not_called_open(
     driver: Any, url: str, settings: dict[str, Any]
 ) -> None:
-    assert driver("840D", url, settings, LoopClock()).capabilities.unprotected == ""
+    assert driver("840D", url, settings, LoopClock()).capabilities.unprotected is None
 
 
 def test_a_site_file_tells_it_before_anything_is_opened(tmp_path: Path) -> None:
@@ -59,7 +59,7 @@ def test_a_site_file_tells_it_before_anything_is_opened(tmp_path: Path) -> None:
     assert str(unprotected_connection(load_site(path))).startswith("OPC UA with security None")
     plain = path.read_text(encoding="utf-8")
     path.write_text(plain.replace('security = "None"', 'security = "best", server_certificate = "c.der"'))
-    assert unprotected_connection(load_site(path)) == ""
+    assert unprotected_connection(load_site(path)) is None
     mailbox = plain.replace("sinumerik-opcua", "sinumerik-modbus").replace("opc.tcp://", "tcp://")
     path.write_text(mailbox.replace('security = "None"', "unit = 1"), encoding="utf-8")
     assert str(unprotected_connection(load_site(path))).startswith("Modbus without TLS")
