@@ -59,7 +59,7 @@ async def tried(file: CellFile, folder: Path, *, report: bool = True) -> Tried:
     clock = LoopClock()
     async with cell_running(file, folder, clock, wires="memory", block_s=1.0) as cell:
         path = write_site_of_files(cell, cell.site_path)
-        with nullcontext() if report else patch.object(complete_run, "closed", _unreported):
+        with nullcontext() if report else patch.object(complete_run, "closing_outcome", _unreported):
             done = await close_site(load_site(path), path, apply=False, machine_name="", clock=clock, say=silence)
     run = RunFolder(Path(done.run_folder))
     tables = [one.new for one in run.get(stages.PROPOSAL, Proposal).changes if not one.skipped]
