@@ -98,7 +98,7 @@ async function write(run) {
 // One person alone on a connection that others can read and change types that they take this risk.
 const RISK = "unprotected";
 export const riskParts = (risk) => risk && [h("p", { class: "warn" }, `▲ ${recorded(state.status.unprotected)}`), field(t("push.risk", { word: RISK }), risk)];
-export const riskAsked = (run) => state.status.unprotected && state.file.site.approvals < 2 && !(state.approved[run]?.until > Date.now()) && h("input", { id: "typed-risk", autocomplete: "off", spellcheck: "false" });
+export const riskAsked = (run) => state.status.unprotected && mustAgree(run) < 2 && h("input", { id: "typed-risk", autocomplete: "off", spellcheck: "false" });
 
 // What the last look at this plan told: which way things will move, and what is against it.
 const lastLook = (run) => state.jobs.find((one) => one.kind === "push" && one.run_id === run);

@@ -268,7 +268,7 @@ def _draw(path: Path, copy: ProgramCopy, axes: Sequence[ProgramAxis]) -> Path:
         for panel, letter in zip(panels, letters, strict=False):
             scale = 3600.0 if letter in rotary else 1000.0
             panel.plot([scale * point.added.get(letter, 0.0) for point in copy.points], linewidth=0.8)
-            panel.set_ylabel(f"{letter}  {'arcsec' if letter in rotary else 'um'}")
+            panel.set_ylabel(f"{letter}  {'arcsec' if letter in rotary else 'µm'}")
         panels[-1].set_xlabel("position")
 
     return write_sheet(path, (9.0, 2.2 * max(len(letters), 1) + 0.6), paint)
