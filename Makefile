@@ -8,7 +8,7 @@ export OPENBLAS_NUM_THREADS := 1
 # Tests start many processes: each would compile the whole source again.
 export PYTHONDONTWRITEBYTECODE :=
 
-.PHONY: demo test fast structure tests slowest check rules types long soak families attacks interop kernel services browser bench clean \
+.PHONY: demo test fast structure tests slowest check rules types long soak families attacks interop kernel services browser page-check bench clean \
 	lock package sbom vulnerabilities bundle docs mutants
 
 demo: $(VENV)/installed
@@ -109,6 +109,11 @@ browser: $(VENV)/developed
 	tests/browser/prepare.sh
 	locks/install.sh $(BIN)/python locks/peers.lock
 	$(BIN)/python -m pytest -q -n 0 -m browser tests/browser
+
+# The page's scripts: form, rules, types, and unit tests of what decides in them. Tools come from npm by their lock; neither
+# the page nor `make test` needs them.
+page-check:
+	tests/page/check.sh
 
 bench: $(VENV)/developed
 	$(BIN)/python -m benchmarks --page docs/benchmarks.md

@@ -34,7 +34,7 @@ KINDS = {
 }
 FOREVER = "public, max-age=31536000, immutable"
 FIRST = "main.js"
-_IMPORT = re.compile(r'^(?:import|export) .*from "\./([a-z0-9]+\.js)";$', re.MULTILINE)
+_IMPORT = re.compile(r'^(?:import|export|\}) .*?from "\./([a-z0-9]+\.js)";$', re.MULTILINE)
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,11 +1,16 @@
+// @ts-check
 // Asks the service; an answer that is an error is thrown as its record.
 let csrf = "";
 
 // What to do when the service no longer knows who is here.
 let gone = () => {};
 
-export const setKey = (key) => { csrf = key; };
-export const whenGone = (act) => { gone = act; };
+export const setKey = (key) => {
+  csrf = key;
+};
+export const whenGone = (act) => {
+  gone = act;
+};
 
 async function ask(method, path, body, headers = {}) {
   const sent = body === undefined ? undefined : JSON.stringify(body);
@@ -16,9 +21,14 @@ async function ask(method, path, body, headers = {}) {
   } catch {
     throw { code: "OFFLINE", what: "OFFLINE", do: "", fields: {} };
   }
-  const told = answer.headers.get("content-type")?.startsWith("application/json") ? await answer.json() : await answer.text();
+  const told = answer.headers.get("content-type")?.startsWith("application/json")
+    ? await answer.json()
+    : await answer.text();
   if (told?.code === "E-WEB-LOGIN") gone();
-  if (!answer.ok) throw typeof told === "object" ? { ...told, status: answer.status } : { code: "OFFLINE", what: told, do: "", fields: {} };
+  if (!answer.ok)
+    throw typeof told === "object"
+      ? { ...told, status: answer.status }
+      : { code: "OFFLINE", what: told, do: "", fields: {} };
   return told;
 }
 

@@ -1,3 +1,4 @@
+// @ts-check
 // The targets of the axis at work: what was taken of each; the last one stays in the middle; a touch takes it again.
 import { post } from "./api.js";
 import { confirmed, shown } from "./dialogs.js";
@@ -13,17 +14,69 @@ export function targetList(box) {
   const targets = [...new Set([...axis.targets, ...found.map((one) => one.target)])].sort((a, b) => a - b);
   const last = found[found.length - 1];
   // The keys stay while readings come.
-  if (!same(box, axis.axis, targets)) show(box, h("table", {}, h("thead", {}, h("tr", {}, h("th", { class: "num" }, t("capture.number")), h("th", { class: "num" }, `${t("chart.target")} [${unit(axis.unit)}]`), h("th", {}, "▷"), h("th", {}, "◁"), h("th", { class: "num" }, `${t("capture.mean")} [${unit(unitOf(axis.axis))}]`), h("th", {}, h("span", { class: "hidden" }, t("capture.again"))))), h("tbody", {}, targets.map((target, at) => row(axis, target, at)))));
+  if (!same(box, axis.axis, targets))
+    show(
+      box,
+      h(
+        "table",
+        {},
+        h(
+          "thead",
+          {},
+          h(
+            "tr",
+            {},
+            h("th", { class: "num" }, t("capture.number")),
+            h("th", { class: "num" }, `${t("chart.target")} [${unit(axis.unit)}]`),
+            h("th", {}, "▷"),
+            h("th", {}, "◁"),
+            h("th", { class: "num" }, `${t("capture.mean")} [${unit(unitOf(axis.axis))}]`),
+            h("th", {}, h("span", { class: "hidden" }, t("capture.again"))),
+          ),
+        ),
+        h(
+          "tbody",
+          {},
+          targets.map((target, at) => row(axis, target, at)),
+        ),
+      ),
+    );
   const rows = box.querySelectorAll("tbody tr");
   const before = box.querySelector(".current");
-  targets.forEach((target, at) => tell(rows[at], found.filter((one) => one.target === target), last?.target === target));
+  targets.forEach((target, at) =>
+    tell(
+      rows[at],
+      found.filter((one) => one.target === target),
+      last?.target === target,
+    ),
+  );
   const current = box.querySelector(".current");
   if (current && current !== before) box.scrollTop = current.offsetTop - box.clientHeight / 2;
 }
 
 function row(axis, target, at) {
-  return h("tr", {}, h("td", { class: "num" }, at + 1), h("td", { class: "num" }, number(target, 3)), h("td", { class: "dots" }), h("td", { class: "dots" }), h("td", { class: "num" }),
-    h("td", {}, h("button", { class: "again", "aria-label": t("capture.again_at", { target: number(target, 3) }), onclick: () => again(axis, target) }, "↻")));
+  return h(
+    "tr",
+    {},
+    h("td", { class: "num" }, at + 1),
+    h("td", { class: "num" }, number(target, 3)),
+    h("td", { class: "dots" }),
+    h("td", { class: "dots" }),
+    h("td", { class: "num" }),
+    h(
+      "td",
+      {},
+      h(
+        "button",
+        {
+          class: "again",
+          "aria-label": t("capture.again_at", { target: number(target, 3) }),
+          onclick: () => again(axis, target),
+        },
+        "↻",
+      ),
+    ),
+  );
 }
 
 function tell(line, found, current) {
@@ -42,6 +95,8 @@ async function again(axis, target) {
   const where = t("capture.again_at", { target: number(target, 3) });
   if (!(await confirmed(where, t("capture.again_what")))) return;
   for (const approach of [1, -1]) {
-    await post(`${base()}/retake`, { axis: axis.axis, target, approach, repetition: 0 }).catch((error) => shown(where, [h("p", { class: "fault" }, told(error))]));
+    await post(`${base()}/retake`, { axis: axis.axis, target, approach, repetition: 0 }).catch((error) =>
+      shown(where, [h("p", { class: "fault" }, told(error))]),
+    );
   }
 }

@@ -1,3 +1,4 @@
+// @ts-check
 // Lines through a curve: best fit and end points, drawn or taken off for looking. The record keeps what was measured.
 export const FITS = ["none", "best", "ends", "without_best", "without_ends"];
 
@@ -29,10 +30,15 @@ export function fitted(curves, fit, t) {
   const own = curves.filter((one) => one.fit);
   const xs = own.flatMap((one) => one.x);
   if (fit === "none" || new Set(xs).size < 2) return curves;
-  const line = (fit.endsWith("best") ? bestLine : endLine)(xs, own.flatMap((one) => one.y));
+  const line = (fit.endsWith("best") ? bestLine : endLine)(
+    xs,
+    own.flatMap((one) => one.y),
+  );
   if (fit.startsWith("without")) {
     const less = (one, ys) => ys.map((y, n) => y - line.at(one.x[n]));
-    return curves.map((one) => (one.fit || one.follows ? { ...one, y: less(one, one.y), high: one.high && less(one, one.high) } : one));
+    return curves.map((one) =>
+      one.fit || one.follows ? { ...one, y: less(one, one.y), high: one.high && less(one, one.high) } : one,
+    );
   }
   const ends = [Math.min(...xs), Math.max(...xs)];
   return [...curves, { name: t(`chart.fit_${fit}`), look: "difference", dashed: true, x: ends, y: ends.map(line.at) }];

@@ -1,3 +1,4 @@
+// @ts-check
 // What every drawing of curves shares: round steps at an axis, limits, and lines of the small ones; SVG.
 import { s } from "./dom.js";
 
@@ -30,11 +31,20 @@ export function limits(values, room = 0.08) {
   return [low - more, high + more];
 }
 
-const points = (xs, ys, px, py) => xs.map((one, at) => [px(one), py(ys[at])]).filter(([, y]) => Number.isFinite(y)).map(([x, y]) => `${x.toFixed(1)},${y.toFixed(1)}`);
+const points = (xs, ys, px, py) =>
+  xs
+    .map((one, at) => [px(one), py(ys[at])])
+    .filter(([, y]) => Number.isFinite(y))
+    .map(([x, y]) => `${x.toFixed(1)},${y.toFixed(1)}`);
 
-export const line = (xs, ys, { px, py }, look) => s("polyline", { class: `line ${look}`, points: points(xs, ys, px, py).join(" ") });
+export const line = (xs, ys, { px, py }, look) =>
+  s("polyline", { class: `line ${look}`, points: points(xs, ys, px, py).join(" ") });
 
 export const band = (xs, low, high, { px, py }, look) =>
-  s("polygon", { class: `band ${look}`, points: [...points(xs, low, px, py), ...points(xs, high, px, py).reverse()].join(" ") });
+  s("polygon", {
+    class: `band ${look}`,
+    points: [...points(xs, low, px, py), ...points(xs, high, px, py).reverse()].join(" "),
+  });
 
-export const level = (y, { py, inner }, look) => s("line", { class: look, x1: inner.left, x2: inner.right, y1: py(y), y2: py(y) });
+export const level = (y, { py, inner }, look) =>
+  s("line", { class: look, x1: inner.left, x2: inner.right, y1: py(y), y2: py(y) });

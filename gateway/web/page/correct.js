@@ -1,3 +1,4 @@
+// @ts-check
 // Old and new tables as the control interpolates them, their difference, what was found, and what the axis will show.
 import { get } from "./api.js";
 import { chart } from "./chart.js";
@@ -17,7 +18,8 @@ export async function proposals() {
 }
 
 const NAMES = { axis: (change) => change.axis, reversal: (change) => `${change.axis}-reversal` };
-export const nameOf = (change) => (NAMES[change.new.kind] ?? ((one) => `${one.axis}(${one.new.input_axis}) ${one.new.index}`))(change);
+export const nameOf = (change) =>
+  (NAMES[change.new.kind] ?? ((one) => `${one.axis}(${one.new.input_axis}) ${one.new.index}`))(change);
 
 // Where a table has its points; between them the control goes straight, beyond them it keeps the last value.
 export function grid(table) {
@@ -50,29 +52,107 @@ async function drawAll(head, body) {
   asked.run = run.run_id;
   const proposal = await record(run.run_id, "proposal");
   asked.change = Math.min(asked.change, proposal.changes.length - 1);
-  if (same(body, runs.map((one) => [one.run_id, one.state, one.stages.length]), asked)) return null;
+  if (
+    same(
+      body,
+      runs.map((one) => [one.run_id, one.state, one.stages.length]),
+      asked,
+    )
+  )
+    return null;
   const put = turn(body);
   const again = () => drawAll(head, body);
   const tooth = asked.tooth && run.stages.includes("tooth");
-  show(head, h("label", { class: "inline" }, t("evaluate.run"), h("select", { id: "pick-run", onchange: (event) => { asked.run = event.target.value; again(); } }, runs.map((one) => h("option", { value: one.run_id, selected: one === run }, `${when(one.created_utc)} · ${stateOf(one)}`)))),
-    h("div", { class: "tabs", role: "group", "aria-label": t("correct.tables") }, proposal.changes.map((one, at) => h("button", { "aria-pressed": String(!tooth && at === asked.change), onclick: () => { Object.assign(asked, { change: at, tooth: false }); again(); } }, nameOf(one))),
-      run.stages.includes("tooth") && h("button", { id: "tooth", "aria-pressed": String(tooth), onclick: () => { asked.tooth = true; again(); } }, t("tooth.tooth"))));
-  if (tooth) return put(...await predictedTooth(run));
+  show(
+    head,
+    h(
+      "label",
+      { class: "inline" },
+      t("evaluate.run"),
+      h(
+        "select",
+        {
+          id: "pick-run",
+          onchange: (event) => {
+            asked.run = event.target.value;
+            again();
+          },
+        },
+        runs.map((one) =>
+          h("option", { value: one.run_id, selected: one === run }, `${when(one.created_utc)} · ${stateOf(one)}`),
+        ),
+      ),
+    ),
+    h(
+      "div",
+      { class: "tabs", role: "group", "aria-label": t("correct.tables") },
+      proposal.changes.map((one, at) =>
+        h(
+          "button",
+          {
+            "aria-pressed": String(!tooth && at === asked.change),
+            onclick: () => {
+              Object.assign(asked, { change: at, tooth: false });
+              again();
+            },
+          },
+          nameOf(one),
+        ),
+      ),
+      run.stages.includes("tooth") &&
+        h(
+          "button",
+          {
+            id: "tooth",
+            "aria-pressed": String(tooth),
+            onclick: () => {
+              asked.tooth = true;
+              again();
+            },
+          },
+          t("tooth.tooth"),
+        ),
+    ),
+  );
+  if (tooth) return put(...(await predictedTooth(run)));
   const change = proposal.changes[asked.change];
   const axis = state.plan.axes.find((one) => one.axis === change.new.input_axis) ?? state.plan.axes[0];
-  if (!change.new.deviations.length || change.skipped) return put(h("div", { class: "panel" }, h("p", { class: "empty" }, recorded(change.skipped) || t("correct.none"))));
-  put(h("div", { class: "panel plots" }, tables(change, axis), predicted(change, axis)), h("div", { class: "panel", tabindex: 0, role: "region", "aria-label": t("correct.facts") }, facts(change, axis, proposal)));
+  if (!change.new.deviations.length || change.skipped)
+    return put(h("div", { class: "panel" }, h("p", { class: "empty" }, recorded(change.skipped) || t("correct.none"))));
+  put(
+    h("div", { class: "panel plots" }, tables(change, axis), predicted(change, axis)),
+    h(
+      "div",
+      { class: "panel", tabindex: 0, role: "region", "aria-label": t("correct.facts") },
+      facts(change, axis, proposal),
+    ),
+  );
 }
 
 function tables(change, axis) {
   // Each point of either table: between them both go straight.
   const [first, last] = [change.new.minimum, change.new.maximum];
-  const xs = [...new Set([...grid(change.new), ...(change.old_enabled ? grid(change.old).filter((one) => one >= first && one <= last) : [])])].sort((a, b) => a - b);
+  const xs = [
+    ...new Set([
+      ...grid(change.new),
+      ...(change.old_enabled ? grid(change.old).filter((one) => one >= first && one <= last) : []),
+    ]),
+  ].sort((a, b) => a - b);
   const fresh = xs.map((one) => valueAt(change.new, one));
   const old = xs.map((one) => (change.old_enabled ? valueAt(change.old, one) : 0));
   const difference = fresh.map((one, at) => one - old[at]);
-  return chart({ title: t("correct.table", { name: nameOf(change) }), xName: change.new.input_axis, xUnit: unit(axis.unit), yName: t("chart.deviation"), yUnit: deviationUnit(change),
-    curves: [{ name: t("correct.old"), look: "old", dashed: true, x: xs, y: old }, { name: t("correct.new"), look: "new", x: xs, y: fresh }, { name: t("correct.difference"), look: "difference", dashed: true, x: xs, y: difference }] });
+  return chart({
+    title: t("correct.table", { name: nameOf(change) }),
+    xName: change.new.input_axis,
+    xUnit: unit(axis.unit),
+    yName: t("chart.deviation"),
+    yUnit: deviationUnit(change),
+    curves: [
+      { name: t("correct.old"), look: "old", dashed: true, x: xs, y: old },
+      { name: t("correct.new"), look: "new", x: xs, y: fresh },
+      { name: t("correct.difference"), look: "difference", dashed: true, x: xs, y: difference },
+    ],
+  });
 }
 
 // By how much the axis moves at most once the new table acts in place of what acts now.
@@ -87,19 +167,55 @@ function predicted(change, axis) {
   const [xs, means, half] = [array(change.targets), array(change.predicted), array(change.predicted_U)];
   if (!xs.length) return null;
   const [low, high] = [means.map((one, at) => one - half[at]), means.map((one, at) => one + half[at])];
-  return chart({ title: t("correct.predicted", { axis: change.axis }), xName: change.new.input_axis, xUnit: unit(axis.unit), yName: t("chart.deviation"), yUnit: deviationUnit(change), fits: true,
-    curves: [{ name: "± U", look: "new", kind: "band", follows: true, x: xs, y: low, high }, { name: t("chart.predicted"), look: "new", fit: true, x: xs, y: means }] });
+  return chart({
+    title: t("correct.predicted", { axis: change.axis }),
+    xName: change.new.input_axis,
+    xUnit: unit(axis.unit),
+    yName: t("chart.deviation"),
+    yUnit: deviationUnit(change),
+    fits: true,
+    curves: [
+      { name: "± U", look: "new", kind: "band", follows: true, x: xs, y: low, high },
+      { name: t("chart.predicted"), look: "new", fit: true, x: xs, y: means },
+    ],
+  });
 }
 
 function facts(change, axis, proposal) {
   const table = change.new;
   const slopes = table.deviations.slice(1).map((one, at) => Math.abs(one - table.deviations[at]) / table.step);
   const u = deviationUnit(change);
-  const rows = [[t("correct.points"), `${table.deviations.length}`], [t("correct.range"), `${number(table.minimum, 3)} … ${number(table.maximum, 3)} ${unit(axis.unit)}, ${t("correct.step")} ${number(table.step, 3)}`],
-    [t("correct.size"), `${number(Math.min(...table.deviations))} … ${number(Math.max(...table.deviations))} ${u}`], [t("correct.slope"), `${number(Math.max(...slopes, 0), 3)} ${u}/${unit(axis.unit)}`],
-    [t("correct.most"), largest(change)], [t("correct.before"), t(change.old_enabled ? "correct.was_on" : "correct.was_off")], [t("correct.made"), when(proposal.created_utc)]];
+  const rows = [
+    [t("correct.points"), `${table.deviations.length}`],
+    [
+      t("correct.range"),
+      [
+        `${number(table.minimum, 3)} … ${number(table.maximum, 3)} ${unit(axis.unit)}`,
+        `${t("correct.step")} ${number(table.step, 3)}`,
+      ].join(", "),
+    ],
+    [t("correct.size"), `${number(Math.min(...table.deviations))} … ${number(Math.max(...table.deviations))} ${u}`],
+    [t("correct.slope"), `${number(Math.max(...slopes, 0), 3)} ${u}/${unit(axis.unit)}`],
+    [t("correct.most"), largest(change)],
+    [t("correct.before"), t(change.old_enabled ? "correct.was_on" : "correct.was_off")],
+    [t("correct.made"), when(proposal.created_utc)],
+  ];
   const findings = [...change.findings, ...proposal.warnings];
-  return [h("h2", {}, t("correct.facts")), h("dl", { class: "facts" }, rows.map(([name, text]) => h("div", {}, h("dt", {}, name), h("dd", {}, text)))),
-    h("h2", {}, t("correct.findings")), findings.length ? h("ul", { class: "findings" }, findings.map((one) => h("li", {}, `▲ ${recorded(one.message ?? one)}`))) : h("p", {}, `✔ ${t("correct.clean")}`),
-    h("p", { class: "muted" }, t("correct.setup_apart"))];
+  return [
+    h("h2", {}, t("correct.facts")),
+    h(
+      "dl",
+      { class: "facts" },
+      rows.map(([name, text]) => h("div", {}, h("dt", {}, name), h("dd", {}, text))),
+    ),
+    h("h2", {}, t("correct.findings")),
+    findings.length
+      ? h(
+          "ul",
+          { class: "findings" },
+          findings.map((one) => h("li", {}, `▲ ${recorded(one.message ?? one)}`)),
+        )
+      : h("p", {}, `✔ ${t("correct.clean")}`),
+    h("p", { class: "muted" }, t("correct.setup_apart")),
+  ];
 }

@@ -1,3 +1,4 @@
+// @ts-check
 // Makes elements: h for HTML, s for SVG. Text is always set as text, never as markup.
 const SVG = "http://www.w3.org/2000/svg";
 
@@ -55,7 +56,8 @@ export function failed(box, text) {
 export function reworded(box, draw) {
   const typed = [...box.querySelectorAll("input")].map((one) => [one.name, one.value]);
   draw();
-  for (const one of box.querySelectorAll("input")) one.value = typed.find(([name]) => name === one.name)?.[1] ?? one.value;
+  for (const one of box.querySelectorAll("input"))
+    one.value = typed.find(([name]) => name === one.name)?.[1] ?? one.value;
 }
 
 export function write(node, text) {

@@ -1,3 +1,4 @@
+// @ts-check
 // Numbers, times and units as people read them.
 const UNITS = { um: "µm", degC: "°C", arcsec: "″", deg: "°" };
 
@@ -21,7 +22,8 @@ export function when(utc) {
   if (!utc) return "–";
   const at = new Date(utc);
   const two = (value) => String(value).padStart(2, "0");
-  return `${at.getFullYear()}-${two(at.getMonth() + 1)}-${two(at.getDate())} ${two(at.getHours())}:${two(at.getMinutes())}`;
+  const date = [at.getFullYear(), two(at.getMonth() + 1), two(at.getDate())].join("-");
+  return `${date} ${two(at.getHours())}:${two(at.getMinutes())}`;
 }
 
 export const day = (utc) => when(utc).slice(0, 10);

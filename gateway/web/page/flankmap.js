@@ -1,3 +1,4 @@
+// @ts-check
 // A whole gear unrolled: spaces along, face width up; blue is below, red above nominal, white at zero.
 import { number } from "./figures.js";
 
@@ -15,16 +16,29 @@ export function unrolled(canvas, { deviation_um: spaces, largest_um: largest, z_
   const [left, right, top, bottom] = [3 * em, width - 4.5 * em, em / 2, height - 1.8 * em];
   const scale = largest || 1;
   const [cell, row] = [(right - left) / (spaces.length * spaces[0].length), (bottom - top) / heights.length];
-  spaces.forEach((space, k) => space.forEach((profile, i) => profile.forEach((value, z) => {
-    pen.fillStyle = colour(value / scale);
-    pen.fillRect(left + (k * space.length + i) * cell, bottom - (z + 1) * row, cell + 0.6, row + 0.6);
-  })));
-  Object.assign(pen, { fillStyle: style.color, strokeStyle: style.color, font: `${em * 0.85}px ${style.fontFamily}`, textAlign: "center", textBaseline: "middle", lineWidth: ratio * 0.25 });
+  spaces.forEach((space, k) =>
+    space.forEach((profile, i) =>
+      profile.forEach((value, z) => {
+        pen.fillStyle = colour(value / scale);
+        pen.fillRect(left + (k * space.length + i) * cell, bottom - (z + 1) * row, cell + 0.6, row + 0.6);
+      }),
+    ),
+  );
+  Object.assign(pen, {
+    fillStyle: style.color,
+    strokeStyle: style.color,
+    font: `${em * 0.85}px ${style.fontFamily}`,
+    textAlign: "center",
+    textBaseline: "middle",
+    lineWidth: ratio * 0.25,
+  });
   const step = Math.ceil(spaces.length / Math.max(2, (right - left) / (4 * em)));
-  for (let k = 0; k < spaces.length; k += step) pen.fillText(String(k), left + (k + 0.5) * cell * spaces[0].length, bottom + em * 0.9);
+  for (let k = 0; k < spaces.length; k += step)
+    pen.fillText(String(k), left + (k + 0.5) * cell * spaces[0].length, bottom + em * 0.9);
   for (let k = 1; k < spaces.length; k += 1) pen.strokeRect(left + k * cell * spaces[0].length, top, 0, bottom - top);
   pen.textAlign = "right";
-  for (const z of [0, heights.length - 1]) pen.fillText(number(heights[z], 1), left - em * 0.4, bottom - (z + 0.5) * row);
+  for (const z of [0, heights.length - 1])
+    pen.fillText(number(heights[z], 1), left - em * 0.4, bottom - (z + 0.5) * row);
   scaleOf(pen, { left: right + em * 0.6, top, bottom, em, scale });
 }
 
@@ -35,7 +49,12 @@ function scaleOf(pen, { left, top, bottom, em, scale }) {
     pen.fillRect(left, top + y, em * 0.8, 1.5);
   }
   Object.assign(pen, { fillStyle: ink, textAlign: "left" });
-  for (const [value, y] of [[scale, top + em * 0.4], [0, (top + bottom) / 2], [-scale, bottom - em * 0.4]]) pen.fillText(number(value, 1), left + em, y);
+  for (const [value, y] of [
+    [scale, top + em * 0.4],
+    [0, (top + bottom) / 2],
+    [-scale, bottom - em * 0.4],
+  ])
+    pen.fillText(number(value, 1), left + em, y);
 }
 
 function colour(value) {

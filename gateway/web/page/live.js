@@ -1,3 +1,4 @@
+// @ts-check
 // The live stream into the state.
 import { get } from "./api.js";
 import { click, loss } from "./sounds.js";
@@ -16,7 +17,11 @@ let coming = Promise.resolve();
 export function listen() {
   deaf();
   source = new EventSource(`${base()}/stream`);
-  const hear = (kind, take) => source.addEventListener(kind, (event) => { alive(); take(JSON.parse(event.data), event); });
+  const hear = (kind, take) =>
+    source.addEventListener(kind, (event) => {
+      alive();
+      take(JSON.parse(event.data), event);
+    });
   if (!state.stale) heard = Date.now();
   watch = setInterval(doubt, 1000);
   source.onopen = () => {
@@ -36,17 +41,33 @@ export function listen() {
   hear("state", picture);
   hear("said", said);
   hear("reading", reading);
-  hear("ambient", (data) => { state.ambient = { ...data, at: Date.now() }; changed("ambient"); });
-  hear("waiting", (data) => { state.waiting = { ...data, since: state.waiting?.since ?? Date.now(), at: Date.now() }; changed("waiting"); });
+  hear("ambient", (data) => {
+    state.ambient = { ...data, at: Date.now() };
+    changed("ambient");
+  });
+  hear("waiting", (data) => {
+    state.waiting = { ...data, since: state.waiting?.since ?? Date.now(), at: Date.now() };
+    changed("waiting");
+  });
   hear("taken", taken);
   hear("ended", again);
   // More windows of this person listen than may: this one is the oldest and does not ask again by itself.
-  hear("replaced", () => { deaf(); state.offline = state.replaced = true; changed("frame"); });
+  hear("replaced", () => {
+    deaf();
+    state.offline = state.replaced = true;
+    changed("frame");
+  });
   // What was lost stands in the picture that follows, but for the readings of the plot.
-  hear("lost", (data) => { state.lost += data.frames; readings(); again(); });
+  hear("lost", (data) => {
+    state.lost += data.frames;
+    readings();
+    again();
+  });
 }
 
-const again = () => { coming = refresh().catch(() => {}); };
+const again = () => {
+  coming = refresh().catch(() => {});
+};
 
 function alive() {
   heard = Date.now();
@@ -63,7 +84,11 @@ function doubt() {
   const first = !state.stale;
   state.stale = Math.round(silent / 1000);
   changed("frame");
-  if (first && source.readyState !== EventSource.CLOSED) get("/api/v1/me").then(() => state.stale && listen(), () => {});
+  if (first && source.readyState !== EventSource.CLOSED)
+    get("/api/v1/me").then(
+      () => state.stale && listen(),
+      () => {},
+    );
 }
 
 export function deaf() {
@@ -89,7 +114,11 @@ function picture(data) {
 
 // Air of a picture: the moment it was read is by the service's clock, and so is the picture's.
 export function airOf(found) {
-  if (!state.ambient.at || found.utc !== state.ambient.utc) state.ambient = { ...found, at: Date.now() - Math.max(0, Date.parse(state.status.now_utc) - Date.parse(found.utc)) };
+  if (!state.ambient.at || found.utc !== state.ambient.utc)
+    state.ambient = {
+      ...found,
+      at: Date.now() - Math.max(0, Date.parse(state.status.now_utc) - Date.parse(found.utc)),
+    };
 }
 
 function begin() {
@@ -100,7 +129,13 @@ function begin() {
 }
 
 function readings() {
-  get(`${base()}/taken`).then((found) => { state.taken = found; changed("taken"); }, () => {});
+  get(`${base()}/taken`).then(
+    (found) => {
+      state.taken = found;
+      changed("taken");
+    },
+    () => {},
+  );
 }
 
 function said(data) {
@@ -115,7 +150,11 @@ function said(data) {
   if (data.event === "PushPhaseChanged") state.steps = [...state.steps, [data.fields.axis, data.fields.step]];
   if (data.event === "BeamLost") loss();
   // What is true of a table has changed, long before the command ends.
-  if (data.event === "TableStateChanged" && state.status?.run) state.status.run.tables = [...(state.status.run.tables ?? []).filter(([name]) => name !== data.fields.axis), [data.fields.axis, data.fields.state]];
+  if (data.event === "TableStateChanged" && state.status?.run)
+    state.status.run.tables = [
+      ...(state.status.run.tables ?? []).filter(([name]) => name !== data.fields.axis),
+      [data.fields.axis, data.fields.state],
+    ];
   if (["TableStateChanged", "PushEnded"].includes(data.event)) again();
   changed("frame", "said");
 }
@@ -153,8 +192,16 @@ async function arm() {
   const able = runs.filter((one) => !one.problem && one.stages.includes("proposal")).slice(0, 5);
   const given = await Promise.all(able.map((one) => get(`${base()}/runs/${encodeURIComponent(one.run_id)}/approvals`)));
   const valid = given.map((every) => every.filter((one) => Date.parse(one.expires_utc) > Date.now()));
-  const found = able.map((one, at) => [one.run_id, valid[at]]).filter(([, every]) => every.length).map(([run, every]) =>
-    [run, { by: [...new Set(every.map((one) => one.by))], until: Math.min(...every.map((one) => Date.parse(one.expires_utc))) }]);
+  const found = able
+    .map((one, at) => [one.run_id, valid[at]])
+    .filter(([, every]) => every.length)
+    .map(([run, every]) => [
+      run,
+      {
+        by: [...new Set(every.map((one) => one.by))],
+        until: Math.min(...every.map((one) => Date.parse(one.expires_utc))),
+      },
+    ]);
   state.approved = Object.fromEntries(found);
   state.armed = found[0]?.[1] ?? null;
 }

@@ -1,3 +1,4 @@
+// @ts-check
 // Begins: language, who is signed in, then the frame with its screens.
 import { get, setKey, whenGone } from "./api.js";
 import { h, show } from "./dom.js";
@@ -39,7 +40,11 @@ export async function enter() {
 async function load() {
   const at = `/api/v1/sites/${encodeURIComponent(state.site)}`;
   localStorage.setItem("site", state.site);
-  [state.status, state.plan, state.file] = await Promise.all([get(`${at}/status`), get(`${at}/plan`), get(`${at}/site-file`)]);
+  [state.status, state.plan, state.file] = await Promise.all([
+    get(`${at}/status`),
+    get(`${at}/plan`),
+    get(`${at}/site-file`),
+  ]);
   state.ask = state.status.run?.ask ?? null;
   state.moves = state.status.run?.moves ?? [];
   state.steps = state.status.run?.steps ?? [];
@@ -51,4 +56,6 @@ async function load() {
 
 look();
 whenMore(() => changed("frame", "status", "jobs", "said", "waiting", "taken"));
-speak(language()).then(enter).catch((error) => show(root, h("p", { class: "fault", role: "alert" }, String(error.what ?? error))));
+speak(language())
+  .then(enter)
+  .catch((error) => show(root, h("p", { class: "fault", role: "alert" }, String(error.what ?? error))));

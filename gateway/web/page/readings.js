@@ -1,3 +1,4 @@
+// @ts-check
 // The readings of the plot: which belong together, and what each deviates by.
 import { state } from "./state.js";
 

@@ -1,3 +1,4 @@
+// @ts-check
 // Before and after of each axis with what was proved, the report, exports, runs compared.
 import { post } from "./api.js";
 import { shown } from "./dialogs.js";
@@ -26,32 +27,130 @@ async function drawAll(head, body) {
   if (!runs.length) return same(body) || show(body, h("p", { class: "empty" }, t("evaluate.none")));
   const run = chosen(asked, runs, runs.find((one) => one.stages.includes("verdict")) ?? runs[0]);
   asked.run = run.run_id;
-  const axes = [...new Set(run.stages.filter((one) => one.startsWith("evaluation-")).map((one) => one.slice(11).replace(/-[^-]+$/, "")))];
+  const axes = [
+    ...new Set(
+      run.stages.filter((one) => one.startsWith("evaluation-")).map((one) => one.slice(11).replace(/-[^-]+$/, "")),
+    ),
+  ];
   if (!axes.includes(asked.axis)) [asked.axis] = axes;
   const inspected = run.stages.includes("inspected-before");
   const tooth = asked.tooth && inspected;
   const busy = state.status.run?.run_id === run.run_id;
-  if (same(body, runs.map((one) => [one.run_id, one.state, one.stages.length, one.report]), asked, busy)) return null;
+  if (
+    same(
+      body,
+      runs.map((one) => [one.run_id, one.state, one.stages.length, one.report]),
+      asked,
+      busy,
+    )
+  )
+    return null;
   const put = turn(body);
   const again = () => drawAll(head, body);
   const link = (name, text) => linkTo(run.run_id, name, text);
-  show(head, h("label", { class: "inline" }, t("evaluate.run"), h("select", { id: "pick-run", onchange: (event) => { asked.run = event.target.value; again(); } }, runs.map((one) => h("option", { value: one.run_id, selected: one === run }, `${when(one.created_utc)} · ${stateOf(one)}`)))),
-    h("div", { class: "tabs", role: "group", "aria-label": t("evaluate.axis") }, axes.map((one) => h("button", { "aria-pressed": String(!tooth && one === asked.axis), onclick: () => { Object.assign(asked, { axis: one, tooth: false }); again(); } }, one)),
-      inspected && h("button", { id: "tooth", "aria-pressed": String(tooth), onclick: () => { asked.tooth = true; again(); } }, t("tooth.tooth"))),
-    h("span", { class: "gap" }), h("button", { id: "trends", onclick: trends }, t("trends.open")), h("button", { id: "make-report", disabled: busy || !may("operator"), onclick: () => made(run.run_id) }, t("report.make")), run.report && [link("report", t("report.open")), link("files/report.json", "JSON"), link("files/results.csv", "CSV")]);
-  if (tooth) return put(...await verifiedTooth(run));
+  show(
+    head,
+    h(
+      "label",
+      { class: "inline" },
+      t("evaluate.run"),
+      h(
+        "select",
+        {
+          id: "pick-run",
+          onchange: (event) => {
+            asked.run = event.target.value;
+            again();
+          },
+        },
+        runs.map((one) =>
+          h("option", { value: one.run_id, selected: one === run }, `${when(one.created_utc)} · ${stateOf(one)}`),
+        ),
+      ),
+    ),
+    h(
+      "div",
+      { class: "tabs", role: "group", "aria-label": t("evaluate.axis") },
+      axes.map((one) =>
+        h(
+          "button",
+          {
+            "aria-pressed": String(!tooth && one === asked.axis),
+            onclick: () => {
+              Object.assign(asked, { axis: one, tooth: false });
+              again();
+            },
+          },
+          one,
+        ),
+      ),
+      inspected &&
+        h(
+          "button",
+          {
+            id: "tooth",
+            "aria-pressed": String(tooth),
+            onclick: () => {
+              asked.tooth = true;
+              again();
+            },
+          },
+          t("tooth.tooth"),
+        ),
+    ),
+    h("span", { class: "gap" }),
+    h("button", { id: "trends", onclick: trends }, t("trends.open")),
+    h(
+      "button",
+      { id: "make-report", disabled: busy || !may("operator"), onclick: () => made(run.run_id) },
+      t("report.make"),
+    ),
+    run.report && [
+      link("report", t("report.open")),
+      link("files/report.json", "JSON"),
+      link("files/results.csv", "CSV"),
+    ],
+  );
+  if (tooth) return put(...(await verifiedTooth(run)));
   const [before, after] = [await kept(run, "before"), await kept(run, "after")];
   const verdict = run.stages.includes("verdict") ? await record(run.run_id, "verdict") : null;
   const own = verdict?.axes.find((one) => one.axis === asked.axis);
-  put(h("div", { class: "panel plots" }, verdict && band(verdict, own), compared(before, after)), h("div", { class: "panel", tabindex: 0, role: "region", "aria-label": t("frame.report") }, figures(before, after), own && [h("h2", {}, t("report.reasons")), h("ul", { class: "lines verdict-words" }, [own.words].flat().map((one) => h("li", {}, prose([one].flat()))))], h("h2", {}, t("report.other")), await other(run, runs, before)));
+  put(
+    h("div", { class: "panel plots" }, verdict && band(verdict, own), compared(before, after)),
+    h(
+      "div",
+      { class: "panel", tabindex: 0, role: "region", "aria-label": t("frame.report") },
+      figures(before, after),
+      own && [
+        h("h2", {}, t("report.reasons")),
+        h(
+          "ul",
+          { class: "lines verdict-words" },
+          [own.words].flat().map((one) => h("li", {}, prose([one].flat()))),
+        ),
+      ],
+      h("h2", {}, t("report.other")),
+      await other(run, runs, before),
+    ),
+  );
 }
 
 async function kept(run, phase) {
   const stage = `evaluation-${asked.axis}-${phase}`;
-  return run.stages.includes(stage) ? { evaluation: await record(run.run_id, stage), capture: await record(run.run_id, stage.replace("evaluation", "capture")) } : null;
+  return run.stages.includes(stage)
+    ? {
+        evaluation: await record(run.run_id, stage),
+        capture: await record(run.run_id, stage.replace("evaluation", "capture")),
+      }
+    : null;
 }
 
-const linkTo = (run, name, text) => h("a", { class: "key", href: `${base()}/runs/${encodeURIComponent(run)}/${name}`, target: "_blank", rel: "noopener" }, text);
+const linkTo = (run, name, text) =>
+  h(
+    "a",
+    { class: "key", href: `${base()}/runs/${encodeURIComponent(run)}/${name}`, target: "_blank", rel: "noopener" },
+    text,
+  );
 
 async function made(run) {
   try {
@@ -71,27 +170,87 @@ const wordOf = (own) => (own.worse ? "worse" : own.improved ? "better" : "unchan
 
 function band(verdict, own) {
   const word = own ? wordOf(own) : verdict.outcome;
-  return h("p", { class: `outcome ${word}`, id: "outcome" }, `${LOOK[word]} ${own ? `${own.axis}: ` : ""}${t(`outcome.${word.replace("-", "_")}`)}`);
+  return h(
+    "p",
+    { class: `outcome ${word}`, id: "outcome" },
+    `${LOOK[word]} ${own ? `${own.axis}: ` : ""}${t(`outcome.${word.replace("-", "_")}`)}`,
+  );
 }
 
 function compared(before, after) {
   if (!after) return before ? curve(before.evaluation, before.capture) : h("p", { class: "empty" }, t("evaluate.none"));
-  return overlay([["old", t("phase.before"), before.evaluation], ["new", t("phase.after"), after.evaluation]], before.capture);
+  return overlay(
+    [
+      ["old", t("phase.before"), before.evaluation],
+      ["new", t("phase.after"), after.evaluation],
+    ],
+    before.capture,
+  );
 }
 
 function overlay(sets, capture) {
-  const curves = sets.flatMap(([look, name, one]) => [[array(one.mean_up), "up"], [array(one.mean_down), "down"]].map(([y, way]) =>
-    ({ name: `${name} ${way === "up" ? "▷" : "◁"}`, look, dashed: way === "down", fit: look === "new", follows: true, x: array(one.targets), y })));
-  return chart({ title: `${capture.component} · ${capture.axis}`, xName: t("chart.target"), xUnit: unit(capture.axis_unit), yName: t("chart.deviation"), yUnit: unit(sets[0][2].unit), fits: true, curves });
+  const curves = sets.flatMap(([look, name, one]) =>
+    [
+      [array(one.mean_up), "up"],
+      [array(one.mean_down), "down"],
+    ].map(([y, way]) => ({
+      name: `${name} ${way === "up" ? "▷" : "◁"}`,
+      look,
+      dashed: way === "down",
+      fit: look === "new",
+      follows: true,
+      x: array(one.targets),
+      y,
+    })),
+  );
+  return chart({
+    title: `${capture.component} · ${capture.axis}`,
+    xName: t("chart.target"),
+    xUnit: unit(capture.axis_unit),
+    yName: t("chart.deviation"),
+    yUnit: unit(sets[0][2].unit),
+    fits: true,
+    curves,
+  });
 }
 
 function figures(before, after) {
   if (!before) return null;
   const u = unit(before.evaluation.unit);
   const names = ["E", "R", "B", "A", "M"];
-  const cell = (set, name, phase) => h("td", { class: "num", "data-figure": `${name} ${phase}` }, set ? number(set.evaluation[name]) : "–");
-  return [h("h2", {}, `${before.evaluation.standard} [${u}]`), h("table", {}, h("thead", {}, h("tr", {}, ["", t("phase.before"), "U", t("phase.after"), "U"].map((one) => h("th", { class: "num" }, one)))),
-    h("tbody", {}, names.map((name) => h("tr", {}, h("th", { scope: "row" }, name), cell(before, name, "before"), h("td", { class: "num muted" }, number(before.evaluation.U[name])), cell(after, name, "after"), h("td", { class: "num muted" }, after ? number(after.evaluation.U[name]) : "–")))))];
+  const cell = (set, name, phase) =>
+    h("td", { class: "num", "data-figure": `${name} ${phase}` }, set ? number(set.evaluation[name]) : "–");
+  return [
+    h("h2", {}, `${before.evaluation.standard} [${u}]`),
+    h(
+      "table",
+      {},
+      h(
+        "thead",
+        {},
+        h(
+          "tr",
+          {},
+          ["", t("phase.before"), "U", t("phase.after"), "U"].map((one) => h("th", { class: "num" }, one)),
+        ),
+      ),
+      h(
+        "tbody",
+        {},
+        names.map((name) =>
+          h(
+            "tr",
+            {},
+            h("th", { scope: "row" }, name),
+            cell(before, name, "before"),
+            h("td", { class: "num muted" }, number(before.evaluation.U[name])),
+            cell(after, name, "after"),
+            h("td", { class: "num muted" }, after ? number(after.evaluation.U[name]) : "–"),
+          ),
+        ),
+      ),
+    ),
+  ];
 }
 
 // The same axis of another run over this one.
@@ -102,7 +261,35 @@ async function other(run, runs, before) {
   const pick = async (event) => {
     if (!event.target.value) return show(place);
     const stage = `evaluation-${asked.axis}-before`;
-    show(place, overlay([["old", when(run.created_utc), before.evaluation], ["new", when(rest.find((one) => one.run_id === event.target.value).created_utc), await record(event.target.value, stage)]], before.capture));
+    show(
+      place,
+      overlay(
+        [
+          ["old", when(run.created_utc), before.evaluation],
+          [
+            "new",
+            when(rest.find((one) => one.run_id === event.target.value).created_utc),
+            await record(event.target.value, stage),
+          ],
+        ],
+        before.capture,
+      ),
+    );
   };
-  return h("div", {}, h("label", { class: "inline" }, t("report.with"), h("select", { id: "pick-other", onchange: pick }, h("option", { value: "" }, "–"), rest.map((one) => h("option", { value: one.run_id }, `${when(one.created_utc)} · ${stateOf(one)}`)))), place);
+  return h(
+    "div",
+    {},
+    h(
+      "label",
+      { class: "inline" },
+      t("report.with"),
+      h(
+        "select",
+        { id: "pick-other", onchange: pick },
+        h("option", { value: "" }, "–"),
+        rest.map((one) => h("option", { value: one.run_id }, `${when(one.created_utc)} · ${stateOf(one)}`)),
+      ),
+    ),
+    place,
+  );
 }

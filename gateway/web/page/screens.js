@@ -1,3 +1,4 @@
+// @ts-check
 // The screens in the order of a day.
 import { capture } from "./capture.js";
 import { connect } from "./connect.js";

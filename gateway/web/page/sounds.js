@@ -1,10 +1,17 @@
+// @ts-check
 // A short tick for a reading, two tones for a lost beam; silent until a person has touched the page.
 let context = null;
 
 export const quiet = () => localStorage.getItem("sound") === "off";
 export const hush = (off) => localStorage.setItem("sound", off ? "off" : "on");
 
-document.addEventListener("pointerdown", () => { context ??= new AudioContext(); }, { once: true });
+document.addEventListener(
+  "pointerdown",
+  () => {
+    context ??= new AudioContext();
+  },
+  { once: true },
+);
 
 function tone(hertz, begin, seconds, loudness) {
   if (!context || quiet()) return;

@@ -1,8 +1,33 @@
+// @ts-check
 // What the page knows now; whoever draws is told once for each change, at most once a frame.
 export const state = {
-  me: null, site: "", sites: [], status: null, plan: null, file: null, tables: null, jobs: [], screen: "capture",
-  ask: null, moves: [], said: [], steps: [], readings: {}, ambient: {}, waiting: null, taken: [], lost: 0, offline: false, stale: 0, pictured: 0, replaced: false, armed: null,
-  approved: {}, beam: "", limits: {}, at: performance.now(),
+  me: null,
+  site: "",
+  sites: [],
+  status: null,
+  plan: null,
+  file: null,
+  tables: null,
+  jobs: [],
+  screen: "capture",
+  ask: null,
+  moves: [],
+  said: [],
+  steps: [],
+  readings: {},
+  ambient: {},
+  waiting: null,
+  taken: [],
+  lost: 0,
+  offline: false,
+  stale: 0,
+  pictured: 0,
+  replaced: false,
+  armed: null,
+  approved: {},
+  beam: "",
+  limits: {},
+  at: performance.now(),
 };
 const listeners = new Map();
 let due = new Set();
@@ -24,7 +49,11 @@ function tell() {
   const draws = new Set([...topics].flatMap((topic) => [...(listeners.get(topic) ?? [])]));
   // One that fails leaves the others their turn, and is a fault of the page that its console tells.
   for (const draw of draws) {
-    try { draw(); } catch (error) { reportError(error); }
+    try {
+      draw();
+    } catch (error) {
+      reportError(error);
+    }
   }
 }
 

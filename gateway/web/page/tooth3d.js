@@ -1,5 +1,9 @@
+// @ts-check
 // The gear in three dimensions: it turns under the finger, its deviation exaggerated; a picked point tells its figures.
-import * as THREE from "../vendor/three.module.min.js";
+import * as library from "../vendor/three.module.min.js";
+
+// The library's own types are another package.
+const THREE = /** @type {any} */ (library);
 
 const BELOW = new THREE.Color(0x2166ac);
 const ABOVE = new THREE.Color(0xb2182b);
@@ -13,9 +17,9 @@ function colourOf(value, scale) {
 
 /**
  * The flank's surface of every space: a ring of profiles over the face width, moved along its normal by the deviation.
- * @param {{points_mm: number[][], normals: number[][], z_mm: number[]}} form one space's profile (x, y) with its normals
+ * @param {{points_mm: number[][], normals: number[][], z_mm: number[]}} form a space's profile (x, y) with its normals
  * @param {number[][][]} deviation um by space, profile point, height
- * @param {number} times how many times larger than true
+ * @param {{scale: number, times: number}} how the largest deviation (um), and how many times larger than true
  */
 function surface(form, deviation, { scale, times }) {
   const [spaces, points, heights] = [deviation.length, form.points_mm.length, form.z_mm.length];
@@ -107,7 +111,10 @@ export function view(canvas, { form, pick }) {
   const at = (x, y) => {
     const frame = canvas.getBoundingClientRect();
     const ray = new THREE.Raycaster();
-    ray.setFromCamera(new THREE.Vector2((2 * (x - frame.left)) / frame.width - 1, 1 - (2 * (y - frame.top)) / frame.height), camera);
+    ray.setFromCamera(
+      new THREE.Vector2((2 * (x - frame.left)) / frame.width - 1, 1 - (2 * (y - frame.top)) / frame.height),
+      camera,
+    );
     const [hit] = mesh ? ray.intersectObject(mesh) : [];
     if (hit) pick(...of[hit.face.a]);
   };
@@ -143,10 +150,14 @@ function moved(canvas, { rotate, zoom, at }) {
     if (went < 6) at(event.clientX, event.clientY);
   });
   canvas.addEventListener("pointercancel", (event) => held.delete(event.pointerId));
-  canvas.addEventListener("wheel", (event) => {
-    event.preventDefault();
-    zoom(event.deltaY < 0 ? 0.9 : 1.1);
-  }, { passive: false });
+  canvas.addEventListener(
+    "wheel",
+    (event) => {
+      event.preventDefault();
+      zoom(event.deltaY < 0 ? 0.9 : 1.1);
+    },
+    { passive: false },
+  );
   canvas.addEventListener("keydown", (event) => {
     const keys = { ArrowLeft: [-0.1, 0], ArrowRight: [0.1, 0], ArrowUp: [0, -0.1], ArrowDown: [0, 0.1] };
     if (event.key in keys) rotate(...keys[event.key]);

@@ -1,3 +1,4 @@
+// @ts-check
 // Every sentence in the person's language, from the one catalogue of the product.
 import { unit } from "./figures.js";
 
@@ -9,31 +10,45 @@ export function language() {
   return kept in LANGUAGES ? kept : "en";
 }
 
-const kept = (kind, code) => fetch(new URL(`../${kind}/${code}.json`, import.meta.url)).then((answer) => {
-  if (!answer.ok) throw { code: "OFFLINE", what: "OFFLINE", do: "", fields: {} };
-  return answer.json();
-}, () => { throw { code: "OFFLINE", what: "OFFLINE", do: "", fields: {} }; });
+const kept = (kind, code) =>
+  fetch(new URL(`../${kind}/${code}.json`, import.meta.url)).then(
+    (answer) => {
+      if (!answer.ok) throw { code: "OFFLINE", what: "OFFLINE", do: "", fields: {} };
+      return answer.json();
+    },
+    () => {
+      throw { code: "OFFLINE", what: "OFFLINE", do: "", fields: {} };
+    },
+  );
 
 // The page's own words first: the catalogue, ten times as much, is there soon after; `whenMore` hears of it.
 let whenMore_ = () => {};
-export const whenMore = (act) => { whenMore_ = act; };
+export const whenMore = (act) => {
+  whenMore_ = act;
+};
 
 export async function speak(code) {
   const codes = kept("codes", code);
-  texts = { ...await kept("words", code), codes: {} };
+  texts = { ...(await kept("words", code)), codes: {} };
   localStorage.setItem("language", code);
   Object.assign(document.documentElement, { lang: code });
   document.documentElement.dataset.words = "";
-  codes.then((found) => {
-    if (document.documentElement.lang !== code) return;
-    texts = { ...texts, codes: found };
-    document.documentElement.dataset.words = "all";
-    whenMore_();
-  }, () => {});
+  codes.then(
+    (found) => {
+      if (document.documentElement.lang !== code) return;
+      texts = { ...texts, codes: found };
+      document.documentElement.dataset.words = "all";
+      whenMore_();
+    },
+    () => {},
+  );
 }
 
 // "um" is also a German word: there it is a unit only behind a number or in front of a sign.
-const UNIT = { de: /(?<=[\d)>] ?|\bin )um(?![\w\-="`])|(?<![\w\-./="`])degC(?![\w\-="`])|(?<=[\d)}] ?)(?:arcsec|deg)(?!\w)/g, usual: /(?<![\w\-./="`])(?:um|degC)(?![\w\-="`])|(?<=[\d)}] ?)(?:arcsec|deg)(?!\w)/g };
+const UNIT = {
+  de: /(?<=[\d)>] ?|\bin )um(?![\w\-="`])|(?<![\w\-./="`])degC(?![\w\-="`])|(?<=[\d)}] ?)(?:arcsec|deg)(?!\w)/g,
+  usual: /(?<![\w\-./="`])(?:um|degC)(?![\w\-="`])|(?<=[\d)}] ?)(?:arcsec|deg)(?!\w)/g,
+};
 const shown = (text) => text.replace(UNIT[document.documentElement.lang] ?? UNIT.usual, unit);
 
 // A format of the catalogue: {name}, {name:.2f}, {name:+.1f}, {name:g}.
@@ -41,7 +56,12 @@ function filled(text, fields) {
   return text.replace(/\{(\w+)(?:![a-z])?(?::([^}]*))?\}/g, (_all, name, form) => {
     const given = fields?.[name] ?? texts.terms[name];
     // Words of a record, for which the page has its own.
-    const value = name === "outcome" && `ended.${given}` in texts.page ? t(`ended.${given}`) : name === "phase" && `phase.${given}` in texts.page ? t(`phase.${given}`) : given;
+    const value =
+      name === "outcome" && `ended.${given}` in texts.page
+        ? t(`ended.${given}`)
+        : name === "phase" && `phase.${given}` in texts.page
+          ? t(`phase.${given}`)
+          : given;
     if (value === undefined) return `<${name}>`;
     if (form?.includes("#")) return counted(value, form);
     if (form === "prose") return prose(Array.isArray(value) ? value : [value]);
@@ -61,7 +81,7 @@ function withSign(value, digits, signed) {
   return signed && value >= 0 ? `+${plain}` : plain;
 }
 
-// {count:# target|# targets}: the forms in the order of the language's plural categories, as drivers/message.py has them.
+// {count:# target|# targets}: forms in the order of the language's plural categories, as drivers/message.py has them.
 function counted(value, form) {
   const [number, of] = typeof value === "object" ? [value.value, value.unit] : [Number(value), ""];
   if (!Number.isFinite(number)) return String(value);
@@ -73,12 +93,15 @@ function counted(value, form) {
 function written(value) {
   if (Array.isArray(value)) {
     const sentences = value.length > 0 && value.every((one) => one?.code !== undefined);
-    return value.map((one) => (one !== null && typeof one === "object" ? written(one) : String(one))).join(tongue() === "zh" ? (sentences ? "；" : "、") : sentences ? "; " : ", ");
+    return value
+      .map((one) => (one !== null && typeof one === "object" ? written(one) : String(one)))
+      .join(tongue() === "zh" ? (sentences ? "；" : "、") : sentences ? "; " : ", ");
   }
   if (value.code !== undefined) return message(value);
   if (value.utc !== undefined) return value.utc;
   if (value.number !== undefined) return value.number;
-  const number = typeof value.value === "number" ? withSign(value.value, value.decimals ?? null, value.signed) : value.value.number;
+  const number =
+    typeof value.value === "number" ? withSign(value.value, value.decimals ?? null, value.signed) : value.value.number;
   return shown(`${decimal(number)} ${value.unit}`.trim());
 }
 
@@ -94,7 +117,8 @@ export function message({ code, fields, form }) {
 export const recorded = (one) => (one !== null && typeof one === "object" ? message(one) : String(one ?? ""));
 
 // Several sentences of a record, one after another.
-export const prose = (said) => (Array.isArray(said) ? said.map(message).join(tongue() === "zh" ? "" : " ") : recorded(said));
+export const prose = (said) =>
+  Array.isArray(said) ? said.map(message).join(tongue() === "zh" ? "" : " ") : recorded(said);
 
 export function t(key, fields) {
   const text = texts.page[key];
@@ -109,7 +133,8 @@ export function say(code, fields, part = 0, otherwise = "") {
 }
 
 // As a sentence begins; a key of a file, and an address, stay as they are written.
-export const capital = (text) => (/^\w+(?:\.\w|:\/\/)/.test(text) ? text : text.charAt(0).toUpperCase() + text.slice(1));
+export const capital = (text) =>
+  /^\w+(?:\.\w|:\/\/)/.test(text) ? text : text.charAt(0).toUpperCase() + text.slice(1);
 
 // What a run came to, in its state's word.
 export function stateOf(run) {
@@ -121,12 +146,21 @@ export const kindOf = (code) => texts.codes[code]?.[2] ?? "result";
 
 // An error record of the service: what happened, and what to do.
 export function told(error) {
-  return error ? toldApart(error).filter(Boolean).join(document.documentElement.lang === "zh" ? "" : " ") : "";
+  return error
+    ? toldApart(error)
+        .filter(Boolean)
+        .join(document.documentElement.lang === "zh" ? "" : " ")
+    : "";
 }
 
 export function toldApart(error) {
   // What happened on a wire says nothing without whose wire it is.
-  const whose = error.code.startsWith("E-LINK-") && error.where ? `${error.where}${document.documentElement.lang === "zh" ? "：" : ": "}` : "";
+  const whose =
+    error.code.startsWith("E-LINK-") && error.where
+      ? `${error.where}${document.documentElement.lang === "zh" ? "：" : ": "}`
+      : "";
   const parts = [whose + say(error.code, error.fields, 0, error.what), say(error.code, error.fields, 1, error.do)];
-  return parts.map((one) => one && `${capital(one).replace(/[.。]$/, "")}${document.documentElement.lang === "zh" ? "。" : "."}`);
+  return parts.map(
+    (one) => one && `${capital(one).replace(/[.。]$/, "")}${document.documentElement.lang === "zh" ? "。" : "."}`,
+  );
 }
