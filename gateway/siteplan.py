@@ -211,6 +211,10 @@ class AssumedSection(Section):
     angular_arcsec: Number = Field(default=5.0, gt=0, description="half-width of rotations, arcsec")
 
 
+PLACE = (
+    'where the control holds {} for the builder\'s cycle, which adds it up: an R parameter ("R210") or the node of one '
+    "number of the user; empty: a person types it ({})"
+)
 ENTRY = "where a person enters {} for the builder's own programs; empty: {}"
 
 
@@ -282,6 +286,16 @@ class WorkSection(Section):
     dressing_entry: str = Field(
         default="", description=ENTRY.format("the dressing offset", "the offset of the dresser in the dressing program")
     )
+    x_place: str = Field(default="", max_length=120, description=PLACE.format("the x zero", "x_entry"))
+    dressing_place: str = Field(
+        default="", max_length=120, description=PLACE.format("the dressing offset", "dressing_entry")
+    )
+    swivel_place: str = Field(
+        default="", max_length=120, description=PLACE.format("the swivel of the wheel", "swivel_entry")
+    )
+    swivel_entry: str = Field(default="", description=ENTRY.format("the swivel", "the swivel axis of the wheel"))
+    place_length_unit: Literal["mm", "um"] = Field(default="mm", description="unit of the lengths held in such places")
+    place_angle_unit: Literal["deg", "arcsec"] = Field(default="deg", description="unit of the angles held there")
     part_h: Number = Field(default=0.25, gt=0, description="hours per part, including its inspection")
 
 

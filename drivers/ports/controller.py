@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Literal, Protocol, runtime_checkable
 
 from drivers.ports.devices import Device, Tell
@@ -205,4 +205,23 @@ class ReadsTogether(Protocol):
 
     async def live_tables_of(self, questions: Sequence[TableQuestion], tell: Tell) -> tuple[LiveSet, ...]:
         """As `Controller.live_tables`, an answer for each question in order; at least one. Raises as it does."""
+        ...
+
+
+@runtime_checkable
+class HoldsValues(Protocol):
+    """A controller that holds numbers for the programs of its builder: R parameters, data of the user, offsets.
+
+    A place is named as the control's own people name it; the driver says which names it takes.
+    """
+
+    async def held_values(self, places: Sequence[str]) -> tuple[float, ...]:
+        """The numbers held there now, read afresh. Raises ConfigError (E-HELD-...) for a place that is none."""
+        ...
+
+    async def hold_values(self, values: Mapping[str, float]) -> None:
+        """Write them by one request, never retried; what the control made of it is read by the caller.
+
+        Raises ConfigError (E-HELD-...) and DeviceRefused (a program is active) with nothing written.
+        """
         ...

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import Literal
 
 from drivers.message import Message
+from drivers.types.identity import MachineIdentity
 from gateway.domain.values import FloatArray
 
 
@@ -52,8 +54,10 @@ class Separation:
     ``shares`` in the order wheel, dresser, set-up, axes, clamping, wear, rest; ``details`` split some of them
     further. ``diamond`` is an equal error along the whole profile (- : the wheel was too large, as a worn diamond
     leaves it); ``diamond_named`` whether the profile shows that it is one. ``setup`` are values to add for the next
-    part: x_um, dressing_um. ``wear`` is what grew from the first space ground to the last. ``correlations`` are pairs
-    of terms that cannot be told apart well, with their coefficient.
+    part: x_um, dressing_um, swivel_arcsec (+: the profile moves along + of the wheel's axis above the middle of the
+    face; a slant of the machine's own cannot be told from it, and its u is infinite where only one height was seen).
+    ``wear`` is what grew from the first space ground to the last. ``correlations`` are pairs of terms that cannot be
+    told apart well, with their coefficient.
     """
 
     parts: tuple[str, ...]
@@ -76,3 +80,60 @@ class Separation:
             if one.name == name:
                 return one
         raise KeyError(name)
+
+
+SetupName = Literal["x", "dressing", "swivel"]
+HeldUnit = Literal["mm", "um", "deg", "arcsec"]
+
+
+@dataclass(frozen=True, slots=True)
+class HeldValue:
+    """One set-up value of the builder's cycle: where the control holds it, and the number before and after.
+
+    ``added`` is what the set-up value grows by, um or arcsec; ``old`` and ``new`` are the control's numbers in
+    ``unit``. A place of "" is one where a person types.
+    """
+
+    name: SetupName
+    place: str
+    unit: HeldUnit
+    added: float
+    old: float = 0.0
+    new: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class SetupHandover:
+    """Set-up values handed over to the builder's cycle after a part: what was asked, and how it ended.
+
+    "rolled-back": a read-back says that the old numbers are there; "held": nobody knows, or not all are old or new.
+    "typed": a person typed them. ``step`` names the value whose sense this known step is to prove. ``undoes`` is the
+    transaction that this one took back, ``machine`` where the numbers are held (None: a person typed them).
+    """
+
+    part: str
+    values: tuple[HeldValue, ...]
+    outcome: Literal["committed", "rolled-back", "held", "refused", "typed"]
+    transaction: int = 0
+    step: str = ""
+    undoes: int = 0
+    utc: str = ""
+    reasons: tuple[Message, ...] = ()
+    machine: MachineIdentity | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class SetupProof:
+    """What a known step of a held number did to the next part: its sense, with the share ``gain`` that was seen and u.
+
+    It counts for this place, unit and machine alone.
+    """
+
+    machine: MachineIdentity
+    name: SetupName
+    place: str
+    unit: HeldUnit
+    sense: Literal[1, -1]
+    gain: float
+    u: float
+    date_utc: str

@@ -30,6 +30,7 @@ from gateway.interlocks.measurement import (
     gain_refusals,
     suspect_refusals,
 )
+from gateway.interlocks.setup import setup_refusals
 from gateway.interlocks.table import CROSS, CROSS_RELEASE, FITS, TABLE, largest_change, steepest
 
 __all__ = [
@@ -51,6 +52,7 @@ __all__ = [
     "proves",
     "refusals",
     "refuse",
+    "setup_refusals",
     "steepest",
     "suspect_refusals",
     "switching_refusals",

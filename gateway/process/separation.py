@@ -203,6 +203,7 @@ def _separation(
     wear = _together("wear", worn)
     rest = _together("rest", (_rms_of("", form.s**2, 2.0 * form.s**4 / form.freedom), unrepeated))
     effects = setup_effects(gear)
+    arcsec = rad_to_arcsec(um_to_mm(1.0) / (0.5 * gear.b))  # of a slope that makes 1 um at the ends of the face
     places = {"x_um": ("x zero", effects[0]), "dressing_um": ("dressing offset", effects[1])}
     whole = replace(causes, covariance=covariance)
     return Separation(
@@ -214,7 +215,10 @@ def _separation(
         form=_sampled(gear, form),
         diamond=EstimatedValue(diamond.value, d_u),
         diamond_named=named,
-        setup={key: whole.estimate(name, -1.0 / float(effect)) for key, (name, effect) in places.items()},
+        setup={
+            **{key: whole.estimate(name, -1.0 / float(effect)) for key, (name, effect) in places.items()},
+            "swivel_arcsec": whole.estimate("B z1", -arcsec / float(effects[1]), "arcsec"),
+        },
         clamping=_clampings(gear, whole, parts),
         wear={
             "depth_um": whole.estimate("depth"),

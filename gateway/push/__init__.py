@@ -1,8 +1,8 @@
 """Tables into the controller so that old or new is live at every instant; recovery; the sign proof.
 
 What is imported here is the package's interface; the modules below it are its own affair. On request: `transaction`
-(push), `rollback`, `recovery`, `sign_proof`. Steps on the controller: `preflight`, `load`, `effect`, `restore`,
-`disable`. On the disk: `journal`, `sent_programs`, and what they say: `history`, `table_status`, `recovery_findings`.
+(push), `rollback`, `recovery`, `sign_proof`, `setup_values`. Steps on the controller: `preflight`, `load`, `effect`,
+`restore`, `disable`. On the disk: `journal`, `sent_programs`, and what they say: `history`, `table_status`, `recovery_findings`.
 """
 
 from __future__ import annotations
@@ -59,6 +59,15 @@ from gateway.push.recovery import Choice, LiveReadings, inspect_unfinished, reco
 from gateway.push.recovery_findings import PushFinding, make_finding, with_rest
 from gateway.push.rollback import RollbackRequest, group_rollbacks, preflight_rollbacks, roll_back_pushes
 from gateway.push.sent_programs import SentProgramBook
+from gateway.push.setup_values import (
+    SetupContext,
+    hand_over_setup,
+    last_setup,
+    preflight_setup,
+    restore_setup,
+    setup_history,
+    unfinished_setup,
+)
 from gateway.push.sign_proof import prove_sign, prove_signs
 from gateway.push.sign_proof_tables import ROUNDS, TIMES, SignQuestion, Steps, trials_stay_off
 from gateway.push.state import Reading, ReadStop
@@ -86,6 +95,7 @@ __all__ = [
     "RollbackPreview",
     "RollbackRequest",
     "SentProgramBook",
+    "SetupContext",
     "SignQuestion",
     "Steps",
     "TableState",
@@ -96,12 +106,14 @@ __all__ = [
     "disable_table",
     "group_rollbacks",
     "group_transactions",
+    "hand_over_setup",
     "has_ended",
     "held_pushes",
     "hold_lock",
     "inspect_unfinished",
     "is_resumed",
     "journalled_machines",
+    "last_setup",
     "machine_folder",
     "make_effect_plan",
     "make_finding",
@@ -114,6 +126,7 @@ __all__ = [
     "positions_of",
     "preflight_disable",
     "preflight_rollbacks",
+    "preflight_setup",
     "proof_positions",
     "prove_sign",
     "prove_signs",
@@ -124,11 +137,13 @@ __all__ = [
     "read_live_of_axes",
     "read_live_tables",
     "recover_table",
+    "restore_setup",
     "roll_back_pushes",
     "rollback_previews",
     "run_preflight",
     "sense_conversion",
     "set_ended_aside",
+    "setup_history",
     "table_facts",
     "table_id",
     "table_in",
@@ -139,6 +154,7 @@ __all__ = [
     "transaction_groups",
     "transitions_in_markdown",
     "trials_stay_off",
+    "unfinished_setup",
     "unfinished_tables",
     "with_rest",
 ]

@@ -46,6 +46,8 @@ class PushEvent(StrEnum):
     ACTIVATED = "ACTIVATED"
     EFFECT = "EFFECT"
     MEASURED = "MEASURED"
+    PLACE = "PLACE"
+    PLACED = "PLACED"
     SWITCH_OFF = "SWITCH_OFF"
     OFF = "OFF"
     STILL_ON = "STILL_ON"
@@ -161,6 +163,8 @@ TRANSITIONS: tuple[Transition, ...] = (
     Transition(PushEvent.RESTARTED, _from(_P.LEFT_OFF)),
     Transition(PushEvent.EFFECT, _from(_P.ENABLED, _P.ACTIVE), _P.PROVED),
     Transition(PushEvent.MEASURED, _from(_P.ENABLED, _P.ACTIVE, _P.LEFT_OFF), _P.MEASURED),
+    Transition(PushEvent.PLACE, _from(_P.READ), _P.LOADING, Switch.UNKNOWN),  # set-up values: no switch, no program
+    Transition(PushEvent.PLACED, _from(_P.LOADING), _P.PROVED),
     Transition(PushEvent.ROLLING_BACK, BEGUN - {_P.PREPARED}, _P.ROLLING_BACK),
     Transition(PushEvent.TORN, _from(_P.ROLLING_BACK, _P.RECOVERING)),
     Transition(PushEvent.RECOVERING, BEGUN, _P.RECOVERING),
@@ -304,6 +308,8 @@ STEP_CODES: Mapping[str, str] = {
     "ACTIVATED": "W-STEP-ACTIVATED",
     "EFFECT": "W-STEP-EFFECT",
     "MEASURED": "W-STEP-MEASURED",
+    "PLACE": "W-STEP-PLACE",
+    "PLACED": "W-STEP-PLACED",
     "SWITCH_OFF": "W-STEP-SWITCH-OFF",
     "OFF": "W-STEP-OFF",
     "STILL_ON": "W-STEP-STILL-ON",

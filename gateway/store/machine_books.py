@@ -11,6 +11,7 @@ from drivers.programs import SelfTested
 from drivers.types.identity import MachineIdentity
 from drivers.types.orders import SignProof
 from drivers.types.values import Sense
+from gateway.domain.grinding_process import SetupProof
 from gateway.domain.identity import KnownFact
 from gateway.errors import CorruptRecord
 from gateway.store import records
@@ -228,3 +229,37 @@ def _read_setup(path: Path) -> SetupEntry:
     if path.stem.rpartition("-")[2] != records.sha256(data)[:16]:
         raise CorruptRecord("E-STORE-HASH", str(path), stage="set-up values")
     return records.decode(data, SetupEntry, str(path))
+
+
+# Senses of the numbers that the builder's cycle takes its set-up values from, proved by a known step.
+
+
+class SetupProofBook:
+    """The proofs kept below a store's root; older ones are never overwritten."""
+
+    def __init__(self, root: Path) -> None:
+        self._root = Path(root) / "setup-senses"
+
+    def save(self, proof: SetupProof) -> Path:
+        """Keep a proof for good; its file name carries its hash. Raises StoreError (E-STORE-DISK)."""
+        data = records.encode(proof)
+        folder = self._root / stem(proof.machine.serial)
+        make_folder(folder)
+        path = folder / f"{stem(proof.name)}-{records.sha256(data)[:16]}.json"
+        write_whole(path, data)
+        return path
+
+    def of(self, machine: MachineIdentity) -> tuple[SetupProof, ...]:
+        """The proofs of this very machine, the newest first. Raises CorruptRecord (E-STORE-HASH), FutureSchema."""
+        folder = self._root / stem(machine.serial)
+        with disk_errors(folder):
+            paths = sorted(folder.glob("*.json"))
+        found = [one for one in map(_read_setup_proof, paths) if not one.machine.differences(machine)]
+        return tuple(sorted(found, key=lambda one: one.date_utc, reverse=True))
+
+
+def _read_setup_proof(path: Path) -> SetupProof:
+    data = read_whole(path)
+    if path.stem.rpartition("-")[2] != records.sha256(data)[:16]:
+        raise CorruptRecord("E-STORE-HASH", str(path), stage="sense of a set-up value")
+    return records.decode(data, SetupProof, str(path))

@@ -21,7 +21,7 @@ from drivers.programs import Origin, ProgramText, SelfTest, SelfTested, reading_
 from drivers.sinumerik.ncprogram.measuring import MachineSetting
 from drivers.sinumerik.ncprogram.selftest import LOOPS
 from drivers.sinumerik.ncprogram.words import Word
-from drivers.sinumerik.opcua.grinding import PartGrinding
+from drivers.sinumerik.opcua.grinding import HeldNumbers, PartGrinding
 from drivers.sinumerik.opcua.machine import Configuration, MachineReader
 from drivers.sinumerik.opcua.measuring import Measuring, StopPlanMixin
 from drivers.sinumerik.opcua.program_dialogue import ProgramDialogue, Transfer
@@ -126,6 +126,9 @@ class SinumerikOpcUa(CleanupMixin, StopPlanMixin, KnownAs):
         self._measuring = Measuring(self._dialogue, self._transfer, clock=clock, where=name, together=together)
         self._self_testing = SelfTesting(self._dialogue, self._transfer, pushing=self._pushing, where=name)
         self._grinding = PartGrinding(*parts, settings=self._settings, clock=clock, where=name)
+        self._held = HeldNumbers(
+            self._session, self._reader, settings=self._settings, dialogue=self._dialogue, where=self.name
+        )
         self._leaving = ProgramWithdrawal(
             *parts, channel=self._settings.channel, clock=clock, where=name, reopen=self._open_again
         )
@@ -278,6 +281,14 @@ class SinumerikOpcUa(CleanupMixin, StopPlanMixin, KnownAs):
     async def wait_ground(self, after: int, timeout_s: float) -> int | None:
         """Spaces done so far, None when the program has ended. Raises as `PartGrinding.ground`."""
         return await self._grinding.ground(after, timeout_s)
+
+    async def held_values(self, places: Sequence[str]) -> tuple[float, ...]:
+        """As `drivers.ports.controller.HoldsValues.held_values`. Raises as `HeldNumbers.read`."""
+        return await self._held.read(places)
+
+    async def hold_values(self, values: Mapping[str, float]) -> None:
+        """As `drivers.ports.controller.HoldsValues.hold_values`. Raises as `HeldNumbers.write`."""
+        await self._held.write(values)
 
     # ---- pushing ------------------------------------------------------------------------------------
 

@@ -1,12 +1,16 @@
-"""A test part on the control, step by step: set-up values placed, program sent, spaces counted, its end told."""
+"""A test part on the control, step by step: set-up values placed, program sent, spaces counted, its end told.
+
+`HeldNumbers` reads and writes the numbers from which the builder's own cycle takes its set-up values.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import re
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from drivers.clock import Clock
-from drivers.errors import DeadlineExceeded, DeviceRefused
+from drivers.errors import ConfigError, DeadlineExceeded, DeviceRefused
 from drivers.programs import NOBODY
 from drivers.sinumerik.ncprogram import grinding as grinding_program
 from drivers.sinumerik.ncprogram.backup import BackupFile, ReservedPoints
@@ -16,6 +20,8 @@ from drivers.sinumerik.ncprogram.words import Phase, Word, program_path
 from drivers.sinumerik.opcua.machine import Configuration, MachineReader
 from drivers.sinumerik.opcua.program_dialogue import ProgramDialogue, StatusSnapshot, Transfer, file_error
 from drivers.sinumerik.opcua.pushing import fetch_live_tables
+from drivers.sinumerik.opcua.session import nodes
+from drivers.sinumerik.opcua.session.client import UaSession
 from drivers.sinumerik.opcua.settings import UaSettings
 from drivers.types.machine import ChannelStatus
 from drivers.types.tables import LiveSet
@@ -162,3 +168,46 @@ class PartGrinding:
             section="LIVE", number=self._token, axis=axis, encoder=found.encoder, memory=self._memory[axis]
         )
         return await fetch_live_tables(self._transfer, saving, configuration)
+
+
+_R = re.compile(r"R(\d{1,5})")
+
+
+class HeldNumbers:
+    """Numbers of the builder's cycle: R parameters ("R210"), or a node that is one number (GUD, offset)."""
+
+    def __init__(
+        self, session: UaSession, reader: MachineReader, settings: UaSettings, dialogue: ProgramDialogue, where: str
+    ) -> None:
+        self._session, self._reader, self._settings = session, reader, settings
+        self._dialogue, self._where = dialogue, where
+
+    def path(self, place: str) -> str:
+        """The node of a place. Raises ConfigError: E-HELD-PLACE (no such name), E-HELD-OURS (of our programs)."""
+        found = _R.fullmatch(place)
+        address = nodes.parse(nodes.r_parameter(int(found[1]), self._settings.channel) if found else place)
+        plain = address is not None and address.last is None and nodes.kind_of(address.path) == "Double"
+        if address is None or not plain or address.name.startswith("$"):  # machine and setting data are never written
+            raise ConfigError("E-HELD-PLACE", self._where, place=place)
+        if (address.area, address.name) == (nodes.CHANNEL_AREA, "R"):
+            number = address.first
+            if number is None or number > nodes.R_LAST:
+                raise ConfigError("E-HELD-PLACE", self._where, place=place)
+            if self._settings.words.holds(number) or number == self._settings.r_marker:
+                raise ConfigError("E-HELD-OURS", self._where, place=place)
+        return address.path
+
+    async def read(self, places: Sequence[str]) -> tuple[float, ...]:
+        """Read afresh. Raises as `path`, and what the session raises (absent, no right, no number)."""
+        return tuple(await self._reader.values([self.path(place) for place in places]))
+
+    async def write(self, values: Mapping[str, float]) -> None:
+        """One request while the channel is in reset. Raises as `path`, DeviceRefused (E-NC-NOT-RESET), the session's.
+
+        After DeadlineExceeded nobody knows what was written.
+        """
+        told = [(self.path(place), float(value)) for place, value in values.items()]
+        seen = await self._dialogue.look()
+        if seen.channel is not ChannelStatus.RESET:
+            raise DeviceRefused("E-NC-NOT-RESET", self._where, status=seen.channel.name)
+        await self._session.write(told, self._reader.timeout_s)

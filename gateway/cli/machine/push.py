@@ -90,8 +90,12 @@ def rollback_command(
     ] = "",
     apply: ApplyOption = False,
     machine: MachineOption = "",
+    setup_values: Annotated[
+        bool, typer.Option("--setup-values", help="The set-up values handed over last in place of tables.")
+    ] = False,
     store: StoreOption = Path("runs"),
     points: PointsOption = False,
+    risk: RiskOption = "",
     as_json: JsonOption = False,
 ) -> None:
     """Say what the last push replaced, table by table; with --apply put all of it back. Exit 9: a table stays on."""
@@ -100,6 +104,9 @@ def rollback_command(
     from gateway.workflow.control.rollback import roll_back_site
 
     site, path = _site_of(place, store)
+    if setup_values:
+        _roll_back_setup(site, path, machine, risk, apply=apply, as_json=as_json)
+        return
     with progress(quiet=as_json, at=(site, path)) as say:
         asked: dict[str, Any] = {"table": axis, "apply": apply, "machine_name": machine, "say": say}
         outcome = run_to_end(_with_clock(lambda clock: roll_back_site(site, path, clock=clock, **asked)), at=path)
@@ -178,6 +185,28 @@ def push_command(
     resume: Annotated[
         bool, typer.Option("--resume", help="With --offline: continue with the files that were brought back.")
     ] = False,
+    setup_values: Annotated[
+        str,
+        typer.Option(
+            metavar="PART",
+            help="Hand over what this part's set-up values lack to the builder's cycle, in place of tables.",
+            show_default=False,
+        ),
+    ] = "",
+    step: Annotated[
+        str,
+        typer.Option(
+            help="With --setup-values: a known step of x, dressing or swivel, to prove its sense.", show_default=False
+        ),
+    ] = "",
+    before: Annotated[
+        str,
+        typer.Option(
+            metavar="PART",
+            help="With --setup-values: judge the step that was handed over after this part.",
+            show_default=False,
+        ),
+    ] = "",
     store: StoreOption = Path("runs"),
     as_json: JsonOption = False,
 ) -> None:
@@ -185,6 +214,9 @@ def push_command(
     from gateway.approve import take_risk
     from gateway.workflow.run.push_context import push_by_files
 
+    if setup_values:
+        _hand_over(run_folder, store, setup_values, step, before, machine, risk, apply=apply, as_json=as_json)
+        return
     asked = PushRequest(tuple(axis or ()), apply, machine, points)
     with take_risk(risk), push_by_files(offline=offline, resume=resume):
         push_run_command(run_folder, store, asked, as_json=as_json)
@@ -273,6 +305,49 @@ def recover_site_command(
         show_next(after_recovery(findings, str(site), tree.site.name, apply=apply))
     if stands:
         raise typer.Exit(DeviceError.exit_code)
+
+
+# ---- set-up values of the builder's cycle
+
+
+def _hand_over(
+    run: str, store: Path, part: str, step: str, before: str, machine: str, risk: str, *, apply: bool, as_json: bool
+) -> None:
+    """What a part lacks, a known step, or the judgement of one."""
+    from gateway.approve import take_risk
+    from gateway.cli.machine.tooth import show_lines
+    from gateway.store import Store
+    from gateway.workflow.control.setup_values import hand_over_run, prove_step
+
+    if step and before:
+        raise typer.BadParameter("give either --step or --before", param_hint="--step, --before")
+    folder = open_run(Store(store), run, "part")
+    if before:
+
+        async def judge(clock: Any) -> Any:
+            return prove_step(folder, before=before, after=part, clock=clock)
+
+        show_lines(run_to_end(_with_clock(judge)), as_json=as_json)
+        return
+
+    async def main(say: Say) -> Any:
+        asked: dict[str, Any] = {"part": part, "apply": apply, "machine_name": machine, "step": step}
+        return await hand_over_run(folder, clock=LoopClock(), say=say, **asked)
+
+    with progress(quiet=as_json, folder=folder) as say, take_risk(risk):
+        outcome = run_to_end(main(say))
+    show_lines(outcome, as_json=as_json)
+
+
+def _roll_back_setup(site: Any, path: Path, machine: str, risk: str, *, apply: bool, as_json: bool) -> None:
+    from gateway.approve import take_risk
+    from gateway.cli.machine.tooth import show_lines
+    from gateway.workflow.control.setup_values import roll_back_setup_site
+
+    with progress(quiet=as_json, at=(site, path)) as say, take_risk(risk):
+        asked: dict[str, Any] = {"apply": apply, "machine_name": machine, "say": say}
+        outcome = run_to_end(_with_clock(lambda clock: roll_back_setup_site(site, path, clock=clock, **asked)), at=path)
+    show_lines(outcome, as_json=as_json)
 
 
 # ---- disable: one table off at any position of its axis

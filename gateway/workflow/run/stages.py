@@ -94,6 +94,11 @@ def separated(part: str) -> str:
     return f"separated-{part}"
 
 
+def handed(part: str) -> str:
+    """The set-up values handed over to the builder's cycle after this part."""
+    return f"handed-{part}"
+
+
 # Whether a double stood in for the machine or an instrument, by the words of a result file.
 
 DOUBLE = "simulated"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
@@ -11,7 +12,7 @@ from typing import Any
 from drivers.errors import ConfigError
 from drivers.message import Message, fixed
 from gateway.config import SiteFile
-from gateway.domain.grinding_process import Separation
+from gateway.domain.grinding_process import EstimatedValue, Separation, SetupHandover, SetupName
 from gateway.errors import IllegalTransition, ModelError, StoreError
 from gateway.gear.cycloid import CycloidGear
 from gateway.process.charts import BASE, PartFigures, ProcessAnswer, judge_process
@@ -60,12 +61,22 @@ def order_of(text: str, spaces: int) -> tuple[int, ...] | None:
         raise ConfigError("E-PROCESS-ORDER-TEXT", "--order", text=text, known=", ".join(ORDERS)) from None
 
 
+SETUP_KEYS: Mapping[SetupName, str] = {"x": "x_um", "dressing": "dressing_um", "swivel": "swivel_arcsec"}
+"""The set-up values of a separation by the names that they are handed over under."""
+
+
+def next_setup(found: Separation, name: SetupName) -> EstimatedValue:
+    """What a part asks to be added to a set-up value."""
+    return found.setup[SETUP_KEYS[name]]
+
+
 @dataclass(frozen=True, slots=True)
 class SeparationOutcome:
-    """Parts by cause, of which gear."""
+    """Parts by cause, of which gear; ``verified`` says what set-up values handed over before did."""
 
     gear: GearFile
     found: Separation
+    verified: tuple[Message, ...] = ()
 
     @property
     def rows(self) -> list[tuple[str, str, str]]:
@@ -78,13 +89,19 @@ class SeparationOutcome:
         """What goes with the table, for people."""
         found = self.found
         values = {
-            f"{key}_{what}": fixed(getattr(one, what)) for key, one in found.setup.items() for what in ("value", "u")
+            f"{key}_{what}": fixed(getattr(found.setup[key], what))
+            for key in ("x_um", "dressing_um")
+            for what in ("value", "u")
         }
         pairs = [
             Message.of("S-PROCESS-CORRELATED", first=a, second=b, r=fixed(r, 2, signed=True))
             for a, b, r in found.correlations
         ]
-        return (Message.of("W-PROCESS-SETUP", **values), *found.said, *pairs)
+        swivel = found.setup["swivel_arcsec"]
+        seen = math.isfinite(swivel.u)
+        told = {"swivel": fixed(swivel.value), "u": fixed(swivel.u)} if seen else {}
+        more = (Message.of("W-PROCESS-SWIVEL", **told),) if seen else ()
+        return (Message.of("W-PROCESS-SETUP", **values), *more, *self.verified, *found.said, *pairs)
 
     def as_data(self) -> dict[str, Any]:
         """For --json."""
@@ -182,9 +199,38 @@ def separate_part(site: SiteFile, site_path: Path, folder: RunFolder, found: Ins
     ground = folder.get(stage, GroundPart) if folder.has(stage) else None
     order = None if ground is None else tuple(range(gear.zc))
     part = ProcessPart.of(found, setup=None if ground is None else ground.setup, order=order, clamping_um=clamping_um)
-    outcome = SeparationOutcome(gear_file, separate(gear, [part]))
+    found_causes = separate(gear, [part])
+    outcome = SeparationOutcome(gear_file, found_causes, verify_handover(folder, found_causes))
     folder.put(stages.separated(found.part), outcome.found, (folder.digest(stages.inspected(found.part)),))
     return outcome
+
+
+def verify_handover(folder: RunFolder, found: Separation) -> tuple[Message, ...]:
+    """Whether the set-up values handed over last in this run did to this part what they should; nothing without any.
+
+    Each is compared with what was left to be added, within twice the uncertainty of the difference.
+    """
+    records = [folder.get(one, SetupHandover) for one in folder.stages if one.startswith(stages.handed(""))]
+    mine = [one for one in records if one.outcome in ("committed", "typed") and one.part not in found.parts]
+    last = max(mine, key=lambda one: one.utc, default=None)
+    if last is None or last.step or not folder.has(stages.separated(last.part)):
+        return ()
+    before = folder.get(stages.separated(last.part), Separation)
+    said = []
+    for one in last.values:
+        was, now = next_setup(before, one.name), next_setup(found, one.name)
+        u = math.hypot(was.u, now.u)
+        done = was.value - now.value
+        told = {
+            "name": one.name,
+            "asked": fixed(one.added, signed=True),
+            "done": fixed(done, signed=True),
+            "u": fixed(u),
+        }
+        told |= {"u": fixed(u), "part": last.part, "unit": "arcsec" if one.name == "swivel" else "um"}
+        good = abs(done - one.added) <= max(2.0 * u, 0.05)
+        said.append(Message.of("W-HAND-VERIFIED" if good else "W-HAND-NOT-VERIFIED", **told))
+    return tuple(said)
 
 
 def redress_files(
