@@ -2,7 +2,8 @@
 
 What is imported here is the package's interface; the modules below it are its own affair. On request: `transaction`
 (push), `rollback`, `recovery`, `sign_proof`, `setup_values`. Steps on the controller: `preflight`, `load`, `effect`,
-`restore`, `disable`. On the disk: `journal`, `sent_programs`, and what they say: `history`, `table_status`, `recovery_findings`.
+`restore`, `disable`. On the disk: `journal`, `sent_programs`, and what they say: `history`, `table_status`,
+`recovery_findings`.
 """
 
 from __future__ import annotations
