@@ -135,10 +135,15 @@ def _begun(at: Hall, browser: Browser, known: dict[str, Any]) -> None:
 
 
 def _patient(anna: Person, at: Hall, browser: Browser) -> Person:
-    """The service anew, with a minute for each answer: here the hall is simulated by the same computer."""
+    """The service anew, with a minute for each answer: here the hall is simulated by the same computer.
+
+    The shop has two people agree to every push.
+    """
     anna.page.context.close()
     at.kill()
     text, driver = at.path.read_text(encoding="utf-8"), 'driver = "'
+    assert text.count("[site]\n") == 1
+    text = text.replace("[site]\n", "[site]\napprovals = 2\n")
     at.path.write_text(text.replace(f"\n{driver}", f"\ntimeout_s = 60.0\n{driver}"), encoding="utf-8")
     at.serve()
     again = Person(opened(browser, at), at, anna.name)
