@@ -34,7 +34,7 @@ def written(path: Path) -> Path:
 
 
 def ours(path: Path, picture: Path) -> None:
-    """As `trueflank dynamic FILE.rtx --unit mm` does it."""
+    """As `trueflank measure dynamic FILE.rtx --unit mm` does it."""
     read = read_file(path, ReadOptions("mm"))
     if not isinstance(read.content, Recording):
         raise SystemExit("the benchmark's own file is no dynamic capture")

@@ -134,7 +134,7 @@ async def _tested(desk: SiteDesk, name: str) -> SeenLine:
         not missing,
         name,
         "this version of the control has not passed the self-test",
-        f"run `trueflank self-test {desk.site_path}`",
+        f"run `trueflank doctor self-test {desk.site_path}`",
     )
     return seen("tested" if needed else "test-not-needed")
 

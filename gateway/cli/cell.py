@@ -1,4 +1,4 @@
-"""Simulated cells as child processes: `simulate`, and `cell` (the operator's console).
+"""Simulated cells as child processes: `simulate`, and `simulate panel` (the operator's console).
 
 A cell ends when its standard input closes, so none outlives this process. Its first line of output, JSON, says that it
 is ready.
@@ -129,8 +129,11 @@ def run_cell(asked: CellRequest) -> None:
     """Run a cell until Ctrl-C."""
     with cell_process(asked) as child:
         echo(f"cell {asked.cell} runs at {asked.speed:g} x wall time; site file: {asked.site}")
-        echo(f"try: trueflank check {asked.site} --connect   or   trueflank run {asked.site}")
-        echo(f"a simulated operator works at it; do so yourself: trueflank cell {asked.site}, or type here (help)")
+        echo(f"try: trueflank doctor devices {asked.site}   or   trueflank run {asked.site}")
+        echo(
+            f"a simulated operator works at it; do so yourself: trueflank simulate panel {asked.site}, "
+            "or type here (help)"
+        )
         relay_console(child)
         try:
             child.wait()

@@ -2,11 +2,15 @@
 
 `order.toml` names each command with its function, its purpose and its examples. `CommandTable` is the dictionary of
 commands that click asks; it imports a module when a command is looked up, so `--help` of the whole program imports
-none. The second half refuses options that a mode of a command cannot use.
+none. An entry with `inner` is a group; with a `place` of its own as well (`GroupWithDefault`) it is a command whose
+first word may be one of its sub-commands: `trueflank doctor site.toml`, `trueflank doctor devices site.toml`. A name of
+a former version is refused with the line that is typed today. The second half refuses options that a mode of a command
+cannot use.
 """
 
 from __future__ import annotations
 
+import shlex
 import tomllib
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
@@ -21,7 +25,7 @@ from typer.core import TyperCommand, TyperGroup
 from typer.main import get_command_from_info
 from typer.models import CommandInfo
 
-from drivers.errors import UnsupportedDevice
+from drivers.errors import ConfigError, UnsupportedDevice
 from gateway.cli import output
 from gateway.cli.output import remember_site
 
@@ -31,10 +35,19 @@ CONTEXT_SETTINGS = {"max_content_width": 100}
 
 
 @cache
+def _order() -> Mapping[str, Any]:
+    return tomllib.loads(Path(__file__).with_name("order.toml").read_text(encoding="utf-8"))
+
+
 def command_groups() -> tuple[CommandEntry, ...]:
-    """Groups in the order of the work, each {"title", "commands": {name: {"place", "words", "examples"}}}."""
-    data = tomllib.loads(Path(__file__).with_name("order.toml").read_text(encoding="utf-8"))
-    return tuple(data["groups"])
+    """Groups in the order of the work, each {"title", "commands": {name: {"place", "words", "examples", "inner"}}}."""
+    return tuple(_order()["groups"])
+
+
+def renamed_commands() -> Mapping[str, str]:
+    """Words of former versions and the words of today; the first of several that fit counts."""
+    renamed: Mapping[str, str] = _order()["renamed"]
+    return renamed
 
 
 def command_entries() -> dict[str, CommandEntry]:
@@ -90,6 +103,32 @@ class CommandWithExamples(TyperCommand):
         write_examples(formatter, self.examples)
 
 
+class GroupWithDefault(CommandWithExamples):
+    """A command that has sub-commands: it is done itself where the first word is none of them."""
+
+    inner: CommandEntry
+    commands: Mapping[str, Any]
+
+    def make_context(self, info_name: str | None, args: list[str], parent: Any = None, **extra: Any) -> Any:
+        """The context of the sub-command that the first word names, else of the command itself.
+
+        Whoever calls this invokes the command of the context, so nothing else need know that a group is one.
+        """
+        if not args or args[0] not in self.commands:
+            return super().make_context(info_name, args, parent=parent, **extra)
+        # Stands for the group in the usage line: the group's own arguments are none of its sub-commands'.
+        outer = self.context_class(TyperCommand(info_name), info_name=info_name, parent=parent)
+        return self.commands[args[0]].make_context(args[0], args[1:], parent=outer, **extra)
+
+    def format_options(self, ctx: Any, formatter: Any) -> None:
+        """The sub-commands first, then the options of the command itself."""
+        with formatter.section("Commands"):
+            formatter.write_dl([(name, entry["words"]) for name, entry in self.inner.items()])
+            first = next(iter(self.inner))
+            formatter.write_text(f"Anything else is for {ctx.command_path} itself; a file of such a name: ./{first}")
+        super().format_options(ctx, formatter)
+
+
 class CommandList(TyperGroup):
     """A group whose help lists its commands without loading one; the first floor's in groups."""
 
@@ -103,6 +142,13 @@ class CommandList(TyperGroup):
             self.commands = CommandTable(command_entries())
         self.no_args_is_help = True
 
+    def resolve_command(self, ctx: Any, args: list[str]) -> tuple[str | None, Any, list[str]]:
+        """The command that the first word names. Raises ConfigError (E-CLI-RENAMED) with the line of today."""
+        if not ctx.resilient_parsing:
+            known = args[0] in self.commands
+            refuse_renamed(args if ctx.parent is None else [str(self.name), *args], known=known)
+        return super().resolve_command(ctx, args)
+
     def list_commands(self, _ctx: Any) -> list[str]:
         """Names in the order of the work."""
         return list(self.commands)
@@ -111,7 +157,7 @@ class CommandList(TyperGroup):
         """What each command is for."""
         for group in self.floor:
             with formatter.section(group["title"]):
-                formatter.write_dl([(name, entry["words"]) for name, entry in group["commands"].items()])
+                formatter.write_dl([(name, _purpose(entry)) for name, entry in group["commands"].items()])
 
     def format_options(self, ctx: Any, formatter: Any) -> None:
         """The commands first: they are what is looked for."""
@@ -125,6 +171,28 @@ class CommandList(TyperGroup):
         write_examples(formatter, self.examples)
 
 
+def _purpose(entry: CommandEntry) -> str:
+    """What a command is for; a group whose words are those of its default names its sub-commands, too."""
+    return (
+        f"{entry['words']} Also: {', '.join(entry['inner'])}."
+        if "inner" in entry and "place" in entry
+        else entry["words"]
+    )
+
+
+def refuse_renamed(words: list[str], *, known: bool) -> None:
+    """Raise ConfigError (E-CLI-RENAMED) where these words begin with a name of a former version.
+
+    ``known``: the first of them is a command today, so only an entry that names more of them counts.
+    """
+    for old, new in renamed_commands().items():
+        first, *others = old.split()
+        if words[0] == first and (others or not known) and set(others) <= set(words[1:]):
+            rest = [one for one in words[1:] if one not in others]
+            line = shlex.join(["trueflank", *new.split(), *rest])
+            raise ConfigError("E-CLI-RENAMED", "command line", old=old, new=new, line=line)
+
+
 def write_examples(formatter: Any, examples: tuple[str, ...]) -> None:
     """Examples below a help."""
     with formatter.section("Examples"):
@@ -134,7 +202,7 @@ def write_examples(formatter: Any, examples: tuple[str, ...]) -> None:
 
 def load_command(name: str, entry: CommandEntry) -> Any:
     """A command or a group of commands, made of its entry."""
-    if "inner" in entry:
+    if "inner" in entry and "place" not in entry:
         group = CommandList(
             name=name, commands=CommandTable(entry["inner"]), help=entry["words"], rich_markup_mode=None
         )
@@ -142,14 +210,19 @@ def load_command(name: str, entry: CommandEntry) -> Any:
         group.examples = tuple(entry["examples"])
         return group
     module, _, function = entry["place"].partition(":")
-    command = _make_command(name, getattr(import_module(module), function), entry["words"])
+    kind = GroupWithDefault if "inner" in entry else CommandWithExamples
+    command = _make_command(name, getattr(import_module(module), function), entry["words"], kind)
+    if "inner" in entry:
+        command.inner, command.commands = entry["inner"], CommandTable(entry["inner"])
     command.examples = tuple(entry["examples"])
     command.params = [*command.params, *_voice_options()]
     return command
 
 
-def _make_command(name: str, work: Callable[..., Any], words: str) -> Any:
-    info = CommandInfo(name=name, cls=CommandWithExamples, callback=work, help=words, context_settings=CONTEXT_SETTINGS)
+def _make_command(
+    name: str, work: Callable[..., Any], words: str, kind: type[TyperCommand] = CommandWithExamples
+) -> Any:
+    info = CommandInfo(name=name, cls=kind, callback=work, help=words, context_settings=CONTEXT_SETTINGS)
     return get_command_from_info(info, pretty_exceptions_short=True, rich_markup_mode=None)
 
 
@@ -179,9 +252,11 @@ def _voice_options() -> list[Any]:
 
 
 def command_names() -> Iterator[str]:
-    """Every command as it is typed, groups left out."""
+    """Every command as it is typed; a group where it does something itself."""
     for name, entry in command_entries().items():
-        yield from (f"{name} {inner}" for inner in entry["inner"]) if "inner" in entry else (name,)
+        if "place" in entry:
+            yield name
+        yield from (f"{name} {inner}" for inner in entry.get("inner", ()))
 
 
 # ---- options that a mode of a command cannot use
@@ -209,9 +284,9 @@ OPTIONS_BY_MODE: dict[str, tuple[str, ...]] = {
     "close --plan": ("site", "plan", "apply"),
     "measure --plan": ("site", "plan"),
     "simulate --list": ("listed",),
-    "schema --page": ("as_page",),
-    "schema --api": ("api",),
-    "schema --states": ("states",),
+    "docs schema --page": ("as_page",),
+    "docs schema --api": ("api",),
+    "docs schema --states": ("states",),
     "correct --run": ("site", "run"),
     "correct --run with a file of errors": ("site", "run", "error_u", "sense"),
     "guard --axis": ("site", "run", "axis", "limit"),
@@ -246,7 +321,7 @@ def require_only(mode: str) -> None:
         return
     words = [spelt for name, spelt in _typed_options(context) if name not in OPTIONS_BY_MODE[mode]]
     if words:
-        _, _, option = mode.partition(" ")
+        option = mode[mode.index("--") :]
         raise typer.BadParameter(f"{option} cannot use {', '.join(words)}: leave one of them out", param_hint=words[0])
 
 

@@ -17,7 +17,7 @@ NEVER_TESTED = frozenset({"W-DOC-UNTESTED", "W-OFF-UNSEEN"})
 NEXT_COMMANDS: Mapping[str, str] = {
     "proposed": "push {run}",  # the look comes first
     "free": "push {run} {options}",
-    "untested": "self-test {site}",
+    "untested": "doctor self-test {site}",
     "unapproved": "approve {run}",
     "unfinished": "recover {site}",
     "outdated": "run {site}",
@@ -25,19 +25,19 @@ NEXT_COMMANDS: Mapping[str, str] = {
     "left": "recover {site} --apply --machine {machine}",
     "choose": "recover {site} --finish --apply --machine {machine} (or --undo instead of --finish)",
     "unread": "recover {site}",
-    "recovered": "verify-table {site}",
+    "recovered": "tables verify {site}",
     "in-part": "rollback {site}",
-    "better": "verify-table {site}",
-    "unchanged": "verify-table {site}",
-    "committed": "verify-table {site}",
-    "pushed": "verify-table {site}",
-    "rolled-back": "verify-table {site}",
+    "better": "tables verify {site}",
+    "unchanged": "tables verify {site}",
+    "committed": "tables verify {site}",
+    "pushed": "tables verify {site}",
+    "rolled-back": "tables verify {site}",
     "worse": "rollback {site}",
     "worse-axis": "rollback {site} --axis {axis}",
     "measured": "correct {site} --run {run}",
     "partly-measured": "measure {site} --resume {run}",
-    "failed": "logs --run {id} --store {store}",
-    "stopped": "logs --run {id} --store {store}",
+    "failed": "runs logs --run {id} --store {store}",
+    "stopped": "runs logs --run {id} --store {store}",
     "to-measure": "measure {site} --plan",
     "to-connect": "day {folder} --site {site} --connect",
     "else": "runs show {id} --store {store}",
@@ -145,7 +145,7 @@ def after_doctor(lines: Collection[CheckLine], site: str) -> None:
     if "wrong" in outcomes:
         repeat_after_faults(f"doctor {site}")
     elif NEVER_TESTED.intersection(line.code for line in lines):
-        show_next(f"self-test {site}")
+        show_next(f"doctor self-test {site}")
     elif "unknown" in outcomes:
         echo(f"next: check what it could not tell, then trueflank run {site}")
     else:

@@ -58,7 +58,7 @@ def verbose_option(given: bool) -> bool:
 
 # ---- texts, errors and tables
 
-_SITE_WORD = re.compile(r"(?<=trueflank )([a-z][a-z-]*(?: [a-z]+)?) SITE\b")
+_SITE_WORD = re.compile(r"(?<=trueflank )([a-z][a-z-]*(?: [a-z][a-z-]*)?) SITE\b")
 """The site file in a command that a text recommends: the texts are one for all sites."""
 
 

@@ -1,4 +1,4 @@
-"""The commands `serve` and `teach`: sites served until they are stopped, and a service on a simulated cell."""
+"""The commands `serve` and `simulate teach`: sites served until they are stopped, and a service on a simulated cell."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The commands `service` (the systemd unit that starts `serve`) and `support-bundle` (one zip for remote support)."""
+"""The commands `service` (the systemd unit that starts `serve`) and `service bundle` (one zip for remote support)."""
 
 from __future__ import annotations
 
@@ -154,7 +154,7 @@ def _call_manager(words: tuple[str, ...], *, user: bool) -> int:
     return subprocess.run(call, check=False).returncode  # noqa: S603 - the words are ours
 
 
-# ---- support-bundle
+# ---- service bundle
 
 DOCTOR_S = 60.0
 

@@ -1,6 +1,6 @@
 """A control's recorded answers beside its double's: every difference is a line, a failing test and a row of a page.
 
-Called by the command `conform` and by the tests it writes. Asks through the site's driver alone; knows no simulator.
+Called by `doctor compare` and by the tests it writes. Asks through the site's driver alone; knows no simulator.
 """
 
 from __future__ import annotations

@@ -173,7 +173,7 @@ class RunIndex:
             self._drop(at, runs)
 
     def _turn(self, at: Connection) -> None:
-        """One program at a time writes a store's rows: the service that follows it, and `reindex` beside it."""
+        """One program at a time writes a store's rows: the service that follows it, and `runs reindex` beside it."""
         if at.dialect.name == "postgresql":
             at.execute(select(func.pg_advisory_xact_lock(func.hashtext(self.gateway))))
 

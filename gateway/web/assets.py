@@ -106,18 +106,17 @@ _KEYS = {
     "push": ("push.show", "frame.push"),
     "approve": ("push.approve", "frame.push"),
     "doctor": ("connect.examine", "frame.connect"),
-    "trust show": ("trust.look", "frame.connect"),
-    "trust accept": ("trust.accept", "frame.connect"),
-    "trust": ("trust.look", "frame.connect"),
-    "self-test": ("capture.self_test", "frame.capture"),
+    "doctor certificate --thumbprint": ("trust.accept", "frame.connect"),
+    "doctor certificate": ("trust.look", "frame.connect"),
+    "doctor self-test": ("capture.self_test", "frame.capture"),
     "run": ("capture.measure_axes", "frame.capture"),
     "measure": ("capture.measure_errors", "frame.capture"),
-    "verify-table": ("push.verify", "frame.push"),
+    "tables verify": ("push.verify", "frame.push"),
     "report": ("report.make", "frame.report"),
 }
 """Commands that texts of the catalogue name, and the key of the page that does the same, with its screen."""
 _COMMAND = re.compile(
-    r"`?\btrueflank (trust show|trust accept|[a-z][a-z-]*)"
+    r"`?\btrueflank (doctor certificate|doctor self-test|tables verify|[a-z][a-z-]*)"
     r"((?: (?:SITE\b|NAME\b|\{site\}|[^\s`]+\.toml\b|\.\.\.|--[a-z-]+|(?<=--axis )(?:[\w-]+|\{\w+\})))*)`?"
     r"(?: with the site file| mit der Anlagendatei)?"
 )
@@ -129,7 +128,14 @@ def _at_page(text: str, page: Mapping[str, str]) -> str:
 
     def key(found: re.Match[str]) -> str:
         name, more = found[1], found[2]
-        flag = next((one for one in ("--finish", "--undo", "--apply") if one in more and f"{name} {one}" in _KEYS), "")
+        flag = next(
+            (
+                one
+                for one in ("--finish", "--undo", "--apply", "--thumbprint")
+                if one in more and f"{name} {one}" in _KEYS
+            ),
+            "",
+        )
         at = _KEYS.get(f"{name} {flag}".strip())
         if at is None:
             return found[0]

@@ -80,7 +80,7 @@ def test_what_is_wrong_fails_with_the_next_step(tmp_path: Path) -> None:
     assert found["axis X1"].outcome == "failed"
     assert "not referenced" in found["axis X1"].said
     assert found["self-test X1"].outcome == "failed"
-    assert "trueflank self-test" in found["self-test X1"].said
+    assert "trueflank doctor self-test" in found["self-test X1"].said
 
 
 @pytest.mark.long

@@ -24,19 +24,25 @@ ROOT = Path(__file__).parents[2]
 DOCS = ROOT / "docs"
 README = ROOT / "README.md"
 BLOCK = re.compile(r"^```(\w*)\n(.*?)^```", re.DOTALL | re.MULTILINE)
-ALONE = ("check", "commands", "convert", "diff", "evaluate", "explain", "import", "lint", "program", "schema")
+ALONE = (
+    *("check", "check programs", "docs commands", "docs schema", "evaluate", "explain", "import"),
+    *("tables convert", "tables diff", "tables lint"),
+)
 """Commands that need neither a machine nor minutes of computing: run here, in the order of each page."""
-AT_A_CELL = ("accept", "check", "conform", "doctor", "recover", "self-test", "trust")
+AT_A_CELL = (
+    *("doctor", "doctor accept", "doctor certificate", "doctor compare", "doctor devices", "doctor self-test"),
+    "recover",
+)
 """Commands that look at a control: run at a simulated one, over its wires, in the long tests."""
 PARSED = {
-    "audit": "the tutorial is done whole by tests/release/test_handbook.py",
+    "audit verify": "the tutorial is done whole by tests/release/test_handbook.py",
     "close": "an hour of machine time: tests/closing",
     "correct": "a site with a gear: tests/unit/cli/test_errors_file.py",
     "day": "asks of every file: tests/unit/day does it with the files of a day",
     "demo": "minutes: tests/release starts it, tests/cell and tests/closing run what it runs",
     "guard": "a run of before: tests/cell/test_grinding.py",
     "init": "asks at a control: tests/unit/cli, tests/contract/test_init.py",
-    "match": "files of several inspected discs: tests/unit/cli/test_match.py",
+    "study match": "files of several inspected discs: tests/unit/cli/test_match.py",
     "measure": "a machine and its instruments: tests/closing/test_short.py",
     "push": "consent and a machine: tests/push, and the tutorial in tests/release",
     "report": "a run of before: tests/unit/report, and the tutorial in tests/release",
@@ -44,15 +50,15 @@ PARSED = {
     "serve": "ends when it is ended: tests/services, tests/browser",
     "simulate": "ends when it is ended: the tutorial in tests/release",
     "study": "minutes of computing: tests/unit/study",
-    "teach": "ends when it is ended: tests/unit/cli",
+    "simulate teach": "ends when it is ended: tests/unit/cli",
 }
 """What is parsed here and not run, and which test does it instead."""
 NEEDS = {
     "evaluate disc-section.dat": "a site with a gear: test_every_shipped_file_gives_the_figure_of_its_page",
     "evaluate disc.dat": "a site with a gear: tests/unit/cli/test_inspecting.py",
-    "convert latest": "a run with an error model: tests/unit/exchange",
-    "accept --allow move": "a person mounts instruments: tests/acceptance",
-    "accept --allow write": "as move",
+    "tables convert latest": "a run with an error model: tests/unit/exchange",
+    "doctor accept --allow move": "a person mounts instruments: tests/acceptance",
+    "doctor accept --allow write": "as move",
 }
 """Of commands that are run, the calls that are not."""
 VERDICTS = (13, 21)  # of `evaluate --limit`: beyond the limit, not decidable
@@ -74,11 +80,20 @@ def _calls() -> Iterator[tuple[str, list[str]]]:
 
 def _parsed(words: list[str]) -> None:
     """Parse as the command line would. Raises what it raises on an unknown command, option or value."""
-    command, name = typer.main.get_command(app), "trueflank"
-    while hasattr(command, "commands"):
-        name, words = words[0], words[1:]
-        command = command.commands[name]
-    command.make_context(name, list(words))
+    name, rest = _split(words)
+    command = typer.main.get_command(app)
+    for word in name.split():
+        command = command.commands[word]  # type: ignore[attr-defined]
+    command.make_context(name, rest)
+
+
+def _split(words: list[str]) -> tuple[str, list[str]]:
+    """The words that name a command, and what is given to it. Raises KeyError where the first names none."""
+    found, rest = typer.main.get_command(app).commands[words[0]], words[1:]  # type: ignore[attr-defined]
+    name = words[0]
+    while rest and rest[0] in getattr(found, "commands", {}):
+        name, found, rest = f"{name} {rest[0]}", found.commands[rest[0]], rest[1:]
+    return name, rest
 
 
 def test_every_command_of_a_block_is_taken_by_the_command_line() -> None:
@@ -170,23 +185,27 @@ def test_the_site_file_of_the_handbook_is_valid_and_short(folder: Path) -> None:
 
 
 def _left_out(words: list[str]) -> bool:
-    """Whether a call is one of `NEEDS`: its command, and the next words that tell it."""
-    return any(key.split()[0] == words[0] and set(key.split()[1:]) <= set(words) for key in NEEDS)
+    """Whether a call is one of `NEEDS`."""
+    return any(_is_need(key, words) for key in NEEDS)
+
+
+def _is_need(key: str, words: list[str]) -> bool:
+    """Whether a call is that of a key: its command, and the next words that tell it."""
+    (name, rest), (needed, told) = _split(words), _split(key.split())
+    return name == needed and set(told) <= set(rest)
 
 
 def _to_run(commands: tuple[str, ...]) -> list[tuple[str, list[str]]]:
-    """The calls of these commands; `check` looks at a control with --connect alone."""
-    found = [(where, words) for where, words in _calls() if words[0] in commands and not _left_out(words)]
-    looking = commands is AT_A_CELL
-    return [(where, words) for where, words in found if words[0] != "check" or ("--connect" in words) == looking]
+    """The calls of these commands."""
+    return [(where, words) for where, words in _calls() if _split(words)[0] in commands and not _left_out(words)]
 
 
 def test_every_command_of_a_block_is_run_or_its_reason_is_said() -> None:
-    used = {words[0] for _where, words in _calls()}
+    used = {_split(words)[0] for _where, words in _calls()}
     assert used <= {*ALONE, *AT_A_CELL, *PARSED}
     assert set(PARSED) - used == set()
     assert set(PARSED) & {*ALONE, *AT_A_CELL} == set()
-    assert all(any(_left_out(words) and words[0] == key.split()[0] for _w, words in _calls()) for key in NEEDS)
+    assert all(any(_is_need(key, words) for _where, words in _calls()) for key in NEEDS)
     named = re.findall(r"tests/[\w/.]+", " ".join((*PARSED.values(), *NEEDS.values())))
     assert [name for name in named if not (ROOT / name.rstrip(".")).exists()] == []
 
@@ -222,7 +241,7 @@ def test_every_shipped_file_gives_the_figure_of_its_page(folder: Path) -> None:
         assert ended.exit_code == 0, f"{words}: {ended.output}\n{ended.exception!r}"
         for name in shipped & set(words):
             printed[name] = printed.get(name, "") + ended.output
-            if words[0] == "convert":
+            if words[:2] == ["tables", "convert"]:
                 printed[name] += (folder / words[-1]).read_text(encoding="utf-8")
     assert set(printed) == shipped == {*FIGURES, *POINTS}
     assert [name for name, figure in (FIGURES | POINTS).items() if figure not in printed[name]] == []
@@ -232,8 +251,8 @@ def test_every_shipped_file_gives_the_figure_of_its_page(folder: Path) -> None:
 def test_every_command_that_needs_no_machine_runs(folder: Path) -> None:
     ran = 0
     for where, words in _to_run(ALONE):
-        if words[0] == "diff":
-            (folder / words[2]).write_bytes((folder / words[1]).read_bytes())
+        if words[:2] == ["tables", "diff"]:
+            (folder / words[3]).write_bytes((folder / words[2]).read_bytes())
         ended = CliRunner().invoke(app, words)
         assert ended.exit_code in (0, *VERDICTS), f"{where}: {words}: {ended.output}\n{ended.exception!r}"
         ran += 1
@@ -248,7 +267,7 @@ def test_every_command_that_looks_at_a_control_runs_at_a_simulated_one(
     assert cell.site.name == "site.toml"
     monkeypatch.chdir(cell.site.parent)
     done: set[str] = set()
-    for where, words in sorted(_to_run(AT_A_CELL), key=lambda call: call[1][0] != "self-test"):
+    for where, words in sorted(_to_run(AT_A_CELL), key=lambda call: "self-test" not in call[1]):
         if " ".join(words) not in done:
             ended = CliRunner().invoke(app, words)
             assert ended.exit_code == 0, f"{where}: {words}: {ended.output}\n{ended.exception!r}"
@@ -258,11 +277,13 @@ def test_every_command_that_looks_at_a_control_runs_at_a_simulated_one(
 
 def test_the_page_of_commands_is_current() -> None:
     wanted = command_page().rstrip() + "\n"
-    assert (DOCS / "commands.md").read_text(encoding="utf-8") == wanted, "run: trueflank commands > docs/commands.md"
+    assert (DOCS / "commands.md").read_text(encoding="utf-8") == wanted, (
+        "run: trueflank docs commands > docs/commands.md"
+    )
 
 
 def test_the_page_of_the_states_of_a_push_is_current() -> None:
-    wanted = "run: trueflank schema --states > docs/push-states.md"
+    wanted = "run: trueflank docs schema --states > docs/push-states.md"
     assert (DOCS / "push-states.md").read_text(encoding="utf-8") == transitions_in_markdown().rstrip() + "\n", wanted
 
 

@@ -204,8 +204,8 @@ LAYOUT = """() => {
   if (innerWidth > 900 && document.documentElement.scrollHeight > innerHeight + 1) found.push('the whole page scrolls');
   const um = document.documentElement.lang === 'de' && /[a-zäöü,;:] µm [a-zäöü0-9]/.exec(document.body.innerText);
   if (um) found.push(`a word taken for a unit: ${um[0]}`);
-  const commands = ['recover', 'disable', 'rollback', 'push', 'approve', 'doctor', 'trust', 'self-test', 'run',
-    'measure', 'verify-table', 'report'];
+  const commands = ['recover', 'disable', 'rollback', 'push', 'approve', 'doctor', 'tables verify', 'run',
+    'measure', 'report'];
   const ordered = new RegExp(`trueflank (${commands.join('|')})(?![a-z-])`).exec(document.body.innerText);
   if (ordered) found.push(`a command and no key of the page: ${ordered[0]}`);
   const top = document.querySelector('.top');

@@ -65,10 +65,13 @@ def test_a_proposal_is_shown_then_pushed(tmp_path: Path) -> None:
             }
 
     seen = run_virtual(job)
-    assert any("until `trueflank self-test` has passed" in str(line) for line in seen["made"].lines)
+    assert any("until `trueflank doctor self-test` has passed" in str(line) for line in seen["made"].lines)
     assert "PRODUCT OF TABLE 0" in seen["tested"].data["axes"]["C1"]["passed"]
     assert seen["untested"].data["refused_by"] == ["E-INT-NO-SELF-TEST"]
-    assert after_push_preview(seen["untested"].data["refused_by"], "R", "S", push_options("x", "M")) == "self-test S"
+    assert (
+        after_push_preview(seen["untested"].data["refused_by"], "R", "S", push_options("x", "M"))
+        == "doctor self-test S"
+    )
     assert (
         after_push_preview(seen["shown"].data["refused_by"], "R", "S", push_options("x", "M"))
         == "push R --apply --machine M"

@@ -54,11 +54,11 @@ def _until(cell: Any, process: subprocess.Popen[str], good: Callable[[dict[str, 
 def test_a_run_over_the_wires_makes_the_axis_better(trueflank_cell: Any) -> None:
     cell = trueflank_cell("demo", speed=300.0, seed=4)
     site = _short_site(cell)
-    code, out, _err = _ended("check", str(site), "--connect", "--json")
+    code, out, _err = _ended("doctor", "devices", str(site), "--json")
     assert code == 0
     assert {device["device"] for device in json.loads(out)["devices"]} >= {"controller", "laser", "calibrator"}
     before = cell.ask("figures", axis="C1")["live"]
-    code, out, _err = _ended("self-test", str(site), "--json")
+    code, out, _err = _ended("doctor", "self-test", str(site), "--json")
     assert (code, list(json.loads(out)["axes"])) == (0, ["C1"])
     code, out, err = _ended("run", str(site), "--apply", "--machine", MACHINE, "--json")
     assert code == 0, err

@@ -37,7 +37,7 @@ def true_flank(cell: WireCell, at: Places) -> np.ndarray:
 
 def closed(cell: WireCell, name: str) -> dict[str, Any]:
     """What `trueflank close --apply` says as JSON."""
-    tested = [sys.executable, "-m", "gateway.cli", "self-test", str(cell.site)]
+    tested = [sys.executable, "-m", "gateway.cli", "doctor", "self-test", str(cell.site)]
     subprocess.run(tested, capture_output=True, timeout=LONGEST_S, check=True)
     command = [sys.executable, "-m", "gateway.cli", "close", str(cell.site), "--apply", "--machine", name, "--json"]
     done = subprocess.run(command, capture_output=True, text=True, timeout=LONGEST_S, check=False)

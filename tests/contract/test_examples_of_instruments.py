@@ -59,9 +59,9 @@ def _python(code: list[str], *paths: Path, folder: Path) -> subprocess.Completed
 
 @pytest.fixture(scope="module")
 def package(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """What `trueflank new-instrument laser_gauge` writes."""
+    """What `trueflank init instrument laser_gauge` writes."""
     folder = tmp_path_factory.mktemp("new")
-    _python(["-m", "gateway.cli", "new-instrument", "laser_gauge"], folder=folder)
+    _python(["-m", "gateway.cli", "init", "instrument", "laser_gauge"], folder=folder)
     return folder / "trueflank-laser_gauge"
 
 

@@ -114,15 +114,15 @@ async def control(folder: Path, settings: str = "", marker: float = 0.0, **fault
 async def test_a_card_that_was_moved_is_asked_kept_and_told(tmp_path: Path) -> None:
     async with control(tmp_path, card_exchanged="CARD-2") as at:
         site = str(at.site)
-        refused = await at.typed("check", site, "--connect", answers="")
+        refused = await at.typed("doctor", "devices", site, answers="")
         assert isinstance(refused.exception, TrueflankError), refused.output
         assert refused.exception.code == "E-SUP-IDENTITY"
-        for told in ("serial", "CARD-1", "CARD-2", f"trust machine {site} --accept-identity serial="):
+        for told in ("serial", "CARD-1", "CARD-2", f"doctor identity {site} --accept-identity serial="):
             assert told in str(refused.exception)
         doctor = await at.json("doctor", site)
         (line,) = [one for one in doctor["lines"] if one["code"] == "E-DOC-IDENTITY"]
         assert line["fields"] == {"fact": "serial", "was": "CARD-1", "now": "CARD-2", "same": "version, axes"}
-        answered = await at.typed("check", site, "--connect", answers="y\ncard exchanged at service\n")
+        answered = await at.typed("doctor", "devices", site, answers="y\ncard exchanged at service\n")
         assert answered.exit_code == 0, answered.output
         tree, clock = load_site(at.site), LoopClock()
         supervisor = Supervisor(tree, clock, recognise=IdentityCheck(tree, at.site, tmp_path / "runs", clock))
@@ -143,7 +143,7 @@ async def test_a_card_that_was_moved_is_asked_kept_and_told(tmp_path: Path) -> N
         (kept,) = [one for one in read_entries(tmp_path / "runs") if one["action"] == "identity-accept"]
         assert (kept["serial"], kept["details"]["now"]) == ("CARD-1", "CARD-2")
         sheet = tmp_path / "sheet.html"
-        accepted = await at.typed("accept", site, "--sheet", str(sheet))
+        accepted = await at.typed("doctor", "accept", site, "--sheet", str(sheet))
         lines = accepted.output.splitlines()
         (connection,) = [line for line in lines if " connection:" in line]
         assert "security None" in connection, "this scene has no secure channel"
@@ -158,14 +158,14 @@ async def test_a_card_that_was_moved_is_asked_kept_and_told(tmp_path: Path) -> N
 async def test_card_and_axes_at_once_are_another_machine(tmp_path: Path) -> None:
     async with control(tmp_path, card_exchanged="CARD-2", axes_swapped=True) as at:
         site = str(at.site)
-        refused = await at.typed("check", site, "--connect", answers="y\nsurely\n")
+        refused = await at.typed("doctor", "devices", site, answers="y\nsurely\n")
         assert isinstance(refused.exception, TrueflankError)
         assert refused.exception.code == "E-SUP-MACHINE"
         assert "axes: X1 C1 -> C1 X1" in str(refused.exception)
-        given = await at.typed("trust", "machine", site, "--accept-identity", "serial=surely")
+        given = await at.typed("doctor", "identity", site, "--accept-identity", "serial=surely")
         assert isinstance(given.exception, TrueflankError)
         assert given.exception.code == "E-SUP-MACHINE"
-        shown = await at.json("trust", "machine", site)
+        shown = await at.json("doctor", "identity", site)
         assert (shown["ok"], shown["accepted"]) == (False, [])
         assert not (tmp_path / "runs" / "identity").exists()
         doctor = await at.json("doctor", site)
@@ -177,7 +177,7 @@ async def test_a_marker_is_noted_first_and_asked_when_it_is_another(tmp_path: Pa
     async with control(tmp_path, MARKED, marker=4711.0) as at:
         site = str(at.site)
         tree = load_site(at.site)
-        looked = await at.json("trust", "machine", site)
+        looked = await at.json("doctor", "identity", site)
         now = {"serial": "CARD-1", "version": "V4.8", "axes": "X1 C1", "type": "10000", "marker": "4711"}
         assert looked["now"] == now
         assert looked["known"] == {"serial": "CARD-1", "version": "V4.8", "axes": "X1 C1"}
@@ -186,16 +186,16 @@ async def test_a_marker_is_noted_first_and_asked_when_it_is_another(tmp_path: Pa
         assert known_of(tree, tmp_path / "runs").facts == now
         at.nck.set("R[900]", 4712.0, 0)
         for wrong in ("marker=", "marker", "colour=red"):
-            given = await at.typed("trust", "machine", site, "--accept-identity", wrong)
+            given = await at.typed("doctor", "identity", site, "--accept-identity", wrong)
             assert isinstance(given.exception, TrueflankError)
             assert given.exception.code == "E-IDENTITY-ACCEPT"
-        other = await at.typed("trust", "machine", site, "--accept-identity", "version=updated")
+        other = await at.typed("doctor", "identity", site, "--accept-identity", "version=updated")
         assert isinstance(other.exception, TrueflankError)
         assert other.exception.code == "E-IDENTITY-SAME"
-        asked = await at.typed("trust", "machine", site, "--no-ask")
+        asked = await at.typed("doctor", "identity", site, "--no-ask")
         assert asked.exit_code == 5
         assert "4711" in asked.output
-        done = await at.typed("trust", "machine", site, "--accept-identity", "marker=R parameters were set up anew")
+        done = await at.typed("doctor", "identity", site, "--accept-identity", "marker=R parameters were set up anew")
         assert done.exit_code == 0, done.output
         assert known_of(tree, tmp_path / "runs").facts == {**now, "marker": "4712"}
         assert at.server.requests.services["write"] == 0
@@ -205,7 +205,7 @@ async def test_a_marker_is_noted_first_and_asked_when_it_is_another(tmp_path: Pa
 async def test_the_marker_may_be_any_node_that_the_server_shows(tmp_path: Path) -> None:
     """As a GUD is: here another variable stands for it, whose value is the machine's own number."""
     async with control(tmp_path, 'marker_node = "/Nck/Configuration/nckType"') as at:
-        looked = await at.json("trust", "machine", str(at.site))
+        looked = await at.json("doctor", "identity", str(at.site))
         assert looked["now"]["marker"] == "10000"
         text = at.site.read_text()
         at.site.write_text(text.replace("marker_node", "r_marker = 900\nmarker_node"))

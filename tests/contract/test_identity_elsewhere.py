@@ -142,17 +142,17 @@ async def test_one_fact_is_asked_kept_and_told_and_two_are_refused(
     async with control(tmp_path) as at:
         site = str(at.site)
         fact, now = at.one()
-        asked = await at.refused("trust", "machine", site, answers="")
+        asked = await at.refused("doctor", "identity", site, answers="")
         assert asked.code == "E-SUP-IDENTITY"
         for told in (fact, at.facts[fact], now, f"--accept-identity {fact}="):
             assert told in str(asked)
         (line,) = await at.lines()
         assert (line["code"], line["fields"]["fact"], line["fields"]["now"]) == ("E-DOC-IDENTITY", fact, now)
-        no_reason = await at.refused("trust", "machine", site, answers="y\n\n")
+        no_reason = await at.refused("doctor", "identity", site, answers="y\n\n")
         assert no_reason.code == "E-SUP-IDENTITY"
         assert not (tmp_path / "runs" / "identity").exists()
 
-        done = await at.typed("trust", "machine", site, answers="y\nchanged at service\n")
+        done = await at.typed("doctor", "identity", site, answers="y\nchanged at service\n")
         assert done.exit_code == 0, done.output
         lines = await at.lines()
         assert (lines[-1]["code"], {one["outcome"] for one in lines}) == ("W-DOC-ACCEPTED", {"ok"})
@@ -163,9 +163,9 @@ async def test_one_fact_is_asked_kept_and_told_and_two_are_refused(
 
         at.two()
         if fact == "version":  # it was accepted as it is now: the other fact alone is another
-            assert (await at.refused("trust", "machine", site, answers="")).fields["fact"] == "serial"
+            assert (await at.refused("doctor", "identity", site, answers="")).fields["fact"] == "serial"
         else:
-            assert (await at.refused("trust", "machine", site, answers="")).fields["fact"] == "version"
+            assert (await at.refused("doctor", "identity", site, answers="")).fields["fact"] == "version"
 
 
 @pytest.mark.wall_time
@@ -175,10 +175,10 @@ async def test_two_facts_at_once_are_another_machine(tmp_path: Path, control: Ca
         site = str(at.site)
         fact, _now = at.one()
         at.two()
-        refused = await at.typed("trust", "machine", site, answers="y\nsurely\n")
+        refused = await at.typed("doctor", "identity", site, answers="y\nsurely\n")
         assert refused.exit_code == 5
         assert "that you have checked at the machine" in refused.output
-        given = await at.refused("trust", "machine", site, "--accept-identity", f"{fact}=surely")
+        given = await at.refused("doctor", "identity", site, "--accept-identity", f"{fact}=surely")
         assert given.code == "E-SUP-MACHINE"
         assert not (tmp_path / "runs" / "identity").exists()
         assert [one["code"] for one in await at.lines()] == ["E-DOC-MACHINE"]

@@ -86,7 +86,7 @@ async def test_a_first_file_without_a_certificate_is_told_its_thumbprint(keys: P
     lines = await lines_of(keys, server_certificate="")
     assert [line.code for line in lines if line.outcome != "ok"] == ["E-DOC-NO-CERTIFICATE", "W-DOC-NOT-REACHED"]
     (told,) = [line for line in lines if line.code == "E-DOC-NO-CERTIFICATE"]
-    assert "trueflank trust accept" in told.fix
+    assert "trueflank doctor certificate" in told.fix
     assert len(str(told.fields["sha256"]).replace(":", "")) == 64
 
 

@@ -181,7 +181,7 @@ async def test_the_commands(keys: Path, tmp_path: Path) -> None:
 
     def command(*words: str) -> tuple[int, str]:
         result = CliRunner().invoke(
-            app, [*words[:2], str(site), *words[2:]] if words[0] == "trust" else [words[0], str(site), *words[1:]]
+            app, [*words[:2], str(site), *words[2:]] if len(words) > 1 else [words[0], str(site)]
         )
         return (getattr(result.exception, "exit_code", result.exit_code), result.output)
 
@@ -193,14 +193,14 @@ async def test_the_commands(keys: Path, tmp_path: Path) -> None:
     secret = tmp_path / "password"
     secret.write_text("trueflank\n")
     site.write_text(SITE.format(url=server.url, serial=SPEC.serial, place=place, secret=secret))
-    code, said = await asyncio.to_thread(command, "trust", "show", "--json")
+    code, said = await asyncio.to_thread(command, "doctor", "certificate", "--json")
     shown = json.loads(said)
     assert (code, shown["equal"], shown["pinned"]) == (5, False, None)
     assert (await asyncio.to_thread(command, "doctor"))[0] == 5
-    code, _ = await asyncio.to_thread(command, "trust", "accept", "--thumbprint", shown["own"]["sha256"])
+    code, _ = await asyncio.to_thread(command, "doctor", "certificate", "--thumbprint", shown["own"]["sha256"])
     assert code == 5
     assert not (await asyncio.to_thread(place.exists))
-    code, said = await asyncio.to_thread(command, "trust", "accept", "--thumbprint", shown["shown"]["sha256"])
+    code, said = await asyncio.to_thread(command, "doctor", "certificate", "--thumbprint", shown["shown"]["sha256"])
     assert code == 0, said
     assert "accepted by" in said
     nck.files.write("/_N_SPF_DIR/_N_TFSELF_X1_SPF", TESTED)
@@ -309,7 +309,7 @@ async def test_a_pinned_certificate_that_does_not_hold_now_connects_to_nothing(
         for ask in (connection.query_offer, garbled):
             monkeypatch.setattr(connection, "query_offer", ask)
             error = await refused(SinumerikOpcUa("840D", on.server.url, given, on.clock).open(5.0), "E-UA-EXPIRED")
-            assert "trust accept" in error.hint
+            assert "doctor certificate" in error.hint
         assert dict(on.server.requests.services) == before
         assert on.server.sessions == 0
 

@@ -104,7 +104,7 @@ async def test_a_linear_and_a_rotary_axis_get_true_between_two_measurements(fold
         code, said = await command("run", site, "--apply", "--machine", "hobby-mill", heard=person.hears)
         assert code == 0, said
         assert person.restarts == 5  # twice for each sign, once for both tables
-        code, said = await command("verify-table", site)
+        code, said = await command("tables", "verify", site)
         assert code == 0, said
         after = await truth(host, places)
         judged(before, after, said)
@@ -127,7 +127,7 @@ async def test_both_axes_get_better_and_the_way_back_leads_back(folder: Path) ->
         code, said = await command("run", site, "--apply", "--machine", "hobby-mill", heard=person.hears)
         assert code == 0, said
         judged(before, await truth(host, places), said)
-        code, said = await command("verify-table", site)
+        code, said = await command("tables", "verify", site)
         assert code == 0, said
         back = ("rollback", site, "--axis", "X", "--apply", "--machine", "hobby-mill")
         code, said = await command(*back, heard=person.hears)

@@ -34,7 +34,7 @@ def at_a_site(tmp_path: Path, story: Callable[[Site], Awaitable[None]]) -> None:
 
 
 def is_printed(site: Site, waits: ToCarry, what: ProgramKind, proposal: Proposal | None = None) -> bool:
-    """Whether `program --like` prints the very bytes that are to be carried now."""
+    """Whether `check programs --like` prints the very bytes that are to be carried now."""
     lies = waits.folder / waits.program
     found = programs(site.tree, site.path, (what,), proposal, numbers=numbers_in(site.tree, lies))
     return lies.read_bytes() in [one.program.text.encode("ascii") for one in found]

@@ -75,7 +75,7 @@ def test_without_the_simulators_extra_every_command_that_needs_it_names_it(progr
         told = run(programs / "trueflank", *words, cwd=tmp_path, expect=2)
         assert "trueflank[sim]" in " ".join(told.split()), told
         assert "Traceback" not in told
-    for words in (["--help"], ["commands"], ["explain", "E-EXTRA-MISSING"], ["simulate", "--help"]):
+    for words in (["--help"], ["docs", "commands"], ["explain", "E-EXTRA-MISSING"], ["simulate", "--help"]):
         run(programs / "trueflank", *words, cwd=tmp_path)
     copy = tmp_path / "X.rtl"
     copy.write_bytes((ROOT / "tests" / "golden" / "files" / "basic.rtl").read_bytes())

@@ -22,12 +22,12 @@ LOOKS = (
     ("recover",),
     ("disable", "--axis", "C1"),
     ("rollback", "--axis", "C1"),
-    ("verify-table",),
-    ("trust", "show"),
-    ("check", "--connect"),
+    ("tables", "verify"),
+    ("doctor", "certificate"),
+    ("doctor", "devices"),
     ("push",),
 )
-WORKS = (("self-test",), ("run",), ("run", "--apply", "--machine", "another"))
+WORKS = (("doctor", "self-test"), ("run",), ("run", "--apply", "--machine", "another"))
 # What is another one each time: runs, moments, hashes, ports, process numbers.
 EACH = (
     (re.compile(r"\b\d{8}T\d{9}Z-[\w-]+"), "RUN"),
@@ -42,7 +42,7 @@ def typed(site: Path, words: Sequence[str]) -> list[str]:
     """The command as a person types it; of a push a run is named, not a site."""
     if words[0] == "push":
         return [*words, "latest", "--store", str(store_of(load_site(site), site).root)]
-    before = 2 if words[0] == "trust" else 1
+    before = 2 if len(words) > 1 and not words[1].startswith("-") else 1
     return [*words[:before], str(site), *words[before:]]
 
 
@@ -58,7 +58,7 @@ def said(site: Path, words: Sequence[str], *, measures: bool) -> tuple[int, list
     text = f"{done.stdout}\n--\n{done.stderr}"
     for pattern, name in EACH:
         text = pattern.sub(name, text)
-    if words == ("self-test",):  # its next step is the push that waits by then: none does in the first round
+    if words == ("doctor", "self-test"):  # its next step is the push that waits by then: none does in the first round
         text = re.sub(r"^next: .*$", "next:", text, flags=re.MULTILINE)
     return done.returncode, (NUMBER.sub("N", text) if measures else text).splitlines()
 

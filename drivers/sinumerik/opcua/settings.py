@@ -45,7 +45,7 @@ class UaSettings(DriverSettings):
         description="best: the better policy that the server offers; each but None signs and encrypts",
     )
     server_certificate: CertificatePathText = Field(
-        default="", description="file of the control's certificate, written by `trueflank trust accept`"
+        default="", description="file of the control's certificate, written by `trueflank doctor certificate`"
     )
     client_folder: FolderPathText = Field(
         default="", description="folder of the gateway's own certificate; left out: the folder of server_certificate"

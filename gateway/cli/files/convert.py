@@ -1,4 +1,4 @@
-"""The command `convert`: measured files, tables and errors into files that a control or another program reads."""
+"""`tables convert`: measured files, tables and errors into files that a control or another program reads."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""`convert` for other controls and programs: tables and errors in their formats, both ways."""
+"""`tables convert` for other controls and programs: tables and errors in their formats, both ways."""
 
 from __future__ import annotations
 

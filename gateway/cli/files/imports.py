@@ -1,4 +1,4 @@
-"""The commands `import`, `watch` and `export`: result files into the store, measured results out of it."""
+"""The commands `import`, `import watch` and `runs export`: result files into the store, measured results out of it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The commands of the grinding process: `separate` inspected parts by cause, `redress` the wheel from them."""
+"""The commands of the grinding process: `inspect separate` parts by cause, `inspect redress` the wheel from them."""
 
 from __future__ import annotations
 

@@ -17,7 +17,7 @@ from gateway.cli.output import echo, show_json
 
 PAGE_HEAD = """# Commands
 
-Every command of `trueflank` with its options. This page is made of the command line's own help by `trueflank commands`;
+Every command of `trueflank` with its options. `trueflank docs commands` makes this page of the command line's own help;
 a test compares the two. `--help` after a command shows the same in the terminal.
 """
 
@@ -41,10 +41,9 @@ def _all_commands(
     entries: Mapping[str, CommandEntry], before: tuple[str, ...]
 ) -> Iterator[tuple[tuple[str, ...], Any]]:
     for name, entry in entries.items():
-        if "inner" in entry:
-            yield from _all_commands(entry["inner"], (*before, name))
-        else:
+        if "place" in entry:
             yield (*before, name), load_command(name, entry)
+        yield from _all_commands(entry.get("inner", {}), (*before, name))
 
 
 def _section(words: tuple[str, ...], command: Any) -> str:
@@ -56,7 +55,8 @@ def _section(words: tuple[str, ...], command: Any) -> str:
     table = [f"| `{_plain(left)}` | {_cell(right)} |" for left, right in rows]
     text = _plain(inspect.cleandoc(command.help or ""))
     options = "\n".join(("| | |", "|---|---|", *table)) if table else ""
-    parts = [f"### {' '.join(words)}", f"`{name} {usage}`", text, options]
+    inner = ", ".join(f"`{' '.join((*words, one))}`" for one in getattr(command, "commands", ()))
+    parts = [f"### {' '.join(words)}", f"`{name} {usage}`", text, inner and f"Below it: {inner}.", options]
     if command.examples:
         parts.append("```\n" + "\n".join(command.examples) + "\n```")
     return "\n\n".join(part for part in parts if part) + "\n"
@@ -110,13 +110,13 @@ def schema_command(
 ) -> None:
     """Print the site file's JSON schema, the settings of every driver among it."""
     if api:
-        require_only("schema --api")
+        require_only("docs schema --api")
         from gateway.web.document import described
 
         show_json(described())
         return
     if states:
-        require_only("schema --states")
+        require_only("docs schema --states")
         from gateway.push import transitions_in_markdown
 
         echo(transitions_in_markdown().rstrip())
@@ -125,7 +125,7 @@ def schema_command(
     from gateway.config import schema as site_schema
 
     if as_page:
-        require_only("schema --page")
+        require_only("docs schema --page")
         echo(page().rstrip())
     else:
         show_json(site_schema())

@@ -1,4 +1,4 @@
-"""The commands on stored runs and the index: `runs`, `logs`, `replay`, `compare`, `tables` and `reindex`."""
+"""The commands on stored runs and the index: `runs` and `tables list`."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ def remove_run_command(
     store: StoreOption = Path("runs"),
     yes: Annotated[bool, typer.Option("--yes", help="Do not ask.")] = False,
 ) -> None:
-    """Remove a run's folder. What pushed a table stays: rollback, verify-table and the audit log rest on it."""
+    """Remove a run's folder. What pushed a table stays: rollback, `tables verify` and the audit log rest on it."""
     from drivers.clock import LoopClock
     from gateway.cli.signals import run_to_end
     from gateway.store import Store
@@ -306,4 +306,4 @@ def tables_command(
     if not found:
         echo("no table was pushed to " + (f"machine {serial}" if serial else "any machine"))
     else:
-        show_next(f"verify-table {site}")
+        show_next(f"tables verify {site}")

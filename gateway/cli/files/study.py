@@ -1,4 +1,4 @@
-"""The commands `study` and `match`: a gear on a machine, and discs paired for drives."""
+"""The commands `study` and `study match`: a gear on a machine, and discs paired for drives."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The commands `lint` and `diff` on compensation table files; no hardware is touched."""
+"""The commands `tables lint` and `tables diff` on compensation table files; no hardware is touched."""
 
 from __future__ import annotations
 

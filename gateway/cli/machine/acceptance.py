@@ -1,4 +1,4 @@
-"""The commands `accept` and `conform`: the acceptance sheet of a site, and a control compared with its simulator."""
+"""`doctor accept` and `doctor compare`: the acceptance sheet of a site, and a control compared with its simulator."""
 
 from __future__ import annotations
 

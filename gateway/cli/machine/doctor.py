@@ -1,4 +1,4 @@
-"""The commands `doctor`, `self-test` and `trust`: whether the control can be reached, trusted and programmed."""
+"""`doctor`, `doctor self-test`, `doctor certificate`: whether the control can be reached, trusted and programmed."""
 
 from __future__ import annotations
 
@@ -26,7 +26,10 @@ OUTCOME_WORDS = {"ok": "ok", "wrong": "WRONG", "unknown": "could not tell"}
 
 ThumbprintOption = Annotated[
     str,
-    typer.Option(help="Full SHA-256 or SHA-1 thumbprint, typed from the control's own display.", show_default=False),
+    typer.Option(
+        help="Pin the certificate of this full SHA-256 or SHA-1 thumbprint, typed from the control's own display.",
+        show_default=False,
+    ),
 ]
 
 
@@ -76,16 +79,6 @@ async def examine_control(tree: Any, site: Path, clock: Clock) -> tuple[CheckLin
     )
 
 
-def show_command(site: SiteArgument, as_json: JsonOption = False) -> None:
-    """What the server shows now, what is pinned, and whether they are equal; exit code 5 when they are not."""
-    from gateway.workflow.run.identity import shown_certificate
-
-    view = run_to_end(shown_certificate(_load_site(site), LoopClock()), at=site)
-    show_certificates(view, as_json=as_json)
-    if not view.equal:
-        raise typer.Exit(NOT_OK_EXIT)
-
-
 ReasonOption = Annotated[
     str,
     typer.Option(
@@ -95,17 +88,28 @@ ReasonOption = Annotated[
 ]
 
 
-def accept_command(
-    site: SiteArgument, thumbprint: ThumbprintOption, reason: ReasonOption = "", as_json: JsonOption = False
+def certificate_command(
+    site: SiteArgument, thumbprint: ThumbprintOption = "", reason: ReasonOption = "", as_json: JsonOption = False
 ) -> None:
-    """Pin the certificate that the server shows now, if its thumbprint is the one you read at the control."""
-    from gateway import audit
-    from gateway.workflow.run.identity import accept_certificate
+    """What the server shows now, what is pinned, and whether they are equal; with a thumbprint, pin what it shows.
 
-    work = accept_certificate(
-        _load_site(site), site, thumbprint, who=audit.acting_person(), clock=LoopClock(), reason=reason
-    )
-    show_certificates(run_to_end(work, at=site), as_json=as_json)
+    Exit code 5 where they are not equal.
+    """
+    from gateway import audit
+    from gateway.workflow.run.identity import accept_certificate, shown_certificate
+
+    tree = _load_site(site)
+    if thumbprint:
+        who = audit.acting_person()
+        work = accept_certificate(tree, site, thumbprint, who=who, clock=LoopClock(), reason=reason)
+    elif reason:
+        raise typer.BadParameter("--reason is for --thumbprint: give both", param_hint="--reason")
+    else:
+        work = shown_certificate(tree, LoopClock())
+    view = run_to_end(work, at=site)
+    show_certificates(view, as_json=as_json)
+    if not view.equal:
+        raise typer.Exit(NOT_OK_EXIT)
 
 
 def _load_site(site: Path) -> Any:

@@ -1,4 +1,4 @@
-"""The command `trust machine`, and the question that any command asks when one fact of the machine changed."""
+"""The command `doctor identity`, and the question that any command asks when one fact of the machine changed."""
 
 from __future__ import annotations
 

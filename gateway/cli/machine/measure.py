@@ -1,4 +1,4 @@
-"""The commands `measure`, `guard` and `dynamic`: all errors by set-ups, validity of a curve, fast recordings."""
+"""`measure`, `guard` and `measure dynamic`: all errors by set-ups, validity of a curve, fast recordings."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The commands `approve`, `push`, `rollback`, `recover`, `verify-table` and `disable`: tables in the control."""
+"""The commands `approve`, `push`, `rollback`, `recover`, `tables verify` and `disable`: tables in the control."""
 
 from __future__ import annotations
 

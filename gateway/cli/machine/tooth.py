@@ -224,7 +224,7 @@ def _show_grinding(tree: Any, site: Path, part: str, setup: Any, into: str, *, a
     echo(f"set-up values: x {setup.x_um:+.1f} um, C {setup.c_arcsec:+.1f} arcsec, dressing {setup.dressing_um:+.1f} um")
     echo(entry_instructions(tree.work, setup))
     if able:
-        echo("the NC program: trueflank program --what grind, or --json here")
+        echo("the NC program: trueflank check programs --what grind, or --json here")
     echo(f"{plan.spaces} spaces, about {plan.seconds / 60.0:.0f} min; nothing was sent (--machine NAME grinds)")
     if able:
         show_next(f"grind {site} --part {part}{into} --machine {tree.site.name}")

@@ -1,4 +1,4 @@
-"""The commands `check` and `program`: faults of a site file, its devices, and every NC program that it would send."""
+"""`check`, `check programs`, `doctor devices`: faults of a site file, its devices, and every NC program it sends."""
 
 from __future__ import annotations
 
@@ -42,27 +42,33 @@ class CheckedSite:
         return remarks(self.site) if self.site is not None and not self.faults else ()
 
 
-def check_command(
-    site: SiteArgument,
-    connect: Annotated[
-        bool, typer.Option("--connect", help="Also open every device and compare the control's own limits.")
-    ] = False,
-    as_json: JsonOption = False,
-) -> None:
-    """Say everything that is wrong in a site file; with --connect ask every device it names, and move nothing."""
+def check_command(site: SiteArgument, as_json: JsonOption = False) -> None:
+    """Say everything that is wrong in a site file; nothing is opened."""
+    _end_check(check_site(site), site, as_json=as_json)
+
+
+def devices_command(site: SiteArgument, as_json: JsonOption = False) -> None:
+    """Say everything that is wrong in a site file, then ask every device it names, and move nothing."""
     from gateway.config import with_positions
 
     found = check_site(site)
-    rows: Sequence[tuple[str, ...]] = ()
-    if connect and not found.faults:
-        # A control that files are carried to answers another day: the command ends and says what to carry. It is the
-        # program that a self-test carries first, so the one goes on with the other's files.
-        with exchange_files_for(PieceOfWork("self-test ", "go-on", ends=True)):
-            rows, limits = run_to_end(ask_devices(found.site, site), at=site)
-        found = replace(found, faults=sort_faults(with_positions(limits, found.text)))
+    if found.faults:
+        _end_check(found, site, as_json=as_json)
+    # A control that files are carried to answers another day: the command ends and says what to carry. It is the
+    # program that a self-test carries first, so the one goes on with the other's files.
+    with exchange_files_for(PieceOfWork("self-test ", "go-on", ends=True)):
+        rows, limits = run_to_end(ask_devices(found.site, site), at=site)
+    found = replace(found, faults=sort_faults(with_positions(limits, found.text)))
+    _end_check(found, site, rows, connected=True, as_json=as_json)
+
+
+def _end_check(
+    found: CheckedSite, site: Path, rows: Sequence[tuple[str, ...]] = (), *, connected: bool = False, as_json: bool
+) -> None:
+    """Show a check and what to type next. Raises typer.Exit where the file has faults."""
     show_check(found, site, rows, as_json=as_json)
     if not as_json:
-        show_next_check(found, site, connected=connect)
+        show_next_check(found, site, connected=connected)
     if found.faults:
         raise typer.Exit(INVALID_FILE_EXIT)
 
@@ -73,13 +79,13 @@ def show_next_check(found: CheckedSite, path: Path, *, connected: bool) -> None:
     from gateway.config import by_files
 
     if found.faults:
-        repeat_after_faults(f"check {path}")
+        repeat_after_faults(f"{'doctor devices' if connected else 'check'} {path}")
     elif urlsplit(found.site.controller.url).scheme == CARRIED and not connected:
-        show_next(f"self-test {path}")
+        show_next(f"doctor self-test {path}")
     elif by_files(found.site):
         show_next(f"day FOLDER --site {path}")
     else:
-        show_next(f"doctor {path}" if connected else f"check {path} --connect")
+        show_next(f"doctor {path}" if connected else f"doctor devices {path}")
 
 
 def check_site(path: Path) -> CheckedSite:
@@ -212,7 +218,7 @@ def _show_errors(errors: Sequence[TrueflankError], colour: str) -> None:
             echo_folded(f"  -> {error.hint}", 5)
 
 
-# ---- program
+# ---- check programs
 
 
 def program_command(

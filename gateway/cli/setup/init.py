@@ -1,4 +1,4 @@
-"""The commands `init` and `new-instrument`: a site file by questions in a terminal or on a page; a driver's package."""
+"""`init` and `init instrument`: a site file by questions in a terminal or on a page; a driver's package."""
 
 from __future__ import annotations
 
@@ -210,7 +210,7 @@ class SiteMaker:
             return asking, still.question, ""
 
 
-# ---- new-instrument
+# ---- init instrument
 
 NAME = re.compile(r"[a-z][a-z0-9_]{1,29}")
 TEMPLATE = ".template"

@@ -82,7 +82,7 @@ def test_an_unknown_standard_is_refused() -> None:
 
 
 def test_schema_is_json_and_names_every_section() -> None:
-    result = RUNNER.invoke(app, ["schema"])
+    result = RUNNER.invoke(app, ["docs", "schema"])
     assert result.exit_code == 0
     assert {"site", "controller", "instruments", "axes"} <= set(json.loads(result.stdout)["properties"])
 
@@ -106,7 +106,7 @@ def test_check_reports_every_device_that_does_not_open_at_once(tmp_path: Path) -
     settings = 'settings = { security = "None" }\n\n[[instruments]]'
     text = GOOD.replace("opc.tcp://127.0.0.1:4840", "opc.tcp://127.0.0.1:9").replace("127.0.0.1:5001", "127.0.0.1:9")
     site.write_text(text.replace("\n[[instruments]]", settings, 1), encoding="utf-8")
-    result = RUNNER.invoke(app, ["check", str(site), "--connect"])
+    result = RUNNER.invoke(app, ["doctor", "devices", str(site)])
     assert isinstance(result.exception, TrueflankError)
     causes = getattr(result.exception, "causes", ())
     assert {name for name, _cause in causes} == {"controller", "laser"}

@@ -105,7 +105,7 @@ def test_the_folder_stands_for_the_machine_where_the_file_names_none(tmp_path: P
     written(tmp_path / "one/b.rtx", np.arange(50.0))
     assert "in folder" in told("import", "one/b.rtx")[0]["notes"][0]
     with pytest.raises(ConfigError, match="E-FILE-RTX-UNIT"):
-        told("dynamic", "two/a.rtx")
+        told("measure", "dynamic", "two/a.rtx")
 
 
 def test_columns_are_said_once_for_a_heading_shown_and_forgotten_on_request(tmp_path: Path) -> None:
@@ -216,17 +216,17 @@ def test_a_runs_capture_is_evaluated_and_exported(tmp_path: Path) -> None:
     assert len(both) == 2
     assert any("by the gateway" in line for line in both[0]["corrected"])
     with pytest.raises(ConfigError, match="E-EXPORT-SEVERAL"):
-        told("export", run_id, "--to", "rtl", "-o", "a.rtl", "--axis", "X1")
-    notes = told("export", run_id, "--to", "rtl", "-o", "a.rtl", "--axis", "X1", "--phase", "after")["notes"]
+        told("runs", "export", run_id, "--to", "rtl", "-o", "a.rtl", "--axis", "X1")
+    notes = told("runs", "export", run_id, "--to", "rtl", "-o", "a.rtl", "--axis", "X1", "--phase", "after")["notes"]
     assert notes == []
     found = RtlFormat().read(tmp_path / "a.rtl")
     assert found.header["Axis"] == "X1"
     assert found.ambient_start.pressure_hpa == pytest.approx(1013.25)
-    told("export", "a.rtl", "--to", "csv", "-o", "a.csv")
+    told("runs", "export", "a.rtl", "--to", "csv", "-o", "a.csv")
     keys = ("A", "E", "R", "B", "M")
     assert [told("evaluate", "a.csv")[0][key] for key in keys] == pytest.approx([both[0][key] for key in keys])
     with pytest.raises(ConfigError, match="E-EXPORT-NOTHING"):
-        told("export", run_id, "--to", "rtl", "-o", "b.rtl", "--axis", "Z1")
+        told("runs", "export", run_id, "--to", "rtl", "-o", "b.rtl", "--axis", "Z1")
 
 
 def test_nothing_is_overwritten_without_a_word_and_no_link_is_followed(tmp_path: Path) -> None:
@@ -235,16 +235,16 @@ def test_nothing_is_overwritten_without_a_word_and_no_link_is_followed(tmp_path:
     (tmp_path / "link.csv").symlink_to(tmp_path / "a.csv")
     for name in ("a.csv", "link.csv"):
         with pytest.raises(ConfigError, match="E-CLI-EXISTS"):
-            told("export", source, "--to", "csv", "-o", name)
-    told("export", source, "--to", "csv", "-o", "link.csv", "--force")
+            told("runs", "export", source, "--to", "csv", "-o", name)
+    told("runs", "export", source, "--to", "csv", "-o", "link.csv", "--force")
     assert (tmp_path / "a.csv").read_text(encoding="utf-8") == "mine"
     assert not (tmp_path / "link.csv").is_symlink()
     with pytest.raises(ConfigError, match="E-CLI-WRITE"):
-        told("export", source, "--to", "csv", "-o", "none/a.csv")
+        told("runs", "export", source, "--to", "csv", "-o", "none/a.csv")
     with pytest.raises(ConfigError, match="E-EXPORT-FORM"):
-        told("export", source, "--to", "rtx", "-o", "a.rtx")
+        told("runs", "export", source, "--to", "rtx", "-o", "a.rtx")
     with pytest.raises(ConfigError, match="E-FILE-KIND"):
-        told("export", source, "--to", "rta", "-o", "a.rta")
+        told("runs", "export", source, "--to", "rta", "-o", "a.rta")
     assert sorted(path.name for path in tmp_path.iterdir()) == ["a.csv", "link.csv"]
 
 
@@ -252,9 +252,9 @@ def test_a_dynamic_file_goes_through_the_store_and_out_again(tmp_path: Path) -> 
     samples = np.sin(np.arange(2000) / 7.0)
     written(tmp_path / "a.rtx", samples)
     run_id = told("import", "a.rtx", "--unit", "mm")[0]["run"]
-    told("export", run_id, "--to", "rtx", "-o", "b.rtx")
+    told("runs", "export", run_id, "--to", "rtx", "-o", "b.rtx")
     np.testing.assert_array_equal(RtxFormat("mm").read(tmp_path / "b.rtx").values(), samples * 1000.0)
-    told("export", run_id, "--to", "csv", "-o", "b.csv")
+    told("runs", "export", run_id, "--to", "csv", "-o", "b.csv")
     rows = (tmp_path / "b.csv").read_text(encoding="utf-8").splitlines()
     assert rows[-1].split(",")[0] == "0.03998"
     assert len([row for row in rows if not row.startswith("#")]) == 2001
@@ -275,18 +275,18 @@ def test_a_memory_that_was_tampered_with_is_told(tmp_path: Path) -> None:
 def test_dynamic_opens_a_file_and_draws_it(tmp_path: Path) -> None:
     time_s = np.arange(20_000) / 50_000.0
     written(tmp_path / "a.rtx", 0.002 * np.sin(2.0 * np.pi * 120.0 * time_s))
-    data = told("dynamic", "a.rtx", "--unit", "mm")
+    data = told("measure", "dynamic", "a.rtx", "--unit", "mm")
     peak = data["spectrum"]["peaks"][0]
     assert (peak["frequency_hz"], peak["amplitude"]) == pytest.approx((120.0, 2.0), rel=0.01)
     assert (tmp_path / data["picture"]).read_bytes().startswith(b"\x89PNG")
-    assert told("dynamic", "a.rtx", "--unit", "mm")["picture"] != data["picture"]
+    assert told("measure", "dynamic", "a.rtx", "--unit", "mm")["picture"] != data["picture"]
     with pytest.raises(ConfigError, match="E-CLI-EXISTS"):
-        told("dynamic", "a.rtx", "--unit", "mm", "--plot", data["picture"])
-    words = RUNNER.invoke(app, ["dynamic", "a.rtx", "--unit", "mm"]).stdout
+        told("measure", "dynamic", "a.rtx", "--unit", "mm", "--plot", data["picture"])
+    words = RUNNER.invoke(app, ["measure", "dynamic", "a.rtx", "--unit", "mm"]).stdout
     assert "120" in words
     assert "picture:" in words
     with pytest.raises(ConfigError, match="E-CLI-NOT-DYNAMIC"):
-        told("dynamic", str(GOLDEN / "basic.rtl"))
+        told("measure", "dynamic", str(GOLDEN / "basic.rtl"))
 
 
 class Laser:
@@ -327,7 +327,7 @@ def site(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 def test_dynamic_records_a_stream_from_its_trigger_and_shows_how_it_settles(tmp_path: Path, site: Path) -> None:
     words = ["--instrument", "laser", "--seconds", "1.2", "--trigger", "value=50", "--axis", "X1", "--band", "1"]
-    data = told("dynamic", str(site), *words)
+    data = told("measure", "dynamic", str(site), *words)
     assert (data["samples"], data["rate_hz"], data["trigger"], data["unit"]) == (1300, 1000.0, 100, "um")
     assert data["settling"]["step"] == pytest.approx(100.0, abs=0.5)
     assert 0.1 < data["settling"]["time_s"] < 0.2
@@ -338,28 +338,28 @@ def test_dynamic_records_a_stream_from_its_trigger_and_shows_how_it_settles(tmp_
     assert folder.state == "captured"
     assert (folder.path / "dynamic.png").exists()
     assert "cannot detect" in json.loads(folder.read_text("dynamic.json"))["notes"]
-    again = told("dynamic", data["place"], "--band", "1")
+    again = told("measure", "dynamic", data["place"], "--band", "1")
     assert again["settling"] == data["settling"]
 
 
 def test_gaps_of_a_live_stream_are_accounted_for(site: Path) -> None:
-    data = told("dynamic", str(site), "--instrument", "laser", "--seconds", "3")
+    data = told("measure", "dynamic", str(site), "--instrument", "laser", "--seconds", "3")
     assert (data["samples"], data["gaps"], data["lost"]) == (3000, 1, 3)
     assert "gap" in data["settling_missing"]
 
 
 def test_a_trigger_that_never_comes_and_wrong_words_are_told(tmp_path: Path, site: Path) -> None:
     with pytest.raises(CaptureError, match="E-DYN-NOTHING"):
-        told("dynamic", str(site), "--instrument", "laser", "--trigger", "level=1e6")
+        told("measure", "dynamic", str(site), "--instrument", "laser", "--trigger", "level=1e6")
     assert Store(tmp_path / "runs").runs()[0].state == "failed"
     for wrong in ("level", "value=0", "value=-1", "level=nan", "sometimes", "external=3"):
         with pytest.raises(ConfigError, match="E-CLI-TRIGGER"):
-            told("dynamic", str(site), "--instrument", "laser", "--trigger", wrong)
+            told("measure", "dynamic", str(site), "--instrument", "laser", "--trigger", wrong)
     with pytest.raises(ConfigError, match="E-DYN-INSTRUMENT"):
-        told("dynamic", str(site), "--instrument", "lamp")
+        told("measure", "dynamic", str(site), "--instrument", "lamp")
 
 
 def test_fault_38_a_laser_with_another_serial_is_refused(site: Path) -> None:
     site.write_text(SITE.replace('serial = "42"', 'serial = "43"'), encoding="utf-8")
     with pytest.raises(TrueflankError, match="E-SUP-SERIAL"):
-        told("dynamic", str(site), "--instrument", "laser")
+        told("measure", "dynamic", str(site), "--instrument", "laser")

@@ -47,8 +47,8 @@ def test_a_site_of_files_names_no_control_and_says_what_it_can_do(tmp_path: Path
     assert [word for word in ("url", "serial", "security", "terminal", "[moves]") if f"\n{word}" in text] == []
     tree = load_site(site)
     assert (files_only(tree), unprotected_connection(tree), tree.instruments) == (True, None, ())
-    for command in ("run", "self-test", "recover", "verify-table", "accept"):
-        done = CliRunner().invoke(app, [command, str(site)])
+    for command in ("run", "doctor self-test", "recover", "tables verify", "doctor accept"):
+        done = CliRunner().invoke(app, [*command.split(), str(site)])
         assert isinstance(done.exception, TrueflankError), done.output
         causes = getattr(done.exception, "causes", (("", done.exception),))
         assert {error.code for _, error in causes} == {"E-FILES-ONLY"}
@@ -157,7 +157,7 @@ def test_a_control_that_does_not_answer_leaves_a_file_and_the_next_step(tmp_path
     done = ran(tmp_path, "--yes", "--answer", "url=opc.tcp://127.0.0.1:9")
     assert done.exit_code == 0
     assert "cannot be read now" in done.output
-    assert "trueflank trust accept" in done.output
+    assert "trueflank doctor certificate" in done.output
     assert [fault.code for fault in check_site(tmp_path / "site.toml").faults] == ["E-CFG-CERTIFICATE"]
 
 
@@ -202,7 +202,7 @@ def test_a_control_that_programs_are_carried_to_has_its_axes_in_its_own_order(tm
         "safe=X1 0 400, Y1 any, C1 0 360",
     )
     done = ran(tmp_path, "--yes", *(word for one in given for word in ("--answer", one)))
-    assert "next: trueflank self-test" in done.output
+    assert "next: trueflank doctor self-test" in done.output
     site = load_site(tmp_path / "site.toml")
     assert (site.controller.driver, site.controller.url) == ("sinumerik-offline", "carried://stick")
     assert site.controller.settings["axes"] == "X1 Y1 C1"

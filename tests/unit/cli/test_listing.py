@@ -104,7 +104,8 @@ def test_where_no_run_has_it_the_command_that_makes_it_is_named(
 
 
 @pytest.mark.parametrize(
-    "words", [("push", "nonsense"), ("report", "nonsense"), ("runs", "show", "nonsense"), ("logs", "--run", "nonsense")]
+    "words",
+    [("push", "nonsense"), ("report", "nonsense"), ("runs", "show", "nonsense"), ("runs", "logs", "--run", "nonsense")],
 )
 @pytest.mark.parametrize("empty", [True, False])
 def test_an_unknown_run_is_a_wrong_option(tmp_path: Path, words: tuple[str, ...], *, empty: bool) -> None:
@@ -119,7 +120,7 @@ def test_an_unknown_run_is_a_wrong_option(tmp_path: Path, words: tuple[str, ...]
 def test_the_store_is_that_of_the_site_file_that_was_given(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, *, own: bool
 ) -> None:
-    """`program --run` looked in ./runs whatever the site said."""
+    """`check programs --run` looked in ./runs whatever the site said."""
     here, there = tmp_path / "here", tmp_path / "there"
     (here / "runs" if own else here).mkdir(parents=True)
     there.mkdir()
@@ -127,11 +128,26 @@ def test_the_store_is_that_of_the_site_file_that_was_given(
     store = Store(there / "runs", lambda: datetime(2026, 3, 4, tzinfo=UTC))
     made = store.create("hall-3")
     monkeypatch.chdir(here)
-    told = RUNNER.invoke(app, ["program", str(site), "-o", str(here / "out"), "--what", "load", "--run", made.run_id])
+    told = RUNNER.invoke(
+        app, ["check", "programs", str(site), "-o", str(here / "out"), "--what", "load", "--run", made.run_id]
+    )
     assert told.exception.code == "E-STORE-NEEDS"
     assert str(made.path) in told.exception.where
     typed = RUNNER.invoke(
-        app, ["program", str(site), "-o", "out", "--what", "load", "--run", made.run_id, "--store", str(here / "else")]
+        app,
+        [
+            "check",
+            "programs",
+            str(site),
+            "-o",
+            "out",
+            "--what",
+            "load",
+            "--run",
+            made.run_id,
+            "--store",
+            str(here / "else"),
+        ],
     )
     assert typed.exception.code == "E-STORE-EMPTY"
 
@@ -142,7 +158,7 @@ def test_a_report_of_the_latest_run_of_an_empty_store_is_refused(tmp_path: Path)
 
 
 def test_a_reason_of_the_operating_system_is_said_without_its_number(tmp_path: Path) -> None:
-    told = RUNNER.invoke(app, ["lint", str(tmp_path / "none.ini")])
+    told = RUNNER.invoke(app, ["tables", "lint", str(tmp_path / "none.ini")])
     assert str(told.exception).startswith(
         f"E-CLI-READ [{tmp_path / 'none.ini'}]: the file cannot be read: No such file"
     )
@@ -187,11 +203,11 @@ def test_a_run_is_removed_unless_a_push_rests_on_it(tmp_path: Path) -> None:
     assert any(entry["action"] == "remove-run" for entry in audit.read_entries(tmp_path))
 
 
-@pytest.mark.parametrize("command", ["rollback", "verify-table", "self-test", "disable", "run"])
+@pytest.mark.parametrize("command", ["rollback", "tables verify", "doctor self-test", "disable", "run"])
 def test_an_unknown_letter_is_a_wrong_option_before_any_device_is_asked(tmp_path: Path, command: str) -> None:
     """The control of this site does not answer: that is not what is wrong."""
     site = site_file(tmp_path, "demo", plan=False)
-    told = RUNNER.invoke(app, [command, str(site), "--axis", "Q9"])
+    told = RUNNER.invoke(app, [*command.split(), str(site), "--axis", "Q9"])
     assert told.exception.code == "E-RUN-AXIS"
     assert told.exception.exit_code == 2
 
@@ -209,6 +225,6 @@ def test_of_a_run_that_has_nothing_the_log_is_next(tmp_path: Path) -> None:
     run = Store(tmp_path).create("hall-3")
     run.set_state("failed")
     assert (
-        f"next: trueflank logs --run {run.run_id}"
+        f"next: trueflank runs logs --run {run.run_id}"
         in RUNNER.invoke(app, ["runs", "show", "latest", "--store", str(tmp_path)]).stdout
     )

@@ -55,7 +55,7 @@ def disc(path: Path, depth_um: np.ndarray, seed: int, noise_um: float = NOISE_UM
 
 
 def called(*words: object) -> Result:
-    return CliRunner().invoke(app, ["match", *map(str, words)])
+    return CliRunner().invoke(app, ["study", "match", *map(str, words)])
 
 
 @pytest.fixture(autouse=True)

@@ -40,9 +40,9 @@ def test_runs_are_listed_shown_and_indexed(site: Path) -> None:
     assert found == [(PUSHED, "better", ""), (IMPORTED, "imported", "")]
     shown = told("runs", "show", PUSHED[:20], "--store", store)
     assert (shown["machine"], len(shown["stages"]), shown["errors"]) == (SERIAL, 12, [])
-    assert told("reindex", site) == {"runs": 2}
-    assert [one["serial"] for one in told("compare", site, "M", "--axis", "C1")["machines"]] == [SERIAL]
-    (table,) = told("tables", site)["tables"]
+    assert told("runs", "reindex", site) == {"runs": 2}
+    assert [one["serial"] for one in told("runs", "compare", site, "M", "--axis", "C1")["machines"]] == [SERIAL]
+    (table,) = told("tables", "list", site)["tables"]
     assert (table["serial"], table["name"], table["enabled"], len(table["table_id"])) == (SERIAL, "C1", True, 12)
 
 

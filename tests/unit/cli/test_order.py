@@ -2,18 +2,23 @@
 
 from __future__ import annotations
 
+import re
 import shlex
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 import typer
 from typer.testing import CliRunner
 
+from drivers.errors import ConfigError
+from drivers.languages import LANGUAGES
 from gateway.cli import app, output
-from gateway.cli.command_list import command_entries, command_groups, command_names
+from gateway.cli.command_list import command_entries, command_groups, command_names, renamed_commands
 from gateway.cli.output import Voice
 
+REPOSITORY = Path(__file__).parents[3]
 RUN = CliRunner()
 ROOT = typer.main.get_command(app)
 
@@ -30,7 +35,7 @@ def test_every_command_stands_once_in_a_group_of_the_work() -> None:
     listed = [name for group in command_groups() for name in group["commands"]]
     assert listed == list(dict.fromkeys(listed)) == list(command_entries())
     assert command_groups()[0]["title"].startswith("Try")
-    assert {"init", "run", "push", "runs", "logs", "cell"} <= set(listed)
+    assert {"init", "run", "push", "runs", "simulate", "doctor"} <= set(listed)
 
 
 @pytest.mark.parametrize("name", list(command_names()))
@@ -90,3 +95,73 @@ def test_a_voice_is_chosen_before_the_commands_name_as_well_as_after(words: list
         assert RUN.invoke(app, typed).exit_code == 0
         assert output.chosen_voice() is chosen
     output.use_voice(Voice.PLAIN)
+
+
+MOST_AT_THE_TOP = 30
+
+
+def test_the_top_level_has_at_most_thirty_commands() -> None:
+    assert len(command_entries()) <= MOST_AT_THE_TOP
+
+
+@pytest.mark.parametrize("name", [name for name, entry in command_entries().items() if "inner" in entry])
+def test_the_help_of_a_group_shows_its_commands_and_the_options_of_its_default(name: str) -> None:
+    entry = command_entries()[name]
+    text = RUN.invoke(app, [name, "--help"]).stdout
+    words = " ".join(text.split())
+    assert all(f"{inner} {one['words'][:40]}" in words for inner, one in entry["inner"].items())
+    assert text.index("Commands:") < text.index("Options:")
+    assert ("--json" in text or "--yes" in text or "--seed" in text) == ("place" in entry)
+
+
+def test_the_first_word_chooses_the_sub_command_and_a_path_the_default(tmp_path: Path) -> None:
+    """`check programs` writes programs; a site file of that name is checked by its path, an option goes to `check`."""
+    site = REPOSITORY / "examples" / "sites" / "files-only.toml"
+    (tmp_path / "programs").write_bytes(site.read_bytes())
+    assert RUN.invoke(app, ["check", str(tmp_path / "programs")]).exit_code == 0
+    assert RUN.invoke(app, ["check", "--json", str(site)]).exit_code == 0
+    inner = RUN.invoke(app, ["check", "programs", "--help"]).stdout
+    assert " check programs [OPTIONS] {site}\n" in inner, "no argument of `check` stands before it"
+    assert "-o, --output" in inner
+    missing = RUN.invoke(app, ["check"])
+    assert missing.exit_code == 2
+    assert "site" in missing.output
+
+
+@pytest.mark.parametrize(("old", "new"), renamed_commands().items())
+def test_a_name_of_a_former_version_says_the_line_of_today(old: str, new: str) -> None:
+    done = RUN.invoke(app, [*old.split(), "my site.toml", "--json"])
+    assert isinstance(done.exception, ConfigError)
+    assert (done.exception.code, done.exception.exit_code) == ("E-CLI-RENAMED", 2)
+    line = f"trueflank {new} 'my site.toml' --json"
+    assert line in done.exception.hint
+    command, rest = command_of(new.split())
+    assert rest == [], "it is a command of today"
+    assert command is not ROOT
+
+
+@pytest.mark.parametrize("language", LANGUAGES)
+def test_the_line_of_today_is_said_in_every_language(language: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("TRUEFLANK_LANGUAGE", language)
+    done = subprocess.run(
+        [sys.executable, "-m", "gateway.cli", "check", "hall.toml", "--connect"],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 2
+    assert "E-CLI-RENAMED" in done.stderr
+    assert "trueflank doctor devices hall.toml" in done.stderr
+
+
+def test_no_text_names_a_command_of_a_former_version() -> None:
+    old = "|".join(re.escape(one) for one in renamed_commands() if one not in ("tables", "check --connect"))
+    former = re.compile(rf"\btrueflank (?:({old})(?![\w-])|tables SITE|check \S+ --connect)")
+    texts = [REPOSITORY / name for name in ("README.md", "SECURITY.md", "CHANGELOG.md")]
+    for folder in ("docs", "drivers", "gateway", "simulators", "examples", "benchmarks", ".github"):
+        texts += [
+            one for one in (REPOSITORY / folder).rglob("*") if one.suffix in (".md", ".toml", ".py", ".js", ".yml")
+        ]
+    found = [f"{path.name}: {hit[0]}" for path in texts for hit in former.finditer(path.read_text(encoding="utf-8"))]
+    assert len(texts) > 500
+    assert found == []

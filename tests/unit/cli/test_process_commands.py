@@ -65,11 +65,11 @@ def dresser_file(folder: Path, sign: int = 1) -> Path:
 
 def test_shares_are_printed_drawn_and_the_same_from_the_library(tmp_path: Path) -> None:
     gear, one = gear_file(tmp_path), part(tmp_path / "a.csv")
-    shown = called("separate", gear, one, "--plot", tmp_path / "causes.png")
+    shown = called("inspect", "separate", gear, one, "--plot", tmp_path / "causes.png")
     assert shown.exit_code == 0, shown.output
     assert "wheel" in shown.output
     assert (tmp_path / "causes.png").stat().st_size > 10_000
-    data = json.loads(called("separate", gear, one, "--json").output)
+    data = json.loads(called("inspect", "separate", gear, one, "--json").output)
     columns = dict(word.split("=") for word in COLUMNS)
     told = {name: int(value) if value.isdigit() else float(value) for name, value in columns.items()}
     found = tf.separate(one, tf.Gear.load(gear), columns=told)
@@ -91,32 +91,32 @@ def dressed(files: Path, sense: float) -> np.ndarray:
 def test_the_sense_is_proved_before_a_correction_is_written(tmp_path: Path) -> None:
     gear, before, dresser = gear_file(tmp_path), part(tmp_path / "a.csv"), dresser_file(tmp_path)
     out = tmp_path / "wheel"
-    refused = called("redress", gear, before, "--dresser", dresser, "--out", out)
+    refused = called("inspect", "redress", gear, before, "--dresser", dresser, "--out", out)
     assert isinstance(refused.exception, TrueflankError)
     assert refused.exception.code == "E-WHEEL-UNPROVED"
-    step = called("redress", gear, before, "--dresser", dresser, "--out", out, "--step")
+    step = called("inspect", "redress", gear, before, "--dresser", dresser, "--out", out, "--step")
     assert step.exit_code == 0, step.output
     after = part(tmp_path / "b.csv", dressed(out / "step-dresser.csv", 1.0), seed=2)
-    proof = called("redress", gear, after, "--dresser", dresser, "--before", before)
+    proof = called("inspect", "redress", gear, after, "--dresser", dresser, "--before", before)
     assert proof.exit_code == 0, proof.output
-    done = called("redress", gear, after, "--dresser", dresser, "--out", out, "--dxf")
+    done = called("inspect", "redress", gear, after, "--dresser", dresser, "--out", out, "--dxf")
     assert done.exit_code == 0, done.output
     layers = {one.dxf.layer for one in ezdxf.readfile(out / "wheel.dxf").modelspace()}
     assert layers == {"WHEEL", "CORRECTION_X1000", "DIAMOND_CENTRE"}
     dresser_file(tmp_path, sign=-1)  # another table: its proof is not this one
-    again = called("redress", gear, after, "--dresser", dresser, "--out", out)
+    again = called("inspect", "redress", gear, after, "--dresser", dresser, "--out", out)
     assert isinstance(again.exception, TrueflankError)
     assert again.exception.code == "E-WHEEL-UNPROVED"
 
 
 def test_a_reversed_table_is_found_and_nothing_is_written(tmp_path: Path) -> None:
     gear, before, dresser = gear_file(tmp_path), part(tmp_path / "a.csv"), dresser_file(tmp_path)
-    called("redress", gear, before, "--dresser", dresser, "--out", tmp_path, "--step")
+    called("inspect", "redress", gear, before, "--dresser", dresser, "--out", tmp_path, "--step")
     after = part(tmp_path / "b.csv", dressed(tmp_path / "step-dresser.csv", -1.0), seed=2)
-    proof = called("redress", gear, after, "--dresser", dresser, "--before", before, "--json")
+    proof = called("inspect", "redress", gear, after, "--dresser", dresser, "--before", before, "--json")
     assert proof.exit_code == 1
     assert json.loads(proof.output)["verdict"] == "reversed"
-    refused = called("redress", gear, after, "--dresser", dresser, "--out", tmp_path)
+    refused = called("inspect", "redress", gear, after, "--dresser", dresser, "--out", tmp_path)
     assert isinstance(refused.exception, TrueflankError)
     assert refused.exception.code == "E-WHEEL-SENSE"
     assert not (tmp_path / "wheel-dresser.csv").exists()
@@ -133,7 +133,7 @@ def test_a_reversed_table_is_found_and_nothing_is_written(tmp_path: Path) -> Non
 def test_a_probe_left_in_the_points_and_exchanged_flanks_are_refused(
     tmp_path: Path, options: dict[str, float], code: str
 ) -> None:
-    refused = called("separate", gear_file(tmp_path), part(tmp_path / "a.csv", **options))  # type: ignore[arg-type]
+    refused = called("inspect", "separate", gear_file(tmp_path), part(tmp_path / "a.csv", **options))  # type: ignore[arg-type]
     assert isinstance(refused.exception, TrueflankError)
     assert refused.exception.code == code
 
@@ -144,11 +144,11 @@ def test_another_gear_and_the_other_hand_are_refused(tmp_path: Path) -> None:
     cells = [line.split(";") for line in text[1:]]
     other = tmp_path / "other.csv"  # spaces counted clockwise
     other.write_text("\n".join([text[0], *(";".join([str(-int(c[0]) % GEAR.zc), *c[1:]]) for c in cells)]))
-    refused = called("separate", gear, other)
+    refused = called("inspect", "separate", gear, other)
     assert isinstance(refused.exception, TrueflankError)
     assert refused.exception.code == "E-INSPECT-NUMBERS"
     gear.write_text(gear.read_text().replace("a = 1.5", "a = 1.45"))
-    refused = called("separate", gear, one)
+    refused = called("inspect", "separate", gear, one)
     assert isinstance(refused.exception, TrueflankError)
     assert refused.exception.code in ("E-INSPECT-GEAR", "E-INSPECT-BALL")
 
@@ -159,11 +159,11 @@ def test_orders_and_dresser_files_that_say_nothing_are_refused(tmp_path: Path) -
         (("--order", "backwards"), "E-PROCESS-ORDER-TEXT"),
         (("--order", "0,1,2"), "E-PROCESS-ORDER"),
     ):
-        refused = called("separate", gear, one, *words)
+        refused = called("inspect", "separate", gear, one, *words)
         assert isinstance(refused.exception, TrueflankError)
         assert refused.exception.code == code
     for old, new in (("sign = 1", "sign = 2"), ('"correction"]', '"radius"]'), ('separator = ";"', 'separator = ","')):
         dresser.write_text(DRESSER.format(sign=1).replace(old, new))
-        refused = called("redress", gear, one, "--dresser", dresser, "--step", "--out", tmp_path)
+        refused = called("inspect", "redress", gear, one, "--dresser", dresser, "--step", "--out", tmp_path)
         assert isinstance(refused.exception, TrueflankError)
         assert refused.exception.code == "E-STUDY-VALUE"

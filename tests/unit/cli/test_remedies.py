@@ -60,11 +60,8 @@ Answer = Callable[[Words, "Raised"], Words]
 def command_of(words: list[str]) -> tuple[Any, list[str]] | None:
     """The command that the first words name, and the words behind it; None where the first is none."""
     found, depth = typer.main.get_command(app), 0
-    while words and hasattr(found, "get_command"):
-        inner = found.get_command(typer.Context(found), words[0])
-        if inner is None:
-            break
-        found, words, depth = inner, words[1:], depth + 1
+    while words and words[0] in getattr(found, "commands", {}):
+        found, words, depth = found.commands[words[0]], words[1:], depth + 1
     return (found, words) if depth else None
 
 
@@ -78,9 +75,7 @@ def every_option() -> set[str]:
     while groups:
         one = groups.pop()
         found |= options_of(one)
-        if hasattr(one, "list_commands"):
-            context = typer.Context(one)
-            groups += [one.get_command(context, name) for name in one.list_commands(context)]
+        groups += [inner for _name, inner in getattr(one, "commands", {}).items()]
     return found
 
 
@@ -231,7 +226,7 @@ SIX = table(
     "target_mm,EXX [um],EYX [um],EZX [um],EAX [urad],EBX [urad],ECX [urad]",
     *(f"{10 * at},0.{at},0.{2 * at},{at},1,2,{3 * at}" for at in range(4)),
 )
-TO_EEC = "convert f.csv --to eec --axis X1 --reference 0 --datum 0=0 -o out.spf"
+TO_EEC = "tables convert f.csv --to eec --axis X1 --reference 0 --datum 0=0 -o out.spf"
 DATUM = {"E-CLI-DATUM": add("--reference", "0", "--datum", "0=0")}
 LIST: Answer = lambda _typed, _error: ["evaluate", "--standard", "list"]  # noqa: E731 - the printed command itself
 
@@ -240,7 +235,7 @@ COM = table("BEGIN AXIS_X.COM MM", "NR AXISPOS BACKLASH X", "0 -10 0.004 0.001",
 
 def converted(words: Words, error: Raised) -> Words:
     """The command that the remedy prints, with the file that was given."""
-    (call,) = re.findall(r"trueflank (convert .+)$", error.hint)
+    (call,) = re.findall(r"trueflank (tables convert .+)$", error.hint)
     return [words[-1] if word == "FILE" else word for word in shlex.split(call)]
 
 
@@ -268,9 +263,9 @@ REMEDIES: Mapping[str, Remedy] = {
     "E-FILE-CONTROL": Remedy(
         "import --json x.com", {"E-FILE-CONTROL": converted, "E-EXCHANGE-SIGN": add("--form", "error")}, {"x.com": COM}
     ),
-    "E-CLI-DATUM": Remedy("convert f.csv --to eec --axis X1 -o out.spf", DATUM, {"f.csv": LINE}),
+    "E-CLI-DATUM": Remedy("tables convert f.csv --to eec --axis X1 -o out.spf", DATUM, {"f.csv": LINE}),
     "E-CLI-AXIS": Remedy(
-        "convert f.csv --to eec --reference 0 --datum 0=0 -o out.spf",
+        "tables convert f.csv --to eec --reference 0 --datum 0=0 -o out.spf",
         {"E-CLI-AXIS": add("--axis", "X1")},
         {"f.csv": LINE},
     ),
@@ -279,9 +274,9 @@ REMEDIES: Mapping[str, Remedy] = {
     ),
     "E-CLI-KIND": Remedy(
         "evaluate --json f.rtx --unit mm",
-        {"E-CLI-KIND": lambda _typed, _error: ["dynamic", "f.rtx", "--unit", "mm"]},
+        {"E-CLI-KIND": lambda _typed, _error: ["measure", "dynamic", "f.rtx", "--unit", "mm"]},
         {"f.rtx": ""},
-        ("trueflank dynamic",),
+        ("trueflank measure dynamic",),
     ),
     "E-CLI-LAYER": Remedy(TO_EEC.replace("eec", "both"), {"E-CLI-LAYER": instead("both", "eec")}, {"f.csv": LINE}),
     "E-CLI-EXISTS": Remedy(TO_EEC, {"E-CLI-EXISTS": add("--force")}, {"f.csv": LINE, "out.spf": "older"}),
@@ -300,7 +295,7 @@ REMEDIES: Mapping[str, Remedy] = {
         f"{TO_EEC} --min -10 --step 10", {"E-COMP-REACH": instead("-10", "0")}, {"f.csv": LINE}, ("--min", "--max")
     ),
     "E-COMP-FREE": Remedy(
-        "convert f.csv --to linuxcnc --axis X --reference 99 --datum 0=0 -o out.comp",
+        "tables convert f.csv --to linuxcnc --axis X --reference 99 --datum 0=0 -o out.comp",
         {"E-COMP-FREE": instead("99", "10")},
         {"f.csv": LINE},
         ("--reference",),
@@ -336,10 +331,10 @@ REMEDIES: Mapping[str, Remedy] = {
         "evaluate f.csv --kind bent", {"E-KIND-NAME": instead("bent", "straightness")}, {"f.csv": LINE}, ("--kind",)
     ),
     "E-EXPORT-FORM": Remedy(
-        "export f.csv --to doc -o out.csv", {"E-EXPORT-FORM": instead("doc", "csv")}, {"f.csv": LINE}, ("--to",)
+        "runs export f.csv --to doc -o out.csv", {"E-EXPORT-FORM": instead("doc", "csv")}, {"f.csv": LINE}, ("--to",)
     ),
     "E-CLI-NOT-DYNAMIC": Remedy(
-        "dynamic f.csv", {"E-CLI-NOT-DYNAMIC": lambda _typed, _error: ["evaluate", "f.csv"]}, {"f.csv": LINE}
+        "measure dynamic f.csv", {"E-CLI-NOT-DYNAMIC": lambda _typed, _error: ["evaluate", "f.csv"]}, {"f.csv": LINE}
     ),
     "E-FILE-EXCHANGED": Remedy(
         "import --json f.csv",

@@ -80,7 +80,7 @@ def a_run() -> None:
 
 def several_captures() -> None:
     a_run()
-    line = "export latest --to csv -o a.csv --axis X1"
+    line = "runs export latest --to csv -o a.csv --axis X1"
     assert "--axis" in (hint := refused(line, "E-EXPORT-SEVERAL").hint)
     assert "--phase before" in hint
     assert typed(f"{line} --phase after").exit_code == 0
@@ -89,7 +89,7 @@ def several_captures() -> None:
 
 def no_such_capture() -> None:
     a_run()
-    line = "export latest --to csv -o a.csv"
+    line = "runs export latest --to csv -o a.csv"
     assert "--axis and --phase" in refused(f"{line} --axis Z1 --phase after", "E-EXPORT-NOTHING").hint
     assert typed(f"{line} --axis X1 --phase after").exit_code == 0
 
@@ -141,11 +141,11 @@ def a_cell() -> None:
     done = subprocess.run([sys.executable, *shlex.split(shown)], capture_output=True, text=True, check=False)
     assert done.returncode != 0
     assert "nosuch" in done.stderr + done.stdout
-    (call,) = calls(refused("cell cell.toml status", "E-CLI-NO-CELL"))
+    (call,) = calls(refused("simulate panel cell.toml status", "E-CLI-NO-CELL"))
     assert call == "simulate"
     with cell_process(CellRequest(cell="demo", site=Path("cell.toml"), speed=50.0)):
-        assert typed("cell cell.toml status").exit_code == 0
-        (call,) = calls(refused("cell cell.toml dance", "E-CLI-CELL-WORD"))
+        assert typed("simulate panel cell.toml status").exit_code == 0
+        (call,) = calls(refused("simulate panel cell.toml dance", "E-CLI-CELL-WORD"))
         listed = typed(call.replace("SITE", "cell.toml"))
         assert listed.exit_code == 0
         assert "press" in listed.output

@@ -100,7 +100,7 @@ def test_one_table_under_every_ending_gives_one_table_file_by_convert(tmp_path: 
     words = ("--to", "eec", "--axis", "X", "--reference", "0", "--datum", "0=0")
     made = set()
     for name in ("a.csv", "a.txt", "a.dat", "a.tsv", "a.xlsx"):
-        result = run("convert", name, *words, "-o", f"{name}.spf")
+        result = run("tables", "convert", name, *words, "-o", f"{name}.spf")
         assert result.exit_code == 0, result.output
         made.add(Path(f"{name}.spf").read_text().replace(name, "a"))
     assert len(made) == 1

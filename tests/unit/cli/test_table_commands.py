@@ -39,34 +39,34 @@ def refusal(*words: object) -> TrueflankError:
 class TestLint:
     def test_clean_doubtful_and_wrong_end_differently(self, tmp_path: Path) -> None:
         good = written(tmp_path, "good.ini", "\ufeff" + GOOD)
-        clean = typed("lint", good, "--reference", "x1=0")
+        clean = typed("tables", "lint", good, "--reference", "x1=0")
         assert (clean.exit_code, clean.output) == (0, f"{good}: no findings\n")
         steep = written(tmp_path, "steep.ini", GOOD.replace("=0.002", "=0.015"))
-        doubtful = typed("lint", steep, "--reference", "0")
+        doubtful = typed("tables", "lint", steep, "--reference", "0")
         assert doubtful.exit_code == 0
         assert doubtful.output.startswith("warning: W-TABLE-STEEP")
         assert "1 warning\n" in doubtful.output
-        assert typed("lint", steep, "--reference", "0", "--strict").exit_code == 7
+        assert typed("tables", "lint", steep, "--reference", "0", "--strict").exit_code == 7
         bad = written(tmp_path, "bad.ini", GOOD.replace("[0,1,X1]=", "[0,1,X1] "))
-        wrong = typed("lint", bad)
+        wrong = typed("tables", "lint", bad)
         assert wrong.exit_code == 7
         assert "error: E-TABLE-EQUALS" in wrong.output
         assert "line 4" in wrong.output
 
     def test_what_the_machine_holds(self, tmp_path: Path) -> None:
         good = written(tmp_path, "good.ini", GOOD)
-        assert "MD38000" in typed("lint", good, "--points", 2).output
-        assert typed("lint", good, "--points", 2).exit_code == 7
-        assert typed("lint", good, "--points", 3).exit_code == 0
-        assert "0.4 mm/min" in typed("lint", good, "--velocity", 10000).output
+        assert "MD38000" in typed("tables", "lint", good, "--points", 2).output
+        assert typed("tables", "lint", good, "--points", 2).exit_code == 7
+        assert typed("tables", "lint", good, "--points", 3).exit_code == 0
+        assert "0.4 mm/min" in typed("tables", "lint", good, "--velocity", 10000).output
         pair = GOLDEN / "tables" / "manual_pair_x.spf"
-        assert "MD18342" in typed("lint", pair, "--cec-points", 10, "--points", 999).output
-        assert typed("lint", pair, "--control", "828d", "--reference", "-5").exit_code == 0
-        assert refusal("lint", good, "--control", "808E").exit_code == 2
+        assert "MD18342" in typed("tables", "lint", pair, "--cec-points", 10, "--points", 999).output
+        assert typed("tables", "lint", pair, "--control", "828d", "--reference", "-5").exit_code == 0
+        assert refusal("tables", "lint", good, "--control", "808E").exit_code == 2
 
     def test_as_data(self, tmp_path: Path) -> None:
         bad = written(tmp_path, "bad.ini", GOOD.replace("=0.002", "=0,002"))
-        told = json.loads(typed("lint", bad, "--json").stdout)
+        told = json.loads(typed("tables", "lint", bad, "--json").stdout)
         assert (told["wrong"], told["doubtful"]) == (2, 0)
         assert {(one["severity"], one["code"]) for one in told["findings"]} == {
             ("wrong", "E-TABLE-COMMA"),
@@ -74,17 +74,17 @@ class TestLint:
         }
 
     def test_what_cannot_be_read_or_understood(self, tmp_path: Path) -> None:
-        assert refusal("lint", tmp_path / "none.ini").code == "E-CLI-READ"
+        assert refusal("tables", "lint", tmp_path / "none.ini").code == "E-CLI-READ"
         good = written(tmp_path, "good.ini", GOOD)
-        assert refusal("lint", good, "--reference", "X1=abc").code == "E-CLI-POSITION"
-        assert refusal("lint", good, "--reference", "nan").code == "E-CLI-POSITION"
+        assert refusal("tables", "lint", good, "--reference", "X1=abc").code == "E-CLI-POSITION"
+        assert refusal("tables", "lint", good, "--reference", "nan").code == "E-CLI-POSITION"
 
     def test_the_manuals_files(self) -> None:
-        printed = typed("lint", GOLDEN / "tables" / "manual_802d.ini")  # 6.73 in -400 .. 400
+        printed = typed("tables", "lint", GOLDEN / "tables" / "manual_802d.ini")  # 6.73 in -400 .. 400
         assert (printed.exit_code, "W-TABLE-STEP" in printed.output) == (0, True)
         assert "point 0 to 118, up to 394.14" in printed.output
         # the printed example rises by 7 um in its first mm and is not zero at 0: good to read, not to load
-        first = typed("lint", GOLDEN / "tables" / "manual_eec_x1.ini", "--points", 801, "--reference", "0")
+        first = typed("tables", "lint", GOLDEN / "tables" / "manual_eec_x1.ini", "--points", 801, "--reference", "0")
         assert first.exit_code == 7
         assert "E-TABLE-SLOPE" in first.output
 
@@ -98,20 +98,20 @@ class TestDiff:
         other = written(tmp_path, "c.ini", GOOD.replace("=0.002", "=0.0045"))
         broken = written(tmp_path, "d.ini", GOOD.replace("MAX", "MAKS"))
         gap = written(tmp_path, "e.ini", GOOD.replace("$AA_ENC_COMP[0,1,X1]=0.002\n", ""))
-        same = typed("diff", first, layout)
+        same = typed("tables", "diff", first, layout)
         assert (same.exit_code, "hold the same" in same.output) == (0, True)
-        different = typed("diff", first, other)
+        different = typed("tables", "diff", first, other)
         assert different.exit_code == 1
         assert "EEC X1 encoder 0 X1(X1): 1 of 3 points differ" in different.output
         assert "largest: EEC X1 encoder 0 X1(X1) at 50: +2.5000 µm" in different.output
         for trouble in (broken, gap, tmp_path / "none.ini"):
-            assert typed("diff", first, trouble).exit_code == 2
-        assert "line 8" in typed("diff", first, broken).output
+            assert typed("tables", "diff", first, trouble).exit_code == 2
+        assert "line 8" in typed("tables", "diff", first, broken).output
 
     def test_as_data(self, tmp_path: Path) -> None:
         first = written(tmp_path, "a.ini", GOOD + "")
         other = GOOD.replace("=0.002", "=0.0045").replace("M17", "$MA_BACKLASH[0,X1]=0.003\nM17")
-        told = json.loads(typed("diff", first, written(tmp_path, "c.ini", other), "--json").stdout)
+        told = json.loads(typed("tables", "diff", first, written(tmp_path, "c.ini", other), "--json").stdout)
         assert told["largest"] == {
             "table": "EEC X1 encoder 0 X1(X1)",
             "position": 50.0,
@@ -120,25 +120,25 @@ class TestDiff:
         }
         assert told["tables"][0]["differences"][0]["second"] == pytest.approx(4.5)
         assert told["settings"][0]["name"] == "$MA_BACKLASH[0,X1]"
-        assert json.loads(typed("diff", first, first, "--json").stdout)["same"] is True
+        assert json.loads(typed("tables", "diff", first, first, "--json").stdout)["same"] is True
 
     def test_a_back_up_against_itself_says_its_leftovers(self) -> None:
         path = GOLDEN / "sinumerik" / "backup_c1.spf"
-        result = typed("diff", path, path)
+        result = typed("tables", "diff", path, path)
         assert result.exit_code == 0
         assert "1 points from 3 on do not act" in result.output
 
     def test_a_rotary_axis_without_a_telling_name(self, tmp_path: Path) -> None:
         first = written(tmp_path, "a.ini", GOOD)
         other = written(tmp_path, "c.ini", GOOD.replace("=0.002", "=0.003"))
-        assert "+3.6000 arcsec" in typed("diff", first, other, "--rotary", "x1").output
+        assert "+3.6000 arcsec" in typed("tables", "diff", first, other, "--rotary", "x1").output
 
 
 class TestConvert:
     result = GOLDEN / "files" / "environment.rtl"
 
     def ask(self, folder: Path, *more: object, to: str = "eec", output: str = "x1.spf") -> Result:
-        return typed("convert", self.result, "--to", to, "--axis", "X1", "-o", folder / output, *more)
+        return typed("tables", "convert", self.result, "--to", to, "--axis", "X1", "-o", folder / output, *more)
 
     def test_the_datum_is_asked_for_and_nothing_is_written(self, tmp_path: Path) -> None:
         for given in ((), ("--reference", 0), ("--datum", "0=100")):
@@ -155,14 +155,14 @@ class TestConvert:
         assert text.startswith("%_N_AX_EEC_INI\nCHANDATA(1)\n; made by trueflank from environment.rtl\n")
         assert "$AA_ENC_COMP_MIN[0,X1]=100.0" in text
         assert "$AA_ENC_COMP[0,0,X1]=0.000000" in text
-        assert typed("lint", tmp_path / "x1.ini", "--reference", 100).output.endswith("no findings\n")
+        assert typed("tables", "lint", tmp_path / "x1.ini", "--reference", 100).output.endswith("no findings\n")
 
     def test_cec_says_its_sign_is_unproven_everywhere(self, tmp_path: Path) -> None:
         result = self.ask(tmp_path, "--reference", 100, "--datum", "0=100", to="cec")
         assert result.exit_code == 0
         assert "W-COMP-CROSS-SIGN" in result.output
         assert "; CEC SIGN UNPROVEN" in (tmp_path / "x1.spf").read_text()
-        assert "W-TABLE-CEC-SIGN" in typed("lint", tmp_path / "x1.spf").output
+        assert "W-TABLE-CEC-SIGN" in typed("tables", "lint", tmp_path / "x1.spf").output
 
     def test_an_existing_file_is_left_alone_without_force(self, tmp_path: Path) -> None:
         kept = written(tmp_path, "x1.spf", "precious")
@@ -176,7 +176,17 @@ class TestConvert:
         assert self.ask(tmp_path / "nowhere", *known).exception.code == "E-CLI-WRITE"  # type: ignore[union-attr]
 
     def test_a_rotary_file_needs_its_unit_confirmed(self, tmp_path: Path) -> None:
-        words = ["convert", GOLDEN / "files" / "rotary.rta", "--to", "eec", "--axis", "AX4", "-o", tmp_path / "c.arc"]
+        words = [
+            "tables",
+            "convert",
+            GOLDEN / "files" / "rotary.rta",
+            "--to",
+            "eec",
+            "--axis",
+            "AX4",
+            "-o",
+            tmp_path / "c.arc",
+        ]
         words += ["--reference", 0, "--datum", "0=0"]
         assert refusal(*words).code == "E-FILE-RTA-UNIT"
         assert not list(tmp_path.iterdir())
@@ -190,7 +200,21 @@ class TestConvert:
         rows = [f"{10 * at},{way},1,{at % 3 / 2}" for at in range(5) for way in "+-"]
         path = written(tmp_path, "r.csv", "target_mm,direction,repetition,deviation_um\n" + "\n".join(rows) + "\n")
         out = tmp_path / "x.mpf"
-        words = ["convert", path, "--to", "eec", "--axis", "x1", "-o", out, "--reference", 0, "--datum", "0=0"]
+        words = [
+            "tables",
+            "convert",
+            path,
+            "--to",
+            "eec",
+            "--axis",
+            "x1",
+            "-o",
+            out,
+            "--reference",
+            0,
+            "--datum",
+            "0=0",
+        ]
         assert typed(*words, "--step", 5, "--min", 0, "--index", 1).exit_code == 0
         text = out.read_text()
         assert "$AA_ENC_COMP_STEP[1,X1]=5.0" in text
@@ -203,6 +227,6 @@ class TestConvert:
     def test_a_table_beyond_the_limits_is_not_written(self, tmp_path: Path) -> None:
         rows = [f"{10 * at},{way},1,{15 * at}" for at in range(3) for way in "+-"]
         path = written(tmp_path, "r.csv", "target_mm,direction,repetition,deviation_um\n" + "\n".join(rows) + "\n")
-        words = ["convert", path, "--to", "eec", "--axis", "X1", "-o", tmp_path / "x.spf", "--reference", 0]
+        words = ["tables", "convert", path, "--to", "eec", "--axis", "X1", "-o", tmp_path / "x.spf", "--reference", 0]
         assert refusal(*words, "--datum", "0=0").exit_code == 7
         assert not (tmp_path / "x.spf").exists()

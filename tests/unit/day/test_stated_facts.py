@@ -213,8 +213,8 @@ def test_a_date_that_is_still_to_come_is_asked_about() -> None:
         ("evaluate", "--kind", "straightness"),
         ("report", "--no-ask"),
         ("import",),
-        ("convert", "--to", "eec", "--axis", "X1", "--reference", "0", "--datum", "0=0", "-o", "o.spf"),
-        ("convert", "--to", "linuxcnc", "--axis", "X", "--reference", "0", "--datum", "0=0", "-o", "o.comp"),
+        ("tables convert", "--to", "eec", "--axis", "X1", "--reference", "0", "--datum", "0=0", "-o", "o.spf"),
+        ("tables convert", "--to", "linuxcnc", "--axis", "X", "--reference", "0", "--datum", "0=0", "-o", "o.comp"),
     ],
 )
 def test_no_command_takes_one_file_of_a_day_to_come_without_a_word(
@@ -228,16 +228,18 @@ def test_no_command_takes_one_file_of_a_day_to_come_without_a_word(
     Path("a.csv").write_text(f"Machine: Mill 7\nDate: 2026-12-20\n{head}\n{rows}", encoding="utf-8")
     monkeypatch.setattr("gateway.cli.options._utc_now", lambda: NOW)
     command, *rest = words
-    refused = CliRunner().invoke(app, [command, "a.csv", *rest])
+    refused = CliRunner().invoke(app, [*command.split(), "a.csv", *rest])
     assert refused.exit_code not in (0, 21)
     said = f"{refused.output} {refused.exception}".replace("\\", "")
     assert "E-FACTS-DIFFER" in said
     assert '--accept "date=2026-12-20"' in said
     assert not Path("o.spf").exists()
-    accepted = CliRunner().invoke(app, [command, "a.csv", *rest, "--accept", "date=2026-12-20"])
+    accepted = CliRunner().invoke(app, [*command.split(), "a.csv", *rest, "--accept", "date=2026-12-20"])
     assert accepted.exit_code == 0, accepted.output
     monkeypatch.setattr("gateway.cli.options._utc_now", lambda: NOW + timedelta(days=60))
-    later = CliRunner().invoke(app, [command, "a.csv", *rest, *(("--force",) if command == "convert" else ())])
+    later = CliRunner().invoke(
+        app, [*command.split(), "a.csv", *rest, *(("--force",) if command == "tables convert" else ())]
+    )
     assert later.exit_code == 0, "what was to come is past"
 
 

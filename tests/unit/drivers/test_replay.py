@@ -101,16 +101,18 @@ def test_the_command_prints_what_the_driver_made_of_it(tmp_path: Path) -> None:
 
     _blocks, path = recorded("umd", tmp_path)
     sheet = tmp_path / "samples.csv"
-    result = CliRunner().invoke(app, ["replay", str(path), "--csv", str(sheet)])
+    result = CliRunner().invoke(app, ["runs", "replay", str(path), "--csv", str(sheet)])
     assert result.exit_code == 0, result.output
     assert "17 lost in 1 gaps, 0 invalid" in result.output
     assert "displacement_mm:" in result.output
     assert sheet.read_text().splitlines()[0] == "time_s,displacement_mm,valid"
-    result = CliRunner().invoke(app, ["replay", str(path), "--set", "counts_per_cycle=16", "--json", "--session", "2"])
+    result = CliRunner().invoke(
+        app, ["runs", "replay", str(path), "--set", "counts_per_cycle=16", "--json", "--session", "2"]
+    )
     assert result.exit_code == 0
     assert '"lost": 17' in result.output
-    assert isinstance(CliRunner().invoke(app, ["replay", str(path), "--session", "3"]).exception, ConfigError)
-    assert isinstance(CliRunner().invoke(app, ["replay", str(path), "--set", "x"]).exception, ConfigError)
+    assert isinstance(CliRunner().invoke(app, ["runs", "replay", str(path), "--session", "3"]).exception, ConfigError)
+    assert isinstance(CliRunner().invoke(app, ["runs", "replay", str(path), "--set", "x"]).exception, ConfigError)
 
 
 def put(recorder: TraceRecorder, pieces: list[bytes]) -> None:

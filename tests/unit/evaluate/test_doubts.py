@@ -72,17 +72,17 @@ def test_a_turn_that_does_not_close_stops_the_verdict_until_a_person_answers_for
 def test_no_table_comes_of_a_turn_that_does_not_close(tmp_path: Path) -> None:
     path, out = turn(tmp_path, 6.0), tmp_path / "c.spf"
     for to in ("eec", "linuxcnc"):
-        refused = typed("convert", path, *("--to", to), *TO_TABLE[2:], "-o", out)
+        refused = typed("tables", "convert", path, *("--to", to), *TO_TABLE[2:], "-o", out)
         assert isinstance(refused.exception, InDoubt)
         assert "--accept-doubt S-EVAL-CLOSURE-FAR=" in refused.exception.hint
         assert not out.exists()
-    assert typed("convert", path, *TO_TABLE, "-o", out, "--accept-doubt", ACCEPT).exit_code == 0
+    assert typed("tables", "convert", path, *TO_TABLE, "-o", out, "--accept-doubt", ACCEPT).exit_code == 0
     assert "S-EVAL-CLOSURE-FAR accepted: the belt slipped" in out.read_text(encoding="ascii")
     for wrong in ("S-EVAL-CLOSURE-FAR", "S-EVAL-CLOSURE-FAR=", "CLOSURE=because"):
-        answer = typed("convert", path, *TO_TABLE, "-o", out, "--accept-doubt", wrong)
+        answer = typed("tables", "convert", path, *TO_TABLE, "-o", out, "--accept-doubt", wrong)
         assert isinstance(answer.exception, TrueflankError)
         assert answer.exception.code == "E-DOUBT-ACCEPT"
-    assert typed("convert", turn(tmp_path, 0.0), *TO_TABLE, "-o", tmp_path / "d.spf").exit_code == 0
+    assert typed("tables", "convert", turn(tmp_path, 0.0), *TO_TABLE, "-o", tmp_path / "d.spf").exit_code == 0
 
 
 def test_a_record_in_doubt_is_refused_below_every_command() -> None:
@@ -157,7 +157,7 @@ def test_an_axis_measured_across_zero_is_not_joined_the_long_way_round(tmp_path:
     told = typed("evaluate", path)
     assert told.exit_code == 0
     assert "340" in told.output
-    refused = typed("convert", path, *TO_TABLE[:-1], "--modulo", "-o", tmp_path / "arc.spf")
+    refused = typed("tables", "convert", path, *TO_TABLE[:-1], "--modulo", "-o", tmp_path / "arc.spf")
     assert isinstance(refused.exception, TrueflankError)
     assert refused.exception.code == "E-COMP-TURN"
     found = tf.read(path)
@@ -320,7 +320,9 @@ def test_a_table_leaves_out_what_a_run_leaves_out_and_says_so(tmp_path: Path) ->
         path = tmp_path / f"{name}.csv"
         path.write_text("\n".join(["target_mm,direction,repetition,deviation_um", *rows]) + "\n", encoding="utf-8")
         out = tmp_path / f"{name}.ini"
-        told = typed("convert", path, "--to", "eec", "--axis", "X1", "--reference", 0, "--datum", "0=0", "-o", out)
+        told = typed(
+            "tables", "convert", path, "--to", "eec", "--axis", "X1", "--reference", 0, "--datum", "0=0", "-o", out
+        )
         assert told.exit_code == 0, told.output
         values = [float(line.split("=")[1]) for line in out.read_text().splitlines() if "ENC_COMP[" in line]
         return values, " ".join(told.output.split())
@@ -353,8 +355,8 @@ def test_an_axis_that_turns_by_its_letter_gets_no_table_of_lengths(tmp_path: Pat
     rows = [f"{at[i]:g},{'+-'[w]},{j + 1},{x[i, j, w]:.4f}" for i, j, w in np.ndindex(x.shape)]
     (tmp_path / "x.csv").write_text("\n".join(["target_mm,direction,repetition,deviation_um", *rows]) + "\n")
     words = ("--to", "eec", "--reference", 0, "--datum", "0=0", "-o", tmp_path / "x.ini", "--force")
-    refused = typed("convert", tmp_path / "x.csv", *words, "--axis", "C1").exception
+    refused = typed("tables", "convert", tmp_path / "x.csv", *words, "--axis", "C1").exception
     assert isinstance(refused, TrueflankError)
     assert refused.code == "E-CLI-AXIS-UNIT"
     for axis in ("X1", "AX1", "V"):
-        assert typed("convert", tmp_path / "x.csv", *words, "--axis", axis).exit_code == 0
+        assert typed("tables", "convert", tmp_path / "x.csv", *words, "--axis", axis).exit_code == 0

@@ -633,7 +633,7 @@ def test_files_that_are_named_and_missing_are_told(folder: Path) -> None:
     (folder / "control.der").unlink()
     found = check_site(written(folder, WHOLE)).faults
     assert [fault.code for fault in found] == ["E-CFG-FILE", "E-CFG-FILE", "E-CFG-CERTIFICATE"]
-    assert "trueflank trust accept" in found[-1].error("f").hint
+    assert "trueflank doctor certificate" in found[-1].error("f").hint
 
 
 def test_an_overrun_beyond_the_travel_is_a_doubt_that_keeps_nobody_from_other_commands(folder: Path) -> None:
@@ -674,7 +674,7 @@ def test_what_no_grinding_program_can_have_is_refused_as_by_the_program(
     path = written(folder, whole + line + "\n")
     found = check_site(path).faults
     assert [(fault.path[-1], told in fault.error("f").what) for fault in found] == [(key, True)]
-    made = CliRunner().invoke(app, ["program", str(path), "--what", "grind", "-o", str(folder / "programs")])
+    made = CliRunner().invoke(app, ["check", "programs", str(path), "--what", "grind", "-o", str(folder / "programs")])
     assert isinstance(made.exception, ConfigError)
     assert told in made.exception.what
 
@@ -808,18 +808,18 @@ def test_who_brings_files_is_asked_for_no_place_to_push_from(tmp_path: Path, pla
 
 def test_a_carried_control_is_not_waited_for_and_the_next_step_is_one_that_it_knows(tmp_path: Path) -> None:
     """What must be carried is written and said; the files of who has no control go on with a day's folder."""
-    for name, step in (("carried-grinder", "self-test"), ("files-only", "day FOLDER --site")):
+    for name, step in (("carried-grinder", "doctor self-test"), ("files-only", "day FOLDER --site")):
         site = Path(shutil.copy(GEAR.parents[1] / "sites" / f"{name}.toml", tmp_path))
         found = CliRunner().invoke(app, ["check", str(site)])
         assert f"next: trueflank {step} {site}" in found.output
     site = tmp_path / "carried-grinder.toml"
-    told = CliRunner().invoke(app, ["check", str(site), "--connect"])
+    told = CliRunner().invoke(app, ["doctor", "devices", str(site)])
     assert isinstance(told.exception, TrueflankError)
     assert (told.exception.code, told.exception.exit_code) == ("E-OFF-CARRY", 15)
     assert "TFSEE" in (tmp_path / "carried" / "carry" / "SHEET.txt").read_text()
 
 
-@pytest.mark.parametrize("command", [["self-test"], ["verify-table"], ["rollback"]])
+@pytest.mark.parametrize("command", [["doctor", "self-test"], ["tables", "verify"], ["rollback"]])
 def test_a_site_of_files_only_is_left_without_an_empty_run(tmp_path: Path, command: list[str]) -> None:
     site = tmp_path / "site.toml"
     site.write_bytes((GEAR.parents[1] / "sites" / "files-only.toml").read_bytes())

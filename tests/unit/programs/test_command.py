@@ -1,4 +1,4 @@
-"""`trueflank program`: files to be read before the first day, and none lost."""
+"""`trueflank check programs`: files to be read before the first day, and none lost."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from tests.unit.programs.sites import site_file
 
 
 def run(*given: object) -> str:
-    result = CliRunner().invoke(app, ["program", *map(str, given)], catch_exceptions=False)
+    result = CliRunner().invoke(app, ["check", "programs", *map(str, given)], catch_exceptions=False)
     assert result.exit_code == 0
     return result.output
 

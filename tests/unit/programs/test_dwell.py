@@ -25,7 +25,7 @@ TRAVELS = tuple(replace(axis, travel=(-420.0, 320.0)) if axis.letter == "X" else
 
 
 def written(site: Path, folder: Path, *words: object) -> str:
-    given = ["program", site, "-o", folder, "--what", "dwell", *words]
+    given = ["check", "programs", site, "-o", folder, "--what", "dwell", *words]
     result = RUNNER.invoke(app, list(map(str, given)), catch_exceptions=False)
     assert result.exit_code == 0, result.output
     return result.output
@@ -109,7 +109,9 @@ def test_a_road_without_programs_gets_them_too(tmp_path: Path) -> None:
     assert (tmp_path / "out" / "dwell-X-TFDWEL_X1.MPF").exists()
     for what, code in (("measure", "E-PROGRAM-NO-ROAD"), ("grind", "E-PROGRAM-NOTHING")):
         with pytest.raises(ConfigError) as refused:
-            RUNNER.invoke(app, ["program", str(mailbox), "-o", str(tmp_path), "--what", what], catch_exceptions=False)
+            RUNNER.invoke(
+                app, ["check", "programs", str(mailbox), "-o", str(tmp_path), "--what", what], catch_exceptions=False
+            )
         assert refused.value.code == code
 
 
@@ -128,25 +130,29 @@ def test_a_site_that_names_what_is_not_there_is_told_so(
     site = tmp_path / "site.toml"
     site.write_text(text.replace(was, now), encoding="utf-8")
     with pytest.raises(TrueflankError) as refused:
-        RUNNER.invoke(app, ["program", str(site), "-o", str(tmp_path / "out"), "--what", "off"], catch_exceptions=False)
+        RUNNER.invoke(
+            app, ["check", "programs", str(site), "-o", str(tmp_path / "out"), "--what", "off"], catch_exceptions=False
+        )
     assert refused.value.code == code
 
 
 def test_a_control_that_is_carried_to_is_asked_in_steps(tmp_path: Path) -> None:
-    """`trust machine` says what to carry and ends, as `check --connect` does; it waits for nobody."""
+    """`doctor identity` says what to carry and ends, as `doctor devices` does; it waits for nobody."""
     text = (Path(__file__).parents[3] / "examples" / "sites" / "carried-grinder.toml").read_text(encoding="utf-8")
     site = tmp_path / "site.toml"
     site.write_text(text, encoding="utf-8")
     for _ in range(2):
         with pytest.raises(TrueflankError) as waits:
-            RUNNER.invoke(app, ["trust", "machine", str(site)], catch_exceptions=False)
+            RUNNER.invoke(app, ["doctor", "identity", str(site)], catch_exceptions=False)
         assert (waits.value.code, waits.value.exit_code) == ("E-OFF-CARRY", 15)
     assert (tmp_path / "carried" / "carry" / "TFSEE.MPF").exists()
 
 
-@pytest.mark.parametrize("command", ["accept", "conform"])
+@pytest.mark.parametrize("command", ["accept", "compare"])
 def test_consent_to_a_trial_names_its_own_option(tmp_path: Path, command: str) -> None:
     site = site_file(tmp_path, "demo")
     with pytest.raises(TrueflankError) as refused:
-        RUNNER.invoke(app, [command, str(site), "--allow", "write", "--machine", "other"], catch_exceptions=False)
+        RUNNER.invoke(
+            app, ["doctor", command, str(site), "--allow", "write", "--machine", "other"], catch_exceptions=False
+        )
     assert (refused.value.code, "--allow write" in refused.value.what) == ("E-ACCEPT-NAME", True)

@@ -42,7 +42,7 @@ def test_a_table_that_acts_the_wrong_way_or_not_at_all_is_missed_and_says_how_fa
     check = judge_combined_effect(OUTLOOK, seen(wrong))
     assert check.held is False
     assert f"{np.max(np.abs(check.measured - check.predicted)):.2f}" in str(check.words)
-    assert "verify-table" in str(check.words)
+    assert "tables verify" in str(check.words)
 
 
 def test_with_other_tables_live_nothing_is_judged() -> None:

@@ -367,7 +367,7 @@ def test_the_command_imports_what_lies_there_and_ends(tmp_path: Path) -> None:
         '[machine]\ntype = "Example"\nnumber = "12"\n',
         encoding="utf-8",
     )
-    words = ["watch", str(site), "--folder", str(folder), "--settle", "0", "--once"]
+    words = ["import", "watch", str(site), "--folder", str(folder), "--settle", "0", "--once"]
     assert CliRunner().invoke(app, words).exit_code == 0
     runs = Store(tmp_path / "runs").runs()
     assert [run.state for run in runs] == ["imported"]

@@ -320,5 +320,5 @@ def test_names_of_the_site_file_may_come_in_and_https_is_said(tmp_path: Path) ->
 
 def test_the_described_routes_are_those_that_are_shipped(offer: Offered) -> None:
     shipped = json.loads((Path(__file__).parents[3] / "docs" / "openapi.json").read_text(encoding="utf-8"))
-    assert offer.app.openapi() == shipped, "write it anew: trueflank schema --api > docs/openapi.json"
+    assert offer.app.openapi() == shipped, "write it anew: trueflank docs schema --api > docs/openapi.json"
     assert shipped["info"]["version"] == application.API_VERSION
