@@ -109,6 +109,13 @@ class GroundPart:
 
 
 @dataclass(frozen=True, slots=True)
+class BuilderCycle:
+    """The builder's program that grinds the parts of a run in place of ours."""
+
+    program: str
+
+
+@dataclass(frozen=True, slots=True)
 class InspectedFlank:
     """What an inspection tells of one part's flanks; points (N,) as measured, ``fitted`` as A, B, G at each place.
 

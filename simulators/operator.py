@@ -49,6 +49,10 @@ class ShownControl(Protocol):
         """Whether an alarm stands that RESET clears."""
         ...
 
+    def select(self, path: str) -> bool:
+        """Select a program on the screen; False when the control does not take it now."""
+        ...
+
     def nc_start(self) -> Any:
         """The green button."""
         ...
@@ -130,11 +134,17 @@ class WorkPlace(Protocol):
         """Take the part off; False when nothing was there."""
         ...
 
+    def change_wheel(self, number: int) -> bool:
+        """Put on the roughing (1) or the finishing wheel (2); False when there is nothing to grind."""
+        ...
+
 
 SETUP = re.compile(r"TRUEFLANK SETUP (?P<component>\S+) ON (?P<letter>[A-Z])$")
 STEP = re.compile(r"TRUEFLANK STEP (?P<component>\S+) (?P<size>[0-9.]+) ON (?P<letter>[A-Z])$")
-BLANK = re.compile(r"TRUEFLANK LOAD BLANK(?: .*)?$")
-UNLOAD = re.compile(r"TRUEFLANK UNLOAD PART(?: .*)?$")
+# The second words are those of the builder's own cycle.
+BLANK = re.compile(r"TRUEFLANK LOAD BLANK(?: .*)?$|CLAMP WORKPIECE$")
+UNLOAD = re.compile(r"TRUEFLANK UNLOAD PART(?: .*)?$|REMOVE WORKPIECE$")
+WHEEL = re.compile(r"CHANGE TO WHEEL (?P<number>[12])$")
 ACTIVATE = re.compile(r"TRUEFLANK ACTIVATE NCK RESET AND REFERENCE (?P<axis>\S+( \S+)*)$")
 SELF_TEST = re.compile(r"TRUEFLANK SELF-TEST PRESS NC START$")
 PROBE_PREFIX = "_N_TFPROBE_"  # programs that are meant to be refused: the person who tries them presses RESET
@@ -243,6 +253,7 @@ class Operator:
             (STEP, self._step),
             (BLANK, self._load_blank),
             (UNLOAD, self._unload_part),
+            (WHEEL, self._change_wheel),
             (ACTIVATE, self._activate),
             (SELF_TEST, self._go_on_with_test),
         )
@@ -281,6 +292,17 @@ class Operator:
     async def _unload_part(self, _found: re.Match[str]) -> None:
         await self._clock.sleep(self.spec.load_delay_s)
         self._go_on("took the part off" if self._table is not None and self._table.unload() else "no part to take off")
+
+    async def _change_wheel(self, found: re.Match[str]) -> None:
+        await self._clock.sleep(self.spec.load_delay_s)
+        done = self._table is not None and self._table.change_wheel(int(found["number"]))
+        self._go_on(f"changed to wheel {found['number']}" if done else "no wheel to change")
+
+    def select(self, path: str) -> bool:
+        """Select a program on the screen, as the shop does with its own; it is started like any that is selected."""
+        done = self._control.select(path)
+        self.log.append(f"selected {path}" if done else f"could not select {path}")
+        return done
 
     async def _go_on_with_test(self, _found: re.Match[str]) -> None:
         await self._clock.sleep(self.spec.start_delay_s)

@@ -66,6 +66,7 @@ from gateway.push.setup_values import (
     last_setup,
     preflight_setup,
     restore_setup,
+    sense_refusals,
     setup_history,
     unfinished_setup,
 )
@@ -143,6 +144,7 @@ __all__ = [
     "rollback_previews",
     "run_preflight",
     "sense_conversion",
+    "sense_refusals",
     "set_ended_aside",
     "setup_history",
     "table_facts",

@@ -117,11 +117,16 @@ async def preflight_setup(
     found = planned_values(values, own, held, step=step)
     reasons = [*await _reasons(context), *_unended(context)]
     for one in values:
-        if one.name != step and not any(fits(proof, one) for proof in own):
-            reasons += refuse("E-HAND-SENSE", name=one.name, place=one.place)
+        reasons += () if one.name == step else sense_refusals(one, own)
         if abs(one.added) > LIMITS[one.name]:
             reasons += refuse("E-HAND-LIMIT", name=one.name, value=round(one.added, 2), limit=LIMITS[one.name])
     return found, tuple(reasons)
+
+
+def sense_refusals(value: HeldValue, proofs: Sequence[SetupProof]) -> tuple[Refusal, ...]:
+    """A value whose sense no proof of this machine tells (E-HAND-SENSE)."""
+    known = any(fits(proof, value) for proof in proofs)
+    return () if known else tuple(refuse("E-HAND-SENSE", name=value.name, place=value.place))
 
 
 async def _reasons(context: SetupContext) -> list[Refusal]:

@@ -36,6 +36,7 @@ from gateway.workflow.axes.propose import propose
 from gateway.workflow.axes.short_capture import verify_combined_effect
 from gateway.workflow.control.push import apply_proposal
 from gateway.workflow.control.rollback import roll_back_run
+from gateway.workflow.control.setup_values import hand_over_change, require_senses
 from gateway.workflow.errors21.measurement import measure_site
 from gateway.workflow.errors21.setup_capture import axes_from_setups
 from gateway.workflow.results.endings import closing_outcome, finish
@@ -45,6 +46,7 @@ from gateway.workflow.run.context import RunContext, check_name, open_context, w
 from gateway.workflow.run.folder import new_run
 from gateway.workflow.run.live_tables import standing_alarms
 from gateway.workflow.run.outcome import Outcome, with_alarms
+from gateway.workflow.tooth.builder_cycle import cycle_of_run, grind_by_cycle
 from gateway.workflow.tooth.grinding import grind_part, same_machine
 from gateway.workflow.tooth.inspection import inspect_part, inspector_name
 from gateway.workflow.tooth.part_plan import entry_instructions, work_section
@@ -113,10 +115,12 @@ async def close_site(
     resume: RunFolder | None = None,
     back: bool = True,
     wanted: Sequence[str] = (),
+    cycle: str = "",
 ) -> Outcome:
     """Do the whole loop, or go on with a run that stopped: what is stored is not done again.
 
-    ``wanted`` are the set-ups to be measured, by key; none: all of the plan.
+    ``wanted`` are the set-ups to be measured, by key; none: all of the plan. ``cycle`` names the builder's program that
+    a person runs for each part in place of ours.
 
     Without `apply` it ends with a stored proposal for the tooth; nothing is ground or written. Where the flank became
     worse than it was the run takes its tables ``back`` as its last step: part of the consent given here. Raises
@@ -126,7 +130,7 @@ async def close_site(
     """
     check_name(site, apply, machine_name)
     work = work_of(site, site_path)
-    if apply and not work_section(site).wheel_place:
+    if apply and not cycle and resume is None and not work_section(site).wheel_place:
         raise ConfigError("E-CLOSE-PLACE", site.site.name)
     used = {axis.measure.instrument for axis in site.axes if axis.measure.instrument}
     used |= {inspector_name(site)} if apply else set()
@@ -134,7 +138,7 @@ async def close_site(
     folder = RunFolder(Path(plan.run_folder))
     try:
         async with open_context(site, site_path, folder=folder, clock=clock, say=say, instruments=used) as at:
-            await _ClosingRun(at, work, plan.model, axes_from_setups(folder, site), back=back).close(apply=apply)
+            await _ClosingRun(at, work, plan.model, axes_from_setups(folder, site), back, cycle).close(apply=apply)
             alarms = standing_alarms(at)
     except TrueflankError as error:
         folder.set_state("failed", error=error.as_record())
@@ -154,6 +158,7 @@ class _ClosingRun:
     model: ErrorModel
     measured: dict[str, MeasuredAxis]
     back: bool = True
+    asked: str = ""
 
     async def close(self, *, apply: bool) -> None:
         at, folder = self.at, self.at.folder
@@ -165,9 +170,14 @@ class _ClosingRun:
             return
         if apply and not folder.has(stages.VERDICT):
             at.say("P-CLOSE-BACK" if self.back else "P-CLOSE-BACK-NOT")
-        book = SetupBook(at.store.root)
-        now = book.current(at.machine, self.work.name)
-        before = await self._part(BEFORE, now) if apply else None
+        cycle = cycle_of_run(at, self.asked, BEFORE)
+        if apply and cycle:
+            require_senses(at)
+        elif apply and not work_section(at.site).wheel_place:
+            raise ConfigError("E-CLOSE-PLACE", at.site.site.name)
+        book, name = SetupBook(at.store.root), f"{self.work.name} {cycle}".strip()
+        now = book.current(at.machine, name)
+        before = await self._part(BEFORE, now, cycle) if apply else None
         proposal, tooth = await self._proposal()
         if before is None:
             folder.set_state("proposed")
@@ -181,13 +191,14 @@ class _ClosingRun:
         await verify_combined_effect(self.at)
         tooth = folder.get(stages.TOOTH, ToothProposal)  # as it is with the tables that were pushed
         first = now.plus(self._expected_flank(before, tooth))
-        trial = await self._part(TRIAL, first)
+        trial = await self._part(TRIAL, first, cycle, had=now)
         setup = first.plus(setup_from_part(trial, self.work.gear).setup)
-        after = await self._part(AFTER, setup)
+        after = await self._part(AFTER, setup, cycle, had=first)
         judged = judge_tooth(before, after, tooth.prediction, gear=self.work.gear, trial=trial)
         if judged.outcome != "worse":
-            book.save(at.machine, self.work.name, setup, run=folder.run_id, clock=at.clock)
-            at.say("P-SETUP-ENTER", words=entry_instructions(work_section(at.site), setup))
+            book.save(at.machine, name, setup, run=folder.run_id, clock=at.clock)
+            if not cycle:
+                at.say("P-SETUP-ENTER", words=entry_instructions(work_section(at.site), setup))
         folder.put(stages.TOOTH_VERDICT, judged, (folder.digest(stages.inspected(AFTER)),))
         worse = "worse" in (judged.outcome, verdict.outcome)
         if worse and judged.outcome != "better":
@@ -229,8 +240,8 @@ class _ClosingRun:
         modelled = setup_from_part(replace(before, fitted=tooth.prediction.before), self.work.gear).setup
         return setup_from_part(before, self.work.gear).setup.plus(tooth.setup).less(modelled)
 
-    async def _part(self, part: str, setup: SetupValues) -> InspectedFlank:
-        """Grind and inspect a part; what the folder holds already is not done again.
+    async def _part(self, part: str, setup: SetupValues, cycle: str, had: SetupValues | None = None) -> InspectedFlank:
+        """Grind and inspect a part; what the folder holds already is not done again. ``had`` are the values before it.
 
         But for the inspection of a part that contradicts the model where no error explains it.
         """
@@ -238,7 +249,11 @@ class _ClosingRun:
         if folder.has(stages.inspected(part)) and not (part == BEFORE and contradicts_model(folder)):
             return folder.get(stages.inspected(part), InspectedFlank)
         PartStarted(part, **asdict(setup)).tell(self.at.say)
-        if not folder.has(stages.ground(part)):
+        if not folder.has(stages.ground(part)) and cycle:
+            if had is not None:
+                await hand_over_change(self.at, part, setup.less(had))
+            await grind_by_cycle(self.at, part, setup, cycle)
+        elif not folder.has(stages.ground(part)):
             await grind_part(self.at, part, setup)
         found = await inspect_part(self.at, part)
         self.at.say("P-PART-DONE", part=part, rms_um=found.fitted.rms_um)

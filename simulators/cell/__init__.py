@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drivers.clock import Clock, LoopClock
+from simulators.cell.builder_cycle import cycle_path, cycle_text
 from simulators.cell.capture_pc import CapturePc
 from simulators.cell.connections import ControlConnections, Instruments
 from simulators.cell.control import CellNck, ControlPanel, live_deviation, load_builder_tables, spec_of
@@ -118,6 +119,13 @@ class Cell:
         self.shop.start()
         self._write_site()
         return self.site_path
+
+    def run_builder_cycle(self) -> bool:
+        """The person selects the builder's own cycle for the part; False without a part or while a program runs."""
+        if self.file.part is None:
+            return False
+        self.nck.files.write(cycle_path(), cycle_text(self.file, self.file.part).encode("ascii"))
+        return self.operator.select(cycle_path())
 
     async def _power_up(self) -> None:
         """The machine as one finds it on a working day: what its builder loaded acts, referenced, in AUTO."""

@@ -76,6 +76,7 @@ class BackDoor:
             "reclamp": lambda _q: self._gear_machine().reclamp(),
             "load_blank": lambda _q: {"done": self._cell.shop.load()},
             "dresser_table": lambda q: {"done": self._cell.shop.give_dresser(q["axial_mm"], q["correction_um"])},
+            "builder_cycle": lambda _q: {"done": self._cell.run_builder_cycle()},
             "unload_part": lambda _q: {"done": self._cell.shop.unload()},
         }
 

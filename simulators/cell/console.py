@@ -30,6 +30,7 @@ WORDS: Mapping[str, str] = {
     "break laser | clear laser": "something stands in the beam of that instrument; it is gone",
     "pull laser | plug laser": "the instrument's cable",
     "load blank | take part": "clamp a new blank; take off what is on the table",
+    "cycle": "select the builder's own cycle for the part",
     "air 25 | material 23 | pressure 980 | humidity 40": "the weather from now on, in degC, hPa and %",
     "jog X1 -200 | mode AUTO": "move an axis by hand; AUTO, JOG or MDA",
     "confirm | release on | release off": "the PLC's panel",
@@ -56,6 +57,7 @@ PATTERNS: tuple[tuple[str, Made], ...] = (
     (r"PULL \S+", lambda _f, line: _named("pull", line)),
     (r"PLUG \S+", lambda _f, line: _named("plug", line)),
     (r"LOAD BLANK", _same({"set": "load_blank"})),
+    (r"CYCLE", _same({"set": "builder_cycle"})),
     (r"TAKE PART", _same({"set": "unload_part"})),
     (
         rf"(?P<what>{'|'.join(WEATHER)}) {NUMBER}",

@@ -191,6 +191,10 @@ class ControlPanel:
         """Whether an alarm stands that RESET clears."""
         return any(alarm.clear == "reset" for alarm in self._nck.alarms)
 
+    def select(self, path: str) -> bool:
+        """Select a program; False when the control does not take it now."""
+        return self._nck.select(path, 1) == 0
+
     def nc_start(self) -> None:
         """The green button."""
         self._nck.nc_start()

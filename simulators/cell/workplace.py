@@ -101,6 +101,12 @@ class ShopFloor:
         """Take the part off; False when nothing was clamped."""
         return self._grinder is not None and self._grinder.unload(self._clock.now()) is not None
 
+    def change_wheel(self, number: int) -> bool:
+        """Put on the roughing (1) or the finishing wheel (2); False when the cell has no part to make."""
+        if self._grinder is not None:
+            self._grinder.change_wheel(self._clock.now(), roughing=number == 1)
+        return self._grinder is not None
+
     def give_dresser(self, axial_mm: Sequence[float], correction_um: Sequence[float]) -> bool:
         """A person types a correction of the profile into the dresser; it acts from the next blank's dressing on.
 

@@ -92,6 +92,8 @@ class Wheel(CellSection):
     ``diamond_wear_um`` more after each dressing: the wheel is too large by that along its normal. A correction that a
     person gives the dresser means a larger wheel where ``table_sign`` is 1, and its places count along the wheel's
     axis where ``table_axial`` is 1, else the other way.
+
+    A cycle of the builder's roughs with a wheel of its own: ``rough_radius_um`` too large, of form ``rough_form``.
     """
 
     dresser: Literal["Y", ""] = "Y"
@@ -108,6 +110,14 @@ class Wheel(CellSection):
     dress_every: int = Field(default=1, ge=1)
     table_sign: Literal[1, -1] = 1
     table_axial: Literal[1, -1] = 1
+    rough_radius_um: float = Field(default=-8.0, le=0.0)
+    rough_form: tuple[WheelWave, ...] = (WheelWave(waves=2.0, left_um=6.0, right_um=-5.0),)
+
+    @property
+    def roughing(self) -> Wheel:
+        """The roughing wheel: it is never redressed and does not wear."""
+        own = {"radius_um": self.rough_radius_um, "form": self.rough_form, "wear_um": 0.0, "wear_side_um": 0.0}
+        return self.model_copy(update={**own, "diamond_um": 0.0, "diamond_wear_um": 0.0})
 
     @property
     def parameter(self) -> int | None:

@@ -171,6 +171,8 @@ class Grinder:
         self._dresser = Dresser(self._lobes, distance, wheel)
         self._body = self._dresser.body(0.0)
         self._worn = [self._body]
+        self._rough = Dresser(self._lobes, distance, wheel.roughing).body(0.0)
+        self._roughing = False
         self._parts = 0
         tilt = (wheel.tilt_arcsec[0] * ARCSEC, 0.0, wheel.tilt_arcsec[1] * ARCSEC)
         self._seat = fixed_pose((wheel.offset_um[0] * UM, wheel.offset_um[1] * UM, wheel.offset_um[2] * UM), tilt)
@@ -185,6 +187,7 @@ class Grinder:
     def load(self, now_s: float, seat: Pose | None = None) -> WorkPiece:
         """Take off what is on the table, dress the wheel and clamp a new blank; ``seat`` if that is known."""
         self.unload(now_s)
+        self._roughing = False
         offset = self._dressed_mm()
         if abs(offset) <= MOST_DRESSED_MM:  # a dressing program refuses more, and the profile stays where it was
             self._offset_mm = offset
@@ -201,6 +204,11 @@ class Grinder:
         self._watcher = AxisWatcher(self._bench)
         self._now = now_s
         return self.work
+
+    def change_wheel(self, now_s: float, *, roughing: bool) -> None:
+        """Put on the roughing or the finishing wheel; what was cut until now was cut by the other one."""
+        self.follow(now_s, whole=True)
+        self._roughing = roughing
 
     @property
     def dresser(self) -> Dresser:
@@ -288,11 +296,14 @@ class Grinder:
         for stretch in split_passes(times, poses.origin[:, 2], spaces):
             space = int(spaces[stretch.start])
             place = work.place_of(space)
-            cut = poses.part(stretch).moved(self._wheel.wear_side_um * UM * place)
+            worn_mm = 0.0 if self._roughing else self._wheel.wear_side_um * UM * place
+            cut = poses.part(stretch).moved(worn_mm)
             work.cut(GrindingPass(space, self._worn_body(place), cut, swell))
 
     def _worn_body(self, place: int) -> WheelBody:
-        """The wheel after so many spaces since it was dressed."""
+        """The wheel after so many spaces since it was dressed; the roughing wheel is always the same."""
+        if self._roughing:
+            return self._rough
         if not self._wheel.wear_um:
             return self._body
         while len(self._worn) <= place:

@@ -25,6 +25,7 @@ from gateway.cli.options import (
     SiteArgument,
     load_site,
     open_run,
+    parse_name,
     require_control,
 )
 from gateway.cli.output import echo_folded, show_json, show_table
@@ -96,6 +97,15 @@ def close_command(
         bool,
         typer.Option("--keep-worse", help="Keep the new tables if the flank became worse; default: roll back."),
     ] = False,
+    cycle: Annotated[
+        str,
+        typer.Option(
+            metavar="NAME",
+            help="A person runs this program of the builder for each part, in place of ours.",
+            show_default=False,
+            callback=parse_name,
+        ),
+    ] = "",
     plan: PlanOption = False,
     as_json: JsonOption = False,
 ) -> None:
@@ -107,14 +117,21 @@ def close_command(
     from gateway.approve import take_risk
 
     with take_risk(risk):
-        close_site_command(site, apply, machine, resume, as_json=as_json, keep_worse=keep_worse)
+        close_site_command(site, apply, machine, resume, as_json=as_json, keep_worse=keep_worse, cycle=cycle)
 
 
 def close_site_command(
-    site: Path, apply: bool, machine: str, resume: str = "", *, as_json: bool, keep_worse: bool = False
+    site: Path,
+    apply: bool,
+    machine: str,
+    resume: str = "",
+    *,
+    as_json: bool,
+    keep_worse: bool = False,
+    cycle: str = "",
 ) -> None:
     """Close the loop at a site, and show what came of it."""
-    asked = ClosingRequest(site, apply=apply, machine=machine, resume=resume, keep_worse=keep_worse)
+    asked = ClosingRequest(site, apply=apply, machine=machine, resume=resume, keep_worse=keep_worse, cycle=cycle)
     outcome = asked.run(quiet=as_json)
     show_outcome(outcome, as_json=as_json, onward=after_site_run(outcome, site))
 
@@ -133,6 +150,7 @@ class ClosingRequest:
     keep_worse: bool = False
     own_operator: bool = False
     wanted: Sequence[str] = ()
+    cycle: str = ""
     clock: Clock = field(default_factory=LoopClock)
 
     def stages(self) -> RemainingTime:
@@ -153,6 +171,7 @@ class ClosingRequest:
         folder = open_run(store_of(tree, self.site), self.resume) if self.resume else None
         asked: dict[str, Any] = {"apply": self.apply, "resume": folder, "back": not self.keep_worse}
         asked |= {"machine_name": tree.site.name if self.own_operator else self.machine, "wanted": self.wanted}
+        asked |= {"cycle": self.cycle}
 
         async def main(say: Say) -> Any:
             return await close_site(tree, self.site, clock=self.clock, say=say, **asked)

@@ -20,7 +20,7 @@ from gateway import audit
 from gateway.approve import is_risk_taken
 from gateway.config import SiteFile, WorkSection
 from gateway.domain.grinding_process import HeldValue, Separation, SetupHandover, SetupName, SetupProof
-from gateway.errors import IllegalTransition, RollbackFailed, VerifyError
+from gateway.errors import IllegalTransition, RollbackFailed, VerifyError, WriteRefused
 from gateway.interlocks import Refusal, proves
 from gateway.push import (
     JOURNALS,
@@ -29,6 +29,7 @@ from gateway.push import (
     last_setup,
     preflight_setup,
     restore_setup,
+    sense_refusals,
     setup_history,
     unfinished_setup,
 )
@@ -111,7 +112,7 @@ async def hand_over_run(
         raise IllegalTransition("E-HAND-SMALL", folder.run_id, part=part)
     held = tuple(one for one in values if one.place)
     typed = tuple(one for one in values if not one.place)
-    lines = _typing_lines(site, typed)
+    lines = _typing_lines(work_section(site), typed)
     if not held:
         record = SetupHandover(part, typed, "typed", utc=clock.utc().isoformat(timespec="seconds"))
         if apply:
@@ -177,8 +178,7 @@ def _step_value(site: SiteFile, step: str) -> tuple[HeldValue, ...]:
     return (held_value(work, name, STEPS[name]),)
 
 
-def _typing_lines(site: SiteFile, typed: Sequence[HeldValue]) -> tuple[Message, ...]:
-    work = work_section(site)
+def _typing_lines(work: WorkSection, typed: Sequence[HeldValue]) -> tuple[Message, ...]:
     return tuple(
         Message.of(
             "W-HAND-TYPE",
@@ -344,3 +344,57 @@ def prove_step(folder: RunFolder, *, before: str, after: str, clock: Clock) -> S
     site, site_path = site_of(folder)
     SetupProofBook(store_of(site, site_path).root).save(proof)
     return StepOutcome(step.name, gain, u, proof)
+
+
+# The closing run with the builder's cycle: what changes from part to part.
+
+LEAST = 0.05  # um: less is nobody's business
+
+
+def require_senses(at: RunContext) -> None:
+    """Refuse a run that hands over in a sense that nobody has proved. Raises WriteRefused (E-HAND-REFUSED)."""
+    work, proofs = work_section(at.site), SetupProofBook(at.store.root).of(at.machine)
+    named = [held_value(work, name, 0.0) for name in ("x", "dressing") if getattr(work, f"{name}_place")]
+    reasons = [one for value in named for one in sense_refusals(value, proofs)]
+    if reasons:
+        told = tuple(one.message for one in reasons)
+        raise WriteRefused("E-HAND-REFUSED", at.site.site.name, count=len(told), reasons=told)
+
+
+async def hand_over_change(at: RunContext, part: str, change: SetupValues) -> SetupHandover | None:
+    """Hand over by how much the set-up values of part ``part`` differ from those of the part before; once in a run.
+
+    What has no place is said, for a person to type; None where nothing changes. Raises as `hand_over_run`.
+    """
+    work, label = work_section(at.site), f"{at.folder.run_id}/{part}"
+    amounts: dict[SetupName, float] = {"x": change.x_um, "dressing": change.dressing_um}
+    values = tuple(held_value(work, name, round(one, 3)) for name, one in amounts.items() if abs(one) >= LEAST)
+    if not values or at.folder.has(stages.handed(part)):
+        return None
+    held = tuple(one for one in values if one.place)
+    typed = tuple(one for one in values if not one.place)
+    for line in _typing_lines(work, typed):
+        at.say("P-HAND-TYPE", line=line)
+    utc = at.clock.utc().isoformat(timespec="seconds")
+    record = SetupHandover(part, typed, "typed", utc=utc)
+    if held:
+        done = _known_handover(at, label)
+        if done is None:
+            proofs = SetupProofBook(at.store.root).of(at.machine)
+            context = setup_context(at, at.site.site.name)
+            done = await _audited(at, hand_over_setup(held, proofs, context, part=label))
+        record = replace(done, part=part, values=(*done.values, *typed))
+        for line in _value_lines(done.values):
+            at.say("P-HAND-VALUE", line=line)
+        _raise_unless_done(record, at.site)
+    at.folder.put(stages.handed(part), record)
+    return record
+
+
+def _known_handover(at: RunContext, label: str) -> SetupHandover | None:
+    """One that this run has committed before it was stopped, and nobody has taken back."""
+    history = setup_history(at.store.root / JOURNALS, at.machine.serial)
+    undone = {one.undoes for one in history}
+    return next(
+        (one for one in history if one.part == label and one.transaction not in undone and not one.undoes), None
+    )

@@ -94,6 +94,15 @@ def _axis(site: SiteFile, wanted: str, role: str, kind: str) -> GrindAxis:
     return GrindAxis(found.name, found.letter, _travel(found), found.encoder)
 
 
+def axes_of_work(site: SiteFile) -> tuple[AxisSection, AxisSection, AxisSection]:
+    """The axes that grind: infeed, stroke, index. Raises ConfigError (E-GRIND-NO-WORK, E-GRIND-AXIS)."""
+    work = work_section(site)
+    roles = (work.infeed, "infeed", "linear"), (work.stroke, "stroke", "linear"), (work.index, "index", "rotary")
+    named = {axis.name: axis for axis in site.axes}
+    infeed, stroke, index = (named[_axis(site, *role).name] for role in roles)
+    return infeed, stroke, index
+
+
 def _travel(axis: AxisSection) -> tuple[float, float] | None:
     return None if axis.modulo else axis.travel
 

@@ -126,3 +126,36 @@ def test_nothing_is_cut_without_a_blank_and_the_judge_knows_the_part(trueflank_c
         assert (await judge.answer({"ask": "part"}))["clamped"] is None
 
     trueflank_cell.in_memory(main)
+
+
+def test_the_builders_cycle_makes_the_same_part_by_another_way(trueflank_cell: CellStarter) -> None:
+    """Two wheels, every seventh space, strokes one way: what is left is the machine's, and its x comes from R210."""
+
+    async def main(cell: Cell) -> None:
+        async def cycle() -> np.ndarray:
+            assert cell.run_builder_cycle()
+            await cell.clock.sleep(30.0)
+            for _ in range(4000):
+                await cell.clock.sleep(1.0)
+                if cell.nck.channel_status == 0:
+                    return flank(cell)
+            raise AssertionError(f"the cycle did not end: {cell.nck.alarms} {cell.operator.log}")
+
+        bare = await cycle()
+        wanted = ["NC START", "clamped a blank", "NC START", "changed to wheel 1", "NC START"]
+        wanted += ["changed to wheel 2", "NC START", "took the part off", "NC START"]
+        assert cell.operator.log[1:] == wanted
+        work = cell.shop.ground
+        assert work is not None
+        assert list(work._passes) != sorted(work._passes)
+        await grind(cell)
+        own = flank(cell)
+        # Another clamping, and C and Z approached from the other side: reversals turn or move all spaces alike.
+        apart = np.mean(bare - own, axis=0)
+        assert np.std(bare - own - apart) < 1.0
+        cell.nck.set("R[210]", 0.02, 0)
+        deeper = await cycle()
+        normal = work.lobes.profile(work.lobes.even(8))[1]
+        np.testing.assert_allclose(np.mean(deeper - bare, axis=(0, 2)), -normal.real * 20.0, atol=1.0)
+
+    trueflank_cell.in_memory(main)
