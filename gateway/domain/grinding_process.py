@@ -10,6 +10,11 @@ from drivers.message import Message
 from drivers.types.identity import MachineIdentity
 from gateway.domain.values import FloatArray
 
+SetupName = Literal["x", "dressing", "swivel"]
+HeldUnit = Literal["mm", "um", "deg", "arcsec"]
+SETUP_KEYS: Mapping[SetupName, str] = {"x": "x_um", "dressing": "dressing_um", "swivel": "swivel_arcsec"}
+"""The set-up values of a separation by the names that they are handed over under."""
+
 
 @dataclass(frozen=True, slots=True)
 class ProcessShare:
@@ -81,9 +86,9 @@ class Separation:
                 return one
         raise KeyError(name)
 
-
-SetupName = Literal["x", "dressing", "swivel"]
-HeldUnit = Literal["mm", "um", "deg", "arcsec"]
+    def asks(self, name: SetupName) -> EstimatedValue:
+        """What these parts ask to be added to a set-up value."""
+        return self.setup[SETUP_KEYS[name]]
 
 
 @dataclass(frozen=True, slots=True)

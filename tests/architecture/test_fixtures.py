@@ -12,6 +12,10 @@ TESTS = Path(__file__).parents[1]
 JUDGED = "test_what_tables_and_set_up_values_can_cure_leaves_nothing"
 WHOLLY_LONG = {
     (
+        "test_builder_cycle.py",
+        "test_the_loop_closes_over_the_builders_cycle",
+    ): "test_the_builders_cycle_makes_the_same_part_by_another_way",
+    (
         "test_paper.py",
         "test_one_command_makes_the_whole_paper",
     ): "test_every_sheet_of_the_paper_has_its_caption",

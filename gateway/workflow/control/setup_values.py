@@ -19,7 +19,7 @@ from drivers.message import Message, fixed, joined
 from gateway import audit
 from gateway.approve import is_risk_taken
 from gateway.config import SiteFile, WorkSection
-from gateway.domain.grinding_process import HeldValue, Separation, SetupHandover, SetupName, SetupProof
+from gateway.domain.grinding_process import SETUP_KEYS, HeldValue, Separation, SetupHandover, SetupName, SetupProof
 from gateway.errors import IllegalTransition, RollbackFailed, VerifyError, WriteRefused
 from gateway.interlocks import Refusal, proves
 from gateway.push import (
@@ -42,7 +42,6 @@ from gateway.workflow.run.audit_trail import audit_problem, error_words, outcome
 from gateway.workflow.run.context import RunContext, check_name, open_context, run_or_look
 from gateway.workflow.run.folder import site_of, store_of
 from gateway.workflow.tooth.part_plan import work_section
-from gateway.workflow.tooth.processing import SETUP_KEYS, next_setup
 
 SURE = 2.0  # standard uncertainties from which a value is worth handing over
 STEPS: Mapping[SetupName, float] = {"x": 5.0, "dressing": 5.0, "swivel": 60.0}
@@ -326,7 +325,7 @@ def prove_step(folder: RunFolder, *, before: str, after: str, clock: Clock) -> S
     if done is None or not done.step or done.outcome != "committed" or done.machine is None:
         raise IllegalTransition("E-HAND-NO-STEP", folder.run_id, part=before)
     (step,) = done.values
-    first, second = (next_setup(one, step.name) for one in parts)
+    first, second = (one.asks(step.name) for one in parts)
     gain = (first.value - second.value) / step.added
     u = (first.u**2 + second.u**2) ** 0.5 / abs(step.added)
     if not proves(gain, u):

@@ -12,7 +12,7 @@ from typing import Any
 from drivers.errors import ConfigError
 from drivers.message import Message, fixed
 from gateway.config import SiteFile
-from gateway.domain.grinding_process import EstimatedValue, Separation, SetupHandover, SetupName
+from gateway.domain.grinding_process import Separation, SetupHandover
 from gateway.errors import IllegalTransition, ModelError, StoreError
 from gateway.gear.cycloid import CycloidGear
 from gateway.process.charts import BASE, PartFigures, ProcessAnswer, judge_process
@@ -59,15 +59,6 @@ def order_of(text: str, spaces: int) -> tuple[int, ...] | None:
         return tuple(int(one) for one in text.replace(";", ",").split(","))
     except ValueError:
         raise ConfigError("E-PROCESS-ORDER-TEXT", "--order", text=text, known=", ".join(ORDERS)) from None
-
-
-SETUP_KEYS: Mapping[SetupName, str] = {"x": "x_um", "dressing": "dressing_um", "swivel": "swivel_arcsec"}
-"""The set-up values of a separation by the names that they are handed over under."""
-
-
-def next_setup(found: Separation, name: SetupName) -> EstimatedValue:
-    """What a part asks to be added to a set-up value."""
-    return found.setup[SETUP_KEYS[name]]
 
 
 @dataclass(frozen=True, slots=True)
@@ -218,7 +209,7 @@ def verify_handover(folder: RunFolder, found: Separation) -> tuple[Message, ...]
     before = folder.get(stages.separated(last.part), Separation)
     said = []
     for one in last.values:
-        was, now = next_setup(before, one.name), next_setup(found, one.name)
+        was, now = before.asks(one.name), found.asks(one.name)
         u = math.hypot(was.u, now.u)
         done = was.value - now.value
         told = {
