@@ -5,7 +5,7 @@ The work tells it to the onlooker of its task, if there is one. Onlookers return
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass
@@ -49,6 +49,10 @@ class Onlooker(Protocol):
         """Air and material as the run has just read them."""
         ...
 
+    def stands(self, positions: Mapping[str, float]) -> None:
+        """Where axes stand now, mm or deg by machine axis; one that is not named stands as before."""
+        ...
+
     def taken(self, axis: str, stop: Asked, seen: LiveDeviation) -> None:
         """A reading was taken."""
         ...
@@ -68,6 +72,9 @@ class Nobody:
         """Nothing."""
 
     def ambient(self, instrument: str, air: Ambient) -> None:
+        """Nothing."""
+
+    def stands(self, positions: Mapping[str, float]) -> None:
         """Nothing."""
 
     def taken(self, axis: str, stop: Asked, seen: LiveDeviation) -> None:

@@ -22,6 +22,7 @@ from drivers.units import wrap_deg
 from gateway.axes import AxisRecord
 from gateway.errors import Incomplete
 from gateway.events import ProgramSelected, SetupProgramSelected, StopDone
+from gateway.live import onlooker
 from gateway.say import Say, silence
 
 # Walks a stop plan with the controller: every stop once, in order, each released only after its reading.
@@ -80,6 +81,7 @@ async def walk_plan(
             if reached is None:
                 raise Incomplete("E-WALK-ENDED", plan.axis, done=index, total=len(plan.stops))
             _check_stop(plan, index, stop, reached, counter)
+            onlooker().stands({plan.axis: reached.target})
             await at_stop(index, stop, reached)
             counter = reached.counter
             await controller.release_stop(counter)
@@ -120,7 +122,9 @@ async def _wait_for_end(controller: Controller, clock: Clock) -> None:
     while True:
         await clock.sleep(AGAIN_S if seen else LOOK_S)
         with contextlib.suppress(TrueflankError):
-            before, seen = seen, (await controller.state()).channel is ChannelStatus.RESET
+            now = await controller.state()
+            onlooker().stands({name: one.position for name, one in now.axes.items()})
+            before, seen = seen, now.channel is ChannelStatus.RESET
             if before and seen:
                 return
 
@@ -170,6 +174,7 @@ async def tell_motion(controller: Controller, say: Say) -> None:
 def say_motion(motion: Movement, say: Say) -> None:
     """One event for each axis that goes, one for all that stand; pure but for ``say``."""
     stands = {one.axis: one for one in motion.stands}
+    onlooker().stands({name: one.position for name, one in stands.items()})
     for going in motion.goes:
         _say_going(going, stands.get(going.axis), say)
     if not motion.goes:
@@ -323,6 +328,7 @@ async def jog_through(
         seen = await stand_at(
             controller, clock, jogged=jogged, position=stop.target, room=EXACT, ask=ask(stop, setup), away=bool(setup)
         )
+        onlooker().stands({plan.axis: seen.position})
         await at_stop(index, stop, _stop_reached(index, stop, seen))
         StopDone(plan.axis, plan.name, index + 1, len(plan.stops)).tell(say)
 

@@ -111,6 +111,12 @@ class JobRunner:
         """The control as it was seen last; None while a run has it, or it is away."""
         return None if self.run is not None else control_view(self._devices.seen)
 
+    @property
+    def positions(self) -> Mapping[str, float]:
+        """Where the axes stand, as the control was seen last; empty while a run has it, or it is away."""
+        seen = None if self.run is not None else self._devices.seen
+        return {} if seen is None else {name: one.position for name, one in seen.axes.items()}
+
     def devices(self) -> tuple[DeviceView, ...]:
         """All devices as they are now."""
         return device_views(self._devices.picture(), lent=self.run is not None)

@@ -166,6 +166,7 @@ class SiteService:
             held=pushes_held(store),
             unprotected=self._unprotected,
             ambient=self._looking.air,
+            positions=dict(self._looking.positions),
             simulated=self.path.with_suffix(".cell.json").exists(),
         )
 
@@ -190,6 +191,10 @@ class SiteService:
     def taken(self) -> tuple[Mapping[str, object], ...]:
         """The readings of the plot so far."""
         return tuple(self._looking.kept)
+
+    def airs(self) -> tuple[Mapping[str, object], ...]:
+        """Air and material since the command began."""
+        return tuple(self._looking.airs)
 
     def stream(self, who: str = "", *, operates: bool = True) -> AsyncIterator[str]:
         """The live stream for a person. Raises BusyError (E-WEB-STREAMS)."""
@@ -294,6 +299,7 @@ class SiteService:
         """Tell every page when a device, the command at work or a trouble changes."""
         before: object = None
         while True:
+            self._looking.stands(self.desk.positions)
             seen = {
                 "devices": self.desk.devices(),
                 "run": self.desk.run,

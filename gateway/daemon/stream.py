@@ -36,7 +36,7 @@ BEAT_S = 5.0
 Tell = Callable[[str, Mapping[str, object]], None]
 
 
-PASSING = frozenset({"reading", "ambient", "waiting"})
+PASSING = frozenset({"reading", "ambient", "waiting", "stands"})
 """What the next one of its kind replaces: a slow page loses these first."""
 
 
@@ -181,6 +181,7 @@ def plain_fields(fields: Mapping[str, object]) -> dict[str, object]:
 EVERY_S = 0.1
 MOST_ASKED = 200
 MOST_KEPT = 20000
+MOST_AIRS = 2000
 
 
 @dataclass(slots=True)
@@ -209,7 +210,9 @@ class _SampleEnvelope:
 class LiveObserver:
     """The onlooker of a daemon. ``tell`` passes an event on; what people ask to be taken again waits here.
 
-    ``part`` counts the parts of a command (axes, set-ups), so that readings of one part stand together in a plot."""
+    ``part`` counts the parts of a command (axes, set-ups), so that readings of one part stand together in a plot.
+    ``airs`` are the readings of air and material since the command began, ``positions`` where axes stood last.
+    """
 
     tell: Callable[[str, Mapping[str, object]], None]
     clock: Clock
@@ -217,6 +220,8 @@ class LiveObserver:
     part: int = 0
     kept: list[dict[str, object]] = field(default_factory=list)
     air: Mapping[str, object] | None = None
+    airs: deque[Mapping[str, object]] = field(default_factory=lambda: deque(maxlen=MOST_AIRS))
+    positions: dict[str, float] = field(default_factory=dict)
     _since: dict[str, _SampleEnvelope] = field(default_factory=dict)
     _told_s: dict[str, float] = field(default_factory=dict)
     _samples: dict[str, int] = field(default_factory=dict)
@@ -229,6 +234,7 @@ class LiveObserver:
     def begin(self) -> None:
         """Another command is at work: what the last one took, and what people asked of it, is over."""
         self.kept.clear()
+        self.airs.clear()
         self.asked.clear()
 
     def samples(self, instrument: str, block: SampleBlock) -> None:
@@ -282,7 +288,15 @@ class LiveObserver:
         told = {"air_degc": air.air_degc, "pressure_hpa": air.pressure_hpa, "humidity_pct": air.humidity_pct}
         found = {"instrument": instrument, **told, "material_degc": list(air.material_degc), "age_s": air.age_s}
         self.air = {"utc": self.clock.utc().isoformat(timespec="milliseconds"), **found}
+        self.airs.append(self.air)
         self.tell("ambient", found)
+
+    def stands(self, positions: Mapping[str, float]) -> None:
+        """Where axes stand; said where one of them stands elsewhere now."""
+        now = {**self.positions, **{name: round(float(value), 4) for name, value in positions.items()}}
+        if now != self.positions:
+            self.positions = now
+            self.tell("stands", {"positions": now})
 
     def taken(self, axis: str, stop: Asked, seen: LiveDeviation) -> None:
         """A reading of the plot."""

@@ -191,7 +191,8 @@ class StatusView:
     ``due`` says which were not compared when they should have been, ``left`` what an earlier gateway left in the
     control, ``held`` the pushes that did not end, the loud ones first. ``simulated``: a cell wrote the site file.
     ``unprotected`` says why others could read or change what passes to the control; "" where they cannot. ``ambient``
-    is air and material as they were read last, with ``utc`` of that; None before the first reading.
+    is air and material as they were read last, with ``utc`` of that; None before the first reading. ``positions`` is
+    where axes stood last, mm or deg.
     """
 
     site: str
@@ -212,6 +213,7 @@ class StatusView:
     unprotected: Message | None = None
     control: ControlView | None = None
     ambient: Mapping[str, object] | None = None
+    positions: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def left_held(self) -> tuple[HeldView, ...]:

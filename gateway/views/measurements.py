@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from math import isfinite
 from pathlib import Path
@@ -17,7 +17,8 @@ from gateway.config import AxisSection, SiteFile
 from gateway.correct.outlook.flank_uncertainty import THRESHOLD_UM, what_next
 from gateway.correct.outlook.prediction import flank_map
 from gateway.correct.outlook.ranking import ConstantShape, SizedError, cure_errors, errors_of, rank_errors
-from gateway.correct.plan.plan import Plan
+from gateway.correct.plan.layers import correct
+from gateway.correct.plan.plan import AxisGrid, Plan
 from gateway.domain.captures import Capture
 from gateway.domain.figures import Component, Evaluation
 from gateway.domain.values import COVERAGE
@@ -25,7 +26,7 @@ from gateway.errors import InvalidRequest, ModelError
 from gateway.evaluate.behaviour import positioning
 from gateway.evaluate.behaviour.doubts import all_doubts, remarks
 from gateway.evaluate.standards import conformity
-from gateway.evaluate.standards.registry import standards
+from gateway.evaluate.standards.registry import band_of, standard, standards
 from gateway.gear.flank import FlankGrid, flank_grid
 from gateway.gear.grinding import Grinding
 from gateway.model.chain import Axis, Element
@@ -34,7 +35,7 @@ from gateway.model.error_model import ErrorModel, chain_of_errors, yk7350b
 from gateway.report.tooth.errors import error_rows
 from gateway.sensitivity.outputs import ScaledMotion
 from gateway.store import RunFolder
-from gateway.tooth import InspectedFlank, ToothProposal
+from gateway.tooth import FlankMap, InspectedFlank, ToothProposal
 from gateway.workflow.errors21.measurement import grids
 from gateway.workflow.errors21.setups import PlannedSetup, plan_setups, remountings
 from gateway.workflow.run import stages
@@ -179,6 +180,37 @@ def _figures_data(
     }
 
 
+def bands_by(folder: RunFolder, axis: str, phase: str, names: Sequence[str]) -> dict[str, Any]:
+    """What each standard counts at every target of a stored capture: lowest and highest, um or arcsec; None: nothing.
+
+    Raises ModelError (E-EVAL-STANDARD), StoreError (E-STORE-STAGE).
+    """
+    capture = folder.get(f"capture-{axis}-{phase}", Capture)
+    found = [(name, band_of(name, capture.deviations)) for name in names]
+    bands = [
+        {"standard": standard(name).name, "low": _finites(low), "high": _finites(high)} for name, (low, high) in found
+    ]
+    return {"unit": capture.unit, "targets": capture.targets.tolist(), "bands": bands}
+
+
+def environment_of(folder: RunFolder) -> list[dict[str, Any]]:
+    """Air and material at the start and the end of each capture that a run stored, with utc, oldest first.
+
+    Raises StoreError (E-STORE-STAGE).
+    """
+    captures = [folder.get(name, Capture) for name in folder.stages if name.startswith("capture-")]
+    ends = [
+        (utc, one.axis, air)
+        for one in captures
+        for utc, air in ((one.started_utc, one.ambient_start), (one.ended_utc, one.ambient_end))
+    ]
+    return [{"utc": utc, "axis": axis, **asdict(air)} for utc, axis, air in sorted(ends, key=lambda end: end[0]) if utc]
+
+
+def _finites(values: FloatArray) -> list[float | None]:
+    return [_finite(float(one)) for one in values]
+
+
 def _finite(value: float | None) -> float | None:
     return value if value is not None and isfinite(value) else None
 
@@ -213,15 +245,35 @@ def model_of(folder: RunFolder, site: SiteFile, site_path: Path) -> dict[str, An
     return {"errors": errors, "said": said, "tooth": tooth, "why": None}
 
 
-def flank_at(folder: RunFolder, site: SiteFile, site_path: Path, sizes: Mapping[str, float]) -> dict[str, Any]:
+def flank_at(
+    folder: RunFolder,
+    site: SiteFile,
+    site_path: Path,
+    sizes: Mapping[str, float],
+    steps: Mapping[str, float] | None = None,
+) -> dict[str, Any]:
     """The flank of the measured machine with some errors at other sizes, to second order, one rotation removed; um.
 
     ``sizes`` are multiples by error name: of a measured error what it is, of an unknown one its assumed span; what is
     not named stays as measured, or zero. Deviations (K, T, Z), + surplus. Raises TrueflankError (E-WEB-BODY: an error
     that the model does not have, or a multiple beyond +/- 2), StoreError, and what the gear raises.
+
+    With ``steps`` also ``tables``: the flank that axis tables, cross tables and set-up values at their best for that
+    machine leave, ``steps`` (mm or deg by axis letter) in place of the site's spacing; and their points. Raises
+    TrueflankError (E-WEB-BODY: a spacing that is none of `model_of`), Gap (E-COMP-REACH), ModelError (E-CORRECT-...).
     """
     seen = _MachineForProposal.of(folder.get(stages.ERRORS, ErrorModel), site, work_of(site, site_path))
-    found = flank_map(seen.resized(sizes), seen.grid)
+    machine = seen.resized(sizes)
+    found = _flank_data(flank_map(machine, seen.grid))
+    if steps is None:
+        return found
+    plan = seen.spaced(steps)
+    corrected = correct(machine, seen.grid, plan=plan)
+    points = {one.axis: round((one.maximum - one.minimum) / one.step) + 1 for one in plan.grids}
+    return {**found, "tables": {**_flank_data(flank_map(corrected.unmoved, seen.grid)), "points": points}}
+
+
+def _flank_data(found: FlankMap) -> dict[str, Any]:
     return {
         "theta_rad": found.theta_rad.tolist(),
         "z_mm": found.z_mm.tolist(),
@@ -284,6 +336,40 @@ class _MachineForProposal:
         changed = {name: _times(known[name], size) for name, size in sizes.items()}
         return replace(self.grinding, chain=self.grinding.chain.with_errors(changed))
 
+    def spaced(self, steps: Mapping[str, float]) -> Plan:
+        """The plan with other distances between the points of tables. Raises TrueflankError (E-WEB-BODY)."""
+        known = {one.axis: spacings_of(one) for one in self.plan.grids}
+        for axis, step in steps.items():
+            if not any(abs(step - one) < SAME_STEP for one in known.get(axis, ())):
+                raise InvalidRequest("E-WEB-BODY", "web", why=f"steps: {axis}:{step:g}")
+        grids_ = tuple(replace(one, step=_exact_step(one, steps.get(one.axis, one.step))) for one in self.plan.grids)
+        return replace(self.plan, grids=grids_)
+
+
+SAME_STEP = 1e-6
+FINEST, MOST_INTERVALS, FEWEST_INTERVALS = 0.001, 360, 2
+"""Spacings to choose from: whole thousandths of mm or deg."""
+
+
+def spacings_of(grid: AxisGrid) -> list[float]:
+    """Distances between points (mm or deg) that divide a table's range exactly, ascending; the site's is among them.
+
+    A harmonic of a turn needs three points at least.
+    """
+    span, least = grid.maximum - grid.minimum, FEWEST_INTERVALS + int(grid.modulo)
+    found = {round(grid.step, 9)}
+    for count in range(least, MOST_INTERVALS + 1):
+        step = span / count
+        if abs(step / FINEST - round(step / FINEST)) < SAME_STEP / FINEST:
+            found.add(round(step, 9))
+    return sorted(found)
+
+
+def _exact_step(grid: AxisGrid, step: float) -> float:
+    """A chosen step without what its digits lost."""
+    span = grid.maximum - grid.minimum
+    return span / round(span / step)
+
 
 def _range(one: SizedError) -> dict[str, float]:
     """What a person may try: a measured error from none to twice, an unknown one within its span."""
@@ -313,11 +399,18 @@ def _tooth(folder: RunFolder, site: SiteFile, model: ErrorModel, work: ToothWork
     seen = _MachineForProposal.of(model, site, work)
     stored = folder.get(stages.TOOTH, ToothProposal) if folder.has(stages.TOOTH) else None
     machine = (seen.grinding, seen.grid, seen.plan, model)
+    units = {one.letter: one.unit for one in site.axes}
+    used = {*seen.plan.own, *(over for _out, over in seen.plan.cross)}
     return {
         "gear": work.name,
         "ranking": [asdict(one) for one in (stored.ranking if stored else rank_errors(*machine))],
         "cures": [asdict(one) for one in (stored.cures if stored else cure_errors(*machine))],
         "sizes": {name: _range(one) for name, one in seen.errors.items()},
+        "spacings": [
+            {"axis": one.axis, "unit": units[one.axis], "step": one.step, "steps": spacings_of(one)}
+            for one in seen.plan.grids
+            if one.axis in used
+        ],
         "next": [asdict(one) for one in what_next(model, work.tooth, grids(site))],
         "threshold_um": THRESHOLD_UM,
         "setup": asdict(stored.setup) if stored else None,

@@ -56,6 +56,10 @@ class ServedSite(Protocol):
         """The readings that the command at work, or the last one, has taken so far."""
         ...
 
+    def airs(self) -> tuple[Mapping[str, object], ...]:
+        """Air and material as they were read since the command at work, or the last one, began; each with its utc."""
+        ...
+
     def stream(self, who: str = "", *, operates: bool = True) -> AsyncIterator[str]:
         """The live stream as server-sent events, for one person. Raises BusyError (E-WEB-STREAMS)."""
         ...

@@ -9,7 +9,15 @@ from starlette.responses import Response
 
 from gateway.approve import Approvals
 from gateway.errors import InvalidRequest
-from gateway.views.measurements import figures_by, flank_at, form_of, known_standards, model_of
+from gateway.views.measurements import (
+    bands_by,
+    environment_of,
+    figures_by,
+    flank_at,
+    form_of,
+    known_standards,
+    model_of,
+)
 from gateway.web import assets
 from gateway.web.doors import needs, site_of
 from gateway.web.reading import run_of
@@ -18,6 +26,8 @@ open_routes = APIRouter(include_in_schema=False)
 routes = APIRouter(prefix="/api/v1", tags=["page"], dependencies=[Depends(needs("viewer"))])
 Limits = Annotated[str, Query(max_length=400, description="parameter:limit, comma between, e.g. E:12,R:4")]
 Sizes = Annotated[str, Query(max_length=600, description="error:multiple, comma between, e.g. EXX:0.5,B0Z:0")]
+Steps = Annotated[str, Query(max_length=200, description="axis letter:spacing in mm or deg, e.g. X:20,C:7.2")]
+Names = Annotated[str, Query(max_length=600, description="names of standards, comma between")]
 Word = Annotated[str, Query(max_length=100)]
 
 
@@ -45,6 +55,27 @@ async def taken(request: Request, site: str) -> list[dict[str, Any]]:
     return [dict(one) for one in site_of(request, site).taken()]
 
 
+@routes.get("/sites/{site}/air")
+async def air(request: Request, site: str) -> list[dict[str, Any]]:
+    """Air and material as they were read since the command at work, or the last one, began, oldest first."""
+    return [dict(one) for one in site_of(request, site).airs()]
+
+
+@routes.get("/sites/{site}/runs/{run}/environment")
+def environment(request: Request, site: str, run: str) -> list[dict[str, Any]]:
+    """Air and material at the start and the end of each capture of a run, oldest first."""
+    return environment_of(run_of(site_of(request, site), run))
+
+
+@routes.get("/sites/{site}/runs/{run}/bands/{axis}")
+def bands(
+    request: Request, site: str, run: str, axis: str, phase: Word = "before", standards: Names = ""
+) -> dict[str, Any]:
+    """What several standards count of an axis' capture at each target: lowest and highest, um or arcsec."""
+    chosen = [one for one in standards.split(",") if one]
+    return bands_by(run_of(site_of(request, site), run), axis, phase, chosen)
+
+
 @routes.get("/sites/{site}/runs/{run}/approvals")
 def approvals(request: Request, site: str, run: str) -> list[dict[str, str]]:
     """Approvals of a run's tables that no push has used: who gave each, and until when it holds."""
@@ -70,10 +101,16 @@ def model(request: Request, site: str, run: str) -> dict[str, Any]:
 
 
 @routes.get("/sites/{site}/runs/{run}/flank")
-def flank(request: Request, site: str, run: str, sizes: Sizes = "") -> dict[str, Any]:
-    """The flank that the run's errors would leave uncorrected, with some of them at other sizes; um, + surplus."""
+def flank(
+    request: Request, site: str, run: str, sizes: Sizes = "", steps: Steps = "", *, tables: bool = False
+) -> dict[str, Any]:
+    """The flank that the run's errors would leave, with some of them at other sizes; um, + surplus.
+
+    With ``tables`` also what tables at the best for it leave, their points as far apart as ``steps`` says.
+    """
     at = site_of(request, site)
-    return flank_at(run_of(at, run), at.site, at.path, _pairs("sizes", sizes))
+    chosen = _pairs("steps", steps) if tables else None
+    return flank_at(run_of(at, run), at.site, at.path, _pairs("sizes", sizes), chosen)
 
 
 @routes.get("/sites/{site}/runs/{run}/form")

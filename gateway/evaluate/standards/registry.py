@@ -213,6 +213,28 @@ class StandardResult:
         return decide(name, self.values[name], U=self.U.get(name), limit=limit, trials=interval)
 
 
+def band_of(name: str, deviations: ArrayLike) -> tuple[FloatArray, FloatArray]:
+    """What a standard counts at each target of deviations (m, n, 2): lowest and highest (m,), in their unit.
+
+    The span over all targets is its accuracy: means -/+ 2 s of both directions for ISO 230-2 and its equivalents (3 s
+    in 1988), mean of both -/+ half of reversal and 6 s for VDI/DGQ 3441, means -/+ 3 s for NMTBA (A is half of it),
+    the readings for ASME B5.54-1992, those of the first pass for JIS B 6330. NaN where a target has none. Raises
+    ModelError as `standard` and `readings.checked`.
+    """
+    chosen, x = standard(name), _check_deviations(deviations)
+    if chosen.name.startswith("VDI"):
+        mean = statistics.means(x)
+        s = range_deviations(x) if chosen.name.endswith("range") else statistics.standard_deviations(x)
+        half = (np.abs(mean[:, 0] - mean[:, 1]) + 6.0 * s.mean(axis=-1)) / 2.0
+        return mean.mean(axis=-1) - half, mean.mean(axis=-1) + half
+    if chosen.name.startswith(("ASME B5.54-1992", "JIS B 6330")):
+        seen = x[:, :1] if chosen.name.startswith("JIS") else x
+        return np.fmin.reduce(seen, axis=(1, 2)), np.fmax.reduce(seen, axis=(1, 2))
+    mean, s = statistics.moments(x)
+    k = iso230_2.sigmas(chosen.iso) if chosen.iso else 3.0
+    return np.fmin.reduce(mean - k * s, axis=-1), np.fmax.reduce(mean + k * s, axis=-1)
+
+
 _YEAR = re.compile(r"(19|20)\d\d")
 _VDI = ("U_max", "U_mean", "Ps_max", "Ps_mean", "Pa", "P")
 _ASME = ("rep_up", "rep_down", "rep_bi", "acc_up", "acc_down", "acc_bi", "lost_motion")

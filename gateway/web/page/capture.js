@@ -5,10 +5,11 @@ import { plotOf } from "./captureplot.js";
 import { targetList } from "./capturetargets.js";
 import { confirmed, machineTyped, shown, textAsked } from "./dialogs.js";
 import { h, same, show, write } from "./dom.js";
+import { environmentNow, showEnvironment } from "./environment.js";
 import { clock, number, signed, unit } from "./figures.js";
-import { mounting } from "./drawing.js";
+import { machineNow, mounting } from "./drawing.js";
 import { riskAsked, riskParts } from "./push.js";
-import { beamMissing, seesBeam, stuckFor, untested } from "./sentence.js";
+import { beamMissing, mounts, seesBeam, stuckFor, untested } from "./sentence.js";
 import { devOf, unitOf } from "./readings.js";
 import { base, may, on, state } from "./state.js";
 import { recorded, t, told } from "./words.js";
@@ -18,26 +19,50 @@ export const capture = { open };
 function open(root) {
   const parts = {
     plot: h("div", { class: "panel live" }),
+    machine: h("div", { class: "panel machine-now" }),
     air: h("div", { class: "panel air" }),
+    over: h("div", { class: "panel over-time" }),
     read: h("div", { class: "panel read" }),
     wait: h("div", { class: "panel wait" }),
     list: h("div", { class: "panel targets", tabindex: 0, "aria-label": t("capture.targets"), role: "region" }),
     keys: h("div", { class: "panel commands" }),
   };
+  // Where both do not fit, one of them.
+  const which = (name) => {
+    root.dataset.shows = name;
+    for (const one of shows.children) one.setAttribute("aria-pressed", String(one.id === `show-${name}`));
+  };
+  const showing = (name) =>
+    h(
+      "button",
+      { id: `show-${name}`, onclick: () => which(name) },
+      t(name === "plot" ? "capture.curve" : "capture.machine"),
+    );
+  const shows = h(
+    "div",
+    { class: "tabs shows", role: "group", "aria-label": t("capture.shows") },
+    ["plot", "machine"].map(showing),
+  );
+  which(state.ask && mounts(state.ask) ? "machine" : "plot");
   show(
     root,
-    h("div", { class: "left" }, parts.plot, parts.air),
+    h("div", { class: "left" }, shows, parts.plot, h("div", { class: "beside" }, parts.machine, parts.over), parts.air),
     h("div", { class: "right" }, parts.read, parts.wait, parts.list, parts.keys),
   );
   const reading = readout(parts.read);
+  const machine = machineNow(parts.machine);
   const draws = {
     plot: () => plotOf(parts.plot),
-    air: () => air(parts.air),
-    wait: () => waiting(parts.wait),
+    machine: machine.draw,
+    air: airPanel(parts.air),
+    wait: waitPanel(parts.wait),
     list: () => targetList(parts.list),
     keys: () => commands(parts.keys),
   };
   const ends = [
+    machine.end,
+    overTime(parts.over),
+    on("stands", machine.follow),
     on("reading", reading),
     on("ambient", draws.air),
     on("waiting", draws.wait),
@@ -49,6 +74,7 @@ function open(root) {
     on("frame", () => {
       draws.keys();
       draws.wait();
+      machine.draw();
     }),
     on("status", () => {
       draws.plot();
@@ -138,76 +164,87 @@ function readout(box) {
   };
 }
 
-function air(box) {
-  const data = state.ambient;
-  const value = (label, text) => h("div", { class: "cell" }, h("small", {}, label), h("b", {}, text));
-  const age = data.at
-    ? t("capture.age", { seconds: Math.round((data.age_s ?? 0) + (Date.now() - data.at) / 1000) })
-    : t("capture.no_air");
-  if (same(box, data, age)) return;
-  const material = data.material_degc?.length ? data.material_degc.map((one) => number(one, 2)).join(" · ") : null;
-  show(
-    box,
-    value(t("capture.air"), `${number(data.air_degc, 2)} °C`),
-    value(t("capture.pressure"), `${number(data.pressure_hpa, 1)} hPa`),
-    value(t("capture.humidity"), `${number(data.humidity_pct, 0)} %`),
-    value(t("capture.material"), `${material ?? "–"} °C`),
-    value(t("capture.read"), age),
-  );
+// Values that change are written into what stands: a panel that is made anew each second keeps a processor busy.
+function airPanel(box) {
+  const cells = ["air", "pressure", "humidity", "material", "read"].map((name) => [name, h("b", {})]);
+  const cell = ([name, value]) => h("div", { class: "cell" }, h("small", {}, t(`capture.${name}`)), value);
+  show(box, cells.map(cell), h("button", { id: "environment", onclick: showEnvironment }, t("environment.open")));
+  return () => {
+    const data = state.ambient;
+    const material = data.material_degc?.length ? data.material_degc.map((one) => number(one, 2)).join(" · ") : "–";
+    const texts = {
+      air: `${number(data.air_degc, 2)} °C`,
+      pressure: `${number(data.pressure_hpa, 1)} hPa`,
+      humidity: `${number(data.humidity_pct, 0)} %`,
+      material: `${material} °C`,
+      read: data.at
+        ? t("capture.age", { seconds: Math.round((data.age_s ?? 0) + (Date.now() - data.at) / 1000) })
+        : t("capture.no_air"),
+    };
+    for (const [name, value] of cells) write(value, texts[name]);
+  };
 }
 
-function waiting(box) {
-  const run = state.status.run;
-  const now = run ? state.waiting : null;
-  const line = !run
-    ? t("capture.idle")
-    : state.ask
-      ? t("capture.asked")
-      : run.kind === "self-test"
-        ? t("capture.still")
-        : now
-          ? t("capture.waits", { what: recorded(now.missing) })
-          : t("capture.goes_on");
-  show(
-    box,
-    h(
-      "div",
-      { class: "row" },
-      h("strong", {}, line),
-      now && h("span", { class: "num" }, `${number(now.done_s, 1)} / ${number(now.needed_s, 1)} s`),
-    ),
-    now
-      ? h("progress", { max: now.needed_s || 1, value: now.done_s, "aria-label": line })
-      : h("progress", { max: 1, value: 0, "aria-label": line }),
-    h(
-      "div",
-      { class: "row togo" },
-      ...(now && stuckFor() > 0
-        ? [
-            h(
-              "strong",
-              { class: "warn", id: "stuck", role: "status" },
-              `▲ ${t("capture.stuck", { seconds: stuckFor() })}`,
-            ),
-          ]
-        : togo(run)),
-    ),
-  );
+// Where there is room, temperatures over the command stand on the screen.
+function overTime(box) {
+  let end = () => {};
+  let over = false;
+  if (matchMedia(ROOMY).matches)
+    environmentNow(["temperature"]).then(
+      (found) => {
+        end = found.end;
+        if (over) end();
+        else show(box, found.box);
+      },
+      () => {},
+    );
+  return () => {
+    over = true;
+    end();
+  };
+}
+const ROOMY = "(min-width: 1700px)";
+
+function waitPanel(box) {
+  const [line, passed] = [h("strong", {}), h("span", { class: "num" })];
+  const bar = h("progress", { max: 1, value: 0 });
+  const rest = h("div", { class: "row togo" });
+  show(box, h("div", { class: "row" }, line, passed), bar, rest);
+  return () => {
+    const run = state.status.run;
+    const now = run ? state.waiting : null;
+    write(line, waitsFor(run, now));
+    write(passed, now ? `${number(now.done_s, 1)} / ${number(now.needed_s, 1)} s` : "");
+    bar.setAttribute("aria-label", line.textContent);
+    Object.assign(bar, { max: now?.needed_s || 1, value: now?.done_s ?? 0 });
+    const stuck = now ? stuckFor() : 0;
+    const said = stuck > 0 ? [t("capture.stuck", { seconds: stuck })] : togo(run);
+    if (same(rest, said, stuck > 0)) return;
+    const warn = (text) => h("strong", { class: "warn", id: "stuck", role: "status" }, `▲ ${text}`);
+    show(rest, stuck > 0 ? said.map(warn) : said.map((text) => h("span", {}, text)));
+  };
+}
+
+function waitsFor(run, now) {
+  if (!run) return t("capture.idle");
+  if (state.ask) return t("capture.asked");
+  if (run.kind === "self-test") return t("capture.still");
+  return now ? t("capture.waits", { what: recorded(now.missing) }) : t("capture.goes_on");
 }
 
 // By the service's own reckoning; while nobody is asked for anything it runs down between two words of it.
 function togo(run) {
-  if (!run) return [h("span", {}, "")];
+  if (!run) return [];
   const passed = state.ask ? 0 : (Date.now() - state.pictured) / 1000;
   const about = (name, seconds) =>
     typeof seconds === "number" &&
-    h("span", {}, `${t(`capture.${name}`)}: ${t("capture.about", { time: clock(Math.max(0, seconds - passed)) })}`);
+    `${t(`capture.${name}`)}: ${t("capture.about", { time: clock(Math.max(0, seconds - passed)) })}`;
   const setup = state.said.filter((one) => one.fields.number && one.kind === "step").slice(-1)[0];
   return [
     about("setup_left", run.program_left_s),
     about("day_left", run.left_s),
-    setup && h("span", {}, t("capture.setup_of", { number: setup.fields.number, total: setup.fields.total })),
-  ];
+    setup && t("capture.setup_of", { number: setup.fields.number, total: setup.fields.total }),
+  ].filter(Boolean);
 }
 
 function commands(box) {
@@ -227,24 +264,22 @@ function commands(box) {
       {
         id,
         class: id === first ? "primary" : null,
-        disabled: Boolean(run) || !allowed,
+        disabled: !allowed,
         onclick: give(path, body, t(`capture.${id.replace("-", "_")}`), t(`capture.${id.replace("-", "_")}_what`)),
       },
       t(`capture.${id.replace("-", "_")}`),
     );
+  // While a command is at work none can be given: its place is the readings'.
+  const [setups, tooth] = [state.plan.setups.length > 0, state.plan.setups.length > 0 && state.file.work];
   show(
     box,
-    key_("self-test", "self-test", { axis: "" }),
-    key_("measure-axes", "run", {}),
-    state.plan.setups.length > 0 && key_("measure-errors", "measure", { setups: [], resume: "" }),
-    state.plan.setups.length > 0 && state.file.work && key_("tooth-loop", "close", {}),
-    state.plan.setups.length > 0 &&
-      state.file.work &&
-      h(
-        "button",
-        { id: "close-loop", disabled: Boolean(run) || !allowed, onclick: closeLoop },
-        t("capture.close_loop"),
-      ),
+    !run && [
+      key_("self-test", "self-test", { axis: "" }),
+      key_("measure-axes", "run", {}),
+      setups && key_("measure-errors", "measure", { setups: [], resume: "" }),
+      tooth && key_("tooth-loop", "close", {}),
+      tooth && h("button", { id: "close-loop", disabled: !allowed, onclick: closeLoop }, t("capture.close_loop")),
+    ],
     h("button", { id: "mounting", onclick: () => shown(t("capture.mounting"), [mounting()]) }, t("capture.mounting")),
     h("button", { id: "note", disabled: !may("operator", "approver"), onclick: note }, t("capture.note")),
   );

@@ -191,7 +191,9 @@ function options(now, UPlot, columns) {
     labelFont: `13px ${getComputedStyle(document.body).fontFamily}`,
     label: unit ? `${name} [${unit}]` : name,
     labelSize: 20,
-    size: side === "y" ? 58 : 34,
+    // As wide as its longest number, in a font of 13 px.
+    size: (_plot, values) =>
+      side === "y" ? Math.max(44, 18 + 8 * Math.max(...(values ?? [""]).map((one) => one.length))) : 34,
     splits: (plot, _axis, low, high) =>
       ticks(
         low,
@@ -251,7 +253,8 @@ const roomy = (low, high, part) => {
 
 function withZero(what, low, high) {
   if (low === null || low === undefined) return [-5, 5];
-  const [a, b] = what.zero === false ? [low, high] : [Math.min(low, 0), Math.max(high, 0)];
+  if (what.zero === false) return low === high ? [low - 0.5, high + 0.5] : roomy(low, high, 0.06);
+  const [a, b] = [Math.min(low, 0), Math.max(high, 0)];
   return roomy(a, b === a ? a + 1 : b, 0.06);
 }
 

@@ -1,6 +1,6 @@
 // @ts-check
 // A mounting as a drawing: bed, moving axis, instrument, optics, and the direction that counts as positive.
-import { h, s, show } from "./dom.js";
+import { h, s, same, show } from "./dom.js";
 import { machinery } from "./machinery.js";
 import { state } from "./state.js";
 import { t } from "./words.js";
@@ -22,12 +22,19 @@ export function mountings() {
   ];
 }
 
-export function mounting(wanted) {
+// The mounting that is asked for, or at work, or the first one.
+function mountingNow() {
   const every = mountings();
   const said = state.ask ?? state.said.slice(-1)[0];
-  const asked =
+  return (
     every.find((one) => one.component === said?.fields?.component) ??
-    every.find((one) => one.axis === state.status.run?.axis);
+    every.find((one) => one.axis === state.status.run?.axis) ??
+    every[0]
+  );
+}
+
+export function mounting(wanted) {
+  const every = mountings();
   const place = h("div", { class: "sheet" });
   const choose = h(
     "select",
@@ -37,9 +44,11 @@ export function mounting(wanted) {
   const draw = (key) => {
     const one = every.find((other) => other.key === key) ?? every[0];
     choose.value = one.key;
-    show(place, picture(one), facts(one));
+    const { node, move } = picture(one);
+    move(state.positions);
+    show(place, node, facts(one));
   };
-  draw(wanted ?? asked?.key);
+  draw(wanted ?? mountingNow().key);
   return h(
     "div",
     { class: "mounting" },
@@ -95,7 +104,8 @@ function motion(component) {
 
 function picture(one) {
   const axis = state.file.axes.find((other) => other.name === one.axis);
-  return s(
+  const { parts, place } = machinery(axis, motion(one.component));
+  const node = s(
     "svg",
     {
       viewBox: "0 0 760 420",
@@ -103,7 +113,49 @@ function picture(one) {
       role: "img",
       "aria-label": t("drawing.label", { component: one.component, axis: one.axis }),
     },
-    ...machinery(axis, motion(one.component)),
+    ...parts,
     s("text", { class: "caption title", x: 24, y: 32 }, `${one.component}  ·  ${one.axis}`),
   );
+  return { node, move: place };
+}
+
+/** A move is shown in so many steps of so many ms; a person who wants no motion sees its end at once. */
+const STEPS = 8;
+const STEP_MS = 40;
+
+/** Positions on the way from one place to another; an axis that had none is there at once. */
+export function between(from, to, part) {
+  const way = ([name, end]) => [name, name in from ? from[name] + part * (end - from[name]) : end];
+  return Object.fromEntries(Object.entries(to).map(way));
+}
+
+/**
+ * The machine as it stands, in a panel: drawn anew for another mounting, moved with the axes.
+ * @param {HTMLElement} box
+ */
+export function machineNow(box) {
+  let [move, from, timer] = [(_positions) => {}, {}, 0];
+  const follow = () => {
+    clearInterval(timer);
+    const [start, goal] = [from, { ...state.positions }];
+    let step = matchMedia("(prefers-reduced-motion: reduce)").matches || document.hidden ? STEPS - 1 : 0;
+    const next = () => {
+      step += 1;
+      from = between(start, goal, step / STEPS);
+      move(from);
+      if (step >= STEPS) clearInterval(timer);
+    };
+    timer = window.setInterval(next, STEP_MS);
+    next();
+  };
+  const draw = () => {
+    const one = mountingNow();
+    if (same(box, one.key)) return;
+    const drawn = picture(one);
+    show(box, drawn.node);
+    move = drawn.move;
+    from = { ...state.positions };
+    move(from);
+  };
+  return { draw, follow, end: () => clearInterval(timer) };
 }

@@ -3,13 +3,16 @@
 import { get } from "./api.js";
 import { chart } from "./chart.js";
 import { shown } from "./dialogs.js";
+import { showEnvironmentOf } from "./environment.js";
 import { failed, h, same, show, turn } from "./dom.js";
 import { array, number, signed, unit, when } from "./figures.js";
+import { bandCurves, overlayMenu, runCurves, runOptions } from "./overlay.js";
 import { base, chosen, on, state } from "./state.js";
 import { recorded, stateOf, t, told } from "./words.js";
 
 export const evaluate = { open };
-const asked = { run: "", axis: "", phase: "", standard: "" };
+// `over` are keys of what is laid over: run and phase, or a standard's name behind a colon.
+const asked = { run: "", axis: "", phase: "", standard: "", over: [] };
 const at = (path) => get(`${base()}/runs/${encodeURIComponent(asked.run)}/${path}`);
 const kept = new Map();
 
@@ -88,18 +91,57 @@ async function drawAll(head, body) {
     ),
     pick("standard", [["", t("evaluate.stored")], ...standards.map((one) => [one.name, one.name])], asked.standard),
     toleranceOf(again),
+    overlayOf(runs, standards, again),
+    h("button", { id: "environment", onclick: () => showEnvironmentOf(asked.run) }, t("environment.open")),
   );
   const evaluation = await record(asked.run, `evaluation-${asked.axis}-${asked.phase}`);
   const capture = await record(asked.run, `capture-${asked.axis}-${asked.phase}`);
   const figures = await figuresNow();
   put(
-    h("div", { class: "panel plots" }, curve(evaluation, capture)),
+    h("div", { class: "panel plots" }, curve(evaluation, capture, await overCurves(runs))),
     h(
       "div",
       { class: "panel figures" },
       table(figures, { evaluation, capture, standard: standards.find((one) => one.name === figures.standard) }),
     ),
   );
+}
+
+function overlayOf(runs, standards, again) {
+  const own = runOptions(runs, asked.axis, [asked.run, asked.phase]);
+  asked.over = asked.over.filter((one) => one.startsWith(":") || own.some(([key]) => key === one));
+  return overlayMenu({
+    id: "overlay",
+    groups: [
+      { name: t("overlay.runs"), none: t("overlay.none"), options: own },
+      { name: t("overlay.standards"), none: "", options: standards.map((one) => [`:${one.name}`, one.name]) },
+    ],
+    chosen: asked.over,
+    change: (over) => {
+      asked.over = over;
+      again().then(() => {
+        document.querySelector("details.over")?.setAttribute("open", "");
+      });
+    },
+  });
+}
+
+// Each in its own colour, in the order of choice.
+async function overCurves(runs) {
+  const standards = asked.over.filter((one) => one.startsWith(":")).map((one) => one.slice(1));
+  const query = new URLSearchParams({ phase: asked.phase, standards: standards.join(",") });
+  const bands = standards.length ? await at(`bands/${encodeURIComponent(asked.axis)}?${query}`) : null;
+  const curves = asked.over.map(async (key, place) => {
+    if (key.startsWith(":")) return bandCurves(place, bands.targets, bands.bands[standards.indexOf(key.slice(1))]);
+    const [run, phase] = key.split(" ");
+    const { created_utc: utc } = runs.find((one) => one.run_id === run);
+    return runCurves(
+      `${when(utc)} · ${t(`phase.${phase}`)}`,
+      place,
+      await record(run, `evaluation-${asked.axis}-${phase}`),
+    );
+  });
+  return (await Promise.all(curves)).flat();
 }
 
 // A band of a person's own, drawn and never judged by.
@@ -186,7 +228,7 @@ export function curvesOf(evaluation, capture) {
   ];
 }
 
-export function curve(evaluation, capture) {
+export function curve(evaluation, capture, over = []) {
   const half = Number(localStorage.getItem(`tolerance ${capture?.axis}`) ?? 0);
   const x = array(evaluation.targets);
   const ends = [Math.min(...x), Math.max(...x)];
@@ -201,7 +243,7 @@ export function curve(evaluation, capture) {
     yName: t("chart.deviation"),
     yUnit: unit(evaluation.unit),
     fits: true,
-    curves: [...tolerance, ...curvesOf(evaluation, capture)],
+    curves: [...tolerance, ...over, ...curvesOf(evaluation, capture)],
   });
 }
 

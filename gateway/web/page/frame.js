@@ -75,7 +75,7 @@ export function build({ again, load }) {
     },
     t("frame.skip"),
   );
-  const shut = (event) => closed(top, event);
+  const shut = (event) => closed(event);
   for (const kind of ["keydown", "pointerdown"]) addEventListener(kind, shut);
   ends.push(() => {
     for (const kind of ["keydown", "pointerdown"]) removeEventListener(kind, shut);
@@ -84,11 +84,12 @@ export function build({ again, load }) {
 }
 
 // A menu closes by Escape and by a press beside it.
-function closed(top, event) {
-  const shownMenu = top.querySelector("details.menu[open]");
-  if (!shownMenu || (event.type === "keydown" ? event.key !== "Escape" : shownMenu.contains(event.target))) return;
-  shownMenu.open = false;
-  if (event.type === "keydown") shownMenu.querySelector("summary").focus();
+function closed(event) {
+  for (const one of document.querySelectorAll("details.menu[open]")) {
+    if (event.type === "keydown" ? event.key !== "Escape" : one.contains(event.target)) continue;
+    one.removeAttribute("open");
+    if (event.type === "keydown") one.querySelector("summary").focus();
+  }
 }
 
 // What of a day is done, and what has nothing to work on yet.

@@ -49,6 +49,10 @@ export function listen() {
     state.waiting = { ...data, since: state.waiting?.since ?? Date.now(), at: Date.now() };
     changed("waiting");
   });
+  hear("stands", (data) => {
+    state.positions = data.positions;
+    changed("stands");
+  });
   hear("taken", taken);
   hear("ended", again);
   // More windows of this person listen than may: this one is the oldest and does not ask again by itself.
@@ -105,6 +109,7 @@ function picture(data) {
   state.pictured = Date.now();
   if (data.run) state.steps = data.run.steps;
   if (data.ambient) airOf(data.ambient);
+  standing(data.positions);
   if (data.run && data.run.started_utc !== before?.run?.started_utc) begin();
   const shown = () => changed("frame", "status", "jobs");
   // What a command came to is asked for first: nobody is shown its end with the answer of the one before.
@@ -119,6 +124,12 @@ export function airOf(found) {
       ...found,
       at: Date.now() - Math.max(0, Date.parse(state.status.now_utc) - Date.parse(found.utc)),
     };
+}
+
+/** Where axes stand by a picture. */
+export function standing(positions) {
+  state.positions = positions ?? {};
+  changed("stands");
 }
 
 function begin() {

@@ -3,7 +3,7 @@
 import { get, setKey, whenGone } from "./api.js";
 import { h, show } from "./dom.js";
 import { build } from "./frame.js";
-import { airOf, deaf, listen, refresh } from "./live.js";
+import { airOf, deaf, listen, refresh, standing } from "./live.js";
 import { setUp } from "./setup.js";
 import { signIn } from "./signin.js";
 import { changed, state } from "./state.js";
@@ -50,6 +50,7 @@ async function load() {
   state.steps = state.status.run?.steps ?? [];
   state.pictured = Date.now();
   if (state.status.ambient) airOf(state.status.ambient);
+  standing(state.status.positions);
   state.taken = await get(`${at}/taken`);
   await refresh();
 }

@@ -10,7 +10,7 @@ import { base, chosen, on, state } from "./state.js";
 import { message, prose, stateOf, t, told } from "./words.js";
 
 export const model = { open };
-const asked = { run: "", error: "", sizes: {} };
+const asked = { run: "", error: "", sizes: {}, steps: {}, tables: false };
 const at = (path) => get(`${base()}/runs/${encodeURIComponent(asked.run)}/${path}`);
 
 function open(root) {
@@ -31,10 +31,10 @@ async function drawAll(head, body) {
       show(body, h("p", { class: "empty" }, t(state.plan.setups.length ? "model.none" : "model.no_setups")))
     );
   const run = chosen(asked, able);
-  if (asked.run !== run.run_id) Object.assign(asked, { run: run.run_id, sizes: {} });
+  if (asked.run !== run.run_id) Object.assign(asked, { run: run.run_id, sizes: {}, steps: {} });
   if (same(body, run.run_id, able.length)) return;
   const choose = (event) => {
-    Object.assign(asked, { run: event.target.value, sizes: {} });
+    Object.assign(asked, { run: event.target.value, sizes: {}, steps: {} });
     drawAll(head, body);
   };
   show(
@@ -57,7 +57,7 @@ async function drawAll(head, body) {
       {
         id: "as-measured",
         onclick: () => {
-          asked.sizes = {};
+          Object.assign(asked, { sizes: {}, steps: {}, tables: false });
           delete body.dataset.key;
           drawAll(head, body);
         },
@@ -283,26 +283,36 @@ function slider(row, size, flank) {
   );
 }
 
-// The newest question is answered; those that were overtaken are never asked.
+// The newest question is answered; those that were overtaken are never asked. Both flanks have one scale, so that what
+// is paler is better.
 function flankOf(tooth) {
   const canvas = h("canvas", { class: "flank", role: "img", "aria-label": t("model.flank") });
   const [rms, largest] = [h("b", { id: "flank-rms" }), h("b", { id: "flank-largest" })];
   const said = h("p", { class: "fault", role: "alert" });
+  const which = ["without", "with"].map((name) =>
+    h("button", { id: `flank-${name}`, onclick: () => turnTo(name === "with") }, t(`model.${name}_tables`)),
+  );
+  const turnTo = (tables) => {
+    asked.tables = tables;
+    which.forEach((one, n) => one.setAttribute("aria-pressed", String(asked.tables === (n === 1))));
+    ask();
+  };
   const panel = h(
     "div",
     { class: "panel flank" },
     h(
       "div",
       { class: "row head" },
-      h("h2", {}, t("model.flank")),
+      h("div", { class: "tabs", role: "group", "aria-label": t("model.flank") }, which),
       h("span", {}, "RMS ", rms, ` µm · ${t("model.largest")} `, largest, " µm"),
     ),
     canvas,
-    h("p", { class: "muted" }, `${tooth.gear}. ${t("model.unrolled")}`),
+    tooth.spacings.map((one) => spacing(one, () => turnTo(true))),
+    h("p", { class: "muted" }, `${tooth.gear}. ${t("model.unrolled")} ${t("model.spacing_what")}`),
     said,
   );
   let [busy, again, last] = [false, false, null];
-  const draw = () => last && unrolled(canvas, last);
+  const draw = () => last && unrolled(canvas, { ...(last.tables ?? last), largest_um: last.largest_um });
   new ResizeObserver(draw).observe(canvas);
   const ask = async () => {
     again = true;
@@ -310,23 +320,64 @@ function flankOf(tooth) {
     busy = true;
     while (again) {
       again = false;
-      const sizes = Object.entries(asked.sizes)
-        .map(([name, value]) => `${name}:${value}`)
-        .join(",");
+      const pairs = (values) =>
+        Object.entries(values)
+          .map(([name, value]) => `${name}:${value}`)
+          .join(",");
+      const sizes = pairs(asked.sizes);
+      const query = { sizes, ...(asked.tables ? { tables: "true", steps: pairs(asked.steps) } : {}) };
       try {
-        last = await at(`flank?${new URLSearchParams({ sizes })}`);
+        last = await at(`flank?${new URLSearchParams(query)}`);
         said.textContent = "";
         draw();
-        write(rms, number(last.rms_um));
-        write(largest, number(last.largest_um));
-        panel.dataset.sizes = sizes;
+        const shown = last.tables ?? last;
+        write(rms, number(shown.rms_um));
+        write(largest, number(shown.largest_um));
+        Object.assign(panel.dataset, { sizes, steps: query.steps ?? "none" });
       } catch (error) {
         said.textContent = told(error);
       }
     }
     busy = false;
   };
-  return { panel, ask };
+  return { panel, ask: () => turnTo(asked.tables) };
+}
+
+// How far apart the points of the tables over an axis stand, in steps that divide their range.
+function spacing({ axis, unit: of, step, steps }, moved) {
+  const nearest = (wanted) =>
+    steps.reduce((best, one, n) => (Math.abs(one - wanted) < Math.abs(steps[best] - wanted) ? n : best), 0);
+  const digits = (value) => (Number.isInteger(value) ? 0 : value < 1 ? 3 : 2);
+  const span = step * Math.round(spanOf(axis) / step);
+  const says = (value) =>
+    t("model.spacing_is", {
+      step: `${number(value, digits(value))} ${unit(of)}`,
+      points: Math.round(span / value) + 1,
+    });
+  const chosen_ = asked.steps[axis] ?? step;
+  const said = h("output", { class: "num", "aria-live": "off" }, says(chosen_));
+  const slide = h("input", {
+    type: "range",
+    min: 0,
+    max: steps.length - 1,
+    step: 1,
+    value: nearest(chosen_),
+    "data-spacing": axis,
+    "aria-label": t("model.spacing", { axis }),
+  });
+  slide.addEventListener("input", () => {
+    asked.steps[axis] = steps[Number(slide.value)];
+    write(said, says(asked.steps[axis]));
+    slide.setAttribute("aria-valuetext", said.textContent);
+    moved();
+  });
+  return h("label", { class: "spacing" }, t("model.spacing", { axis }), said, slide);
+}
+
+// The range of an axis' tables, as the site file has it.
+function spanOf(letter) {
+  const { table: grid } = state.file.axes.find((one) => one.letter === letter);
+  return grid.maximum - grid.minimum;
 }
 
 function curveOf(box, row) {

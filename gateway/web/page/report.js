@@ -6,13 +6,14 @@ import { curve, measuredRuns, record } from "./evaluate.js";
 import { failed, h, same, show, turn } from "./dom.js";
 import { array, number, unit, when } from "./figures.js";
 import { chart } from "./chart.js";
+import { overlayMenu, runCurves, runOptions } from "./overlay.js";
 import { base, changed, chosen, may, on, state } from "./state.js";
 import { verifiedTooth } from "./tooth.js";
 import { trends } from "./trends.js";
 import { prose, stateOf, t, told } from "./words.js";
 
 export const report = { open };
-const asked = { run: "", axis: "", tooth: false };
+const asked = { run: "", axis: "", tooth: false, over: [] };
 
 function open(root) {
   const [head, body] = [h("div", { class: "panel choose" }), h("div", { class: "two" })];
@@ -98,6 +99,7 @@ async function drawAll(head, body) {
           t("tooth.tooth"),
         ),
     ),
+    !tooth && overlayOf(runs, run, again),
     h("span", { class: "gap" }),
     h("button", { id: "trends", onclick: trends }, t("trends.open")),
     h(
@@ -116,7 +118,7 @@ async function drawAll(head, body) {
   const verdict = run.stages.includes("verdict") ? await record(run.run_id, "verdict") : null;
   const own = verdict?.axes.find((one) => one.axis === asked.axis);
   put(
-    h("div", { class: "panel plots" }, verdict && band(verdict, own), compared(before, after)),
+    h("div", { class: "panel plots" }, verdict && band(verdict, own), compared(before, after, await overCurves(runs))),
     h(
       "div",
       { class: "panel", tabindex: 0, role: "region", "aria-label": t("frame.report") },
@@ -129,8 +131,6 @@ async function drawAll(head, body) {
           [own.words].flat().map((one) => h("li", {}, prose([one].flat()))),
         ),
       ],
-      h("h2", {}, t("report.other")),
-      await other(run, runs, before),
     ),
   );
 }
@@ -177,18 +177,45 @@ function band(verdict, own) {
   );
 }
 
-function compared(before, after) {
-  if (!after) return before ? curve(before.evaluation, before.capture) : h("p", { class: "empty" }, t("evaluate.none"));
+function compared(before, after, over) {
+  if (!after)
+    return before ? curve(before.evaluation, before.capture, over) : h("p", { class: "empty" }, t("evaluate.none"));
   return overlay(
     [
       ["old", t("phase.before"), before.evaluation],
       ["new", t("phase.after"), after.evaluation],
     ],
     before.capture,
+    over,
   );
 }
 
-function overlay(sets, capture) {
+// Other runs of the same axis over before and after of this one.
+function overlayOf(runs, run, again) {
+  const own = runOptions(runs, asked.axis, [run.run_id, ""]).filter(([key]) => !key.startsWith(run.run_id));
+  asked.over = asked.over.filter((one) => own.some(([key]) => key === one));
+  return overlayMenu({
+    id: "overlay",
+    groups: [{ name: t("overlay.runs"), none: t("overlay.none"), options: own }],
+    chosen: asked.over,
+    change: (over) => {
+      asked.over = over;
+      again().then(() => document.querySelector("details.over")?.setAttribute("open", ""));
+    },
+  });
+}
+
+async function overCurves(runs) {
+  const curves = asked.over.map(async (key, place) => {
+    const [run, phase] = key.split(" ");
+    const { created_utc: utc } = runs.find((one) => one.run_id === run);
+    const evaluation = await record(run, `evaluation-${asked.axis}-${phase}`);
+    return runCurves(`${when(utc)} · ${t(`phase.${phase}`)}`, place, evaluation);
+  });
+  return (await Promise.all(curves)).flat();
+}
+
+function overlay(sets, capture, over) {
   const curves = sets.flatMap(([look, name, one]) =>
     [
       [array(one.mean_up), "up"],
@@ -210,7 +237,7 @@ function overlay(sets, capture) {
     yName: t("chart.deviation"),
     yUnit: unit(sets[0][2].unit),
     fits: true,
-    curves,
+    curves: [...over, ...curves],
   });
 }
 
@@ -251,45 +278,4 @@ function figures(before, after) {
       ),
     ),
   ];
-}
-
-// The same axis of another run over this one.
-async function other(run, runs, before) {
-  const rest = runs.filter((one) => one !== run && one.stages.includes(`evaluation-${asked.axis}-before`));
-  if (!rest.length || !before) return h("p", { class: "empty" }, t("report.no_other"));
-  const place = h("div", {});
-  const pick = async (event) => {
-    if (!event.target.value) return show(place);
-    const stage = `evaluation-${asked.axis}-before`;
-    show(
-      place,
-      overlay(
-        [
-          ["old", when(run.created_utc), before.evaluation],
-          [
-            "new",
-            when(rest.find((one) => one.run_id === event.target.value).created_utc),
-            await record(event.target.value, stage),
-          ],
-        ],
-        before.capture,
-      ),
-    );
-  };
-  return h(
-    "div",
-    {},
-    h(
-      "label",
-      { class: "inline" },
-      t("report.with"),
-      h(
-        "select",
-        { id: "pick-other", onchange: pick },
-        h("option", { value: "" }, "–"),
-        rest.map((one) => h("option", { value: one.run_id }, `${when(one.created_utc)} · ${stateOf(one)}`)),
-      ),
-    ),
-    place,
-  );
 }

@@ -118,7 +118,7 @@ function newest() {
 
 // While optics are mounted no light comes back: that is lost only where it was there before.
 const MOUNT = ["MountingRequested", "SetupJogRequested", "SetupProgramSelected"];
-const mounts = (ask) =>
+export const mounts = (ask) =>
   ask && MOUNT.includes(ask.event) && !state.said.slice(-6).some((one) => one.event === "BeamLost");
 
 // Light is missed only where a reading is taken now, or where the service says that it lost the beam: optics are

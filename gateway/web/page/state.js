@@ -16,6 +16,7 @@ export const state = {
   steps: [],
   readings: {},
   ambient: {},
+  positions: {},
   waiting: null,
   taken: [],
   lost: 0,

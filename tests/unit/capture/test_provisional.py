@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -30,10 +31,15 @@ class Seeing(Nobody):
     """Keeps what was shown."""
 
     shown: dict[Asked, LiveDeviation] = field(default_factory=dict)
+    stood: list[float] = field(default_factory=list)
+
+    def stands(self, positions: Mapping[str, float]) -> None:
+        self.stood.extend(positions.values())
 
     def taken(self, axis: str, stop: Asked, seen: LiveDeviation) -> None:
         assert axis == "X1"
         self.shown[stop] = seen
+        assert self.stood[-1] == stop[0], "where the axis stands is told before its reading"
 
 
 class Warm(LittleMachine):

@@ -150,3 +150,24 @@ async def test_air_is_in_the_first_picture_of_a_page_that_is_opened_again() -> N
     assert looking.air is not None
     assert (looking.air["air_degc"], looking.air["material_degc"]) == (21.3, [20.6, 20.7])
     assert str(looking.air["utc"]).endswith("+00:00")
+
+
+async def test_air_is_kept_over_the_command_and_a_new_one_begins_anew() -> None:
+    looking = LiveObserver(lambda _kind, _data: None, LoopClock())
+    for degc in (21.3, 21.4, 21.6):
+        looking.ambient("laser", Ambient(degc, 1002.0, 44.0, (20.6,)))
+    assert [one["air_degc"] for one in looking.airs] == [21.3, 21.4, 21.6]
+    looking.begin()
+    assert list(looking.airs) == []
+    assert looking.air is not None, "what was read last is still known"
+
+
+async def test_where_axes_stand_is_told_when_one_stands_elsewhere() -> None:
+    frames: list[tuple[str, Any]] = []
+    looking = LiveObserver(lambda kind, data: frames.append((kind, dict(data))), LoopClock())
+    for positions in ({"X1": 100.0, "Z1": 0.0}, {"X1": 100.000004}, {"X1": 150.0}, {}):
+        looking.stands(positions)
+    assert frames == [
+        ("stands", {"positions": {"X1": 100.0, "Z1": 0.0}}),
+        ("stands", {"positions": {"X1": 150.0, "Z1": 0.0}}),
+    ]

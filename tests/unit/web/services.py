@@ -85,6 +85,9 @@ class FakeSite:
     def taken(self) -> tuple[Mapping[str, object], ...]:
         return ({"axis": "X1", "target": 1.0, "repetition": 1, "approach": 1, "deviation": 0.5},)
 
+    def airs(self) -> tuple[Mapping[str, object], ...]:
+        return ({"utc": "2026-03-02T09:00:00+00:00", "air_degc": 20.4, "material_degc": [20.1]},)
+
     def stream_counts(self) -> tuple[int, int]:
         return 2, 7
 

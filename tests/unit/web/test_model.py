@@ -14,7 +14,7 @@ from drivers.units import arcsec_to_rad, mm_to_um
 from gateway.gear.cycloid import CycloidGear
 from gateway.model.error_model import TWENTY_ONE, ErrorModel
 from gateway.store import Store
-from tests.unit.components.site import site_of
+from tests.unit.components.site import axis, site_of
 from tests.unit.report import closing
 from tests.unit.web.client import Client
 from tests.unit.web.services import TOKEN, offered
@@ -85,6 +85,46 @@ def test_a_flank_follows_the_sizes_that_are_asked_for(tmp_path: Path) -> None:
     assert component is not None
     largest = np.sum(np.abs(component.coefficients)) * arcsec_to_rad(2.0) * mm_to_um(64.0)
     assert 0.0 < np.max(np.abs(turned)) < largest
+
+
+def spaced_site() -> Any:
+    """Travels that the errors are known over: 240 mm, 120 mm, a turn."""
+    axes = [
+        axis("X1", "linear", [-240.0, 0.0], "EXX"),
+        axis("Z1", "linear", [-60.0, 60.0], "EZZ"),
+        axis("C1", "rotary", [0.0, 360.0], "ECC"),
+    ]
+    return {"work": WORK, "axes": axes}
+
+
+def test_tables_leave_less_and_their_spacing_moves_the_flank_at_once(tmp_path: Path) -> None:
+    """Coarse tables leave more than the site's, and where there is no error they leave none."""
+    model = closing.errors()
+    client, run = asking(tmp_path, model, **spaced_site())
+    spacings = {one["axis"]: one for one in client.get(f"{run}/model").json()["tooth"]["spacings"]}
+    assert {name: (one["unit"], one["step"]) for name, one in spacings.items()} == {
+        "X": ("mm", 24.0),
+        "Z": ("mm", 12.0),
+        "C": ("deg", 36.0),
+    }
+    assert {120.0, 80.0, 24.0, 9.6} < set(spacings["X"]["steps"])
+    assert all((240.0 / step) % 1.0 < 1e-9 or (240.0 / step) % 1.0 > 1 - 1e-9 for step in spacings["X"]["steps"])
+    assert max(spacings["C"]["steps"]) == 120.0, "a harmonic needs three points to the turn"
+
+    def left(steps: str, sizes: str = "") -> Any:
+        answer = client.get(f"{run}/flank?sizes={sizes}&tables=true&steps={steps}")
+        assert answer.status_code == 200, answer.text
+        return answer.json()
+
+    own, coarse = left(""), left("X:120,Z:60,C:120")
+    assert own["tables"]["rms_um"] < own["rms_um"] == pytest.approx(coarse["rms_um"])
+    assert coarse["tables"]["rms_um"] > own["tables"]["rms_um"]
+    assert (own["tables"]["points"], coarse["tables"]["points"]["X"]) == ({"X": 11, "Z": 11, "C": 11}, 3)
+    none = ",".join(f"{name}:0" for name in model.measured if name in TWENTY_ONE)
+    assert np.max(np.abs(left("C:36", none)["tables"]["deviation_um"])) < 0.15, "no error leaves rounding alone"
+    assert "tables" not in client.get(f"{run}/flank?sizes=").json()
+    for steps in ("X:25", "Q:10", "X:0", "X:nan", "C:180"):
+        assert client.get(f"{run}/flank?tables=true&steps={steps}").status_code == 422, steps
 
 
 def test_what_is_not_there_is_said(tmp_path: Path) -> None:

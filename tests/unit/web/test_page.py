@@ -238,3 +238,39 @@ def test_readings_so_far_and_approvals_are_asked_for(tmp_path: Path) -> None:
     assert client.get("/api/v1/sites/hall-3/taken").json()[0]["deviation"] == 0.5
     assert client.get(f"/api/v1/sites/hall-3/runs/{run}/approvals").json() == []
     assert client.get("/api/v1/standards").json()[0]["name"] == "ISO 230-2:2014"
+
+
+def test_standards_over_one_another_span_what_they_call_accuracy(tmp_path: Path) -> None:
+    """Each by its own figure: A, P, twice NMTBA's half width, the range of all readings; of B 6330 the first pass."""
+    client, run, kept = _measured(tmp_path)
+    at = f"/api/v1/sites/hall-3/runs/{run}"
+    spans = {
+        "ISO 230-2:2014": ("A", 1.0),
+        "ISO 230-2:1988": ("A", 1.0),
+        "VDI/DGQ 3441:1977": ("P", 1.0),
+        "VDI/DGQ 3441:1977 range": ("P", 1.0),
+        "NMTBA:1972": ("A_bi", 2.0),
+        "ASME B5.54-1992": ("acc_bi", 1.0),
+    }
+    answer = client.get(f"{at}/bands/X1?phase=before&standards={','.join(spans)}").json()
+    assert (answer["unit"], answer["targets"]) == ("um", kept.targets.tolist())
+    for band in answer["bands"]:
+        name, times = spans[band["standard"]]
+        figures = client.get(f"{at}/figures/X1?phase=before&standard={band['standard']}").json()["rows"]
+        value = next(one["value"] for one in figures if one["parameter"] == name)
+        assert max(band["high"]) - min(band["low"]) == pytest.approx(times * value), band["standard"]
+    first = client.get(f"{at}/bands/X1?phase=before&standards=JIS B 6330:1980").json()["bands"][0]
+    readings = axis_material("X1", "mm").capture_before.deviations[:, 0]
+    assert (first["low"], first["high"]) == (readings.min(axis=1).tolist(), readings.max(axis=1).tolist())
+    assert client.get(f"{at}/bands/X1?standards=nothing").json()["code"] == "E-EVAL-STANDARD"
+
+
+def test_air_and_material_are_there_over_the_command_and_over_a_stored_run(tmp_path: Path) -> None:
+    client, run, _kept = _measured(tmp_path)
+    assert client.get("/api/v1/sites/hall-3/air").json()[0]["air_degc"] == 20.4
+    capture = axis_material("X1", "mm").capture_before
+    found = client.get(f"/api/v1/sites/hall-3/runs/{run}/environment").json()
+    wanted = [(capture.started_utc, capture.ambient_start), (capture.ended_utc, capture.ambient_end)]
+    assert [(one["utc"], one["axis"], one["material_degc"]) for one in found] == [
+        (utc, "X1", list(air.material_degc)) for utc, air in wanted
+    ]
