@@ -110,7 +110,7 @@ def flank(
     """
     at = site_of(request, site)
     chosen = _pairs("steps", steps) if tables else None
-    return flank_at(run_of(at, run), at.site, at.path, _pairs("sizes", sizes), chosen)
+    return flank_at(run_of(at, run), at.site, at.path, _pairs("sizes", sizes), steps=chosen)
 
 
 @routes.get("/sites/{site}/runs/{run}/form")
