@@ -286,6 +286,11 @@ class WorkSection(Section):
     dressing_entry: str = Field(
         default="", description=ENTRY.format("the dressing offset", "the offset of the dresser in the dressing program")
     )
+    dresser_file: str = Field(
+        default="",
+        max_length=400,
+        description="file of the dresser's table, relative to the site file: the closing run then corrects the wheel",
+    )
     x_place: str = Field(default="", max_length=120, description=PLACE.format("the x zero", "x_entry"))
     dressing_place: str = Field(
         default="", max_length=120, description=PLACE.format("the dressing offset", "dressing_entry")

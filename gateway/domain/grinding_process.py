@@ -92,6 +92,64 @@ class Separation:
 
 
 @dataclass(frozen=True, slots=True)
+class CorrectionStep:
+    """The flank (RMS, with the RMS of its u, um) and the drive (p-p, u, arcsec; None without one) after a correction.
+
+    ``name`` is "as ground", "set-up", "tables" or "wheel".
+    """
+
+    name: str
+    flank_um: float
+    u_um: float
+    transmission_arcsec: float | None = None
+    transmission_u_arcsec: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class CorrectionOrder:
+    """What each correction gives on a part, in the order of what it gives; each step on top of those before it.
+
+    ``floor_um`` is what everything possible leaves: without the wheel's form where the wheel can be dressed, else as
+    ``undressed_floor_um``, with it.
+    """
+
+    part: str
+    steps: tuple[CorrectionStep, ...]
+    floor_um: float
+    undressed_floor_um: float
+
+
+@dataclass(frozen=True, slots=True)
+class WheelVerdict:
+    """What a dressing made of the wheel's form, um RMS: before, predicted and found; ``held`` within k = 2 of ``u_um``.
+
+    ``missed_um`` is what the form found differs by from the predicted one.
+    """
+
+    before_um: float
+    predicted_um: float
+    after_um: float
+    missed_um: float
+    u_um: float
+    held: bool
+
+
+@dataclass(frozen=True, slots=True)
+class UnexplainedField:
+    """What corrected parts show alike beside their prediction, um RMS, with its u; along the stroke, and over C."""
+
+    common_um: float
+    u_um: float
+    over_z_um: float
+    over_c_um: float
+
+    @property
+    def sure(self) -> bool:
+        """Whether it is more than what the parts differ by, and worth a table."""
+        return self.common_um > max(2.0 * self.u_um, 0.1)
+
+
+@dataclass(frozen=True, slots=True)
 class HeldValue:
     """One set-up value of the builder's cycle: where the control holds it, and the number before and after.
 

@@ -19,7 +19,7 @@ from drivers.local.textfile import read_toml
 from gateway.domain.grinding_process import Separation
 from gateway.errors import StoreError
 from gateway.process.wheel import COLUMNS, LIMIT_UM, STEP_UM, DresserTable, SenseProof, WheelCorrection
-from gateway.study.export import write_rows
+from gateway.study.export import rows_text
 from gateway.study.inputs import validate_file
 
 WHEEL_COLUMNS = (
@@ -154,12 +154,17 @@ def write_dresser(path: Path, data: DresserData, found: WheelCorrection) -> Path
 
 
 def write_wheel(path: Path, found: WheelCorrection) -> Path:
-    """All points as CSV (`WHEEL_COLUMNS`), + = larger wheel. Raises StoreError (E-STUDY-WRITE)."""
+    """All points as CSV, as `wheel_text`. Raises StoreError (E-STUDY-WRITE)."""
+    return _write(path, wheel_text(found))
+
+
+def wheel_text(found: WheelCorrection) -> str:
+    """All points as CSV (`WHEEL_COLUMNS`), + = larger wheel."""
     columns = (
         np.rad2deg(found.theta_rad), found.radius_mm, found.axial_mm, found.normal[:, 0], found.normal[:, 1],
         found.correction_um, found.u_um, found.centre_mm[:, 0], found.centre_mm[:, 1],
     )  # fmt: skip
-    return write_rows(path, WHEEL_COLUMNS, np.stack(columns, axis=-1).tolist())
+    return rows_text(WHEEL_COLUMNS, np.stack(columns, axis=-1).tolist())
 
 
 def write_wheel_dxf(path: Path, found: WheelCorrection) -> Path:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import io
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -53,13 +54,19 @@ def write_rows(path: Path, columns: Sequence[str], rows: Sequence[Sequence[Any]]
     """A CSV file with a heading; numbers to nine decimals, which is a nanometre's thousandth. Raises StoreError."""
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        with path.open("w", encoding="utf-8", newline="") as file:
-            out = csv.writer(file, lineterminator="\n")
-            out.writerow(columns)
-            out.writerows([f"{one:.9f}" if isinstance(one, float) else one for one in row] for row in rows)
+        path.write_text(rows_text(columns, rows), encoding="utf-8", newline="")
     except OSError as error:
         raise StoreError("E-STUDY-WRITE", str(path), why=error.strerror or str(error)) from error
     return path
+
+
+def rows_text(columns: Sequence[str], rows: Sequence[Sequence[Any]]) -> str:
+    """The same as text."""
+    file = io.StringIO()
+    out = csv.writer(file, lineterminator="\n")
+    out.writerow(columns)
+    out.writerows([f"{one:.9f}" if isinstance(one, float) else one for one in row] for row in rows)
+    return file.getvalue()
 
 
 def outline(gear: CycloidGear, tolerance_um: float = TOLERANCE_UM) -> FloatArray:

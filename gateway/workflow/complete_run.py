@@ -15,6 +15,7 @@ import asyncio
 from collections.abc import Collection, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
+from types import ModuleType
 
 from drivers.clock import Clock
 from drivers.errors import ConfigError, TrueflankError
@@ -149,6 +150,13 @@ async def close_site(
     return with_alarms(closing_outcome(folder, site), alarms)
 
 
+def _wheel_in_run() -> ModuleType:
+    """What a closing run knows of the wheel: loaded when a part is there, for it takes its time."""
+    from gateway.workflow.tooth import wheel_in_run  # noqa: PLC0415
+
+    return wheel_in_run
+
+
 @dataclass(frozen=True)
 class _ClosingRun:
     """One closing run at the machine: the gear, what is known of the machine, its axes as measured."""
@@ -182,6 +190,8 @@ class _ClosingRun:
         if before is None:
             folder.set_state("proposed")
             return
+        wheel = _wheel_in_run()
+        wheel.propose_wheel(at, before, tooth, self.work.goal)
         verdict = await self._push_tables(proposal)
         if verdict.outcome == "not-pushed":
             lacks = setup_from_part(before, self.work.gear).setup.rounded()
@@ -191,9 +201,12 @@ class _ClosingRun:
         await verify_combined_effect(self.at)
         tooth = folder.get(stages.TOOTH, ToothProposal)  # as it is with the tables that were pushed
         first = now.plus(self._expected_flank(before, tooth))
+        wheel.tell_dressing(at, TRIAL)
         trial = await self._part(TRIAL, first, cycle, had=now)
         setup = first.plus(setup_from_part(trial, self.work.gear).setup)
         after = await self._part(AFTER, setup, cycle, had=first)
+        wheel.judge_wheel(at, BEFORE, after)
+        wheel.tell_unexplained(at, trial, after, tooth)
         judged = judge_tooth(before, after, tooth.prediction, gear=self.work.gear, trial=trial)
         if judged.outcome != "worse":
             book.save(at.machine, name, setup, run=folder.run_id, clock=at.clock)

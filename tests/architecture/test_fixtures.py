@@ -12,6 +12,14 @@ TESTS = Path(__file__).parents[1]
 JUDGED = "test_what_tables_and_set_up_values_can_cure_leaves_nothing"
 WHOLLY_LONG = {
     (
+        "test_wheel_in_run.py",
+        "test_the_wheel_is_dressed_by_what_the_run_told_of_it",
+    ): "test_the_best_correction_comes_first_and_each_takes_what_is_its_own",
+    (
+        "test_order.py",
+        "test_the_drive_of_each_step_is_that_of_its_flank",
+    ): "test_the_best_correction_comes_first_and_each_takes_what_is_its_own",
+    (
         "test_builder_cycle.py",
         "test_the_loop_closes_over_the_builders_cycle",
     ): "test_the_builders_cycle_makes_the_same_part_by_another_way",

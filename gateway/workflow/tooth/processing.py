@@ -13,6 +13,7 @@ from drivers.errors import ConfigError
 from drivers.message import Message, fixed
 from gateway.config import SiteFile
 from gateway.domain.grinding_process import Separation, SetupHandover
+from gateway.domain.outcomes import PushRecord
 from gateway.errors import IllegalTransition, ModelError, StoreError
 from gateway.gear.cycloid import CycloidGear
 from gateway.process.charts import BASE, PartFigures, ProcessAnswer, judge_process
@@ -29,10 +30,11 @@ from gateway.process.wheel_form import ProcessPart
 from gateway.store import RunFolder, checked_name
 from gateway.study.dresser import load_dresser, separation_data, write_dresser, write_wheel, write_wheel_dxf
 from gateway.study.inputs import GearFile, gear_of, load_gear
-from gateway.tooth import GroundPart, InspectedFlank
+from gateway.tooth import GearProposal, GroundPart, InspectedFlank
 from gateway.workflow.run import stages
 from gateway.workflow.tooth.pairing import DiscFile, disc_of_file
 from gateway.workflow.tooth.part_plan import gear_of_site, work_section
+from gateway.workflow.tooth.verdict import rms_beside
 
 ORDERS = ("unknown", "ascending", "descending")
 VERDICTS = {
@@ -188,12 +190,33 @@ def separate_part(site: SiteFile, site_path: Path, folder: RunFolder, found: Ins
     gear = gear_of(gear_file)
     stage = stages.ground(found.part)
     ground = folder.get(stage, GroundPart) if folder.has(stage) else None
-    order = None if ground is None else tuple(range(gear.zc))
+    own = ground is not None and not folder.has(stages.CYCLE)  # nobody knows the order of the builder's cycle
+    order = tuple(range(gear.zc)) if own else None
     part = ProcessPart.of(found, setup=None if ground is None else ground.setup, order=order, clamping_um=clamping_um)
     found_causes = separate(gear, [part])
-    outcome = SeparationOutcome(gear_file, found_causes, verify_handover(folder, found_causes))
+    outcome = SeparationOutcome(
+        gear_file, found_causes, (*verify_handover(folder, found_causes), *verify_returned(folder, found, gear))
+    )
     folder.put(stages.separated(found.part), outcome.found, (folder.digest(stages.inspected(found.part)),))
     return outcome
+
+
+def verify_returned(folder: RunFolder, found: InspectedFlank, gear: CycloidGear) -> tuple[Message, ...]:
+    """Whether tables that were proposed from a part alone, and pushed, left of the next part what they should.
+
+    Set-up values, rotation and eccentricity of both are taken out; the rest must agree within k = 2.
+    """
+    pushed = [folder.get(one, PushRecord) for one in folder.stages if one.startswith(stages.push(""))]
+    if not folder.has(stages.FROM_GEAR) or not any(one.outcome == "committed" for one in pushed):
+        return ()
+    said = folder.get(stages.FROM_GEAR, GearProposal)
+    if said.part == found.part:
+        return ()
+    missed = rms_beside(gear, found.fitted, said.after)
+    u = math.hypot(said.u_um, found.rms_u_um)
+    told = {"before": fixed(said.before.rms_um), "after": fixed(found.fitted.rms_um), "missed": fixed(missed)}
+    told |= {"part": said.part, "predicted": fixed(said.after.rms_um), "u": fixed(u)}
+    return (Message.of("W-RETURN-HELD" if missed <= 2.0 * u else "W-RETURN-MISSED", **told),)
 
 
 def verify_handover(folder: RunFolder, found: Separation) -> tuple[Message, ...]:

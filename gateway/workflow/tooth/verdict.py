@@ -191,6 +191,20 @@ def clamping_maps(flank: FlankMap, gear: CycloidGear) -> FloatArray:
     return np.stack([nx * np.cos(phi) - ny * np.sin(phi), nx * np.sin(phi) + ny * np.cos(phi)])
 
 
+def beside(gear: CycloidGear, flank: FlankMap, other: FlankMap) -> FloatArray:
+    """One flank less another (K, T, Z), um, without set-up values, rotation and eccentric clamping of either."""
+    both = [set_right(one, gear).deviation_um for one in (flank, other)]
+    left = both[0] - both[1]
+    ways = np.stack([np.broadcast_to(one, left.shape).ravel() for one in clamping_maps(flank, gear)], axis=1)
+    taken = ways @ np.linalg.lstsq(ways, left.ravel(), rcond=None)[0]
+    return np.asarray(left - taken.reshape(left.shape))
+
+
+def rms_beside(gear: CycloidGear, flank: FlankMap, other: FlankMap) -> float:
+    """RMS of `beside`, um."""
+    return float(np.sqrt(np.mean(beside(gear, flank, other) ** 2)))
+
+
 def eccentric_share(flank: FlankMap, gear: CycloidGear) -> tuple[float, float]:
     """RMS of what an eccentricity of part or clamping takes of a flank by least squares, and of what it leaves, um."""
     ways = np.stack(
