@@ -12,7 +12,7 @@ from drivers.message import Form, Message
 from drivers.stale_programs import Sent
 from drivers.types.identity import MachineIdentity, likeness
 
-Outcome = Literal["ok", "wrong", "unknown"]
+Outcome = Literal["ok", "wrong", "unknown", "skipped"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,7 +27,9 @@ class CheckLine:
     @property
     def message(self) -> Message:
         """What was found, and what to do where it is not in order."""
-        return Message(self.code, self.fields, Form.TEXT if self.outcome == "ok" else Form.ERROR, self.check)
+        return Message(
+            self.code, self.fields, Form.ERROR if self.outcome in ("wrong", "unknown") else Form.TEXT, self.check
+        )
 
     @property
     def what(self) -> str:
@@ -37,7 +39,7 @@ class CheckLine:
     @property
     def fix(self) -> str:
         """What to do about it, in words; "" when nothing is to be done."""
-        return "" if self.outcome == "ok" else self._said.hint
+        return self._said.hint if self.outcome in ("wrong", "unknown") else ""
 
     @property
     def _said(self) -> TrueflankError:
@@ -84,6 +86,11 @@ def wrong(code: str, check: str, **fields: object) -> CheckLine:
 def unknown(code: str, check: str, **fields: object) -> CheckLine:
     """A line of which nothing could be told from here."""
     return CheckLine(check, "unknown", code, fields)
+
+
+def skipped(code: str, check: str, **fields: object) -> CheckLine:
+    """A line of what was not looked at, and why: it says nothing about the control."""
+    return CheckLine(check, "skipped", code, fields)
 
 
 def failed(error: TrueflankError, check: str, outcome: Outcome = "wrong") -> CheckLine:

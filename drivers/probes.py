@@ -10,17 +10,19 @@ from typing import Any, Literal, Protocol, cast, get_args
 
 from drivers.errors import FileFormatError
 
-Allowance = Literal["read", "move", "write"]
-ALLOWANCES: tuple[Allowance, ...] = get_args(Allowance)
+Level = Literal["read", "program", "motion", "write"]
+LEVELS: tuple[Level, ...] = get_args(Level)
+FORMER_LEVELS = {"move": "program"}
+"""Words of older sessions: their questions start programs, and none moves an axis."""
 FORM = 1
 LARGEST = 4 * 1024 * 1024
 NOT_ASKED = "not asked: "
 Argument = str | int | float | bool
 
 
-def allows(given: Allowance, needed: Allowance) -> bool:
-    """Whether an allowance covers what is needed: write holds move, and move holds read."""
-    return ALLOWANCES.index(given) >= ALLOWANCES.index(needed)
+def allows(given: Level, needed: Level) -> bool:
+    """Whether a level covers what is needed: write holds motion, motion holds program, and program holds read."""
+    return LEVELS.index(given) >= LEVELS.index(needed)
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,13 +30,13 @@ class Probe:
     """One question. ``act`` says how it is asked, ``ask`` holds its parts; `what` says in words what is asked.
 
     Names of the machine stand in braces as roles ({axis}, {table}, {points}), filled in when the question is asked, so
-    that the same question goes to a control and to a double with other axes. ``allow`` is the least allowance: read
-    asks, move has a person start programs that move nothing, write also offers values that a control must refuse.
+    that the same question goes to a control and to a double with other axes. ``allow`` is the least level: read
+    asks, program has a person start programs that move nothing, write also offers values that a control must refuse.
     ``running``: it is asked while a program runs.
     """
 
     name: str
-    allow: Allowance
+    allow: Level
     what: str
     act: str
     ask: tuple[Argument, ...]
@@ -92,7 +94,7 @@ class Prober(Protocol):
         """Ask these in order; raises what the wire raises. ``start_s`` bounds the wait for a person."""
         ...
 
-    def probes(self, allow: Allowance) -> tuple[Probe, ...]:
+    def probes(self, allow: Level) -> tuple[Probe, ...]:
         """The written list of questions within an allowance."""
         ...
 
@@ -139,13 +141,14 @@ def _answer(path: Path, place: int, entry: Any) -> Answer:
     known = {one.name for one in fields(Probe)} | {"said"}
     if not isinstance(entry, dict) or set(entry) != known:
         raise _bad(path, place, f"an entry has {', '.join(sorted(known))}")
+    entry = {**entry, "allow": FORMER_LEVELS.get(str(entry["allow"]), entry["allow"])}
     texts = all(isinstance(entry[key], str) for key in ("name", "what", "act", "said"))
     ask = entry["ask"]
-    if not texts or entry["allow"] not in ALLOWANCES or not isinstance(entry["running"], bool):
+    if not texts or entry["allow"] not in LEVELS or not isinstance(entry["running"], bool):
         raise _bad(path, place, "a value has the wrong type")
     if not isinstance(ask, list) or not all(isinstance(one, str | int | float | bool) for one in ask):
         raise _bad(path, place, "ask is a list of texts and numbers")
-    allow = cast(Allowance, entry["allow"])
+    allow = cast(Level, entry["allow"])
     given = {key: entry[key] for key in ("name", "what", "act", "running")}
     return Answer(Probe(**given, allow=allow, ask=tuple(ask)), entry["said"])
 

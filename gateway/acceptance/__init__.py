@@ -1,4 +1,6 @@
-"""Acceptance at the bench and at the machine: the same checks of a site, within an allowance, and a sheet to sign.
+"""Whether a control is all right: one examination by levels, its signed sheet, and the comparison with the simulator.
 
-Called by `doctor accept` and by the pytest plugin that ships with it. Writes through the push's own transaction.
+`control` reads the road, `checks` adds what starts programs, moves and writes; `doctor`, `doctor accept` and the pytest
+plugin that ships with it show the same results. `comparison` is `doctor compare`. Writes through the push's own
+transaction.
 """

@@ -1,168 +1,234 @@
-"""What is accepted, in order: each check says what it saw, or raises what is wrong and what to do."""
+"""The doctor: everything that is asked of a site's control, in order and by level, and how each question ended.
+
+The levels hold each other. `read` looks, and nobody acts. `program` has a person start programs that move nothing: the
+self-test where this version has none, and all live tables. `motion` jogs each axis under its instrument. `write` tries
+a table of 3 um or 3 arcsec by the push's own transaction, and puts the old one back; a machine is asked for its name
+before. One record, `CheckResult`, is what `doctor` prints, what `doctor accept` puts on the sheet to sign, and what a
+case of the pytest suite ends with. Each check opens the control anew: one that fails leaves nothing to the next.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Coroutine
+from collections.abc import AsyncIterator, Callable, Collection, Coroutine, Iterator
+from contextlib import asynccontextmanager
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from drivers import registry
-from drivers.checks import Wanted, WantedAxis
-from drivers.errors import ConfigError, DeviceRefused
-from drivers.probes import Allowance
+from drivers.checks import CheckLine, Outcome, failed, fine, skipped, wrong
+from drivers.clock import Clock
+from drivers.errors import ConfigError, TrueflankError
+from drivers.probes import Level, allows
 from drivers.types.tables import LiveSet
-from gateway.acceptance.results import ENGLISH, SeenLine, seen
-from gateway.acceptance.working import NotHere, SiteDesk
+from gateway.acceptance.comparison import prober_of
+from gateway.acceptance.control import examine_control, self_test_line
+from gateway.broker import borrow_devices
 from gateway.capture.rig import prove_sense
-from gateway.config import AxisSection
-from gateway.conform import prober_of
+from gateway.config import AxisSection, SiteFile
 from gateway.domain.proposals import TableChange
 from gateway.errors import VerifyError
-from gateway.say import silence
+from gateway.say import Say, silence
 from gateway.table.trial import triangle_for_axes
 from gateway.workflow.axes.measure import fetch_tables
 from gateway.workflow.control.signs import MountedInstruments, can_prove_sign, prove_table_signs
 from gateway.workflow.run.audit_trail import AuditAdapter
-from gateway.workflow.run.context import RunContext
-from gateway.workflow.run.folder import known_of, store_of
+from gateway.workflow.run.context import RunContext, open_context, run_or_look
+from gateway.workflow.run.folder import store_of
 from gateway.workflow.run.push_context import table_context
-from gateway.workflow.run.self_test import axes_without_self_test
+from gateway.workflow.run.self_test import axes_without_self_test, last_self_test, self_test_site
 
 START_S = 60.0
-WRONG = "E-ACCEPT-WRONG"
-TABLES = "table memory"
-"""The doctor's lines that say for each axis what the check of its limits says."""
+WORST_FIRST: tuple[Outcome, ...] = ("wrong", "unknown", "ok", "skipped")
+Lines = tuple[CheckLine, ...]
 
 
 @dataclass(frozen=True, slots=True)
-class AcceptanceCheck:
-    """One check: its least allowance and the work, for each axis of the site where ``each``.
+class SiteDesk:
+    """A site that is examined. Whoever makes one has the consent that its checks need."""
 
-    The work gets the desk and the axis' name ("" without axes) and returns what it saw in one line. What it looks at
-    stands in the document's catalogue, "accept_what_" and its name.
+    site: SiteFile
+    site_path: Path
+    clock: Clock
+    say: Say
+
+    @asynccontextmanager
+    async def bench(self, instruments: Collection[str] = ()) -> AsyncIterator[RunContext]:
+        """The control and these instruments, open; a run folder is left only where an instrument was at work."""
+        with run_or_look(self.site, self.site_path, "accepting", look=not instruments) as folder:
+            at = open_context(
+                self.site,
+                self.site_path,
+                folder=folder,
+                clock=self.clock,
+                say=self.say,
+                instruments=tuple(instruments),
+            )
+            async with at as opened:
+                yield opened
+            folder.set_state("accepted")
+
+
+@dataclass(frozen=True, slots=True)
+class DoctorCheck:
+    """One check: its least level and the work, for each axis of the site where ``each``.
+
+    The work gets the desk and the axis' name ("" without axes) and returns what it saw; what it looks at stands in the
+    document's catalogue, "accept_what_" and its name. A ``road`` that cannot be gone ends the examination by its error;
+    of the others our own errors are results.
     """
 
     name: str
-    allow: Allowance
-    work: Callable[[SiteDesk, str], Coroutine[Any, Any, SeenLine]]
+    level: Level
+    work: Callable[[SiteDesk, str], Coroutine[Any, Any, Lines]]
     each: bool = False
+    road: bool = False
 
 
-async def _road(desk: SiteDesk, _axis: str) -> SeenLine:
-    """The doctor, from name and port to rights and machine data; the axes' tables are judged one by one elsewhere."""
-    control, name = desk.site.controller, desk.site.site.name
-    if f"{control.driver}-doctor" not in registry.known("doctor"):
-        raise NotHere("no-doctor", driver=control.driver)
-    doctor = registry.load(f"{control.driver}-doctor", "doctor")(name, control.url, control.settings, desk.clock)
-    facts = known_of(desk.site, store_of(desk.site, desk.site_path).root).facts
-    axes = tuple(
-        WantedAxis(one.name, one.unit, one.encoder, points=_points(one), encoder_said=one.encoder_said)
-        for one in desk.site.axes
-    )
-    serial = facts.get("serial", control.serial)
-    wanted = Wanted(serial, axes, access_level=control.access_level, facts=facts)
-    lines = [one for one in await doctor.examine(wanted, control.timeout_s) if one.check != TABLES]
-    bad = [f"{line.check}: {line.what}; {line.fix}" for line in lines if line.outcome == "wrong"]
-    _demand(not bad, "connection", "; ".join(bad), "run `trueflank doctor` and follow its lines")
-    clock = [line.what for line in lines if line.check == "clock"]
-    open_ones = [line.check for line in lines if line.outcome == "unknown"]
-    # "-" where there is nothing to name: the sheet's words are for every language.
-    return seen("connection", count=len(lines), clock="; ".join(clock) or "-", open=", ".join(open_ones) or "-")
+@dataclass(frozen=True, slots=True)
+class CheckResult:
+    """How one check ended for an axis ("" for the site as a whole), as the lines that it saw."""
+
+    check: str
+    axis: str
+    level: Level
+    lines: Lines
+
+    @property
+    def name(self) -> str:
+        """As people read it: "motion X1"."""
+        return f"{self.check} {self.axis}".strip()
+
+    @property
+    def outcome(self) -> Outcome:
+        """The worst of its lines."""
+        found = {line.outcome for line in self.lines}
+        return next(one for one in WORST_FIRST if one in found)
+
+    @property
+    def said(self) -> str:
+        """What is not in order with what to do, else all that was seen; in English, for JUnit."""
+        bad = [f"{line.what} -> {line.fix}" for line in self.lines if line.outcome == "wrong"]
+        return "; ".join(bad or [line.what for line in self.lines])
+
+    def as_records(self) -> list[dict[str, object]]:
+        """Its lines as data, each with the level that it needs."""
+        return [{**line.as_record(), "level": self.level} for line in self.lines]
 
 
-async def _identity(desk: SiteDesk, _axis: str) -> SeenLine:
-    async with desk.bench() as at:
-        first, second = at.machine, await at.supervisor.controller.identify()
-    differs = first.differences(second)
-    _demand(
-        not differs, "identity", f"it changed between two readings: {differs}", "look for two controls at one address"
-    )
-    axes = " ".join(first.axis_names)
-    return seen("identity", serial=first.serial, version=first.version, axes=axes, unit=first.unit_system)
+async def examine_site(
+    desk: SiteDesk, level: Level, tell: Callable[[CheckResult], None], *, above: bool = False
+) -> tuple[CheckResult, ...]:
+    """Every check up to a level, in order; ``above``: what lies higher is in the result, too, as skipped.
+
+    Raises what the road to the control raises: the doctor's driver, and devices that somebody else has.
+    """
+    results = []
+    for check, axis in cases(desk.site):
+        if above or allows(level, check.level):
+            results.append(await run_check(check, axis, desk, level))
+            tell(results[-1])
+    return tuple(results)
 
 
-async def _axis_of(desk: SiteDesk, name: str) -> SeenLine:
+def cases(site: SiteFile) -> Iterator[tuple[DoctorCheck, str]]:
+    """Every check with the axis it is made for ("" for the site as a whole), in order."""
+    for check in CHECKS:
+        for axis in (axis.name for axis in site.axes) if check.each else ("",):
+            yield check, axis
+
+
+async def run_check(check: DoctorCheck, axis: str, desk: SiteDesk, level: Level) -> CheckResult:
+    """One check; what lies above the level is skipped and said. Raises what the work of a ``road`` raises."""
+    if not allows(level, check.level):
+        lines: Lines = (skipped("W-DOC-ABOVE", check.name, needed=check.level, given=level),)
+    else:
+        try:
+            lines = await check.work(desk, axis)
+        except TrueflankError as error:
+            if check.road:
+                raise
+            lines = (failed(error, check.name),)
+    return CheckResult(check.name, axis, check.level, lines)
+
+
+# ---- the checks
+
+
+async def _road(desk: SiteDesk, _axis: str) -> Lines:
+    """From name and port to rights and machine data, and what this PC knows of the control."""
+    async with borrow_devices(store_of(desk.site, desk.site_path).root, "doctor", desk.clock):
+        return await examine_control(desk.site, desk.site_path, desk.clock)
+
+
+async def _rights(desk: SiteDesk, _axis: str) -> Lines:
+    """Nothing is written: the server is asked, in a session of its own, whether this user may."""
+    try:
+        prober = prober_of(desk.site, desk.clock)
+    except ConfigError:
+        return (skipped("W-DOC-NO-USER", "rights"),)
+    wanted = tuple(one for one in prober.probes("read") if one.name == "right-to-machine-datum")
+    session = await prober.ask(wanted, silence, desk.site.controller.timeout_s, START_S)
+    said = session.said("right-to-machine-datum")
+    if said == "yes":
+        return (wrong("E-DOC-DATA-RIGHT", "rights"),)
+    return (fine("W-DOC-DATA-REFUSED" if said == "no" else "W-DOC-DATA-UNKNOWN", "rights"),)
+
+
+async def _axis_of(desk: SiteDesk, name: str) -> Lines:
     async with desk.bench() as at:
         axis, state = at.axis(name), await at.supervisor.controller.state()
     found = state.axes.get(name)
     if found is None:
-        raise ConfigError(WRONG, name, what="axis", found="the control has no such axis", do="correct the site file")
-    _demand(
-        found.unit == axis.unit, name, f"the control counts in {found.unit}", "correct kind and unit in the site file"
-    )
-    _demand(found.referenced, name, "the axis is not referenced", "reference it")
-    return seen("axis", unit=found.unit)
+        return (wrong("E-DOC-NO-AXIS", "axis", axis=name, known=", ".join(state.axes)),)
+    if found.unit != axis.unit:
+        return (wrong("E-DOC-AXIS-UNIT", "axis", axis=name, unit=found.unit, wanted=axis.unit),)
+    if not found.referenced:
+        return (wrong("E-DOC-UNREFERENCED", "axis", axis=name),)
+    return (fine("W-DOC-REFERENCED", "axis", axis=name, unit=found.unit),)
 
 
-async def _limits(desk: SiteDesk, name: str) -> SeenLine:
+async def _tested(desk: SiteDesk, name: str) -> Lines:
+    """The self-test of this version: that which is kept, else it is made now."""
     async with desk.bench() as at:
-        axis = at.axis(name)
-        limits = await at.supervisor.controller.table_limits(name, "axis", axis.encoder)
-    needed = _points(axis)
-    line = seen("limits", reserved=limits.reserved_points, needed=needed, resolution=f"{limits.resolution:g}")
-    found = line.told(ENGLISH)
-    _demand(limits.reserved_points >= needed, name, found, "choose a larger step in the site file")
-    _demand(limits.resolution > 0.0 and limits.max_value > 0.0, name, found, "tell us: the control gives no resolution")
-    return line
-
-
-def _points(axis: AxisSection) -> int:
-    grid = axis.table
-    return round((grid.maximum - grid.minimum) / grid.step) + 1
-
-
-async def _rights(desk: SiteDesk, _axis: str) -> SeenLine:
-    """Nothing is written: the server is asked whether this user may."""
-    try:
-        prober = prober_of(desk.site, desk.clock)
-    except ConfigError as error:
-        raise NotHere("no-user") from error
-    wanted = tuple(one for one in prober.probes("read") if one.name == "right-to-machine-datum")
-    session = await prober.ask(wanted, silence, desk.site.controller.timeout_s, START_S)
-    said = session.said("right-to-machine-datum")
-    _demand(said != "yes", "rights", "this user may write machine data", "take SinuWriteAll and TeaWrite from the user")
-    return seen("rights-no" if said == "no" else "rights-unknown")
-
-
-async def _tested(desk: SiteDesk, name: str) -> SeenLine:
-    async with desk.bench() as at:
+        if not at.supervisor.controller.capabilities.self_test:
+            return (fine("W-DOC-TEST-NOT-NEEDED", "self-test"),)
         missing = axes_without_self_test(at, (name,))
-        needed = at.supervisor.controller.capabilities.self_test
-    _demand(
-        not missing,
-        name,
-        "this version of the control has not passed the self-test",
-        f"run `trueflank doctor self-test {desk.site_path}`",
-    )
-    return seen("tested" if needed else "test-not-needed")
+    if missing:
+        await self_test_site(desk.site, desk.site_path, axis=name, clock=desk.clock, say=desk.say)
+    return (self_test_line(name, last_self_test(at, at.axis(name)), at.machine.version),)
 
 
-async def _tables(desk: SiteDesk, name: str) -> SeenLine:
+async def _tables(desk: SiteDesk, name: str) -> Lines:
     async with desk.bench() as at:
-        return _told(await fetch_tables(at, at.axis(name)))
+        live = await fetch_tables(at, at.axis(name))
+    return (fine(f"W-DOC-TABLES-{_state(live)}", "tables", axis=name, **_counts(live)),)
 
 
-async def _sense(desk: SiteDesk, name: str) -> SeenLine:
-    axis = _measured(desk, name)
-    async with desk.bench((axis.measure.instrument,)) as at:
+async def _sense(desk: SiteDesk, name: str) -> Lines:
+    instrument = _instrument_of(desk, name)
+    if not instrument:
+        return (skipped("W-DOC-NO-INSTRUMENT", "motion", axis=name),)
+    async with desk.bench((instrument,)) as at:
         proof = await prove_sense(at.rig(at.axis(name)))
-    return seen("sense", sense=f"{proof.sense:+d}")
+    return (fine("W-DOC-SENSE", "motion", axis=name, sense=f"{proof.sense:+d}"),)
 
 
-async def _written(desk: SiteDesk, name: str) -> SeenLine:
+async def _written(desk: SiteDesk, name: str) -> Lines:
     """A triangle of 3 um or 3 arcsec: written, read back, switched, seen, and the old table put back, proved equal."""
-    axis = _measured(desk, name)
-    async with desk.bench((axis.measure.instrument,)) as at:
+    instrument = _instrument_of(desk, name)
+    if not instrument:
+        return (skipped("W-DOC-NO-INSTRUMENT", "table", axis=name),)
+    async with desk.bench((instrument,)) as at:
         if not can_prove_sign(at, at.axis(name)):
-            raise NotHere("no-switch")
+            return (skipped("W-DOC-NO-SWITCH", "table", axis=name),)
         before = await fetch_tables(at, at.axis(name))
         slope = await _proof(at, at.axis(name), before)
         after = await fetch_tables(at, at.axis(name))
     if (before.own, before.cross) != (after.own, after.cross):
-        raise VerifyError(WRONG, name, what="table", found="it is not as it was before", do="run `trueflank recover`")
-    return seen(f"written-{_state(after)}", slope=f"{slope:+.3f}", **_told(after).fields)
+        return (wrong("E-DOC-TABLE-OTHER", "table", axis=name),)
+    return (fine(f"W-DOC-WRITTEN-{_state(after)}", "table", axis=name, slope=f"{slope:+.3f}", **_counts(after)),)
 
 
 async def _proof(at: RunContext, axis: AxisSection, before: LiveSet) -> float:
@@ -186,37 +252,26 @@ async def _proof(at: RunContext, axis: AxisSection, before: LiveSet) -> float:
     return found.slope
 
 
-def _measured(desk: SiteDesk, name: str) -> AxisSection:
-    """An axis that a live instrument sees. Raises NotHere."""
-    axis = next(one for one in desk.site.axes if one.name == name)
-    if axis.measure.file is not None or not axis.measure.instrument:
-        raise NotHere("no-instrument")
-    return axis
+def _instrument_of(desk: SiteDesk, name: str) -> str:
+    """The live instrument that sees an axis; "" where there is none."""
+    measure = next(one for one in desk.site.axes if one.name == name).measure
+    return "" if measure.file is not None else measure.instrument
 
 
-def _told(live: LiveSet) -> SeenLine:
-    own = live.own
-    return seen(f"tables-{_state(live)}", points=len(own.table.deviations), cross=len(live.cross))
+def _counts(live: LiveSet) -> dict[str, int]:
+    return {"points": len(live.own.table.deviations), "cross": len(live.cross)}
 
 
 def _state(live: LiveSet) -> str:
-    return "on" if live.own.enabled else "off"
+    return "ON" if live.own.enabled else "OFF"
 
 
-def _demand(held: bool, what: str, found: str, do: str) -> None:
-    """Raises DeviceRefused (E-ACCEPT-WRONG)."""
-    if not held:
-        raise DeviceRefused(WRONG, what, what=what, found=found, do=do)
-
-
-CHECKS: tuple[AcceptanceCheck, ...] = (
-    AcceptanceCheck("connection", "read", _road),
-    AcceptanceCheck("identity", "read", _identity),
-    AcceptanceCheck("axis", "read", _axis_of, each=True),
-    AcceptanceCheck("limits", "read", _limits, each=True),
-    AcceptanceCheck("rights", "read", _rights),
-    AcceptanceCheck("self-test", "read", _tested, each=True),
-    AcceptanceCheck("tables", "move", _tables, each=True),
-    AcceptanceCheck("motion", "move", _sense, each=True),
-    AcceptanceCheck("table", "write", _written, each=True),
+CHECKS: tuple[DoctorCheck, ...] = (
+    DoctorCheck("connection", "read", _road, road=True),
+    DoctorCheck("rights", "program", _rights),
+    DoctorCheck("axis", "program", _axis_of, each=True),
+    DoctorCheck("self-test", "program", _tested, each=True),
+    DoctorCheck("tables", "program", _tables, each=True),
+    DoctorCheck("motion", "motion", _sense, each=True),
+    DoctorCheck("table", "write", _written, each=True),
 )

@@ -1,7 +1,7 @@
-"""`pytest --trueflank-site SITE --allow read|move|write`: the shipped acceptance as tests, with JUnit and a sheet.
+"""`pytest --trueflank-site SITE --allow LEVEL`: the shipped acceptance as tests, with JUnit and a sheet.
 
 Without tests named on the command line the shipped suite is run. Tests of your own say what they need by
-`@pytest.mark.trueflank_allow("move")`; what lies above the allowance is skipped and said.
+`@pytest.mark.trueflank_allow("motion")`; what lies above the allowance is skipped and said.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 
-from drivers.probes import ALLOWANCES, allows
+from drivers.probes import LEVELS, allows
 
 SUITE = Path(__file__).with_name("suite.py")
 MARK = "trueflank_allow"
@@ -23,7 +23,7 @@ def pytest_addoption(parser: pytest.Parser) -> None:
     """The options of an acceptance."""
     group = parser.getgroup("trueflank")
     group.addoption("--trueflank-site", default="", metavar="SITE", help="accept this site (its TOML file)")
-    group.addoption("--allow", default="read", choices=ALLOWANCES, help="what an acceptance may do (default: read)")
+    group.addoption("--allow", default="read", choices=LEVELS, help="what an acceptance may do (default: read)")
     group.addoption("--trueflank-machine", default="", metavar="NAME", help="the machine's name, for --allow write")
     group.addoption(
         "--trueflank-sheet",
@@ -36,7 +36,7 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 def pytest_configure(config: pytest.Config) -> None:
     """Load the site, check the consent, and choose the shipped suite where no test is named."""
-    config.addinivalue_line("markers", f"{MARK}(allowance): what a test of yours needs: read, move or write")
+    config.addinivalue_line("markers", f"{MARK}(allowance): what a test of yours needs: read, program, motion or write")
     config.stash[RESULTS] = []
     given = config.getoption("--trueflank-site")
     if not given:
@@ -66,8 +66,8 @@ def pytest_runtest_setup(item: pytest.Item) -> None:
     """Skip what lies above the allowance."""
     mark = item.get_closest_marker(MARK)
     needed = mark.args[0] if mark is not None and mark.args else "read"
-    if needed not in ALLOWANCES:
-        raise pytest.UsageError(f"{MARK} takes one of {', '.join(ALLOWANCES)}, not {needed!r}")
+    if needed not in LEVELS:
+        raise pytest.UsageError(f"{MARK} takes one of {', '.join(LEVELS)}, not {needed!r}")
     given = item.config.getoption("--allow")
     if mark is not None and not allows(given, needed):
         pytest.skip(f"needs --allow {needed}; this run has --allow {given}")
@@ -77,11 +77,11 @@ def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
     """One test for each check and axis of the site."""
     if "trueflank_case" not in metafunc.fixturenames:
         return
-    from gateway.acceptance.judging import case_name, cases  # noqa: PLC0415
+    from gateway.acceptance.checks import cases  # noqa: PLC0415
 
     site, _ = metafunc.config.stash.get(SITE, (None, None))
     found = list(cases(site)) if site is not None else []
-    metafunc.parametrize("trueflank_case", found, ids=[case_name(*one).replace(" ", "-") for one in found])
+    metafunc.parametrize("trueflank_case", found, ids=[f"{check.name}-{axis}".rstrip("-") for check, axis in found])
 
 
 def pytest_terminal_summary(terminalreporter: Any, config: pytest.Config) -> None:
@@ -112,7 +112,7 @@ def trueflank_desk(request: pytest.FixtureRequest) -> Any:
     if SITE not in request.config.stash:
         pytest.skip("say --trueflank-site SITE")
     from drivers.clock import LoopClock  # noqa: PLC0415
-    from gateway.acceptance.working import SiteDesk  # noqa: PLC0415
+    from gateway.acceptance.checks import SiteDesk  # noqa: PLC0415
     from gateway.say import silence  # noqa: PLC0415
 
     site, path = request.config.stash[SITE]

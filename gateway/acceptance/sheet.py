@@ -4,15 +4,17 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
 from datetime import datetime
 from importlib import metadata
 from pathlib import Path
 
+from drivers.checks import CheckLine, Outcome, gathered
 from drivers.errors import ConfigError
-from drivers.probes import Allowance
-from gateway.acceptance.results import OUTCOMES, CheckResult
+from drivers.message import Message, advice, render
+from drivers.probes import Level
+from gateway.acceptance.checks import CheckResult
 from gateway.config import SiteFile
 from gateway.domain.identity import KnownFact
 from gateway.report.document.content import (
@@ -36,18 +38,20 @@ from gateway.workflow.results.particulars import particulars_of
 
 ENDINGS = (".html", ".pdf")
 DIGITS = 6
+OUTCOME_WORDS: Mapping[Outcome, str] = {"ok": "passed", "wrong": "failed", "unknown": "unknown", "skipped": "skipped"}
+"""The outcome of a line, and its word in the document's catalogue."""
 
 
 @dataclass(frozen=True, slots=True)
 class Occasion:
-    """What a sheet is about: the site, the allowance, the moment in UTC, and the language ("": the site file's).
+    """What a sheet is about: the site, the level, the moment in UTC, and the language ("": the site file's).
 
     ``accepted`` are the changes of the machine that a person accepted before.
     """
 
     site: SiteFile
     site_path: Path
-    allow: Allowance
+    level: Level
     moment: datetime
     language: str = ""
     accepted: tuple[KnownFact, ...] = ()
@@ -97,7 +101,7 @@ def sheet(results: Collection[CheckResult], of: Occasion) -> Document:
         simulated=t("simulated") if of.site.site.simulated else "",
         simulated_said=t("accept_simulated") if of.site.site.simulated else "",
     )
-    records = [one.as_record() for one in results]
+    records = [record for one in results for record in one.as_records()]
     digest = hashlib.sha256(json.dumps([records, of.moment.isoformat()]).encode()).hexdigest()
     return replace(made, number=f"{of.moment:%Y%m%d}-{digest[:DIGITS]}")
 
@@ -109,7 +113,7 @@ def _facts(of: Occasion, said: Particulars, t: Tongue) -> Block:
         (t("accept_site"), of.site.site.name),
         (t("accept_machine"), machine),
         (t("accept_serial"), of.site.controller.serial),
-        (t("accept_allowance"), f"{of.allow}: {t(f'accept_allow_{of.allow}')}"),
+        (t("accept_allowance"), f"{of.level}: {t(f'accept_allow_{of.level}')}"),
         (t("accept_moment"), f"{of.moment:%Y-%m-%d %H:%M} UTC"),
         (t("accept_place"), said.parties.place),
     )
@@ -121,28 +125,39 @@ def _changed(of: Occasion, t: Tongue) -> tuple[Block, ...]:
 
 
 def _answer(results: Collection[CheckResult], t: Tongue) -> Band:
-    count = {one: sum(result.outcome == one for result in results) for one in OUTCOMES}
-    state: State = "bad" if count["failed"] else "open" if count["skipped"] else "good"
-    lines = (t("accept_count", **count), *((t("accept_skipped_said"),) if count["skipped"] else ()))
-    return Band(state, t("accept_outcome_failed" if count["failed"] else "accept_outcome_passed"), lines)
+    lines = [line for one in results for line in gathered(one.lines)]
+    count = {word: sum(line.outcome == outcome for line in lines) for outcome, word in OUTCOME_WORDS.items()}
+    state: State = "bad" if count["failed"] else "open" if count["skipped"] or count["unknown"] else "good"
+    told = (t("accept_count", **count), *((t("accept_skipped_said"),) if count["skipped"] else ()))
+    return Band(state, t("accept_outcome_failed" if count["failed"] else "accept_outcome_passed"), told)
 
 
 def _table(results: Collection[CheckResult], t: Tongue) -> tuple[Block, ...]:
+    """A row a line; the check's name and what it looks at are said once for all its lines and axes."""
     head = tuple(t(f"accept_head_{name}") for name in ("check", "what", "outcome", "seen"))
     before: str | None = None
     rows: list[tuple[str, ...]] = []
+    strong: list[int] = []
     for one in results:
-        what = "" if one.check == before else t(f"accept_what_{one.check}")  # said once for all axes of a check
+        what = "" if one.check == before else t(f"accept_what_{one.check}")
         name = f"{t(f'accept_name_{one.check}')} {one.axis}".strip()
-        rows.append((name, what, t(f"accept_outcome_{one.outcome}"), one.seen.told(t)))
+        for line in gathered(one.lines):
+            if line.outcome == "wrong":
+                strong.append(len(rows))
+            rows.append((name, what, t(f"accept_outcome_{OUTCOME_WORDS[line.outcome]}"), _seen(line, t)))
+            name = what = ""
         before = one.check
-    strong = tuple(number for number, one in enumerate(results) if one.outcome == "failed")
-    english = (Paragraph(t("accept_english"), "small"),) if strong and t("accept_english") else ()
     return (
         Heading(t("accept_checks")),
-        TableBlock(head, tuple(rows), "llll", strong, dense=True, wide=(1, 3)),
-        *english,
+        TableBlock(head, tuple(rows), "llll", tuple(strong), dense=True, wide=(1, 3)),
     )
+
+
+def _seen(line: CheckLine, t: Tongue) -> str:
+    """A line in the sheet's language; with what to do where something is not in order."""
+    said = Message(line.code, line.fields)
+    todo = advice(said, t.language) if line.fix else ""
+    return f"{render(said, t.language)} -> {todo}" if todo else render(said, t.language)
 
 
 def _signatures(t: Tongue) -> Block:

@@ -7,20 +7,24 @@ from typing import Any
 
 import pytest
 
-from gateway.acceptance.judging import run_check
+from drivers.errors import TrueflankError
+from gateway.acceptance.checks import SiteDesk, run_check
 from gateway.acceptance.pytest_plugin import RESULTS
-from gateway.acceptance.working import SiteDesk
 
 
 def test_acceptance(trueflank_case: Any, trueflank_desk: SiteDesk, request: pytest.FixtureRequest) -> None:
     """What was seen stands in the JUnit file as a property, and in the sheet."""
     check, axis = trueflank_case
-    allow = request.config.getoption("--allow")
-    result = asyncio.run(run_check(check, axis, trueflank_desk, allow))
+    level = request.config.getoption("--allow")
+    try:
+        result = asyncio.run(run_check(check, axis, trueflank_desk, level))
+    except TrueflankError as error:
+        pytest.fail(str(error), pytrace=False)
     request.config.stash[RESULTS].append(result)
-    properties = {**result.as_record(), "site": trueflank_desk.site.site.name}
+    properties = {"check": result.name, "level": result.level, "outcome": result.outcome, "said": result.said}
+    properties["site"] = trueflank_desk.site.site.name
     request.node.user_properties += properties.items()
     if result.outcome == "skipped":
         pytest.skip(result.said)
-    if result.outcome == "failed":
+    if result.outcome == "wrong":
         pytest.fail(result.said, pytrace=False)

@@ -188,8 +188,10 @@ def refuse_renamed(words: list[str], *, known: bool) -> None:
     for old, new in renamed_commands().items():
         first, *others = old.split()
         if words[0] == first and (others or not known) and set(others) <= set(words[1:]):
-            rest = [one for one in words[1:] if one not in others]
-            line = shlex.join(["trueflank", *new.split(), *rest])
+            names = [one for one in new.split() if not one.startswith("--")]
+            options = dict(zip(others, new.split()[len(names) :], strict=False))
+            rest = [options.get(one, one) for one in words[1:] if one in options or one not in others]
+            line = shlex.join(["trueflank", *names, *rest])
             raise ConfigError("E-CLI-RENAMED", "command line", old=old, new=new, line=line)
 
 

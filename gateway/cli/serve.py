@@ -146,7 +146,7 @@ def _daily_comparison(tree: Any, path: Path, store: Any, devices: Any, clock: Lo
 
 async def _doctor_outcome(tree: Any, path: Path, clock: LoopClock, _say: Say) -> object:
     """The doctor's lines as an outcome."""
-    from gateway.cli.machine.doctor import examine_control
+    from gateway.acceptance.control import examine_control
     from gateway.workflow.run.outcome import Outcome
 
     lines = await examine_control(tree, path, clock)

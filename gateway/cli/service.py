@@ -184,8 +184,8 @@ def support_bundle_command(
 
 async def _doctor_record(tree: Any, site: Path) -> dict[str, Any]:
     """The doctor's lines; why there are none where the control does not answer or somebody else is at work."""
+    from gateway.acceptance.control import examine_control
     from gateway.broker import borrow_devices
-    from gateway.cli.machine.doctor import examine_control
     from gateway.workflow.run.folder import store_of
 
     clock = LoopClock()

@@ -29,20 +29,16 @@ def test_the_shipped_suite_accepts_a_cell_and_leaves_junit_and_a_sheet(
 ) -> None:
     cell = trueflank_cell("zero", speed=100.0)
     ended = ran(tmp_path, "--trueflank-site", str(cell.site), "--junitxml", "out.xml")
-    # A new cell has not passed the self-test: that alone fails, and what lies above reading is skipped.
-    failed = [line for line in ended.stdout.splitlines() if line.startswith("FAILED")]
-    assert ended.returncode == 1, ended.stdout + ended.stderr
-    assert failed == []  # -rs names the skipped alone
+    assert ended.returncode == 0, ended.stdout + ended.stderr
     suite = ElementTree.parse(tmp_path / "out.xml").getroot()  # noqa: S314 - written by our own pytest
     told = {
         case.get("name", ""): {one.get("name"): one.get("value") for one in case.iter("property")}
         for case in suite.iter("testcase")
     }
-    assert {name for name, one in told.items() if one["outcome"] == "failed"} == {
-        name for name in told if "self-test" in name
-    }
-    assert told["test_acceptance[identity]"]["outcome"] == "passed"
-    assert all(one["outcome"] == "skipped" for one in told.values() if one["allow"] != "read")
+    # A new cell has not passed the self-test: reading cannot tell, and what lies above it is skipped.
+    assert told["test_acceptance[connection]"]["outcome"] == "unknown"
+    assert "test_acceptance[self-test-X1]" in told
+    assert all(one["outcome"] == "skipped" for one in told.values() if one["level"] != "read")
     assert "Accepted by" in (tmp_path / "acceptance.html").read_text()
 
 

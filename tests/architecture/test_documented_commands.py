@@ -57,8 +57,8 @@ NEEDS = {
     "evaluate disc-section.dat": "a site with a gear: test_every_shipped_file_gives_the_figure_of_its_page",
     "evaluate disc.dat": "a site with a gear: tests/unit/cli/test_inspecting.py",
     "tables convert latest": "a run with an error model: tests/unit/exchange",
-    "doctor accept --allow move": "a person mounts instruments: tests/acceptance",
-    "doctor accept --allow write": "as move",
+    "doctor accept --level motion": "a person mounts instruments: tests/acceptance",
+    "doctor accept --level write": "as motion",
 }
 """Of commands that are run, the calls that are not."""
 VERDICTS = (13, 21)  # of `evaluate --limit`: beyond the limit, not decidable

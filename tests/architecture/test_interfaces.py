@@ -22,7 +22,6 @@ PUBLIC: dict[str, frozenset[str]] = {
     "gateway.audit": frozenset(),
     "gateway.broker": frozenset(),
     "gateway.config": frozenset(),
-    "gateway.conform": frozenset(),
     "gateway.daemon": frozenset(),
     "gateway.guard": frozenset(),
     "gateway.index": frozenset(),

@@ -6,14 +6,14 @@ from pathlib import Path
 from typing import Any
 
 from drivers.clock import LoopClock, run_virtual
-from drivers.probes import Allowance, ProbedSession
+from drivers.probes import Level, ProbedSession
+from gateway.acceptance.comparison import recorded, replayed
 from gateway.config import load_site
-from gateway.conform import recorded, replayed
 from gateway.say import silence
 from simulators.cell import cell_running
 
 
-def of_control(folder: Path, cell: Any = "demo", allow: Allowance = "write") -> ProbedSession:
+def of_control(folder: Path, cell: Any = "demo", allow: Level = "write") -> ProbedSession:
     """A session recorded at a cell that poses as a control."""
 
     async def main() -> ProbedSession:

@@ -12,7 +12,7 @@ import pytest
 
 from drivers.errors import FileFormatError
 from drivers.probes import Answer, Probe, ProbedSession, differences, read_session
-from gateway.conform import written
+from gateway.acceptance.comparison import written
 from tests.conform.leniencies import LENIENCIES
 from tests.conform.sessions import of_control, of_double
 

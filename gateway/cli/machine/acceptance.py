@@ -10,87 +10,70 @@ from typing import Annotated, Any
 import typer
 
 from drivers.clock import LoopClock
-from drivers.errors import ConfigError, words
 from drivers.message import Message
-from drivers.probes import ALLOWANCES, Allowance, ProbedSession, differences, read_session
+from drivers.probes import Level, ProbedSession, differences, read_session
+from gateway.cli.machine.doctor import examine, parse_level, report_record
 from gateway.cli.options import JsonOption, SiteArgument, require_control
 from gateway.cli.output import echo, show_json
 from gateway.cli.signals import run_to_end
-from gateway.events import DevicesOpened, received
 
 NOT_ACCEPTED_EXIT = 13
 
 
 def acceptance_command(
     site: SiteArgument,
-    allow: Annotated[
+    level: Annotated[
         str,
         typer.Option(
-            "--allow", help="read: observe only; move: also jog; write: also try a table and restore the old one."
+            "--level",
+            help="read: look; program: also start programs that move nothing; motion: also jog each axis; write: also "
+            "try a table and restore the old one.",
         ),
     ] = "read",
-    machine: Annotated[str, typer.Option(help="The machine's name, typed to confirm --allow write.")] = "",
+    machine: Annotated[str, typer.Option(help="The machine's name, typed to confirm --level write.")] = "",
     sheet: Annotated[Path, typer.Option(help="File of the sheet to sign: .html or .pdf.")] = Path("acceptance.html"),
     language: Annotated[str, typer.Option(help="Language of the sheet: en, de or zh; default: the site file's.")] = "",
     as_json: JsonOption = False,
 ) -> None:
-    """Accept a site: every check within the allowance, and a sheet to sign; exit code 13 where one fails."""
-    from gateway.acceptance.judging import cases, run_check
-    from gateway.acceptance.results import CheckResult
+    """Accept a site: the doctor up to a level, and a sheet to sign; exit code 13 where something is wrong."""
     from gateway.acceptance.sheet import Occasion, check_sheet, write_sheet
-    from gateway.acceptance.working import SiteDesk
     from gateway.config import load_site
     from gateway.workflow.run.context import check_name
     from gateway.workflow.run.folder import known_of, store_of
 
-    tree, given, clock = load_site(site), parse_allowance(allow), LoopClock()
+    tree, given = load_site(site), parse_level(level)
     require_control(tree)
     check_name(tree, given == "write", machine, code="E-ACCEPT-NAME")
     check_sheet(sheet, language)
-
-    told: set[str] = set()
-
-    def say(code: str, /, **fields: object) -> None:
-        """Each check opens the control anew; what it says of it is told once."""
-        line = words(code, **fields)
-        if not as_json and (not isinstance(received(code, fields), DevicesOpened) or line not in told):
-            echo(f"  {line}")
-        told.add(line)
-
-    async def main() -> list[CheckResult]:
-        results: list[CheckResult] = []
-        for check, axis in cases(tree):
-            result = await run_check(check, axis, SiteDesk(tree, site, clock, say), given)
-            results.append(result)
-            if not as_json:
-                echo(f"{result.outcome:<8} {result.name}: {result.said}")
-        return results
-
-    results: list[Any] = run_to_end(main(), at=site)
+    results = examine(tree, site, given, as_json=as_json, above=True)
     known = known_of(tree, store_of(tree, site).root).accepted
-    write_sheet(sheet, results, Occasion(tree, site, given, clock.utc(), language=language, accepted=known))
+    write_sheet(sheet, results, Occasion(tree, site, given, LoopClock().utc(), language=language, accepted=known))
+    failed = any(one.outcome == "wrong" for one in results)
     if as_json:
-        show_json({"allow": given, "results": [one.as_record() for one in results], "sheet": str(sheet)})
+        show_json({**report_record(tree, given, results), "ok": not failed, "sheet": str(sheet)})
     else:
         echo(f"the sheet to sign: {sheet}")
-    if any(one.outcome == "failed" for one in results):
+    if failed:
         raise typer.Exit(NOT_ACCEPTED_EXIT)
 
 
-# ---- conform
+# ---- compare
 
 DIFFERENT_EXIT = 13
 CELL_SPEED = 20.0
 
-AllowOption = Annotated[
-    str, typer.Option("--allow", help="read: ask only; move: also start programs; write: also offer values.")
+CompareLevelOption = Annotated[
+    str,
+    typer.Option(
+        "--level", help="read: ask only; program: also start programs that move nothing; write: also offer values."
+    ),
 ]
 
 
 def conform_command(
     site: SiteArgument,
-    allow: AllowOption = "read",
-    machine: Annotated[str, typer.Option(help="The machine's name, typed to confirm --allow write.")] = "",
+    level: CompareLevelOption = "read",
+    machine: Annotated[str, typer.Option(help="The machine's name, typed to confirm --level write.")] = "",
     session: Annotated[
         Path | None, typer.Option("--session", help="Replay this recorded session without the control.")
     ] = None,
@@ -102,12 +85,10 @@ def conform_command(
     as_json: JsonOption = False,
 ) -> None:
     """Ask the control and its double the same questions; exit code 13 and a failing test where they differ."""
-    from gateway.conform import written
+    from gateway.acceptance.comparison import written
 
     told = _ignore_progress if as_json else _show_progress
-    control = (
-        read_session(session) if session is not None else _record_control(site, parse_allowance(allow), machine, told)
-    )
+    control = read_session(session) if session is not None else _record_control(site, parse_level(level), machine, told)
     double = None if record_only else _replay_simulator(control, cell, told)
     found = differences(control, double) if double is not None else ()
     files = written(output, control, found, cell)
@@ -124,41 +105,33 @@ def conform_command(
         raise typer.Exit(DIFFERENT_EXIT)
 
 
-def parse_allowance(text: str) -> Allowance:
-    """An allowance as it was typed. Raises ConfigError (E-ACCEPT-ALLOW)."""
-    for one in ALLOWANCES:
-        if text == one:
-            return one
-    raise ConfigError("E-ACCEPT-ALLOW", "--allow", given=text, known=", ".join(ALLOWANCES))
-
-
-def _record_control(site: Path, allow: Allowance, machine: str, told: Any) -> ProbedSession:
+def _record_control(site: Path, level: Level, machine: str, told: Any) -> ProbedSession:
     from gateway import audit
+    from gateway.acceptance.comparison import prober_of, recorded
     from gateway.broker import borrow_devices
     from gateway.config import load_site
-    from gateway.conform import prober_of, recorded
     from gateway.workflow.run.context import check_name
     from gateway.workflow.run.folder import store_of
 
     tree, clock = load_site(site), LoopClock()
-    check_name(tree, allow == "write", machine, code="E-ACCEPT-NAME")
+    check_name(tree, level == "write", machine, code="E-ACCEPT-NAME")
     prober_of(tree, clock)
     root = store_of(tree, site).root
 
     async def main() -> ProbedSession:
         async with borrow_devices(root, "conform", clock):
-            if allow != "read":
-                audit.record(root, "conform", clock=clock, serial=tree.controller.serial, details={"allow": allow})
-            return await recorded(tree, allow, clock, told)
+            if level != "read":
+                audit.record(root, "conform", clock=clock, serial=tree.controller.serial, details={"allow": level})
+            return await recorded(tree, level, clock, told)
 
     return run_to_end(main(), at=site)
 
 
 def _replay_simulator(control: ProbedSession, cell: str, told: Any) -> ProbedSession:
     """The double's answers, from a simulated cell with the key switch where the control had it."""
+    from gateway.acceptance.comparison import replayed
     from gateway.cli.cell import CellRequest, cell_process
     from gateway.config import load_site
-    from gateway.conform import replayed
 
     with tempfile.TemporaryDirectory(prefix="trueflank-double-") as folder:
         path = Path(folder) / "site.toml"

@@ -3,27 +3,34 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
-from drivers import registry
-from drivers.checks import CertificateView, CheckLine, TrustView, Wanted, WantedAxis, fine, gathered, unknown, wrong
+from drivers.checks import CertificateView, TrustView, gathered
 from drivers.clock import Clock, LoopClock
-from drivers.errors import ConfigError, TrueflankError
-from drivers.message import Message
+from drivers.errors import ConfigError, TrueflankError, words
+from drivers.message import Message, advice
 from drivers.offline_exchange import PieceOfWork, exchange_files_for
-from drivers.stale_programs import Sent
+from drivers.probes import LEVELS, Level
 from gateway.cli.next_steps import after_doctor, next_command, show_next
-from gateway.cli.options import RUN_NEEDS, JsonOption, SiteArgument, TakeOption
-from gateway.cli.output import echo, echo_folded, show_json
+from gateway.cli.options import RUN_NEEDS, JsonOption, SiteArgument, TakeOption, require_control
+from gateway.cli.output import echo, echo_folded, language, render_text, show_json
 from gateway.cli.signals import run_to_end
+from gateway.events import DevicesOpened, received
 
 NOT_OK_EXIT = 5
-OUTCOME_WORDS = {"ok": "ok", "wrong": "WRONG", "unknown": "could not tell"}
+OUTCOME_WORDS = {"ok": "ok", "wrong": "WRONG", "unknown": "could not tell", "skipped": "skipped"}
 
+LevelOption = Annotated[
+    str,
+    typer.Option(
+        "--level",
+        help="read: look, nobody acts; program: also start programs that move nothing; motion: also jog each axis.",
+    ),
+]
 ThumbprintOption = Annotated[
     str,
     typer.Option(
@@ -33,50 +40,67 @@ ThumbprintOption = Annotated[
 ]
 
 
-def doctor_command(site: SiteArgument, take: TakeOption = "", as_json: JsonOption = False) -> None:
-    """Look at the road to the control, line by line, and change nothing; exit code 0 only if all is well."""
-    tree = _load_site(site)
-    lines = run_to_end(_examine_borrowed(tree, site, take), at=site)
-    well = all(line.outcome == "ok" for line in lines)
+def doctor_command(
+    site: SiteArgument, level: LevelOption = "read", take: TakeOption = "", as_json: JsonOption = False
+) -> None:
+    """Examine the control up to a level, line by line; exit code 0 only if all is well."""
+    from gateway.broker import take_from_hung_gateway
+
+    tree, given = _load_site(site), parse_level(level)
+    if given == "write":
+        raise ConfigError("E-DOC-WRITE", "--level", site=site)
+    if given != "read":
+        require_control(tree)
+    with take_from_hung_gateway(take):
+        results = examine(tree, site, given, as_json=as_json)
+    lines = [line for one in results for line in one.lines]
+    well = all(line.outcome in ("ok", "skipped") for line in lines)
     if as_json:
-        show_json({"site": tree.site.name, "ok": well, "lines": [line.as_record() for line in lines]})
+        show_json({**report_record(tree, given, results), "ok": well})
+    elif tree.controller.driver != "none":
+        after_doctor(lines, str(site))
     else:
-        for line in gathered(lines):
-            colour = {"ok": "green", "wrong": "red"}.get(line.outcome, "yellow")
-            echo_folded(f"{OUTCOME_WORDS[line.outcome]:<14} {line.check}: {line.what}", 15, colour=colour)
-            if line.fix:
-                echo_folded(f"{'':<14} -> {line.fix}", 18)
-        after_doctor(lines, str(site)) if tree.controller.driver != "none" else show_next(f"day FOLDER --site {site}")
+        show_next(f"day FOLDER --site {site}")
     if not well:
         raise typer.Exit(NOT_OK_EXIT)
 
 
-async def _examine_borrowed(tree: Any, site: Path, take: str) -> tuple[CheckLine, ...]:
-    """The lines, with the devices borrowed from a gateway that serves this site, or taken from one that hangs."""
-    from gateway.broker import borrow_devices, take_from_hung_gateway
-    from gateway.workflow.run.folder import store_of
+def examine(tree: Any, site: Path, level: Level, *, as_json: bool, above: bool = False) -> Sequence[Any]:
+    """Every check of a site up to a level, shown as it ends; ``above``: the higher ones too, as skipped."""
+    from gateway.acceptance.checks import SiteDesk, examine_site
 
-    clock = LoopClock()
-    with take_from_hung_gateway(take):
-        async with borrow_devices(store_of(tree, site).root, "doctor", clock):
-            return await examine_control(tree, site, clock)
+    told: set[str] = set()
+
+    def say(code: str, /, **fields: object) -> None:
+        """Each check opens the control anew; what it says of it is told once."""
+        line = words(code, **fields)
+        if not as_json and (not isinstance(received(code, fields), DevicesOpened) or line not in told):
+            echo(f"  {line}")
+        told.add(line)
+
+    def show(result: Any) -> None:
+        for line in () if as_json else gathered(result.lines):
+            colour = {"ok": "green", "wrong": "red"}.get(line.outcome, "yellow")
+            head = f"{OUTCOME_WORDS[line.outcome]:<14} {line.check}: "
+            echo_folded(f"{head}{render_text(Message(line.code, line.fields))}", 15, colour=colour)
+            if line.fix:
+                echo_folded(f"{'':<14} -> {advice(line.message, language())}", 18)
+
+    desk = SiteDesk(tree, site, LoopClock(), say)
+    return run_to_end(examine_site(desk, level, show, above=above), at=site)
 
 
-async def examine_control(tree: Any, site: Path, clock: Clock) -> tuple[CheckLine, ...]:
-    """Every line: the road to the control, the self-tests kept, pushes that did not end. Writes nothing."""
-    from gateway.workflow.run.folder import known_of, store_of
+def report_record(tree: Any, level: Level, results: Sequence[Any]) -> dict[str, Any]:
+    """An examination as data."""
+    return {"site": tree.site.name, "level": level, "lines": [line for one in results for line in one.as_records()]}
 
-    known = known_of(tree, store_of(tree, site).root)
-    sought = wanted_control(tree, sent_programs(tree, site), known.facts)
-    lines = await control_port(tree, "doctor", clock).examine(sought, tree.controller.timeout_s)
-    excused = [fine("W-DOC-ACCEPTED", "identity", **one.fields) for one in known.accepted]
-    return (
-        *lines,
-        *excused,
-        *stored_self_tests(tree, site, lines),
-        *unfinished_pushes(tree, site),
-        *report_font_line(tree.report.language),
-    )
+
+def parse_level(text: str) -> Level:
+    """A level as it was typed. Raises ConfigError (E-ACCEPT-LEVEL)."""
+    for one in LEVELS:
+        if text == one:
+            return one
+    raise ConfigError("E-ACCEPT-LEVEL", "--level", given=text, known=", ".join(LEVELS))
 
 
 ReasonOption = Annotated[
@@ -117,94 +141,6 @@ def _load_site(site: Path) -> Any:
     from gateway.config import load_site
 
     return load_site(site)
-
-
-def control_port(tree: Any, role: str, clock: Clock) -> Any:
-    """What a role of the site's control is, by its driver's name. Raises ConfigError (E-CFG-DRIVER)."""
-    controller = tree.controller
-    if controller.driver == "none" and role != "doctor":
-        raise ConfigError("E-FILES-ONLY", tree.site.name)
-    factory = registry.load(f"{controller.driver}-{role}", role)
-    return factory(tree.site.name, controller.url, controller.settings, clock)
-
-
-def sent_programs(tree: Any, site: Path) -> tuple[Sent, ...]:
-    """Every program this store sent to the control; none while a gateway is at work with them."""
-    from gateway.push import JOURNALS, SentProgramBook
-    from gateway.workflow.run.folder import store_of
-
-    book = SentProgramBook(store_of(tree, site).root / JOURNALS, tree.controller.serial)
-    return () if book.at_work() else book.known()
-
-
-def unfinished_pushes(tree: Any, site: Path) -> tuple[CheckLine, ...]:
-    """A line for each push of this store that did not end and that nobody is at work with, the loud ones first."""
-    from gateway.push import JOURNALS, held_pushes
-    from gateway.workflow.run.folder import store_of
-
-    return tuple(wrong(one.code, "journal", **one.fields) for one in held_pushes(store_of(tree, site).root / JOURNALS))
-
-
-def stored_self_tests(tree: Any, site: Path, seen: Sequence[CheckLine]) -> tuple[CheckLine, ...]:
-    """The last self-test of each axis as this store knows it: that is what a push asks for.
-
-    ``seen`` is what was found of the control just now: a test of another version of it does not count.
-    """
-    from gateway.store.machine_books import SelfTestBook
-    from gateway.workflow.run.folder import store_of
-
-    if f"{tree.controller.driver}-paper" not in registry.known("paper"):
-        return ()  # no programs of ours run on this road
-    now = next((str(line.fields["version"]) for line in seen if line.code == "W-DOC-SERIAL"), "")
-    known = SelfTestBook(store_of(tree, site).root).all(tree.controller.serial)
-    last = {(one.axis, one.encoder): one for one in known}
-    return tuple(self_test_line(axis.name, last.get((axis.name, axis.encoder)), now) for axis in tree.axes)
-
-
-def report_font_line(language: str) -> tuple[CheckLine, ...]:
-    """Which font of this computer writes Chinese in a report; a fault only where the site's reports need it."""
-    try:
-        from gateway.report.document.pdf import CJK_FONTS, NEED_CJK, cjk_font
-    except ModuleNotFoundError:
-        return ()  # the extra that makes reports is not installed here
-    found = cjk_font()
-    if found:
-        return (fine("W-DOC-FONT", "report font", font=found),)
-    if language in NEED_CJK:
-        return (wrong("E-DOC-FONT", "report font", language=language, fonts=", ".join(CJK_FONTS)),)
-    return (fine("W-DOC-FONT-NONE", "report font"),)
-
-
-def self_test_line(axis: str, test: Any, now: str) -> CheckLine:
-    """A kept self-test (None: never made) as a line: passed, not passed, of another version."""
-    if test is None:
-        return unknown("W-DOC-UNTESTED", "self-test kept", axis=axis)
-    fields = {"axis": axis, "date": test.utc, "version": test.machine.version}
-    if now and test.machine.version != now:
-        return wrong("E-DOC-TESTED-OTHER", "self-test kept", now=now, **fields)
-    if test.ok:
-        return fine("W-DOC-TESTED", "self-test kept", passed=len(test.passed), **fields)
-    return wrong("E-DOC-TESTED", "self-test kept", missed=test.missed, **fields)
-
-
-def wanted_control(tree: Any, sent: tuple[Sent, ...] = (), facts: Mapping[str, str] | None = None) -> Wanted:
-    """What the site expects of its control; ``sent`` are the programs that were sent there.
-
-    ``facts`` are what its machine is known by; without them the serial number of the site file alone.
-    """
-    known = facts or {}
-    axes = tuple(
-        WantedAxis(axis.name, axis.unit, axis.encoder, table_points(axis.table), encoder_said=axis.encoder_said)
-        for axis in tree.axes
-        if getattr(axis, "table", None) is not None
-    )
-    serial = known.get("serial", tree.controller.serial)
-    return Wanted(serial, axes, sent, access_level=tree.controller.access_level, facts=known)
-
-
-def table_points(table: Any) -> int:
-    """Interpolation points of a site's table."""
-    return round((table.maximum - table.minimum) / table.step) + 1
 
 
 def show_certificates(view: TrustView, *, as_json: bool) -> None:

@@ -10,7 +10,7 @@ import pytest
 
 from drivers.checks import CheckLine, fine, unknown, wrong
 from drivers.errors import catalogue
-from gateway.cli.machine.doctor import stored_self_tests
+from gateway.acceptance.control import stored_self_tests
 from gateway.cli.next_steps import (
     NEXT_COMMANDS,
     STATE_BY_REFUSAL,

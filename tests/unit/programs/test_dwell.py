@@ -153,6 +153,6 @@ def test_consent_to_a_trial_names_its_own_option(tmp_path: Path, command: str) -
     site = site_file(tmp_path, "demo")
     with pytest.raises(TrueflankError) as refused:
         RUNNER.invoke(
-            app, ["doctor", command, str(site), "--allow", "write", "--machine", "other"], catch_exceptions=False
+            app, ["doctor", command, str(site), "--level", "write", "--machine", "other"], catch_exceptions=False
         )
-    assert (refused.value.code, "--allow write" in refused.value.what) == ("E-ACCEPT-NAME", True)
+    assert (refused.value.code, "--level write" in refused.value.what) == ("E-ACCEPT-NAME", True)

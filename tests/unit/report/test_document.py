@@ -16,7 +16,7 @@ import typst
 
 from drivers.message import Message, render
 from drivers.types.identity import Identity
-from gateway.cli.machine.doctor import report_font_line
+from gateway.acceptance.control import report_font_line
 from gateway.domain.outcomes import PushRecord
 from gateway.errors import StoreError, VerifyError
 from gateway.push.phases import STEP_CODES, step_message, step_with_facts

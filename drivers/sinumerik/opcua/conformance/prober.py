@@ -18,7 +18,7 @@ from typing import Any
 
 from drivers.clock import Clock
 from drivers.errors import DeadlineExceeded, DeviceRefused, LinkBroken, TransportError, TrueflankError
-from drivers.probes import NOT_ASKED, Allowance, Answer, Probe, ProbedSession, ProbeTold, allows
+from drivers.probes import NOT_ASKED, Answer, Level, Probe, ProbedSession, ProbeTold, allows
 from drivers.sinumerik.ncprogram.words import COUNT, MARKED, Word
 from drivers.sinumerik.opcua.machine import ALARM_PLACES, Configuration, MachineReader, channel_status
 from drivers.sinumerik.opcua.session import nodes
@@ -317,7 +317,7 @@ class UaProber:
         self._session = UaSession(url, clock, name)
         self._timeout_s = 5.0
 
-    def probes(self, allow: Allowance) -> tuple[Probe, ...]:
+    def probes(self, allow: Level) -> tuple[Probe, ...]:
         """The written list within an allowance."""
         return tuple(probe for probe in load_probes() if allows(allow, probe.allow))
 

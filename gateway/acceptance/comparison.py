@@ -1,14 +1,54 @@
-"""What stays of a comparison: the session, a test that fails while the double differs, rows of `docs/controls.md`."""
+"""A control's recorded answers beside its double's: every difference is a line, a failing test and a row of a page.
+
+Called by `doctor compare` and by the tests it writes. Asks through the site's driver alone; knows no simulator. What
+stays of a comparison are the session, a test that fails while the double differs, and rows of `docs/controls.md`.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
+from drivers import registry
+from drivers.clock import Clock
 from drivers.errors import ConfigError
-from drivers.probes import Disagreement, ProbedSession
+from drivers.probes import Disagreement, Level, ProbedSession, Prober
+from gateway.config import SiteFile
+from gateway.say import Say
 
+START_S = 900.0
 SESSION, SUITE, ROWS = "session.json", "test_double.py", "rows.md"
+
+
+def prober_of(site: SiteFile, clock: Clock) -> Prober:
+    """Who asks this site's control. Raises ConfigError (E-CONFORM-DRIVER)."""
+    control = site.controller
+    name = f"{control.driver}-prober"
+    if name not in registry.known("prober"):
+        raise ConfigError("E-CONFORM-DRIVER", site.site.name, driver=control.driver)
+    made: Any = registry.load(name, "prober")(site.site.name, control.url, dict(control.settings), clock)
+    prober: Prober = made
+    return prober
+
+
+async def recorded(site: SiteFile, allow: Level, clock: Clock, say: Say) -> ProbedSession:
+    """Ask a control everything within the allowance; raises what the wire raises, and where nobody starts a program."""
+    prober = prober_of(site, clock)
+    probes = prober.probes(allow)
+    programs = sum(probe.act == "program" for probe in probes)
+    say("P-CONFORM-ASK", who=site.site.name, count=len(probes), programs=programs)
+    session = await prober.ask(probes, say, site.controller.timeout_s, START_S)
+    return replace(session, about={**session.about, "allow": allow, "date": clock.utc().date().isoformat()})
+
+
+async def replayed(site: SiteFile, session: ProbedSession, clock: Clock, say: Say) -> ProbedSession:
+    """Ask the double at ``site`` what the control was asked and answered; what it was not asked is left out."""
+    probes = tuple(answer.probe for answer in session.answers if answer.asked)
+    say("P-CONFORM-ASK", who="the double", count=len(probes), programs=sum(one.act == "program" for one in probes))
+    return await prober_of(site, clock).ask(probes, say, site.controller.timeout_s, START_S)
+
 
 _SUITE = '''"""What a control said and its double does not say yet: each fails until the double is as the control.
 
@@ -22,7 +62,7 @@ import pytest
 from drivers.clock import LoopClock
 from drivers.probes import read_session
 from gateway.config import load_site
-from gateway.conform import replayed
+from gateway.acceptance.comparison import replayed
 from gateway.say import silence
 
 SESSION = read_session(Path(__file__).with_name("{session}"))
