@@ -90,9 +90,13 @@ def test_a_control_that_was_never_tested_is_tested_at_the_level_of_programs(tmp_
             site = load_site(cell.site_path)
             desk = SiteDesk(site, cell.site_path, clock, silence)
             road, tested = (one for one in CHECKS if one.name in ("connection", "self-test"))
-            before = await run_check(road, "", desk, "program")
+            before = await run_check(road, "", desk, "read")
+            higher = await run_check(road, "", desk, "program")
+            assert {one.code for one in before.lines} - {one.code for one in higher.lines} == {
+                *("W-DOC-UNTESTED", "W-DOC-NO-SELF-TEST"),
+            }, "what the next check finds out is not said to be unknown"
             made = await run_check(tested, "X1", desk, "program")
-            return before, made, await run_check(road, "", desk, "program")
+            return before, made, await run_check(road, "", desk, "read")
 
     before, made, after = run_virtual(main)
     kept = [
