@@ -207,7 +207,7 @@ async def _tested(desk: SiteDesk, name: str) -> Lines:
 async def _tables(desk: SiteDesk, name: str) -> Lines:
     async with desk.bench() as at:
         live = await fetch_tables(at, at.axis(name))
-    return (fine(f"W-DOC-TABLES-{_state(live)}", "tables", axis=name, **_counts(live)),)
+    return (fine("W-DOC-TABLES-ON" if live.own.enabled else "W-DOC-TABLES-OFF", "tables", axis=name, **_counts(live)),)
 
 
 async def _sense(desk: SiteDesk, name: str) -> Lines:
@@ -232,7 +232,8 @@ async def _written(desk: SiteDesk, name: str) -> Lines:
         after = await fetch_tables(at, at.axis(name))
     if (before.own, before.cross) != (after.own, after.cross):
         return (wrong("E-DOC-TABLE-OTHER", "table", axis=name),)
-    return (fine(f"W-DOC-WRITTEN-{_state(after)}", "table", axis=name, slope=f"{slope:+.3f}", **_counts(after)),)
+    code = "W-DOC-WRITTEN-ON" if after.own.enabled else "W-DOC-WRITTEN-OFF"
+    return (fine(code, "table", axis=name, slope=f"{slope:+.3f}", **_counts(after)),)
 
 
 async def _proof(at: RunContext, axis: AxisSection, before: LiveSet) -> float:
@@ -264,10 +265,6 @@ def _instrument_of(desk: SiteDesk, name: str) -> str:
 
 def _counts(live: LiveSet) -> dict[str, int]:
     return {"points": len(live.own.table.deviations), "cross": len(live.cross)}
-
-
-def _state(live: LiveSet) -> str:
-    return "ON" if live.own.enabled else "OFF"
 
 
 CHECKS: tuple[DoctorCheck, ...] = (
