@@ -1,7 +1,9 @@
 """A gateway in a fresh process that pushes over OPC UA and is killed -9 at one of its steps.
 
 ``python -m tests.push.uagateway URL FOLDER SPEED STEP``: STEP counts the steps that leave a trace, -1 lets it live and
-prints their names. The base it pushes on is read first, by a program as a measurement does.
+prints their names. The base it pushes on is read first, by a program as a measurement does. A URL of tcp:// is a
+PLC mailbox's. What it says to people, and "begun" once the push begins, goes line by line to who started it, who may
+kill it at any moment.
 """
 
 from __future__ import annotations
@@ -14,15 +16,18 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from drivers.clock import LoopClock
+from drivers.clock import Clock, LoopClock
+from drivers.sinumerik.mailbox.device import SinumerikModbus
 from drivers.sinumerik.opcua.device import SinumerikOpcUa
 from drivers.sinumerik.opcua.session.client import UaSession
 from drivers.types.stops import Stop, StopPlan
 from gateway.push import journal
 from gateway.push.transaction import push_table
+from tests.placed import placed
 from tests.push.uaworld import SETTINGS, ua_change, ua_context
-from tests.push.world import NEW
+from tests.push.world import NEW, Scene, change_of, context_for, driver_settings
 
+BEGUN = "begun"
 STEPS: list[str] = []
 AT = -1
 
@@ -76,9 +81,13 @@ def _watch_session(name: str) -> None:
     setattr(UaSession, name, watched)
 
 
-async def main(url: str, folder: Path, speed: float) -> str:
-    """The push."""
-    clock = LoopClock(speed)
+def say(code: str, /, **fields: object) -> None:
+    """Tell who started this process."""
+    print(json.dumps({"say": code, "fields": {name: str(value) for name, value in fields.items()}}), flush=True)
+
+
+async def over_opcua(url: str, folder: Path, clock: Clock) -> str:
+    """The push, on a base that a program saved."""
     device = SinumerikOpcUa("840D", url, dict(SETTINGS), clock)
     await device.open(900.0)
     try:
@@ -89,10 +98,33 @@ async def main(url: str, folder: Path, speed: float) -> str:
             await device.release_stop(counter)
         base = await device.saved_tables("X1")
         watch()
-        context = ua_context(device, clock, folder, await device.identify(), start_timeout_s=900.0)
+        context = ua_context(device, clock, folder, await device.identify(), start_timeout_s=900.0, say=say)
+        print(BEGUN, flush=True)
         return (await push_table(ua_change(base, NEW), context)).outcome
     finally:
         await device.close()
+
+
+async def over_modbus(url: str, folder: Path, clock: Clock) -> str:
+    """The push through a mailbox."""
+    settings = {**driver_settings(Scene()), "reply_s": 30.0, "command_s": 600.0}
+    device = placed(SinumerikModbus("grinder", url, settings, clock))
+    await device.open(900.0)
+    try:
+        base = await device.saved_tables("X1")
+        watch()
+        more = {"start_timeout_s": 900.0, "stop_timeout_s": 900.0, "say": say}
+        context = context_for(Scene(), device, clock, folder, await device.identify(), **more)
+        print(BEGUN, flush=True)
+        return (await push_table(change_of(Scene(), base), context)).outcome
+    finally:
+        await device.close()
+
+
+async def main(url: str, folder: Path, speed: float) -> str:
+    """The push."""
+    over = over_modbus if url.startswith("tcp:") else over_opcua
+    return await over(url, folder, LoopClock(speed))
 
 
 if __name__ == "__main__":

@@ -170,7 +170,8 @@ class World:
 
     def driver(self, **settings: Any) -> SinumerikModbus:
         """A driver at this PLC."""
-        return placed(SinumerikModbus("grinder", URL, {**driver_settings(self.scene), **settings}, self.clock))
+        here = self.station.home
+        return placed(SinumerikModbus("grinder", here, {**driver_settings(self.scene), **settings}, self.clock))
 
     async def __aenter__(self) -> World:
         await self.ready()
@@ -192,7 +193,9 @@ def driver_settings(scene: Scene) -> dict[str, Any]:
 
 
 @contextlib.asynccontextmanager
-async def world(scene: Scene, clock: Clock | None = None, around: WireWrapper | None = None) -> AsyncIterator[World]:
+async def world(
+    scene: Scene, clock: Clock | None = None, around: WireWrapper | None = None, url: str = URL
+) -> AsyncIterator[World]:
     """A machine that is switched on, referenced, in AUTO, with the old table live."""
     clock = clock or LoopClock()
     nck = Nck(_spec(scene), clock)
@@ -203,7 +206,7 @@ async def world(scene: Scene, clock: Clock | None = None, around: WireWrapper | 
         station = make_station(nck, clock, {"scan_s": 0.01, **scene.plc}, around)
         try:
             station.plc.on_session = station.plc.release.give
-            await station.start(URL)
+            await station.start(url)
             async with World(scene, nck, station, clock) as made:
                 yield made
         finally:
