@@ -13,6 +13,7 @@ from pathlib import Path
 from drivers.local.names import person_key
 from drivers.local.ownfiles import open_own, sync_folder
 from drivers.types.identity import MachineIdentity
+from drivers.types.uptime import Uptime
 from gateway.domain.proposals import Approval, TableChange
 from gateway.errors import CorruptRecord, WriteRefused
 from gateway.interlocks import APPROVED_FOR
@@ -35,10 +36,12 @@ def give_consent(
     run_id: str = "",
     given: Iterable[Approval] = (),
     kept_by: tuple[str, ...] = (),
+    uptime: Uptime = Uptime(),
 ) -> Approval:
     """One person's approval of one change on one machine, from now for ten minutes.
 
-    ``run_id`` is the run that proposed it; ``given`` are the approvals of this plan that have not been used.
+    ``run_id`` is the run that proposed it; ``given`` are the approvals of this plan that have not been used;
+    ``uptime`` is now by this computer's own count.
     Raises WriteRefused: E-APPROVE-NAME (the machine's name was not typed), E-APPROVE-NOTHING (no table is proposed),
     E-APPROVE-TWICE (this person's approval of this plan still holds).
     """
@@ -49,7 +52,9 @@ def give_consent(
     plan = plan_hash(change, machine)
     for other in given:
         same = (person_key(other.actor), other.plan_hash) == (person_key(actor), plan)
-        if same and now_utc < datetime.fromisoformat(other.expires_utc):
+        age_s = other.age_s(uptime)
+        holds = now_utc < datetime.fromisoformat(other.expires_utc) if age_s is None else age_s < VALID.total_seconds()
+        if same and holds:
             raise WriteRefused("E-APPROVE-TWICE", change.name, actor=actor, until=other.expires_utc)
     until = (now_utc + VALID).isoformat(timespec="seconds")
     since = now_utc.isoformat(timespec="seconds")
@@ -62,6 +67,7 @@ def give_consent(
         expires_utc=until,
         run_id=run_id,
         kept_by=kept_by,
+        given_at=uptime,
     )
 
 

@@ -10,12 +10,16 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import functools
+import time
 from datetime import UTC, datetime, timedelta
+from pathlib import Path
 from typing import Protocol
 
 from drivers.clock.deadline import Deadline
 from drivers.clock.shared import HostedTimeLoop, JoinedTimeLoop, SharedTimeLoop
 from drivers.clock.virtual import VirtualTimeLoop, run_virtual
+from drivers.types.uptime import Uptime
 
 __all__ = [
     "Clock",
@@ -24,9 +28,30 @@ __all__ = [
     "JoinedTimeLoop",
     "LoopClock",
     "SharedTimeLoop",
+    "Uptime",
     "VirtualTimeLoop",
     "run_virtual",
 ]
+
+
+BOOT_ID = Path("/proc/sys/kernel/random/boot_id")
+
+
+@functools.cache
+def _boot_id() -> str:
+    """Which start of this computer it is; "" where the system does not say."""
+    try:
+        return BOOT_ID.read_text(encoding="ascii").strip()
+    except OSError:
+        return ""
+
+
+def read_uptime() -> Uptime:
+    """How long this computer has been on, its sleep included."""
+    counting_sleep = getattr(time, "CLOCK_BOOTTIME", None)
+    # Windows' own monotonic clock goes on while the computer sleeps; that of Linux does not.
+    seconds = time.monotonic() if counting_sleep is None else time.clock_gettime(counting_sleep)  # noqa: TID251 - here
+    return Uptime(_boot_id(), seconds)
 
 
 class Clock(Protocol):
@@ -38,6 +63,10 @@ class Clock(Protocol):
 
     def utc(self) -> datetime:
         """The moment for records, in UTC."""
+        ...
+
+    def uptime(self) -> Uptime:
+        """How long this computer has been on: what tells an age although the calendar may be set, or the lid closed."""
         ...
 
     async def sleep(self, seconds: float) -> None:
@@ -82,6 +111,10 @@ class LoopClock:
         if self._started_utc is None:
             return datetime.now(UTC)
         return self._started_utc + timedelta(seconds=self.now())
+
+    def uptime(self) -> Uptime:
+        """That of the system; not known to a clock whose calendar was given."""
+        return read_uptime() if self._started_utc is None else Uptime()
 
     async def sleep(self, seconds: float) -> None:
         """Wait; zero or less gives other tasks one turn."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -198,7 +198,7 @@ def _journals(root: Path) -> tuple[JournalRead, ...]:
     return tuple(mark_emptied(one, begun.__contains__) for one in every)
 
 
-def _folder_problems(folder: RunFolder, approved: set[str]) -> list[str]:
+def _folder_problems(folder: RunFolder, approved: Collection[str]) -> list[str]:
     told = {"run": folder.run_id}
     found = [words(_CODES[one.kind], file=one.name, **told) for one in folder.differences()]
     approvals = sorted((folder.path / APPROVALS).glob("*.json"))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from bisect import bisect_left
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -25,16 +26,17 @@ class LogState:
     """One machine's part of a log, but for ``prefixes``: the first 64 bits of every line's hash.
 
     ``plans`` are (plan hash, hash of the stored proposal) pairs that were proposed, each with the keys and signatures
-    of its lines; ``approved`` and ``used`` hashes of
+    of its lines; ``approved`` (each with the number of its line) and ``used`` hashes of
     approvals; ``begun`` transactions, ``announced`` those of them with a journal; ``last_mark`` the transaction whose
     end the control's marker should still name (0 none); ``alarms`` what was found at each table at the last look, where
     it was not as pushed; ``looked`` when each table was compared last (UTC), ``kinds`` what was found then.
     ``marker_lost`` are axis, transaction and reason where the control's marker could not be written last.
+    ``peaks`` are the lines (number, UTC) after which no later time comes, of ``lines`` in all.
     """
 
     prefixes: set[int] = field(default_factory=set)
     plans: dict[tuple[str, str], set[tuple[str, str]]] = field(default_factory=dict)
-    approved: set[str] = field(default_factory=set)
+    approved: dict[str, int] = field(default_factory=dict)
     used: set[str] = field(default_factory=set)
     begun: set[int] = field(default_factory=set)
     announced: set[int] = field(default_factory=set)
@@ -43,10 +45,22 @@ class LogState:
     looked: dict[str, str] = field(default_factory=dict)
     kinds: dict[str, str] = field(default_factory=dict)
     marker_lost: dict[str, str] = field(default_factory=dict)
+    lines: int = 0
+    peaks: list[tuple[int, str]] = field(default_factory=list)
+
+    def latest_since(self, approval: str) -> str:
+        """The latest time (UTC) of all lines from an approval's own on; "" where the log does not know it."""
+        since = self.approved.get(approval)
+        return "" if since is None else self.peaks[bisect_left(self.peaks, (since, ""))][1]
 
     def take(self, entry: Mapping[str, Any], serial: str) -> None:
         """One more line of the log; of another machine only its hash."""
         self.prefixes.add(int(entry["hash"][:16], 16))
+        self.lines += 1
+        utc = str(entry["utc"])
+        while self.peaks and self.peaks[-1][1] <= utc:
+            self.peaks.pop()
+        self.peaks.append((self.lines, utc))
         if serial and entry["serial"] != serial:
             return
         action, details, number = str(entry["action"]), entry["details"], int(entry["transaction"])
@@ -57,8 +71,10 @@ class LogState:
         if action == PROPOSED:
             signed = (str(details.get("key", "")), str(details.get("signature", "")))
             self.plans.setdefault((entry["plan_hash"], str(details.get("proposal", ""))), set()).add(signed)
-        elif action in (APPROVED, USED):
-            (self.approved if action == APPROVED else self.used).add(str(details.get("approval", "")))
+        elif action == APPROVED:
+            self.approved[str(details.get("approval", ""))] = self.lines
+        elif action == USED:
+            self.used.add(str(details.get("approval", "")))
         elif action == ENDING:
             self.last_mark = number if _MARKER_LEFT.get(str(details.get("state")), False) else 0
             self.marker_lost = {}

@@ -145,7 +145,7 @@ LOG = logging.getLogger("trueflank.accounts")
 
 def sessions_of(clock: Clock, wanted: ServiceSection) -> Sessions:
     """Nobody has signed in yet."""
-    return Sessions(clock.now, wanted.signout_min * 60.0)
+    return Sessions(lambda: clock.uptime().seconds, wanted.signout_min * 60.0)
 
 
 def access_of(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import Literal
 
@@ -11,6 +11,7 @@ from drivers.message import Message
 from drivers.terms import spoken
 from drivers.types.identity import MachineIdentity
 from drivers.types.tables import CompensationTable, LiveSet
+from drivers.types.uptime import Uptime
 from gateway.domain.values import FloatArray
 
 MOST_HARM = 0.05  # a table that makes the axis worse more often than this is not proposed
@@ -117,7 +118,8 @@ class Approval:
     ``actor`` is who gave it; ``serial`` the machine; it holds from ``given_utc`` until ``expires_utc`` (ISO 8601
     with offset). ``run_id`` is the run whose proposal was approved. ``kept_by`` are those who made the
     approver's account or gave it a secret within seven days before: their pushes it does not approve. ``signature``
-    is that of all else by the approver's ``key`` (ed25519, hex; "" where nobody at the store has one).
+    is that of all else by the approver's ``key`` (ed25519, hex; "" where nobody at the store has one). ``given_at``
+    is when, by the count of the computer where it was given: until that is restarted the calendar does not matter.
     """
 
     actor: str
@@ -130,6 +132,11 @@ class Approval:
     kept_by: tuple[str, ...] = ()
     key: str = ""
     signature: str = ""
+    given_at: Uptime = field(default_factory=Uptime)
+
+    def age_s(self, now: Uptime) -> float | None:
+        """Seconds since it was given, by the count of one computer; None at another one, or after a restart."""
+        return now.since(self.given_at)
 
 
 @dataclass(frozen=True, slots=True)

@@ -9,6 +9,7 @@ from __future__ import annotations
 from gateway.interlocks.approval import APPROVED, people_needed, warnings
 from gateway.interlocks.checker import ApprovedCurve, faults_of, mean_readings
 from gateway.interlocks.facts import (
+    APPROVED_AHEAD,
     APPROVED_FOR,
     MAX_JUMP,
     MAX_SUSPECT_SHARE,
@@ -34,6 +35,7 @@ from gateway.interlocks.setup import setup_refusals
 from gateway.interlocks.table import CROSS, CROSS_RELEASE, FITS, TABLE, largest_change, steepest
 
 __all__ = [
+    "APPROVED_AHEAD",
     "APPROVED_FOR",
     "MAX_JUMP",
     "MAX_SUSPECT_SHARE",

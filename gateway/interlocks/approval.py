@@ -153,7 +153,9 @@ def _approval_problem(facts: PushFacts, approval: Approval) -> Iterator[Refusal]
         yield from refuse("E-INT-APPROVAL-UNSIGNED", actor=approval.actor)
     elif not _is_short_enough(approval):
         yield from refuse("E-INT-APPROVAL-TOO-LONG", actor=approval.actor, given=approval.given_utc, **_times(approval))
-    elif not _is_valid_at(approval, facts.request.consent_utc or facts.now_utc):
+    elif _is_clock_set_back(facts, approval):
+        yield from refuse("E-INT-APPROVAL-CLOCK", actor=approval.actor, given=approval.given_utc)
+    elif not _holds(facts, approval):
         yield from refuse("E-INT-APPROVAL-EXPIRED", actor=approval.actor, given=approval.given_utc, **_times(approval))
     elif person_key(approval.actor) == person_key(facts.request.actor):
         yield from refuse("E-INT-APPROVAL-SAME-PERSON", actor=approval.actor)
@@ -172,6 +174,31 @@ def _is_short_enough(approval: Approval) -> bool:
         return until - given <= APPROVED_FOR
     except (ValueError, TypeError):
         return True  # then it never holds
+
+
+def _age_s(facts: PushFacts, approval: Approval) -> float | None:
+    """Its age by the computer's own count when it must hold; None where that cannot be compared."""
+    request = facts.request
+    if request.consent_utc is not None:
+        return approval.age_s(request.consent_uptime) if request.consent_uptime is not None else None
+    return approval.age_s(facts.uptime)
+
+
+def _is_clock_set_back(facts: PushFacts, approval: Approval) -> bool:
+    """Whether only the calendar can tell its age, and that was set back since it was given."""
+    return _age_s(facts, approval) is None and approval in facts.request.overtaken_approvals
+
+
+def _holds(facts: PushFacts, approval: Approval) -> bool:
+    """Whether it still holds: by the computer's own count, or after a restart and at another computer by the dates."""
+    age_s = _age_s(facts, approval)
+    if age_s is None:
+        return _is_valid_at(approval, facts.request.consent_utc or facts.now_utc)
+    try:
+        long = datetime.fromisoformat(approval.expires_utc) - datetime.fromisoformat(approval.given_utc)
+        return 0.0 <= age_s < long.total_seconds()
+    except (ValueError, TypeError):
+        return False
 
 
 def _is_valid_at(approval: Approval, now: datetime) -> bool:

@@ -20,6 +20,7 @@ from drivers.types.moves import SafePlaces
 from drivers.types.orders import SignProof
 from drivers.types.sensing import Ambient
 from drivers.types.tables import CompensationTable, LiveSet, LiveTable
+from drivers.types.uptime import Uptime
 from drivers.types.values import Approach
 from drivers.units import AxisUnit
 from gateway.axes import AxisRecord
@@ -72,8 +73,9 @@ class PushRequest(Protocol):
     chain cannot be trusted ("": it can). ``is_proposed`` whether the audit log contains this plan's proposal;
     ``used_approvals`` and ``unrecorded_approvals`` are those that it knows as used or does not know;
     ``run_id`` the run they must name,
-    ``consent_utc`` when they must hold (None: now). ``alarms`` are differences found between this axis' live tables and
-    what was pushed. ``risk_taken``: who pushes has typed the risk of a connection that is not protected.
+    ``overtaken_approvals`` those since which the log has a later time than the computer shows; ``consent_utc`` and
+    ``consent_uptime`` when they must hold (None: now). ``alarms`` are differences found between this axis' live tables
+    and what was pushed. ``risk_taken``: who pushes has typed the risk of a connection that is not protected.
     """
 
     @property
@@ -117,7 +119,11 @@ class PushRequest(Protocol):
     @property
     def run_id(self) -> str: ...
     @property
+    def overtaken_approvals(self) -> tuple[Approval, ...]: ...
+    @property
     def consent_utc(self) -> datetime | None: ...
+    @property
+    def consent_uptime(self) -> Uptime | None: ...
     @property
     def risk_taken(self) -> bool: ...
     @property
@@ -150,7 +156,8 @@ class PushFacts:
     what the controller remembers and ``mark`` what that says of this store. ``plan`` is `gateway.push.plan_hash` of the
     change, ``key_taken`` names another plan under the same transaction key, ``missing`` are transactions begun here
     whose journals are gone. ``places`` are the safe places that the control's programs are held to. ``brought`` is
-    where other input axes of the same transaction will stand when it switches.
+    where other input axes of the same transaction will stand when it switches; ``uptime`` is now by this computer's own
+    count.
     """
 
     change: TableChange
@@ -173,6 +180,7 @@ class PushFacts:
     missing: tuple[int, ...] = ()
     places: SafePlaces = field(default_factory=SafePlaces)
     brought: Mapping[str, float] = field(default_factory=dict)
+    uptime: Uptime = field(default_factory=Uptime)
 
     @property
     def modes(self) -> tuple[str, ...]:

@@ -20,6 +20,7 @@ from drivers.types.orders import SignProof
 from drivers.types.sensing import Ambient
 from drivers.types.stops import StopPlan
 from drivers.types.tables import CompensationTable, LiveSet
+from drivers.types.uptime import Uptime
 from drivers.types.values import Sense
 from gateway.axes import AxisRecord
 from gateway.domain.captures import Capture
@@ -92,8 +93,9 @@ class PushContext:
     ``log`` is the audit log (None: nobody keeps one, as in a trial). ``is_proposed`` says whether it contains the
     signed proposal of this plan, ``used_approvals`` and ``unrecorded_approvals`` are those that it knows as used, or
     does not know at all, ``unsigned_approvals`` those without a signature of their person's known key, ``alarms`` what
-    it found at the axis' live tables. ``run_id`` is the run that approvals must name; ``consent_utc`` when this push
-    began, which is when they must hold (None: now). ``on_live`` is told the live tables as read before anything is
+    it found at the axis' live tables. ``overtaken_approvals`` are those since which it has a later time than the
+    computer showed. ``run_id`` is the run that approvals must name; ``consent_utc`` and ``consent_uptime`` when this
+    push began, which is when they must hold (None: now). ``on_live`` is told the live tables as read before anything is
     disabled, cross tables as deviations, and answers with the alarms that stand then.
 
     ``self_test`` is the last one of the output axis (None: this store knows none). ``risk_taken``: who pushes has typed
@@ -139,6 +141,8 @@ class PushContext:
     run_id: str = ""
     on_live: Callable[[LiveSet], tuple[Message, ...]] | None = None
     consent_utc: datetime | None = None
+    consent_uptime: Uptime | None = None
+    overtaken_approvals: tuple[Approval, ...] = ()
     self_test: SelfTested | None = None
     risk_taken: bool = False
     resumes: bool = False

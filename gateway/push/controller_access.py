@@ -69,6 +69,7 @@ async def read_facts(
         limits=limits,
         agreeing_position=agreeing_position,
         now_utc=context.clock.utc(),
+        uptime=context.clock.uptime(),
         unchanged=unchanged,
         unfinished=unfinished,
         live=live,

@@ -34,7 +34,10 @@ class Sessions:
     """Sessions by a random key that only the browser's cookie holds."""
 
     def __init__(self, now: Callable[[], float], idle_s: float) -> None:
-        """``now`` counts monotonic seconds; who asks for nothing during ``idle_s`` is signed out."""
+        """``now`` counts seconds that no calendar moves, a sleeping computer's included (`drivers.clock.Clock.uptime`).
+
+        Who asks for nothing during ``idle_s`` is signed out.
+        """
         self._now = now
         self.idle_s = idle_s
         self._open: dict[str, Session] = {}

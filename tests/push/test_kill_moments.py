@@ -37,7 +37,7 @@ pytestmark = [
     pytest.mark.skipif(sys.platform == "win32", reason="a process that is killed here is ended by a signal"),
 ]
 
-ROADS = {"OPC UA": 80.0, "mailbox": 8.0}
+ROADS = {"OPC UA": 20.0, "mailbox": 8.0}
 """How many times faster than the wall the machine lives."""
 LAPSED_S = 6.0
 """The PLC ends a session of which it hears nothing for 5 s of the PC's clock."""

@@ -426,6 +426,7 @@ async def approve_plan(
             run_id=folder.run_id,
             given=kept.read_unused(),
             kept_by=kept_by,
+            uptime=clock.uptime(),
         )
         for change in _changes_to_approve(proposal, table, folder)
     ]

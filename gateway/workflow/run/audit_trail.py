@@ -8,7 +8,8 @@ reads it again as it grows.
 from __future__ import annotations
 
 import shutil
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 from datetime import datetime
 from pathlib import Path
 
@@ -16,11 +17,13 @@ from drivers.clock import Clock
 from drivers.errors import TrueflankError
 from drivers.message import Message
 from drivers.terms import spoken
+from drivers.types.uptime import Uptime
 from gateway import audit
 from gateway.approve import Approvals
 from gateway.domain.outcomes import PushRecord
 from gateway.domain.proposals import Approval, Proposal, TableChange
 from gateway.errors import CorruptRecord, StoreError, WriteRefused
+from gateway.interlocks import APPROVED_AHEAD
 from gateway.push import JOURNALS, PushContext, machine_folder, plan_hash, read_journals, table_facts
 from gateway.store import RunFolder, canonical, disk_errors, sha256
 from gateway.users import KeyRing
@@ -54,7 +57,9 @@ def with_consent(
         unsigned_approvals=tuple(one for one in approvals if not is_signed(ring, one)),
         alarms=alarms_of(known, change.axis),
         run_id=at.folder.run_id,
+        overtaken_approvals=overtaken(known, digests, at.clock.utc()) if taken is None else taken.overtaken,
         consent_utc=None if taken is None else taken.at_utc,
+        consent_uptime=None if taken is None else taken.at_uptime,
     )
 
 
@@ -119,10 +124,21 @@ def _unused_approvals(at: RunContext, change: TableChange) -> tuple[Approval, ..
 
 @dataclass(frozen=True, slots=True)
 class ConsumedApproval:
-    """Approvals of one table that this push has used up, and when it began: they must have held then."""
+    """Approvals of one table that this push has used up, and when it began: they must have held then.
+
+    ``overtaken`` are those since which the log had a later time than the computer then showed.
+    """
 
     approvals: tuple[Approval, ...]
     at_utc: datetime
+    at_uptime: Uptime = field(default_factory=Uptime)
+    overtaken: tuple[Approval, ...] = ()
+
+
+def overtaken(known: audit.LogState, digests: Mapping[Approval, str], now_utc: datetime) -> tuple[Approval, ...]:
+    """Approvals since which the log has a later time than the computer shows: its calendar was set back."""
+    latest = (now_utc + APPROVED_AHEAD).isoformat(timespec="milliseconds")
+    return tuple(one for one, digest in digests.items() if known.latest_since(digest) > latest)
 
 
 def consume_approvals(at: RunContext, proposal: Proposal) -> dict[str, ConsumedApproval]:
@@ -132,17 +148,18 @@ def consume_approvals(at: RunContext, proposal: Proposal) -> dict[str, ConsumedA
     machine take; an approval that has expired before stays expired, and those the audit log knows as used stay used.
     Raises WriteRefused (E-APPROVE-USED), StoreError, BusyError (E-AUDIT-BUSY).
     """
-    now, known = at.clock.utc(), AuditAdapter(at).standing
+    now, uptime, known = at.clock.utc(), at.clock.uptime(), AuditAdapter(at).standing
     held: dict[str, ConsumedApproval] = {}
     for change in proposal.changes:
         fresh = () if change.skipped else _unused_approvals(at, change)
         approvals = tuple(one for one in fresh if Approvals.digest(one) not in known.used)
+        late = overtaken(known, {one: Approvals.digest(one) for one in approvals}, now)
         Approvals(at.folder.path).use(
             approvals, f"push of {change.name} by {audit.acting_person()} at {now.isoformat()}"
         )
         for approval in approvals:
             _record_use(at, change, approval)
-        held[change.name] = ConsumedApproval(approvals, now)
+        held[change.name] = ConsumedApproval(approvals, now, uptime, late)
     return held
 
 

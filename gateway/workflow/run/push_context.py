@@ -7,13 +7,14 @@ import secrets
 from collections.abc import Awaitable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from datetime import datetime
 from typing import Literal, TypeVar
 
 from drivers.errors import ConfigError, TrueflankError
 from drivers.offline_exchange import PieceOfWork, exchange_files_for
 from drivers.types.tables import CompensationTable
+from drivers.types.uptime import Uptime
 from gateway.approve import is_risk_taken
 from gateway.config import AxisSection
 from gateway.domain.captures import Capture
@@ -82,12 +83,13 @@ class CarriedPush:
     begun_utc: str
     approvals: tuple[tuple[str, tuple[Approval, ...]], ...]
     over: bool = False
+    begun_at: Uptime = field(default_factory=Uptime)
 
     @property
     def taken(self) -> dict[str, ConsumedApproval]:
         """The approvals as `gateway.workflow.run.audit_trail.consume_approvals` gave them."""
         at_utc = datetime.fromisoformat(self.begun_utc)
-        return {name: ConsumedApproval(approvals, at_utc) for name, approvals in self.approvals}
+        return {name: ConsumedApproval(approvals, at_utc, self.begun_at) for name, approvals in self.approvals}
 
 
 _offline_choice: ContextVar[OfflineChoice] = ContextVar("way to a control without a wire", default="")
@@ -145,7 +147,8 @@ def begin_offline_push(at: RunContext, approvals: Mapping[str, ConsumedApproval]
         return None
     held = tuple((name, taken.approvals) for name, taken in approvals.items())
     utc = at.clock.utc() if not approvals else next(iter(approvals.values())).at_utc
-    made = CarriedPush(secrets.token_hex(8), utc.isoformat(), held)
+    began = at.clock.uptime() if not approvals else next(iter(approvals.values())).at_uptime
+    made = CarriedPush(secrets.token_hex(8), utc.isoformat(), held, begun_at=began)
     at.folder.put(stages.CARRIED, made)
     return made
 

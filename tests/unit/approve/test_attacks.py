@@ -17,6 +17,7 @@ from drivers.clock import Clock, run_virtual
 from drivers.types.abilities import Marker
 from drivers.types.identity import MachineIdentity
 from drivers.types.tables import LiveTable
+from drivers.types.uptime import Uptime
 from gateway import audit
 from gateway.approve import Approvals, give_consent
 from gateway.audit.chain import AUDIT
@@ -76,13 +77,20 @@ class Shop:
         self.at.folder.put(stages.PROPOSAL, self.proposal)
         assert self.do(lambda: audit_trail.record_proposal(self.at, self.proposal)) == ""
 
-    def approve(self, *, known: bool = True, run_id: str = "", **changed: Any) -> Approval:
-        """As `approve` does, by a second person; ``changed`` as an attacker writes it."""
+    def approve(
+        self, *, known: bool = True, run_id: str = "", uptime: Uptime | None = None, given: bool = False, **changed: Any
+    ) -> Approval:
+        """As `approve` does, by a second person; ``changed`` as an attacker writes it.
+
+        ``given``: approvals of the plan are looked up as `approve` does.
+        """
 
         def act() -> Approval:
             now, run = self.at.clock.utc(), run_id or self.at.folder.run_id
             (change,) = self.stored.changes
-            names = {"typed_name": "mill", "site_name": "mill", "now_utc": now, "run_id": run}
+            names: dict[str, Any] = {"typed_name": "mill", "site_name": "mill", "now_utc": now, "run_id": run}
+            names |= {"given": Approvals(self.at.folder.path).read_unused()} if given else {}
+            names |= {"uptime": uptime} if uptime is not None else {}
             made = replace(give_consent(change, MACHINE, actor="second", **names), **changed)
             if known:
                 told = {"approval": Approvals.digest(made)}

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
+from drivers.types.uptime import Uptime
 from gateway.audit.chain import AUDIT, HEAD, AuditEntry, AuditEvent, ChainHead, audit_files, encode_line, file_name
 
 
@@ -22,6 +23,9 @@ class Moments:
 
     def utc(self) -> datetime:
         return datetime(2026, 11, 21, 10, tzinfo=UTC) + timedelta(seconds=self.seconds)
+
+    def uptime(self) -> Uptime:
+        return Uptime("start", self.seconds)
 
     async def sleep(self, seconds: float) -> None:
         self.seconds += seconds

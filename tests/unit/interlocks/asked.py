@@ -14,6 +14,7 @@ from drivers.types.abilities import Capabilities
 from drivers.types.identity import MachineIdentity
 from drivers.types.orders import SignProof
 from drivers.types.sensing import Ambient
+from drivers.types.uptime import Uptime
 from gateway.axes import AxisRecord
 from gateway.domain.captures import Capture
 from gateway.domain.proposals import Approval
@@ -47,7 +48,9 @@ class Asked:
     unrecorded_approvals: tuple[Approval, ...] = ()
     unsigned_approvals: tuple[Approval, ...] = ()
     run_id: str = ""
+    overtaken_approvals: tuple[Approval, ...] = ()
     consent_utc: datetime | None = None
+    consent_uptime: Uptime | None = None
     alarms: tuple[str, ...] = ()
     risk_taken: bool = False
 

@@ -18,6 +18,7 @@ from drivers.types.machine import AxisState
 from drivers.types.orders import SignProof
 from drivers.types.sensing import Ambient
 from drivers.types.tables import LiveSet, LiveTable, TemperatureShift, reversal_of
+from drivers.types.uptime import Uptime
 from gateway.domain.proposals import Approval, Chance, TableFinding
 from gateway.interlocks import refusals
 from gateway.interlocks.approval import people_needed, warnings
@@ -190,6 +191,12 @@ MORE: list[tuple[str, PushFacts]] = [
         given_utc=(NOW + timedelta(minutes=1)).isoformat(), expires_utc=(NOW + timedelta(minutes=9)).isoformat()
     )),
     ("E-INT-APPROVAL-EXPIRED", replace(TWO, consent_utc=NOW + timedelta(minutes=8))),
+    ("E-INT-APPROVAL-EXPIRED", replace(approved(given_at=Uptime("a", 10.0)), uptime=Uptime("a", 610.0))),
+    ("E-INT-APPROVAL-EXPIRED", replace(approved(given_at=Uptime("a", 10.0)), uptime=Uptime("a", 9.0))),
+    ("E-INT-APPROVAL-EXPIRED", replace(
+        approved(given_at=Uptime("a", 10.0)), consent_utc=NOW, consent_uptime=Uptime("a", 611.0)
+    )),
+    ("E-INT-APPROVAL-CLOCK", replace(TWO, overtaken_approvals=(GIVEN,))),
     ("E-INT-APPROVAL-OTHER-RUN", approved(run_id="20261121T100000000Z-mill-0000")),
     ("E-INT-APPROVAL-USED", replace(TWO, used_approvals=(GIVEN,))),
     ("E-INT-APPROVAL-UNRECORDED", replace(TWO, unrecorded_approvals=(GIVEN,))),
