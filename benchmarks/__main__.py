@@ -22,7 +22,7 @@ from benchmarks.report import Figure
 
 NAMES = (
     "flank", "library", "transmission", "ranking", "evaluation", "commands", "store", "dynamic", "streams", "mailbox",
-    "push",
+    "push", "page",
 )  # fmt: skip
 HEAD = """# Benchmarks
 

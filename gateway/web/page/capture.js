@@ -63,7 +63,8 @@ function open(root) {
     machine.end,
     overTime(parts.over),
     on("stands", machine.follow),
-    on("reading", reading),
+    // At rest the timer is enough: what is painted ten times a second keeps a processor busy.
+    on("reading", () => state.status.run && reading()),
     on("ambient", draws.air),
     on("waiting", draws.wait),
     on("taken", () => {

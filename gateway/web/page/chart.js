@@ -68,6 +68,10 @@ export function chart(what) {
   return box;
 }
 
+// A line of fewer points than this marks each of them.
+const FEW = 60;
+const single = (now) => new Set(now.data[0]).size === 1;
+
 const sizeOf = ({ parts: { place } }) => ({
   width: Math.max(place.clientWidth, 160),
   height: Math.max(place.clientHeight, 120),
@@ -150,12 +154,43 @@ export function aligned(curves) {
   return { xs, values, columns };
 }
 
+// All that a plot is built of but its numbers.
+function formOf(now, columns) {
+  const curves = columns.map(([{ name, look, kind, dashed, approach }, ys]) =>
+    [name, look, kind, dashed, approach, ys.length < FEW].join(),
+  );
+  const { title, xName, xUnit, yName, yUnit, upright } = now.what;
+  const { look, words } = document.documentElement.dataset;
+  return JSON.stringify([
+    curves,
+    single(now),
+    [...now.hidden],
+    look,
+    words,
+    title,
+    xName,
+    xUnit,
+    yName,
+    yUnit,
+    upright === undefined,
+  ]);
+}
+
 function drawn(now, UPlot) {
   const { what, parts } = now;
   const curves = what.fits ? fitted(what.curves, now.fit, t) : what.curves;
   const { xs, values, columns } = aligned(curves);
   now.curves = curves;
   now.data = [xs, ...values];
+  // The same curves with other numbers: the plot stays, and takes them.
+  const form = formOf(now, columns);
+  if (now.plot && now.form === form) {
+    now.auto = !now.zoomed;
+    now.plot.setData(now.data, !now.zoomed);
+    now.auto = false;
+    return told(now);
+  }
+  now.form = form;
   const scales = now.plot && now.zoomed ? { x: { ...now.plot.scales.x }, y: { ...now.plot.scales.y } } : null;
   now.auto = true;
   now.plot?.destroy();
@@ -170,11 +205,11 @@ function drawn(now, UPlot) {
 
 function options(now, UPlot, columns) {
   const { what } = now;
-  const single = new Set(now.data[0]).size === 1;
+  const alone = single(now);
   const series = [
     {},
     ...columns.map(([one]) =>
-      seriesOf(one, { single, edge: one.kind === "band", UPlot, shown: !now.hidden.has(one.name) }),
+      seriesOf(one, { single: alone, edge: one.kind === "band", UPlot, shown: !now.hidden.has(one.name) }),
     ),
   ];
   const bands = columns.flatMap(([one], n) =>
@@ -217,7 +252,7 @@ function options(now, UPlot, columns) {
             ? roomy(
                 Math.min(low ?? 0, ...(now.what.across ?? [])),
                 Math.max(high ?? 1, ...(now.what.across ?? [])),
-                single && !now.what.across ? 1 : 0.03,
+                alone && !now.what.across ? 1 : 0.03,
               )
             : [low, high],
       },
@@ -235,7 +270,7 @@ function options(now, UPlot, columns) {
       draw: [
         (plot) => {
           now.auto = false;
-          marks(plot, what);
+          marks(plot, now.what);
         },
       ],
     },
@@ -298,7 +333,7 @@ function line(pen, x1, y1, x2, y2) {
   pen.stroke();
 }
 
-function seriesOf(one, { single, edge, UPlot, shown }) {
+function seriesOf(one, { single: alone, edge, UPlot, shown }) {
   const stroke = colourOf(one.look);
   const usual = {
     label: one.name,
@@ -310,7 +345,7 @@ function seriesOf(one, { single, edge, UPlot, shown }) {
   };
   if (edge) return { ...usual, stroke: "transparent", width: 0, points: { show: false } };
   // A single value would be an empty plot as a line.
-  if (single && one.kind !== "points")
+  if (alone && one.kind !== "points")
     return {
       ...usual,
       paths: UPlot.paths.bars({ size: [0.3, 40] }),
@@ -330,7 +365,7 @@ function seriesOf(one, { single, edge, UPlot, shown }) {
         size: 9,
       },
     };
-  return { ...usual, points: { show: one.x.length < 60, size: 5, fill: stroke, stroke } };
+  return { ...usual, points: { show: one.x.length < FEW, size: 5, fill: stroke, stroke } };
 }
 
 // ▷ up, ◁ down: form tells the direction, not colour alone; with its uncertainty as a line where it has one.
