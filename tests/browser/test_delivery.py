@@ -1,4 +1,4 @@
-"""What the page costs a browser: nothing twice, and little while nothing happens. By processor time, not by the wall's."""
+"""What the page costs a browser: nothing twice, and little while nothing happens; by processor time, not the wall's."""
 
 from __future__ import annotations
 
