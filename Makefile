@@ -9,7 +9,7 @@ export OPENBLAS_NUM_THREADS := 1
 export PYTHONDONTWRITEBYTECODE :=
 
 .PHONY: demo test fast structure tests slowest check rules types long soak families attacks interop kernel services browser page-check bench clean \
-	lock package sbom vulnerabilities bundle docs mutants
+	lock package sbom vulnerabilities bundle docs mutants coverage fuzz
 
 demo: $(VENV)/installed
 	$(BIN)/trueflank demo
@@ -63,6 +63,7 @@ PROOF ?= docs
 soak: $(VENV)/developed
 	TRUEFLANK_MACHINES=$(N) TRUEFLANK_PROOF=$(PROOF) \
 		$(BIN)/python -m pytest -q -n $(WORKERS) --dist worksteal -m "(soak or long) and not interop"
+	$(MAKE) --no-print-directory coverage mutants fuzz
 
 # Families of hard machines alone, N of each (20 at most): how honest the uncertainties are, into docs/families.md. What
 # a machine gave is kept in .families: stopped, it goes on from there as long as the code is the same.
@@ -75,6 +76,16 @@ MUTANTS ?= 20
 SEED ?= 1
 mutants: $(VENV)/developed
 	$(BIN)/python -m tests.mutants $(SEED) $(MUTANTS) docs/reliability.md
+
+# Which branches of that code the quick tests take, into docs/reliability.md, with what none takes.
+coverage: $(VENV)/developed
+	nice -n 10 $(BIN)/python -m tests.branches docs/reliability.md
+
+# Every parser of foreign bytes searched for so many seconds of the processor each; what is found is kept in .fuzz.
+SECONDS ?= 600
+TARGETS ?=
+fuzz: $(VENV)/developed
+	nice -n 10 $(BIN)/python -m tests.fuzz $(SECONDS) .fuzz $(TARGETS)
 
 # Attacks on a push, counted into docs/reliability.md. PUSHES and N say how many seeded ones.
 ATTACKS := .attacks
@@ -185,4 +196,4 @@ $(VENV)/developed: pyproject.toml locks/dev.lock
 	touch $@ $(VENV)/installed
 
 clean:
-	rm -rf $(VENV) $(TOOLS) dist demo .browser .families .mypy_cache .ruff_cache .pytest_cache
+	rm -rf $(VENV) $(TOOLS) dist demo .browser .families .fuzz .mypy_cache .ruff_cache .pytest_cache

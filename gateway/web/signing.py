@@ -208,10 +208,12 @@ async def own_secret(request: Request, person: Viewer, body: OwnSecret) -> dict[
 
 
 @routes.get("/me/second-factor")
-async def offered_factor(_request: Request, person: Viewer) -> dict[str, Any]:
-    """A new secret for an authenticator; it counts once it is sent back with a code of it."""
+async def offered_factor(request: Request, person: Viewer) -> dict[str, Any]:
+    """A new secret for an authenticator, which counts once a code of it is sent back; and whether one is in use."""
     secret = new_factor()
-    return {"secret": secret, "uri": factor_uri(secret, person.name)}
+    known = service_of(request).doors.accounts.find(person.name)
+    used = known is not None and bool(known.factor)
+    return {"secret": secret, "uri": factor_uri(secret, person.name), "second_factor": used}
 
 
 @routes.put("/me/second-factor")

@@ -4,7 +4,7 @@ import { post } from "./api.js";
 import { shown } from "./dialogs.js";
 import { h, same, show } from "./dom.js";
 import { when } from "./figures.js";
-import { accounts } from "./people.js";
+import { accounts, ownFactor } from "./people.js";
 import { base, may, on, state } from "./state.js";
 import { identity, trust } from "./trust.js";
 import { say, t, told } from "./words.js";
@@ -16,6 +16,7 @@ function open(root) {
   const parts = {
     devices: h("div", { class: "panel" }),
     doctor: h("div", { class: "panel" }),
+    factor: h("div", { class: "panel" }),
     people: h("div", { class: "panel" }),
     trust: h("div", { class: "panel" }),
     identity: h("div", { class: "panel" }),
@@ -25,7 +26,13 @@ function open(root) {
     h(
       "div",
       { class: "two" },
-      h("div", { class: "stack" }, parts.devices, may("service") ? [parts.trust, parts.identity, parts.people] : null),
+      h(
+        "div",
+        { class: "stack" },
+        parts.devices,
+        may("service") ? [parts.trust, parts.identity, parts.people] : null,
+        parts.factor,
+      ),
       parts.doctor,
     ),
   );
@@ -34,6 +41,7 @@ function open(root) {
     doctor(parts.doctor);
   };
   draw();
+  ownFactor(parts.factor);
   if (may("service")) {
     trust(parts.trust);
     identity(parts.identity);

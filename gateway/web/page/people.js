@@ -1,9 +1,11 @@
 // @ts-check
 // Accounts: who may do what at this service; for the role service.
 import { get, put, remove } from "./api.js";
+import { confirmed } from "./dialogs.js";
 import { h, show } from "./dom.js";
 import { day } from "./figures.js";
 import { field } from "./signin.js";
+import { state } from "./state.js";
 import { t, told } from "./words.js";
 
 const ROLES = ["viewer", "operator", "approver", "service"];
@@ -55,6 +57,7 @@ export async function accounts(box) {
             ),
             h("td", {}, one.pin ? "PIN ✔" : ""),
             h("td", {}, tokens(one.tokens)),
+            h("td", {}, one.second_factor ? forgetKey(one, box) : ""),
           ),
         ),
       ),
@@ -105,6 +108,77 @@ export async function accounts(box) {
           onclick: () => remove("/api/v1/me/sessions/others").then(() => accounts(box)),
         },
         t("people.end_others"),
+      ),
+    ),
+  );
+}
+
+// Who has lost the authenticator: the account goes on without a second factor until a new one is set up.
+function forgetKey(one, box) {
+  const forget = async () => {
+    const text = t("factor.forget_what", { name: one.name });
+    if (!(await confirmed(t("factor.forget"), text))) return;
+    await put(`/api/v1/users/${encodeURIComponent(one.name)}`, { roles: one.roles, forget_factor: true });
+    await accounts(box);
+  };
+  return h("button", { type: "button", "data-forget": one.name, onclick: forget }, t("factor.forget"));
+}
+
+// The own second factor: set up, replaced or given up, each proved by the own secret once more.
+export async function ownFactor(box) {
+  const offered = await get("/api/v1/me/second-factor");
+  const said = h("p", { class: "fault", role: "alert" });
+  const proof = (form) => {
+    const typed = String(form.get("secret"));
+    const kind = /^\d{6,12}$/.test(typed) ? "pin" : "password";
+    return { name: state.me.name, [kind]: typed, code: String(form.get("old") ?? "") };
+  };
+  const send = (secret) => (event) => {
+    event.preventDefault();
+    const form = new FormData(box.querySelector("form"));
+    const body = { proof: proof(form), secret, code: secret ? String(form.get("code")).trim() : "" };
+    put("/api/v1/me/second-factor", body).then(
+      () => ownFactor(box),
+      (error) => {
+        said.textContent = told(error);
+      },
+    );
+  };
+  const digits = { inputmode: "numeric", autocomplete: "one-time-code", pattern: "\\d{6}", maxlength: 6 };
+  const used = offered.second_factor;
+  show(
+    box,
+    h("h2", {}, t("factor.title")),
+    h("p", { id: "factor-state" }, t(used ? "factor.used" : "factor.unused")),
+    h(
+      "details",
+      { id: "own-factor" },
+      h("summary", {}, t(used ? "factor.change" : "factor.set_up")),
+      h(
+        "form",
+        { id: "factor", class: "grid", onsubmit: send(offered.secret) },
+        h("p", {}, t("factor.add")),
+        h("code", { id: "factor-key", tabindex: 0 }, offered.secret.match(/.{1,4}/g).join(" ")),
+        field(
+          t("factor.text"),
+          h("input", {
+            id: "factor-uri",
+            readonly: true,
+            value: offered.uri,
+            onfocus: (event) => event.target.select(),
+          }),
+        ),
+        h("a", { id: "factor-link", href: offered.uri }, t("factor.here")),
+        field(t("factor.code"), h("input", { name: "code", required: true, ...digits })),
+        field(
+          t("signin.secret"),
+          h("input", { name: "secret", type: "password", required: true, autocomplete: "off" }),
+        ),
+        used && field(t("factor.old_code"), h("input", { name: "old", ...digits })),
+        h("p", { class: "muted" }, t("factor.lost")),
+        said,
+        h("button", { class: "primary" }, t("factor.use")),
+        used && h("button", { type: "button", id: "factor-off", onclick: send("") }, t("factor.off")),
       ),
     ),
   );
