@@ -13,7 +13,7 @@ import socket
 import subprocess
 import sys
 import threading
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -125,22 +125,6 @@ def list_cells() -> None:
         echo(f"{name:<8} {words_of_it}")
 
 
-def run_cell(asked: CellRequest) -> None:
-    """Run a cell until Ctrl-C."""
-    with cell_process(asked) as child:
-        echo(f"cell {asked.cell} runs at {asked.speed:g} x wall time; site file: {asked.site}")
-        echo(f"try: trueflank doctor devices {asked.site}   or   trueflank run {asked.site}")
-        echo(
-            f"a simulated operator works at it; do so yourself: trueflank simulate panel {asked.site}, "
-            "or type here (help)"
-        )
-        relay_console(child)
-        try:
-            child.wait()
-        except KeyboardInterrupt:
-            echo("ending the cell")
-
-
 def relay_console(child: subprocess.Popen[str]) -> None:
     """What is typed goes to the cell from now on, and what it answers is shown."""
     threading.Thread(target=_relay_keys, args=(child.stdin,), daemon=True, name="keys").start()
@@ -182,12 +166,26 @@ def simulate_command(
     listed: Annotated[bool, typer.Option("--list", help="List the shipped cells and exit.")] = False,
 ) -> None:
     """Start a simulated cell on free loopback ports and print its site file; Ctrl-C ends it."""
-
     if listed:
         require_only("simulate --list")
         list_cells()
         return
-    run_cell(CellRequest(cell, site, speed, seed, plan=plan or filed, filed=filed, road=road, name=name))
+    asked = CellRequest(cell, site, speed, seed, plan=plan or filed, filed=filed, road=road, name=name)
+    with cell_process(asked) as child:
+        echo(f"cell {cell} runs at {speed:g} x wall time; site file: {site}")
+        echo(f"try: trueflank doctor devices {site}   or   trueflank run {site}")
+        echo(f"a simulated operator works at it; do so yourself: trueflank simulate panel {site}, or type here (help)")
+        relay_console(child)
+        try:
+            child.wait()
+        except KeyboardInterrupt:
+            echo("ending the cell")
+
+
+# ---- cell: the operator's console of a running cell, over loopback
+
+ANSWER_S = 120.0
+Ask = Any
 
 
 def cell_command(
@@ -197,31 +195,20 @@ def cell_command(
     ] = None,
     as_json: JsonOption = False,
 ) -> None:
-    """Stand at a simulated cell: press its keys, mount, break the beam, take the part, change the weather."""
+    """Stand at a simulated cell: press its keys, mount, break the beam, take the part, change the weather.
 
-    operate_cell(site, tuple(keys or ()), as_json=as_json)
-
-
-# ---- cell: the operator's console of a running cell, over loopback
-
-ANSWER_S = 120.0
-Ask = Any
-
-
-def operate_cell(site: Path, orders: tuple[str, ...], *, as_json: bool) -> None:
-    """Do these orders at the cell of a site file, or those that are typed until the input ends.
-
-    Raises ConfigError (E-CLI-NO-CELL, E-CLI-CELL-WORD).
+    Without actions those that are typed, until the input ends. Raises ConfigError (E-CLI-NO-CELL, E-CLI-CELL-WORD).
     """
     with _open_console(site) as ask:
-        if orders:
-            for order in orders:
-                show_cell_answer(order, _require_done(order, ask(order)), as_json=as_json)
+        for order in keys or ():
+            show_cell_answer(order, _require_done(order, ask(order)), as_json=as_json)
+        if keys:
             return
         echo(Message.of("P-CELL-CONSOLE"))
         show_cell_answer("status", ask("status"), as_json=False)
-        for line in _typed_orders():
-            show_cell_answer(line, ask(line), as_json=as_json)
+        for line in sys.stdin:
+            typed = line.strip() or "status"
+            show_cell_answer(typed, ask(typed), as_json=as_json)
 
 
 def show_cell_answer(order: str, answer: dict[str, Any], *, as_json: bool) -> None:
@@ -256,12 +243,6 @@ def _require_done(order: str, answer: dict[str, Any]) -> dict[str, Any]:
     if "error" in answer:
         raise ConfigError("E-CLI-CELL-WORD", "cell", order=order, why=answer["error"])
     return answer
-
-
-def _typed_orders() -> Iterable[str]:
-    """Lines of the standard input; an empty one asks how things stand."""
-    for line in sys.stdin:
-        yield line.strip() or "status"
 
 
 @contextmanager

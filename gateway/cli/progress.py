@@ -131,7 +131,8 @@ def _progress_display(
         def line(code: str, fields: dict[str, object]) -> None:
             if stages is not None:
                 stages.told(code, fields, now())
-            _print_progress(code, fields, kinds)
+            if kind_of(code) in kinds:
+                echo(Message.of(code, **fields), err=True)
 
         yield line
         return
@@ -145,11 +146,6 @@ def _progress_display(
                 panel.keep(text_of(code, **fields), loud=kind is Audience.LOUD)
 
         yield show
-
-
-def _print_progress(code: str, fields: dict[str, object], kinds: set[Audience]) -> None:
-    if kind_of(code) in kinds:
-        echo(Message.of(code, **fields), err=True)
 
 
 # ---- the live panel of a terminal: redrawn in place, below the lines that stay

@@ -5,7 +5,6 @@ from __future__ import annotations
 import asyncio
 import logging
 from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -41,14 +40,10 @@ def serve_command(
     journal = logging.StreamHandler()
     journal.setFormatter(JournalForm())
     logging.basicConfig(level=logging.WARNING, handlers=[journal])
-    files, stopped = [_site_file(one) for one in sites or [Path()]], StopAsked()
+    files, stopped = [one / SITE_FILE if one.is_dir() else one for one in sites or [Path()]], StopAsked()
     run_to_end(_serve_files(files, host, port, LoopClock(), stopped.asked), stop=stopped, ends_itself=True)
     if stopped.told:
         raise stopped.error()
-
-
-def _site_file(site: Path) -> Path:
-    return site / SITE_FILE if site.is_dir() else site
 
 
 async def _serve_files(files: list[Path], host: str, port: int, clock: LoopClock, stop: asyncio.Event) -> None:
@@ -171,37 +166,19 @@ def teach_command(
     ] = False,
 ) -> None:
     """Train a calibration day: the service on a simulated cell, and the machine's panel as a page; Ctrl-C ends both."""
-
-    run_training(Training(cell, folder, speed, port, alone=alone))
-
-
-@dataclass(frozen=True, slots=True)
-class Training:
-    """A training: a shipped cell or a file, where everything is kept, its speed, and the page's port."""
-
-    cell: str
-    folder: Path
-    speed: float
-    port: int
-    alone: bool = False
-
-
-def run_training(lesson: Training) -> None:
-    """Run cell and service until Ctrl-C. Raises what starting either raises."""
-    site = lesson.folder / "site.toml"
+    site = folder / SITE_FILE
     told: dict[str, object] = {}
-    asked = CellRequest(lesson.cell, site, lesson.speed, plan=True, panel=True)
-    with cell_process(asked, told.update) as child:
-        if lesson.alone and child.stdin is not None and child.stdout is not None:
+    with cell_process(CellRequest(cell, site, speed, plan=True, panel=True), told.update) as child:
+        if alone and child.stdin is not None and child.stdout is not None:
             child.stdin.write("auto off\n")
             child.stdin.flush()
             child.stdout.readline()
         echo(f"the machine's panel: {told.get('panel', '')}   (keys, mounting, beams; or type here: help)")
         echo(
             "you are its operator: press its keys and mount there"
-            if lesson.alone
+            if alone
             else "its operator does what the control asks for; --alone leaves that to you"
         )
         echo("the operator's page:")
         relay_console(child)
-        serve_command([site], port=lesson.port)
+        serve_command([site], port=port)

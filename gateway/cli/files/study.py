@@ -53,37 +53,6 @@ def study_command(
     as_json: JsonOption = False,
 ) -> None:
     """Work out a gear on a machine: each error alone, ranking, cures, before and after."""
-
-    run_study(
-        gear,
-        errors,
-        plots=plots,
-        scheduler=scheduler,
-        workers=workers,
-        order=order,
-        trajectories=trajectories,
-        as_json=as_json,
-        relative=relative,
-        paper=paper,
-        height=height,
-    )
-
-
-def run_study(
-    gear: Path,
-    errors: Path,
-    *,
-    plots: Path | None,
-    scheduler: str,
-    workers: int | None,
-    order: str,
-    trajectories: int,
-    as_json: bool,
-    relative: bool = False,
-    paper: Path | None = None,
-    height: float | None = None,
-) -> None:
-    """Work out a study and show it; pictures into ``plots``, the paper's figures and tables into ``paper``."""
     from gateway.study import describe
     from gateway.study.calculate import study, the_order
     from gateway.study.inputs import load_gear

@@ -75,18 +75,6 @@ def parse_units(rotary: Sequence[str], linear: Sequence[str] = ()) -> Mapping[st
     return {**dict.fromkeys(turning, "deg"), **dict.fromkeys(sliding, "mm")}
 
 
-def lint_file(file: Path, machine: TableMachine, *, strict: bool, as_json: bool) -> None:
-    """Print every finding of a table file; exit code 7 when something is wrong, with ``strict`` also for doubts."""
-    from gateway.workflow.files.reading import refuse_tables
-
-    refuse_tables(file)
-    data, driver = table_data(file), table_format()
-    findings = driver.findings(data, str(file), machine)
-    show_findings(file, findings, as_json=as_json, members=_members(driver, data, str(file)))
-    if any(one.severity == "wrong" or (strict and one.severity == "doubtful") for one in findings):
-        raise typer.Exit(7)
-
-
 def _members(driver: Any, data: bytes, where: str) -> tuple[ArchiveMember, ...]:
     """What an archive holds; nothing of one that is damaged: a finding says where."""
     try:
@@ -117,27 +105,6 @@ def show_findings(
         f"{count} {SEVERITY_WORDS[kind][0]}{'s' * (count != 1)}" for kind, count in counts.items() if count
     )
     echo(f"{file}: {told or 'no findings'}")
-
-
-def diff_files(first: Path, second: Path, units: Mapping[str, AxisUnit], *, as_json: bool) -> None:
-    """Compare two table files as diff(1) does: exit code 0 the same, 1 different, 2 trouble."""
-    from gateway.table.file_comparison import compare_files
-
-    try:
-        files = _read_both((first, second), units)
-    except TrueflankError as error:
-        show_error(error, as_json=as_json)
-        raise typer.Exit(2) from error
-    difference = compare_files(*files)
-    if as_json:
-        show_json(_difference_record(first, second, difference, [note for file in files for note in file.notes]))
-    else:
-        _show_difference(first, second, difference)
-        for path, file in zip((first, second), files, strict=True):
-            for note in file.notes:
-                echo(f"note: {path}: {note}")
-    if not difference.same:
-        raise typer.Exit(1)
 
 
 def _read_both(paths: Sequence[Path], units: Mapping[str, AxisUnit]) -> list[TableFile]:
@@ -244,8 +211,8 @@ def lint_command(
     strict: Annotated[bool, typer.Option("--strict", help="Count warnings as errors.")] = False,
     as_json: JsonOption = False,
 ) -> None:
-    """Say everything that is wrong or doubtful in a compensation table file."""
-    from drivers.tablefile import TableMachine
+    """Say everything that is wrong or doubtful in a compensation table file; exit code 7 when something is wrong."""
+    from gateway.workflow.files.reading import refuse_tables
 
     known = TableMachine(
         control=control.upper().removesuffix("SL").strip(),
@@ -255,7 +222,12 @@ def lint_command(
         references=parse_positions(reference or [], "--reference"),
         units=parse_units(rotary or [], linear or []),
     )
-    lint_file(file, known, strict=strict, as_json=as_json)
+    refuse_tables(file)
+    data, driver = table_data(file), table_format()
+    findings = driver.findings(data, str(file), known)
+    show_findings(file, findings, as_json=as_json, members=_members(driver, data, str(file)))
+    if any(one.severity == "wrong" or (strict and one.severity == "doubtful") for one in findings):
+        raise typer.Exit(7)
 
 
 def diff_command(
@@ -265,6 +237,21 @@ def diff_command(
     linear: Annotated[list[str] | None, typer.Option(help="An axis that is linear.", show_default=False)] = None,
     as_json: JsonOption = False,
 ) -> None:
-    """Compare two table files point by point; exit code 0 the same, 1 different, 2 trouble."""
+    """Compare two table files as diff(1) does: exit code 0 the same, 1 different, 2 trouble."""
+    from gateway.table.file_comparison import compare_files
 
-    diff_files(first, second, parse_units(rotary or [], linear or []), as_json=as_json)
+    try:
+        files = _read_both((first, second), parse_units(rotary or [], linear or []))
+    except TrueflankError as error:
+        show_error(error, as_json=as_json)
+        raise typer.Exit(2) from error
+    difference = compare_files(*files)
+    if as_json:
+        show_json(_difference_record(first, second, difference, [note for file in files for note in file.notes]))
+    else:
+        _show_difference(first, second, difference)
+        for path, file in zip((first, second), files, strict=True):
+            for note in file.notes:
+                echo(f"note: {path}: {note}")
+    if not difference.same:
+        raise typer.Exit(1)

@@ -13,7 +13,7 @@ from drivers.clock import LoopClock
 from drivers.message import Message
 from drivers.probes import Level, ProbedSession, differences, read_session
 from gateway.cli.machine.doctor import examine, parse_level, report_record
-from gateway.cli.options import JsonOption, SiteArgument, require_control
+from gateway.cli.options import JsonOption, SiteArgument, load_site, require_control
 from gateway.cli.output import echo, show_json
 from gateway.cli.signals import run_to_end
 
@@ -37,7 +37,6 @@ def acceptance_command(
 ) -> None:
     """Accept a site: the doctor up to a level, and a sheet to sign; exit code 13 where something is wrong."""
     from gateway.acceptance.sheet import Occasion, check_sheet, write_sheet
-    from gateway.config import load_site
     from gateway.workflow.run.context import check_name
     from gateway.workflow.run.folder import known_of, store_of
 
@@ -109,7 +108,6 @@ def _record_control(site: Path, level: Level, machine: str, told: Any) -> Probed
     from gateway import audit
     from gateway.acceptance.comparison import prober_of, recorded
     from gateway.broker import borrow_devices
-    from gateway.config import load_site
     from gateway.workflow.run.context import check_name
     from gateway.workflow.run.folder import store_of
 
@@ -131,7 +129,6 @@ def _replay_simulator(control: ProbedSession, cell: str, told: Any) -> ProbedSes
     """The double's answers, from a simulated cell with the key switch where the control had it."""
     from gateway.acceptance.comparison import replayed
     from gateway.cli.cell import CellRequest, cell_process
-    from gateway.config import load_site
 
     with tempfile.TemporaryDirectory(prefix="trueflank-double-") as folder:
         path = Path(folder) / "site.toml"

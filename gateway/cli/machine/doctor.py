@@ -16,7 +16,7 @@ from drivers.message import Message, advice
 from drivers.offline_exchange import PieceOfWork, exchange_files_for
 from drivers.probes import LEVELS, Level
 from gateway.cli.next_steps import after_doctor, next_command, show_next
-from gateway.cli.options import RUN_NEEDS, JsonOption, SiteArgument, TakeOption, require_control
+from gateway.cli.options import RUN_NEEDS, JsonOption, SiteArgument, TakeOption, load_site, require_control
 from gateway.cli.output import echo, echo_folded, language, render_text, show_json
 from gateway.cli.signals import run_to_end
 from gateway.events import DevicesOpened, received
@@ -46,7 +46,7 @@ def doctor_command(
     """Examine the control up to a level, line by line; exit code 0 only if all is well."""
     from gateway.broker import take_from_hung_gateway
 
-    tree, given = _load_site(site), parse_level(level)
+    tree, given = load_site(site), parse_level(level)
     if given == "write":
         raise ConfigError("E-DOC-WRITE", "--level", site=site)
     if given != "read":
@@ -122,7 +122,7 @@ def certificate_command(
     from gateway import audit
     from gateway.workflow.run.identity import accept_certificate, shown_certificate
 
-    tree = _load_site(site)
+    tree = load_site(site)
     if thumbprint:
         who = audit.acting_person()
         work = accept_certificate(tree, site, thumbprint, who=who, clock=LoopClock(), reason=reason)
@@ -134,13 +134,6 @@ def certificate_command(
     show_certificates(view, as_json=as_json)
     if not view.equal:
         raise typer.Exit(NOT_OK_EXIT)
-
-
-def _load_site(site: Path) -> Any:
-    """The site file. Raises ConfigError."""
-    from gateway.config import load_site
-
-    return load_site(site)
 
 
 def show_certificates(view: TrustView, *, as_json: bool) -> None:
@@ -184,7 +177,6 @@ def self_test_command(
 
 def _after_self_test(site: Path) -> str:
     """What to type after a self-test: the push that asked for it, where its run is the latest; else a run."""
-    from gateway.config import load_site
     from gateway.errors import StoreError
     from gateway.store import LATEST, Needs
     from gateway.workflow.run.folder import store_of
@@ -202,7 +194,6 @@ def run_self_test(
     """Test a site's control, and what came of it; the demo does this first, as anybody must."""
     from gateway.cli.progress import progress
     from gateway.cli.signals import run_to_end
-    from gateway.config import load_site
     from gateway.workflow.run.self_test import self_test_site
 
     tree, used = load_site(site), clock or LoopClock()

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Annotated, Any
@@ -212,14 +211,28 @@ def push_command(
 ) -> None:
     """Show a stored proposal's difference and every refusal; with --apply write it and measure again."""
     from gateway.approve import take_risk
+    from gateway.store import Store
+    from gateway.workflow.control.push import push_run
+    from gateway.workflow.run.folder import site_of
     from gateway.workflow.run.push_context import push_by_files
 
     if setup_values:
         _hand_over(run_folder, store, setup_values, step, before, machine, risk, apply=apply, as_json=as_json)
         return
-    asked = PushRequest(tuple(axis or ()), apply, machine, points)
+    folder = open_run(Store(store), run_folder, "proposal")
+    asked: dict[str, Any] = {"apply": apply, "machine_name": machine, "tables": tuple(axis or ())}
+
+    async def main(say: Say) -> Any:
+        return await push_run(folder, clock=LoopClock(), say=say, **asked)
+
     with take_risk(risk), push_by_files(offline=offline, resume=resume):
-        push_run_command(run_folder, store, asked, as_json=as_json)
+        with progress(quiet=as_json, folder=folder) as say:
+            outcome = run_to_end(main(say))
+        tree, site = site_of(folder)
+        options = push_options(tree.controller.driver, tree.site.name)
+        looked = after_push_preview(outcome.data.get("refused_by", ()), outcome.run_folder, str(site), options)
+        onward = after_site_run(outcome, site) if apply else looked
+        show_outcome(outcome, as_json=as_json, points=points, onward=onward)
 
 
 def recover_command(
@@ -236,51 +249,12 @@ def recover_command(
     as_json: JsonOption = False,
 ) -> None:
     """Say what an interrupted push or rollback left behind; with --apply put it right."""
+    from gateway.broker import take_from_hung_gateway
+    from gateway.workflow.control.rollback import recover_site
 
     if finish and undo:
         raise typer.BadParameter("choose one of --finish and --undo", param_hint="--finish, --undo")
     choice = "finish" if finish else "undo" if undo else "offered"
-    recover_site_command(site, apply, machine, choice, take=take, as_json=as_json)
-
-
-@dataclass(frozen=True, slots=True)
-class PushRequest:
-    """What `push` was asked for: only these tables, with consent or to look, every point."""
-
-    tables: tuple[str, ...] = ()
-    apply: bool = False
-    machine: str = ""
-    points: bool = False
-
-
-def push_run_command(run_folder: str, store: Path, asked: PushRequest, *, as_json: bool) -> None:
-    """Show a stored proposal against the live machine, or apply it."""
-    from gateway.store import Store
-    from gateway.workflow.control.push import push_run
-    from gateway.workflow.run.folder import site_of
-
-    folder = open_run(Store(store), run_folder, "proposal")
-
-    async def main(say: Say) -> Any:
-        wanted: dict[str, Any] = {"apply": asked.apply, "machine_name": asked.machine, "tables": asked.tables}
-        return await push_run(folder, clock=LoopClock(), say=say, **wanted)
-
-    with progress(quiet=as_json, folder=folder) as say:
-        outcome = run_to_end(main(say))
-    tree, site = site_of(folder)
-    options = push_options(tree.controller.driver, tree.site.name)
-    looked = after_push_preview(outcome.data.get("refused_by", ()), outcome.run_folder, str(site), options)
-    onward = after_site_run(outcome, site) if asked.apply else looked
-    show_outcome(outcome, as_json=as_json, points=asked.points, onward=onward)
-
-
-def recover_site_command(
-    site: Path, apply: bool, machine: str, choice: Any = "offered", *, take: str = "", as_json: bool
-) -> None:
-    """Say what an interrupted push or rollback left; with apply put it right."""
-    from gateway.broker import take_from_hung_gateway
-    from gateway.workflow.control.rollback import recover_site
-
     tree = load_site(site)
 
     async def main(say: Say) -> Any:
@@ -300,10 +274,9 @@ def recover_site_command(
         raise typer.Exit(StillOn.exit_code)
     if not findings and not as_json:
         echo(f"{tree.site.name}: no push was left unfinished, and nothing of ours is left in the control")
-    stands = any(finding.stands for finding in findings)
     if not as_json:
         show_next(after_recovery(findings, str(site), tree.site.name, apply=apply))
-    if stands:
+    if any(finding.stands for finding in findings):
         raise typer.Exit(DeviceError.exit_code)
 
 

@@ -170,7 +170,10 @@ def _ask_axes(asker: Questioner, facts: ControlFacts | None, names: str) -> tupl
     known = {axis.name: axis for axis in facts.axes} if facts else {}
     default = " ".join(known) or names
     asked = asker.ask("axes", "P-INIT-AXES", default, lambda text: _check_axis_names(text, known, default))
-    chosen = [known.get(name) or _assumed_axis(name) for name in _split_names(asked)]
+    chosen = [
+        known.get(name) or ControlAxis(name, "deg" if letter_of(name) in ROTARY else "mm")
+        for name in _split_names(asked)
+    ]
     usual = {axis.name: (0.0, TURN) if axis.unit == "deg" else USUAL_TRAVEL for axis in chosen}
     untold = [axis.name for axis in chosen if axis.travel is None and not axis.modulo]
     typed: dict[str, tuple[float, float]] = {}
@@ -209,10 +212,6 @@ def _ask_safe_positions(asker: Questioner, names: Sequence[str]) -> dict[str, An
     text = asker.ask("safe", "P-INIT-SAFE", "", judge, axes=", ".join(names))
     anywhere = dict.fromkeys(re.findall(r"(\w+)\s+any", text), "any")
     return anywhere | {name: list(ends) for name, ends in _parse_ranges(text).items()}
-
-
-def _assumed_axis(name: str) -> ControlAxis:
-    return ControlAxis(name, "deg" if letter_of(name) in ROTARY else "mm")
 
 
 def _ask_instruments(asker: Questioner, road: str, units: set[str]) -> list[dict[str, Any]]:

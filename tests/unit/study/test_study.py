@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 import trueflank as tf
 from drivers.errors import ConfigError, TrueflankError
 from drivers.units import arcsec_to_rad
-from gateway.cli.files.study import run_study
+from gateway.cli.files.study import study_command
 from gateway.errors import ModelError, StoreError
 from gateway.gear.first_order import first_order
 from gateway.gear.flank import flank_figure
@@ -173,11 +173,11 @@ def test_where_nothing_deviates_a_picture_is_white(found: Study, tmp_path: Path)
 def test_the_command_tells_people_and_programs_and_draws(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     gear, errors = EXAMPLES / "gears" / "eleven-lobes.toml", EXAMPLES / "errors" / "seeded-machine.toml"
     options = {"scheduler": "", "workers": None, "order": "first", "trajectories": 2}
-    run_study(gear, errors, plots=None, as_json=False, **options)  # type: ignore[arg-type]
+    study_command(gear, errors, as_json=False, **options)  # type: ignore[arg-type]
     text = capsys.readouterr().out
     for part in ("by axis", "by tooth", "set-up values", "ECC", "RMS on the flank", "next"):
         assert part in text
-    run_study(gear, errors, plots=tmp_path, as_json=True, **options)  # type: ignore[arg-type]
+    study_command(gear, errors, plots=tmp_path, as_json=True, **options)  # type: ignore[arg-type]
     data = json.loads(capsys.readouterr().out)
     assert data["gear"] == "11-lobe disc"
     paths = [Path(one) for one in data["pictures"]]
