@@ -16,6 +16,7 @@ from gateway.correct.outlook.flank_uncertainty import OpenDoubt
 from gateway.domain.captures import Capture
 from gateway.domain.equipment import SenseProof
 from gateway.domain.figures import Component, Evaluation
+from gateway.domain.grinding_process import CorrectionOrder, Separation, WheelVerdict
 from gateway.domain.identity import KnownFact
 from gateway.domain.outcomes import ActingCheck, AxisVerdict, PushRecord
 from gateway.domain.proposals import TableChange
@@ -155,6 +156,15 @@ class TableMaterial:
 
 
 @dataclass(frozen=True, slots=True)
+class WheelMaterial:
+    """A part's deviations by cause; the order of corrections and what a dressing did, where a closing run has them."""
+
+    separation: Separation
+    order: CorrectionOrder | None = None
+    verdict: WheelVerdict | None = None
+
+
+@dataclass(frozen=True, slots=True)
 class ToothMaterial:
     """What a run knows of the errors and of the tooth; whatever it did not reach is None or empty.
 
@@ -169,6 +179,7 @@ class ToothMaterial:
     parts: tuple[PartMaterial, ...] = ()
     tables: tuple[TableMaterial, ...] = ()
     from_gear: GearProposal | None = None
+    wheel: WheelMaterial | None = None
     gear: CycloidGear | None = None
     gear_name: str = ""
     letters: Mapping[str, str] = field(default_factory=dict)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 from fastapi import APIRouter, Depends, Query, Request
 from starlette.responses import Response
@@ -118,6 +118,24 @@ def form(request: Request, site: str, run: str, stage: Word = "tooth") -> dict[s
     """One space of the nominal gear at the points of a run's flank map: profile, normals, heights; mm and deg."""
     at = site_of(request, site)
     return form_of(run_of(at, run), at.site, at.path, stage)
+
+
+@routes.get("/sites/{site}/runs/{run}/wheel/{part}")
+def wheel(request: Request, site: str, run: str, part: str) -> dict[str, Any]:
+    """A separated part: causes with u, the wheel's form now and after a dressing, the points of its axial profile."""
+    from gateway.views.wheel import wheel_of  # noqa: PLC0415 - a service begins without what only this needs
+
+    at = site_of(request, site)
+    return wheel_of(run_of(at, run), at.site, at.path, part)
+
+
+@routes.get("/sites/{site}/runs/{run}/wheel/{part}/points.{kind}")
+def wheel_points(request: Request, site: str, run: str, part: str, kind: Literal["csv", "dxf"]) -> Response:
+    """The same points as a file to take along: CSV, or DXF."""
+    from gateway.views.wheel import KINDS, wheel_file  # noqa: PLC0415
+
+    at = site_of(request, site)
+    return Response(wheel_file(run_of(at, run), at.site, at.path, part, kind), media_type=KINDS[kind])
 
 
 def _pairs(key: str, text: str) -> dict[str, float]:

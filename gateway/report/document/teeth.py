@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from gateway.domain.grinding_process import CorrectionOrder
 from gateway.domain.values import COVERAGE
 from gateway.report.document.content import Block, Heading, Pair, Paragraph, PictureBlock, TableBlock, Whole
 from gateway.report.document.words import Tongue
@@ -91,6 +92,44 @@ def _setup(material: ToothMaterial, t: Tongue) -> tuple[Block, ...]:
     last = rows[-1]
     values = signed(last.values.x_um), signed(last.values.c_arcsec), signed(last.values.dressing_um)
     return (Paragraph(t("setup_said", x=values[0], c=values[1], dressing=values[2])),)
+
+
+def wheel(report: ReportMaterial, t: Tongue) -> tuple[Block, ...]:
+    """What of a part is wheel, dresser, set-up, axes; what each correction gives; what the dressing did."""
+    material = None if report.tooth is None else report.tooth.wheel
+    if material is None:
+        return ()
+    found = material.separation
+    shares = tuple(
+        (t.known(f"share_{one.name}", one.name), number(one.rms_um), number(one.u_um), "µm") for one in found.shares
+    )
+    blocks: list[Block] = [
+        Heading(t("wheel")),
+        Paragraph(t("wheel_said", part=", ".join(found.parts), rms=number(found.total_um))),
+        TableBlock((t("cause"), "RMS", "u", t("unit")), shares, "lrrl", dense=True, wide=(0,)),
+    ]
+    if material.order is not None:
+        blocks += [Heading(t("corrections"), 2), _corrections(material.order, t)]
+        floor, with_form = material.order.floor_um, material.order.undressed_floor_um
+        blocks.append(Paragraph(t("wheel_floor", floor=number(floor), with_form=number(with_form)), "small"))
+    if material.verdict is not None:
+        seen = material.verdict
+        told = {"before": number(seen.before_um), "after": number(seen.after_um), "u": number(seen.u_um)}
+        blocks.append(Paragraph(t("wheel_held" if seen.held else "wheel_missed", **told)))
+    return tuple(blocks)
+
+
+def _corrections(order: CorrectionOrder, t: Tongue) -> TableBlock:
+    drive = any(one.transmission_arcsec is not None for one in order.steps)
+    rows: list[tuple[str, ...]] = []
+    for one in order.steps:
+        row: tuple[str, ...] = (t.known(f"correction_{one.name}", one.name), number(one.flank_um), number(one.u_um))
+        if drive:
+            error, u = one.transmission_arcsec, one.transmission_u_arcsec
+            row = (*row, "" if error is None else number(error, 1), "" if u is None else number(u, 1))
+        rows.append(row)
+    head = (t("state"), "RMS [µm]", "u [µm]", *((t("transmission_error"), "u [arcsec]") if drive else ()))
+    return TableBlock(head, tuple(rows), "l" + "r" * (len(head) - 1), dense=True, wide=(0,))
 
 
 def incurable(report: ReportMaterial, t: Tongue) -> tuple[Block, ...]:

@@ -25,7 +25,7 @@ from gateway.report.document.equipment import equipment, methods
 from gateway.report.document.first import answer, conditions, conformity, parties
 from gateway.report.document.plain import as_plain
 from gateway.report.document.records import records
-from gateway.report.document.teeth import incurable, tooth
+from gateway.report.document.teeth import incurable, tooth, wheel
 from gateway.report.document.words import Tongue
 from gateway.report.material import ReportMaterial
 from gateway.report.sentences import still_on
@@ -68,7 +68,7 @@ def _main(material: ReportMaterial, t: Tongue) -> tuple[Block, ...]:
     first = (*warned, *parties(material, t), *answer(material, t), *conformity(material, t))
     # Conditions stand with the axes they belong to: they fill what the charts leave of a page.
     of_axes = (*equipment(material, t), *axes(material, t), *conditions(material, t))
-    of_tooth = (*tooth(material, t), *incurable(material, t))
+    of_tooth = (*tooth(material, t), *wheel(material, t), *incurable(material, t))
     return (*first, *of_axes, *of_tooth, _release(material, t))
 
 

@@ -70,6 +70,7 @@ def tooth_data(report: ReportMaterial) -> Mapping[str, object] | None:
             "errors": tooth.errors,
             "proposal": tooth.proposal,
             "from_gear": tooth.from_gear,
+            "wheel": tooth.wheel,
             "verdict": tooth.verdict,
             "parts": tooth.parts,
         },

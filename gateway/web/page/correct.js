@@ -7,10 +7,11 @@ import { array, number, unit, when } from "./figures.js";
 import { record } from "./evaluate.js";
 import { base, chosen, on, state } from "./state.js";
 import { predictedTooth } from "./tooth.js";
+import { partsOf, wheelOf } from "./wheel.js";
 import { recorded, stateOf, t, told } from "./words.js";
 
 export const correct = { open };
-const asked = { run: "", change: 0, tooth: false };
+const asked = { run: "", change: 0, tooth: false, wheel: false };
 
 export async function proposals() {
   const { runs } = await get(`${base()}/runs?most=50`);
@@ -20,6 +21,12 @@ export async function proposals() {
 const NAMES = { axis: (change) => change.axis, reversal: (change) => `${change.axis}-reversal` };
 export const nameOf = (change) =>
   (NAMES[change.new.kind] ?? ((one) => `${one.axis}(${one.new.input_axis}) ${one.new.index}`))(change);
+
+// A run that only separated an inspected part has a wheel to show and no tables.
+async function shownRuns() {
+  const { runs } = await get(`${base()}/runs?most=50`);
+  return runs.filter((one) => !one.problem && (one.stages.includes("proposal") || partsOf(one).length));
+}
 
 // Where a table has its points; between them the control goes straight, beyond them it keeps the last value.
 export function grid(table) {
@@ -46,12 +53,12 @@ function open(root) {
 }
 
 async function drawAll(head, body) {
-  const runs = await proposals();
+  const runs = await shownRuns();
   if (!runs.length) return same(body) || show(body, h("p", { class: "empty" }, t("correct.none")));
   const run = chosen(asked, runs);
   asked.run = run.run_id;
-  const proposal = await record(run.run_id, "proposal");
-  asked.change = Math.min(asked.change, proposal.changes.length - 1);
+  const proposal = run.stages.includes("proposal") ? await record(run.run_id, "proposal") : { changes: [] };
+  asked.change = Math.max(0, Math.min(asked.change, proposal.changes.length - 1));
   if (
     same(
       body,
@@ -62,7 +69,8 @@ async function drawAll(head, body) {
     return null;
   const put = turn(body);
   const again = () => drawAll(head, body);
-  const tooth = asked.tooth && run.stages.includes("tooth");
+  const wheel = partsOf(run).length > 0 && (asked.wheel || !proposal.changes.length);
+  const tooth = !wheel && asked.tooth && run.stages.includes("tooth");
   show(
     head,
     h(
@@ -90,9 +98,9 @@ async function drawAll(head, body) {
         h(
           "button",
           {
-            "aria-pressed": String(!tooth && at === asked.change),
+            "aria-pressed": String(!tooth && !wheel && at === asked.change),
             onclick: () => {
-              Object.assign(asked, { change: at, tooth: false });
+              Object.assign(asked, { change: at, tooth: false, wheel: false });
               again();
             },
           },
@@ -106,15 +114,35 @@ async function drawAll(head, body) {
             id: "tooth",
             "aria-pressed": String(tooth),
             onclick: () => {
-              asked.tooth = true;
+              Object.assign(asked, { tooth: true, wheel: false });
               again();
             },
           },
           t("tooth.tooth"),
         ),
+      partsOf(run).length > 0 &&
+        h(
+          "button",
+          {
+            id: "wheel",
+            "aria-pressed": String(wheel),
+            onclick: () => {
+              asked.wheel = true;
+              again();
+            },
+          },
+          t("wheel.wheel"),
+        ),
     ),
   );
   if (tooth) return put(...(await predictedTooth(run)));
+  if (wheel) {
+    const again_ = () => {
+      delete body.dataset.key;
+      drawAll(head, body).catch((error) => failed(body, told(error)));
+    };
+    return put(...(await wheelOf(run, again_)));
+  }
   const change = proposal.changes[asked.change];
   const axis = state.plan.axes.find((one) => one.axis === change.new.input_axis) ?? state.plan.axes[0];
   if (!change.new.deviations.length || change.skipped)

@@ -18,6 +18,7 @@ from gateway.correct.outlook.flank_uncertainty import OpenDoubt, what_next
 from gateway.domain.captures import Capture
 from gateway.domain.equipment import Equipment
 from gateway.domain.figures import Component, Evaluation
+from gateway.domain.grinding_process import CorrectionOrder, Separation, WheelVerdict
 from gateway.domain.outcomes import ActingCheck, AxisVerdict, PushRecord, Verdict
 from gateway.domain.proposals import Proposal, TableChange
 from gateway.domain.stated import StatedFacts
@@ -38,7 +39,7 @@ from gateway.report import (
     render,
     tooth_pictures,
 )
-from gateway.report.material import AmbientCourse, Outcome
+from gateway.report.material import AmbientCourse, Outcome, WheelMaterial
 from gateway.report.missing import PUSHED
 from gateway.store import RunFolder
 from gateway.tooth import AxisOutlook, GearProposal, GroundPart, InspectedFlank, ToothProposal, ToothVerdict
@@ -351,12 +352,23 @@ def tooth_of(folder: RunFolder, site: SiteFile, site_path: Path) -> ToothMateria
         parts=tuple(_part(folder, name) for name in parts),
         tables=_tables(folder),
         from_gear=stored_record(folder, stages.FROM_GEAR, GearProposal),
+        wheel=_wheel(folder),
         gear=work.gear if work is not None else None,
         gear_name=work.name if work is not None else "",
         letters={axis.name: axis.letter for axis in site.axes},
         open=opened,
         advice=_advice(folder, site, opened, asked=work is not None) if alone else (),
     )
+
+
+def _wheel(folder: RunFolder) -> WheelMaterial | None:
+    """The part that the corrections were ordered by, else the one that was separated last; None without any."""
+    order = stored_record(folder, stages.ORDER, CorrectionOrder)
+    parts = [one.removeprefix(stages.separated("")) for one in folder.stages if one.startswith(stages.separated(""))]
+    if not parts:
+        return None
+    found = folder.get(stages.separated(order.part if order is not None else parts[-1]), Separation)
+    return WheelMaterial(found, order, stored_record(folder, stages.WHEEL_VERDICT, WheelVerdict))
 
 
 def part_names(folder: RunFolder) -> tuple[str, ...]:
