@@ -135,7 +135,7 @@ def wheel_points(request: Request, site: str, run: str, part: str, kind: Literal
     from gateway.views.wheel import KINDS, wheel_file  # noqa: PLC0415
 
     at = site_of(request, site)
-    return Response(wheel_file(run_of(at, run), at.site, at.path, part, kind), media_type=KINDS[kind])
+    return Response(wheel_file(run_of(at, run), at.site, at.path, part=part, kind=kind), media_type=KINDS[kind])
 
 
 def _pairs(key: str, text: str) -> dict[str, float]:

@@ -12,6 +12,10 @@ TESTS = Path(__file__).parents[1]
 JUDGED = "test_what_tables_and_set_up_values_can_cure_leaves_nothing"
 WHOLLY_LONG = {
     (
+        "test_ground_by_copy.py",
+        "test_the_flank_by_tables_is_the_flank_by_the_copy",
+    ): "test_the_simulated_control_cuts_the_same_by_tables_and_by_the_copy",
+    (
         "test_wheel_in_run.py",
         "test_the_wheel_is_dressed_by_what_the_run_told_of_it",
     ): "test_the_best_correction_comes_first_and_each_takes_what_is_its_own",
