@@ -10,6 +10,7 @@ cannot use.
 
 from __future__ import annotations
 
+import re
 import shlex
 import tomllib
 from collections.abc import Callable, Iterator, Mapping
@@ -153,11 +154,14 @@ class CommandList(TyperGroup):
         """Names in the order of the work."""
         return list(self.commands)
 
-    def format_commands(self, _ctx: Any, formatter: Any) -> None:
-        """What each command is for."""
+    def format_commands(self, ctx: Any, formatter: Any) -> None:
+        """What each command is for; of a group's commands all that is said of them."""
         for group in self.floor:
+            rows = [
+                (name, entry["words"] if ctx.parent else _brief(entry)) for name, entry in group["commands"].items()
+            ]
             with formatter.section(group["title"]):
-                formatter.write_dl([(name, _purpose(entry)) for name, entry in group["commands"].items()])
+                formatter.write_dl(rows)
 
     def format_options(self, ctx: Any, formatter: Any) -> None:
         """The commands first: they are what is looked for."""
@@ -171,13 +175,13 @@ class CommandList(TyperGroup):
         write_examples(formatter, self.examples)
 
 
-def _purpose(entry: CommandEntry) -> str:
-    """What a command is for; a group whose words are those of its default names its sub-commands, too."""
-    return (
-        f"{entry['words']} Also: {', '.join(entry['inner'])}."
-        if "inner" in entry and "place" in entry
-        else entry["words"]
-    )
+def _brief(entry: CommandEntry) -> str:
+    """The first clause of what a command is for, and its sub-commands; what may write to a machine is said whole."""
+    words: str = entry["words"]
+    first = words if "--apply" in words else re.split("[;:.]", words)[0]
+    if "inner" not in entry:
+        return first
+    return f"{first}{'; also' if 'place' in entry else ':'} {', '.join(entry['inner'])}"
 
 
 def refuse_renamed(words: list[str], *, known: bool) -> None:

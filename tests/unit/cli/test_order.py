@@ -69,6 +69,11 @@ def test_the_first_help_shows_groups_commands_and_examples() -> None:
     assert all(group["title"] in text for group in command_groups())
     assert "trueflank init" in text.partition("Examples:")[2]
     assert "\x1b" not in text
+    words = " ".join(text.split())
+    assert "Compensation tables: list, verify, lint, diff, convert" in words, "a group names what is in it"
+    assert "also devices, certificate, identity, self-test, compare, accept" in words
+    assert all(one["words"] in words for one in command_entries().values() if "--apply" in one["words"])
+    assert len(text.splitlines()) < 90
 
 
 def test_the_version_is_said() -> None:
