@@ -21,6 +21,7 @@ from drivers.errors import (
     TransportError,
     TrueflankError,
 )
+from drivers.message import Message
 from drivers.transport import ByteTransport
 from drivers.types.sensing import SampleBlock
 
@@ -29,7 +30,7 @@ __all__ = ["Codec", "Feed", "Link", "Trace"]
 Out_contra = TypeVar("Out_contra", contravariant=True)
 In_co = TypeVar("In_co", covariant=True)
 Question = TypeVar("Question")
-Message = TypeVar("Message")
+Received = TypeVar("Received")
 Trace = Callable[[Literal["<", ">"], bytes], None]
 
 READ_BYTES = 1 << 18
@@ -39,7 +40,7 @@ class Codec(Protocol[Out_contra, In_co]):
     """A dialect in one role: pure, bytes to messages and back."""
 
     def send(self, message: Out_contra, /) -> bytes:
-        """Message to bytes; raises LocalProtocolError for what this role may not say."""
+        """Received to bytes; raises LocalProtocolError for what this role may not say."""
         ...
 
     def receive(self, data: bytes, /) -> Iterable[In_co]:
@@ -51,7 +52,7 @@ def _nothing(_direction: Literal["<", ">"], _data: bytes) -> None:
     return None
 
 
-class Link(Generic[Question, Message]):
+class Link(Generic[Question, Received]):
     """A device's wire, owned: `exchange` asks and waits, `news` waits for what comes unasked.
 
     ``is_answer`` tells the answers among the messages; ``matches`` says whether an answer belongs to a
@@ -62,11 +63,11 @@ class Link(Generic[Question, Message]):
         self,
         name: str,
         transport: ByteTransport,
-        codec: Codec[Question, Message],
+        codec: Codec[Question, Received],
         clock: Clock,
         *,
-        is_answer: Callable[[Message], bool] = lambda _message: False,
-        matches: Callable[[Question, Message], bool] = lambda _question, _answer: True,
+        is_answer: Callable[[Received], bool] = lambda _message: False,
+        matches: Callable[[Question, Received], bool] = lambda _question, _answer: True,
         trace: Trace | None = None,
         backlog: int = 4096,
     ) -> None:
@@ -81,8 +82,8 @@ class Link(Generic[Question, Message]):
         self._backlog = backlog
         self._lock = asyncio.Lock()
         self._asked: Question | None = None
-        self._answer: asyncio.Future[Message] | None = None
-        self._unasked: deque[Message] = deque()
+        self._answer: asyncio.Future[Received] | None = None
+        self._unasked: deque[Received] = deque()
         self._changed = asyncio.Event()
         self._failure: TrueflankError | None = None
         self._reader = asyncio.get_running_loop().create_task(self._follow(), name=f"link to {name}")
@@ -97,7 +98,7 @@ class Link(Generic[Question, Message]):
         """Why the link is broken; None while it works."""
         return self._failure
 
-    async def exchange(self, question: Question, timeout_s: float) -> Message:
+    async def exchange(self, question: Question, timeout_s: float) -> Received:
         """Ask and return the answer. Whatever interrupts it (deadline, cancel, nonsense) breaks the link.
 
         Raises DeadlineExceeded, LinkBroken (E-LINK-BROKEN: a former exchange was interrupted),
@@ -112,8 +113,8 @@ class Link(Generic[Question, Message]):
                 self._break(LinkBroken("E-LINK-BROKEN", self.name, why=type(interruption).__name__))
                 raise
 
-    async def _ask(self, question: Question, data: bytes) -> Message:
-        answer: asyncio.Future[Message] = asyncio.get_running_loop().create_future()
+    async def _ask(self, question: Question, data: bytes) -> Received:
+        answer: asyncio.Future[Received] = asyncio.get_running_loop().create_future()
         self._asked, self._answer = question, answer
         try:
             self._trace(">", data)
@@ -122,7 +123,7 @@ class Link(Generic[Question, Message]):
         finally:
             self._asked = self._answer = None
 
-    async def news(self) -> Message:
+    async def news(self) -> Received:
         """Return the next message that came unasked; raises the link's failure once all are taken."""
         while not self._unasked:
             if self._failure is not None:
@@ -160,9 +161,9 @@ class Link(Generic[Question, Message]):
         except TrueflankError as error:
             self._break(error)
         finally:
-            self._break(LinkBroken("E-LINK-BROKEN", self.name, why="its reader ended"))
+            self._break(LinkBroken("E-LINK-BROKEN", self.name, why=Message.of("W-LINK-READER-ENDED")))
 
-    def _sort(self, message: Message) -> None:
+    def _sort(self, message: Received) -> None:
         if self._is_answer(message):
             self._deliver(message)
             return
@@ -171,7 +172,7 @@ class Link(Generic[Question, Message]):
         if len(self._unasked) > self._backlog:
             raise TransportError("E-LINK-OVERFLOW", self.name, limit=f"{self._backlog} messages")
 
-    def _deliver(self, message: Message) -> None:
+    def _deliver(self, message: Received) -> None:
         if self._asked is None or self._answer is None or self._answer.done():
             raise RemoteProtocolError("E-LINK-STRAY", self.name, answer=_short(message), question="(none)")
         if not self._matches(self._asked, message):
@@ -181,7 +182,7 @@ class Link(Generic[Question, Message]):
 
     async def close(self) -> None:
         """End the reader and close the wire; never raises, may be called twice."""
-        self._break(TransportError("E-LINK-CLOSED", self.name, why="this end is closed"))
+        self._break(TransportError("E-LINK-CLOSED", self.name, why=Message.of("W-LINK-CLOSED")))
         self._reader.cancel()
         await asyncio.gather(self._reader, return_exceptions=True)
         await self._transport.close()

@@ -24,7 +24,7 @@ from math import isfinite
 from typing import Any
 
 from drivers.catalogue import text_of
-from drivers.terms import filled, shown
+from drivers.terms import Coded, filled, shown
 
 ENGLISH = "en"
 _DECIMAL = {"de": ","}
@@ -153,6 +153,11 @@ def fields_from_data(data: Mapping[str, Any]) -> dict[str, object]:
     return {str(key): _from_data(value) for key, value in data.items()}
 
 
+def term(said: str) -> Message | str:
+    """A term of the control as a field or text: a message where it is one of the catalogue."""
+    return Message(str(said)) if isinstance(said, Coded) else said
+
+
 def fixed(value: float | None, decimals: int = 2, *, signed: bool = False) -> Quantity | str:
     """A number with so many decimals for a text that names its unit; "-" for what does not exist."""
     return "-" if value is None else Quantity(float(value), decimals=decimals, signed=signed)
@@ -195,7 +200,10 @@ class _Fields(dict[str, Any]):
         self._how = (language, plain)
 
     def __getitem__(self, key: str) -> object:
-        return _Written(self.get(key), *self._how) if key in self else filled(key) or _Absent(key)
+        if key in self:
+            return _Written(self.get(key), *self._how)
+        said = filled(key)
+        return _Absent(key) if said is None else _Written(term(said), *self._how)
 
 
 class _Written:

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any, Literal, Protocol, cast, get_args
 
 from drivers.errors import FileFormatError
+from drivers.message import Message
 
 Level = Literal["read", "program", "motion", "write"]
 LEVELS: tuple[Level, ...] = get_args(Level)
@@ -121,37 +122,37 @@ def read_session(path: Path) -> ProbedSession:
     """A recorded session. Raises FileFormatError (E-PROBE-FILE) with the entry and what is wrong with it."""
     try:
         if path.stat().st_size > LARGEST:
-            raise _bad(path, 0, f"the file is larger than {LARGEST} bytes")
+            raise _bad(path, 0, Message.of("W-FILE-FILE-LARGER", largest=LARGEST))
         tree = json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError, RecursionError) as error:
         raise _bad(path, 0, str(error)) from error
     if not isinstance(tree, dict) or tree.get("trueflank_session") != FORM or not isinstance(tree.get("answers"), list):
-        raise _bad(path, 0, f"it is no recorded session of form {FORM}")
+        raise _bad(path, 0, Message.of("W-PROBES-FORM", form=FORM))
     about = tree.get("about")
     kept = {str(key): str(value) for key, value in about.items()} if isinstance(about, dict) else {}
     answers = tuple(_answer(path, place, entry) for place, entry in enumerate(tree["answers"], start=1))
     names = [answer.probe.name for answer in answers]
     twice = next((name for name in names if names.count(name) > 1), None)
     if twice is not None:
-        raise _bad(path, names.index(twice) + 1, f"{twice} stands there twice")
+        raise _bad(path, names.index(twice) + 1, Message.of("W-PROBES-TWICE", twice=twice))
     return ProbedSession(kept, answers)
 
 
 def _answer(path: Path, place: int, entry: Any) -> Answer:
     known = {one.name for one in fields(Probe)} | {"said"}
     if not isinstance(entry, dict) or set(entry) != known:
-        raise _bad(path, place, f"an entry has {', '.join(sorted(known))}")
+        raise _bad(path, place, Message.of("W-PROBES-KEYS", known=", ".join(sorted(known))))
     entry = {**entry, "allow": FORMER_LEVELS.get(str(entry["allow"]), entry["allow"])}
     texts = all(isinstance(entry[key], str) for key in ("name", "what", "act", "said"))
     ask = entry["ask"]
     if not texts or entry["allow"] not in LEVELS or not isinstance(entry["running"], bool):
-        raise _bad(path, place, "a value has the wrong type")
+        raise _bad(path, place, Message.of("W-PROBES-TYPE"))
     if not isinstance(ask, list) or not all(isinstance(one, str | int | float | bool) for one in ask):
-        raise _bad(path, place, "ask is a list of texts and numbers")
+        raise _bad(path, place, Message.of("W-PROBES-ASK"))
     allow = cast(Level, entry["allow"])
     given = {key: entry[key] for key in ("name", "what", "act", "running")}
     return Answer(Probe(**given, allow=allow, ask=tuple(ask)), entry["said"])
 
 
-def _bad(path: Path, place: int, why: str) -> FileFormatError:
+def _bad(path: Path, place: int, why: str | Message) -> FileFormatError:
     return FileFormatError("E-PROBE-FILE", str(path), line=place, why=why)

@@ -21,6 +21,7 @@ from serial.tools import list_ports
 
 from drivers.clock import Clock, SharedTimeLoop
 from drivers.errors import TransportError
+from drivers.message import Message
 
 BLOCK_BYTES = 1 << 18
 QUEUE_BYTES = 64 << 20
@@ -238,7 +239,7 @@ class SerialTransport:
 
     def _check_open(self) -> None:
         if self._stopping.is_set():
-            raise TransportError("E-LINK-CLOSED", self._url, why="this end is closed")
+            raise TransportError("E-LINK-CLOSED", self._url, why=Message.of("W-LINK-CLOSED"))
 
     async def write(self, data: bytes) -> None:
         """Write in a thread, at most WRITE_S; TransportError (E-LINK-WRITE, E-LINK-CLOSED)."""

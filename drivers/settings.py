@@ -12,7 +12,7 @@ from drivers.errors import ConfigError, words
 from drivers.local.names import guess, shown
 from drivers.message import Message
 
-Rule = tuple[str, bool, str]
+Rule = tuple[str, bool, str | Message]
 """A key, whether its value is allowed beside the others, and what it must be."""
 FIRST = "Value error, "
 FILE_KEY = "site_file_kind"
@@ -172,7 +172,7 @@ def usual_rate(baudrate: int) -> Rule:
     return "baudrate", baudrate in BAUD_RATES, words("W-CFG-BAUD", nearest=nearest)
 
 
-def _broken(key: str, why: str, *, between: bool = False) -> SettingFault:
+def _broken(key: str, why: str | Message, *, between: bool = False) -> SettingFault:
     return SettingFault(key, "E-CFG-SETTING-VALUE", {"key": shown(key), "why": why}, between)
 
 

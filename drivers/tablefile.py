@@ -8,6 +8,7 @@ from decimal import Decimal
 from typing import Literal
 
 from drivers.errors import TrueflankError
+from drivers.message import Message
 from drivers.types.tables import CompensationTable
 from drivers.units import AxisUnit
 
@@ -27,7 +28,7 @@ class TableFile:
     tables: tuple[CompensationTable, ...]
     settings: Mapping[str, Decimal] = field(default_factory=dict)
     lengths: Mapping[str, AxisUnit] = field(default_factory=dict, compare=False)
-    notes: tuple[str, ...] = field(default=(), compare=False)
+    notes: tuple[Message, ...] = field(default=(), compare=False)
     names: Mapping[str, str] = field(default_factory=dict, compare=False)
     units: Mapping[str, AxisUnit] = field(default_factory=dict, compare=False)
     unknown: frozenset[str] = field(default=frozenset(), compare=False)

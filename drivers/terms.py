@@ -19,6 +19,12 @@ _GERMAN_UM = re.compile(r"(?<=[\d)}>] )um(?![\w\-=\"`])")
 _UNIT = re.compile(r"`[^`]*`|(?<![\w\-./\\'\"`=])(um|degC)(?![\w\-='\"`\\]|\.\w)")
 
 
+class Coded(str):
+    """A term that is a sentence or differs by language: a code of the catalogue."""
+
+    __slots__ = ()
+
+
 @dataclass(frozen=True, slots=True)
 class Terms:
     """What people call the tables of a control, where their memory is set, and how they consent; the plain words here.
@@ -39,24 +45,24 @@ class Terms:
     cross_key: str = "cross"
     reversal: str = "reversal value"
     reversal_key: str = "reversal"
-    own_rule: str = "a positive value moves the axis in the negative direction"
-    own_side: str = "acts on the axis"
-    cross_rule: str = "its sense is not taken from a manual but measured"
-    reversal_rule: str = "a positive value is given to an axis that stays behind when it turns"
-    sign_doubt: str = "sign unproven: values follow value = +deviation"
-    own_memory: str = "memory of axis tables"
-    cross_memory: str = "memory of cross tables"
+    own_rule: str = Coded("S-TERM-OWN-RULE")
+    own_side: str = Coded("S-TERM-OWN-SIDE")
+    cross_rule: str = Coded("S-TERM-CROSS-RULE")
+    reversal_rule: str = Coded("S-TERM-REVERSAL-RULE")
+    sign_doubt: str = Coded("S-TERM-SIGN-DOUBT")
+    own_memory: str = Coded("S-TERM-OWN-MEMORY")
+    cross_memory: str = Coded("S-TERM-CROSS-MEMORY")
     own_reserve: str = "memory"
     cross_reserve: str = "memory"
     backlash: str = "backlash"
-    product: str = "multiplication of tables"
-    axis_name: str = "name in the control"
-    units: str = "its unit setting"
-    senses: str = "the settings of the axis' sense"
-    cross_sum: str = "the control's limit"
+    product: str = Coded("S-TERM-PRODUCT")
+    axis_name: str = Coded("S-TERM-AXIS-NAME")
+    units: str = Coded("S-TERM-UNITS")
+    senses: str = Coded("S-TERM-SENSES")
+    cross_sum: str = Coded("S-TERM-CROSS-SUM")
     cross_type: str = "the type"
-    cross_off: str = "by their switches"
-    words: str = "hand-shake words"
+    cross_off: str = Coded("S-TERM-CROSS-OFF")
+    words: str = Coded("S-TERM-WORDS")
     start: str = "START"
     restart: str = "restart"
     version: str = "version"

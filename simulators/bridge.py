@@ -14,7 +14,16 @@ from typing import Any, cast
 
 import numpy as np
 
-from drivers.bridge.codec import BridgeCodec, BridgeRefusal, Damaged, Message, Notification, Reply, Request, SampleFrame
+from drivers.bridge.codec import (
+    BridgeCodec,
+    BridgeMessage,
+    BridgeRefusal,
+    Damaged,
+    Notification,
+    Reply,
+    Request,
+    SampleFrame,
+)
 from drivers.bridge.records import (
     BATTERY_LOW,
     BEAM_OBSTRUCTED,
@@ -98,10 +107,10 @@ class BridgeServer(InstrumentServer):
                 self._peer, self._sequence = None, None
                 self._listened.clear()
 
-    async def _reply(self, message: Message, first: bool) -> Reply | BridgeRefusal:
+    async def _reply(self, message: BridgeMessage, first: bool) -> Reply | BridgeRefusal:
         if not isinstance(message, Request):
             why = message.why if isinstance(message, Damaged) else "not a request"
-            return BridgeRefusal(None, PARSE_ERROR, why)
+            return BridgeRefusal(None, PARSE_ERROR, str(why))
         if not first:
             return BridgeRefusal(message.id, BUSY, "another client uses this calibrator")
         answer = self._answers().get(message.method)
@@ -216,12 +225,12 @@ class BridgeServer(InstrumentServer):
             except TransportError:
                 await peer.close()
 
-    def _told(self, turns: CalibratorSamples, sequence: int) -> list[Message]:
+    def _told(self, turns: CalibratorSamples, sequence: int) -> list[BridgeMessage]:
         """The samples as one line, or as a frame for each stretch with or without the beam."""
         if self._framing == JSON:
             return [self._notification(turns, sequence)]
         events = self._events(turns)
-        told: list[Message] = [Notification(EVENTS, events_as_object(events))] if events else []
+        told: list[BridgeMessage] = [Notification(EVENTS, events_as_object(events))] if events else []
         values = np.column_stack((turns.device_deg, turns.laser_deg)).round(8)
         edges = [0, *(np.flatnonzero(np.diff(turns.beam)) + 1).tolist(), len(turns.time_s)]
         step = 1.0 / self.reader.spec.sample_hz
@@ -309,14 +318,14 @@ class SensorServer(BridgeServer):
             else:
                 await self._pump()
 
-    def _told(self, turns: Any, sequence: int) -> list[Message]:
+    def _told(self, turns: Any, sequence: int) -> list[BridgeMessage]:
         """The samples as one line, or as a frame for each stretch with or without light."""
         readings = cast(SensorReadings, turns)
         step, values = 1.0 / self.sensor.spec.sample_hz, np.round(readings.value, 6)
         if self._framing == JSON:
             return [self._line(readings, sequence, step)]
         events = self._events(turns)
-        told: list[Message] = [Notification(EVENTS, events_as_object(events))] if events else []
+        told: list[BridgeMessage] = [Notification(EVENTS, events_as_object(events))] if events else []
         edges = [0, *(np.flatnonzero(np.diff(readings.beam)) + 1).tolist(), len(values)]
         for start, end in pairwise(edges):
             at_s, valid = float(readings.time_s[start]), bool(readings.beam[start])

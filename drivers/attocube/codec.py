@@ -10,6 +10,8 @@ import json
 from collections.abc import Iterator
 from dataclasses import dataclass
 
+from drivers.message import Message
+
 LONGEST = 1 << 16
 API = 2
 
@@ -36,7 +38,7 @@ class Result:
 class DamagedReply:
     """Bytes that are no answer, and why."""
 
-    why: str
+    why: Message
     raw: bytes
 
 
@@ -59,7 +61,7 @@ class AttocubeCodec:
         *lines, self._rest = (self._rest + data).split(b"\n")
         found = [_answer(line.strip()) for line in lines if line.strip()]
         if len(self._rest) > LONGEST:
-            found.append(DamagedReply(f"a line of more than {LONGEST} bytes", self._rest[:80]))
+            found.append(DamagedReply(Message.of("W-LINK-LONG-LINE", longest=LONGEST), self._rest[:80]))
             self._rest = b""
         return iter(found)
 
@@ -68,13 +70,13 @@ def _answer(line: bytes) -> Answer:
     try:
         said = json.loads(line)
     except (ValueError, RecursionError):
-        return DamagedReply("no JSON", line[:200])
+        return DamagedReply(Message.of("W-ATTO-NO-JSON"), line[:200])
     if not isinstance(said, dict) or type(said.get("id")) is not int:
-        return DamagedReply("no answer with an id", line[:200])
+        return DamagedReply(Message.of("W-ATTO-NO-ID"), line[:200])
     error, result = said.get("error"), said.get("result")
     if error is not None:
         text = error.get("message", error) if isinstance(error, dict) else error
         return Result(said["id"], (), str(text) or "error")
     if not isinstance(result, list) or not result:
-        return DamagedReply("no list of results", line[:200])
+        return DamagedReply(Message.of("W-ATTO-NO-RESULTS"), line[:200])
     return Result(said["id"], tuple(result))

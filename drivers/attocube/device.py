@@ -14,6 +14,7 @@ from drivers.attocube.settings import AttocubeSettings
 from drivers.clock import Clock
 from drivers.errors import DeviceRefused, RemoteProtocolError, TransportError, UnsupportedDevice, catalogue
 from drivers.link import Link, Trace
+from drivers.message import Message
 from drivers.transport import open_transport
 from drivers.types.identity import Identity
 from drivers.types.sensing import Ambient, Optics, SampleBlock
@@ -117,7 +118,7 @@ class AttocubeIds:
     async def _call(self, method: str, *params: int) -> tuple[object, ...]:
         """The items of the result, its error number first. Raises DeviceRefused (E-IDS-ERROR)."""
         if self._link is None:
-            raise TransportError("E-LINK-CLOSED", self.name, why="this end is closed")
+            raise TransportError("E-LINK-CLOSED", self.name, why=Message.of("W-LINK-CLOSED"))
         self._asked += 1
         answer = await self._link.exchange(Ask(self._asked, method, params), self._settings.timeout_s)
         if isinstance(answer, Result) and not answer.error:
@@ -143,7 +144,7 @@ class AttocubeIds:
         """Error or warning number and ``count`` numbers. Raises RemoteProtocolError (E-IDS-ANSWER)."""
         items = await self._call(method, *params)
         if len(items) != count + 1 or not all(type(item) in (int, float) for item in items):
-            why = f"{count + 1} numbers were expected"
+            why = Message.of("W-ATTO-NUMBERS", count=count + 1)
             raise RemoteProtocolError("E-IDS-ANSWER", self.name, method=method, why=why, raw=repr(items))
         number, *values = (float(item) for item in items if isinstance(item, int | float))
         if not np.isfinite([number, *values]).all():
@@ -208,5 +209,5 @@ def _block(samples: list[_Sample], before: int) -> SampleBlock:
         np.array([sample.time_s for sample in samples]),
         np.array([[sample.path_mm] for sample in samples]),
         np.array([sample.warning == 0 for sample in samples]),
-        events=tuple(f"warning {number} of the device" for number in changed),
+        events=tuple(Message.of("W-ATTO-WARNING", number=number) for number in changed),
     )

@@ -18,6 +18,7 @@ from zlib import crc32
 import numpy as np
 
 from drivers.errors import LocalProtocolError
+from drivers.message import Message
 from drivers.types.values import FloatArray
 
 # Binary sample frames of the instrument bridge, version 1: bytes to frames and back, every byte checked, pure.
@@ -82,9 +83,9 @@ def encode_frame(frame: SampleFrame) -> bytes:
     """A frame as bytes. Raises LocalProtocolError (E-BRIDGE-MESSAGE) for what no frame may hold."""
     values = np.ascontiguousarray(frame.values, "<f8")
     if values.ndim != 2 or not 0 < values.nbytes <= PAYLOAD_BYTES:
-        raise LocalProtocolError("E-BRIDGE-MESSAGE", "bridge", why=f"samples of shape {values.shape} in a frame")
+        raise LocalProtocolError("E-BRIDGE-MESSAGE", "bridge", why=Message.of("W-BRIDGE-SHAPE", shape=values.shape))
     if not (isfinite(frame.t0_s) and isfinite(frame.dt_s) and frame.dt_s > 0 and np.isfinite(values).all()):
-        raise LocalProtocolError("E-BRIDGE-MESSAGE", "bridge", why="a frame holds finite numbers only")
+        raise LocalProtocolError("E-BRIDGE-MESSAGE", "bridge", why=Message.of("W-BRIDGE-FINITE"))
     payload = values.tobytes()
     count, channels = values.shape
     flags = 0 if frame.valid else INVALID
@@ -208,11 +209,11 @@ class Damaged:
     """
 
     raw: bytes
-    why: str
+    why: str | Message
     skipped: int = 0
 
 
-Message = Request | Reply | BridgeRefusal | Notification | Damaged | SampleFrame
+BridgeMessage = Request | Reply | BridgeRefusal | Notification | Damaged | SampleFrame
 _MAY_SEND: dict[Role, tuple[type, ...]] = {
     "client": (Request,),
     "server": (Reply, BridgeRefusal, Notification, SampleFrame),
@@ -234,7 +235,7 @@ class BridgeCodec:
         self._needed = 1
         self._overlong = False
 
-    def send(self, message: Message) -> bytes:
+    def send(self, message: BridgeMessage) -> bytes:
         """A message as one line or frame. Raises LocalProtocolError: E-BRIDGE-ROLE, E-BRIDGE-MESSAGE."""
         if not isinstance(message, _MAY_SEND[self._role]):
             kind = type(message).__name__
@@ -247,24 +248,24 @@ class BridgeCodec:
         except (TypeError, ValueError, RecursionError) as error:
             raise LocalProtocolError("E-BRIDGE-MESSAGE", "bridge", why=str(error)) from error
         if len(line) > LINE_BYTES:
-            why = f"a line of {len(line)} bytes is longer than {LINE_BYTES}"
+            why = Message.of("W-BRIDGE-LONG-OUT", count=len(line), line_bytes=LINE_BYTES)
             raise LocalProtocolError("E-BRIDGE-MESSAGE", "bridge", why=why)
         return line
 
-    def receive(self, data: bytes) -> tuple[Message, ...]:
+    def receive(self, data: bytes) -> tuple[BridgeMessage, ...]:
         """Any bytes to the messages they complete; what is no message comes as `Damaged`. Never raises."""
         self._parts.append(data)
         self._held += len(data)
         if self._held < self._needed:
             return ()
         whole = data if len(self._parts) == 1 else b"".join(self._parts)
-        found: list[Message] = []
+        found: list[BridgeMessage] = []
         at = self._read_all(whole, found)
         rest = whole[at:] if at else whole
         self._parts, self._held = ([rest] if rest else []), len(rest)
         return tuple(found)
 
-    def _read_all(self, data: bytes, found: list[Message]) -> int:
+    def _read_all(self, data: bytes, found: list[BridgeMessage]) -> int:
         """Append every message that is whole; where the first that is not begins."""
         at = self._end_of_overlong(data, found) if self._overlong else 0
         while True:
@@ -276,7 +277,7 @@ class BridgeCodec:
                 return at
             at = after
 
-    def _read_one(self, data: bytes, at: int, found: list[Message]) -> int:
+    def _read_one(self, data: bytes, at: int, found: list[BridgeMessage]) -> int:
         if self._role == "client" and data[at] == MAGIC[0]:
             return self._read_frame(data, at, found)
         end = data.find(b"\n", at)
@@ -290,20 +291,20 @@ class BridgeCodec:
             found.append(message)
         return end + 1
 
-    def _read_frame(self, data: bytes, at: int, found: list[Message]) -> int:
+    def _read_frame(self, data: bytes, at: int, found: list[BridgeMessage]) -> int:
         if not MAGIC.startswith(data[at : at + len(MAGIC)]):
             return self._resync(data, at, "neither a line nor a frame", found)
         if len(data) - at < HEADER_BYTES:
             return self._wait(at, HEADER_BYTES)
         header = read_header(data, at)
         if header is None:
-            return self._resync(data, at, "a frame's header is damaged", found)
+            return self._resync(data, at, Message.of("W-BRIDGE-HEADER"), found)
         end = at + HEADER_BYTES + header.size
         if len(data) < end:
             return self._wait(at, end - at)
         read = read_run(data, at, header)
         if read is None:
-            return self._resync(data, at, "a frame's samples are damaged", found)
+            return self._resync(data, at, Message.of("W-BRIDGE-SAMPLES"), found)
         found.append(read[0])
         return read[1]
 
@@ -312,7 +313,7 @@ class BridgeCodec:
         self._needed = needed
         return at
 
-    def _wait_for_line(self, data: bytes, at: int, found: list[Message]) -> int:
+    def _wait_for_line(self, data: bytes, at: int, found: list[BridgeMessage]) -> int:
         if _NO_TEXT.search(data, at):
             return self._resync(data, at, "neither a line nor a frame", found)
         if len(data) - at < LINE_BYTES:
@@ -320,15 +321,15 @@ class BridgeCodec:
         self._overlong = True
         return len(data)
 
-    def _end_of_overlong(self, data: bytes, found: list[Message]) -> int:
+    def _end_of_overlong(self, data: bytes, found: list[BridgeMessage]) -> int:
         end = data.find(b"\n") + 1
         if not end:
             return len(data)
         self._overlong = False
-        found.append(Damaged(b"", f"a line longer than {LINE_BYTES} bytes"))
+        found.append(Damaged(b"", Message.of("W-BRIDGE-LONG-IN", line_bytes=LINE_BYTES)))
         return end
 
-    def _resync(self, data: bytes, at: int, why: str, found: list[Message]) -> int:
+    def _resync(self, data: bytes, at: int, why: str | Message, found: list[BridgeMessage]) -> int:
         """Pass over damage to the next beginning of something right, or that may yet turn out right."""
         to = at + 1
         while True:
@@ -351,18 +352,20 @@ class BridgeCodec:
             return len(data) - at < LINE_BYTES and not _NO_TEXT.search(data, at)
         return not isinstance(self._read_line(data[at:end].strip(_BLANK)), Damaged)
 
-    def _read_line(self, line: bytes) -> Message | None:
+    def _read_line(self, line: bytes) -> BridgeMessage | None:
         if len(line) >= LINE_BYTES:
-            return Damaged(b"", f"a line longer than {LINE_BYTES} bytes")
+            return Damaged(b"", Message.of("W-BRIDGE-LONG-IN", line_bytes=LINE_BYTES))
         message = parse_line(line)
         if isinstance(message, (Damaged, *_MAY_SEND[self._peer])):
             return message
         if self._echo and isinstance(message, Request):
             return None
-        return Damaged(line[:SHOWN_BYTES], f"a {type(message).__name__} is not for a {self._peer} to send")
+        return Damaged(
+            line[:SHOWN_BYTES], Message.of("W-BRIDGE-NOT-YOURS", name=type(message).__name__, peer=self._peer)
+        )
 
 
-def _as_object(message: Message) -> dict[str, Any]:
+def _as_object(message: BridgeMessage) -> dict[str, Any]:
     head: dict[str, Any] = {"jsonrpc": "2.0"}
     match message:
         case Request(number, method, params):
@@ -389,7 +392,7 @@ def _finite(text: str) -> float:
     return value
 
 
-def parse_line(line: bytes) -> Message:
+def parse_line(line: bytes) -> BridgeMessage:
     """One line, without its end, to a message; `Damaged` says why it is none."""
     try:
         whole = _finite if _MAY_OVERFLOW.search(line) else None
@@ -399,7 +402,7 @@ def parse_line(line: bytes) -> Message:
         return Damaged(line[:SHOWN_BYTES], str(error) or type(error).__name__)
 
 
-def _message(found: Any) -> Message:
+def _message(found: Any) -> BridgeMessage:
     if not isinstance(found, dict) or found.get("jsonrpc") != "2.0":
         raise ValueError("no JSON-RPC 2.0 object")
     if "method" in found:
@@ -411,7 +414,7 @@ def _message(found: Any) -> Message:
     return _refusal(found)
 
 
-def _call(found: dict[str, Any]) -> Message:
+def _call(found: dict[str, Any]) -> BridgeMessage:
     method, params = found["method"], found.get("params", {})
     if not isinstance(method, str) or not isinstance(params, dict):
         raise ValueError("method must be text and params an object")

@@ -9,13 +9,14 @@ from typing import Any
 import numpy as np
 
 from drivers.bridge import records
-from drivers.bridge.codec import Damaged, Message, Notification, SampleFrame
+from drivers.bridge.codec import BridgeMessage, Damaged, Notification, SampleFrame
 from drivers.bridge.line import BridgeLine
 from drivers.bridge.records import BREAKS, BridgeSamples, CalibratorStatus, Event, Fields
 from drivers.bridge.settings import BridgeSettings
 from drivers.clock import Clock
 from drivers.errors import DeviceRefused, NotReferenced, RemoteProtocolError, TrueflankError, catalogue
 from drivers.link import Feed, Trace
+from drivers.message import Message
 from drivers.types.identity import Identity
 from drivers.types.sensing import Ambient, Optics, SampleBlock
 from drivers.types.values import CompensatedFor, FloatArray
@@ -186,7 +187,7 @@ class BridgeInstrument:
             notes=who.notices,
         )
 
-    def _hear(self, message: Message) -> None:
+    def _hear(self, message: BridgeMessage) -> None:
         stream = self._stream
         if isinstance(message, SampleFrame):
             self._publish(stream.take_frame(message) if stream else None)
@@ -267,7 +268,7 @@ class BridgeInstrument:
             answer = Fields(await self._line.call(records.START, {"framing": records.BINARY}), self.name)
             self._framed = answer.text("framing", records.JSON) == records.BINARY
         elif self._settings.framing == records.BINARY:
-            said = "it sends no binary frames"
+            said = Message.of("W-BRIDGE-NO-FRAMES")
             raise DeviceRefused("E-BRIDGE-UNSUPPORTED", self.name, method=records.START, said=said)
         else:
             await self._line.call(records.START)
@@ -280,15 +281,15 @@ class BridgeInstrument:
 
     async def _check_ready(self) -> None:
         if self._line.who is not None and not self._line.who.sample_rate_hz:
-            said = "this instrument does not stream"
+            said = Message.of("W-BRIDGE-NO-STREAM")
             raise DeviceRefused("E-BRIDGE-UNSUPPORTED", self.name, method=records.START, said=said)
         await self._check_calibrator("E-BRIDGE-BATTERY", self._settings.battery_refuse_pct)
 
     async def _check_fit(self, block: SampleBlock) -> None:
         """A calibrator that lost its reference or runs empty ends the stream before its readings go wrong."""
-        if any(event.startswith("reference_lost") for event in block.events):
-            raise NotReferenced("E-BRIDGE-REFERENCE", self.name, said="reference lost while it streamed")
-        warned = any(event.startswith("battery_low") for event in block.events)
+        if any(str(event).startswith("reference_lost") for event in block.events):
+            raise NotReferenced("E-BRIDGE-REFERENCE", self.name, said=Message.of("W-BRIDGE-REF-LOST"))
+        warned = any(str(event).startswith("battery_low") for event in block.events)
         if warned or self._clock.now() >= self._checked_at + CHECK_S:
             await self._check_calibrator("E-BRIDGE-EMPTY", self._settings.battery_stop_pct)
 
@@ -299,7 +300,7 @@ class BridgeInstrument:
         status = CalibratorStatus.read(await self._line.call(records.STATUS), self.name)
         self._battery_pct = status.battery_pct
         if not status.referenced:
-            raise NotReferenced("E-BRIDGE-REFERENCE", self.name, said="referenced is false")
+            raise NotReferenced("E-BRIDGE-REFERENCE", self.name, said=Message.of("W-BRIDGE-REF-FALSE"))
         if status.battery_pct is not None and status.battery_pct < least_pct:
             raise DeviceRefused(code, self.name, said=f"{status.battery_pct:g} % left")
 
@@ -317,6 +318,6 @@ class BridgeInstrument:
 
     async def _calibrator(self, method: str, params: Mapping[str, Any] | None = None) -> None:
         if self._line.who is not None and self._line.who.kind != "rotary_calibrator":
-            said = f"it is a {self._line.who.kind}"
+            said = Message.of("W-BRIDGE-IS-KIND", kind=self._line.who.kind)
             raise DeviceRefused("E-BRIDGE-UNSUPPORTED", self.name, method=method, said=said)
         await self._line.call(method, params, timeout_s=self._settings.turn_timeout_s)

@@ -12,13 +12,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drivers.bridge import records
-from drivers.bridge.codec import Damaged, Message, Notification
+from drivers.bridge.codec import BridgeMessage, Damaged, Notification
 from drivers.bridge.line import BridgeLine
 from drivers.bridge.records import Fields
 from drivers.bridge.settings import BridgeSettings
 from drivers.clock import Clock
 from drivers.errors import DeadlineExceeded, DeviceRefused, TransportError, TrueflankError, UnsupportedDevice
 from drivers.link import Trace
+from drivers.message import Message
 from drivers.types.gears import ClampedPart, Flank, GearInspection, GearPlan, GearTrace, InspectedGear
 from drivers.types.identity import Identity
 from drivers.types.sensing import Ambient
@@ -86,12 +87,12 @@ class PointChunk:
         if trace not in TRACES:
             raise fields.wrong("trace", "one of " + ", ".join(TRACES), trace)
         if side not in SIDES or (side == "") != (trace == "runout"):
-            raise fields.wrong("flank", "left or right (none for runout)", side)
+            raise fields.wrong("flank", Message.of("W-BRIDGE-SIDE"), side)
         columns = [fields.array(name, fields.get(name)) for name in COLUMNS]
         deviation = None if fields.get("deviation_um") is None else fields.array("d", fields.get("deviation_um"))
         lengths = {len(column) for column in (*columns, *(() if deviation is None else (deviation,)))}
         if len(lengths) != 1 or 0 in lengths:
-            raise fields.wrong("x_mm", "lists of one length, not empty", sorted(lengths))
+            raise fields.wrong("x_mm", Message.of("W-BRIDGE-LISTS-FULL"), sorted(lengths))
         flank = cast(Flank, side) if side else None
         numbers = fields.integer("plan"), fields.integer("first")
         return cls(
@@ -116,7 +117,7 @@ class MeasurementEnd:
         fields = Fields(found, where)
         outcome = fields.text("outcome")
         if outcome not in ("complete", "aborted", "failed"):
-            raise fields.wrong("outcome", "complete, aborted or failed", outcome)
+            raise fields.wrong("outcome", Message.of("W-BRIDGE-ENDS"), outcome)
         return cls(
             fields.integer("plan"),
             outcome,
@@ -142,14 +143,14 @@ class PointCollection:
         """The next chunk. Raises RemoteProtocolError (E-BRIDGE-FIELD) for one that was not asked for or is missing."""
         fields = Fields({}, self._where)
         if chunk.first != self.count:
-            raise fields.wrong("first", f"{self.count}: points are missing or came twice", chunk.first)
+            raise fields.wrong("first", Message.of("W-BRIDGE-POINTS-LOST", count=self.count), chunk.first)
         if chunk.space >= self._plan.space_count:
             raise fields.wrong("space", f"below {self._plan.space_count}", chunk.space)
         if self._chunks and (chunk.deviation_um is None) != (self._chunks[0].deviation_um is None):
-            raise fields.wrong("deviation_um", "in all chunks or in none", "both")
+            raise fields.wrong("deviation_um", Message.of("W-BRIDGE-ALL-NONE"), "both")
         self.count += len(chunk)
         if self.count > self.total:
-            raise fields.wrong("first", f"{self.total} points at most", self.count)
+            raise fields.wrong("first", Message.of("W-BRIDGE-POINTS-MOST", total=self.total), self.count)
         self._chunks.append(chunk)
 
     def record(self, ending: MeasurementEnd, part: ClampedPart, utc: str) -> InspectedGear:
@@ -236,7 +237,7 @@ class BridgeGear:
         """Let go of the wire; never raises. A plan that runs goes on at the machine until it notices."""
         await self._line.close()
 
-    def _hear(self, message: Message) -> None:
+    def _hear(self, message: BridgeMessage) -> None:
         if isinstance(message, Damaged):
             raise self._line.damaged(message)
         if isinstance(message, Notification) and message.method == POINTS:

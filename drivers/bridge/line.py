@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 from drivers.bridge import records
-from drivers.bridge.codec import BridgeCodec, BridgeRefusal, Damaged, Message, Reply, Request
+from drivers.bridge.codec import BridgeCodec, BridgeMessage, BridgeRefusal, Damaged, Reply, Request
 from drivers.bridge.records import (
     BATTERY_LOW,
     BEAM_OBSTRUCTED,
@@ -34,6 +34,7 @@ from drivers.errors import (
     UnsupportedDevice,
 )
 from drivers.link import Link, Trace
+from drivers.message import Message
 from drivers.transport import open_transport
 
 # What a bridge's refusals mean: each error code to the exception that says who must act.
@@ -62,10 +63,10 @@ def exception_for(refusal: BridgeRefusal, method: str, where: str) -> TrueflankE
 
 # The line.
 
-BridgeLink = Link[Request, Message]
+BridgeLink = Link[Request, BridgeMessage]
 
 
-def _belongs(question: Request, answer: Message) -> bool:
+def _belongs(question: Request, answer: BridgeMessage) -> bool:
     """An answer belongs by its id; a bridge that could not read our line refuses with no id."""
     if isinstance(answer, BridgeRefusal):
         return answer.id in (question.id, None)
@@ -81,7 +82,7 @@ class BridgeLine:
         url: str,
         settings: BridgeSettings,
         clock: Clock,
-        hear: Callable[[Message], None],
+        hear: Callable[[BridgeMessage], None],
         lost: Callable[[TrueflankError], None],
     ) -> None:
         self.name = name
@@ -190,4 +191,4 @@ class BridgeLine:
 
     def closed(self) -> TransportError:
         """The error of whoever asks a line that is not open."""
-        return TransportError("E-LINK-CLOSED", self.name, why="this end is closed")
+        return TransportError("E-LINK-CLOSED", self.name, why=Message.of("W-LINK-CLOSED"))

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drivers.errors import RemoteProtocolError
+from drivers.message import Message
 from drivers.types.sensing import Ambient, Optics
 from drivers.types.values import CompensatedFor, FloatArray
 
@@ -29,7 +30,7 @@ class Fields:
             raise self.wrong("(all)", "an object", found)
         self._found = found
 
-    def wrong(self, name: str, wanted: str, got: object) -> RemoteProtocolError:
+    def wrong(self, name: str, wanted: str | Message, got: object) -> RemoteProtocolError:
         """The error for one field."""
         shown = repr(got)[:80]
         return RemoteProtocolError("E-BRIDGE-FIELD", self.where, field=name, wanted=wanted, got=shown)
@@ -60,24 +61,24 @@ class Fields:
         """An integer from 0 to 2^53, beyond which JSON holds none exactly; required where no default is given."""
         value = self.get(name, default)
         if isinstance(value, bool) or not isinstance(value, int) or not 0 <= value <= MOST:
-            raise self.wrong(name, f"an integer from 0 to {MOST}", value)
+            raise self.wrong(name, Message.of("W-BRIDGE-INTEGER", most=MOST), value)
         return value
 
     def flag(self, name: str) -> bool:
         """True or false."""
         value = self.get(name)
         if not isinstance(value, bool):
-            raise self.wrong(name, "true or false", value)
+            raise self.wrong(name, Message.of("W-BRIDGE-FLAG"), value)
         return value
 
     def array(self, name: str, values: Any) -> FloatArray:
         """A list of finite numbers as shape (n,)."""
         if not isinstance(values, list) or not {type(item) for item in values} <= {int, float}:
-            raise self.wrong(name, "a list of numbers", values)
+            raise self.wrong(name, Message.of("W-BRIDGE-NUMBERS"), values)
         try:
             result = np.array(values, np.float64)
         except OverflowError:
-            raise self.wrong(name, "finite numbers", "an integer beyond all bounds") from None
+            raise self.wrong(name, "finite numbers", Message.of("W-BRIDGE-HUGE")) from None
         if not np.isfinite(result).all():
             raise self.wrong(name, "finite numbers", values)
         return result
@@ -185,7 +186,7 @@ def _one_of(fields: Fields, name: str, allowed: tuple[str, ...]) -> str:
 def _texts(fields: Fields, name: str) -> tuple[str, ...]:
     values = fields.get(name, [])
     if not isinstance(values, list) or not all(isinstance(item, str) for item in values):
-        raise fields.wrong(name, "a list of texts", values)
+        raise fields.wrong(name, Message.of("W-BRIDGE-TEXTS"), values)
     return tuple(values)
 
 
@@ -196,7 +197,7 @@ def _channels(fields: Fields) -> tuple[str, ...]:
         raise fields.wrong("channels", f"{wanted}", names)
     units = KIND_UNITS.get(kind, UNITS)
     if not all(name.endswith(units) for name in names) or (kind in KIND_UNITS and not names):
-        raise fields.wrong("channels", "names that end in a unit: " + " ".join(units), names)
+        raise fields.wrong("channels", Message.of("W-BRIDGE-UNIT-NAMES", units=" ".join(units)), names)
     return wanted
 
 
@@ -246,11 +247,11 @@ class BridgeSamples:
         fields = Fields(found, where)
         given = fields.get("values")
         if not isinstance(given, Mapping) or set(given) != set(channels):
-            raise fields.wrong("values", f"one list for each of {channels}", given)
+            raise fields.wrong("values", Message.of("W-BRIDGE-EACH-LIST", channels=channels), given)
         values = {name: fields.array(f"values.{name}", given[name]) for name in channels}
         lengths = {len(column) for column in values.values()}
         if len(lengths) != 1:
-            raise fields.wrong("values", "lists of one length", sorted(lengths))
+            raise fields.wrong("values", Message.of("W-BRIDGE-LISTS"), sorted(lengths))
         spacing = fields.number("dt_s")
         if spacing <= 0:
             raise fields.wrong("dt_s", "more than 0", spacing)
@@ -271,7 +272,7 @@ def _valid(fields: Fields, length: int) -> NDArray[np.bool_]:
         return np.ones(length, np.bool_)
     good = isinstance(flags, list) and len(flags) == length and all(isinstance(flag, bool) for flag in flags)
     if not good:
-        raise fields.wrong("valid", f"{length} times true or false", flags)
+        raise fields.wrong("valid", Message.of("W-BRIDGE-FLAGS", length=length), flags)
     return np.array(flags, np.bool_)
 
 
@@ -288,7 +289,7 @@ def events_as_object(events: tuple[Event, ...]) -> dict[str, Any]:
 def _events(fields: Fields) -> tuple[Event, ...]:
     found = fields.get("events", [])
     if not isinstance(found, list):
-        raise fields.wrong("events", "a list of objects", found)
+        raise fields.wrong("events", Message.of("W-BRIDGE-OBJECTS"), found)
     each = (Fields(item, fields.where) for item in found)
     return tuple(Event(item.text("kind"), item.number("at_s")) for item in each)
 
@@ -336,7 +337,7 @@ def read_environment(found: Any, where: str) -> Ambient:
     for name, value in (*told, *(("material_degc", value) for value in material)):
         low, high = POSSIBLE[name]
         if value is not None and not low <= value <= high:
-            raise fields.wrong(name, f"between {low:g} and {high:g}, or null where there is no sensor", value)
+            raise fields.wrong(name, Message.of("W-BRIDGE-BETWEEN", low=low, high=high), value)
     return Ambient(
         air_degc=air,
         pressure_hpa=pressure,

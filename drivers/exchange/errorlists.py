@@ -144,7 +144,7 @@ class AerotechCal:
             low, high = (f"{one:g}" for one in (steps.min(), steps.max())) if at.size > 1 else ("-", "-")
             raise TableError("E-EXCHANGE-STEP", "aerotech", stated=low, found=high)
         parts, unit = (1000.0, "um") if table.output_unit == "mm" else (3600.0, "arcsec")
-        said = [
+        own_comments = [
             f"the first value is at {at[0]:.6g} {table.input_unit}, which the file cannot state",
             f"value = correction = -(actual - nominal), in {unit}; enter the number of axis {table.name} in :START",
             *comments,
@@ -153,7 +153,7 @@ class AerotechCal:
         lines = [" ".join(values[k : k + VALUES_A_LINE]) for k in range(0, len(values), VALUES_A_LINE)]
         step = float(np.mean(steps))
         head = f":START 1 SAMPLEDIST={step:.9g} POSUNIT=PRIMARY CORUNIT=PRIMARY/{parts:g}"
-        return "\n".join([*(f"; {comment(one)}" for one in said), head, *lines, ":END"]) + "\n"
+        return "\n".join([*(f"; {comment(one)}" for one in own_comments), head, *lines, ":END"]) + "\n"
 
     def read(self, text: str, where: str, known: ReadAs) -> tuple[CompensationTable, ...]:
         """The table of one axis. Raises FileFormatError (E-EXCHANGE-...; -DECLARE: what to say)."""

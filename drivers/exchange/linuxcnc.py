@@ -40,12 +40,12 @@ class LinuxCncScrew:
         columns = np.stack([at, *(_written(at, one / scale, form) for one in (forward, reverse))], axis=1)
         rows = [" ".join(f"{value:.{DECIMALS}f}" for value in row) for row in columns + 0.0]
         kind = 1 if form == "trims" else 0
-        said = [
+        own_comments = [
             f"COMP_FILE_TYPE = {kind}; {table.input_unit}; {table.name}: nominal forward reverse",
             "the loader stops at these lines; keep them below the rows",
             *comments,
         ]
-        return "\n".join([*rows, *(f"# {comment(line)}" for line in said)]) + "\n"
+        return "\n".join([*rows, *(f"# {comment(line)}" for line in own_comments)]) + "\n"
 
     def read(self, text: str, where: str, known: ReadAs) -> tuple[CompensationTable, ...]:
         """What the loader takes of a file, as one table. Raises FileFormatError (E-EXCHANGE-...)."""

@@ -35,8 +35,8 @@ TABLE_COLUMNS = (
     "deviation_reverse",
 )  # fmt: skip
 ERROR_COLUMNS = ("name", "argument", "argument_unit", "position", "value", "value_unit")
-TABLE_SIGN = "a deviation is actual - nominal of the output axis; a table holds the deviation that it cancels"
-ERROR_SIGN = "error = actual - nominal, names of ISO 230-1; a location error has no position"
+TABLE_COMMENT = "a deviation is actual - nominal of the output axis; a table holds the deviation that it cancels"
+ERROR_COMMENT = "error = actual - nominal, names of ISO 230-1; a location error has no position"
 
 
 class TableCsv:
@@ -47,7 +47,7 @@ class TableCsv:
 
     def text(self, tables: Sequence[CompensationTable], _form: str, comments: Sequence[str]) -> str:
         """All tables below one another; ``deviation_reverse`` only where the negative direction has its own curve."""
-        return _text((TABLE_SIGN, *comments), TABLE_COLUMNS, (row for table in tables for row in _table_rows(table)))
+        return _text((TABLE_COMMENT, *comments), TABLE_COLUMNS, (row for table in tables for row in _table_rows(table)))
 
     def read(self, text: str, where: str, _known: ReadAs) -> tuple[CompensationTable, ...]:
         """The file says axis and unit itself. Raises FileFormatError (E-EXCHANGE-...)."""
@@ -65,7 +65,7 @@ class ErrorCsv:
     def text(self, errors: ErrorSet, comments: Sequence[str]) -> str:
         """Location errors first, then each motion. Raises TableError (E-EXCHANGE-FIELD) for one over several axes."""
         only_motions(errors, "error-csv")
-        return _text((ERROR_SIGN, *comments), ERROR_COLUMNS, _error_rows(errors))
+        return _text((ERROR_COMMENT, *comments), ERROR_COLUMNS, _error_rows(errors))
 
     def read(self, text: str, where: str) -> ErrorSet:
         """Raises FileFormatError (E-EXCHANGE-...)."""

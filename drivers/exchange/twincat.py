@@ -16,6 +16,7 @@ import numpy as np
 
 from drivers.errors import FileFormatError, TableError
 from drivers.exchange.lines import comment, content, curves_of, number, own_table, rising
+from drivers.message import Message
 from drivers.types.exchange import ReadAs
 from drivers.types.tables import CompensationTable
 from drivers.types.values import FloatArray
@@ -24,7 +25,7 @@ from drivers.units import AxisUnit, arcsec_to_deg, deg_to_arcsec, mm_to_um, um_t
 STEPS_PER_MM, STEPS_PER_DEG = 10_000.0, 10_000.0  # 0.1 um, 0.0001 deg
 MOST_OWN, MOST_CROSS = 1500, 1001  # P-COMP-00059, P-COMP-00060: what a list may hold unless it is told otherwise
 _POINT = re.compile(r"kw\.(ssfk|crosscomp)\.table\[(\d{1,5})\]\.(setpoint|pos|neg|correction)\Z", re.ASCII)
-NOT_SETTLED = "sign of cross corrections not settled in public: value = +deviation here; prove it on the machine"
+SIGN_COMMENT = "sign of cross corrections not settled in public: value = +deviation here; prove it on the machine"
 
 
 class TwinCatList:
@@ -44,7 +45,7 @@ class TwinCatList:
         if len(axes) != 1 or len(own) > 1 or len(cross) > 1:
             raise TableError("E-EXCHANGE-ONE", "twincat", found=", ".join(table.name for table in tables) or "nothing")
         said = ["compensation value list, TF5200; lengths 0.1 um, angles 0.0001 deg", *comments]
-        said += ["leadscrew: value = +deviation (actual - programmed)"] * bool(own) + [NOT_SETTLED] * bool(cross)
+        said += ["leadscrew: value = +deviation (actual - programmed)"] * bool(own) + [SIGN_COMMENT] * bool(cross)
         lines = [*(f"# {comment(line)}" for line in said), f"kopf.log_achs_name {axes.pop()}"]
         for table in own:
             lines += _own_lines(table, form)
@@ -195,7 +196,7 @@ def _cross(head: Mapping[str, float], points: Points, where: str, known: ReadAs)
 def _said(head: Mapping[str, float], key: str, where: str, *, needed: bool) -> float:
     """A value of the head, 0 where it is missing and nothing depends on it. Raises FileFormatError (E-FILE-LINE)."""
     if needed and key not in head:
-        raise FileFormatError("E-FILE-LINE", where, line=1, why=f"{key} is missing, and the points depend on it")
+        raise FileFormatError("E-FILE-LINE", where, line=1, why=Message.of("W-EXCHANGE-KEY-MISSING", key=key))
     return head.get(key, 0.0)
 
 

@@ -24,8 +24,8 @@ from drivers.types.values import FloatArray
 from drivers.units import AxisUnit, DeviationUnit, arcsec_to_rad, mm_to_um, rad_to_arcsec, um_to_mm
 
 MARK = "//"
-SIGN = "errors = actual - nominal, names of ISO 230-1; sign not settled in public: prove it (key negate)"
-UNITS = "parameters in mm and rad, arguments in mm and deg"
+SIGN_COMMENT = "errors = actual - nominal, names of ISO 230-1; sign not settled in public: prove it (key negate)"
+UNITS_COMMENT = "parameters in mm and rad, arguments in mm and deg"
 _MOTION = re.compile(r"E[XYZABC][XYZABC]\Z")
 _LOCATION = re.compile(r"[XYZABC]0[XYZABC]\Z")
 _NAME = re.compile(r"\[(\w{3})\]\Z", re.ASCII)
@@ -42,7 +42,7 @@ class IsgCsv:
         blocks = [_located(errors)] if errors.locations else []
         blocks += [_block(group) for group in _groups(errors.curves)]
         blocks += [_field_block(one) for one in errors.fields]
-        said = [f"{MARK} {comment(line)}" for line in (UNITS, SIGN, *comments)]
+        said = [f"{MARK} {comment(line)}" for line in (UNITS_COMMENT, SIGN_COMMENT, *comments)]
         return "\n".join(said) + "\n" + "#\n".join(blocks)
 
     def read(self, text: str, where: str) -> ErrorSet:
@@ -61,7 +61,7 @@ class EtalonExchange:
     def text(self, errors: ErrorSet, comments: Sequence[str]) -> str:
         """One section for each error. Raises TableError (E-EXCHANGE-FIELD) for one over several axes."""
         only_motions(errors, "etalon-exchange")
-        lines = [f"{MARK} {comment(line)}" for line in (UNITS, SIGN, *comments)]
+        lines = [f"{MARK} {comment(line)}" for line in (UNITS_COMMENT, SIGN_COMMENT, *comments)]
         for name, value in errors.locations.items():
             lines += [f"[{name}]", f"VALUE = {_in_file(value, ErrorSet.location_unit(name)):.{DECIMALS}f}"]
         for curve in errors.curves:

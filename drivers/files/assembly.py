@@ -10,7 +10,7 @@ from itertools import pairwise
 import numpy as np
 
 from drivers.errors import FileFormatError
-from drivers.files.numbers import FARTHEST, MOST_TOLD, no_readings
+from drivers.files.numbers import FARTHEST, MOST_TOLD, UNIT_LINES, no_readings
 from drivers.files.readings import Readings, Rows, Whole
 from drivers.files.tables.statements import remarks
 from drivers.message import Message
@@ -33,10 +33,6 @@ INCHES = ("inch", "uin")
 _COUNTED = dict.fromkeys(("targets", "target positions", "ziele", "zielpositionen", "目标数", "目标点数"), "targets")
 _COUNTED |= dict.fromkeys(("runs", "passes", "repetitions", "cycles", "läufe", "wiederholungen", "zyklen"), "runs")
 _COUNTED |= dict.fromkeys(("循环次数", "重复次数", "次数"), "runs")
-UNIT_LINES = (
-    *("stated unit", "units", "unit system", "unit of measure", "measurement unit", "measurement units", "einheit"),
-    *("einheiten", "maßeinheit", "unité", "unités", "unidad", "unidades", "unità", "单位", "единицы"),
-)
 VENDOR_UNITS = {"mm": ("mm", "um"), "deg": ("deg", "arcsec", "mrad", "urad")}
 READING_LINES = tuple(
     f"{what} {unit}"
@@ -77,7 +73,7 @@ def assembled(
     beyond = ~((np.abs(targets) <= FARTHEST) & (np.abs(values) <= FARTHEST))
     if beyond.any():
         row = rows.row(int(np.argmax(beyond)))
-        why = f"target {row.target:g} with {found.quantity} {row.value:g} is no measurement"
+        why = Message.of("W-FILE-NO-MEASUREMENT", target=row.target, quantity=found.quantity, value=row.value)
         raise _wrong(where, row.line, why)
     targets, joined = _near_ones_joined(rows, targets)
     both = (found.target_unit, found.unit)
@@ -107,7 +103,7 @@ def doubted(measured: MeasuredSet, where: str, *, confirmed: bool = False) -> Me
     return _judged(measured, where, grid, apart=False, confirmed=confirmed, refuses=False)
 
 
-def _wrong(where: str, line: int, why: str) -> FileFormatError:
+def _wrong(where: str, line: int, why: str | Message) -> FileFormatError:
     return FileFormatError("E-FILE-LINE", where, line=line, why=why)
 
 
@@ -216,7 +212,7 @@ def _summed(rows: Rows, read: FloatArray, targets: FloatArray, where: str) -> Fl
         key = (way, run)
         if key not in last and step != 0.0:
             row = rows.row(at)
-            raise _wrong(where, row.line, f"the first step of run {row.run} is {row.value:g}: it counts from no stop")
+            raise _wrong(where, row.line, Message.of("W-FILE-FIRST-STEP", run=row.run, value=row.value))
         last[key] = last[key] + step if key in last else target
         found.append(last[key])
     return np.array(found)
@@ -310,7 +306,7 @@ def _arranged(rows: Rows, targets: FloatArray, values: FloatArray, where: str) -
         again = np.ones(flat.size, np.bool_)
         again[np.unique(flat, return_index=True)[1]] = False
         row = rows.row(int(np.argmax(again)))
-        raise _wrong(where, row.line, f"target {row.target:g}, repetition {row.run} in this direction occurs twice")
+        raise _wrong(where, row.line, Message.of("W-FILE-RUN-TWICE", target=row.target, run=row.run))
     deviations[cell], written[cell], lines[cell] = values, rows.value, rows.line
     return _Grid(places, deviations, written, lines)
 

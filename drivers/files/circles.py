@@ -25,6 +25,7 @@ from drivers.files.tables.headwords import head_cell
 from drivers.files.tables.sheet import MARKS, cells
 from drivers.files.text import end_doubts, other_texts, plain_minus, read_bytes
 from drivers.local.textfile import decode_text
+from drivers.message import Message
 from drivers.types.circles import CircleRecord, MakersFigure, MakersFigures
 from drivers.types.values import FloatArray
 from drivers.units import READING_UNITS, TARGET_UNITS, mm_to_um, unit_named
@@ -97,19 +98,23 @@ class CircleColumns:
     calibrated: bool = False
     separator: str = ""
 
-    def limits(self) -> Iterable[tuple[str, bool, str]]:
+    def limits(self) -> Iterable[tuple[str, bool, str | Message]]:
         """See `drivers.files.declared.DeclaredFields`."""
         for role in ROLES:
-            yield role, 0 <= getattr(self, role) <= 1000, "must be a column from 1"
-        yield "time_unit", self.time_unit in ("", *TIMES), f"must be one of {', '.join(TIMES)}"
-        yield "angle_unit", TARGET_UNITS.get(self.angle_unit, ("deg", 1.0))[0] == "deg", "must be a unit of angle"
-        yield "reading_unit", READING_UNITS.get(self.reading_unit, ("mm", 1.0))[0] == "mm", "must be a unit of length"
-        yield "plane", self.plane.upper() in ("", *PLANES), f"must be one of {', '.join(PLANES)}"
-        yield "way", self.way.lower() in ("", "ccw", "cw"), "must be ccw or cw"
+            yield role, 0 <= getattr(self, role) <= 1000, Message.of("W-FILE-COLUMN")
+        yield "time_unit", self.time_unit in ("", *TIMES), Message.of("W-FILE-ONE-OF", known=", ".join(TIMES))
+        yield "angle_unit", TARGET_UNITS.get(self.angle_unit, ("deg", 1.0))[0] == "deg", Message.of("W-FILE-UNIT-ANGLE")
+        yield (
+            "reading_unit",
+            READING_UNITS.get(self.reading_unit, ("mm", 1.0))[0] == "mm",
+            Message.of("W-FILE-UNIT-LENGTH"),
+        )
+        yield "plane", self.plane.upper() in ("", *PLANES), Message.of("W-FILE-ONE-OF", known=", ".join(PLANES))
+        yield "way", self.way.lower() in ("", "ccw", "cw"), Message.of("W-FILE-CCW-CW")
         for name in ("radius_mm", "feed_mm_min", "pitch_first_mm", "pitch_second_mm"):
-            yield name, 0.0 <= getattr(self, name) <= 1e6, "must be more than 0"
-        yield "start_deg", isnan(self.start_deg) or abs(self.start_deg) <= 360.0, "must be an angle in deg"
-        yield "separator", len(self.separator) <= 1, "must be one character"
+            yield name, 0.0 <= getattr(self, name) <= 1e6, Message.of("W-FILE-ABOVE-0")
+        yield "start_deg", isnan(self.start_deg) or abs(self.start_deg) <= 360.0, Message.of("W-FILE-ANGLE-DEG")
+        yield "separator", len(self.separator) <= 1, Message.of("W-FILE-ONE-SIGN")
 
 
 class CircleCsvFormat:
@@ -148,7 +153,9 @@ def parse_b5r(data: bytes, where: str) -> MakersFigures:
             name, kind = element.attributes.get("NAME", ""), element.attributes.get("DT", "")
             value = decimal(text)
             if not name or value is None:
-                raise FileFormatError("E-FILE-LINE", where, line=element.line, why=f"FEATURE {name!r} holds no number")
+                raise FileFormatError(
+                    "E-FILE-LINE", where, line=element.line, why=Message.of("W-FILE-FEATURE", name=name)
+                )
             unit, factor = FEATURE_UNITS.get(kind, ("", 1.0))
             figures.append(MakersFigure(name=name, kind=kind, value=float(value) * factor, unit=unit))
         elif element.name == "PLANE":
@@ -320,14 +327,16 @@ def _table(
     for at, line in body:
         row = cells(line, separator)
         if len(row) < needed:
-            raise FileFormatError("E-FILE-LINE", where, line=at, why=f"{len(row)} columns, but {needed} are needed")
+            raise FileFormatError(
+                "E-FILE-LINE", where, line=at, why=Message.of("W-FILE-COLUMNS-NEEDED", count=len(row), needed=needed)
+            )
         texts = [row[one.at].strip() for one in numbers]
         if any(missing(text) for text in texts):
             continue
         values = [decimal(text, comma=separator != "," and "," in text) for text in texts]
         bad = next((text for text, value in zip(texts, values, strict=True) if value is None), None)
         if bad is not None:
-            raise FileFormatError("E-FILE-LINE", where, line=at, why=f"{bad[:40]!r} is no number")
+            raise FileFormatError("E-FILE-LINE", where, line=at, why=Message.of("W-FILE-NO-NUMBER", bad=bad[:40]))
         if way is not None:
             sense = SENSES.get(row[way.at].strip().lower())
             if sense is None:

@@ -13,6 +13,7 @@ from drivers.errors import ConfigError
 from drivers.files.declared import declared
 from drivers.files.readings import Quantity
 from drivers.files.tables.order import PASSES
+from drivers.message import Message
 from drivers.units import READING_UNITS, TARGET_UNITS, unit_named
 
 WAYS = ("", "column", "runs", "order", "up", "down")
@@ -68,7 +69,7 @@ class ColumnMap:
             words[key] = unit_named(str(words[key])) or words[key] if key in words else ""
         found = declared(cls, words, where)
         if found.apart and (found.quantity not in ("", "deviation") or not mixed):
-            why = "targets and readings must both be lengths or both angles"
+            why = Message.of("W-FILE-MIXED")
             raise ConfigError("E-FILE-MAP", where, key="reading_unit", why=why)
         return found
 
@@ -116,24 +117,28 @@ class ColumnMap:
         said = ((item.name, getattr(self, item.name), item.default) for item in fields(self))
         return ", ".join(f"{name}={value}" for name, value, default in said if value != default)
 
-    def limits(self) -> tuple[tuple[str, bool, str], ...]:
+    def limits(self) -> tuple[tuple[str, bool, str | Message], ...]:
         """See `drivers.files.declared.Declared`."""
         counted = ("target", "deviation", "measured", "increment", "length", "run", "direction_column")
         readings = sum(1 for column in (self.deviation, self.measured, self.increment, self.length) if column)
-        units = f"must be one of {', '.join(TARGET_UNITS)}"
+        units = Message.of("W-FILE-ONE-OF", known=", ".join(TARGET_UNITS))
         return (
-            *((name, getattr(self, name) >= 0, "must be a column from 1") for name in counted),
-            ("deviation", readings <= 1, "give one column of readings: deviation, measured, increment or length"),
-            ("direction", self.direction in WAYS, f"must be one of {', '.join(WAYS[1:])}"),
-            ("direction_column", self.direction != "column" or self.direction_column >= 1, "must be a column from 1"),
-            ("direction", not self.direction_column or self.direction in ("", "column"), "a column tells it"),
-            ("run", self.direction != "runs" or self.run >= 1 or not self.whole, "must be a column from 1"),
-            ("passes", self.passes in PASSES, f"must be one of {', '.join(PASSES[1:])}"),
-            ("last", self.last == 0 or self.last >= self.reading, "must be the last pass's column"),
+            *((name, getattr(self, name) >= 0, Message.of("W-FILE-COLUMN")) for name in counted),
+            ("deviation", readings <= 1, Message.of("W-FILE-GIVE-READINGS")),
+            ("direction", self.direction in WAYS, Message.of("W-FILE-ONE-OF", known=", ".join(WAYS[1:]))),
+            ("direction_column", self.direction != "column" or self.direction_column >= 1, Message.of("W-FILE-COLUMN")),
+            (
+                "direction",
+                not self.direction_column or self.direction in ("", "column"),
+                Message.of("W-FILE-COLUMN-TELLS"),
+            ),
+            ("run", self.direction != "runs" or self.run >= 1 or not self.whole, Message.of("W-FILE-COLUMN")),
+            ("passes", self.passes in PASSES, Message.of("W-FILE-ONE-OF", known=", ".join(PASSES[1:]))),
+            ("last", self.last == 0 or self.last >= self.reading, Message.of("W-FILE-LAST-PASS")),
             ("target_unit", self.target_unit in ("", *TARGET_UNITS), units),
             ("reading_unit", self.reading_unit in ("", *READING_UNITS), units),
-            ("sense", self.sense in (1, -1), "must be 1 or -1"),
-            ("factor", self.factor >= 0.0, "must be more than 0; sense=-1 turns the sign"),
-            ("skip", self.skip >= -1, "must be 0 or more"),
-            ("separator", len(self.separator) <= 1, "must be one character, or empty: as the lines show, else blanks"),
+            ("sense", self.sense in (1, -1), Message.of("W-FILE-ONE-MINUS-ONE")),
+            ("factor", self.factor >= 0.0, Message.of("W-FILE-SCALE")),
+            ("skip", self.skip >= -1, Message.of("W-FILE-0-OR-MORE")),
+            ("separator", len(self.separator) <= 1, Message.of("W-FILE-SEPARATOR")),
         )

@@ -296,16 +296,18 @@ def _joined(one: Found, other: Found, where: str) -> Found:
     ways = [set(np.unique(part.rows.approach).tolist()) for part in (first, second)]
     places = [set(part.rows.target.tolist()) for part in (first, second)]
     if units[0] != units[1]:
-        raise FileFormatError("E-FILE-BESIDE", where, why=f"one holds {_named(units[0])}, the other {_named(units[1])}")
+        raise FileFormatError(
+            "E-FILE-BESIDE", where, why=Message.of("W-FILE-HOLD-APART", units=_named(units[0]), units2=_named(units[1]))
+        )
     if ways[0] & ways[1] or len(ways[0] | ways[1]) != len(WAY):
-        raise FileFormatError("E-FILE-BESIDE", where, why="they are not one way each, and opposite to each other")
+        raise FileFormatError("E-FILE-BESIDE", where, why=Message.of("W-FILE-NOT-OPPOSITE"))
     if places[0] != places[1]:
         apart = ", ".join(f"{place:g}" for place in sorted(places[0] ^ places[1])[:5])
-        raise FileFormatError("E-FILE-BESIDE", where, why=f"only one of them has the targets {apart}")
+        raise FileFormatError("E-FILE-BESIDE", where, why=Message.of("W-FILE-ONE-HAS-TARGETS", apart=apart))
     for key in OF_ONE_TEST:
         stated = [_plain(key, part[key]) for part in (words, more) if part.get(key)]
         if len(set(stated)) > 1:
-            why = f"one states {key} {words[key]!r}, the other {more[key]!r}"
+            why = Message.of("W-FILE-STATE-APART", key=key, words=words[key], more=more[key])
             raise FileFormatError("E-FILE-BESIDE", where, why=why)
     doubts = tuple(dict.fromkeys(first.doubts)) if first.doubts == second.doubts else (*first.doubts, *second.doubts)
     both = replace(first, rows=first.rows.and_then(second.rows), doubts=doubts)
@@ -330,7 +332,7 @@ def _together(one: Found, other: Found, where: str, beside: str) -> Found:
 # --------------------------------------------------------------------------------------------------------------- rows
 
 
-def _wrong(where: str, line: int, why: str) -> FileFormatError:
+def _wrong(where: str, line: int, why: str | Message) -> FileFormatError:
     return FileFormatError("E-FILE-LINE", where, line=line, why=why)
 
 
@@ -339,9 +341,9 @@ def _rows(sheet: Sheet, found: Layout, where: str, *, cut: int) -> tuple[list[Re
     needed = 1 + max(*found.columns, *found.read)
     for at, row in sheet.rows:
         if len(row) < needed:
-            raise _wrong(where, at, f"{len(row)} columns, but column {needed} is needed")
+            raise _wrong(where, at, Message.of("W-FILE-COLUMN-NEEDED", count=len(row), needed=needed))
         if found.width and len(row) != found.width:
-            raise _wrong(where, at, f"{len(row)} columns, but the header names {found.width}")
+            raise _wrong(where, at, Message.of("W-FILE-HEADER-WIDTH", count=len(row), width=found.width))
     if found.passes:
         return [one for at, row in sheet.rows for one in _of_passes(row, found, at, where)], ()
     rows = [_of_row(row, found, at, where, cut=cut) for at, row in sheet.rows]
@@ -367,7 +369,7 @@ def _with_ways(
         kind, scale = TARGET_UNITS[found.target_unit]
         ways = by_steps(targets, 360.0 / scale if kind == "deg" else 0.0)
         if isinstance(ways, int):
-            why = "the order of the rows does not say from which side the axis came: declare direction=up, down or runs"
+            why = Message.of("W-FILE-ORDER-UNSAID")
             raise _wrong(where, rows[ways].line, why)
         return [replace(row, approach=way) for row, way in zip(rows, ways, strict=True)], ()
     told = by_order(targets)
@@ -389,7 +391,7 @@ def _of_passes(row: Row, found: Layout, at: int, where: str) -> list[Reading]:
 def _target(row: Row, found: Layout, at: int, where: str) -> float:
     target = decimal(row[found.columns[0]])
     if target is None:
-        raise _wrong(where, at, f"{row[found.columns[0]]!r} is not a target")
+        raise _wrong(where, at, Message.of("W-FILE-NO-TARGET", row=row[found.columns[0]]))
     return float(target)
 
 
@@ -397,7 +399,7 @@ def _value(cell: str, found: Layout, at: int, where: str, *, cut: int) -> float:
     """A reading; NaN where the cell says that there is none, unless it may be where the file was cut."""
     value = decimal(cell)
     if value is None and (not missing(cell) or (at == cut and not cell.strip("-"))):
-        raise _wrong(where, at, f"{cell!r} is not a {found.quantity}")
+        raise _wrong(where, at, Message.of("W-FILE-NOT-A", cell=cell, quantity=found.quantity))
     return nan if value is None else float(value)
 
 
@@ -408,9 +410,9 @@ def _of_row(row: Row, found: Layout, at: int, where: str, *, cut: int) -> Readin
     way = DIRECTIONS.get(way_text.lower()) if found.columns[1] != NONE else 0
     run = whole(run_text) if found.columns[2] != NONE else 0
     if way is None:
-        raise _wrong(where, at, f"{way_text!r} is not a direction (+ - up down forward backward 1 -1)")
+        raise _wrong(where, at, Message.of("W-FILE-NO-DIRECTION", way_text=way_text))
     if run is None or run >= MOST_REPETITIONS:
-        raise _wrong(where, at, f"{run_text!r} is not a repetition")
+        raise _wrong(where, at, Message.of("W-FILE-NO-REPETITION", run_text=run_text))
     value = _value(row[found.columns[3]], found, at, where, cut=cut)
     if found.beside != NONE and not isnan(value):
         _agree(row, found, (target, value), at, where)
@@ -432,5 +434,5 @@ def _agree(row: Row, found: Layout, read: tuple[float, float], at: int, where: s
         difference -= float(np.round(difference / deg_to_arcsec(360.0))) * deg_to_arcsec(360.0)
     if abs(said - difference) > AGREE_UM + NEARLY * abs(difference):
         unit = deviation_unit(kind)
-        why = f"the deviation is {said:g} {unit}, but position - target is {difference:g} {unit}"
+        why = Message.of("W-FILE-DISAGREES", said=said, unit=unit, difference=difference)
         raise _wrong(where, at, why)

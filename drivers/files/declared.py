@@ -7,12 +7,13 @@ from dataclasses import Field, fields
 from typing import Any, Protocol, TypeVar
 
 from drivers.errors import ConfigError
+from drivers.message import Message
 
 
 class DeclaredFields(Protocol):
     """A dataclass of plain defaults with limits on its values."""
 
-    def limits(self) -> Iterable[tuple[str, bool, str]]:
+    def limits(self) -> Iterable[tuple[str, bool, str | Message]]:
         """(key, whether it is right, what it must be)."""
         ...
 

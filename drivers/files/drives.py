@@ -64,14 +64,14 @@ class DriveColumns:
     skip: int = 0
     separator: str = ""
 
-    def limits(self) -> Iterable[tuple[str, bool, str]]:
+    def limits(self) -> Iterable[tuple[str, bool, str | Message]]:
         """See `drivers.files.declared.DeclaredFields`."""
         for role in ROLES:
             unit = getattr(self, f"{role}_unit")
-            yield role, 0 <= getattr(self, role) <= 1000, "must be a column from 1"
-            yield f"{role}_unit", not unit or _scale(role, unit) is not None, f"{unit!r} is no unit of it"
-        yield "skip", 0 <= self.skip <= 10_000, "must be 0 to 10000"
-        yield "separator", len(self.separator) <= 1, "must be one character"
+            yield role, 0 <= getattr(self, role) <= 1000, Message.of("W-FILE-COLUMN")
+            yield f"{role}_unit", not unit or _scale(role, unit) is not None, Message.of("W-FILE-NO-UNIT", unit=unit)
+        yield "skip", 0 <= self.skip <= 10_000, Message.of("W-FILE-0-10000")
+        yield "separator", len(self.separator) <= 1, Message.of("W-FILE-ONE-SIGN")
 
 
 class DriveCsvFormat:
@@ -166,7 +166,12 @@ def _columns(heads: Sequence[str], said: DriveColumns, where: str) -> list[_Colu
         if at < 0:
             continue
         if at >= len(heads):
-            raise FileFormatError("E-FILE-LINE", where, line=1, why=f"{len(heads)} columns, but {role} is {at + 1}")
+            raise FileFormatError(
+                "E-FILE-LINE",
+                where,
+                line=1,
+                why=Message.of("W-FILE-ROLE-COLUMN", count=len(heads), role=role, column=at + 1),
+            )
         unit = getattr(said, f"{role}_unit") or _unit(heads[at])
         if _scale(role, unit) is None:
             raise FileFormatError("E-DRIVE-UNIT", where, role=role, column=at + 1, heading=heads[at][:60] or "(none)")
@@ -218,14 +223,16 @@ def _table(
     for at, line in body:
         row = cells(line, separator)
         if len(row) < needed:
-            raise FileFormatError("E-FILE-LINE", where, line=at, why=f"{len(row)} columns, but {needed} are needed")
+            raise FileFormatError(
+                "E-FILE-LINE", where, line=at, why=Message.of("W-FILE-COLUMNS-NEEDED", count=len(row), needed=needed)
+            )
         texts = [row[one.at].strip() for one in columns]
         if any(missing(text) for text in texts):
             continue
         numbers = [decimal(text, comma=separator != "," and "," in text) for text in texts]
         bad = next((text for text, number in zip(texts, numbers, strict=True) if number is None), None)
         if bad is not None:
-            raise FileFormatError("E-FILE-LINE", where, line=at, why=f"{bad[:40]!r} is no number")
+            raise FileFormatError("E-FILE-LINE", where, line=at, why=Message.of("W-FILE-NO-NUMBER", bad=bad[:40]))
         kept.append(at)
         found.append(numbers)
     if len(found) < FEWEST_ROWS:
@@ -242,7 +249,7 @@ def _check(values: Mapping[str, FloatArray], lines: Sequence[int], where: str) -
     for role, one in values.items():
         far = np.flatnonzero(~(np.abs(one) <= LARGEST[role]))
         if far.size:
-            why = f"{one[far[0]]:.6g} is no reading of {role} (a mark of the recorder, or another unit)"
+            why = Message.of("W-FILE-NO-READING-OF", one=one[far[0]], role=role)
             raise FileFormatError("E-FILE-LINE", where, line=lines[int(far[0])], why=why)
     if "time" in values:
         back = np.flatnonzero(np.diff(values["time"]) <= 0.0)

@@ -23,32 +23,32 @@ from drivers.types.gears import GearInspection
 
 DATUM_FACE = "datum_face"
 MOST_NAMES = 40
-AS_TABLE = "export the readings as a table (CSV or .xlsx) in the program that wrote the file"
+AS_TABLE = Message.of("W-GEARFILE-EXPORT")
 BALLBAR = (
-    "a circular test of a ballbar",
-    "a circular test holds no positions of one axis; measure the axes one by one",
+    Message.of("W-GEARFILE-BALLBAR"),
+    Message.of("W-GEARFILE-BALLBAR-DO"),
 )
 OTHERS = {
     "ballbar": (
-        "a circular test of a ballbar",
-        "a circular test holds no positions of one axis; measure the axes one by one",
+        Message.of("W-GEARFILE-BALLBAR"),
+        Message.of("W-GEARFILE-BALLBAR-DO"),
     ),
     "b5r": (
-        "a circular test of a ballbar",
-        "a circular test holds no positions of one axis; measure the axes one by one",
+        Message.of("W-GEARFILE-BALLBAR"),
+        Message.of("W-GEARFILE-BALLBAR-DO"),
     ),
-    "qif": ("QIF, results or plans of a coordinate measuring machine (ISO 23952)", AS_TABLE),
+    "qif": (Message.of("W-GEARFILE-QIF"), AS_TABLE),
     "calibrationcertificate": (
-        "a digital calibration certificate (DCC)",
-        "enter what it states of an instrument in the site file; " + AS_TABLE,
+        Message.of("W-GEARFILE-DCC"),
+        Message.of("W-GEARFILE-DCC-DO", table=AS_TABLE),
     ),
-    "workbook": ("a workbook as XML", "save it as .xlsx or as CSV in the spreadsheet program"),
-    "svg": ("a picture", "choose the file with the readings"),
-    "html": ("a web page", "choose the file with the readings"),
+    "workbook": (Message.of("W-GEARFILE-XML-BOOK"), Message.of("W-GEARFILE-SAVE-XLSX")),
+    "svg": (Message.of("W-GEARFILE-PICTURE"), Message.of("W-GEARFILE-CHOOSE")),
+    "html": (Message.of("W-GEARFILE-WEB"), Message.of("W-GEARFILE-CHOOSE")),
 }
 UNKNOWN = (
-    "of no kind known here (a ballbar's circular test, QIF and DCC are XML too)",
-    AS_TABLE + "; if it is GDE, declare point, x, y, z, space and flank with --column",
+    Message.of("W-GEARFILE-NO-KIND"),
+    Message.of("W-GEARFILE-IF-GDE", table=AS_TABLE),
 )
 
 
@@ -68,14 +68,14 @@ class GdeNames(PointMap):
     flank: str = ""
     deviation: str = ""
 
-    def limits(self) -> Iterable[tuple[str, bool, str]]:
+    def limits(self) -> Iterable[tuple[str, bool, str | Message]]:
         """See `PointMap.limits`."""
         return (
             *PointMap.limits(self),
-            ("point", bool(self.point) != bool(self.triples), "name either point or triples"),
-            ("space", bool(self.space), "name where the number of the space or tooth stands"),
-            ("flank", bool(self.flank), "name where left or right stands"),
-            ("deviation", not (self.triples and self.deviation), "a list of triples holds no deviation"),
+            ("point", bool(self.point) != bool(self.triples), Message.of("W-GEARFILE-POINT-TRIPLES")),
+            ("space", bool(self.space), Message.of("W-GEARFILE-WHERE-SPACE")),
+            ("flank", bool(self.flank), Message.of("W-GEARFILE-WHERE-SIDE")),
+            ("deviation", not (self.triples and self.deviation), Message.of("W-GEARFILE-TRIPLES-NO-DEV")),
         )
 
 
@@ -167,7 +167,7 @@ def read_gde(data: bytes, names: GdeNames | None, where: str) -> GearInspection:
     read_elements(data, ended, where)
     face = seen.datum_face
     side = Message.of("S-FILE-GDE-SIDE", said=face) if face else Message.of("S-FILE-GDE-NO-SIDE")
-    header = {"Format": "GDE (VDI/VDE 2610), by declared names", "Version": seen.version, "Parts": parts}
+    header = {"Format": "GDE (VDI/VDE 2610)", "Version": seen.version, "Parts": parts}
     header |= {"Datum face": seen.datum_face}
     more = (Message.of("S-FILE-GDE-NEXT", names=tuple(beside)),) if beside else ()
     return inspection(touches, names, where, warnings=(side, *more), header=header)
@@ -189,7 +189,7 @@ def _touches(element: Element, above: list[Element], names: GdeNames, where: str
     if names.triples:
         numbers = [decimal(token) for token in "".join(element.text).split()]
         if len(numbers) % 3:
-            raise wrong_line(where, element.line, f"{len(numbers)} numbers are no triples")
+            raise wrong_line(where, element.line, Message.of("W-GEARFILE-NO-TRIPLES", count=len(numbers)))
         triples = [numbers[at : at + 3] for at in range(0, len(numbers), 3)]
         return [touch(space, flank, numbers=list(triple), at=element.line, where=where) for triple in triples]
     wanted = [names.x, names.y, names.z, *([names.deviation] if names.deviation else [])]
@@ -201,5 +201,5 @@ def _found(chain: list[Element], name: str, line: int, where: str) -> str:
     """The nearest value of that name, from the point outward."""
     value = next((value for element in chain if (value := element.look_up(name)) is not None), None)
     if value is None:
-        raise wrong_line(where, line, f"no {name} here or around")
+        raise wrong_line(where, line, Message.of("W-GEARFILE-NAME-NONE", name=name))
     return value

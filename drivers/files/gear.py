@@ -52,13 +52,13 @@ class PointMap:
         """From a user's words. Raises ConfigError (E-FILE-MAP) naming the key and what is allowed."""
         return declared(cls, said, where)
 
-    def limits(self) -> Iterable[tuple[str, bool, str]]:
+    def limits(self) -> Iterable[tuple[str, bool, str | Message]]:
         """See `drivers.files.declared.Declared`."""
         return (
-            ("length_unit", self.length_unit in LENGTHS, f"must be one of {', '.join(LENGTHS)}"),
-            ("angle_unit", self.angle_unit in ANGLES, f"must be one of {', '.join(ANGLES)}"),
-            ("deviation_unit", self.deviation_unit in LENGTHS, f"must be one of {', '.join(LENGTHS)}"),
-            ("probe_u_um", 0.0 <= self.probe_u_um < 1000.0, "must be 0 (not said) to 1000"),
+            ("length_unit", self.length_unit in LENGTHS, Message.of("W-FILE-ONE-OF", known=", ".join(LENGTHS))),
+            ("angle_unit", self.angle_unit in ANGLES, Message.of("W-FILE-ONE-OF", known=", ".join(ANGLES))),
+            ("deviation_unit", self.deviation_unit in LENGTHS, Message.of("W-FILE-ONE-OF", known=", ".join(LENGTHS))),
+            ("probe_u_um", 0.0 <= self.probe_u_um < 1000.0, Message.of("W-GEARFILE-0-1000")),
         )
 
 
@@ -79,23 +79,23 @@ class GearColumns(PointMap):
     separator: str = ";"
     decimal_comma: bool = False
 
-    def limits(self) -> Iterable[tuple[str, bool, str]]:
+    def limits(self) -> Iterable[tuple[str, bool, str | Message]]:
         """See `PointMap.limits`."""
         # A trace has no angles: then the deviation says what was measured at the radius.
         round_one = bool(self.radius) != bool(self.diameter) and bool(self.angle or self.deviation)
         square = bool(self.x and self.y) and not (self.radius or self.diameter or self.angle)
         return (
             *PointMap.limits(self),
-            ("space", self.space >= 1, "must be a column from 1"),
-            ("flank", self.flank >= 1, "must be a column from 1"),
-            ("z", self.z >= 1, "must be a column from 1: a point needs its height"),
+            ("space", self.space >= 1, Message.of("W-FILE-COLUMN")),
+            ("flank", self.flank >= 1, Message.of("W-FILE-COLUMN")),
+            ("z", self.z >= 1, Message.of("W-FILE-COLUMN-HEIGHT")),
             (
                 "x",
                 square or round_one,
-                "give x and y, or radius or diameter with angle or deviation: a point needs its place",
+                Message.of("W-GEARFILE-GIVE-PLACE"),
             ),
-            ("skip", self.skip >= 0, "must be 0 or more"),
-            ("separator", len(self.separator) == 1, "must be one character"),
+            ("skip", self.skip >= 0, Message.of("W-FILE-0-OR-MORE")),
+            ("separator", len(self.separator) == 1, Message.of("W-FILE-ONE-SIGN")),
         )
 
     @property
@@ -169,7 +169,7 @@ def _touch(line: str, columns: GearColumns, at: int, where: str) -> Touch:
     row = cells(line, columns.separator)
     needed = max(columns.space, columns.flank, *columns.numbers)
     if len(row) < needed:
-        raise wrong_line(where, at, f"{len(row)} columns, but column {needed} is needed")
+        raise wrong_line(where, at, Message.of("W-FILE-COLUMN-NEEDED", count=len(row), needed=needed))
     numbers = [decimal(row[column - 1], comma=columns.decimal_comma) for column in columns.numbers]
     return touch(row[columns.space - 1], row[columns.flank - 1], numbers=numbers, at=at, where=where)
 
@@ -178,12 +178,12 @@ def touch(space: str, flank: str, numbers: list[float | None], at: int, where: s
     """One point, checked. Raises FileFormatError (E-FILE-LINE)."""
     number, side = whole(space.strip()), FLANKS.get(flank.strip().lower())
     if number is None or number > MOST_SPACES:
-        raise wrong_line(where, at, f"{space!r} is no number of a space")
+        raise wrong_line(where, at, Message.of("W-GEARFILE-NO-SPACE", space=space))
     if side is None:
-        raise wrong_line(where, at, f"{flank!r} is no flank (left right l r links rechts +1 -1)")
+        raise wrong_line(where, at, Message.of("W-GEARFILE-NO-FLANK", flank=flank))
     known = [value for value in numbers if value is not None]
     if len(known) != len(numbers):
-        raise wrong_line(where, at, "a place or deviation is no number")
+        raise wrong_line(where, at, Message.of("W-GEARFILE-NO-PLACE"))
     return Touch(number, side, tuple(known))
 
 
@@ -240,6 +240,6 @@ def _doubts(places: np.ndarray, space: np.ndarray, flank: np.ndarray) -> list[Me
     return found
 
 
-def wrong_line(where: str, line: int, why: str) -> FileFormatError:
+def wrong_line(where: str, line: int, why: str | Message) -> FileFormatError:
     """The error for one line."""
     return FileFormatError("E-FILE-LINE", where, line=line, why=why)

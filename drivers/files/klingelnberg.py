@@ -173,7 +173,7 @@ def _values(lines: list[str], at: int, count: int, where: str) -> tuple[int, lis
             if value is None:
                 if _HEAD.search(lines[at]) or ":" in word:
                     raise FileFormatError("E-GEARFILE-COUNT", where, line=begun, stated=count, found=len(found))
-                raise wrong_line(where, at + 1, f"{word[:40]!r} is no number")
+                raise wrong_line(where, at + 1, Message.of("W-FILE-NO-NUMBER", bad=word[:40]))
             found.append(value)
         at += 1
     if len(found) > count:
@@ -278,7 +278,7 @@ def read_mew(text: str, where: str) -> MakersFigures:
             if any(word in label.lower() for word in _WORDS_OF.get(value[1][0], ())):
                 raise FileFormatError("E-GEARFILE-CODE", where, line=line, number=value[1], label=label[:40])
             if number is None:
-                raise wrong_line(where, line, f"{value[3][:40]!r} is no number")
+                raise wrong_line(where, line, Message.of("W-FILE-NO-NUMBER", bad=value[3][:40]))
             if number not in NOT_MEASURED:
                 found.append(MakersFigure(f"{value[1]} {label}".strip(), value[1], number, ""))
         elif numbered is not None:
@@ -306,7 +306,7 @@ def read_contour(text: str, where: str) -> GearContour:
         words = [word.strip() for word in told.strip().rstrip(";").split(";")]
         numbers = [decimal(word) for word in words]
         if len(numbers) != 4 or None in numbers:
-            raise wrong_line(where, line, "a row has four numbers: index; x; y; z;")
+            raise wrong_line(where, line, Message.of("W-FILE-ROW-FOUR"))
         number, x, y, z = (float(one) for one in numbers if one is not None)
         index += 1
         if number != index:

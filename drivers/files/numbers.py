@@ -190,3 +190,10 @@ def no_readings(targets: int, repetitions: int, where: str) -> FloatArray:
     if 2 * targets * repetitions > MOST_READINGS:
         raise FileFormatError("E-FILE-SIZE", where, targets=targets, repetitions=repetitions, limit=MOST_READINGS)
     return np.full((targets, repetitions, 2), np.nan)
+
+
+UNIT_LINES = (
+    *("stated unit", "units", "unit system", "unit of measure", "measurement unit", "measurement units", "einheit"),
+    *("einheiten", "maßeinheit", "unité", "unités", "unidad", "unidades", "unità", "单位", "единицы"),
+)
+"""What result files call the line that states a unit."""

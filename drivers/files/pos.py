@@ -90,12 +90,12 @@ def _blocks(text: str, where: str) -> dict[str, dict[float, float]]:
             pair = [decimal(token) for token in line.split()]
             if current is None:
                 if found and len(pair) == 2 and None not in pair:
-                    raise FileFormatError("E-FILE-LINE", where, line=at, why="numbers after the end of their block")
+                    raise FileFormatError("E-FILE-LINE", where, line=at, why=Message.of("W-FILE-AFTER-BLOCK"))
                 continue
             if len(pair) != 2 or None in pair:
                 if pair and pair[0] is not None:
                     raise FileFormatError(
-                        "E-FILE-LINE", where, line=at, why=f"{line.strip()!r} is no position and error"
+                        "E-FILE-LINE", where, line=at, why=Message.of("W-FILE-NO-POS-ERROR", found=line.strip())
                     )
                 current = None
                 continue

@@ -62,7 +62,7 @@ def lookup(found: dict[str, str], key: str) -> str | None:
     return next((value for name, value in found.items() if name.lower() == key.lower()), None)
 
 
-def wrong_line(where: str, line: int, why: str) -> FileFormatError:
+def wrong_line(where: str, line: int, why: str | Message) -> FileFormatError:
     """The error for one line."""
     return FileFormatError("E-FILE-LINE", where, line=line, why=why)
 
@@ -143,7 +143,7 @@ def _targets(lines: Lines, comma: bool, where: str) -> tuple[tuple[float, ...], 
             if not inside:
                 rest.append(line)
         elif not inside:
-            raise wrong_line(where, at, f"{line.strip()!r} is no key")
+            raise wrong_line(where, at, Message.of("W-FILE-NO-KEY", found=line.strip()))
         if inside:
             numbers.extend(_numbers((value if colon else line).split(), comma, at, where))
     count = lookup(keyed(rest), "Target-count")
@@ -158,7 +158,7 @@ def _numbers(tokens: Iterable[str], comma: bool, at: int, where: str) -> Iterato
     for token in tokens:
         number = decimal(token, comma=comma)
         if number is None:
-            raise wrong_line(where, at, f"{token!r} is no number")
+            raise wrong_line(where, at, Message.of("W-FILE-NO-NUMBER", bad=token))
         yield number
 
 
@@ -174,7 +174,7 @@ def _rows(
             continue
         run, target, value = _row(line.split(), comma, at, where)
         if not 1 <= target <= targets or not 1 <= run <= MOST_RUNS:
-            raise wrong_line(where, at, f"run {run}, target {target} does not exist ({targets} targets)")
+            raise wrong_line(where, at, Message.of("W-FILE-RUN-TARGET", run=run, target=target, targets=targets))
         if (run, target) in rows:
             raise wrong_line(where, at, f"run {run}, target {target} occurs twice")
         rows[run, target] = value
@@ -185,10 +185,10 @@ def _rows(
 
 def _row(tokens: list[str], comma: bool, at: int, where: str) -> tuple[int, int, float]:
     if len(tokens) != 3:
-        raise wrong_line(where, at, "a row needs run, target and deviation")
+        raise wrong_line(where, at, Message.of("W-FILE-ROW-NEEDS"))
     run, target, value = whole(tokens[0]), whole(tokens[1]), decimal(tokens[2], comma=comma)
     if run is None or target is None or value is None:
-        raise wrong_line(where, at, f"{' '.join(tokens)!r} is no row of numbers")
+        raise wrong_line(where, at, Message.of("W-FILE-NO-ROW", tokens=" ".join(tokens)))
     return run, target, value
 
 

@@ -8,6 +8,7 @@ from typing import Any, NoReturn
 from xml.parsers import expat
 
 from drivers.errors import FileFormatError
+from drivers.message import Message
 
 MOST_BYTES = 32 << 20
 DEEPEST = 50
@@ -52,7 +53,7 @@ class _Reader:
     def _forbidden(self, *_declared: Any) -> NoReturn:
         raise FileFormatError("E-FILE-XML-DTD", self._where, line=self.parser.CurrentLineNumber)
 
-    def _too_much(self, what: str, limit: int) -> NoReturn:
+    def _too_much(self, what: str | Message, limit: int) -> NoReturn:
         line = self.parser.CurrentLineNumber
         raise FileFormatError("E-FILE-XML-LIMIT", self._where, what=what, limit=limit, line=line)
 
@@ -61,14 +62,14 @@ class _Reader:
         if self._count > MOST_ELEMENTS:
             self._too_much("elements", MOST_ELEMENTS)
         if len(self._open) >= DEEPEST:
-            self._too_much("elements inside each other", DEEPEST)
+            self._too_much(Message.of("W-FILE-NESTED"), DEEPEST)
         named = {local(key): value for key, value in attributes.items()}
         self._open.append(Element(local(name), named, self.parser.CurrentLineNumber))
 
     def _text(self, text: str) -> None:
         self._letters += len(text)
         if self._letters > LONGEST_TEXT:
-            self._too_much("letters of text", LONGEST_TEXT)
+            self._too_much(Message.of("W-FILE-LETTERS"), LONGEST_TEXT)
         if self._open:
             self._open[-1].text.append(text)
 

@@ -23,7 +23,7 @@ def read_bytes(path: Path) -> bytes:
     except OSError as error:
         raise FileUnreadable("E-FILE-READ", str(path), why=str(error)) from error
     if len(data) > LARGEST_BYTES:
-        raise FileUnreadable("E-FILE-READ", str(path), why=f"it is larger than {LARGEST_BYTES} bytes")
+        raise FileUnreadable("E-FILE-READ", str(path), why=Message.of("W-FILE-LARGER", largest=LARGEST_BYTES))
     if not data.strip(NOTHING):
         raise FileFormatError("E-FILE-EMPTY", str(path), bytes=len(data))
     return data

@@ -15,6 +15,7 @@ from drivers.files.columns import ColumnMap
 from drivers.files.tables.indexed import is_indexed
 from drivers.files.tables.layout import understood_as
 from drivers.files.tables.sheet import sheets_of
+from drivers.message import Message
 
 ZIP, OLD = b"PK\x03\x04", b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1"
 ENDING = ".xlsx"
@@ -34,7 +35,7 @@ def is_workbook(path: Path, data: bytes) -> bool:
     if data.startswith(ZIP) and not named:
         raise FileFormatError("E-FILE-WORKBOOK-NAME", str(path), ending=path.suffix or "(none)")
     if named and not data.startswith(ZIP):
-        raise FileFormatError("E-FILE-WORKBOOK", str(path), why=f"it begins with {data[:8]!r}")
+        raise FileFormatError("E-FILE-WORKBOOK", str(path), why=Message.of("W-FILE-BEGINS", data=data[:8]))
     return named
 
 
@@ -95,7 +96,7 @@ def _refuse_huge(data: bytes, where: str) -> None:
     except (zipfile.BadZipFile, OSError, ValueError, RuntimeError) as error:
         raise FileFormatError("E-FILE-WORKBOOK", where, why=str(error)) from error
     if unpacked > MOST_UNPACKED:
-        raise FileFormatError("E-FILE-WORKBOOK", where, why=f"it unpacks to more than {MOST_UNPACKED} bytes")
+        raise FileFormatError("E-FILE-WORKBOOK", where, why=Message.of("W-FILE-UNPACKS", most_unpacked=MOST_UNPACKED))
 
 
 def _text(values: Any, formulas: Any, where: str) -> str:
@@ -104,8 +105,8 @@ def _text(values: Any, formulas: Any, where: str) -> str:
     rows = zip(values.iter_rows(values_only=True), formulas.iter_rows(values_only=True), strict=True)
     for at, (row, sources) in enumerate(rows, start=1):
         if at > MOST_ROWS or len(row) > MOST_COLUMNS:
-            limit = f"{MOST_ROWS} rows or {MOST_COLUMNS} columns"
-            raise FileFormatError("E-FILE-WORKBOOK", where, why=f"a sheet has more than {limit}")
+            limit = Message.of("W-FILE-ROWS-COLUMNS", most_rows=MOST_ROWS, most_columns=MOST_COLUMNS)
+            raise FileFormatError("E-FILE-WORKBOOK", where, why=Message.of("W-FILE-SHEET-MORE", limit=limit))
         cells = [_cell(value, source) for value, source in zip(row, sources, strict=True)]
         while cells and not cells[-1]:
             cells.pop()

@@ -14,6 +14,7 @@ from drivers.errors import DeviceRefused, RemoteProtocolError, TransportError, U
 from drivers.gauge.codec import DamagedLine, GaugeAnswer, GaugeAsk, GaugeCodec, GaugeError, GaugeReading
 from drivers.gauge.settings import GaugeSettings
 from drivers.link import Link, Trace
+from drivers.message import Message, words
 from drivers.transport import hardware_of, open_transport
 from drivers.types.identity import Identity
 from drivers.types.sensing import Ambient, Optics, SampleBlock
@@ -88,7 +89,7 @@ class QueriedGauge:
                 await self.close()
                 raise
         serial = hardware_of(wire) or self._url
-        return Identity("gauge", "gauge with a display", serial, notes=self.notices)
+        return Identity("gauge", words("W-GAUGE-KIND"), serial, notes=self.notices)
 
     async def close(self) -> None:
         """Let go of the wire; never raises."""
@@ -133,7 +134,7 @@ class QueriedGauge:
     async def _asked(self) -> GaugeReading | GaugeError:
         """One answer. Raises TransportError, DeadlineExceeded, RemoteProtocolError (E-GAUGE-ANSWER)."""
         if self._link is None:
-            raise TransportError("E-LINK-CLOSED", self.name, why="this end is closed")
+            raise TransportError("E-LINK-CLOSED", self.name, why=Message.of("W-LINK-CLOSED"))
         answer = await self._link.exchange(GaugeAsk(self._settings.question), self._settings.timeout_s)
         if isinstance(answer, DamagedLine):
             error = RemoteProtocolError("E-GAUGE-ANSWER", self.name, raw=repr(answer.raw))
@@ -159,7 +160,7 @@ class QueriedGauge:
 
 def _block(samples: list[_Sample], channels: tuple[str, ...], before: int) -> SampleBlock:
     errors = [before, *(one.error for one in samples)]
-    events = tuple(f"error {now} of the display" for was, now in pairwise(errors) if now and now != was)
+    events = tuple(Message.of("W-GAUGE-ERROR", now=now) for was, now in pairwise(errors) if now and now != was)
     return SampleBlock(
         channels,
         np.array([one.time_s for one in samples]),

@@ -7,6 +7,8 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
+from drivers.message import Message
+
 LONGEST = 8 << 20
 
 
@@ -47,11 +49,11 @@ class AgentCodec:
         found = [_answer(line) for line in lines if line.strip()]
         if len(self._rest) > LONGEST:
             self._rest = b""
-            found.append(_damaged(f"a line of more than {LONGEST} bytes"))
+            found.append(_damaged(Message.of("W-LINK-LONG-LINE", longest=LONGEST)))
         return iter(found)
 
 
-def _damaged(why: str) -> AgentAnswer:
+def _damaged(why: str | Message) -> AgentAnswer:
     return AgentAnswer(None, code="E-LCNC-ANSWER", fields={"why": why})
 
 
@@ -67,5 +69,5 @@ def _answer(line: bytes) -> AgentAnswer:
         return AgentAnswer(number, said["ok"]) if type(number) is int else _damaged("no number")
     code, fields = said["code"], said.get("fields")
     if not isinstance(code, str) or not isinstance(fields, dict):
-        return _damaged("a refusal without a code")
+        return _damaged(Message.of("W-LCNC-NO-CODE"))
     return AgentAnswer(number if type(number) is int else None, code=code, fields=fields)

@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
-from drivers.terms import Terms
+from drivers.terms import Coded, Terms
 
 LINUXCNC = Terms(
     own="screw compensation",
-    own_rule="a positive trim in the file moves the joint in the positive direction: trim = -deviation",
-    own_side="The trim of COMP_FILE is added to the position that the motor is sent to (joint.N.backlash-filt).",
+    own_rule=Coded("S-TERM-TRIM-RULE"),
+    own_side=Coded("S-TERM-TRIM-SIDE"),
     own_memory="COMP_FILE",
     own_reserve="COMP_FILE",
     backlash="BACKLASH",
-    axis_name="letter in [TRAJ] COORDINATES",
-    units="[TRAJ] LINEAR_UNITS and ANGULAR_UNITS",
-    words="motion.analog-out and motion.digital-in",
+    axis_name=Coded("S-TERM-LCNC-AXIS"),
+    units=Coded("S-TERM-LCNC-UNITS"),
+    words=Coded("S-TERM-LCNC-WORDS"),
     start="Cycle Start",
     restart="restart of LinuxCNC",
     version="LinuxCNC version",

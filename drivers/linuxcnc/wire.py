@@ -10,6 +10,7 @@ from drivers.errors import ConfigError, DeviceRefused, RemoteProtocolError, Tran
 from drivers.link import Link
 from drivers.linuxcnc.codec import AgentAnswer, AgentAsk, AgentCodec
 from drivers.linuxcnc.settings import LinuxCncSettings
+from drivers.message import Message
 from drivers.transport import open_transport
 
 PROTOCOL = 1
@@ -93,7 +94,7 @@ class AgentWire:
 
     async def _asked_once(self, do: str, **told: Any) -> Any:
         if self._link is None:
-            raise TransportError("E-LINK-CLOSED", self._where, why="this end is closed")
+            raise TransportError("E-LINK-CLOSED", self._where, why=Message.of("W-LINK-CLOSED"))
         self._asked += 1
         answer = await self._link.exchange(AgentAsk(self._asked, do, told), self._settings.reply_s)
         if answer.code:

@@ -18,6 +18,7 @@ from drivers.errors import ConfigError, TransportError, catalogue, words
 from drivers.link import Trace
 from drivers.local.names import visible
 from drivers.manual.settings import FAR, EntryRefused, ExpectedReading, ManualSettings, read_entry
+from drivers.message import Message
 from drivers.types.identity import Identity
 from drivers.types.sensing import Ambient, Optics, SampleBlock
 from drivers.types.values import CompensatedFor
@@ -53,7 +54,7 @@ class TerminalPrompt:
         self._writes.flush()
         line = await asyncio.get_running_loop().run_in_executor(None, self._reads.readline)
         if not line:
-            raise TransportError("E-LINK-CLOSED", self._where, why="the terminal is closed")
+            raise TransportError("E-LINK-CLOSED", self._where, why=Message.of("W-MANUAL-CLOSED"))
         return line
 
     async def close(self) -> None:
@@ -128,7 +129,7 @@ def open_prompt(url: str, clock: Clock, where: str) -> ReadingPrompt:
         return TerminalPrompt(where)
     if mark and scheme == "folder" and rest:
         return FolderPrompt(Path(rest), clock, where)
-    raise ConfigError("E-LINK-URL", url, why="typed readings come from terminal:// or folder:///path")
+    raise ConfigError("E-LINK-URL", url, why=Message.of("W-MANUAL-WIRE"))
 
 
 TURN_S = 0.01
@@ -146,9 +147,12 @@ class TypedReading:
     utc: str
     insisted: bool = False
 
-    def __str__(self) -> str:
-        far = ", typed twice because it lay outside the limits" if self.insisted else ""
-        return f"typed {self.text!r} for {self.label or 'the next reading'} by {self.who} at {self.utc}{far}"
+    @property
+    def message(self) -> Message:
+        """The reading as a message: what was typed, for what, by whom and when."""
+        label = self.label or Message.of("W-MANUAL-NEXT")
+        code = "W-MANUAL-TYPED-TWICE" if self.insisted else "W-MANUAL-TYPED"
+        return Message.of(code, text=self.text, label=label, who=self.who, utc=self.utc)
 
 
 class ManualEntry:
@@ -232,7 +236,7 @@ class ManualEntry:
         time_s = self._time_s + self._settings.hold_s / count * np.arange(1, count + 1, dtype=np.float64)
         self._time_s = float(time_s[-1])
         values = np.full((count, 1), typed.value, np.float64)
-        return SampleBlock(self.channels, time_s, values, np.ones(count, np.bool_), events=(str(typed),))
+        return SampleBlock(self.channels, time_s, values, np.ones(count, np.bool_), events=(typed.message,))
 
     async def _reading(self) -> TypedReading:
         """Ask until a number comes that may be one; a value outside the limits must be typed twice."""
@@ -254,7 +258,7 @@ class ManualEntry:
 
     async def _asked(self, expected: ExpectedReading, trouble: str) -> str:
         if self._desk is None:
-            raise TransportError("E-LINK-CLOSED", self.name, why="this end is closed")
+            raise TransportError("E-LINK-CLOSED", self.name, why=Message.of("W-LINK-CLOSED"))
         label = expected.label or f"reading {len(self.typed) + 1}"
         question = words("P-MANUAL-ASK", label=label, unit=self._settings.unit, mark=self._settings.decimal)
         return await self._desk.ask(f"{trouble}\n{question}" if trouble else question)

@@ -17,6 +17,7 @@ import numpy as np
 from drivers.clock import Clock, LoopClock, run_virtual
 from drivers.errors import ConfigError, DeadlineExceeded, FileFormatError, TransportError, TrueflankError
 from drivers.local.scrub import HIDDEN
+from drivers.message import Message
 from drivers.ports.instruments import Instrument
 from drivers.replay.recorder import Record, Trace, read_trace
 from drivers.transport import ByteTransport, listen_memory
@@ -50,7 +51,7 @@ class ReplayResult:
     span_s: tuple[float, float]
     lowest: tuple[float, ...]
     highest: tuple[float, ...]
-    events: tuple[str, ...]
+    events: tuple[str | Message, ...]
     event_count: int
     ambient: Ambient
     ended: TrueflankError | None
@@ -172,7 +173,7 @@ class _Tally:
         self.span_s = (float("nan"), float("nan"))
         self.lowest: FloatArray | None = None
         self.highest: FloatArray | None = None
-        self.events: list[str] = []
+        self.events: list[str | Message] = []
 
     def take(self, block: SampleBlock) -> None:
         """The next block."""

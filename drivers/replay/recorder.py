@@ -16,6 +16,7 @@ from drivers.errors import ConfigError, FileFormatError
 from drivers.local.names import allowed, is_name, shown
 from drivers.local.ownfiles import make_own_folder, open_own
 from drivers.local.scrub import without_secrets, without_user
+from drivers.message import Message
 
 # A trace file's form: one line of JSON about the device, then records of direction, clock time and bytes, pure.
 #
@@ -85,7 +86,7 @@ def _about(line: bytes, where: str) -> Mapping[str, Any]:
     except (ValueError, RecursionError) as error:
         raise FileFormatError("E-REPLAY-FILE", where, line=1, why=str(error)) from error
     if not isinstance(about, dict) or about.get("trueflank_trace") != FORM:
-        raise FileFormatError("E-REPLAY-FILE", where, line=1, why="its first line is not that of a trace")
+        raise FileFormatError("E-REPLAY-FILE", where, line=1, why=Message.of("W-REPLAY-FIRST-LINE"))
     return about
 
 
@@ -94,7 +95,7 @@ def _records(data: bytes, at: int, where: str) -> list[Record]:
     while len(data) - at >= _RECORD.size:
         mark, at_s, length = _RECORD.unpack_from(data, at)
         if mark not in (b"<", b">", b"#") or length > LONGEST or not abs(at_s) < 1e12:
-            raise FileFormatError("E-REPLAY-FILE", where, line=1, why=f"no record begins at byte {at}")
+            raise FileFormatError("E-REPLAY-FILE", where, line=1, why=Message.of("W-REPLAY-NO-RECORD", at=at))
         begin = at + _RECORD.size
         if len(data) < begin + length:
             break

@@ -2,20 +2,19 @@
 
 from __future__ import annotations
 
-from drivers.terms import Terms
+from drivers.terms import Coded, Terms
 
 SINUMERIK = Terms(
     own="EEC",
     cross="CEC",
     own_key="eec",
     cross_key="cec",
-    own_rule="EEC acts on the actual side: a positive stored value moves the axis in the negative direction",
-    own_side="The encoder error compensation (EEC) acts on the actual value: a positive value moves the axis in the "
-    "negative direction.",
-    cross_rule="CEC acts on the setpoint side; its sense is not taken from a manual but measured",
+    own_rule=Coded("S-TERM-EEC-RULE"),
+    own_side=Coded("S-TERM-EEC-SIDE"),
+    cross_rule=Coded("S-TERM-CEC-RULE"),
     reversal="backlash value (MD32450)",
-    reversal_rule="MD32450 is taken up at every reversal: positive where the encoder leads the machine part (B < 0)",
-    sign_doubt="CEC SIGN UNPROVEN: values follow the EEC convention (value = +deviation)",
+    reversal_rule=Coded("S-TERM-MD32450-RULE"),
+    sign_doubt=Coded("S-TERM-CEC-DOUBT"),
     own_memory="MD38000 $MA_MM_ENC_COMP_MAX_POINTS",
     cross_memory="MD18342 $MN_MM_CEC_MAX_POINTS",
     own_reserve="MD38000",
@@ -27,14 +26,14 @@ SINUMERIK = Terms(
     senses="MD32110/MD32100",
     cross_sum="MD32720",
     cross_type="$AN_CEC_TYPE",
-    cross_off="(SD41300 $SN_CEC_TABLE_ENABLE = 0 of these tables, NEWCONF)",
+    cross_off=Coded("S-TERM-CEC-OFF"),
     words="R parameters",
     start="NC START",
     restart="NCK reset",
     version="NCK version",
     serial="MD18030",
     controls="840D, 828D, 808D or 802D",
-    suffixes=".spf, .mpf, .ini or .arc",
+    suffixes=".spf, .mpf, .ini, .arc",
     program_suffix=".mpf",
     tables_suffix=".spf",
     older={

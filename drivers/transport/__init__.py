@@ -8,6 +8,7 @@ from urllib.parse import urlsplit
 
 from drivers.clock import Clock, SharedTimeLoop
 from drivers.errors import ConfigError
+from drivers.message import Message
 from drivers.serial_io import open_serial
 from drivers.transport.memory import listen_memory, name_of, open_memory
 from drivers.transport.stream import ByteTransport, FaultyTransport, Handler, Listener
@@ -54,7 +55,7 @@ async def open_transport(
     if scheme == "memory":
         return open_memory(url)
     if scheme not in ("", "socket", "usb") or not url.strip():
-        raise ConfigError("E-LINK-URL", url, why=f"unknown kind of wire {scheme!r}")
+        raise ConfigError("E-LINK-URL", url, why=Message.of("W-LINK-SCHEME", scheme=scheme))
     return await open_serial(
         url, clock, timeout_s, baudrate=baudrate, parity=parity, data_bits=data_bits, stop_bits=stop_bits
     )

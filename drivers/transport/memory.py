@@ -6,6 +6,7 @@ import asyncio
 from urllib.parse import urlsplit
 
 from drivers.errors import ConfigError, TransportError
+from drivers.message import Message
 from drivers.transport.stream import Conversations, Handler
 
 PIPE_BYTES = 1 << 18
@@ -27,7 +28,7 @@ class _Pipe:
                 self._emptied.clear()
                 await self._emptied.wait()
             if self._closed:
-                raise TransportError("E-LINK-CLOSED", where, why="the peer closed the connection")
+                raise TransportError("E-LINK-CLOSED", where, why=Message.of("W-LINK-PEER-CLOSED"))
             room = PIPE_BYTES - len(self._buffer)
             self._buffer += view[:room]
             view = view[room:]
@@ -36,7 +37,7 @@ class _Pipe:
     async def take(self, max_bytes: int, where: str) -> bytes:
         while not self._buffer:
             if self._closed:
-                raise TransportError("E-LINK-CLOSED", where, why="the peer closed the connection")
+                raise TransportError("E-LINK-CLOSED", where, why=Message.of("W-LINK-PEER-CLOSED"))
             self._filled.clear()
             await self._filled.wait()
         data = bytes(self._buffer[:max_bytes])
@@ -79,7 +80,7 @@ class MemoryTransport:
 
     def _check(self) -> None:
         if self._closed:
-            raise TransportError("E-LINK-CLOSED", self._url, why="this end is closed")
+            raise TransportError("E-LINK-CLOSED", self._url, why=Message.of("W-LINK-CLOSED"))
 
     async def close(self) -> None:
         """Close both directions."""
@@ -126,7 +127,7 @@ def listen_memory(name: str, handler: Handler) -> MemoryListener:
     """Answer memory://name with `handler`. Raises TransportError (E-LINK-LISTEN) when the name is taken."""
     taken = _listeners.get(name)
     if taken is not None and taken.alive:
-        raise TransportError("E-LINK-LISTEN", f"memory://{name}", why="the name is taken")
+        raise TransportError("E-LINK-LISTEN", f"memory://{name}", why=Message.of("W-LINK-NAME-TAKEN"))
     listener = MemoryListener(name, handler)
     _listeners[name] = listener
     return listener
@@ -137,7 +138,7 @@ def name_of(url: str) -> str:
     parts = urlsplit(url)
     name = parts.netloc + parts.path
     if not name:
-        raise ConfigError("E-LINK-URL", url, why="the name is missing")
+        raise ConfigError("E-LINK-URL", url, why=Message.of("W-LINK-NAME-MISSING"))
     return name
 
 
@@ -145,5 +146,5 @@ def open_memory(url: str) -> MemoryTransport:
     """Connect to memory://name. Raises TransportError (E-LINK-CONNECT) when nobody listens there."""
     listener = _listeners.get(name_of(url))
     if listener is None or not listener.alive:
-        raise TransportError("E-LINK-CONNECT", url, why="nobody listens under that name")
+        raise TransportError("E-LINK-CONNECT", url, why=Message.of("W-LINK-NOBODY"))
     return listener.connect()

@@ -13,6 +13,7 @@ from urllib.parse import urlsplit
 
 from drivers.clock import Clock
 from drivers.errors import ConfigError, DeadlineExceeded, TransportError, TrueflankError
+from drivers.message import Message
 from drivers.transport.stream import Conversations, Handler
 
 # TLS on a TCP wire: whom we trust, who we are, and what a refused handshake means in words.
@@ -97,7 +98,7 @@ class _Pieces(asyncio.Protocol):
         self._pieces: deque[bytes] = deque()
         self._waiting = 0
         self._paused = False
-        self._ended = ""
+        self._ended: str | Message = ""
         self._secured = self._heard = False
         self._alert: ssl.SSLError | None = None
         self._news = asyncio.Event()
@@ -122,15 +123,15 @@ class _Pieces(asyncio.Protocol):
             self._transport.pause_reading()
 
     def eof_received(self) -> bool:
-        self._end("the peer closed the connection")
+        self._end(Message.of("W-LINK-PEER-CLOSED"))
         return not self._secured  # what we still have to say may be said; TLS ends in both directions
 
     def connection_lost(self, exc: Exception | None) -> None:
         self._alert = exc if isinstance(exc, ssl.SSLError) else None
-        self._end(str(exc) if exc is not None else "the peer closed the connection")
+        self._end(str(exc) if exc is not None else Message.of("W-LINK-PEER-CLOSED"))
         self.gone.set()
 
-    def _end(self, why: str) -> None:
+    def _end(self, why: str | Message) -> None:
         self._ended = self._ended or why
         self._news.set()
         self._room.set()
@@ -152,7 +153,7 @@ class _Pieces(asyncio.Protocol):
         if self._secured and not self._heard and self._ended:
             # TLS 1.3: who does not like our certificate hangs up after the handshake, with an alert or without.
             return TransportError("E-TLS-REFUSED", where, why=self._ended)
-        return TransportError("E-LINK-CLOSED", where, why=self._ended or "this end is closed")
+        return TransportError("E-LINK-CLOSED", where, why=self._ended or Message.of("W-LINK-CLOSED"))
 
     async def take(self, max_bytes: int, where: str) -> bytes:
         """The oldest piece, or its beginning; TransportError (E-LINK-CLOSED) once all is taken and the peer gone."""
@@ -223,7 +224,7 @@ def host_and_port(url: str) -> tuple[str, int]:
     except ValueError as error:
         raise ConfigError("E-LINK-URL", url, why=str(error)) from error
     if not parts.hostname or port is None:
-        raise ConfigError("E-LINK-URL", url, why="host or port is missing")
+        raise ConfigError("E-LINK-URL", url, why=Message.of("W-LINK-HOST-PORT"))
     return parts.hostname, port
 
 

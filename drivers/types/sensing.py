@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from drivers.message import Message
 from drivers.types.values import FloatArray
 
 
@@ -36,7 +37,7 @@ class SampleBlock:
     values: FloatArray
     valid: NDArray[np.bool_]
     lost: int = 0
-    events: tuple[str, ...] = ()
+    events: tuple[str | Message, ...] = ()
 
     def __len__(self) -> int:
         return int(self.time_s.shape[0])

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drivers.errors import LocalProtocolError
+from drivers.message import Message
 
 # Lines of decimal integers, thousands at a time, to arrays: exact grammar, no value from anything else, pure.
 #
@@ -282,7 +283,7 @@ def encode_rows(rows: IntArray) -> bytes:
     if rows.ndim != 2 or rows.shape[1] not in WIDTHS or rows.dtype.kind not in "iu":
         raise LocalProtocolError("E-UMD-ROWS", "umd", why=f"shape {rows.shape} of {rows.dtype}")
     if rows.size and not _in_range(rows):
-        raise LocalProtocolError("E-UMD-ROWS", "umd", why="a value beyond 32 bits")
+        raise LocalProtocolError("E-UMD-ROWS", "umd", why=Message.of("W-UMD-32-BITS"))
     if not len(rows):
         return b""
     # Most columns of a block hold one number: that is text for all its lines.

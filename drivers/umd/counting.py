@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drivers.errors import RemoteProtocolError, UnsupportedDevice
+from drivers.message import Message
 from drivers.types.sensing import Ambient, SampleBlock
 from drivers.umd.codec import (
     AIR_TEMPERATURE,
@@ -394,7 +395,7 @@ class UmdCounting:
         self._raw, self._position = int(raw[-1]), int(position[-1])
         return moved, position
 
-    def _marks(self, ordered: Ordered, moved: IntArray, adjacent: BoolArray) -> dict[str, BoolArray]:
+    def _marks(self, ordered: Ordered, moved: IntArray, adjacent: BoolArray) -> dict[Message, BoolArray]:
         """Reasons not to believe rows, each (n,); those that no row gives are left out."""
         axis = self._settings.axis - 1
         phase = ordered.rows[:, PHASE[axis]]
@@ -403,16 +404,16 @@ class UmdCounting:
         velocity = ordered.rows[:, VELOCITY[axis]]
         if not _within_half(velocity):
             velocity = _wrapped(velocity)
-        marks: dict[str, BoolArray] = {}
+        marks: dict[Message, BoolArray] = {}
         if not ordered.unbroken:
-            marks["counter restarted"] = ordered.restarted
+            marks[Message.of("W-UMD-RESTARTED")] = ordered.restarted
         if phase.any():
-            marks["phase error"] = (phase >= 0) & ((phase & PHASE_ERRORS) != 0)
+            marks[Message.of("W-UMD-PHASE")] = (phase >= 0) & ((phase & PHASE_ERRORS) != 0)
         if max(int(moved.max()), -int(moved.min())) > most:
-            marks["faster than any axis"] = np.abs(moved) > most * ordered.steps
+            marks[Message.of("W-UMD-FAST")] = np.abs(moved) > most * ordered.steps
         if self._settings.least_signal:
-            marks["low signal"] = self._weak(ordered.rows)
-        marks["count and velocity disagree"] = self._velocity.disagree(moved, velocity, adjacent)
+            marks[Message.of("W-UMD-LOW")] = self._weak(ordered.rows)
+        marks[Message.of("W-UMD-DISAGREE")] = self._velocity.disagree(moved, velocity, adjacent)
         return {name: mark for name, mark in marks.items() if mark.any()}
 
     def _weak(self, rows: IntArray) -> BoolArray:
@@ -428,13 +429,13 @@ class UmdCounting:
         return weak
 
     def _blocks(
-        self, ordered: Ordered, ticks: IntArray, position: IntArray, marks: dict[str, BoolArray], damaged: int
+        self, ordered: Ordered, ticks: IntArray, position: IntArray, marks: dict[Message, BoolArray], damaged: int
     ) -> list[SampleBlock]:
         time_s = np.asarray(ticks / self.sample_rate_hz, np.float64)
         scale = self._settings.mm_per_count(self.counts_per_cycle or 1)
         values = self._settings.reading(np.asarray(position * scale, np.float64))[:, None]
         if np.isnan(values).any():
-            marks = {**marks, "beyond the optics": np.isnan(values[:, 0])}
+            marks = {**marks, Message.of("W-UMD-OPTICS"): np.isnan(values[:, 0])}
             values = np.nan_to_num(values)
         valid = ~np.logical_or.reduce(tuple(marks.values())) if marks else np.ones(len(ticks), np.bool_)
         lost = ordered.steps - 1
@@ -444,7 +445,7 @@ class UmdCounting:
             part = slice(start, end)
             events = _events(time_s[part], {name: mark[part] for name, mark in marks.items()})
             if start == 0 and damaged:
-                events = (f"{damaged} damaged lines before {time_s[-1]:.6f} s", *events)
+                events = (Message.of("W-UMD-DAMAGED", damaged=damaged, time_s=time_s[-1]), *events)
             gap = int(lost[start])
             blocks.append(
                 SampleBlock(
@@ -475,8 +476,12 @@ def _wrapped(counts: IntArray) -> IntArray:
     return np.asarray((counts + WRAP // 2) % WRAP - WRAP // 2, np.int64)
 
 
-def _events(time_s: NDArray[np.float64], marks: dict[str, BoolArray]) -> tuple[str, ...]:
-    return tuple(f"{name} at {time_s[int(np.argmax(mark))]:.6f} s" for name, mark in marks.items() if mark.any())
+def _events(time_s: NDArray[np.float64], marks: dict[Message, BoolArray]) -> tuple[Message, ...]:
+    return tuple(
+        Message.of("W-UMD-MARK", mark=name, time_s=time_s[int(np.argmax(mark))])
+        for name, mark in marks.items()
+        if mark.any()
+    )
 
 
 class VelocityCheck:

@@ -16,6 +16,7 @@ from drivers.errors import (
     catalogue,
 )
 from drivers.link import Feed, Link, Trace
+from drivers.message import Message
 from drivers.transport import hardware_of, open_transport
 from drivers.types.identity import Identity
 from drivers.types.sensing import Ambient, Optics, SampleBlock
@@ -167,7 +168,7 @@ class UmdCounter:
         self._feed.fail(self._closed())
 
     def _closed(self) -> TransportError:
-        return TransportError("E-LINK-CLOSED", self.name, why="this end is closed")
+        return TransportError("E-LINK-CLOSED", self.name, why=Message.of("W-LINK-CLOSED"))
 
     async def optics(self) -> Optics:
         """Unknown: a counter sees counts only."""

@@ -186,7 +186,7 @@ class DynamicCapture:
     def _external(self, block: SampleBlock, good: int) -> int | None:
         """By the event's own time, "trigger at 12.500000 s", where it says one."""
         for event in block.events:
-            if event.startswith(EXTERNAL):
+            if isinstance(event, str) and event.startswith(EXTERNAL):
                 words = event.split()
                 said = float(words[2]) if len(words) > 2 and _is_number(words[2]) else float(block.time_s[0])
                 return min(int(np.searchsorted(block.time_s, said - 1e-9)), good - 1)

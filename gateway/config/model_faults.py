@@ -13,6 +13,7 @@ from drivers import registry
 from drivers.errors import words
 from drivers.local.names import closest, guess, shown
 from drivers.local.scrub import has_user, is_secret
+from drivers.message import Message
 from drivers.settings import in_words
 from gateway.config.faults import Fault, Path, place_name, value_at
 from gateway.config.sections import AxisSection, MeasureSection, SiteFile, TableSection
@@ -153,7 +154,7 @@ def _suggested_place(path: Path) -> Path:
     return (*path[:-1], close) if close else path[:-1]
 
 
-def broken_rule(tree: Any, path: Path, why: str, *, doubt: bool = False) -> Fault:
+def broken_rule(tree: Any, path: Path, why: str | Message, *, doubt: bool = False) -> Fault:
     """A value that may not be: the key by its section's name, the value where it may be shown, and why."""
     code = "W-CFG-DOUBT" if doubt else "E-CFG-VALUE"
     return Fault(

@@ -10,7 +10,7 @@ from itertools import zip_longest
 from jinja2 import Environment, PackageLoader, StrictUndefined, Template
 from markupsafe import Markup
 
-from drivers.message import Message, prose
+from drivers.message import Message, prose, term
 from drivers.terms import spoken
 from drivers.types.sensing import Ambient
 from gateway.domain.captures import Capture
@@ -82,6 +82,7 @@ def _template() -> Template:
         sentences=sentences,
         say=tooth_words,
         terms=spoken,
+        term=term,
         captures=_captures,
         environment_rows=environment_rows,
         columns=columns,

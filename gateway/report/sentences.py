@@ -7,7 +7,7 @@ import unicodedata
 from datetime import UTC, datetime
 from math import isfinite
 
-from drivers.message import Message, Moment
+from drivers.message import Message, Moment, term
 from drivers.terms import spoken
 from drivers.types.orders import SignProof
 from drivers.types.tables import CompensationTable
@@ -166,7 +166,7 @@ def axis_kind(axis: AxisMaterial) -> str:
 def value_sense(table: CompensationTable, proof: SignProof | None) -> str:
     """What a positive stored value does on the machine, and how that is known."""
     terms = spoken()
-    rule = {"axis": terms.own_rule, "cross": terms.cross_rule, "reversal": terms.reversal_rule}[table.kind]
+    rule = term({"axis": terms.own_rule, "cross": terms.cross_rule, "reversal": terms.reversal_rule}[table.kind])
     if proof is None:
         return f"{rule}. This machine has no recorded sign proof for this table."
     return (

@@ -9,7 +9,7 @@ import numpy as np
 
 from drivers.errors import Gap, TableError, TooManyPoints, ValueOutOfRange, words
 from drivers.limits import Limits
-from drivers.message import Form, Message, Quantity, digits
+from drivers.message import Form, Message, Quantity, digits, term
 from drivers.terms import spoken
 from drivers.types.tables import CompensationTable
 from drivers.units import AxisUnit
@@ -26,7 +26,7 @@ def check_points(needed: int, reserved: int, axis: str, kind: Literal["axis", "c
     ``kind`` says whose memory that is; its name is the control's.
     """
     if needed > reserved:
-        memory = spoken().own_memory if kind == "axis" else spoken().cross_memory
+        memory = term(spoken().own_memory if kind == "axis" else spoken().cross_memory)
         raise TooManyPoints("E-COMP-POINTS", axis, needed=needed, reserved=reserved, memory=memory)
 
 

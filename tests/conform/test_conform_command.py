@@ -82,7 +82,7 @@ def test_a_question_that_was_not_asked_makes_no_difference() -> None:
         (lambda tree: tree["answers"].append({}), "an entry has"),
         (lambda tree: tree["answers"][0].update(allow="all"), "wrong type"),
         (lambda tree: tree["answers"][0].update(ask=[None]), "texts and numbers"),
-        (lambda tree: tree["answers"].append(tree["answers"][0]), "stands there twice"),
+        (lambda tree: tree["answers"].append(tree["answers"][0]), "is there twice"),
     ],
 )
 def test_a_file_that_is_no_session_is_refused_with_its_entry(

@@ -9,7 +9,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from drivers.bridge import records
-from drivers.bridge.codec import BridgeCodec, BridgeRefusal, Message, Notification, Reply, Request, SampleFrame
+from drivers.bridge.codec import BridgeCodec, BridgeMessage, BridgeRefusal, Notification, Reply, Request, SampleFrame
 from drivers.bridge.records import BridgeIdentity, BridgeSamples, CalibratorStatus, environment_as_object
 from drivers.clock import Clock
 from drivers.errors import TransportError
@@ -134,7 +134,7 @@ class ScriptedBridge(_Scripted):
             stream.cancel()
             await asyncio.gather(stream, return_exceptions=True)
 
-    def _answer(self, message: Message) -> Message:
+    def _answer(self, message: BridgeMessage) -> BridgeMessage:
         assert isinstance(message, Request)
         self.asked.append((message.method, dict(message.params)))
         if message.method in self.refusals:
@@ -178,7 +178,7 @@ class ScriptedBridge(_Scripted):
         except TransportError:
             await wire.close()
 
-    def _samples(self, sequence: int, now: int, count: int) -> Message:
+    def _samples(self, sequence: int, now: int, count: int) -> BridgeMessage:
         time_s = (now + np.arange(count)) / RATE_HZ
         if self.framed:
             columns = [self.channels.index(name) for name in self.sent or self.channels]

@@ -12,7 +12,7 @@ import pytest
 
 from drivers import registry
 from drivers.bridge import gear, records
-from drivers.bridge.codec import BridgeCodec, BridgeRefusal, Message, Notification, Reply, Request
+from drivers.bridge.codec import BridgeCodec, BridgeMessage, BridgeRefusal, Notification, Reply, Request
 from drivers.bridge.gear import PointChunk, expected_points
 from drivers.bridge.records import BridgeIdentity
 from drivers.clock import LoopClock
@@ -56,7 +56,7 @@ class ScriptedMachine:
                 task.cancel()
             await asyncio.gather(*work, return_exceptions=True)
 
-    def answer(self, message: Request) -> Message:
+    def answer(self, message: Request) -> BridgeMessage:
         match message.method:
             case records.IDENTIFY:
                 who = BridgeIdentity(self.kind, "Example", "GM-1", "G7", "1.0", (), 0.0)  # type: ignore[arg-type]

@@ -12,6 +12,7 @@ from typing import Any
 
 from drivers.errors import FileFormatError
 from drivers.files.numbers import decimal, missing
+from drivers.message import Message
 from drivers.units import TARGET_UNITS, unit_named
 
 _BREAK = re.compile(r"\r\n|\n|\r")
@@ -38,7 +39,9 @@ def indexed(text: str, where: str) -> tuple[str, list[tuple[int, tuple[float, in
         if found := _UNIT.match(line):
             unit = unit_named(found[1])
             if not unit:
-                raise _wrong(where, at, f"unit {found[1]!r}, expected one of {', '.join(TARGET_UNITS)}")
+                raise _wrong(
+                    where, at, Message.of("W-FILE-UNIT-EXPECTED", found=found[1], target_units=", ".join(TARGET_UNITS))
+                )
         elif found := _TARGET.match(line):
             _once(targets, int(found[1]), _number(found[2], at, where), at, where)
         elif found := _READING.match(line):
@@ -46,22 +49,22 @@ def indexed(text: str, where: str) -> tuple[str, list[tuple[int, tuple[float, in
             _once(readings, key, (nan if missing(found[4]) else _number(found[4], at, where), at), at, where)
     lost = next(((index, at) for (index, _w, _c), (_v, at) in readings.items() if index not in targets), None)
     if lost is not None:
-        raise _wrong(where, lost[1], f"a reading of target {lost[0]}, which the file does not name")
+        raise _wrong(where, lost[1], Message.of("W-FILE-TARGET-UNKNOWN", lost=lost[0]))
     return unit, [(at, (targets[index], way, cycle), value) for (index, way, cycle), (value, at) in readings.items()]
 
 
 def _once(found: dict[Any, Any], key: object, value: object, at: int, where: str) -> None:
     if key in found:
-        raise _wrong(where, at, "this value stands there twice")
+        raise _wrong(where, at, Message.of("W-FILE-VALUE-TWICE"))
     found[key] = value
 
 
 def _number(text: str, at: int, where: str) -> float:
     value = decimal(text)
     if value is None:
-        raise _wrong(where, at, f"{text!r} is no number")
+        raise _wrong(where, at, Message.of("W-FILE-NO-NUMBER", bad=text))
     return float(value)
 
 
-def _wrong(where: str, line: int, why: str) -> FileFormatError:
+def _wrong(where: str, line: int, why: str | Message) -> FileFormatError:
     return FileFormatError("E-FILE-LINE", where, line=line, why=why)

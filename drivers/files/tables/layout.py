@@ -28,6 +28,7 @@ from drivers.files.tables.headwords import (
 )
 from drivers.files.tables.order import PASSES, pass_in
 from drivers.files.tables.sheet import Row, Sheet
+from drivers.message import Message
 from drivers.units import READING_UNITS, TARGET_UNITS, typed_unit, unit_named
 
 COLUMNS = ("target", "direction", "repetition", "deviation")
@@ -113,7 +114,7 @@ def layout(sheet: Sheet, said: ColumnMap, where: str, *, mixed: bool = False) ->
         raise _wrong(
             where,
             sheet.at,
-            f"targets in {found.target_unit}, but {found.quantity}s in {found.unit}: one is a length, one an angle",
+            Message.of("W-FILE-UNITS-APART", target_unit=found.target_unit, quantity=found.quantity, unit=found.unit),
         )
     return found, plain
 
@@ -252,7 +253,7 @@ def _may_hold(sheet: Sheet, heads: list[HeadCell], two: tuple[int, int]) -> bool
 def _way_of(place: int, runs: Sequence[int], ways: str, sheet: Sheet, where: str) -> tuple[int, int]:
     """Way and number of the pass in this place. Raises FileFormatError (E-FILE-LINE) where half a pass is left."""
     if ways in ("alternate", "halves") and len(runs) % 2:
-        raise _wrong(where, sheet.at, f"{len(runs)} passes, but as many forward as reverse are needed")
+        raise _wrong(where, sheet.at, Message.of("W-FILE-PASSES", count=len(runs)))
     number, way = pass_in(place, len(runs), ways)
     return way, number
 
@@ -316,7 +317,7 @@ def _with_units(found: Layout, told: tuple[list[HeadCell], Sheet, ColumnMap], wh
     target, own = found.columns[0], found.read[1 : len(found.passes) + 1] or (found.columns[3],)
     stated = {heads[column].unit if column < len(heads) else "" for column in own}
     if len(stated) > 1:
-        raise _wrong(where, sheet.at, f"the columns of one measurement have several units: {', '.join(sorted(stated))}")
+        raise _wrong(where, sheet.at, Message.of("W-FILE-SEVERAL-UNITS", stated=", ".join(sorted(stated))))
     mark = heads[target].unit in INCH_OR_ARCSEC
     target_unit = _unit("" if mark else heads[target].unit, said.target_unit, "target", sheet, where)
     read = next(iter(stated), "")
@@ -341,7 +342,7 @@ def _with_units(found: Layout, told: tuple[list[HeadCell], Sheet, ColumnMap], wh
         quantity = OPEN  # "correction", "target - actual", "|dev|", "sigma": a word nobody knows says no sign either
     if not quantity:
         column = own[0] + 1
-        raise _open("E-FILE-CSV-UNIT", where, sheet, own, f"measured={column} or deviation={column}")
+        raise _open("E-FILE-CSV-UNIT", where, sheet, own, Message.of("W-FILE-EITHER-COLUMN", column=column))
     return replace(found, quantity=cast(Quantity, quantity), target_unit=target_unit, unit=unit)
 
 
@@ -362,7 +363,11 @@ def _unit(stated: str, declared: str, what: str, sheet: Sheet, where: str) -> st
             "E-FILE-CSV-CONTRADICTS", where, line=sheet.at, what=what, stated=known, declared=declared
         )
     if stated and not (known or declared):
-        raise _wrong(where, sheet.at, f"{what}s in {stated!r}, expected one of {', '.join(TARGET_UNITS)}")
+        raise _wrong(
+            where,
+            sheet.at,
+            Message.of("W-FILE-IN-UNIT", what=what, stated=stated, target_units=", ".join(TARGET_UNITS)),
+        )
     return known or declared
 
 
@@ -435,14 +440,16 @@ def _suggested(sheet: Sheet) -> str:
 def _several(sheet: Sheet, columns: Sequence[int], where: str) -> FileFormatError:
     each = ", ".join(f"{sheet.heads[one]} (column {one + 1})" for one in sorted(columns))[:200]
     first = min(columns) + 1
-    return FileFormatError("E-FILE-CSV-SEVERAL", where, found=each, columns=f"measured={first} or deviation={first}")
+    return FileFormatError(
+        "E-FILE-CSV-SEVERAL", where, found=each, columns=Message.of("W-FILE-EITHER-COLUMN", column=first)
+    )
 
 
-def _open(code: str, where: str, sheet: Sheet, columns: Sequence[int], missing: str = "") -> FileFormatError:
+def _open(code: str, where: str, sheet: Sheet, columns: Sequence[int], missing: str | Message = "") -> FileFormatError:
     names = [sheet.heads[one] if one < len(sheet.heads) else f"column {one + 1}" for one in (columns[0], columns[-1])]
     found = " ... ".join(dict.fromkeys(names))[:80]
     return FileFormatError(code, where, found=found, columns=missing)
 
 
-def _wrong(where: str, line: int, why: str) -> FileFormatError:
+def _wrong(where: str, line: int, why: str | Message) -> FileFormatError:
     return FileFormatError("E-FILE-LINE", where, line=line, why=why)

@@ -40,15 +40,22 @@ _WORDS = re.compile(r"\s*([^:=;,\t]{2,40}?)\s*[:=;,\t]\s*(\S.*)")
 CALLED: dict[str, str] = {
     word: name
     for name, words in {
-        "Machine": "machine, machine name, maschine, 机床, machine tool",
-        "Serial No": "serial no, serial number, machine serial number, seriennummer, maschinennummer, 序列号",
-        "By": "by, operator, measured by, bediener, prüfer, 操作员, 测量人",
-        "Date": "date, datum, measured on, test date, messdatum, 日期",
-        "Axis": "axis, axis name, achse, 轴, axe, asse, eje",
-        "Location": "location, place, ort, 地点",
-        "Title": "title, titel, 标题",
+        "Machine": ["machine", "machine name", "maschine", "机床", "machine tool"],
+        "Serial No": [
+            "serial no",
+            "serial number",
+            "machine serial number",
+            "seriennummer",
+            "maschinennummer",
+            "序列号",
+        ],
+        "By": ["by", "operator", "measured by", "bediener", "prüfer", "操作员", "测量人"],
+        "Date": ["date", "datum", "measured on", "test date", "messdatum", "日期"],
+        "Axis": ["axis", "axis name", "achse", "轴", "axe", "asse", "eje"],
+        "Location": ["location", "place", "ort", "地点"],
+        "Title": ["title", "titel", "标题"],
     }.items()
-    for word in words.split(", ")
+    for word in words
 }
 
 Row = tuple[str, ...]
@@ -86,7 +93,7 @@ class Sheet:
             for cell, plain in zip(row, own, strict=True):
                 if plain is None:
                     raise FileFormatError(
-                        "E-FILE-LINE", where, line=at, why=f"{cell!r} is no number whose decimal mark is {mark!r}"
+                        "E-FILE-LINE", where, line=at, why=Message.of("W-FILE-DECIMAL-MARK", cell=cell, mark=mark)
                     )
             rows.append((at, tuple(cell or "" for cell in own)))
         comma = mark == "," and any("," in cell for column in chosen for _at, cell in column)

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from math import prod
 
+from drivers.message import Message
 from drivers.sinumerik.legality.dictionary import GROUP_OF, dictionary
 from drivers.sinumerik.legality.expressions import (
     PROCEDURES,
@@ -132,7 +133,7 @@ def read_word(cursor: Cursor, commands: CommandGroups) -> None:
     elif token.kind == "name":
         _read_named(cursor, commands)
     else:
-        raise cursor.wrong("a word of the language")
+        raise cursor.wrong(Message.of("W-NC-LANGUAGE-WORD"))
 
 
 def _read_assignment(cursor: Cursor, name: str, target: str, before: int = 0) -> None:
@@ -140,7 +141,7 @@ def _read_assignment(cursor: Cursor, name: str, target: str, before: int = 0) ->
     if cursor.sees("=="):
         raise IllegalBlock("E-LEGAL-OPERATOR", operator="==", wanted="=")
     if not cursor.accept("="):
-        raise IllegalBlock("E-LEGAL-ASSIGN", name=name, found=cursor.token.text or "the end of the block")
+        raise IllegalBlock("E-LEGAL-ASSIGN", name=name, found=cursor.token.text or Message.of("W-NC-BLOCK-END"))
     if cursor.sees("SET", "REP"):
         repeated = cursor.take().text == "REP"
         given = read_values(cursor)
@@ -275,7 +276,7 @@ def _misplaced_word(cursor: Cursor, text: str) -> IllegalBlock:
     if text in lists.keywords:
         return IllegalBlock("E-LEGAL-PLACE", word=text)
     if text in lists.reserved:
-        return cursor.wrong("a word that may stand in a block")
+        return cursor.wrong(Message.of("W-NC-BLOCK-WORD"))
     if cursor.after.text in ("=", "==", "["):
         return IllegalBlock("E-LEGAL-UNDEFINED", name=text)
     return IllegalBlock("E-LEGAL-WORD", word=text)
@@ -284,7 +285,7 @@ def _misplaced_word(cursor: Cursor, text: str) -> IllegalBlock:
 def _read_letter(cursor: Cursor, letter: str) -> None:
     """X=..., X -10, S[1]=..., F R1 (refused): a single address letter."""
     if letter in ("N", "L"):
-        raise IllegalBlock("E-LEGAL-ASSIGN", name=letter, found=cursor.token.text or "the end of the block")
+        raise IllegalBlock("E-LEGAL-ASSIGN", name=letter, found=cursor.token.text or Message.of("W-NC-BLOCK-END"))
     if cursor.sees("="):
         _read_required_value(cursor, letter)
         return
@@ -295,7 +296,7 @@ def _read_letter(cursor: Cursor, letter: str) -> None:
     signed = cursor.sees("-", "+")
     number = cursor.after if signed else cursor.token
     if number.kind != "number":
-        raise IllegalBlock("E-LEGAL-ASSIGN", name=letter, found=cursor.token.text or "the end of the block")
+        raise IllegalBlock("E-LEGAL-ASSIGN", name=letter, found=cursor.token.text or Message.of("W-NC-BLOCK-END"))
     for _ in range(1 + signed):
         cursor.take()
 
@@ -311,7 +312,7 @@ def _read_address(cursor: Cursor, name: str) -> None:
 
 def _read_required_value(cursor: Cursor, name: str) -> None:
     if not cursor.accept("="):
-        raise IllegalBlock("E-LEGAL-ASSIGN", name=name, found=cursor.token.text or "the end of the block")
+        raise IllegalBlock("E-LEGAL-ASSIGN", name=name, found=cursor.token.text or Message.of("W-NC-BLOCK-END"))
     _read_address_value(cursor, name)
 
 
@@ -387,7 +388,7 @@ def _skip_modifiers(cursor: Cursor) -> None:
 def _read_type(cursor: Cursor) -> tuple[str, int]:
     token = cursor.token
     if token.text not in TYPES:
-        raise IllegalBlock("E-LEGAL-DEF-TYPE", found=token.text or "the end of the block")
+        raise IllegalBlock("E-LEGAL-DEF-TYPE", found=token.text or Message.of("W-NC-BLOCK-END"))
     cursor.take()
     return token.text, _read_text_length(cursor) if token.text == "STRING" else 0
 

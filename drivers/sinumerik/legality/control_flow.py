@@ -12,6 +12,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
+from drivers.message import Message
 from drivers.sinumerik.legality.expressions import (
     NUMERIC,
     UNKNOWN,
@@ -74,7 +75,7 @@ def read_case(cursor: Cursor) -> list[Jump]:
         if last:
             cursor.ended()
     if not found:
-        raise cursor.wrong("a value and GOTO")
+        raise cursor.wrong(Message.of("W-NC-VALUE-GOTO"))
     return found
 
 
@@ -102,7 +103,7 @@ def _read_for(cursor: Cursor) -> list[Jump]:
     elif cursor.token.kind == "name":
         raise IllegalBlock("E-LEGAL-UNDEFINED", name=text)
     else:
-        raise cursor.wrong("a variable that counts")
+        raise cursor.wrong(Message.of("W-NC-COUNTER"))
     if kind not in _COUNTING:
         raise IllegalBlock("E-LEGAL-FOR", name=text, given=kind)
     cursor.expect("=")

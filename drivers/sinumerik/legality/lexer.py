@@ -14,6 +14,7 @@ from dataclasses import dataclass, field
 from typing import NamedTuple
 
 from drivers.errors import LocalProtocolError, words
+from drivers.message import Message
 from drivers.sinumerik.legality.dictionary import dictionary
 
 
@@ -312,11 +313,11 @@ class Cursor:
     def ended(self) -> None:
         """Raise IllegalBlock unless the block ends here."""
         if not self.at_end:
-            raise self.wrong("the end of the block")
+            raise self.wrong(Message.of("W-NC-BLOCK-END"))
 
-    def wrong(self, wanted: str) -> IllegalBlock:
+    def wrong(self, wanted: str | Message) -> IllegalBlock:
         """The error for a token that does not belong here."""
-        return IllegalBlock("E-LEGAL-SYNTAX", found=self.token.text or "the end of the block", wanted=wanted)
+        return IllegalBlock("E-LEGAL-SYNTAX", found=self.token.text or Message.of("W-NC-BLOCK-END"), wanted=wanted)
 
     def skip(self) -> None:
         """Leave the rest of the block unjudged."""

@@ -19,6 +19,7 @@ import numpy as np
 from drivers.clock import Clock
 from drivers.errors import DeviceRefused, TableError, TooManyPoints, TrueflankError, ValueOutOfRange
 from drivers.limits import Limits
+from drivers.message import Message
 from drivers.sinumerik.mailbox.codec import grids
 from drivers.sinumerik.mailbox.codec.frames import (
     MailboxOrder,
@@ -79,7 +80,7 @@ def check_at_rest(status: Status, where: str, alarm: int = 0) -> None:
     if not status.has(*_REST):
         raise DeviceRefused("E-MBX-NOT-IN-RESET", where, command="push", detail=0)
     if status.has(StatusBit.ALARM):
-        raise DeviceRefused("E-MBX-ALARM", where, number=alarm or "in the panel's list")
+        raise DeviceRefused("E-MBX-ALARM", where, number=alarm or Message.of("W-MBX-PANEL-LIST"))
 
 
 def check_switchable(status: Status, where: str, *, released: bool, anyhow: bool = False) -> None:
@@ -176,7 +177,10 @@ def compare_backlash(order: PushOrder, number: int, picture: Picture, where: str
     """The backlash that stands in the control against a number: E-MBX-READBACK, None where they are the same."""
     if picture.backlash == number:
         return None
-    told: dict[str, Any] = {"count": 1, "first": f"the backlash: {number} is {picture.backlash}"}
+    told: dict[str, Any] = {
+        "count": 1,
+        "first": Message.of("W-MBX-BACKLASH-IS", number=number, backlash=picture.backlash),
+    }
     return DeviceRefused("E-MBX-READBACK", where, table=order.table.name, **told)
 
 
@@ -361,7 +365,7 @@ class MailboxPushing:
         number = "" if state == "none" else str(transaction)
         wanted = f"{number} {state}".strip()
         if len(number) > MARKER_DIGITS:
-            raise DeviceRefused("E-MBX-MARKER", self._where, wanted=wanted, found="nothing: it is too long")
+            raise DeviceRefused("E-MBX-MARKER", self._where, wanted=wanted, found=Message.of("W-MBX-TOO-LONG"))
         await self._talk.do(MailboxOrder(Command.MARKER), marker_data(number, MARKER_STATES.index(state), head))
         found = marker_of(await self._talk.picture(), self._where)
         if (found.transaction, found.state, found.head) != (int(number or 0), state, head):

@@ -10,6 +10,7 @@ from typing import Literal
 
 from drivers.errors import DeviceRefused, RemoteProtocolError, UnsupportedDevice
 from drivers.limits import largest_value
+from drivers.message import Message
 from drivers.sinumerik.mailbox.codec.frames import MailboxOrder, Picture, Status
 from drivers.sinumerik.mailbox.codec.grids import (
     POSITION_UNIT,
@@ -87,7 +88,7 @@ class MailboxReader:
         """Select each axis for its name, read the fingerprint. Raises UnsupportedDevice (E-MBX-SILENT)."""
         first = await self._talk.picture()
         if not first.serial or not first.numbers:
-            what = "serial number" if first.numbers else "map of axes"
+            what = "serial number" if first.numbers else Message.of("W-MBX-AXIS-MAP")
             raise UnsupportedDevice("E-MBX-SILENT", self._where, what=what)
         found = [await self._talk.select(_axis_order(number)) for number in first.numbers]
         facts = [_facts(number, picture) for number, picture in zip(first.numbers, found, strict=True)]

@@ -25,6 +25,7 @@ from drivers.errors import (
     UnsupportedDevice,
 )
 from drivers.link import Link
+from drivers.message import Message
 from drivers.sinumerik.mailbox.codec.frames import BUSY, exception_refusal
 from drivers.sinumerik.mailbox.settings import ModbusSettings
 from drivers.transport import TlsFiles, open_transport
@@ -364,7 +365,7 @@ class ModbusWire:
     async def _ask(self, question: Question) -> ModbusReply:
         link = self._link
         if link is None:
-            raise LinkBroken("E-LINK-BROKEN", self._where, why="it is not open")
+            raise LinkBroken("E-LINK-BROKEN", self._where, why=Message.of("W-LINK-NOT-OPEN"))
         if self._framer == "rtu":
             await self._clock.sleep(self._settings.gap_s)
         reply = await link.exchange(question, self._settings.reply_s)

@@ -28,6 +28,7 @@ from drivers.errors import (
     TrueflankError,
     UnsupportedDevice,
 )
+from drivers.message import Message
 from drivers.offline_exchange import PieceOfWork, ToCarry, at_work
 from drivers.sinumerik.ncprogram.words import Word
 from drivers.sinumerik.offline import steps
@@ -142,7 +143,7 @@ class CarriedSession(UaSession):
     def image(self) -> SeenControl:
         """How the control stood when it was seen last."""
         if self._image is None:
-            raise LinkBroken("E-UA-BROKEN", self._where, why="nothing of the control was ever brought back")
+            raise LinkBroken("E-UA-BROKEN", self._where, why=Message.of("W-OFFLINE-NEVER"))
         return self._image
 
     async def read(self, paths: Sequence[str], timeout_s: float) -> list[Reading]:

@@ -18,6 +18,7 @@ from typing import Any
 from drivers.errors import ConfigError, FileFormatError, words
 from drivers.local.ownfiles import make_own_folder, open_own, read_own
 from drivers.local.textfile import decode_text
+from drivers.message import Message
 
 CARRY, BACK, STEPS, DONE = "carry", "back", "steps", "done"
 SHEET, SEEN_FILE, PROBLEM, LAST = "SHEET.txt", "SEEN.toml", "PROBLEM.txt", "last.json"
@@ -211,7 +212,9 @@ class StepFolder:
     def _text(self, path: Path) -> str:
         try:
             if path.stat().st_size > MOST_BYTES:
-                raise FileFormatError("E-OFF-FILE", str(path), why=f"more than {MOST_BYTES} bytes")
+                raise FileFormatError(
+                    "E-OFF-FILE", str(path), why=Message.of("W-FILE-MORE-BYTES", most_bytes=MOST_BYTES)
+                )
             return without_head(decode_text(read_own(path), "latin-1", str(path)))
         except OSError as error:
             raise FileFormatError("E-OFF-FILE", str(path), why=error.strerror or str(error)) from error

@@ -14,6 +14,7 @@ from math import isnan
 from typing import Any
 
 from drivers.errors import FileFormatError
+from drivers.message import Message
 from drivers.sinumerik.ncprogram.backup import END_WORD
 from drivers.sinumerik.ncprogram.words import COUNT, Phase, SetupWord, Word, Words
 from drivers.sinumerik.opcua import machine
@@ -146,7 +147,7 @@ def read_report(text: str, where: str, kind: str, number: int, names: Iterable[s
         if stop is not None:
             _take_stop(stops, stop[1], stop[2].split(), where, place)
         elif found is None or found[1] in values:
-            raise damaged_error(where, lines, place, "a value of its own")
+            raise damaged_error(where, lines, place, Message.of("W-OFFLINE-OWN-VALUE"))
         else:
             values[found[1]] = found[2]
     missing = [name for name in names if name not in values]
@@ -163,7 +164,7 @@ def check_ends(lines: Sequence[str], where: str, first: str, ends: str) -> None:
         raise other_run_error(where, lines[0], first)
     last = _LAST.fullmatch(lines[-2]) if len(lines) > 2 and lines[-1] == END_WORD else None
     if last is None:
-        raise damaged_error(where, lines, len(lines), f"{END_WORD} at its end")
+        raise damaged_error(where, lines, len(lines), Message.of("W-OFFLINE-END-WORD", end_word=END_WORD))
     if f"{last[1]} {last[2]}" != ends:
         raise other_run_error(where, lines[-2], f";TRUEFLANK END {ends}")
     if int(last[3]) != len(lines) - 2:
@@ -175,7 +176,7 @@ def other_run_error(where: str, found: str, wanted: str) -> FileFormatError:
     return FileFormatError("E-OFF-OTHER", where, found=found[1:_TEXT], wanted=wanted[1:])
 
 
-def damaged_error(where: str, lines: Sequence[str], line: int, wanted: str) -> FileFormatError:
+def damaged_error(where: str, lines: Sequence[str], line: int, wanted: str | Message) -> FileFormatError:
     """What says that a line, counted from 1, is not what must stand there."""
     text = lines[line - 1][:_TEXT] if lines else ""
     return FileFormatError("E-OFF-REPORT", where, line=line, text=text, wanted=wanted)

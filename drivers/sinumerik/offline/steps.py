@@ -17,6 +17,7 @@ from typing import Any
 
 from drivers.errors import FileFormatError
 from drivers.local.textfile import parse_toml
+from drivers.message import Message
 from drivers.programs import DayNumbers, DwellPlan, Order, Origin, PaperMachine, ProgramText
 from drivers.sinumerik.ncprogram.backup import END_WORD
 from drivers.sinumerik.ncprogram.blocks import format_number as number_text
@@ -211,7 +212,7 @@ def _check_whole(text: str, where: str, begin: str) -> None:
     if begin and lines[0] != begin:
         raise report.other_run_error(where, lines[0], begin)
     if lines[-1] != END_WORD:
-        raise report.damaged_error(where, lines, len(lines), f"{END_WORD} at its end")
+        raise report.damaged_error(where, lines, len(lines), Message.of("W-OFFLINE-END-WORD", end_word=END_WORD))
     if first[1] != "SELF":
         report.check_ends(lines, where, lines[0], f"{first[1]} {first[2]}")
 
@@ -229,9 +230,9 @@ def _read_typed(brought: Brought, number: int, where: str) -> dict[str, Any]:
         raise FileFormatError("E-OFF-OTHER", f"{where}: {SEEN_FILE}", found=f"step {tree.get('step')}", wanted=number)
     alarms, level = tree.get("alarms"), tree.get("access_level")
     if not isinstance(alarms, list) or not all(type(one) is int and 0 < one < 1_000_000 for one in alarms):
-        raise FileFormatError("E-OFF-SEEN", where, key="alarms", why="a list of alarm numbers, [] for none")
+        raise FileFormatError("E-OFF-SEEN", where, key="alarms", why=Message.of("W-OFFLINE-ALARMS"))
     if type(level) is not int or not 0 <= level <= 7:
-        raise FileFormatError("E-OFF-SEEN", where, key="access_level", why="a number from 0 to 7")
+        raise FileFormatError("E-OFF-SEEN", where, key="access_level", why=Message.of("W-OFFLINE-0-7"))
     return {"alarms": alarms, "access_level": level}
 
 

@@ -21,6 +21,7 @@ from drivers.checks import CertificateView, CheckLine, TrustView, Wanted, failed
 from drivers.clock import Clock
 from drivers.errors import ConfigError, DeviceRefused, OtherCertificate, TrueflankError
 from drivers.local.ownfiles import make_own_parents, open_own
+from drivers.message import Message
 from drivers.sinumerik.opcua.control_checks import (
     CLOCK_LIMIT_S,
     ControlCheckContext,
@@ -242,7 +243,11 @@ class UaDoctor:
         if offer.certificate != pinned:
             return [wrong("E-UA-TRUST", "certificate", found=shown.sha256, pinned=certificate_view(pinned).sha256)]
         accepted = last_record(place)
-        who = f"{accepted['who']} at {str(accepted['utc'])[:19]} UTC" if accepted else "a person not recorded"
+        who = (
+            Message.of("W-DOC-BY", who=accepted["who"], utc=str(accepted["utc"])[:19])
+            if accepted
+            else Message.of("W-DOC-BY-NOBODY")
+        )
         line = fine(
             "W-DOC-CERTIFICATE", "certificate", thumbprint=shown.sha256, until=shown.valid_until.date(), who=who
         )

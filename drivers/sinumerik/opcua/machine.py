@@ -15,6 +15,7 @@ from typing import Any, Literal
 from drivers.checks import ControlAxis, ControlFacts
 from drivers.clock import Clock
 from drivers.errors import TransportError, UnsupportedDevice
+from drivers.message import Message
 from drivers.sinumerik.ncprogram.backup import ReservedPoints
 from drivers.sinumerik.opcua.session import client as alarm_nodes
 from drivers.sinumerik.opcua.session import nodes
@@ -177,7 +178,7 @@ class MachineReader:
             if not name:
                 continue
             if not _AXIS_NAME.fullmatch(name) or name in names[: place - 1]:
-                raise typed_values.value_error(nodes.axis_name(place), name, "an axis name of its own", self._where)
+                raise typed_values.value_error(nodes.axis_name(place), name, Message.of("W-UA-OWN-AXIS"), self._where)
 
     async def identity(self, names: tuple[str, ...]) -> MachineIdentity:
         """Serial number, NCK version, unit system, and what the site names besides: type and marker; read afresh."""
@@ -340,7 +341,7 @@ class MachineReader:
     def _datum(self, name: str, axes: Sequence[str]) -> str:
         path = nodes.to_path(name, axes, self._settings.channel)
         if path is None:
-            raise UnsupportedDevice("E-UA-ABSENT", self._where, status="no node is public", what=name)
+            raise UnsupportedDevice("E-UA-ABSENT", self._where, status=Message.of("W-UA-NO-NODE"), what=name)
         return path
 
 

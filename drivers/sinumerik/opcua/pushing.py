@@ -13,6 +13,7 @@ from typing import TypeVar
 
 from drivers.clock import Clock
 from drivers.errors import DeadlineExceeded, DeviceRefused, PointsDiffer, words
+from drivers.message import Message
 from drivers.programs import SelfTest, SelfTested
 from drivers.sinumerik.ncprogram import pushing as push_program
 from drivers.sinumerik.ncprogram import selftest, switching
@@ -391,7 +392,7 @@ class Disabling:
         if seen.phase in (Phase.SWITCHED_OFF, Phase.STILL_ON):
             return bool(seen.phase == Phase.SWITCHED_OFF)
         if seen.phase == Phase.LEFT or (before is not None and before.channel is ChannelStatus.RESET):
-            raise DeviceRefused("E-NC-STOPPED", self._where, phase=seen.phase, table="the disable order")
+            raise DeviceRefused("E-NC-STOPPED", self._where, phase=seen.phase, table=Message.of("W-UA-DISABLE-ORDER"))
         return None
 
     async def reading(self, order: DisableOrder, configuration: Configuration) -> SwitchReading:

@@ -13,6 +13,7 @@ from itertools import pairwise
 from typing import Any
 
 from drivers.errors import ConfigError, FileFormatError, TableError, TrueflankError
+from drivers.message import Message
 from drivers.sinumerik.tablefile import lint, reader, writer
 from drivers.sinumerik.tablefile.container import list_members, read_texts
 from drivers.sinumerik.tablefile.listing import STOPS, Listing, convert_to_metric, read_listing
@@ -45,7 +46,7 @@ class TableFiles:
         """
         sources = read_texts(data, where)
         if not sources:
-            return TableFile((), notes=(f"{where}: no member of the archive holds compensation data",))
+            return TableFile((), notes=(Message.of("W-ARCHIVE-NONE", file=where),))
         return reader.read_sources(sources, units)
 
     def members(self, data: bytes, where: str) -> tuple[ArchiveMember, ...]:

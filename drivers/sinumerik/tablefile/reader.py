@@ -15,6 +15,7 @@ from functools import partial
 from typing import Any, Literal
 
 from drivers.errors import FileFormatError, Gap
+from drivers.message import Message
 from drivers.sinumerik.tablefile.grammar import VARIABLES, Assignment
 from drivers.sinumerik.tablefile.listing import Listing, convert_to_metric, read_listing
 from drivers.sinumerik.terms import SINUMERIK
@@ -417,22 +418,22 @@ def _part(source: TextSource, found: Listing, facts: MachineFacts, units: Mappin
     return TableFile(tables, assigned_settings(found), _lengths(found, reader), notes, unknown=unknown)
 
 
-def _notes(reader: TableReader, groups: Iterable[TableGroup], tables: Sequence[CompensationTable]) -> list[str]:
-    notes = [f"{group.label}: never loaded (STEP 0)" for group in groups if group.never_loaded]
+def _notes(reader: TableReader, groups: Iterable[TableGroup], tables: Sequence[CompensationTable]) -> list[Message]:
+    notes = [Message.of("W-TABLE-FILE-NEVER", label=group.label) for group in groups if group.never_loaded]
     for group, table in zip((one for one in groups if not one.never_loaded), tables, strict=True):
         beyond = reader.beyond(group)
         if beyond:
-            notes.append(f"{group.label}: {len(beyond)} points from {beyond[0]} on do not act")
+            notes.append(Message.of("W-TABLE-BEYOND", label=group.label, count=len(beyond), beyond=beyond[0]))
         last = float(table.positions[-1])
         if abs(table.maximum - last) > 1e-9 * max(1.0, table.step):
-            grid = f"step {table.step:g} does not divide {table.minimum:g} .. {table.maximum:g}"
-            notes.append(f"{group.label}: {grid}; assumed to act up to {last:g}")
+            grid = Message.of("W-TABLE-STEP-RANGE", step=table.step, minimum=table.minimum, maximum=table.maximum)
+            notes.append(Message.of("W-TABLE-ASSUMED", label=group.label, grid=grid, last=last))
     return notes
 
 
-def _doubts(groups: Mapping[str, TableGroup], where: str, unknown: Iterable[str]) -> list[str]:
-    notes = [f"{axis}: linear or rotary is not said; values are as stored, mm or deg" for axis in sorted(unknown)]
-    return notes if groups else [*notes, f"{where} holds no compensation table"]
+def _doubts(groups: Mapping[str, TableGroup], where: str, unknown: Iterable[str]) -> list[Message]:
+    notes = [Message.of("W-TABLE-KIND-UNSAID", axis=axis) for axis in sorted(unknown)]
+    return notes if groups else [*notes, Message.of("W-TABLE-FILE-NONE", file=where)]
 
 
 def known_unit(units: Mapping[str, AxisUnit], axis: str) -> AxisUnit | None:

@@ -12,6 +12,7 @@ import typer
 
 from drivers import registry
 from drivers.errors import ConfigError, words
+from drivers.message import term
 from drivers.tablefile import TableMachine
 from drivers.terms import TableKind, spoken
 from drivers.units import AxisUnit
@@ -329,7 +330,7 @@ def _comments(wish: ConversionOptions, measured: Any) -> list[str]:
         "replaces the live table, is not added to it",
     ]
     if wish.to.lower() == spoken().cross_key:
-        lines += [spoken().sign_doubt]
+        lines += [str(term(spoken().sign_doubt))]
         lines += ["prove the sign on this machine before you switch these tables on"]
     return ["".join(char if " " <= char <= "~" else "?" for char in line)[:180] for line in lines]
 

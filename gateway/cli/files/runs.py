@@ -12,6 +12,7 @@ import typer
 
 from drivers import registry
 from drivers.errors import ConfigError
+from drivers.message import Message
 from gateway.cli.next_steps import next_command, show_next
 from gateway.cli.options import JsonOption, RunArgument, SiteArgument, StoreOption, load_site, open_run
 from gateway.cli.output import count_words, echo, show_json, show_table
@@ -232,7 +233,7 @@ def _show_replay(found: Any) -> None:
         for name, low, high in zip(found.channels, found.lowest, found.highest, strict=True):
             echo(f"{name}: {low:.9g} .. {high:.9g}")
     for event in found.events[:SHOWN_EVENTS]:
-        echo(f"event: {event}")
+        echo(Message.of("S-RUNS-EVENT", event=event))
     if found.event_count > SHOWN_EVENTS:
         echo(f"... and {found.event_count - SHOWN_EVENTS} more events")
     if found.ended is not None:

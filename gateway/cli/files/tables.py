@@ -10,6 +10,7 @@ import typer
 
 from drivers import registry
 from drivers.errors import ConfigError, FileFormatError, TrueflankError
+from drivers.message import Message
 from drivers.tablefile import ArchiveMember, TableFile, TableFinding, TableMachine
 from drivers.terms import spoken
 from drivers.units import AxisUnit
@@ -247,11 +248,11 @@ def diff_command(
         raise typer.Exit(2) from error
     difference = compare_files(*files)
     if as_json:
-        show_json(_difference_record(first, second, difference, [note for file in files for note in file.notes]))
+        show_json(_difference_record(first, second, difference, [str(note) for file in files for note in file.notes]))
     else:
         _show_difference(first, second, difference)
         for path, file in zip((first, second), files, strict=True):
             for note in file.notes:
-                echo(f"note: {path}: {note}")
+                echo(Message.of("S-TABLES-NOTE", path=path, note=note))
     if not difference.same:
         raise typer.Exit(1)

@@ -11,7 +11,7 @@ import typer
 
 from drivers.checks import CertificateView, TrustView, gathered
 from drivers.clock import Clock, LoopClock
-from drivers.errors import ConfigError, TrueflankError, words
+from drivers.errors import ConfigError, words
 from drivers.message import Message, advice
 from drivers.offline_exchange import PieceOfWork, exchange_files_for
 from drivers.probes import LEVELS, Level
@@ -145,17 +145,22 @@ def show_certificates(view: TrustView, *, as_json: bool) -> None:
         show_json({**data, "accepted_by": view.accepted_by, "accepted_utc": view.accepted_utc, "reason": view.reason})
         return
     echo(view.url)
-    for title, one in (("shown now", view.shown), ("pinned", view.pinned), ("this gateway's own", view.own)):
+    for title, one in (
+        (Message.of("S-DOC-SHOWN-CERTIFICATE"), view.shown),
+        (Message.of("S-DOC-PINNED-CERTIFICATE"), view.pinned),
+        (Message.of("S-DOC-OWN-CERTIFICATE"), view.own),
+    ):
         if one is not None:
-            echo(f"{title}: {one.subject}, valid {one.valid_from:%Y-%m-%d} to {one.valid_until:%Y-%m-%d}")
+            valid = {"begin": f"{one.valid_from:%Y-%m-%d}", "end": f"{one.valid_until:%Y-%m-%d}"}
+            echo(Message.of("S-DOC-CERTIFICATE", title=title, subject=one.subject, **valid))
             echo(f"  SHA-256 {one.sha256}\n  SHA-1   {one.sha1}")
     code = "W-TRUST-EQUAL" if view.equal else "W-TRUST-CHANGED" if view.pinned else "W-TRUST-NONE"
-    who = f"{view.accepted_by}, {view.accepted_utc}" if view.accepted_by else "a person not recorded"
+    who = f"{view.accepted_by}, {view.accepted_utc}" if view.accepted_by else Message.of("W-DOC-BY-NOBODY")
     echo(Message.of(code, file=view.place, who=who))
     if view.reason:
         echo(Message.of("W-TRUST-EXCUSED", who=who, reason=view.reason))
     if not view.equal:
-        echo(f"  -> {TrueflankError(code, file=view.place, who=who).hint}")
+        echo(f"  -> {advice(Message.of(code, file=view.place, who=who), language())}")
 
 
 def certificate_record(view: CertificateView) -> dict[str, str]:

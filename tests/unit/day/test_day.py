@@ -166,7 +166,7 @@ def test_a_square_that_was_not_turned_over_is_asked_for_its_own_angle_once(tmp_p
     assert "own_angle = ?" in refused(asked(tmp_path, "--no-ask")).what
     told = asked(tmp_path, typed="90\nunknown\n")
     assert told.exit_code == 0, told.output
-    assert "'90' is no angle of a square" in told.output
+    assert "'90' is not an angle of a square" in told.output
     assert "not measured" in told.output
     assert 'own_angle = "unknown"' in (tmp_path / "day.answers.toml").read_text(encoding="utf-8")
     (tmp_path / "day.answers.toml").write_text(known, encoding="utf-8")

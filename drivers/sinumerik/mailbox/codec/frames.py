@@ -22,6 +22,7 @@ from drivers.errors import (
     UnsupportedDevice,
     ValueOutOfRange,
 )
+from drivers.message import Message
 from drivers.sinumerik.mailbox.codec.registers import (
     ADDRESS,
     CHUNK_POINTS,
@@ -447,6 +448,9 @@ def command_refusal(status: Status, order: MailboxOrder, where: str) -> Trueflan
     return kind(code, where, **fields)
 
 
+_NO_ORDER = {"bytes swapped": "W-MBX-SWAPPED", "shifted": "W-MBX-SHIFTED", "no mailbox": "W-MBX-NONE"}
+
+
 def check_map(registers: Sequence[int], order: WordOrder, where: str) -> None:
     """Magic, version and word order, before anything else is believed.
 
@@ -454,8 +458,9 @@ def check_map(registers: Sequence[int], order: WordOrder, where: str) -> None:
     swapped, addresses shifted), E-MBX-OLD-MAP, E-MBX-VERSION. Nothing is adapted silently.
     """
     found = find_word_order(registers)
-    if found not in ("high-first", "low-first"):
-        raise UnsupportedDevice("E-MBX-MAGIC", where, found=f"{registers[0]:04X}", wanted=f"{MAGIC:04X}", why=found)
+    if found in _NO_ORDER:
+        why = Message.of(_NO_ORDER[found])
+        raise UnsupportedDevice("E-MBX-MAGIC", where, found=f"{registers[0]:04X}", wanted=f"{MAGIC:04X}", why=why)
     if registers[1] != MAP_VERSION:
         code = "E-MBX-OLD-MAP" if registers[1] < MAP_VERSION else "E-MBX-VERSION"
         raise UnsupportedDevice(code, where, found=registers[1], wanted=MAP_VERSION)

@@ -285,7 +285,7 @@ def crc32(*blocks: Sequence[int]) -> int:
 def find_word_order(registers: Sequence[int]) -> str:
     """What the magic and the word order test (registers 0, 2, 3) show: a word order, or what is wrong instead.
 
-    "high-first", "low-first", "bytes swapped", "shifted by one register" or "no mailbox".
+    "high-first", "low-first", "bytes swapped", "shifted" or "no mailbox".
     """
     magic, test = registers[0], (registers[2], registers[3])
     swapped = {(MAGIC & 0xFF) << 8 | MAGIC >> 8}
@@ -296,4 +296,4 @@ def find_word_order(registers: Sequence[int]) -> str:
         return "no mailbox"
     if magic in swapped:
         return "bytes swapped"
-    return "shifted by one register" if MAGIC in registers[1:3] or registers[1:3] == (0x1234, 0x5678) else "no mailbox"
+    return "shifted" if MAGIC in registers[1:3] or registers[1:3] == (0x1234, 0x5678) else "no mailbox"

@@ -15,6 +15,7 @@ from typing import Any
 
 from drivers.clock import Clock
 from drivers.errors import DeviceRefused, LinkBroken, RemoteProtocolError, TrueflankError, UnsupportedDevice
+from drivers.message import Message
 from drivers.sinumerik.opcua.session import connection, nodes, requests
 from drivers.sinumerik.opcua.session.certificates import uri_of
 from drivers.sinumerik.opcua.session.connection import CHANNEL_S, SESSION_S, Secrets, UaConnection, node_id
@@ -154,7 +155,7 @@ class UaSession(UaConnection):
         (found,) = await self._read([requests.SOFTWARE_VERSION], requests.VERSION, timeout_s, timed=False)
         return requests.text_of(found)
 
-    async def _read(self, wanted: list[Any], what: str, timeout_s: float, *, timed: bool) -> list[Any]:
+    async def _read(self, wanted: list[Any], what: str | Message, timeout_s: float, *, timed: bool) -> list[Any]:
         """Reads may be repeated: a server that finds a batch too long gets it in halves.
 
         What it took then is remembered, over logins too, and holds for writes, which must not be tried.
@@ -175,7 +176,7 @@ class UaSession(UaConnection):
 
     def _check_count(self, asked: int, got: int) -> None:
         if asked != got:
-            self._break("an answer of the wrong length")
+            self._break(Message.of("W-UA-ANSWER-LENGTH"))
             raise RemoteProtocolError("E-UA-COUNT", self._where, asked=asked, got=got)
 
     async def user_may_write(self, path: str, timeout_s: float) -> bool | None:
@@ -197,7 +198,7 @@ class UaSession(UaConnection):
         self._check_count(len(items), len(found))
         names = [requests.status_name(status) for status in found]
         if any(is_lost(name) for name in names):
-            self._break("the session is gone")
+            self._break(Message.of("W-UA-SESSION-GONE"))
         check_written([path for path, _ in values], names, self._where)
 
     async def try_write(self, path: str, value: Any, kind: str, timeout_s: float, *, stamped: bool = False) -> str:
@@ -281,7 +282,9 @@ class FileNodes:
             while part := await self._part(node, handle, timeout_s):
                 parts.append(part)
                 if len(parts) > MOST_PARTS:
-                    raise nodes.value_error(f"{node}.Read", part, f"at its end after {MOST_PARTS} parts", self._where)
+                    raise nodes.value_error(
+                        f"{node}.Read", part, Message.of("W-UA-PARTS", most_parts=MOST_PARTS), self._where
+                    )
         finally:
             await self._let_go(node, handle, timeout_s)
         return b"".join(parts)

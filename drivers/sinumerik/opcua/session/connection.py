@@ -33,6 +33,7 @@ from cryptography.hazmat.primitives.serialization import Encoding
 from drivers.clock import Clock
 from drivers.errors import ConfigError, DeviceRefused, LinkBroken, RemoteProtocolError, TrueflankError
 from drivers.local.names import shown
+from drivers.message import Message
 from drivers.sinumerik.opcua.session import certificates, requests
 from drivers.sinumerik.opcua.session import nodes as typed_values
 from drivers.sinumerik.opcua.session.certificates import KeyPair, fingerprint, load_certificate
@@ -339,7 +340,7 @@ class UaConnection:
         self._secrets: Secrets | None = None
         self._alive: asyncio.Task[None] | None = None
         self._renew_at, self._sign_s = 0.0, SESSION_S
-        self._why = "it was never opened"
+        self._why: str | Message = Message.of("W-UA-NEVER-OPEN")
         self._policy = ""
         self._ahead_s: float | None = None
         self._own_uri = ""
@@ -367,7 +368,7 @@ class UaConnection:
             return await self._asked()
 
     async def _asked(self) -> Offer:
-        offer = await self._translated("read", "the end points", query_offer(self._url, self._where))
+        offer = await self._translated("read", Message.of("W-UA-ENDPOINTS"), query_offer(self._url, self._where))
         given = offer.server_utc
         self._ahead_s = None if given is None else (given - self._clock.utc()).total_seconds()
         return offer
@@ -396,13 +397,13 @@ class UaConnection:
                     raise
             else:
                 return client, opened_at
-        raise LinkBroken("E-UA-BROKEN", self._where, why="no policy to log in with")
+        raise LinkBroken("E-UA-BROKEN", self._where, why=Message.of("W-UA-NO-POLICY"))
 
     def _note_lifetimes(self, client: Any, since: float) -> None:
         channel_s = typed_values.check_duration(
-            client.secure_channel_timeout, "the secure channel's lifetime", self._where
+            client.secure_channel_timeout, Message.of("W-UA-CHANNEL-LIFE"), self._where
         )
-        session_s = typed_values.check_duration(client.session_timeout, "the session's timeout", self._where)
+        session_s = typed_values.check_duration(client.session_timeout, Message.of("W-UA-SESSION-TIME"), self._where)
         self._renew_at = since + max(0.6 * channel_s, SHORTEST_S)
         self._sign_s = max(0.25 * session_s, SHORTEST_S)
 
@@ -419,13 +420,13 @@ class UaConnection:
                     async with self._clock.deadline(CLOSE_S, self._where):
                         await self._translated("call", "the log-out", log_out(client))
         finally:
-            self._why = "it was closed"
+            self._why = Message.of("W-UA-WAS-CLOSED")
             if client is not None:
                 client.disconnect_socket()
         await self._clock.sleep(0)
         await self._clock.sleep(0)
 
-    def _break(self, why: str) -> None:
+    def _break(self, why: str | Message) -> None:
         client, self._client, self._why = self._client, None, why
         if client is not None:
             client.disconnect_socket()
@@ -435,17 +436,19 @@ class UaConnection:
         with contextlib.suppress(TrueflankError):
             while self.is_open:
                 await self._clock.sleep(self._sign_s)
-                await self._request(self._sign_s, "read", "the server's state", requests.keep_alive)
+                await self._request(self._sign_s, "read", Message.of("W-UA-SERVER-STATE"), requests.keep_alive)
 
     # ---- requests -----------------------------------------------------------------------------------
 
-    async def _request(self, timeout_s: float, stage: Stage, what: str, act: Callable[[Any], Awaitable[T]]) -> T:
+    async def _request(
+        self, timeout_s: float, stage: Stage, what: str | Message, act: Callable[[Any], Awaitable[T]]
+    ) -> T:
         async with self._clock.deadline(timeout_s, self._where), self._lock:
             client = self._client
             if client is None:
                 raise LinkBroken("E-UA-BROKEN", self._where, why=self._why)
             if self._clock.now() >= self._renew_at:
-                await self._translated(stage, "the secure channel", self._renew(client))
+                await self._translated(stage, Message.of("W-UA-CHANNEL"), self._renew(client))
             return await self._translated(stage, what, act(client))
 
     async def _renew(self, client: Any) -> None:
@@ -453,7 +456,7 @@ class UaConnection:
         client.uaclient.revolve_security_token()
         self._note_lifetimes(client, self._clock.now())
 
-    async def _translated(self, stage: Stage, what: str, work: Awaitable[T]) -> T:
+    async def _translated(self, stage: Stage, what: str | Message, work: Awaitable[T]) -> T:
         """Await the library; turn its errors into ours; break the session where its state became unknown."""
         task = asyncio.current_task()
         before = task.cancelling() if task else 0
@@ -465,7 +468,7 @@ class UaConnection:
                 self._break(name)
             raise self._told(status_error(name, self._where, stage, what)) from error
         except TrueflankError:
-            self._break("login was refused" if stage == "login" else "the server is not as expected")
+            self._break("login was refused" if stage == "login" else Message.of("W-UA-SERVER-OTHER"))
             raise
         except asyncio.CancelledError:
             self._break("a request was interrupted")

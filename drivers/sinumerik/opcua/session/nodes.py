@@ -17,6 +17,7 @@ from datetime import datetime
 from typing import Any, Literal
 
 from drivers.errors import RemoteProtocolError
+from drivers.message import Message
 
 # Paths.
 
@@ -290,7 +291,7 @@ def _check_single(path: str, value: Any, what: str, where: str) -> Any:
 def check_whole(value: Any, what: str, where: str, most: int = _MOST["UInt32"]) -> int:
     """A whole number from 0 to ``most``. Raises RemoteProtocolError (E-UA-VALUE)."""
     if not _is_number(value) or value != int(value) or not 0 <= value <= most:
-        raise value_error(what, value, f"a whole number from 0 to {most}", where)
+        raise value_error(what, value, Message.of("W-UA-WHOLE", most=most), where)
     return int(value)
 
 
@@ -327,7 +328,7 @@ def check_switch(value: Any, what: str, where: str) -> bool:
     if isinstance(value, bool):
         return value
     if not _is_number(value) or value not in (0, 1):
-        raise value_error(what, value, "on or off", where)
+        raise value_error(what, value, Message.of("W-UA-ON-OFF"), where)
     return bool(value)
 
 
@@ -338,14 +339,14 @@ def check_content(value: Any, what: str, where: str) -> bytes:
     return value
 
 
-def check_time(value: Any, what: str, where: str) -> datetime | None:
+def check_time(value: Any, what: str | Message, where: str) -> datetime | None:
     """A time by the server's clock, UTC and naive; None where there is none. Raises as `check_text`."""
     if value is not None and not isinstance(value, datetime):
         raise value_error(what, value, "a time", where)
     return value.replace(tzinfo=None) if value is not None else None
 
 
-def check_duration(milliseconds: Any, what: str, where: str) -> float:
+def check_duration(milliseconds: Any, what: str | Message, where: str) -> float:
     """How long a server keeps something, s. Raises RemoteProtocolError (E-UA-VALUE) for what is no time at all."""
     if not _is_number(milliseconds) or milliseconds <= 0:
         raise value_error(what, milliseconds, "a time above 0 ms", where)
@@ -359,18 +360,18 @@ def method_output(results: Sequence[Any], place: int, what: str, where: str) -> 
     return results[place]
 
 
-def value_error(what: str, value: Any, wanted: str, where: str) -> RemoteProtocolError:
+def value_error(what: str | Message, value: Any, wanted: str | Message, where: str) -> RemoteProtocolError:
     """The error for a value that cannot be: which variable, what it was, what it must be."""
     return RemoteProtocolError("E-UA-VALUE", where, what=what, value=_shown(value), wanted=wanted)
 
 
-def _shown(value: Any) -> str:
+def _shown(value: Any) -> str | Message:
     if value is None:
         return "nothing"
     try:
         told = repr(value)
     except ValueError:  # Python does not write down a number of thousands of digits
-        return "a number without end"
+        return Message.of("W-UA-ENDLESS")
     return told if len(told) <= SHOWN else told[: SHOWN - 3] + "..."
 
 

@@ -10,12 +10,13 @@ from typing import Any
 from asyncua import ua
 from asyncua.ua.ua_binary import struct_from_binary
 
+from drivers.message import Message
 from drivers.sinumerik.opcua.session import nodes as typed_values
 
 CURRENT_TIME = ua.NodeId(ua.ObjectIds.Server_ServerStatus_CurrentTime)
-CLOCK = "the server's clock"
+CLOCK = Message.of("W-UA-CLOCK")
 SOFTWARE_VERSION = ua.NodeId(ua.ObjectIds.Server_ServerStatus_BuildInfo_SoftwareVersion)
-VERSION = "the server's version"
+VERSION = Message.of("W-UA-VERSION")
 SERVER_STATE = ua.NodeId(ua.ObjectIds.Server_ServerStatus_State)
 _LIMITS = (
     ua.NodeId(ua.ObjectIds.Server_ServerCapabilities_OperationLimits_MaxNodesPerRead),
@@ -180,7 +181,7 @@ def _reading(path: str, value: Any, where: str, now: datetime | None) -> Reading
     status = value.StatusCode
     if status is not None and status.value != ua.StatusCodes.Good:
         return Reading(path, None, status_name(status))
-    known = typed_values.check_time(value.ServerTimestamp, f"the time of {path}", where)
+    known = typed_values.check_time(value.ServerTimestamp, Message.of("W-UA-TIME-OF", path=path), where)
     age = max((now - known).total_seconds(), 0.0) if now is not None and known is not None else None
     if value.Value is None:
         return Reading(path, None, age_s=age)

@@ -21,6 +21,7 @@ from drivers.errors import (
     TrueflankError,
     UnsupportedDevice,
 )
+from drivers.message import Message
 
 # The status codes of the OPC UA standard, sorted into families by what a person can do about them.
 #
@@ -201,7 +202,7 @@ def is_not_yet(error: TrueflankError) -> bool:
     return isinstance(status, str) and family_of(status) not in ("good", "rights", "login", "absent")
 
 
-def status_error(status: str, where: str, stage: Stage, what: str) -> TrueflankError:
+def status_error(status: str, where: str, stage: Stage, what: str | Message) -> TrueflankError:
     """The exception for a bad status; ``what`` names the variable, method or user concerned."""
     kind = family_of(status)
     if stage == "login":
@@ -217,7 +218,7 @@ def status_error(status: str, where: str, stage: Stage, what: str) -> TrueflankE
     return _login_refused(_REFUSED.get(kind, "E-UA-REFUSED"), where, status=status, what=what)
 
 
-def _uncertain_error(status: str, where: str, stage: Stage, what: str) -> TrueflankError:
+def _uncertain_error(status: str, where: str, stage: Stage, what: str | Message) -> TrueflankError:
     """Neither good nor bad: a value that is not live, or a write or call of which nobody knows the end."""
     if stage == "read":
         return TransportError("E-UA-STALE", where, retryable=True, what=what, why=status, status=status)
@@ -258,7 +259,7 @@ def translate_error(error: Exception, stage: Stage, where: str, url: str) -> Tru
     return RemoteProtocolError("E-UA-PROTOCOL", where, why=f"{type(error).__name__}: {error}")
 
 
-def _login_error(status: str, where: str, user: str) -> TrueflankError:
+def _login_error(status: str, where: str, user: str | Message) -> TrueflankError:
     kind = "trust" if status == "BadNoMatch" else family_of(status)  # so a server answers a policy it does not have
     if kind in ("down", "lost", "late", "unsure"):
         return TransportError("E-UA-LOST", where, retryable=True, status=status, what="login")
@@ -267,7 +268,7 @@ def _login_error(status: str, where: str, user: str) -> TrueflankError:
     return _login_refused(_LOGIN.get(kind, "E-UA-REFUSED"), where, status=status, what="login", user=user)
 
 
-def _login_refused(code: str, where: str, **fields: str) -> DeviceRefused:
+def _login_refused(code: str, where: str, **fields: str | Message) -> DeviceRefused:
     """Whoever knows the clocks says by how much they differ; until then it is not known."""
     clock = {"ahead_s": "?"} if code == "E-UA-CLOCK" else {}
     return DeviceRefused(code, where, **(fields | clock))  # type: ignore[arg-type]
