@@ -287,8 +287,8 @@ _KINDS: dict[str, tuple[str, ...]] = {
 OPTIONS_BY_MODE: dict[str, tuple[str, ...]] = {
     "study --relative": ("gear", "errors", "relative", "plots", "height"),
     "run --plan": ("site", "plan", "axis", "apply"),
-    "close --plan": ("site", "plan", "apply"),
-    "measure --plan": ("site", "plan"),
+    "close --plan": ("site", "plan", "apply", "hours", "tolerance", "goal"),
+    "measure --plan": ("site", "plan", "hours", "tolerance", "goal"),
     "simulate --list": ("listed",),
     "docs schema --page": ("as_page",),
     "docs schema --api": ("api",),

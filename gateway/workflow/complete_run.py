@@ -16,6 +16,7 @@ from collections.abc import Collection, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from types import ModuleType
+from typing import Any
 
 from drivers.clock import Clock
 from drivers.errors import ConfigError, TrueflankError
@@ -38,7 +39,7 @@ from gateway.workflow.axes.short_capture import verify_combined_effect
 from gateway.workflow.control.push import apply_proposal
 from gateway.workflow.control.rollback import roll_back_run
 from gateway.workflow.control.setup_values import hand_over_change, require_senses
-from gateway.workflow.errors21.measurement import measure_site
+from gateway.workflow.errors21.measurement import ChoosesSetups, measure_site
 from gateway.workflow.errors21.setup_capture import axes_from_setups
 from gateway.workflow.results.endings import closing_outcome, finish
 from gateway.workflow.run import self_test, stages
@@ -117,11 +118,12 @@ async def close_site(
     back: bool = True,
     wanted: Sequence[str] = (),
     cycle: str = "",
+    chooses: ChoosesSetups | None = None,
 ) -> Outcome:
     """Do the whole loop, or go on with a run that stopped: what is stored is not done again.
 
-    ``wanted`` are the set-ups to be measured, by key; none: all of the plan. ``cycle`` names the builder's program that
-    a person runs for each part in place of ours.
+    ``wanted`` are the set-ups to be measured, by key; none: all of the plan, or those that ``chooses`` takes of it.
+    ``cycle`` names the builder's program that a person runs for each part in place of ours.
 
     Without `apply` it ends with a stored proposal for the tooth; nothing is ground or written. Where the flank became
     worse than it was the run takes its tables ``back`` as its last step: part of the consent given here. Raises
@@ -135,7 +137,8 @@ async def close_site(
         raise ConfigError("E-CLOSE-PLACE", site.site.name)
     used = {axis.measure.instrument for axis in site.axes if axis.measure.instrument}
     used |= {inspector_name(site)} if apply else set()
-    plan = await measure_site(site, site_path, clock=clock, say=say, wanted=wanted, resume=resume, tooth=work.tooth)
+    asked: dict[str, Any] = {"wanted": wanted, "resume": resume, "tooth": work.tooth, "chooses": chooses}
+    plan = await measure_site(site, site_path, clock=clock, say=say, **asked)
     folder = RunFolder(Path(plan.run_folder))
     try:
         async with open_context(site, site_path, folder=folder, clock=clock, say=say, instruments=used) as at:

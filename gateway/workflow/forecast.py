@@ -236,6 +236,17 @@ def day_of_measuring(site: SiteFile, wanted: Sequence[str] = ()) -> DayPlan:
     return day.plan("measure", day.setups_measured(wanted))
 
 
+def setup_hours(site: SiteFile, one: PlannedSetup) -> float:
+    """Hours of one set-up alone: mounted, started, proved and read; a file is read in no time of the machine.
+
+    Raises ConfigError (E-DAY-ROAD).
+    """
+    if one.setup.source != "live":
+        return PROGRAM_S / 3600.0
+    day = _Day(site)
+    return sum(piece.seconds(site.times) for piece in day.setup_alone(one)) / 3600.0
+
+
 def remaining_of(day: Callable[[], DayPlan]) -> RemainingTime:
     """The time to go of a command by its day; without a forecast it is that of the program at work alone.
 
@@ -300,6 +311,10 @@ class _Day:
                 plans = foreseen_plans(self.site, [one])
                 yield self._setup(one, plans, count)
                 count += len(plans)
+
+    def setup_alone(self, one: PlannedSetup) -> Teller:
+        """One set-up that nothing comes before."""
+        yield self._setup(one, foreseen_plans(self.site, [one]), 0)
 
     def _setup(self, one: PlannedSetup, plans: Sequence[StopPlan], before: int) -> Piece:
         asks = self._begun(before, len(plans)).plus(visit_seconds(plans, one.axis))

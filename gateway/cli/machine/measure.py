@@ -11,6 +11,14 @@ import typer
 from drivers.errors import ConfigError
 from drivers.message import Message, prose
 from gateway.cli.command_list import require_only
+from gateway.cli.machine.hours import (
+    USUAL_GOAL,
+    GoalOption,
+    HoursOption,
+    ToleranceOption,
+    planner_of,
+    show_hours,
+)
 from gateway.cli.machine.tooth import FileOption, HeightsOption, guard_gear, show_lines
 from gateway.cli.next_steps import show_next
 from gateway.cli.options import JsonOption, SiteArgument, StoreOption, open_run, parse_name
@@ -26,9 +34,12 @@ def measure_command(
     ] = None,
     resume: Annotated[str, typer.Option(help="Continue this run: folder or id.", show_default=False)] = "",
     plan: Annotated[bool, typer.Option("--plan", help="List the set-ups in order and measure nothing.")] = False,
+    hours: HoursOption = None,
+    tolerance: ToleranceOption = None,
+    goal: GoalOption = USUAL_GOAL,
     as_json: JsonOption = False,
 ) -> None:
-    """Measure every error of the plan, set-up by set-up, and say which set-up would be worth most next."""
+    """Measure every error of the plan, set-up by set-up, or in limited hours those that gain most."""
     from drivers.clock import LoopClock
     from gateway.config import load_site
     from gateway.store import RunFolder
@@ -39,6 +50,12 @@ def measure_command(
     if plan:
         require_only("measure --plan")
     tree = load_site(site)
+    planner = planner_of(tree, site, hours, tolerance, goal)
+    if planner is not None and setups:
+        raise typer.BadParameter("give either --setups, or --hours and --tolerance", param_hint="--setups")
+    if plan and planner is not None:
+        show_hours(planner, as_json=as_json)
+        return
     if plan:
         _show_plan(tree, as_json=as_json)
         return
@@ -46,7 +63,7 @@ def measure_command(
     tooth = _tooth_spec(tree, site)
 
     async def main(say: Any) -> Any:
-        asked = {"wanted": tuple(setups or ()), "resume": folder, "tooth": tooth}
+        asked = {"wanted": tuple(setups or ()), "resume": folder, "tooth": tooth, "chooses": planner}
         return await measure_site(tree, site, clock=LoopClock(), say=say, **asked)
 
     with progress(quiet=as_json, at=(tree, site)) as say:

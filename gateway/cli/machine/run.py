@@ -14,6 +14,14 @@ from drivers.errors import words
 from drivers.message import Message, fixed
 from drivers.terms import spoken
 from gateway.cli.command_list import require_only
+from gateway.cli.machine.hours import (
+    USUAL_GOAL,
+    GoalOption,
+    HoursOption,
+    ToleranceOption,
+    planner_of,
+    show_hours,
+)
 from gateway.cli.next_steps import after_site_run, show_next, show_outcome
 from gateway.cli.options import (
     ApplyOption,
@@ -107,17 +115,31 @@ def close_command(
         ),
     ] = "",
     plan: PlanOption = False,
+    hours: HoursOption = None,
+    tolerance: ToleranceOption = None,
+    goal: GoalOption = USUAL_GOAL,
     as_json: JsonOption = False,
 ) -> None:
-    """Measure all errors, propose tables for the tooth; with --apply grind, push, grind again and prove it."""
+    """Measure all errors, propose tables for the tooth; with --apply grind, push, grind again and prove it.
+
+    With --hours the day is no longer than that: its other work counts, and the rest goes to the set-ups that gain most.
+    """
     if plan:
         require_only("close --plan")
+    limited = None
+    if hours is not None or tolerance is not None or goal != USUAL_GOAL:
+        limited = planner_of(load_site(site), site, hours, tolerance, goal, closing=apply)
+    if plan and limited is not None:
+        show_hours(limited, as_json=as_json)
+        return
+    if plan:
         show_day_of_closing(site, apply=apply, as_json=as_json)
         return
     from gateway.approve import take_risk
 
     with take_risk(risk):
-        close_site_command(site, apply, machine, resume, as_json=as_json, keep_worse=keep_worse, cycle=cycle)
+        more = {"keep_worse": keep_worse, "cycle": cycle, "limited": limited}
+        close_site_command(site, apply, machine, resume, as_json=as_json, **more)
 
 
 def close_site_command(
@@ -129,9 +151,11 @@ def close_site_command(
     as_json: bool,
     keep_worse: bool = False,
     cycle: str = "",
+    limited: Any = None,
 ) -> None:
-    """Close the loop at a site, and show what came of it."""
-    asked = ClosingRequest(site, apply=apply, machine=machine, resume=resume, keep_worse=keep_worse, cycle=cycle)
+    """Close the loop at a site, and show what came of it; ``limited``: the plan that chooses what is measured."""
+    more: dict[str, Any] = {"resume": resume, "keep_worse": keep_worse, "cycle": cycle, "limited": limited}
+    asked = ClosingRequest(site, apply=apply, machine=machine, **more)
     outcome = asked.run(quiet=as_json)
     show_outcome(outcome, as_json=as_json, onward=after_site_run(outcome, site))
 
@@ -139,6 +163,8 @@ def close_site_command(
 @dataclass(frozen=True, slots=True)
 class ClosingRequest:
     """A closing run as it was asked for; ``wanted`` are the set-ups by key (none: all of the plan).
+
+    ``limited`` chooses them for limited hours instead (`gateway.workflow.hours`).
 
     The demo, which owns its cell and has an ``own_operator`` there, types the machine's name itself.
     """
@@ -151,6 +177,7 @@ class ClosingRequest:
     own_operator: bool = False
     wanted: Sequence[str] = ()
     cycle: str = ""
+    limited: Any = None
     clock: Clock = field(default_factory=LoopClock)
 
     def stages(self) -> RemainingTime:
@@ -158,7 +185,7 @@ class ClosingRequest:
         from gateway.config import load_site
         from gateway.workflow.forecast import day_of_closing, remaining_of
 
-        tree, wanted = load_site(self.site), self.wanted
+        tree, wanted = load_site(self.site), self.wanted or (self.limited.plan().plan.keys if self.limited else ())
         return remaining_of(lambda: day_of_closing(tree, self.site, apply=self.apply, wanted=wanted))
 
     def run(self, *, quiet: bool, stages: RemainingTime | None = None) -> Any:
@@ -171,7 +198,7 @@ class ClosingRequest:
         folder = open_run(store_of(tree, self.site), self.resume) if self.resume else None
         asked: dict[str, Any] = {"apply": self.apply, "resume": folder, "back": not self.keep_worse}
         asked |= {"machine_name": tree.site.name if self.own_operator else self.machine, "wanted": self.wanted}
-        asked |= {"cycle": self.cycle}
+        asked |= {"cycle": self.cycle, "chooses": self.limited}
 
         async def main(say: Say) -> Any:
             return await close_site(tree, self.site, clock=self.clock, say=say, **asked)

@@ -181,8 +181,9 @@ class Shape:
             wave = np.cos if self.order % 2 else np.sin
             return np.asarray(np.sqrt(2.0) * wave(((self.order + 1) // 2) * q))
         x = np.clip((2.0 * q - self.low - self.high) / (self.high - self.low), -1.0, 1.0)
-        legendre = x if self.order == 1 else 0.5 * (3.0 * x**2 - 1.0)
-        return np.asarray(np.sqrt(2.0 * self.order + 1.0) * legendre)
+        one = np.zeros(self.order + 1)
+        one[self.order] = 1.0
+        return np.asarray(np.sqrt(2.0 * self.order + 1.0) * np.polynomial.legendre.legval(x, one))
 
 
 def shapes_over(chain: Chain, axis: str, travel: tuple[float, float]) -> list[Shape]:

@@ -110,17 +110,24 @@ def costliest(
     transmission errors p-p, to first order about the machine's mean drive. What an error makes
     alike in every space moves the lost motion and costs nothing here.
     """
-    flank = _flank(machine, grid)
-    found = transmission_map(without_limit(drive), flank, steps=steps)
     if not doubt.sources:
         return ()
-    moved = np.stack([doubt.places.along_normal(one) for one in np.moveaxis(doubt.patterns, -1, 0)], axis=1)
-    sizes = np.ptp(found.rows(moved), axis=0)
+    sizes = np.ptp(transmission_rows(drive, machine, grid, doubt, steps=steps), axis=0)
     square: dict[str, float] = {}
     for name, size in zip(doubt.sources, sizes.tolist(), strict=True):
         square[name] = square.get(name, 0.0) + size**2
     order = sorted(square, key=lambda name: -square[name])
     return tuple(DriveDoubt(name, float(np.sqrt(square[name])), name in measured) for name in order)
+
+
+def transmission_rows(
+    drive: Reducer, machine: Grinding, grid: FlankGrid, doubt: FlankDoubts, *, steps: int | None = None
+) -> FloatArray:
+    """Transmission error (N, S) in arcsec that each pattern of a flank makes, first order about the mean drive."""
+    found = transmission_map(without_limit(drive), _flank(machine, grid), steps=steps)
+    patterns = np.moveaxis(doubt.patterns, -1, 0)
+    moved = [doubt.places.along_normal(one) for one in patterns]
+    return found.rows(np.stack(moved, axis=1) if moved else np.zeros((doubt.places.points, 0)))
 
 
 def expected_drive(

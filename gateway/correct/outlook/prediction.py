@@ -134,9 +134,14 @@ def without_rotation(doubt: FlankDoubts) -> FlankDoubts:
 
 def without_setup(grinding: Grinding, doubt: FlankDoubts) -> FlankDoubts:
     """Patterns less what x zero, dressing offset and C zero take of each, by least squares over the flank."""
-    infeed = command_effects(grinding, doubt.places)[grinding.infeed]
+    return less(doubt, setup_effects(grinding, doubt.places))
+
+
+def setup_effects(grinding: Grinding, places: Places) -> list[FloatArray]:
+    """A, B, G (G, 3) of x zero, dressing offset and C zero, one unit each."""
+    infeed = command_effects(grinding, places)[grinding.infeed]
     offset = np.broadcast_to(np.array([0.0, 1.0, 0.0]), infeed.shape)
-    return less(doubt, [infeed, offset, _turn(doubt.places)])
+    return [infeed, offset, _turn(places)]
 
 
 def less(doubt: FlankDoubts, effects: list[FloatArray]) -> FlankDoubts:

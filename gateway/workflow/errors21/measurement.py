@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import asyncio
+import json
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from datetime import datetime
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 from drivers.clock import Clock
 from drivers.errors import TrueflankError, words
@@ -15,6 +16,7 @@ from drivers.message import Message, Quantity, fixed, prose
 from drivers.types.doubts import Doubt
 from drivers.types.tables import LiveSet
 from gateway.capture.revisits import require_complete
+from gateway.capture.targets import targets_of
 from gateway.config import SiteFile
 from gateway.correct.outlook.flank_uncertainty import ALSO_SHOWN, THRESHOLD_UM, OpenDoubt, ToothSpec, what_next
 from gateway.correct.plan.plan import AxisGrid
@@ -72,6 +74,17 @@ class PlanOutcome:
         }
 
 
+class ChoosesSetups(Protocol):
+    """Chooses what is measured next from what has been measured: a plan for limited hours."""
+
+    def next(self, model: ErrorModel | None, measured: Collection[str], spent_h: float) -> Sequence[PlannedSetup]:
+        """The set-ups of the next step, in order; none where it ends. ``measured`` are keys, ``spent_h`` hours."""
+
+    @property
+    def lines(self) -> tuple[Message, ...]:
+        """What it says of its end."""
+
+
 async def measure_site(
     site: SiteFile,
     site_path: Path,
@@ -81,14 +94,16 @@ async def measure_site(
     wanted: Sequence[str] = (),
     resume: RunFolder | None = None,
     tooth: ToothSpec | None = None,
+    chooses: ChoosesSetups | None = None,
 ) -> PlanOutcome:
     """Walk through the plan's set-ups (those wanted, by key or component) and tell what is known afterwards.
 
-    All instruments are opened before anything moves, so that a missing one is told at once; then only the one in
-    use stays open. Each set-up is stored before the next; a run that stopped is resumed with its folder, finished
-    set-ups are not repeated, but for those that no table could be pushed from. Raises ConfigError (E-SETUP-...),
-    IllegalTransition (E-SETUP-MACHINE, E-SETUP-CHANGED), CaptureError (E-SETUP-TABLES: tables changed since an earlier
-    set-up), and what capturing raises; the folder keeps the error.
+    With ``chooses`` each step is chosen by what the ones before it told. All instruments are opened before anything
+    moves, so that a missing one is told at once; then only the one in use stays open. Each set-up is stored before the
+    next; a run that stopped is resumed with its folder, finished set-ups are not repeated, but for those that no table
+    could be pushed from. Raises ConfigError (E-SETUP-...), IllegalTransition (E-SETUP-MACHINE, E-SETUP-CHANGED),
+    CaptureError (E-SETUP-TABLES: tables changed since an earlier set-up), and what capturing raises; the folder keeps
+    the error.
     """
     todo = select_setups(plan_setups(site), wanted)
     folder = resume or new_run(site, site_path, utc=clock.utc)
@@ -99,14 +114,23 @@ async def measure_site(
             async with open_context(
                 site, site_path, folder=folder, clock=clock, say=say, instruments=instruments_of(left)
             ) as at:
-                await _walk(at, left, resumed=resume is not None)
+                if chooses is None:
+                    await _walk(at, left, resumed=resume is not None)
+                else:
+                    await _walk_by_choice(at, chooses, left, resumed=resume is not None)
     except TrueflankError as error:
         folder.set_state("failed", error=error.as_record())
         raise
     except asyncio.CancelledError:
         folder.set_state(STOPPED)
         raise
-    return fit_error_model(site, folder, tooth)
+    outcome = fit_error_model(site, folder, tooth)
+    return outcome if chooses is None else replace(outcome, advice=chooses.lines)
+
+
+def _shortened(key: str) -> str:
+    """The file that says that a plan for limited hours chose a set-up's targets and repetitions."""
+    return f"shortened-{key}.json"
 
 
 def _setups_to_measure(
@@ -117,7 +141,8 @@ def _setups_to_measure(
     for one in todo:
         if not folder.has(stages.setup(one.key)) or one.setup.name in doubted:
             continue
-        if not one.was_measured_as(folder.read_text(f"setup-{one.key}.json")):
+        shortened = _shortened(one.key) in folder.facts["files"]
+        if not one.was_measured_as(folder.read_text(f"setup-{one.key}.json"), shortened=shortened):
             raise IllegalTransition("E-SETUP-CHANGED", folder.run_id, setup=one.key)
     left = []
     for one in todo:
@@ -166,20 +191,61 @@ def instruments_of(plan: Sequence[PlannedSetup]) -> set[str]:
 
 
 async def _walk(at: RunContext, left: Sequence[PlannedSetup], *, resumed: bool) -> None:
-    known = await _same_machine(at) if resumed else {}
+    walk = _Walk(at, await _same_machine(at) if resumed else {})
     store_equipment(at)
     at.folder.set_state(MEASURING)
-    tables: dict[str, LiveSet] = {}
     await at.foresee(foreseen_plans(at.site, left))
     for number, one in enumerate(left):
-        SetupStarted(one.key, number + 1, len(left)).tell(at.say)
-        await at.supervisor.hold(instruments_of([one]))
-        capture = await measure_setup(at, one, tables)
-        if capture.axis not in known:
-            await compare_live_tables(at, capture.live)
-        _same_tables(known, capture, one.key)
+        await walk.measure(one, number + 1, len(left))
     await at.foresee(())
     at.folder.set_state(PARTIAL)
+
+
+async def _walk_by_choice(
+    at: RunContext, chooses: ChoosesSetups, left: Sequence[PlannedSetup], *, resumed: bool
+) -> None:
+    """Step after step as they are chosen; what is behind us of a resumed run counts as measured."""
+    walk = _Walk(at, await _same_machine(at) if resumed else {})
+    store_equipment(at)
+    at.folder.set_state(MEASURING)
+    began, open_keys = at.clock.now(), {one.key: one for one in left}
+    able = [one for one in plan_setups(at.site) if one.measured]
+    while open_keys:
+        done = [one for one in able if one.key not in open_keys and at.folder.has(stages.setup(one.key))]
+        model = _fitted(at.site, at.folder, done)[0] if done else None
+        step = chooses.next(model, [one.key for one in able if one.key not in open_keys], _hours_since(at, began))
+        if not step:
+            break
+        await at.foresee(foreseen_plans(at.site, step))
+        for one in step:
+            if one.setup != open_keys[one.key].setup:
+                chosen = {"targets": int(targets_of(one.axis).size), "repetitions": one.axis.measure.repetitions}
+                at.folder.write_text(_shortened(one.key), json.dumps(chosen))
+            await walk.measure(one, len(able) - len(open_keys) + 1, len(able))
+            del open_keys[one.key]
+    await at.foresee(())
+    at.folder.set_state(PARTIAL)
+
+
+def _hours_since(at: RunContext, began: float) -> float:
+    return (at.clock.now() - began) / 3600.0
+
+
+@dataclass
+class _Walk:
+    """Set-ups one after the other; ``known`` are the tables of each axis by what was measured so far."""
+
+    at: RunContext
+    known: dict[str, str]
+    tables: dict[str, LiveSet] = field(default_factory=dict)
+
+    async def measure(self, one: PlannedSetup, number: int, of: int) -> None:
+        SetupStarted(one.key, number, of).tell(self.at.say)
+        await self.at.supervisor.hold(instruments_of([one]))
+        capture = await measure_setup(self.at, one, self.tables)
+        if capture.axis not in self.known:
+            await compare_live_tables(self.at, capture.live)
+        _same_tables(self.known, capture, one.key)
 
 
 async def _same_machine(at: RunContext) -> dict[str, str]:
@@ -213,16 +279,7 @@ def fit_error_model(site: SiteFile, folder: RunFolder, tooth: ToothSpec | None) 
     """
     plan = plan_setups(site)
     done = [one for one in plan if one.measured and folder.has(stages.setup(one.key))]
-    captures = [folder.get(stages.setup(one.key), Capture) for one in done]
-    for one, capture in zip(done, captures, strict=True):
-        demand_settled(_open_doubts(one, capture), one.key)
-    rotary = [axis.name for axis in site.axes if axis.kind == "rotary"]
-    measurements = [
-        one.measurement(capture.targets, capture.deviations, rotary, start_positions(site, folder, one))
-        for one, capture in zip(done, captures, strict=True)
-    ]
-    usual = site.assumed
-    model = error_model(measurements, spans(site), linear_um=usual.linear_um, angular_arcsec=usual.angular_arcsec)
+    model, captures = _fitted(site, folder, done)
     model = replace(model, said=(*model.said, *_unproved_setups(done, captures)))
     remaining = tuple(one.key for one in plan if one.measured and one not in done)
     opened = what_next(model, tooth, grids(site)) if tooth is not None else ()
@@ -242,6 +299,21 @@ def fit_error_model(site: SiteFile, folder: RunFolder, tooth: ToothSpec | None) 
         open=opened,
         advice=advice,
     )
+
+
+def _fitted(site: SiteFile, folder: RunFolder, done: Sequence[PlannedSetup]) -> tuple[ErrorModel, tuple[Capture, ...]]:
+    """The errors as these set-ups tell them, and their captures. Raises InDoubt (E-DOUBT-OPEN)."""
+    captures = tuple(folder.get(stages.setup(one.key), Capture) for one in done)
+    for one, capture in zip(done, captures, strict=True):
+        demand_settled(_open_doubts(one, capture), one.key)
+    rotary = [axis.name for axis in site.axes if axis.kind == "rotary"]
+    measurements = [
+        one.measurement(capture.targets, capture.deviations, rotary, start_positions(site, folder, one))
+        for one, capture in zip(done, captures, strict=True)
+    ]
+    usual = site.assumed
+    model = error_model(measurements, spans(site), linear_um=usual.linear_um, angular_arcsec=usual.angular_arcsec)
+    return model, captures
 
 
 def _open_doubts(one: PlannedSetup, capture: Capture) -> tuple[Doubt, ...]:

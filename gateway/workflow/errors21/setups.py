@@ -9,7 +9,7 @@ from typing import Any
 
 from drivers.errors import ConfigError
 from drivers.units import DeviationUnit, deviation_unit
-from gateway.config import AxisSection, SetupSection, SiteFile
+from gateway.config import AxisSection, SetupSection, SiteFile, Targets
 from gateway.domain.values import COVERAGE, component_unit
 from gateway.evaluate.geometry.measurement import Measurement
 from gateway.table.proposal import InstrumentU
@@ -32,10 +32,14 @@ class PlannedSetup:
     unit: DeviationUnit
     positioning: bool
 
-    def was_measured_as(self, kept: str) -> bool:
-        """Whether a set-up's stored form is what the site file has: its doubts may have been accepted since."""
+    def was_measured_as(self, kept: str, *, shortened: bool = False) -> bool:
+        """Whether a set-up's stored form is what the site file has: its doubts may have been accepted since.
+
+        ``shortened``: a plan for limited hours had chosen its targets and repetitions.
+        """
         now, then = json.loads(self.setup.model_dump_json()), json.loads(kept)
-        return all(now.get(key) == then.get(key) for key in (*now, *then) if key not in WORD_OF_A_PERSON)
+        free = (*WORD_OF_A_PERSON, *(("targets", "repetitions") if shortened else ()))
+        return all(now.get(key) == then.get(key) for key in (*now, *then) if key not in free)
 
     @property
     def measured(self) -> bool:
@@ -143,6 +147,12 @@ def key_of(setup: SetupSection) -> str:
     """The set-up's name in a run folder and on the command line: EYX-X1, B0Z-R-X1, A0C-Z1-C1at180."""
     parked = "".join(f"-{axis}at{place:g}" for axis, place in sorted(setup.park.items()))
     return f"{setup.component}-{setup.axis}{parked}"
+
+
+def with_way(one: PlannedSetup, positions: Sequence[float], repetitions: int) -> PlannedSetup:
+    """The set-up at these targets (mm or deg) with so many repetitions; all else as the site file has it."""
+    targets = Targets(positions=tuple(float(place) for place in positions))
+    return _complete_setup(one.setup.model_copy(update={"targets": targets, "repetitions": repetitions}), one.axis)
 
 
 def _order_setups(plan: Sequence[PlannedSetup], axes: Sequence[str]) -> tuple[PlannedSetup, ...]:
