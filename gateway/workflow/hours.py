@@ -192,9 +192,9 @@ def ways_of(site: SiteFile, one: PlannedSetup) -> tuple[Way, ...]:
         fewer = min(repetitions, LEAST_REPETITIONS)
         half = _every_other(at, rotary=one.axis.kind == "rotary")
         if fewer < repetitions:
-            found.append((with_way(one, at, fewer), at, fewer))
+            found.append((with_way(one, at.tolist(), fewer), at, fewer))
         if half.size >= FEWEST[one.axis.kind] and one.setup.name[1] != "0":
-            found.append((with_way(one, half, fewer), half, fewer))
+            found.append((with_way(one, half.tolist(), fewer), half, fewer))
     return tuple(Way(places, count, setup_hours(site, way)) for way, places, count in found)
 
 

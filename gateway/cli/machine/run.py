@@ -138,7 +138,7 @@ def close_command(
     from gateway.approve import take_risk
 
     with take_risk(risk):
-        more = {"keep_worse": keep_worse, "cycle": cycle, "limited": limited}
+        more: dict[str, Any] = {"keep_worse": keep_worse, "cycle": cycle, "limited": limited}
         close_site_command(site, apply, machine, resume, as_json=as_json, **more)
 
 
