@@ -295,7 +295,8 @@ def _told(
     for keys, choices in picked:
         ways = [by[key].choices[n] for key, n in zip(keys, choices, strict=True)]
         after = at.after(ways)
-        found.append(Step(keys, choices, sum(one.hours for one in ways), at.u, after.u, after.bound))
+        hours = sum(one.hours for one in ways)
+        found.append(Step(keys, choices, hours, u_before=at.u, u=after.u, bound=after.bound))
         at = after
     return tuple(found)
 

@@ -19,7 +19,6 @@ from drivers.types.values import FloatArray
 from gateway.capture.targets import targets_of
 from gateway.config import SiteFile
 from gateway.correct.outlook.measuring_hours import HourGoal, SetupReadings, Way, planning_task
-from gateway.errors import ModelError
 from gateway.evaluate.geometry.error_model import error_model
 from gateway.model.error_model import ErrorModel
 from gateway.sensitivity.planning import WORTH, HourPlan, plan_hours
@@ -148,20 +147,27 @@ class SiteHoursPlanner:
     def plan(self, model: ErrorModel | None = None, measured: Collection[str] = (), spent_h: float = 0.0) -> SiteHours:
         """What is best measured from here. Raises ModelError (E-PLAN-HOURS, E-PLAN-GOAL)."""
         left = [one for one in self.able if one.key not in measured]
-        usual = self.site.assumed
-        if model is None:
-            model = error_model((), spans(self.site), linear_um=usual.linear_um, angular_arcsec=usual.angular_arcsec)
-        ways = {one.key: ways_of(self.site, one) for one in left}
-        readings = [_readings(self.site, one, ways[one.key]) for one in left]
+        # An axis' positioning hangs by its levers on angles that are measured later: there a measured set-up counts by
+        # its design and not by the fit, which would take what the levers leave open for its own.
+        tied = self.goal.kind == "axis"
+        shown = self.able if tied else left
+        ways = {one.key: ways_of(self.site, one) for one in shown}
+        readings = [_readings(self.site, one, ways[one.key]) for one in shown]
         tolerance, hours = self.request.tolerance, self.request.hours
-        task = planning_task(model, readings, self.goal, grids(self.site), proof=tolerance is not None)
+        known_errors = nothing_known(self.site) if model is None or tied else model
+        task = planning_task(known_errors, readings, self.goal, grids(self.site), proof=tolerance is not None)
+        known = task.known.after([one.choices[0] for one in task.candidates if one.key in measured])
         required = [one.key for one in left if one.positioning] if self.goal.kind != "axis" else []
+        if hours is not None:
+            # Once the run has begun, the axes' own positioning is measured even where the rest took longer.
+            needed_h = sum(ways[key][0].hours for key in required) if measured else 0.0
+            hours = max(hours - spent_h, needed_h)
         found = plan_hours(
-            task.known,
-            task.candidates,
+            known,
+            [one for one in task.candidates if one.key not in measured],
             bundles=task.bundles,
             required=required,
-            hours=None if hours is None else max(hours - spent_h, 0.0),
+            hours=hours,
             tolerance=tolerance,
         )
         by = {one.key: one for one in left}
@@ -170,15 +176,16 @@ class SiteHoursPlanner:
         return self.newest
 
     def next(self, model: ErrorModel | None, measured: Collection[str], spent_h: float) -> tuple[PlannedSetup, ...]:
-        """The set-ups of the next step; none where the plan ends. What no longer fits into the hours is left out."""
-        try:
-            found = self.plan(model, measured, spent_h)
-        except ModelError as error:
-            if error.code != "E-PLAN-HOURS" or not measured:
-                raise
-            return ()
+        """The set-ups of the next step; none where the plan ends."""
+        found = self.plan(model, measured, spent_h)
         by = {one.key: one for one in found.setups}
         return tuple(by[key] for key in found.plan.steps[0].keys) if found.plan.steps else ()
+
+
+def nothing_known(site: SiteFile) -> ErrorModel:
+    """Every error within its assumed span."""
+    usual = site.assumed
+    return error_model((), spans(site), linear_um=usual.linear_um, angular_arcsec=usual.angular_arcsec)
 
 
 def ways_of(site: SiteFile, one: PlannedSetup) -> tuple[Way, ...]:

@@ -16,6 +16,10 @@ WHOLLY_LONG = {
         "test_the_flank_by_tables_is_the_flank_by_the_copy",
     ): "test_the_simulated_control_cuts_the_same_by_tables_and_by_the_copy",
     (
+        "test_hours.py",
+        "test_a_run_measures_by_the_plan_and_goes_on_by_it",
+    ): "test_an_axis_asks_for_its_own_set_up_and_the_angles_of_its_lever",
+    (
         "test_wheel_in_run.py",
         "test_the_wheel_is_dressed_by_what_the_run_told_of_it",
     ): "test_the_best_correction_comes_first_and_each_takes_what_is_its_own",

@@ -63,6 +63,7 @@ LIBRARIES = {
         "gateway.model",
         "gateway.process",
         "gateway.reducer",
+        "gateway.sensitivity",
         "gateway.table",
         "simulators.grinding",
         "simulators.reducer",

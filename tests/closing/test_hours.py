@@ -187,15 +187,15 @@ def test_a_short_day_reaches_the_flank_of_the_whole_one(seed: int, tmp_path: Pat
     whole, short = full_day(seed, tmp_path), half_day(seed, tmp_path, LASERS)
     print(f"{seed}: {short.hours:.2f} h of {whole.hours:.2f} h, {short.rms_um:.3f} um against {whole.rms_um:.3f} um")
     assert short.hours <= LASERS * whole.hours
-    assert short.rms_um <= WORSE * whole.rms_um + 0.02
+    assert short.rms_um <= WORSE * whole.rms_um + 0.02  # 20 nm: what another draw of the readings changes
     assert short.plan is not None
     assert short.rms_um <= short.plan.plan.bound
 
 
 @pytest.mark.soak
 def test_sixty_machines(tmp_path: Path) -> None:
-    """Hours on every machine; the flank as a whole and the promise by count, for the readings are drawn."""
-    ratios, kept, hours = [], 0, []
+    """Hours on every machine; the flanks pooled and the promise by count, for below 0.1 um one draw is luck."""
+    shorts, wholes, kept, hours = [], [], 0, []
     for seed in range(1, MACHINES + 1):
         folder = tmp_path / str(seed)
         folder.mkdir()
@@ -203,12 +203,13 @@ def test_sixty_machines(tmp_path: Path) -> None:
         assert short.plan is not None
         bound = short.plan.plan.bound
         hours.append(short.hours / whole.hours)
-        ratios.append(short.rms_um / whole.rms_um)
+        shorts.append(short.rms_um)
+        wholes.append(whole.rms_um)
         kept += short.rms_um <= bound
         print(f"{seed}: {hours[-1]:.3f} of the hours, {short.rms_um:.3f} / {whole.rms_um:.3f} um, at most {bound:.3f}")
-    near = float(np.mean(np.array(ratios) <= WORSE))
-    print(f"mean hours {np.mean(hours):.3f}, mean ratio {np.mean(ratios):.3f}, within 10 %: {near:.3f}")
+    pooled = float(np.sqrt(np.mean(np.square(shorts)) / np.mean(np.square(wholes))))
+    print(f"mean hours {np.mean(hours):.3f}; flanks pooled {pooled:.3f} of the whole day's")
     print(f"promise kept {kept} of {MACHINES}")
     assert max(hours) <= LASERS
-    assert np.sqrt(np.mean(np.square(ratios))) <= WORSE
+    assert pooled <= WORSE
     assert kept >= 0.95 * MACHINES

@@ -24,7 +24,7 @@ USUAL_GOAL = "flank"
 
 
 def planner_of(
-    tree: Any, site: Path, hours: float | None, tolerance: float | None, goal: str, *, closing: bool | None = None
+    tree: Any, site: Path, *, hours: float | None, tolerance: float | None, goal: str, closing: bool | None = None
 ) -> Any:
     """The plan that was asked for; None without hours and tolerance. ``closing``: apply of a `close`, which has a rest.
 

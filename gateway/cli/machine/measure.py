@@ -50,7 +50,7 @@ def measure_command(
     if plan:
         require_only("measure --plan")
     tree = load_site(site)
-    planner = planner_of(tree, site, hours, tolerance, goal)
+    planner = planner_of(tree, site, hours=hours, tolerance=tolerance, goal=goal)
     if planner is not None and setups:
         raise typer.BadParameter("give either --setups, or --hours and --tolerance", param_hint="--setups")
     if plan and planner is not None:

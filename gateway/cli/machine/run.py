@@ -128,7 +128,7 @@ def close_command(
         require_only("close --plan")
     limited = None
     if hours is not None or tolerance is not None or goal != USUAL_GOAL:
-        limited = planner_of(load_site(site), site, hours, tolerance, goal, closing=apply)
+        limited = planner_of(load_site(site), site, hours=hours, tolerance=tolerance, goal=goal, closing=apply)
     if plan and limited is not None:
         show_hours(limited, as_json=as_json)
         return

@@ -52,6 +52,7 @@ from gateway.gear.flank import FlankGrid, flank_grid
 from gateway.gear.grinding import Grinding
 from gateway.model.chain import Chain
 from gateway.model.error_model import ErrorModel, chain_of_errors, in_mm_rad
+from gateway.model.motion import travel_of
 from gateway.reducer.records import Reducer
 from gateway.sensitivity.planning import Candidate, Choice, Knowledge
 
@@ -61,6 +62,7 @@ HIGHEST = {"linear": 8, "rotary": 8}
 DATUM = {"um": 0.1, "arcsec": 1e-3}
 """How far a zero or an artefact may be off, mm or rad: more than any set-up leaves."""
 ACROSS, TOP = 41, 2
+WIDEST = (-1e6, 1e6)
 SEEN = 1e-6
 """Of what the goal sees most: directions that it sees less are left out."""
 SCATTER = 0.15
@@ -201,9 +203,12 @@ def _name(parameter: ErrorParameter | str) -> str:
 
 
 def _values(parameter: ErrorParameter | str, at: FloatArray) -> FloatArray:
-    """A shape at positions of its axis, mm or rad."""
+    """A shape at positions of its axis, mm or rad; beyond where a fit is known its last value, as a table holds it."""
     basis = None if isinstance(parameter, str) else parameter.basis
-    return np.ones_like(at) if basis is None else np.asarray(basis(at))
+    if basis is None:
+        return np.ones_like(at)
+    low, high = travel_of(basis, *WIDEST)
+    return np.asarray(basis(np.clip(at, low, high)))
 
 
 # ---- designs
@@ -270,7 +275,7 @@ def _filled(made: _Design, width: int) -> Choice:
     design[:, : made.errors.shape[1]] = made.errors
     for place, values in made.nuisances:
         design[:, place] += values
-    return Choice(design, made.u, made.hours, made.targets, made.repetitions)
+    return Choice(design, made.u, made.hours, targets=made.targets, repetitions=made.repetitions)
 
 
 def _one_way(
