@@ -7,10 +7,12 @@ from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
+from typer.testing import CliRunner
 
 from drivers.checks import CheckLine, fine, unknown, wrong
-from drivers.errors import catalogue
+from drivers.errors import ConfigError, catalogue
 from gateway.acceptance.control import stored_self_tests
+from gateway.cli import app
 from gateway.cli.next_steps import (
     NEXT_COMMANDS,
     STATE_BY_REFUSAL,
@@ -150,3 +152,22 @@ def test_what_could_not_be_read_is_looked_at_again_and_not_carried_out() -> None
     assert after_recovery((offered,), "S", "M", apply=True) == "tables verify S"
     assert after_recovery((stands,), "S", "M", apply=True) == "recover S --apply --machine M"
     assert after_recovery((), "S", "M", apply=False) == "tables verify S"
+
+
+@pytest.mark.parametrize(("level", "code"), [("write", "E-DOC-WRITE"), ("all", "E-ACCEPT-LEVEL")])
+def test_the_doctor_tries_no_table_and_knows_no_other_level(tmp_path: Path, level: str, code: str) -> None:
+    """A table is written with consent and a sheet alone: before the control is asked anything."""
+    site = site_file(tmp_path, "demo")
+    refused = CliRunner().invoke(app, ["doctor", str(site), "--level", level]).exception
+    assert isinstance(refused, ConfigError)
+    assert (refused.code, refused.exit_code) == (code, 2)
+    assert ("doctor accept" in refused.hint) == (level == "write")
+
+
+def test_a_site_of_files_only_has_nothing_to_start(tmp_path: Path) -> None:
+    site = tmp_path / "site.toml"
+    site.write_bytes((Path(__file__).parents[3] / "examples" / "sites" / "files-only.toml").read_bytes())
+    assert CliRunner().invoke(app, ["doctor", str(site)]).exit_code == 0
+    refused = CliRunner().invoke(app, ["doctor", str(site), "--level", "program"]).exception
+    assert isinstance(refused, ConfigError)
+    assert refused.code == "E-FILES-ONLY"
