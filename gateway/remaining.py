@@ -20,6 +20,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import groupby
 
+from drivers.message import words
 from gateway.events import (
     ActingCheckStarted,
     AxisMeasurementStarted,
@@ -41,7 +42,7 @@ TELLING_S = 60.0
 """What is foreseen beside the stops tells a pace from so many seconds on: less of it is looks and answers."""
 HELD_S = 120.0
 """So many foreseen seconds of mountings and programs weigh as much as the pace of the stops."""
-SIGNS, TRIALS, TRIALS_OUT, PUSH = "sign proofs", "trial tables", "tables of before", "push"
+SIGNS, TRIALS, TRIALS_OUT, PUSH = "sign proofs", "trial tables", words("S-WORK-TABLES-BEFORE"), "push"
 NEW_TARGETS = "TFMORE"
 """The programs that visit targets which readings asked for, with about as many known ones; others visit known ones."""
 

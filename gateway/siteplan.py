@@ -211,11 +211,11 @@ class AssumedSection(Section):
     angular_arcsec: Number = Field(default=5.0, gt=0, description="half-width of rotations, arcsec")
 
 
-PLACE = (
+PLACE_DESCRIPTION = (
     'where the control holds {} for the builder\'s cycle, which adds it up: an R parameter ("R210") or the node of one '
     "number of the user; empty: a person types it ({})"
 )
-ENTRY = "where a person enters {} for the builder's own programs; empty: {}"
+ENTRY_DESCRIPTION = "where a person enters {} for the builder's own programs; empty: {}"
 
 
 class WorkSection(Section):
@@ -281,24 +281,24 @@ class WorkSection(Section):
     inspection_size_um: Number = Field(default=0.0, ge=0, description="uncertainty of its probe size, um (k = 2)")
     drift_um_per_h: Number = Field(default=0.3, ge=0, description="drift of the infeed zero, um per hour")
     drift_arcsec_per_h: Number = Field(default=0.5, ge=0, description="drift of the index axis zero, arcsec per hour")
-    x_entry: str = Field(default="", description=ENTRY.format("the x zero", "the work offset of the infeed axis"))
-    c_entry: str = Field(default="", description=ENTRY.format("the C zero", "the work offset of the index axis"))
-    dressing_entry: str = Field(
-        default="", description=ENTRY.format("the dressing offset", "the offset of the dresser in the dressing program")
+    x_entry: str = Field(
+        default="", description=ENTRY_DESCRIPTION.format("the x zero", "the work offset of the infeed axis")
     )
     dresser_file: str = Field(
         default="",
         max_length=400,
         description="file of the dresser's table, relative to the site file: the closing run then corrects the wheel",
     )
-    x_place: str = Field(default="", max_length=120, description=PLACE.format("the x zero", "x_entry"))
+    x_place: str = Field(default="", max_length=120, description=PLACE_DESCRIPTION.format("the x zero", "x_entry"))
     dressing_place: str = Field(
-        default="", max_length=120, description=PLACE.format("the dressing offset", "dressing_entry")
+        default="", max_length=120, description=PLACE_DESCRIPTION.format("the dressing offset", "dressing_entry")
     )
     swivel_place: str = Field(
-        default="", max_length=120, description=PLACE.format("the swivel of the wheel", "swivel_entry")
+        default="", max_length=120, description=PLACE_DESCRIPTION.format("the swivel of the wheel", "swivel_entry")
     )
-    swivel_entry: str = Field(default="", description=ENTRY.format("the swivel", "the swivel axis of the wheel"))
+    swivel_entry: str = Field(
+        default="", description=ENTRY_DESCRIPTION.format("the swivel", "the swivel axis of the wheel")
+    )
     place_length_unit: Literal["mm", "um"] = Field(default="mm", description="unit of the lengths held in such places")
     place_angle_unit: Literal["deg", "arcsec"] = Field(default="deg", description="unit of the angles held there")
     part_h: Number = Field(default=0.25, gt=0, description="hours per part, including its inspection")

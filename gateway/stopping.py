@@ -14,6 +14,7 @@ from typing import Any, TypeVar
 
 from drivers.clock import Clock
 from drivers.errors import DeadlineExceeded, TrueflankError
+from drivers.message import Message
 
 T = TypeVar("T")
 
@@ -26,7 +27,7 @@ INTERRUPTED, TERMINATED = 130, 143
 class Stopped(TrueflankError):
     """The work was ended from outside before its end; what was left at the machine is in the fields."""
 
-    def __init__(self, exit_code: int, by: str, left: str) -> None:
+    def __init__(self, exit_code: int, by: str, left: str | Message) -> None:
         super().__init__("E-STOPPED", by=by, left=left)
         self.exit_code = exit_code  # type: ignore[misc]
 
@@ -76,7 +77,7 @@ class StopAsked:
 
     def error(self) -> Stopped:
         """How the command ends."""
-        left = "; ".join(self.told) or "nothing was at work at the machine"
+        left = "; ".join(self.told) or Message.of("W-STOP-NOTHING")
         return Stopped(self.exit_code, self.by or "the program", left)
 
 

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from drivers.errors import ConfigError
+from drivers.message import Message
 from drivers.types.drives import DriveRecord
 from gateway.domain.values import FloatArray
 from gateway.evaluate.behaviour.drive import DriveFigures
@@ -119,7 +120,7 @@ class EvaluatedDrive:
         found = self.found
         if found is None:
             raise ConfigError(
-                "E-LIBRARY-KIND", "plot", call="tf.EvaluatedDrive.plot", wanted="the curves of the record",
+                "E-LIBRARY-KIND", "plot", call="tf.EvaluatedDrive.plot", wanted=Message.of("W-LIB-CURVES"),
                 given="figures alone", how="tf.evaluate(tf.read_bench(path))",
             )  # fmt: skip
         rows = (2 if found.running else 0) + (1 if found.loop is not None else 0)
@@ -169,7 +170,7 @@ def evaluated_bench(test: DriveTest, limits: Mapping[str, float] | None = None) 
         U={one.name: one.U for one in figures},
         units={one.name: one.unit for one in figures},
         orders=tuple(found.as_data()["orders"]),
-        notes=found.answer.notes,
+        notes=tuple(map(str, found.answer.notes)),
         verdicts={one.parameter: one.verdict for one, _ in found.decided(limits or {})},
         found=found.figures,
     )

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from drivers.errors import ConfigError
+from drivers.message import Message, words
 from drivers.units import deg_to_rad, rad_to_deg
 from gateway.correct.outlook.drive_outlook import drawn_apart, drawn_flanks
 from gateway.correct.outlook.flank_uncertainty import FlankDoubts
@@ -84,7 +85,7 @@ class Reducer:
     def _part(drive: records.Reducer, name: str, one: Any) -> Any:
         part = getattr(drive, name)
         if not isinstance(one, Mapping):
-            _unknown(name, ["a dictionary of what differs"])
+            _unknown(name, [words("W-LIB-DIFFERS")])
         known = [field.name for field in fields(part)]
         for key in one:
             if key not in known:
@@ -337,7 +338,9 @@ def _datum(name: str) -> records.Datum:
 
 def _unknown(given: str, known: Sequence[str]) -> None:
     how = f"one of {', '.join(known)}"
-    raise ConfigError("E-LIBRARY-KIND", "Reducer", call="tf.Reducer", wanted="a value of a drive", given=given, how=how)
+    raise ConfigError(
+        "E-LIBRARY-KIND", "Reducer", call="tf.Reducer", wanted=Message.of("W-LIB-DRIVE-VALUE"), given=given, how=how
+    )
 
 
 def _tuples(value: Any) -> Any:

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from drivers.errors import ConfigError
+from drivers.message import Message
 from drivers.units import AxisUnit, DeviationUnit
 from gateway.domain.values import FloatArray, component_unit
 
@@ -15,11 +16,11 @@ MOTION = re.compile(r"E[XYZABC][XYZUVWABC]")
 TURNING = "ABC"
 MOST_SHOWN = 40
 HOW = {
-    "Measured": 'tf.read(path), or tf.Measured(targets, deviations, "mm")',
-    "Machine": "tf.Machine({...}), or tf.Machine.load(path)",
+    "Measured": Message.of("W-LIB-READ"),
+    "Machine": Message.of("W-LIB-MACHINE"),
     "Flank": "tf.flank(machine, gear)",
-    "Reducer": 'tf.Reducer.shipped("RV-40E-like", datum="crank-holes"), or tf.Reducer.of(gear, datum=...)',
-    "Gear": "tf.Gear.load(path), or tf.Gear.of(...)",
+    "Reducer": Message.of("W-LIB-REDUCER"),
+    "Gear": Message.of("W-LIB-GEAR"),
 }
 ASKS = {
     "E-IMPORT-COLUMNS": "E-LIBRARY-COLUMNS",
@@ -44,7 +45,7 @@ def of_kind(one: Any, wanted: type, call: str) -> None:
 def path_given(one: Any, call: str) -> None:
     """Raise ConfigError (E-LIBRARY-KIND) where a path is no text and no path."""
     if not isinstance(one, str) and not hasattr(one, "__fspath__"):
-        how = "the file's name as a text or a pathlib.Path"
+        how = Message.of("W-LIB-FILE-NAME")
         raise ConfigError("E-LIBRARY-KIND", call, call=f"tf.{call}", wanted="a path", given=_said(one), how=how)
 
 
@@ -52,7 +53,7 @@ def wholes_given(call: str, **given: Any) -> None:
     """Raise ConfigError (E-LIBRARY-KIND) where a seed or a count is no whole number of 0 or more."""
     for name, one in given.items():
         if isinstance(one, bool) or not isinstance(one, int | np.integer) or one < 0:
-            how = "a whole number, 0 or more"
+            how = Message.of("W-LIB-WHOLE")
             raise ConfigError("E-LIBRARY-KIND", call, call=f"tf.{call}", wanted=name, given=_shown(one), how=how)
 
 
@@ -75,7 +76,7 @@ def plain_numbers(
         found = np.asarray("")
     bad = found.size and (found.dtype.kind not in "iuf" or np.any(np.isinf(found) if missing else ~np.isfinite(found)))
     if bad:
-        how = f"a number, or a regular table of numbers{unit}"
+        how = Message.of("W-LIB-NUMBER", unit=unit)
         raise ConfigError("E-LIBRARY-KIND", call, call=call, wanted=what, given=_shown(values), how=how)
     return np.asarray(found, dtype=np.float64)
 
@@ -85,12 +86,12 @@ def real_given(values: Any, call: str) -> None:
     unmasked_given(values, call)
     parts = values if isinstance(values, list | tuple) else (values,)
     if any(np.iscomplexobj(one) for one in parts):
-        how = "real numbers: values.real, if the rest means nothing"
+        how = Message.of("W-LIB-REAL")
         raise ConfigError("E-LIBRARY-KIND", call, call=call, wanted="numbers", given="complex numbers", how=how)
     kinds = {one.dtype.kind for one in parts if isinstance(one, np.ndarray | np.generic)} & set("bmM")
     if kinds or (parts is values and any(isinstance(one, bool) for one in parts)):
         given = "times" if kinds & set("mM") else "truth values"
-        how = "the numbers themselves, in mm or deg, um or arcsec"
+        how = Message.of("W-LIB-PLAIN-NUMBERS")
         raise ConfigError("E-LIBRARY-KIND", call, call=call, wanted="numbers", given=given, how=how)
 
 
@@ -98,7 +99,7 @@ def unmasked_given(values: Any, call: str) -> None:
     """Raise ConfigError (E-LIBRARY-KIND) for a masked array: numpy would take what lies under its mask."""
     parts = values if isinstance(values, list | tuple) else (values,)
     if any(isinstance(one, np.ma.MaskedArray) for one in parts):
-        how = "a plain array: masked.filled(np.nan) where readings may be missing, else masked.compressed()"
+        how = Message.of("W-LIB-MASKED")
         raise ConfigError("E-LIBRARY-KIND", call, call=call, wanted="numbers", given="a masked array", how=how)
 
 
@@ -107,9 +108,13 @@ def _shown(one: Any) -> str:
     return text if len(text) <= MOST_SHOWN else f"{text[:MOST_SHOWN]}..."
 
 
-def _said(one: Any) -> str:
+def _said(one: Any) -> str | Message:
     kind = type(one)
-    return f"a tf.{kind.__name__}" if kind.__module__.startswith("trueflank") else f"a value of type {kind.__name__}"
+    return (
+        f"a tf.{kind.__name__}"
+        if kind.__module__.startswith("trueflank")
+        else Message.of("W-LIB-TYPE", name=kind.__name__)
+    )
 
 
 def motion_name(name: Any, call: str) -> str:

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from drivers.errors import ConfigError
+from drivers.message import Message
 from drivers.units import rad_to_deg
 from gateway.correct.outlook.flank_uncertainty import FlankDoubts
 from gateway.correct.part.inspected import USUAL_CLAMPING_UM, inspection_patterns
@@ -141,6 +142,6 @@ def _zero_given(heights: str, call: str) -> None:
     """Raise ConfigError (E-LIBRARY-KIND) for a zero of the heights that is none."""
     if heights not in ("lower-face", "middle"):
         raise ConfigError(
-            "E-LIBRARY-KIND", call, call=f"tf.{call}", wanted="a zero of the heights", given=repr(heights),
-            how='"lower-face" or "middle"',
+            "E-LIBRARY-KIND", call, call=f"tf.{call}", wanted=Message.of("W-LIB-ZERO"), given=repr(heights),
+            how=Message.of("W-LIB-FACE"),
         )  # fmt: skip

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from drivers.errors import ConfigError
+from drivers.message import Message
 from drivers.types.sensing import Ambient
 from drivers.units import (
     arcsec_of_path,
@@ -84,7 +85,7 @@ def angle_arcsec(path_difference_mm: ArrayLike, spacing_mm: float) -> FloatArray
     """
     paths, spacing = _numbers("path_difference_mm", path_difference_mm), _positive("spacing_mm", spacing_mm)
     if np.any(np.abs(paths) > spacing):
-        _refuse("a path difference within the spacing", f"{np.max(np.abs(paths)):g} mm", f"at most {spacing:g} mm")
+        _refuse(Message.of("W-LIB-PATH"), f"{np.max(np.abs(paths)):g} mm", Message.of("W-LIB-AT-MOST", spacing=spacing))
     return np.asarray(arcsec_of_path(paths, spacing))
 
 
@@ -119,11 +120,11 @@ def _numbers(key: str, value: Any, *, missing: bool = False) -> FloatArray:
 def _positive(key: str, value: Any) -> float:
     found = _numbers(key, value)
     if found.ndim or not float(found) > 0.0:
-        _refuse(key, repr(value), "one number above 0")
+        _refuse(key, repr(value), Message.of("W-LIB-ABOVE-0"))
     return float(found)
 
 
-def _refuse(wanted: str, given: str, how: str) -> None:
+def _refuse(wanted: str | Message, given: str, how: str | Message) -> None:
     raise ConfigError("E-LIBRARY-KIND", "interferometer", call="tf.interferometer", wanted=wanted, given=given, how=how)
 
 

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from drivers.errors import ConfigError
+from drivers.message import Message
 from drivers.units import DeviationUnit, deg_to_rad, mm_to_um, rad_to_arcsec
 from gateway.domain.values import FloatArray
 from gateway.gear.grinding import Grinding
@@ -96,8 +97,8 @@ def moved_axis(found: RelativeErrors, along: str, call: str) -> tuple[str, Float
     axis = along or max(moving, key=lambda name: moving[name])
     if moving.get(axis, 1) < 2:
         raise ConfigError(
-            "E-LIBRARY-KIND", "relative", call=f"tf.{call}", wanted="an axis that moves", given=repr(axis),
-            how="positions such as X=-160.0, Z=[-5.0, 0.0, 5.0], C=0.0",
+            "E-LIBRARY-KIND", "relative", call=f"tf.{call}", wanted=Message.of("W-LIB-AXIS-MOVES"), given=repr(axis),
+            how=Message.of("W-LIB-POSITIONS"),
         )  # fmt: skip
     unit = "deg" if axis[:1] in "ABC" else "mm"
     return f"{axis}  {unit}", np.asarray(np.broadcast_to(found.positions[axis], found.dx.shape))
@@ -187,9 +188,9 @@ def commands(chain: Chain, positions: Mapping[str, ArrayLike], call: str) -> tup
         np.broadcast_shapes(*(one.shape for one in shown.values()))
     except ValueError as error:
         shapes = ", ".join(f"{name} {one.shape}" for name, one in shown.items())
-        how = "numbers, or arrays of shapes that broadcast together"
+        how = Message.of("W-LIB-BROADCAST")
         raise ConfigError(
-            "E-LIBRARY-KIND", call, call=call, wanted="positions that go together", given=shapes, how=how
+            "E-LIBRARY-KIND", call, call=call, wanted=Message.of("W-LIB-TOGETHER"), given=shapes, how=how
         ) from error
     return shown, counted
 

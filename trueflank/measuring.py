@@ -77,7 +77,12 @@ class Measured:
         if self.axis_unit not in ("mm", "deg"):
             given = repr(self.axis_unit)
             raise ConfigError(
-                "E-LIBRARY-KIND", "axis_unit", call="tf.Measured", wanted="an axis unit", given=given, how="mm or deg"
+                "E-LIBRARY-KIND",
+                "axis_unit",
+                call="tf.Measured",
+                wanted="an axis unit",
+                given=given,
+                how=Message.of("W-TABLE-MM-DEG"),
             )
         if self.name:
             units_fit(motion_name(self.name, "Measured"), self.axis_unit, self.unit, "Measured")
@@ -88,9 +93,14 @@ class Measured:
         places, counts = np.unique(self.targets, return_counts=True)
         if (counts > 1).any():
             given = f"target {places[np.argmax(counts > 1)]:g} {int(counts.max())} times"
-            how = "readings at one target are repetitions: deviations (targets, repetitions, 2)"
+            how = Message.of("W-LIB-REPETITIONS")
             raise ConfigError(
-                "E-LIBRARY-KIND", "targets", call="tf.Measured", wanted="every target once", given=given, how=how
+                "E-LIBRARY-KIND",
+                "targets",
+                call="tf.Measured",
+                wanted=Message.of("W-LIB-EVERY-TARGET"),
+                given=given,
+                how=how,
             )
         object.__setattr__(self, "doubts", accept_doubts(all_doubts(self.as_set(), self.unit), self.accepted))
 
@@ -503,8 +513,8 @@ def fit(
     turns = measured.axis_unit == "deg"
     if kind not in ("", "linear", "rotary") or (kind == "rotary" and not turns):
         raise ConfigError(
-            "E-LIBRARY-KIND", name, call="tf.fit", wanted="a kind of axis", given=repr(kind),
-            how='"linear", or "rotary" where targets are in deg',
+            "E-LIBRARY-KIND", name, call="tf.fit", wanted=Message.of("W-LIB-AXIS-KIND"), given=repr(kind),
+            how=Message.of("W-LIB-LINEAR-ROTARY"),
         )  # fmt: skip
     chosen: Literal["linear", "rotary"] = kind or ("rotary" if turns else "linear")
     fitted = fit_means(
@@ -530,7 +540,7 @@ def report(run: str | Path, store: str | Path = "runs") -> Path:
     except StoreError as error:
         if error.code not in ("E-STORE-EMPTY", "E-STORE-RUN") or error.fields.get("matches"):
             raise
-        wanted, given = 'a run\'s folder, its id or "latest"', f"{str(run)!r}: no such run in {str(store)!r}"
-        how = "the run folder that the run named at its end, or store= the folder of all runs"
+        wanted, given = Message.of("W-LIB-RUN"), Message.of("W-LIB-NO-RUN", run=str(run), store=str(store))
+        how = Message.of("W-LIB-RUN-FOLDER")
         raise ConfigError("E-LIBRARY-KIND", "report", call="tf.report", wanted=wanted, given=given, how=how) from error
     return Path(write_report(folder).html)

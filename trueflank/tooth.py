@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from drivers.errors import ConfigError
+from drivers.message import Message
 from drivers.units import arcsec_to_rad, deg_to_rad, mm_to_um, rad_to_arcsec, rad_to_deg, um_to_mm
 from gateway.correct.outlook.flank_uncertainty import FlankDoubts, doubts
 from gateway.correct.outlook.prediction import point_u_um, without_rotation
@@ -155,7 +156,7 @@ class Gear:
         """
         path_given(path, "Gear.to_dxf")
         if not isinstance(tolerance_um, int | float) or not 0.0 < tolerance_um <= MOST_TOLERANCE_UM:
-            how = f"a number of um above 0, at most {MOST_TOLERANCE_UM:g}"
+            how = Message.of("W-LIB-TOLERANCE", most_tolerance_um=MOST_TOLERANCE_UM)
             raise ConfigError(
                 "E-LIBRARY-KIND", "to_dxf", call="tf.Gear.to_dxf", wanted="tolerance_um", given=repr(tolerance_um),
                 how=how,
@@ -180,9 +181,14 @@ def _counted(data: GearFile, call: str, points: Any, space: Any) -> CycloidGear:
     wholes_given(f"Gear.{call}", points=points, space=space)
     gear = gear_of(data)
     if points < FEWEST or space >= gear.zc:
-        how, given = f"at least {FEWEST} points, a space of 0 .. {gear.zc - 1}", f"{points} points, space {space}"
+        how, given = Message.of("W-LIB-POINTS", fewest=FEWEST, last=gear.zc - 1), f"{points} points, space {space}"
         raise ConfigError(
-            "E-LIBRARY-KIND", call, call=f"tf.Gear.{call}", wanted="points and space", given=given, how=how
+            "E-LIBRARY-KIND",
+            call,
+            call=f"tf.Gear.{call}",
+            wanted=Message.of("W-LIB-POINTS-SPACE"),
+            given=given,
+            how=how,
         )
     return gear
 
@@ -215,7 +221,7 @@ class Machine:
         if errors is not None and not isinstance(errors, Mapping):
             kind = type(errors).__name__
             raise ConfigError(
-                "E-LIBRARY-KIND", "Machine", call="tf.Machine", wanted="errors by their names", given=f"a {kind}",
+                "E-LIBRARY-KIND", "Machine", call="tf.Machine", wanted=Message.of("W-LIB-BY-NAMES"), given=f"a {kind}",
                 how='a dictionary: {"EXX": 5.0}',
             )  # fmt: skip
         told: dict[str, Any] = {"name": name, **more}
@@ -262,8 +268,8 @@ class Machine:
         doubt = self.data.uncertainty
         if doubt is None or not isinstance(name, str) or name not in error_names(machine_of(self.data)):
             raise ConfigError(
-                "E-LIBRARY-KIND", "u", call="tf.Machine.u", wanted="an error whose uncertainty is stated",
-                given=repr(name), how="a run's errors, or a machine with uncertainty={'linear_um': 0.5}",
+                "E-LIBRARY-KIND", "u", call="tf.Machine.u", wanted=Message.of("W-LIB-UNCERTAIN"),
+                given=repr(name), how=Message.of("W-LIB-UNCERTAINTY"),
             )  # fmt: skip
         return doubt.each.get(name, doubt.angular_arcsec if is_angle(name) else doubt.linear_um)
 
@@ -356,8 +362,9 @@ def _function(name: str, one: Given) -> Any:
         units_fit(motion_name(name, "Machine"), one.component.axis_unit, one.unit, "Machine")
         if one.name != name:
             raise ConfigError(
-                "E-LIBRARY-KIND", name, call="tf.Machine", wanted=f"a fit of {name}", given=f"a fit of {one.name}",
-                how=f'tf.fit(measured, "{name}"), if the readings are those of {name}',
+                "E-LIBRARY-KIND", name, call="tf.Machine", wanted=Message.of("W-LIB-FIT-OF", name=name),
+                given=Message.of("W-LIB-FIT-OF", name=one.name),
+                how=Message.of("W-LIB-FIT", name=name),
             )  # fmt: skip
         return one.function()
     real_given(one, f"tf.Machine: {name}")
@@ -369,12 +376,12 @@ def _function(name: str, one: Given) -> Any:
         given = f"{len(parts)} plain numbers" if bare else repr(one)
         raise ConfigError(
             "E-LIBRARY-KIND", name, call="tf.Machine", wanted=f"an error {name}", given=given,
-            how="one number, positions and values ([0.0, 100.0], [0.0, 5.0]), a fitted motion or a function",
+            how=Message.of("W-LIB-MOTION"),
         )  # fmt: skip
     if isinstance(one, tuple):
         if len(one) != 2:
             raise ConfigError(
-                "E-LIBRARY-KIND", name, call="tf.Machine", wanted="a pair of positions and values",
+                "E-LIBRARY-KIND", name, call="tf.Machine", wanted=Message.of("W-LIB-PAIR"),
                 given=f"{len(one)} parts", how="([0.0, 100.0], [0.0, 5.0])",
             )  # fmt: skip
         for part in one:
@@ -515,7 +522,7 @@ def contact(
     grinding = grinding_of(gear.data, machine.data)
     k, s = (np.atleast_1d(numbers_given(one, "mm", "tf.contact")) for one in (spaces, heights))
     if k.ndim != 1 or s.ndim != 1 or not np.isin(k, np.arange(grinding.gear.zc)).all():
-        how = f"whole numbers of 0 .. {grinding.gear.zc - 1}, and heights in mm, each a number or a list"
+        how = Message.of("W-LIB-SPACES", last=grinding.gear.zc - 1)
         given = f"shapes {k.shape}, {s.shape}"
         raise ConfigError("E-LIBRARY-KIND", "contact", call="tf.contact", wanted="spaces", given=given, how=how)
     theta = space_angles(_counted(gear.data, "contact", points, 0), points)

@@ -14,6 +14,7 @@ from typing import Any
 from drivers import registry
 from drivers.clock import Clock
 from drivers.errors import ConfigError
+from drivers.message import Message
 from drivers.probes import Disagreement, Level, ProbedSession, Prober
 from gateway.config import SiteFile
 from gateway.say import Say
@@ -90,7 +91,7 @@ def suite_text(session: ProbedSession, found: Sequence[Disagreement], cell: str)
     """A test module, one case for each difference."""
     names = "[\n" + "".join(f"    {one.probe.name!r},\n" for one in found) + "]"
     about = session.about
-    version, date = about.get("version", "unknown"), about.get("date", "on an unknown day")
+    version, date = about.get("version", "unknown"), about.get("date", Message.of("W-CONFORM-NO-DAY"))
     return _SUITE.format(version=version, date=date, session=SESSION, names=names, cell=cell)
 
 

@@ -24,13 +24,13 @@ from gateway.table.comparison import acting_mean, effective
 
 # mm <-> inch, mm <-> um (or m), deg <-> arcmin, deg <-> arcsec, deg <-> rad.
 FACTORS: dict[str, float] = {
-    "mm to inch": 1.0 / MM_PER_INCH,
-    "inch to mm": MM_PER_INCH,
-    "mm to um": UM_PER_MM,
-    "um to mm": 1.0 / UM_PER_MM,
-    "deg to arcmin": 60.0,
-    "deg to arcsec": ARCSEC_PER_DEG,
-    "deg to rad": deg_to_rad(1.0),
+    "mm -> inch": 1.0 / MM_PER_INCH,
+    "inch -> mm": MM_PER_INCH,
+    "mm -> um": UM_PER_MM,
+    "um -> mm": 1.0 / UM_PER_MM,
+    "deg -> arcmin": 60.0,
+    "deg -> arcsec": ARCSEC_PER_DEG,
+    "deg -> rad": deg_to_rad(1.0),
 }
 LENGTH, ANGLE = slice(0, 4), slice(4, 7)
 ALIKE = 0.02

@@ -79,7 +79,7 @@ def channel_of(instrument: Instrument, wanted: str, unit: DeviationUnit) -> tupl
     fitting = {name: scale for name in instrument.channels for end, scale in UNITS[unit].items() if name.endswith(end)}
     named = {name: scale for name, scale in fitting.items() if name not in NEVER and wanted in ("", name)}
     if len(named) != 1:
-        channels, asked = ", ".join(instrument.channels) or "none", wanted or f"the only one in {unit}"
+        channels, asked = ", ".join(instrument.channels) or "none", wanted or Message.of("W-CAP-ONLY-UNIT", unit=unit)
         raise ConfigError("E-SETUP-CHANNEL", instrument.name, wanted=asked, channels=channels, unit=unit)
     name, scale = next(iter(named.items()))
     return instrument.channels.index(name), scale

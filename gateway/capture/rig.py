@@ -8,6 +8,7 @@ import numpy as np
 
 from drivers.clock import Clock
 from drivers.errors import ConfigError, UnsupportedDevice
+from drivers.message import Message
 from drivers.ports.controller import Controller
 from drivers.ports.instruments import Instrument, Recounting, RotaryCalibrator
 from drivers.types.stops import Stop, StopPlan, StopReached
@@ -159,7 +160,7 @@ async def _follow_jog(
             "E-CAP-SENSE",
             axis.name,
             jog=f"{jog:g} {axis.unit}",
-            read=f"less than {abs(jog) / 2:g} {axis.unit} (last steady value {seen[-1]:.6f})",
+            read=Message.of("W-CAP-LESS-THAN", limit=abs(jog) / 2, unit=axis.unit, seen=seen[-1]),
         ) from error
 
 

@@ -83,7 +83,7 @@ def cell_process(
     with subprocess.Popen(command, stdin=pipe, stdout=pipe, text=True, **_own_process_group()) as child:  # noqa: S603
         try:
             if child.stdout is None or child.stdin is None:
-                raise ConfigError("E-CLI-CELL", cell, why="it has no pipes")
+                raise ConfigError("E-CLI-CELL", cell, why=Message.of("W-CELL-NO-PIPES"))
             heard(_read_cell_start(child, cell))
             yield child
         finally:
@@ -106,9 +106,9 @@ def _read_cell_start(child: subprocess.Popen[str], cell: str) -> dict[str, objec
     try:
         answer = json.loads(line)
     except ValueError as error:
-        why = f"it said {line!r} and ended with code {child.poll()}"
+        why = Message.of("W-CELL-SAID", line=line, poll=child.poll())
         if not line:
-            why = f"it ended with code {child.poll()}, for what it says above"
+            why = Message.of("W-CELL-ENDED", poll=child.poll())
         raise ConfigError("E-CLI-CELL", cell, why=why) from error
     return dict(answer)
 
@@ -172,14 +172,14 @@ def simulate_command(
         return
     asked = CellRequest(cell, site, speed, seed, plan=plan or filed, filed=filed, road=road, name=name)
     with cell_process(asked) as child:
-        echo(f"cell {cell} runs at {speed:g} x wall time; site file: {site}")
-        echo(f"try: trueflank doctor devices {site}   or   trueflank run {site}")
-        echo(f"a simulated operator works at it; do so yourself: trueflank simulate panel {site}, or type here (help)")
+        echo(Message.of("S-CELL-RUNS", cell=cell, speed=speed, site=site))
+        echo(Message.of("S-CELL-TRY", site=site))
+        echo(Message.of("S-CELL-OPERATOR", site=site))
         relay_console(child)
         try:
             child.wait()
         except KeyboardInterrupt:
-            echo("ending the cell")
+            echo(Message.of("S-CELL-ENDING"))
 
 
 # ---- cell: the operator's console of a running cell, over loopback

@@ -27,6 +27,7 @@ from typer.main import get_command_from_info
 from typer.models import CommandInfo
 
 from drivers.errors import ConfigError, UnsupportedDevice
+from drivers.message import words
 from gateway.cli import output
 from gateway.cli.output import remember_site
 
@@ -126,7 +127,7 @@ class GroupWithDefault(CommandWithExamples):
         with formatter.section("Commands"):
             formatter.write_dl([(name, entry["words"]) for name, entry in self.inner.items()])
             first = next(iter(self.inner))
-            formatter.write_text(f"Anything else is for {ctx.command_path} itself; a file of such a name: ./{first}")
+            formatter.write_text(words("S-CLI-ELSE-FOR", command_path=ctx.command_path, first=first))
         super().format_options(ctx, formatter)
 
 
@@ -294,7 +295,7 @@ OPTIONS_BY_MODE: dict[str, tuple[str, ...]] = {
     "docs schema --api": ("api",),
     "docs schema --states": ("states",),
     "correct --run": ("site", "run"),
-    "correct --run with a file of errors": ("site", "run", "error_u", "sense"),
+    "correct --run ERRORS": ("site", "run", "error_u", "sense"),
     "guard --axis": ("site", "run", "axis", "limit"),
     "evaluate --standard list": ("standard",),
     "evaluate --kind positioning": (*_GEOMETRY, *_POSITIONING),

@@ -23,7 +23,7 @@ NEXT_COMMANDS: Mapping[str, str] = {
     "outdated": "run {site}",
     "refused": "doctor {site}",
     "left": "recover {site} --apply --machine {machine}",
-    "choose": "recover {site} --finish --apply --machine {machine} (or --undo instead of --finish)",
+    "choose": "recover {site} --finish --apply --machine {machine}",
     "unread": "recover {site}",
     "recovered": "tables verify {site}",
     "in-part": "rollback {site}",
@@ -133,7 +133,7 @@ def after_preview(
 
 def repeat_after_faults(command: str) -> None:
     """Say that faults were told above, and the command that looks again."""
-    echo(f"next: correct what is wrong above, then trueflank {command}")
+    echo(Message.of("S-NEXT-CORRECT", command=command))
 
 
 def after_doctor(lines: Collection[CheckLine], site: str) -> None:
@@ -147,7 +147,7 @@ def after_doctor(lines: Collection[CheckLine], site: str) -> None:
     elif NEVER_TESTED.intersection(line.code for line in lines):
         show_next(f"doctor self-test {site}")
     elif "unknown" in outcomes:
-        echo(f"next: check what it could not tell, then trueflank run {site}")
+        echo(Message.of("S-NEXT-CHECK", site=site))
     else:
         show_next(f"run {site}")
 

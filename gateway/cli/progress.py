@@ -152,7 +152,7 @@ def _progress_display(
 
 A_SECOND = 4
 BAR = 28
-TO_GO = len("about 10:00 to go")
+TO_GO = len(text_of("S-PROGRESS-TO-GO", left="10:00"))
 
 
 class PanelConsole(Console):
@@ -248,7 +248,7 @@ class LivePanel:
         if scene.ask:
             waited = clock_text(now - scene.asked)
             rows.append(_marked_row("> ", Text(visible(with_site(scene.ask)), style="bold yellow")))
-            rows.append(Text(f"  waiting for this {waited}", style="yellow"))
+            rows.append(Text(text_of("S-PROGRESS-WAITING", waited=waited), style="yellow"))
         elif scene.within:
             rows.append(Text(visible(scene.within), style="dim"))
         return rows or [Text("working")]
@@ -281,7 +281,7 @@ def _count_rows(counts: Mapping[str, ProgressCount], stages: RemainingTime, now:
         left = (count.left_s(now) if stops is None else stops) if alone else None
         rows.add_row(
             ProgressBar(total=count.total, completed=count.done, width=BAR),
-            Text("" if left is None else f"about {clock_text(left)} to go"),
+            Text("" if left is None else text_of("S-PROGRESS-TO-GO", left=clock_text(left))),
             Text(visible(count.said)),
         )
     return rows

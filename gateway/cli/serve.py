@@ -12,9 +12,10 @@ import typer
 
 from drivers.clock import LoopClock
 from drivers.errors import words
+from drivers.message import Message
 from gateway.cli.cell import CellRequest, cell_process, relay_console
 from gateway.cli.options import SpeedOption, load_site
-from gateway.cli.output import echo
+from gateway.cli.output import echo, text_of
 from gateway.cli.signals import run_to_end
 from gateway.say import Say
 
@@ -77,7 +78,7 @@ def _show_url(names: str, root: Path) -> Callable[[str], None]:
 
     def ready(url: str) -> None:
         first = first_token_path(root)
-        more = f"first start: make an account there with the token in {first}; " if first.exists() else ""
+        more = text_of("S-SERVE-FIRST", first=first) + " " if first.exists() else ""
         echo(f"{names}: {url}   ({more}Ctrl-C ends)")
 
     return ready
@@ -173,12 +174,8 @@ def teach_command(
             child.stdin.write("auto off\n")
             child.stdin.flush()
             child.stdout.readline()
-        echo(f"the machine's panel: {told.get('panel', '')}   (keys, mounting, beams; or type here: help)")
-        echo(
-            "you are its operator: press its keys and mount there"
-            if alone
-            else "its operator does what the control asks for; --alone leaves that to you"
-        )
-        echo("the operator's page:")
+        echo(Message.of("S-SERVE-PANEL", panel=told.get("panel", "")))
+        echo(Message.of("S-SERVE-YOU") if alone else Message.of("S-SERVE-ALONE"))
+        echo(Message.of("S-SERVE-PAGE"))
         relay_console(child)
         serve_command([site], port=port)

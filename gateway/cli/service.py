@@ -24,6 +24,7 @@ from drivers.errors import ConfigError, TrueflankError
 from drivers.local.names import is_name
 from drivers.local.ownfiles import read_own
 from drivers.local.scrub import masked, masked_text, without_secrets_text
+from drivers.message import Message
 from drivers.terms import shown
 from gateway import audit
 from gateway.audit import audit_files, read_entries
@@ -133,7 +134,7 @@ def remove_command(user: UserOption = False, folder: FolderOption = None) -> Non
 
 
 def _not_running(*, user: bool) -> NoReturn:
-    echo(f"the service does not run; its words: journalctl {'--user ' if user else ''}-u {SERVICE_NAME}", err=True)
+    echo(Message.of("S-SERVICE-NOT-RUNNING", user="--user " if user else "", service_name=SERVICE_NAME), err=True)
     raise typer.Exit(3)
 
 
@@ -147,7 +148,7 @@ def _call_manager(words: tuple[str, ...], *, user: bool) -> int:
     program = shutil.which("systemctl")
     shown = " ".join(("systemctl", *(("--user",) if user else ()), *words))
     if program is None:
-        echo(f"no service manager here; on the machine's computer: {shown}")
+        echo(Message.of("S-SERVICE-NO-MANAGER", shown=shown))
         return 0
     echo(shown)
     call = (program, *(("--user",) if user else ()), *words)
@@ -179,7 +180,7 @@ def support_bundle_command(
     except OSError as error:
         raise ConfigError("E-BUNDLE-WRITE", str(output), why=error.strerror or str(error)) from error
     size = f"{len(data) / 1e6:.1f} MB" if len(data) >= 1e6 else f"{-(-len(data) // 1000)} kB"
-    echo(f"{output}: {size}; look through it before you send it")
+    echo(Message.of("S-SERVICE-LOOK", output=output, size=size))
 
 
 async def _doctor_record(tree: Any, site: Path) -> dict[str, Any]:

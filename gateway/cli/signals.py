@@ -125,7 +125,7 @@ if sys.platform == "win32":
     import ctypes
 
     # Close button, log-off, shutdown: the process ends once the handler returns, or when the system's patience does.
-    _EVENTS = {2: "a closed console", 5: "a log-off", 6: "a shutdown of the computer"}
+    _EVENTS = {2: "a closed console", 5: "a log-off", 6: words("S-STOP-SHUTDOWN")}
 
     @contextmanager
     def console_close(ask: Ask, over: threading.Event) -> Iterator[None]:

@@ -93,7 +93,7 @@ def _of_control(tree: Mapping[str, Any], site: Any) -> Iterator[Fault]:
     for axis in site.axes:
         path = (*axis.place, "name")
         if told.machine_axes and isinstance(axis.name, str) and axis.name not in told.machine_axes:
-            yield no_such(tree, path, "axis of the control (controller.settings.axes)", told.machine_axes)
+            yield no_such(tree, path, Message.of("W-CFG-CONTROL-AXIS"), told.machine_axes)
         if encoder is not None and axis.encoder is not None and axis.encoder != encoder:
             path = (*axis.place, "encoder") if "encoder" in value_at(tree, axis.place) else path
             yield broken_rule(tree, path, words("W-CFG-OTHER-ENCODER", axis=axis.encoder, driver=encoder), doubt=True)

@@ -141,7 +141,10 @@ def _sections() -> dict[str, tuple[str, ...]]:
     for key, field in SiteFile.model_fields.items():
         if (inner := section_of(field.annotation)) is not None:
             add(key, inner, many=is_list(field.annotation))
-    for role, name in (("controller", "[controller.settings]"), ("instrument", "settings of the instrument")):
+    for role, name in (
+        ("controller", "[controller.settings]"),
+        ("instrument", "[instrument.settings]"),
+    ):
         models = [spec.load_settings() for spec in registry.known(role).values()]
         found[name] = tuple(key for model in models if model is not None for key in model.model_fields)
     return found

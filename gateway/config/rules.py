@@ -45,12 +45,14 @@ def is_below(value: Any, other: Any) -> bool:
     return isinstance(value, int | float) and isinstance(other, int | float) and value < other
 
 
-def no_such(tree: Mapping[str, Any], path: Path, what: str, known: Iterable[str], *, by_key: bool = False) -> Fault:
+def no_such(
+    tree: Mapping[str, Any], path: Path, what: str | Message, known: Iterable[str], *, by_key: bool = False
+) -> Fault:
     """A name of nothing in this file, with those that there are; ``by_key`` where the key is the name."""
     names = sorted(known)
     name = path[-1] if by_key else value_at(tree, path)
     text = (", ".join(names) or words("W-CFG-NONE")) + guess(str(name), names)
-    return broken_rule(tree, path, words("W-CFG-NO-SUCH", what=what, known=text))
+    return broken_rule(tree, path, Message.of("W-CFG-NO-SUCH", what=what, known=text))
 
 
 def all_named(sections: Iterable[Any]) -> bool:

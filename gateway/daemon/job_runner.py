@@ -13,7 +13,7 @@ from typing import Any, Generic, Protocol, TypeVar
 
 from drivers.clock import Clock
 from drivers.errors import DeadlineExceeded, TrueflankError
-from drivers.message import Message
+from drivers.message import Message, words
 from drivers.stale_programs import NOTHING, StaleProgram
 from drivers.types.machine import MachineState
 from gateway import audit
@@ -191,7 +191,7 @@ class JobRunner:
         work, ended = asyncio.create_task(self._done(job)), asyncio.create_task(stop.wait())
         try:
             await asyncio.wait((work, ended), return_when=asyncio.FIRST_COMPLETED)
-            if not work.done() and job.stop.ask(current().by or "the end of the service", TERMINATED):
+            if not work.done() and job.stop.ask(current().by or words("W-STOP-SERVICE-ENDS"), TERMINATED):
                 await _wait(work, self._clock, PATIENCE_S)
                 await wait_for_shutdown(work, self._clock)
         finally:

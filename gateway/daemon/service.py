@@ -15,6 +15,7 @@ import scipy
 
 from drivers.clock import Clock
 from drivers.errors import ConfigError, DeadlineExceeded
+from drivers.message import words
 from gateway import audit
 from gateway.broker import Broker, Lease, hold_folder_lock
 from gateway.config import ServiceSection
@@ -81,10 +82,15 @@ async def serve(
             url = url_of(listener, secure=secure, name=next(iter(first.site.service.hosts), ""))
 
             def answers() -> None:
-                _store_notice(book, f"{software()} serves {', '.join(places)} at {url}, process {os.getpid()}")
+                _store_notice(
+                    book,
+                    words(
+                        "S-SERVICE-SERVES", software=software(), places=", ".join(places), url=url, getpid=os.getpid()
+                    ),
+                )
                 ready(url)
 
-            held.callback(_store_notice, book, "the service ended")
+            held.callback(_store_notice, book, words("S-SERVICE-ENDED"))
             hourly = partial(record_refusals_hourly, service.doors, first.store.root, clock)
             beside = asyncio.create_task(supervise_task("refused sign-ins for the audit log", hourly, clock))
             try:

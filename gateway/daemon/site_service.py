@@ -254,12 +254,12 @@ class SiteService:
     async def work(self, stop: asyncio.Event) -> None:
         """Devices, commands and the watch folder until ``stop``."""
         others: dict[str, Callable[[], Coroutine[object, object, None]]] = {
-            "telling states": self._tell_states,
-            "the watch folder": lambda: self._watch_folder(stop),
-            "the index": self._keep_index,
+            "states": self._tell_states,
+            "watch folder": lambda: self._watch_folder(stop),
+            "index": self._keep_index,
         }
         if self._outgoing is not None:
-            others["messages for other systems"] = self._outgoing.work
+            others["outgoing messages"] = self._outgoing.work
         beside = [asyncio.create_task(supervise_task(*one, self._clock, self.hub.tell)) for one in others.items()]
         try:
             await self.desk.work(stop)

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from drivers.message import Message
 from drivers.types.values import FloatArray
 from gateway.errors import ModelError
 from gateway.gear.cycloid import CycloidGear, ProfileSection
@@ -75,7 +76,7 @@ def flank_grid(
     a mean over the flank's area, whatever their number.
     """
     if profile < 1 or width < 1 or not 0.0 < fraction <= 1.0:
-        raise ModelError("E-GEAR-GRID", "flank", key="profile, width and fraction")
+        raise ModelError("E-GEAR-GRID", "flank", key=Message.of("W-GEAR-PWF"))
     half = fraction * gear.limits().half_lobe_arc
     cells = (np.arange(profile) + 0.5) / profile * half
     thetas = gear.theta_at(np.concatenate([-cells[::-1], cells]))

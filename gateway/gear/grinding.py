@@ -15,6 +15,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import ArrayLike
 
+from drivers.message import Message
 from drivers.types.values import FloatArray
 from gateway.errors import ModelError
 from gateway.gear.cycloid import CycloidGear, DressingError
@@ -155,7 +156,7 @@ def _grinder_map(g: Grinding) -> tuple[float, float, float, float, float, float]
     kinds = {g.infeed: "prismatic", g.stroke: "prismatic", g.index: "revolute"}
     for name, kind in kinds.items():
         if g.chain.axis(name).kind != kind:
-            raise ModelError("E-GEAR-GRINDER", "grinding", why=f"axis {name} is not {kind}")
+            raise ModelError("E-GEAR-GRINDER", "grinding", why=Message.of("W-GEAR-AXIS-KIND", name=name, kind=kind))
     rest = {axis.name: float(g.rest.get(axis.name, 0.0)) for axis in g.chain.axes}
     base = {**rest, g.infeed: 0.0, g.stroke: 0.0, g.index: 0.0}
     zero = g.chain.ideal(base)
@@ -167,7 +168,7 @@ def _grinder_map(g: Grinding) -> tuple[float, float, float, float, float, float]
     sc = float(np.sign(np.arctan2(moves[2][1, 0], moves[2][0, 0])))
     wanted = (zero[:3, :3] - np.eye(3), moves[0][:3, :3] - np.eye(3), moves[2] - _turn(sc) @ zero, zero[1, 3])
     if max(float(np.max(np.abs(part))) for part in wanted) > ALIGNED:
-        raise ModelError("E-GEAR-GRINDER", "grinding", why="the wheel's axis is not Y of the space's frame")
+        raise ModelError("E-GEAR-GRINDER", "grinding", why=Message.of("W-GEAR-WHEEL-AXIS"))
     return float(zero[0, 3]), sx, float(zero[2, 3]), sz, c0, sc
 
 
@@ -176,7 +177,9 @@ def _sense(move: FloatArray, which: int) -> float:
     along = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])[which]
     sense = float(np.sign(move @ along))
     if sense == 0.0 or float(np.max(np.abs(move - sense * along))) > ALIGNED:
-        raise ModelError("E-GEAR-GRINDER", "grinding", why=f"axis direction {move.tolist()} is not {along.tolist()}")
+        raise ModelError(
+            "E-GEAR-GRINDER", "grinding", why=Message.of("W-GEAR-DIRECTION", found=move.tolist(), wanted=along.tolist())
+        )
     return sense
 
 

@@ -12,6 +12,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from drivers.message import Message
 from drivers.types.gears import GearInspection
 from drivers.types.values import FloatArray
 from drivers.units import UM_PER_MM
@@ -45,7 +46,7 @@ def flank_points(gear: CycloidGear, xyz: ArrayLike) -> FlankPoints:
     """
     points = np.asarray(xyz, dtype=np.float64).reshape(-1, 3)
     if not np.all(np.isfinite(points)):
-        raise ModelError("E-GEAR-POINT", "inspection", worst="not a number", limit=FURTHEST)
+        raise ModelError("E-GEAR-POINT", "inspection", worst=Message.of("W-GEAR-NOT-NUMBER"), limit=FURTHEST)
     pitch = 2.0 * gear.half_pitch
     k = np.round(np.arctan2(points[:, 1], points[:, 0]) / pitch)
     turn = -k * pitch

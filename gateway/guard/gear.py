@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from drivers.message import Message
+from drivers.message import Message, words
 from drivers.units import mm_to_um
 from gateway.domain.values import COVERAGE, FloatArray
 from gateway.guard.verdict import Change, GuardVerdict, judged, margin_factor, told, unknown
@@ -77,8 +77,8 @@ def _means(change: FloatArray, u: FloatArray, form: FloatArray) -> tuple[Change,
     """What is common to all spaces: along the infeed, and across it (one rotation is off already)."""
     found = []
     kinds = (
-        (0, "infeed (A), all spaces", "S-GUARD-INFEED"),
-        (1, "across (B), all spaces", "S-GUARD-ACROSS"),
+        (0, words("S-GUARD-ALL-INFEED"), "S-GUARD-INFEED"),
+        (1, words("S-GUARD-ALL-ACROSS"), "S-GUARD-ACROSS"),
     )
     for column, kind, code in kinds:
         row = form[:, column] - form[:, 2] * float(form[:, 2] @ form[:, column]) / float(form[:, 2] @ form[:, 2])

@@ -295,8 +295,12 @@ def _durable(connection: Any, _record: Any) -> None:
         connection.execute(f"PRAGMA {pragma}").close()
 
 
+# In the words of SQLite.
+NO_DATABASE = " ".join(("not", "a", "database"))
+
+
 def _is_damaged(error: DBAPIError) -> bool:
-    return any(word in str(error.orig) for word in ("malformed", "not a database"))
+    return any(word in str(error.orig) for word in ("malformed", NO_DATABASE))
 
 
 def _index_error(error: Exception, root: Path) -> StoreError:

@@ -14,6 +14,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
+from drivers.message import Message
 from drivers.types.values import FloatArray
 from gateway.errors import ModelError
 from gateway.model import transforms
@@ -164,7 +165,7 @@ def _errors_sound(err: Mapping[str, Motion], loc: Mapping[str, float], where: st
         _check_choice("loc", key, LOCATIONS, where)
     constants = {key: value for key, value in err.items() if not callable(value)}
     numbers = {**constants, **loc}
-    _finite("err and loc", numbers.values(), where)
+    _finite(Message.of("W-MODEL-ERR-LOC"), numbers.values(), where)
     for key, value in numbers.items():
         if key[0] in "eABC" and abs(float(value)) > LARGEST_TILT:
             raise ModelError("E-CHAIN-TILT", where, key=key, value=value, limit=LARGEST_TILT)
@@ -184,7 +185,7 @@ def _vector(key: str, value: object, where: str) -> tuple[float, float, float]:
     return (x, y, z)
 
 
-def _finite(key: str, values: Iterable[object], where: str) -> None:
+def _finite(key: str | Message, values: Iterable[object], where: str) -> None:
     for value in values:
         if isinstance(value, bool) or not isinstance(value, (int, float, np.floating)) or not np.isfinite(value):
             raise ModelError("E-CHAIN-NUMBER", where, key=key, value=value)

@@ -23,6 +23,7 @@ from typing import Literal
 
 import numpy as np
 
+from drivers.message import Message
 from drivers.types.values import FloatArray
 from gateway.errors import ModelError
 from gateway.model import transforms
@@ -159,13 +160,13 @@ def chain_of(data: Mapping[str, object]) -> Chain:
 
 def _side_elements(elements: object, side: str) -> tuple[Element, ...]:
     if not isinstance(elements, Sequence) or isinstance(elements, str):
-        raise ModelError("E-CHAIN-ELEMENT", side, why="a side is a list of elements")
+        raise ModelError("E-CHAIN-ELEMENT", side, why=Message.of("W-MODEL-SIDE"))
     return tuple(_element(element, f"{side}[{number}]") for number, element in enumerate(elements))
 
 
 def _element(data: object, where: str) -> Element:
     if not isinstance(data, Mapping):
-        raise ModelError("E-CHAIN-ELEMENT", where, why="an element is a table of keys")
+        raise ModelError("E-CHAIN-ELEMENT", where, why=Message.of("W-MODEL-ELEMENT"))
     known = LINK_KEYS if data.get("kind") == "fixed" else AXIS_KEYS
     for key in data:
         if key not in known:
@@ -174,10 +175,10 @@ def _element(data: object, where: str) -> Element:
         return FixedLink(data.get("xyz", (0.0, 0.0, 0.0)), data.get("abc", (0.0, 0.0, 0.0)))
     for key in AXIS_KEYS[:3]:
         if key not in data:
-            raise ModelError("E-CHAIN-ELEMENT", where, why=f"key {key} is missing")
+            raise ModelError("E-CHAIN-ELEMENT", where, why=Message.of("W-MODEL-KEY-MISSING", key=key))
     for key in ("err", "loc"):
         if not isinstance(data.get(key, {}), Mapping):
-            raise ModelError("E-CHAIN-ELEMENT", where, why=f"{key} is a table of keys")
+            raise ModelError("E-CHAIN-ELEMENT", where, why=Message.of("W-MODEL-KEY-TABLE", key=key))
     turning = data["kind"] == "revolute"
     err = {
         key: motion_of(value, f"{where} {key}", name=f"{key} of {data['name']}", turning=turning)

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from drivers.message import Message
 from drivers.types.values import FloatArray
 from drivers.units import arcsec_to_rad, deg_to_rad, rad_to_deg, um_to_mm
 from gateway.domain.figures import Component
@@ -163,7 +164,7 @@ def motion_of(data: object, where: str = "motion", *, name: str = "", turning: b
     if isinstance(data, (int, float, np.number)) and not isinstance(data, bool):
         return float(data)
     if not isinstance(data, Mapping) or data.get("type") not in _TYPES:
-        raise ModelError("E-CHAIN-MOTION-DATA", where, why=f"neither a number nor one of {', '.join(_TYPES)}")
+        raise ModelError("E-CHAIN-MOTION-DATA", where, why=Message.of("W-MODEL-NEITHER", types=", ".join(_TYPES)))
     rest = {key: part for key, part in data.items() if key not in ("type", "range")}
     try:
         found = _check_keys(_TYPES[str(data["type"])](rest), where)
@@ -235,18 +236,18 @@ def _floats(values: Sequence[float]) -> tuple[float, ...]:
 
 
 def _check_keys(motion: Plain, where: str) -> Plain:
-    why = ""
+    why: str | Message = ""
     if isinstance(motion, Polynomial) and (not motion.c or motion.scale == 0.0):
-        why = "a polynomial needs coefficients and a scale that is not 0"
+        why = Message.of("W-MODEL-POLYNOMIAL")
     if isinstance(motion, Fourier) and not motion.period > 0.0:
-        why = "the period must be above 0"
+        why = Message.of("W-MODEL-PERIOD")
     if isinstance(motion, PiecewiseLinear) and (
         len(motion.q) != len(motion.v) or not motion.q or bool(np.any(np.diff(motion.q) <= 0.0))
     ):
-        why = "points must ascend and have one value each"
+        why = Message.of("W-MODEL-POINTS")
     elif isinstance(motion, PiecewiseLinear) and motion.period is not None:
         most = motion.period * (1.0 + SAME)
-        why = "" if 0.0 <= motion.q[-1] - motion.q[0] <= most > 0.0 else "points must lie within one period above 0"
+        why = "" if 0.0 <= motion.q[-1] - motion.q[0] <= most > 0.0 else Message.of("W-MODEL-ONE-PERIOD")
     if why:
         raise ModelError("E-CHAIN-MOTION-DATA", where, why=why)
     return motion

@@ -45,7 +45,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from drivers.message import Message, fixed
+from drivers.message import Message, fixed, words
 from drivers.types.values import FloatArray
 from drivers.units import rad_to_arcsec, um_to_mm
 from gateway.correct.part.inspected import setup_effects
@@ -199,7 +199,7 @@ def _separation(
     along, turning = share("axes, over Z", "axes Z"), share("axes, over C", "axes C")
     between, unrepeated = _left_field(points, form, causes, len(parts))
     axes = _together("axes", (along, turning, between))
-    worn = [share("wear, position of the wheel", "wear"), _form_wear(points, form, gram)]
+    worn = [share(words("S-PROC-WEAR-POSITION"), "wear"), _form_wear(points, form, gram)]
     wear = _together("wear", worn)
     rest = _together("rest", (_rms_of("", form.s**2, 2.0 * form.s**4 / form.freedom), unrepeated))
     effects = setup_effects(gear)
@@ -298,7 +298,7 @@ def _left_field(
 
     Of one part all counts as the machine's: nobody has seen whether it repeats.
     """
-    names = ("axes, from space to space", "rest, not repeated")
+    names = (words("S-PROC-AXES-SPACES"), words("S-PROC-REST"))
     total = points.e.size
     square = float(np.einsum("pi,pij,pj->", causes.left, points.normal, causes.left))
     freedom = max(3 * points.k.size - causes.value.size, 1)
@@ -330,7 +330,7 @@ def _alike(points: PlacedPoints, parts: int) -> bool:
 
 
 def _form_wear(points: PlacedPoints, form: FittedForm, gram: FloatArray) -> ProcessShare:
-    name = "wear, form of the wheel"
+    name = words("S-PROC-WEAR-FORM")
     if form.growth is None:
         return ProcessShare(name, 0.0, 0.0)
     return _share(name, form.growth, form.growth_covariance, gram * float(np.mean(points.ramp**2)))

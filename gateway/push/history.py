@@ -334,7 +334,7 @@ def tables_of(found: JournalRead, meant: SenseConversion = without_conversion) -
         sense = _SENSES[found.latest("sign")]
         return LiveTable(meant(old, sense), bool(found.latest("old_enabled"))), meant(new, sense)
     except (TypeError, KeyError) as error:
-        raise StoreError("E-PUSH-JOURNAL", str(found.path), why="it names no tables") from error
+        raise StoreError("E-PUSH-JOURNAL", str(found.path), why=Message.of("W-PUSH-NO-TABLES")) from error
 
 
 # The preview of a rollback: terminal and page show the same figures because both take them from here.

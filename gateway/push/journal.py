@@ -74,7 +74,7 @@ class JournalRead:
     path: Path
     number: int
     entries: tuple[Entry, ...]
-    broken: str = ""
+    broken: str | Message = ""
     whole_bytes: int = 0
     last_sha: str = _START
     of: str = ""
@@ -231,7 +231,11 @@ def read(path: Path) -> JournalRead:
         entry = _entry(line, number, found.last_sha)
         if entry is None:
             last = number == len(lines) - 1
-            return found if last else replace(found, broken=f"line {number + 1} of {len(lines)} is damaged")
+            return (
+                found
+                if last
+                else replace(found, broken=Message.of("W-JOURNAL-LINE", line=number + 1, count=len(lines)))
+            )
         sha = line[-65:-1].decode("ascii")
         whole = found.whole_bytes + len(line)
         found = replace(found, entries=(*found.entries, entry), whole_bytes=whole, last_sha=sha)
@@ -275,7 +279,7 @@ def mark_emptied(found: JournalRead, begun: BegunCheck | None) -> JournalRead:
     """A journal that says nothing although its transaction had begun is no finished one: it was emptied."""
     if found.entries or found.broken or begun is None or not begun(found.number):
         return found
-    return replace(found, broken="it is empty, and the audit log says that its transaction had begun")
+    return replace(found, broken=Message.of("W-JOURNAL-EMPTY"))
 
 
 def unfinished_journals(folder: Path, begun: BegunCheck | None = None) -> tuple[JournalRead, ...]:

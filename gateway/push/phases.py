@@ -105,12 +105,12 @@ FAILED = (PushEvent.ROLLING_BACK, PushEvent.HELD, PushEvent.STOPPED, PushEvent.A
 class Switch(StrEnum):
     """What is known of the table in the control."""
 
-    UNTOUCHED = "the table from before acts; nothing was written"
-    UNKNOWN = "a write was announced and its outcome has not been read"
-    OFF = "a read-back says that it is off"
-    ON = "it is on, or not known to be off, and no push stands for it"
-    NEW = "the new table is live and proved"
-    OLD = "the table from before is live again, read back"
+    UNTOUCHED = "untouched"
+    UNKNOWN = "unknown"
+    OFF = "off"
+    ON = "on"
+    NEW = "new"
+    OLD = "old"
 
 
 class TableNow(StrEnum):
@@ -275,15 +275,27 @@ def transitions_in_markdown() -> str:
         "|---|---|---|---|",
     ]
     for one in TRANSITIONS:
-        named = _phases_in_words(one.sources)
-        after, known = one.target or "-", one.switch or "-"
+        named = _phases_in_markdown(one.sources)
+        after, known = one.target or "-", _known_in_markdown(one.switch)
         known = f"{known}, or off where a read-back said so" if one.event is PushEvent.HELD else known
         lines.append(f"| {one.event} | {named} | {after} | {known} |")
     ends = ", ".join(phase for phase in PushPhase if phase.final)
     return "\n".join([*lines, "", f"Nothing follows {ends}: the journal is set aside.", ""])
 
 
-def _phases_in_words(sources: frozenset[PushPhase]) -> str:
+def _known_in_markdown(switch: Switch | None) -> str:
+    said = {
+        Switch.UNTOUCHED: "the table from before acts; nothing was written",
+        Switch.UNKNOWN: "a write was announced and its outcome has not been read",
+        Switch.OFF: "a read-back says that it is off",
+        Switch.ON: "it is on, or not known to be off, and no push stands for it",
+        Switch.NEW: "the new table is live and proved",
+        Switch.OLD: "the table from before is live again, read back",
+    }
+    return "-" if switch is None else said[switch]
+
+
+def _phases_in_markdown(sources: frozenset[PushPhase]) -> str:
     """The phases by name; where nearly all are meant, those that are not."""
     out = [phase for phase in PushPhase if phase in BEGUN - sources]
     if len(out) > 1:

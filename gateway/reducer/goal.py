@@ -16,6 +16,7 @@ from typing import Literal, get_args
 
 import numpy as np
 
+from drivers.message import Message
 from drivers.types.values import FloatArray
 from drivers.units import arcsec_to_rad, mm_to_um
 from gateway.errors import ModelError
@@ -93,7 +94,7 @@ class FlankTarget:
 def flank_target(goal: DriveGoal, grid: FlankGrid) -> FlankTarget:
     """The goal on the places of a grid of all spaces. Raises ModelError E-REDUCER-FLANK where spaces are missing."""
     if not np.array_equal(grid.ks, np.arange(goal.drive.gear.zc)):
-        raise ModelError("E-REDUCER-FLANK", "goal", why="the goal of a drive needs all spaces of its gear, in order")
+        raise ModelError("E-REDUCER-FLANK", "goal", why=Message.of("W-REDUCER-ALL-SPACES"))
     transmission, lost = _rows(goal.drive, tuple(grid.thetas.tolist()), tuple(grid.zs.tolist()))
     unit = arcsec_to_rad(1.0) * goal.drive.lever_mm * np.sqrt(np.prod(grid.shape))
     parts = [

@@ -17,6 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 import scipy
 
+from drivers.message import Message
 from drivers.types.values import FloatArray
 from drivers.units import rad_to_arcsec
 from gateway.errors import ModelError
@@ -111,7 +112,7 @@ def _check_alike(flanks: Sequence[FlankMap]) -> None:
     for one in flanks[1:]:
         same = one.deviation_um.shape == flanks[0].deviation_um.shape
         if not (same and np.allclose(one.theta_rad, flanks[0].theta_rad) and np.allclose(one.z_mm, flanks[0].z_mm)):
-            raise ModelError("E-REDUCER-FLANK", "match", why="the discs have different profile angles or heights")
+            raise ModelError("E-REDUCER-FLANK", "match", why=Message.of("W-REDUCER-DISCS"))
 
 
 def _costs(

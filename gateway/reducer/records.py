@@ -19,6 +19,7 @@ from typing import Literal, get_args
 import numpy as np
 from numpy.typing import ArrayLike
 
+from drivers.message import words
 from drivers.types.values import FloatArray
 from drivers.units import deg_to_rad, mm_to_um, um_to_mm
 from gateway.errors import ModelError
@@ -293,7 +294,7 @@ def for_gear(gear: CycloidGear, datum: Datum | None, *, rated_nm: float | None =
     thin = gear.rp / 12_800.0 if plain else 0.0
     torque = 412.0 * size**2 * width if rated_nm is None else rated_nm
     return Reducer(
-        name=name or f"drive of {gear.zc} lobes",
+        name=name or words("W-REDUCER-NAME", zc=gear.zc),
         gear=gear,
         pins=Pins(gear.zp, gear.rp, gear.rrp - thin),
         discs=(DiscPlace(0.0, 0), DiscPlace(180.0, 1)),

@@ -22,6 +22,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import scipy
 
+from drivers.message import Message
 from drivers.types.values import FloatArray
 from drivers.units import um_to_mm
 from gateway.errors import ModelError
@@ -113,18 +114,18 @@ def check_map(gear: CycloidGear, flank: FlankMap) -> None:
     if e.shape != wanted:
         raise ModelError("E-REDUCER-FLANK", "disc", why=f"deviations {e.shape}, wanted {wanted}")
     if not np.all(np.isfinite(e)):
-        raise ModelError("E-REDUCER-FLANK", "disc", why="missing or infinite deviations")
+        raise ModelError("E-REDUCER-FLANK", "disc", why=Message.of("W-REDUCER-MISSING"))
 
 
 def _check_places(gear: CycloidGear, theta: FloatArray, z: FloatArray) -> None:
-    why = ""
+    why: str | Message = ""
     if theta.ndim != 1 or z.ndim != 1 or not (np.all(np.isfinite(theta)) and np.all(np.isfinite(z))):
-        why = "profile angles or heights that are no finite rows"
+        why = Message.of("W-REDUCER-ROWS")
     elif theta.size < FEWEST or np.any(np.diff(theta) <= 0.0) or not theta[0] < 0.0 < theta[-1]:
-        why = f"profile angles must ascend over both flanks, {FEWEST} at least"
+        why = Message.of("W-REDUCER-ASCEND", fewest=FEWEST)
     elif np.max(np.abs(theta)) > gear.half_pitch * (1.0 + 1e-9):
-        why = "profile angles beyond the tip"
+        why = Message.of("W-REDUCER-TIP")
     elif np.any(np.diff(z) <= 0.0) or np.max(np.abs(z)) > 0.5 * gear.b + 1e-9:
-        why = "heights must ascend within the face, counted from its middle"
+        why = Message.of("W-REDUCER-HEIGHTS")
     if why:
         raise ModelError("E-REDUCER-FLANK", "disc", why=why)

@@ -7,7 +7,7 @@ import unicodedata
 from datetime import UTC, datetime
 from math import isfinite
 
-from drivers.message import Message, Moment, term
+from drivers.message import Message, Moment, term, words
 from drivers.terms import spoken
 from drivers.types.orders import SignProof
 from drivers.types.tables import CompensationTable
@@ -21,23 +21,23 @@ MICRO = re.compile(r"\bum\b")
 
 # symbol, headline, sentence: the state is told by form and word, never by colour alone.
 OUTCOME: dict[Outcome, tuple[str, str, str]] = {
-    "better": ("✔", "Better", "The machine was corrected and measured again: it improved."),
-    "unchanged": ("=", "Unchanged", "The machine was measured again: no change beyond the uncertainty."),
-    "worse": ("✖", "Worse", "The machine was measured again: at least one axis became worse."),
-    "not-pushed": ("○", "Not pushed", "Nothing was written to the controller by this run."),
-    "pushed": ("○", "Pushed", "Tables were written to the controller; their effect has not been judged yet."),
-    "measured": ("○", "Measured", "The errors of the machine were measured. Nothing was written to the controller."),
-    "inspected": ("○", "Inspected", "A part was inspected. Nothing was written to the controller."),
+    "better": ("✔", "Better", words("S-OUTCOME-BETTER")),
+    "unchanged": ("=", "Unchanged", words("S-OUTCOME-UNCHANGED")),
+    "worse": ("✖", "Worse", words("S-OUTCOME-WORSE")),
+    "not-pushed": ("○", "Not pushed", words("S-OUTCOME-NOT-PUSHED")),
+    "pushed": ("○", "Pushed", words("S-OUTCOME-PUSHED")),
+    "measured": ("○", "Measured", words("S-OUTCOME-MEASURED")),
+    "inspected": ("○", "Inspected", words("S-OUTCOME-INSPECTED")),
 }
 
 PUSH = {
     "committed": "written, read back equal, enabled, effect proved",
-    "already-applied": "the controller already held this table; nothing was written",
-    "rolled-back": "the new table failed its checks; the old table was restored",
-    "untouched": "its program was not started; the table from before acts, and nothing was changed",
-    "held": "stopped before its end; the table reads back as off, and the backup is ready to be restored",
-    "held-on": "held, still on: stopped before its end, and it is not verified which table acts; do not machine parts",
-    "refused": "refused before anything was written",
+    "already-applied": words("S-PUSH-HELD-ALREADY"),
+    "rolled-back": words("S-PUSH-RESTORED"),
+    "untouched": words("S-PUSH-NOT-STARTED"),
+    "held": words("S-PUSH-HELD-OFF"),
+    "held-on": words("S-PUSH-HELD-ON"),
+    "refused": words("S-PUSH-REFUSED"),
     "skipped": "not written",
 }
 
@@ -46,8 +46,8 @@ GLOSSARY = (
     ("R", "bidirectional repeatability"),
     ("B", "reversal"),
     ("A", "bidirectional accuracy"),
-    ("M", "range of the mean deviation at the targets"),
-    ("M_travel", "the same over the whole travel: expected, with structure between the targets in its U"),
+    ("M", words("S-GLOSSARY-M")),
+    ("M_travel", words("S-GLOSSARY-M-TRAVEL")),
 )
 
 
@@ -113,12 +113,14 @@ def when(stamp: str) -> str:
 
 def open_road(report: ReportMaterial) -> tuple[str, ...]:
     """Lines where the connection to the control was not protected, or a person answers for who it is."""
-    told = [f"The connection to the control was unprotected: {report.unprotected}."] if report.unprotected else []
+    told = [words("S-REPORT-UNPROTECTED", unprotected=report.unprotected)] if report.unprotected else []
     who, why = report.excused
     if why:
-        told.append(f"The control's certificate was not valid; {who} accepted it: {why}.")
+        told.append(words("S-REPORT-EXCUSED", who=who, why=why))
     for one in report.accepted:
-        told.append(f"The machine's {one.fact} was {one.was}, now {one.value}; {one.who} accepted it: {one.reason}.")
+        told.append(
+            words("S-REPORT-ACCEPTED", fact=one.fact, was=one.was, value=one.value, who=one.who, reason=one.reason)
+        )
     return tuple(told)
 
 
@@ -137,7 +139,7 @@ def still_on(report: ReportMaterial) -> tuple[Message, ...]:
 def axis_state(axis: AxisMaterial) -> tuple[str, str, str]:
     """Class, symbol and word of one axis: what became of it."""
     if axis.push is not None and axis.push.outcome == "held-on":
-        return "worse", "✖", "held, still on"
+        return "worse", "✖", words("S-REPORT-HELD-ON")
     if axis.verdict is not None:
         return _judged(axis)
     if axis.push is not None and axis.push.outcome in {"rolled-back", "held"}:
@@ -168,10 +170,13 @@ def value_sense(table: CompensationTable, proof: SignProof | None) -> str:
     terms = spoken()
     rule = term({"axis": terms.own_rule, "cross": terms.cross_rule, "reversal": terms.reversal_rule}[table.kind])
     if proof is None:
-        return f"{rule}. This machine has no recorded sign proof for this table."
-    return (
-        f"{rule}. Proved on this machine {when(proof.date_utc)}: measured step / commanded step = "
-        f"{signed(proof.slope, 3)} ± {number(2 * proof.slope_u, 3)} (k = 2)."
+        return words("S-SENSE-UNPROVED", rule=rule)
+    return words(
+        "S-SENSE-PROVED",
+        rule=rule,
+        date_utc=when(proof.date_utc),
+        slope=signed(proof.slope, 3),
+        U=number(2 * proof.slope_u, 3),
     )
 
 
@@ -182,10 +187,15 @@ def suspects(name: str, capture: Capture) -> tuple[str, ...]:
 
 def _suspect(capture: Capture, target: int, repetition: int, approach: int) -> str:
     if not (0 <= target < capture.targets.size and 0 <= repetition < capture.deviations.shape[1]):
-        return f"a reading outside the plan is marked, target {target + 1}, repetition {repetition + 1}."
+        return words("S-SUSPECT-OUTSIDE", target=target + 1, repetition=repetition + 1)
     where = f"{number(float(capture.targets[target]), 3)} {UNIT[capture.axis_unit]}"
     value = signed(float(capture.deviations[target, repetition, approach]), 2)
-    return (
-        f"target {target + 1} ({where}), repetition {repetition + 1}, approach {'−' if approach else '+'}: "
-        f"{value} {UNIT[capture.unit]} is an outlier and is marked as suspect."
+    return words(
+        "S-SUSPECT",
+        target=target + 1,
+        at=where,
+        repetition=repetition + 1,
+        way="−" if approach else "+",
+        value=value,
+        unit=UNIT[capture.unit],
     )

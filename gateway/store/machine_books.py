@@ -7,6 +7,7 @@ from pathlib import Path
 
 from drivers.clock import Clock
 from drivers.local.names import stem
+from drivers.message import Message
 from drivers.programs import SelfTested
 from drivers.types.identity import MachineIdentity
 from drivers.types.orders import SignProof
@@ -261,5 +262,5 @@ class SetupProofBook:
 def _read_setup_proof(path: Path) -> SetupProof:
     data = read_whole(path)
     if path.stem.rpartition("-")[2] != records.sha256(data)[:16]:
-        raise CorruptRecord("E-STORE-HASH", str(path), stage="sense of a set-up value")
+        raise CorruptRecord("E-STORE-HASH", str(path), stage=Message.of("W-STORE-SENSE"))
     return records.decode(data, SetupProof, str(path))

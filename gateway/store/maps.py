@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from drivers.local.ownfiles import sync_folder
+from drivers.message import Message
 from gateway.errors import CorruptRecord
 from gateway.store import records
 from gateway.store.disk import disk_errors, make_folder, read_whole, write_whole
@@ -50,9 +51,9 @@ class Maps:
         body = records.open_envelope(data, str(path))
         said, utc = body.get("said"), body.get("utc")
         if not isinstance(said, dict) or not isinstance(utc, str) or (body.get("kind"), body.get("key")) != (kind, key):
-            raise CorruptRecord("E-STORE-JSON", str(path), why="it is not what was said about these files")
+            raise CorruptRecord("E-STORE-JSON", str(path), why=Message.of("W-STORE-NOT-SAID"))
         if not all(isinstance(value, Value) for value in said.values()):
-            raise CorruptRecord("E-STORE-JSON", str(path), why="a value is neither text nor number")
+            raise CorruptRecord("E-STORE-JSON", str(path), why=Message.of("W-STORE-VALUE"))
         return Said(kind, key, said, utc)
 
     def forget(self, kind: str, key: str) -> bool:

@@ -54,7 +54,7 @@ def encode(record: object, parents: tuple[str, ...] = ()) -> bytes:
     Raises StoreError (E-STORE-ENCODE) naming the field that has no stored form.
     """
     if not dataclasses.is_dataclass(record) or isinstance(record, type):
-        raise StoreError("E-STORE-ENCODE", "store", what=type(record).__name__, why="not a record")
+        raise StoreError("E-STORE-ENCODE", "store", what=type(record).__name__, why=Message.of("W-STORE-NO-RECORD"))
     body = write_typed(record, type(record), type(record).__name__)
     name = type(record).__name__
     return canonical({"schema": SCHEMA, "type": name, "parents": list(parents), "record": body})
@@ -70,7 +70,7 @@ def decode(data: bytes, kind: type[R], where: str = "store") -> R:
         found = str(envelope.get("type"))
         raise CorruptRecord("E-STORE-TYPE", where, found=found, wanted=kind.__name__)
     if "record" not in envelope:
-        raise CorruptRecord("E-STORE-FIELD", where, field=kind.__name__, why="the envelope is empty")
+        raise CorruptRecord("E-STORE-FIELD", where, field=kind.__name__, why=Message.of("W-STORE-ENVELOPE"))
     body = envelope["record"] if envelope["schema"] >= RENAMED else with_current_keys(envelope["record"])
     if envelope["schema"] < MESSAGES and isinstance(body, dict):
         body = {key: value for key, value in body.items() if key not in _GONE.get(kind.__name__, ())}
@@ -84,7 +84,7 @@ def open_envelope(data: bytes, where: str) -> dict[str, Any]:
     except (ValueError, RecursionError) as error:
         raise CorruptRecord("E-STORE-JSON", where, why=str(error)) from error
     if not isinstance(envelope, dict) or not isinstance(envelope.get("schema"), int):
-        raise CorruptRecord("E-STORE-JSON", where, why="no object with a schema version")
+        raise CorruptRecord("E-STORE-JSON", where, why=Message.of("W-STORE-NO-SCHEMA"))
     check_schema(envelope["schema"], where)
     return envelope
 
@@ -235,7 +235,7 @@ def write_typed(value: Any, hint: Any, path: str) -> object:
     """A value of a declared type as JSON data. Raises StoreError (E-STORE-ENCODE) naming the field."""
     writer = _WRITERS.get(_family(hint))
     if writer is None:
-        raise StoreError("E-STORE-ENCODE", "store", what=path, why=f"no way to store {hint}")
+        raise StoreError("E-STORE-ENCODE", "store", what=path, why=Message.of("W-STORE-NO-WAY", hint=hint))
     try:
         return writer(value, hint, path)
     except (TypeError, ValueError, AttributeError) as error:
@@ -246,7 +246,7 @@ def read_typed(data: Any, hint: Any, path: str, where: str) -> Any:
     """A value of a declared type from JSON data. Raises CorruptRecord (E-STORE-FIELD), FutureSchema."""
     reader = _READERS.get(_family(hint))
     if reader is None:
-        raise CorruptRecord("E-STORE-FIELD", where, field=path, why=f"no way to read {hint}")
+        raise CorruptRecord("E-STORE-FIELD", where, field=path, why=Message.of("W-STORE-NO-READ", hint=hint))
     try:
         return reader(data, hint, path, where)
     except (KeyError, TypeError, ValueError, OverflowError, AttributeError) as error:
@@ -386,7 +386,7 @@ def _write_compound(value: Any, path: str) -> object:
         return {"$tuple": [write_any(item, path) for item in value]}
     if isinstance(value, list):
         return [write_any(item, path) for item in value]
-    raise StoreError("E-STORE-ENCODE", "store", what=path, why=f"{type(value).__name__} has no stored form")
+    raise StoreError("E-STORE-ENCODE", "store", what=path, why=Message.of("W-STORE-NO-FORM", name=type(value).__name__))
 
 
 def read_any(data: Any, path: str, where: str) -> Any:

@@ -26,7 +26,7 @@ def transmission_picture(figure: Figure, states: Mapping[str, Transmission], dep
     grid = figure.add_gridspec(2, 3, height_ratios=(1.0, 1.1), hspace=0.42, wspace=0.3)
     figure.subplots_adjust(left=0.07, right=0.97, top=0.9, bottom=0.09)
     before, after = states["before"], states["after"]
-    shown = (("as it is", before, OLD), ("with tables and set-up values", after, NEW))
+    shown = (("present state", before, OLD), ("with tables and set-up values", after, NEW))
     _curves(figure.add_subplot(grid[0, :]), shown)
     _orders(figure.add_subplot(grid[1, :2]), before, after)
     panel = figure.add_subplot(grid[1, 2], projection="polar")

@@ -258,7 +258,7 @@ def _three(curve: AxisCurve) -> list[tuple[FloatArray, str, str, str]]:
         return f"{name}  range {float(np.ptp(values)):.2f} {unit}"
 
     return [
-        (curve.before, OLD, label("as it is", curve.before), "-"),
+        (curve.before, OLD, label("present state", curve.before), "-"),
         (curve.own_layer, MIDDLE, label(f"with {spoken().own}", curve.own_layer), "-"),
         (curve.predicted, NEW, label(f"with {spoken().own} and {spoken().cross}", curve.predicted), "--"),
     ]

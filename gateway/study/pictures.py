@@ -21,7 +21,7 @@ from gateway.study.relative_errors import RelativeSweep, relative_lines
 def write_pictures(study: Study, folder: Path) -> tuple[Path, ...]:
     """Draw everything into a folder (made if missing). Raises StoreError E-STUDY-WRITE."""
     states = (
-        ("as it is", study.before.deviation),
+        ("present state", study.before.deviation),
         (f"with {spoken().own} (axes corrected)", study.with_own.deviation),
         (f"with {spoken().own}, {spoken().cross} and set-up values", study.after.deviation),
     )

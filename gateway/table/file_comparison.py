@@ -8,6 +8,7 @@ from decimal import Decimal
 
 import numpy as np
 
+from drivers.message import words
 from drivers.tablefile import TableFile
 from drivers.terms import spoken
 from drivers.types.tables import CompensationTable
@@ -16,7 +17,7 @@ from gateway.domain.values import FloatArray
 from gateway.table.comparison import AXES, FORM, UNITS, TableDifference, acting_mean, differing_parts
 
 ROUNDING = 1e-6  # um or arcsec: what interpolation between two grids leaves
-AS_STORED = "mm or deg"
+AS_STORED = words("W-TABLE-MM-DEG")
 
 
 @dataclass(frozen=True, slots=True)

@@ -37,7 +37,9 @@ def check(new: CompensationTable, live: CompensationTable, limits: Limits, axis:
     """
     values = np.asarray(new.deviations)
     if not np.isfinite(values).all():
-        raise ValueOutOfRange("E-COMP-VALUE", axis, value="not a number", at="", limit=limits.value, unit="")
+        raise ValueOutOfRange(
+            "E-COMP-VALUE", axis, value=Message.of("W-GEAR-NOT-NUMBER"), at="", limit=limits.value, unit=""
+        )
     _refuse("E-COMP-VALUE", values, new.positions, limits.value, new, axis)
     slopes = np.diff(values) / new.step
     middles = new.positions[:-1] + new.step / 2.0

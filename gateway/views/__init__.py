@@ -7,7 +7,7 @@ from dataclasses import asdict, dataclass, field, fields, replace
 from typing import Protocol
 
 from drivers.errors import TrueflankError
-from drivers.message import Message, told
+from drivers.message import Message, told, words
 from drivers.registry import known
 from drivers.types.machine import MachineState
 from gateway.domain.outcomes import ActingCheck, Verdict
@@ -17,7 +17,7 @@ from gateway.tooth import AxisOutlook
 
 AT_WORK = ("begun", "writing", "written", "on")
 """What is true of a table while its push works on it (`gateway.push.phases.TableNow`)."""
-ANSWERS = {True: "as predicted", False: "not as predicted", None: "cannot tell: a table is not as pushed"}
+ANSWERS = {True: "as predicted", False: words("W-VIEW-NOT-PREDICTED"), None: words("W-VIEW-CANNOT-TELL")}
 
 
 class SeenDevice(Protocol):

@@ -9,6 +9,7 @@ from fastapi import APIRouter, Depends, Header, Request
 from pydantic import BaseModel
 from starlette.concurrency import run_in_threadpool
 
+from drivers.message import words
 from gateway import audit
 from gateway.errors import BusyError, SignInRefused
 from gateway.remaining import RemainingTime
@@ -152,7 +153,7 @@ async def doctor(
 @routes.post("/stop")
 async def stop(request: Request, site: str, person: ServiceOrOperator, _body: bodies.Plain) -> dict[str, Any]:
     """Ask the command at work to end in order. This is no emergency stop: a motion goes on to its next wait."""
-    asked = site_of(request, site).stop_job(f"{person.name} at the page")
+    asked = site_of(request, site).stop_job(words("W-STOP-AT-PAGE", name=person.name))
     return {"asked": asked}
 
 

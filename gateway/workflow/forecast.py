@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from drivers.errors import ConfigError
-from drivers.message import Message
+from drivers.message import Message, words
 from drivers.types.stops import StopPlan
 from gateway.capture.rig import sense_plan, setup_of
 from gateway.capture.targets import HANDSHAKE_S, measuring_plan, plan_s, reading_s, targets_of
@@ -288,7 +288,7 @@ class _Day:
 
     def warm_up(self) -> Teller:
         """Before the first reading."""
-        yield Piece("warm-up", "machine and instruments", OperatorActions(), hand_s=60.0 * self.site.times.warm_up_min)
+        yield Piece("warm-up", words("S-WORK-MACHINE"), OperatorActions(), hand_s=60.0 * self.site.times.warm_up_min)
 
     def axes_measured(self) -> Teller:
         """Axis by axis; those of files have their tables read by a program, which ends the one that waits."""
@@ -353,7 +353,7 @@ class _Day:
         if own:
             # What the trial tables left is what was read, where the program that loads holds the control against it.
             asks = push_actions(self.site, [(axis, axis) for axis in own], "axis tables", just=one_start(self.site))
-            yield Piece("push", "axis tables and reversals", asks)
+            yield Piece("push", words("S-WORK-TABLES"), asks)
         again = [(axis, plans_of_axis(axis, "after")) for axis in own]
         yield from self.measured("measure again", again, len(own), stands)
         if tables:
@@ -381,7 +381,7 @@ class _Day:
                 asks = asks.plus(proof_actions(self.site, axis, over, kind))
             yield Piece("sign proofs", axis.name, asks, _own_mounting(axis) if axis.name != stands else None)
             count += 1 + len(kinds)
-        yield Piece("sign proofs", "tables of before", trial_removal_actions(self.site))
+        yield Piece("sign proofs", words("S-WORK-TABLES-BEFORE"), trial_removal_actions(self.site))
 
     def acting(self) -> Teller:
         """An axis with a cross table over itself, at few targets, once every table acts.
@@ -441,7 +441,7 @@ def visit_seconds(plans: Sequence[StopPlan], axis: AxisSection) -> OperatorActio
 
 def table_reading_actions(what: str) -> OperatorActions:
     """What acts on an axis, or on all axes of a transaction, saved by a program that moves nothing."""
-    return OperatorActions((f"read the tables of {what}",), (), PROGRAM_S)
+    return OperatorActions((words("S-WORK-READ", what=what),), (), PROGRAM_S)
 
 
 def push_actions(
@@ -468,7 +468,9 @@ def trial_loading_actions(site: SiteFile) -> OperatorActions:
 
 def trial_removal_actions(site: SiteFile) -> OperatorActions:
     """What was live before, back by one program; no restart, and no read of its own, where none of it was on."""
-    return OperatorActions(_load_actions(site, "load what was before", "end what was before"), (), 2 * PROGRAM_S)
+    return OperatorActions(
+        _load_actions(site, words("S-WORK-LOAD-BEFORE"), words("S-WORK-END-BEFORE")), (), 2 * PROGRAM_S
+    )
 
 
 def _load_actions(site: SiteFile, load: str, release: str) -> tuple[str, ...]:

@@ -78,7 +78,7 @@ def test_a_run_for_the_drive_halves_its_transmission_error_by_truth(tmp_path: Pa
     # Predicted without pins, cranks and clamping: what those add is in the expected figure with its u.
     expected, u = tooth.drive.transmission_arcsec, tooth.drive.transmission_u_arcsec
     assert after < expected + 2.0 * u
-    assert rows["as it is"] == pytest.approx(before, rel=0.35)
+    assert rows["present state"] == pytest.approx(before, rel=0.35)
     assert rows["this goal: transmission"] == pytest.approx(after, rel=0.35)
     assert after < 0.5 * rows["axis tables"]
     assert after < rows["rms"]

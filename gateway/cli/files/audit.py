@@ -8,6 +8,7 @@ from typing import Annotated, Any
 
 import typer
 
+from drivers.message import Message
 from gateway.cli.options import JsonOption
 from gateway.cli.output import count_words, echo, show_json
 
@@ -35,13 +36,13 @@ def audit_verify_command(
         echo(problem)
     audit.require_sound(root, (*exported, *kept.heads))
     files = count_words(health.files, "file", "files")
-    echo(f"{root}: {health.head.seq} records in {files} are whole; head {health.head}")
-    wrong = count_words(len(kept.problems), "file is not as it was kept", "files are not as they were kept")
-    echo(f"{count_words(kept.runs, 'run', 'runs')}: {wrong if kept.problems else 'every file is as it was kept'}")
+    echo(Message.of("S-AUDIT-WHOLE", root=root, seq=health.head.seq, files=files, head=health.head))
+    code = "S-AUDIT-CHANGED" if kept.problems else "S-AUDIT-UNCHANGED"
+    echo(Message.of(code, runs=kept.runs, count=len(kept.problems)))
     if health.torn_bytes:
-        echo(f"a crash left {health.torn_bytes} bytes of a record; the next record will speak of it")
+        echo(Message.of("S-AUDIT-CRASH", torn_bytes=health.torn_bytes))
     if not exported:
-        echo("give --head with a head kept elsewhere to see also that the end was not cut")
+        echo(Message.of("S-AUDIT-HEAD"))
     if kept.problems:
         raise typer.Exit(11)
 
@@ -99,7 +100,7 @@ def store_root(place: Path) -> Path:
     if place.is_dir():
         return place
     if place.suffix != ".toml":
-        raise ConfigError("E-CLI-READ", str(place), why="no such folder")
+        raise ConfigError("E-CLI-READ", str(place), why=Message.of("W-AUDIT-NO-FOLDER"))
     from gateway.config import load_site
     from gateway.workflow.run.folder import store_of
 

@@ -324,14 +324,14 @@ def _comments(wish: ConversionOptions, measured: Any) -> list[str]:
     datum = ", ".join(wish.datum)
     lines = [
         *((SAID,) if simulated_set(measured) else ()),
-        f"made by trueflank from {wish.result.name}",
+        words("S-MADE-FROM", name=wish.result.name),
         *(f"doubt {one.code} accepted: {one.settled}" for one in measured.doubts if one.settled),
-        f"datum (file=machine) {datum}; zero at machine position {wish.reference:g}",
-        "replaces the live table, is not added to it",
+        words("S-CONVERT-DATUM", datum=datum, reference=wish.reference),
+        words("S-CONVERT-REPLACES"),
     ]
     if wish.to.lower() == spoken().cross_key:
         lines += [str(term(spoken().sign_doubt))]
-        lines += ["prove the sign on this machine before you switch these tables on"]
+        lines += [words("S-CONVERT-PROVE")]
     return ["".join(char if " " <= char <= "~" else "?" for char in line)[:180] for line in lines]
 
 

@@ -193,7 +193,9 @@ def _accept_lines(questions: Any, known: Any) -> list[str]:
 
 def _tell_files(found: Any) -> None:
     rows = [_row(one) for one in found.placed]
-    show_table("files of the day", ("file", "what it is", "told by", "targets", "date, environment"), rows)
+    show_table(
+        Message.of("S-DAY-FILES"), ("file", Message.of("S-CLI-WHAT"), "told by", "targets", "date, environment"), rows
+    )
     notes: dict[Message, list[str]] = {}
     for one in found.placed:
         for note in one.file.notes:
@@ -304,8 +306,8 @@ def _show_day_result(outcome: Any, report: Mapping[str, object]) -> None:
         (row.name, row.state, f"{row.low:+.2f} .. {row.high:+.2f}", f"{row.U:.2f}", row.unit, _size(change, row.name))
         for row in outcome.plan.rows
     ]
-    headings = ("error", "state", "range", "U (k=2)", "unit", "may change on the tooth, um")
-    show_table("errors of the machine", headings, rows)
+    headings = ("error", "state", "range", "U (k=2)", "unit", Message.of("S-DAY-MAY-CHANGE"))
+    show_table(Message.of("S-MACHINE-ERRORS"), headings, rows)
     measured, machine = outcome.plan.model.measured, outcome.plan.machine
     missing = [name for name in machine if name not in measured]
     known = len(machine) - len(missing)
@@ -314,9 +316,9 @@ def _show_day_result(outcome: Any, report: Mapping[str, object]) -> None:
         echo_folded(f"  note: {line}", 4)
     echo_folded(prose(outcome.plan.advice), 0)
     _tell_tooth(outcome)
-    echo(f"site file with the day's set-ups: {outcome.site_file}")
+    echo(Message.of("S-DAY-SITE", site_file=outcome.site_file))
     echo(f"run folder: {outcome.run_folder}")
-    echo(f"errors for other programs (Etalon exchange): {outcome.run_folder / ERRORS_FILE}")
+    echo(Message.of("S-DAY-ETALON", file=outcome.run_folder / ERRORS_FILE))
     echo(f"calibration report: {report.get('pdf', report['html'])}")
 
 
@@ -349,13 +351,13 @@ def tell_forecast(one: Any) -> None:
     for line in drive_forecast_messages(one.drive):
         echo_folded(str(line), 0)
     rows = [(t.name, t.layer, str(t.points), f"{t.low:+.2f} .. {t.high:+.2f}", t.unit) for t in one.tables]
-    show_table("tables that would be proposed", ("table", "layer", "points", "range", "unit"), rows)
+    show_table(Message.of("S-DAY-TABLES"), ("table", "layer", "points", "range", "unit"), rows)
 
 
 def _tell_tooth(outcome: Any) -> None:
     if outcome.forecast is not None:
         tell_forecast(outcome.forecast)
     elif outcome.proposal is not None:
-        show_table("tables", ("table", "what", "points and values"), outcome.proposal.tables)
+        show_table("tables", ("table", "what", Message.of("S-POINTS-VALUES")), outcome.proposal.tables)
     else:
         echo(Message.of("S-DAY-NO-WORK"))

@@ -10,6 +10,7 @@ from typing import Any
 from drivers import registry
 from drivers.errors import ConfigError, FileFormatError, TableError
 from drivers.local.textfile import decode_text
+from drivers.message import Message, words
 from drivers.types.exchange import ErrorSet, ReadAs
 from drivers.types.tables import CompensationTable
 from drivers.units import AxisUnit
@@ -24,7 +25,7 @@ SHEETS = "cp1252"
 """What spreadsheet programs write where they say no encoding, and text is not UTF-8."""
 ROUNDED = 1e-3  # um or arcsec: less is no rounding that anybody would see
 TABLES, ERRORS, OWN = "table-exchange", "error-exchange", "tables"
-WORDS = {TABLES: "compensation tables", ERRORS: "errors of a machine"}
+WORDS = {TABLES: "compensation tables", ERRORS: Message.of("S-EXCHANGE-ERRORS")}
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,24 +90,26 @@ def convert_exchange(wish: ExchangeOptions, measured: CompensationTable | None, 
         show_json({"file": str(wish.output), "format": wish.to, **told})
         return
     unit = (
-        "µm or arcsec" if isinstance(content, ErrorSet) else {"um": "µm", "arcsec": "arcsec"}[content[0].deviation_unit]
+        Message.of("S-UNIT-UM-ARCSEC")
+        if isinstance(content, ErrorSet)
+        else {"um": "µm", "arcsec": "arcsec"}[content[0].deviation_unit]
     )
-    echo(f"{wish.output}: {wish.to}, {rows} points; read back, the largest difference is {largest:.4f} {unit}")
+    echo(Message.of("S-EXCHANGE-DONE", output=wish.output, to=wish.to, rows=rows, largest=largest, unit=unit))
     for note in notes:
-        echo(f"note: {note}", colour="yellow")
+        echo(Message.of("S-EXCHANGE-NOTE", note=note), colour="yellow")
     if not isinstance(content, ErrorSet) and largest > ROUNDED:
         _finer(wish, content, largest, unit)
-    echo("the comments of the file say unit and sign; next: prove the sign on the machine before you use the file")
+    echo(Message.of("S-EXCHANGE-COMMENTS"))
 
 
-def _finer(wish: ExchangeOptions, tables: Sequence[CompensationTable], largest: float, unit: str) -> None:
+def _finer(wish: ExchangeOptions, tables: Sequence[CompensationTable], largest: float, unit: str | Message) -> None:
     """Say that the difference is the rounding of the form, and which form of the same format keeps more."""
     forms = registry.load(wish.to, TABLES)().forms
     others = [(one, _tables(wish, tables, one)[2]) for one in forms if one not in ("", wish.form or forms[0])]
-    echo(f"  {wish.to} changes the values so in its form {wish.form or forms[0]}")
+    echo(Message.of("S-EXCHANGE-FORM", to=wish.to, form=wish.form or forms[0]))
     for form, left in others:
         if left < largest:
-            echo(f"  with --form {form} it would be {left:.4f} {unit}; ask whether the control's version reads it")
+            echo(Message.of("S-EXCHANGE-WITH-FORM", form=form, left=left, unit=unit))
 
 
 def _role(name: str) -> str:
@@ -174,7 +177,7 @@ def _of_axis(tables: Sequence[CompensationTable], wish: ExchangeOptions) -> tupl
 def _comments(wish: ExchangeOptions) -> list[str]:
     from gateway.workflow.run.stages import SAID
 
-    return [*((SAID,) if wish.simulated else ()), f"made by trueflank from {wish.source.name}"]
+    return [*((SAID,) if wish.simulated else ()), words("S-MADE-FROM", name=wish.source.name)]
 
 
 def _tables(wish: ExchangeOptions, tables: Sequence[CompensationTable], form: str) -> tuple[str, int, float]:

@@ -23,7 +23,7 @@ from gateway.cli.options import (
     run_or_file,
     statement_comparison,
 )
-from gateway.cli.output import echo, show_error, show_json
+from gateway.cli.output import echo, show_error, show_json, text_of
 from gateway.cli.progress import progress
 from gateway.cli.signals import run_to_end
 
@@ -79,7 +79,7 @@ def _show_imports(told: list[dict[str, Any]], failures: list[TrueflankError], *,
         show_json(told)
     for one in () if as_json else told:
         if "error" not in one:
-            what = "imported as" if one["new"] else "was imported before as"
+            what = text_of("S-IMPORT-NEW" if one["new"] else "S-IMPORT-BEFORE")
             name = f"{one['file']} {one['component']}".strip()
             echo(f"{name}: {what} {one['run']} ({one['kind']})")
             for note in (*one["notes"], *one["accepted"]):

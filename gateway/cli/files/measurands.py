@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from drivers.errors import ConfigError
+from drivers.message import Message
 from drivers.types.doubts import Doubt
 from drivers.types.results import MeasuredSet
 from gateway.cli.files.positioning import accepted_statements, show_verdicts, verdict
@@ -155,7 +156,7 @@ def show_answer(answer: KindAnswer, warnings: Sequence[str]) -> None:
     ]
     show_table(f"{answer.kind} ({answer.standard})", ("figure", "value", "U (k=2)", "unit"), rows)
     for note in dict.fromkeys((*answer.notes, *warnings)):
-        echo(f"  note: {note}")
+        echo(Message.of("S-EVAL-NOTE", note=note))
 
 
 # ---- circular tests, from samples or a maker's own results
@@ -250,4 +251,4 @@ def _show(found: DriveAnswer) -> None:
         ]
         show_table(f"orders {SENSES[run.sense]}{under}", ("order", "amplitude arcsec", "phase deg", "cause"), lines)
     for note in dict.fromkeys(found.answer.notes):
-        echo(f"  note: {note}")
+        echo(Message.of("S-EVAL-NOTE", note=note))

@@ -69,7 +69,7 @@ def list_standards(*, as_json: bool) -> None:
         show_json([_label(item) | {"parameters": item.parameters} for item in standards()])
         return
     rows = [(item.name, item.edition, item.certainty, str(item.says)) for item in standards()]
-    show_table("Standards by name (formulas as sure as said)", ("standard", "edition", "certainty", "what it is"), rows)
+    show_table(Message.of("S-STANDARDS-TITLE"), ("standard", "edition", "certainty", Message.of("S-CLI-WHAT")), rows)
 
 
 def _label(standard: Any) -> dict[str, Any]:
@@ -364,7 +364,7 @@ def _axis(measured: Any, asked: EvaluationOptions) -> str:
     return asked.axis or str(measured.header.get("Axis", "")).strip()
 
 
-def _site_limits_note(measured: Any, asked: EvaluationOptions) -> tuple[str, ...]:
+def _site_limits_note(measured: Any, asked: EvaluationOptions) -> tuple[Message, ...]:
     """Why a site that was named decides nothing of this file: silence would be taken for a pass."""
     if asked.site is None:
         return ()
@@ -374,8 +374,8 @@ def _site_limits_note(measured: Any, asked: EvaluationOptions) -> tuple[str, ...
     if limits_of_axis(asked.site, axis, asked.standard):
         return ()
     known = ", ".join(limited_axes(asked.site, asked.standard)) or "none"
-    named = f"axis {axis}" if axis else "no axis, which --axis can name"
-    return (f"no tolerance of the site is decided: the file is of {named}; for this standard the site has: {known}",)
+    named = f"axis {axis}" if axis else Message.of("W-EVAL-NO-AXIS")
+    return (Message.of("S-EVAL-NO-TOLERANCE", named=named, known=known),)
 
 
 def _deviations(measured: Any, asked: EvaluationOptions, path: Path) -> tuple[Any, Any]:

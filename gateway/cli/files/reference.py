@@ -10,6 +10,7 @@ from typing import Annotated, Any
 import typer
 
 from drivers.errors import ConfigError, catalogue, explained, words
+from drivers.message import Message
 from drivers.terms import shown
 from gateway.cli.command_list import CommandEntry, command_groups, load_command, require_only
 from gateway.cli.options import JsonOption
@@ -73,7 +74,7 @@ def _plain(text: str) -> str:
 # ---- explain
 
 CodeArgument = Annotated[str, typer.Argument(help="A code as it is printed, such as E-INT-WARMTH.", show_default=False)]
-EXPLAINED_PARTS = {"what": "it says", "do": "what to do", "how": "how it comes about", "out": "how to get out of it"}
+EXPLAINED_PARTS = {"what": "it says", "do": words("S-REF-DO"), "how": words("S-REF-HOW"), "out": words("S-REF-OUT")}
 
 
 def explain_command(code: CodeArgument, as_json: JsonOption = False) -> None:
@@ -96,7 +97,7 @@ def explanation(code: str) -> dict[str, str]:
     known = catalogue()
     if code not in known:
         near = difflib.get_close_matches(code, known, n=3, cutoff=0.6)
-        raise ConfigError("E-CLI-CODE", "command line", given=code, near=", ".join(near) or "none is spelt like it")
+        raise ConfigError("E-CLI-CODE", "command line", given=code, near=", ".join(near) or Message.of("W-REF-NONE"))
     return {"code": code, "what": words(code), "do": words(code, "do"), **explained(code)}
 
 

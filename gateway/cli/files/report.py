@@ -89,7 +89,7 @@ def report_command(
             echo(f"in doubt: {one}")
         if made.verdicts:
             counted = ", ".join(f"{count} {verdict.upper()}" for verdict, count in Counter(made.verdicts).items())
-            echo(f"limits of the site: {counted}")
+            echo(Message.of("S-CLI-LIMITS", counted=counted))
         show_next(f"evaluate {what[0]}" if _files(what) else after_report(data["run"]))
     raise typer.Exit(of_verdicts((*made.verdicts, *("not decidable" for _ in made.doubts))))
 

@@ -27,12 +27,12 @@ def list_runs_command(store: StoreOption = Path("runs"), as_json: JsonOption = F
         show_json([asdict(one) for one in found])
         return
     if not found:
-        echo(f"no run in {store}; another folder: --store")
+        echo(Message.of("S-RUNS-NONE", store=store))
         show_next("run SITE")
         return
     rows = [(one.run_id, one.machine, one.problem or one.state, str(len(one.stages))) for one in found]
     show_table(f"{count_words(len(rows), 'run', 'runs')} in {store}", ("run", "machine", "state", "records"), rows)
-    echo("a run is named by its id, a unique beginning of it, or latest")
+    echo(Message.of("S-RUNS-NAMED"))
     show_next(f"runs show latest --store {store}")
 
 
@@ -229,13 +229,13 @@ def _show_replay(found: Any) -> None:
     echo(f"session {found.session} of {found.sessions}: {who.model if who else 'not opened'}")
     echo(f"{found.samples} samples, {found.lost} lost in {found.gaps} gaps, {found.invalid} invalid")
     if found.samples:
-        echo(f"from {found.span_s[0]:.6f} s to {found.span_s[1]:.6f} s of the instrument")
+        echo(Message.of("S-RUNS-SPAN", begin=found.span_s[0], end=found.span_s[1]))
         for name, low, high in zip(found.channels, found.lowest, found.highest, strict=True):
             echo(f"{name}: {low:.9g} .. {high:.9g}")
     for event in found.events[:SHOWN_EVENTS]:
         echo(Message.of("S-RUNS-EVENT", event=event))
     if found.event_count > SHOWN_EVENTS:
-        echo(f"... and {found.event_count - SHOWN_EVENTS} more events")
+        echo(Message.of("S-RUNS-MORE", count=found.event_count - SHOWN_EVENTS))
     if found.ended is not None:
         echo(f"ended: {found.ended}")
 
@@ -280,7 +280,7 @@ def compare_command(
         figure = f"{one['value']:.3g}{sure} {shown(one['unit'])}"
         echo(f"{one['serial']:<20} {one['site']:<20} {figure:<22} {one['phase']:<7} {one['created_utc'][:10]}")
     if not found:
-        echo(f"no machine has {parameter} of {subject}")
+        echo(Message.of("S-RUNS-NO-FIGURE", parameter=parameter, subject=subject))
 
 
 def tables_command(
@@ -305,6 +305,6 @@ def tables_command(
         switch = "on" if one["enabled"] else "off"
         echo(told + f"{one['name']:<12} {one['table_id']:<13} {one['utc'][:16].replace('T', ' ')} UTC  {switch}")
     if not found:
-        echo("no table was pushed to " + (f"machine {serial}" if serial else "any machine"))
+        echo(Message.of("S-RUNS-NO-TABLE", serial=serial) if serial else Message.of("S-RUNS-NO-TABLES"))
     else:
         show_next(f"tables verify {site}")

@@ -8,6 +8,7 @@ from typing import Annotated
 
 import typer
 
+from drivers.message import Message
 from gateway.cli.options import JsonOption, open_run
 from gateway.cli.output import echo, show_json, show_table
 
@@ -55,7 +56,9 @@ def shadow_command(
     if as_json:
         show_json(found.as_data())
         return
-    show_table("largest differences to the original", ("line", "axis", "original", "copy", "um or arcsec"), found.rows)
+    show_table(
+        Message.of("S-SHADOW-TITLE"), ("line", "axis", "original", "copy", Message.of("S-UNIT-UM-ARCSEC")), found.rows
+    )
     for line in found.lines:
         echo(line)
     echo(f"picture: {found.picture}")

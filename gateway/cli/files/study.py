@@ -7,6 +7,7 @@ from typing import Annotated, Any
 
 import typer
 
+from drivers.message import Message
 from drivers.terms import spoken
 from gateway.cli.command_list import require_only
 from gateway.cli.machine.tooth import HEIGHTS
@@ -84,12 +85,18 @@ def study_command(
         return
     echo(f"{gear_file.name} on {error_file.name}")
     headings = ("error", "RMS um", "largest um", "rank", "cured by", "here um", "left um")
-    show_table("each error: alone at 5 um or 0.01 deg; in this machine", headings, describe.error_rows(found))
+    show_table(Message.of("S-STUDY-EACH"), headings, describe.error_rows(found))
     own = spoken().own
     show_table(
-        "by axis (range)", ("axis", "as it is", own, f"{own} + {spoken().cross}", "unit"), describe.axis_rows(found)
+        Message.of("S-STUDY-BY-AXIS"),
+        ("axis", Message.of("S-CLI-AS-IS"), own, f"{own} + {spoken().cross}", "unit"),
+        describe.axis_rows(found),
     )
-    show_table("by tooth (predicted)", ("value", "as it is", own, "everything", "unit"), describe.tooth_rows(found))
+    show_table(
+        Message.of("S-STUDY-BY-TOOTH"),
+        ("value", Message.of("S-CLI-AS-IS"), own, "everything", "unit"),
+        describe.tooth_rows(found),
+    )
     if found.drive is not None:
         _show_drive(found.drive)
     setup = ", ".join(f"{name} {value:+.2f} {unit}" for name, value, unit in describe.setup_rows(found))
@@ -122,7 +129,7 @@ def show_relative(gear: Path, errors: Path, folder: Path, height: float | None =
         return
     echo(f"{gear_file.name} on {error_file.name}")
     headings = ("error", "space 0", "least", "greatest", "RMS", "first order misses", "unit")
-    title = "relative errors of wheel to work, told in the work: every space, over the face"
+    title = Message.of("S-STUDY-RELATIVE")
     show_table(title, headings, relative_rows(sweep))
     for path in written:
         echo(f"picture: {path}")
@@ -135,9 +142,13 @@ def _show_drive(drive: Any) -> None:
 
     own = spoken().own
     headings = ("error", "constant: transmission", "lost motion", "here: transmission", "lost motion", "rank")
-    title = "the drive in arcsec, first order: each error alone, constant at 5 um or 0.01 deg, and as it is here"
+    title = Message.of("S-STUDY-DRIVE-FIRST")
     show_table(title, headings, drive_rows(drive))
-    show_table("by drive (full model)", ("value", "as it is", own, "everything", "unit"), state_rows(drive))
+    show_table(
+        Message.of("S-STUDY-BY-DRIVE"),
+        ("value", Message.of("S-CLI-AS-IS"), own, "everything", "unit"),
+        state_rows(drive),
+    )
     echo(
         words("S-STUDY-DRIVE", name=drive.reducer.name, datum=drive.reducer.datum, missed=f"{drive.missed_arcsec:+.2f}")
     )
@@ -192,7 +203,7 @@ def match_command(
         rows.append(tuple(row))
     if uncertainty:
         heads += ["expected transmission ± u", "expected lost motion ± u"]
-    show_table("drives, by the full model", tuple(heads), rows)
+    show_table(Message.of("S-STUDY-DRIVES"), tuple(heads), rows)
     for disc in found.discs:
         echo(f"{disc.part}: RMS {disc.fitted.rms_um:.2f} um, u {disc.rms_u_um:.2f} um")
     for line in found.lines:

@@ -98,7 +98,7 @@ def show_findings(
     for member in members:
         echo(f"{member.size:10d}  {member.folder}{member.shown or member.name}")
     if members:
-        echo(f"{file}: an archive of {len(members)} members")
+        echo(Message.of("S-TABLES-ARCHIVE", file=file, count=len(members)))
     for one in sorted(findings, key=lambda item: SEVERITIES.index(item.severity)):
         word, colour = SEVERITY_WORDS[one.severity]
         echo(f"{word}: {one.error}", colour=colour or None)
@@ -119,7 +119,7 @@ def _read_both(paths: Sequence[Path], units: Mapping[str, AxisUnit]) -> list[Tab
 
 def _show_difference(first: Path, second: Path, difference: Any) -> None:
     if difference.same:
-        echo(f"{first} and {second} hold the same")
+        echo(Message.of("S-TABLES-SAME", first=first, second=second))
         return
     for path, labels in ((first, difference.only_first), (second, difference.only_second)):
         for label in labels:
@@ -136,7 +136,7 @@ def _show_difference(first: Path, second: Path, difference: Any) -> None:
 
 def _show_pair(pair: Any) -> None:
     points = pair.points
-    echo(f"{pair.label}: {points.positions.size} of {pair.count} points differ")
+    echo(Message.of("S-TABLES-DIFFER", label=pair.label, size=points.positions.size, count=pair.count))
     for name, one, two in pair.parameters:
         echo(f"  {name}: {one} -> {two}")
     for position, old, new, change in zip(points.positions, points.old, points.new, points.change, strict=True):

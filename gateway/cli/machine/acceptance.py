@@ -51,7 +51,7 @@ def acceptance_command(
     if as_json:
         show_json({**report_record(tree, given, results), "ok": not failed, "sheet": str(sheet)})
     else:
-        echo(f"the sheet to sign: {sheet}")
+        echo(Message.of("S-ACCEPT-SHEET", sheet=sheet))
     if failed:
         raise typer.Exit(NOT_ACCEPTED_EXIT)
 
@@ -98,8 +98,16 @@ def conform_command(
     else:
         for one in found:
             echo(one.line)
-        told_end = "nothing was compared" if double is None else f"{len(found)} differ"
-        echo(f"{asked} of {len(control.answers)} questions answered, {told_end}; {', '.join(map(str, files))}")
+        told_end = Message.of("S-ACCEPT-NOTHING") if double is None else Message.of("S-ACCEPT-DIFFER", count=len(found))
+        echo(
+            Message.of(
+                "S-ACCEPT-ANSWERED",
+                asked=asked,
+                count=len(control.answers),
+                ended=told_end,
+                files=", ".join(map(str, files)),
+            )
+        )
     if found:
         raise typer.Exit(DIFFERENT_EXIT)
 

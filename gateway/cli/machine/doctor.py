@@ -22,7 +22,7 @@ from gateway.cli.signals import run_to_end
 from gateway.events import DevicesOpened, received
 
 NOT_OK_EXIT = 5
-OUTCOME_WORDS = {"ok": "ok", "wrong": "WRONG", "unknown": "could not tell", "skipped": "skipped"}
+OUTCOME_WORDS = {"ok": "ok", "wrong": "WRONG", "unknown": Message.of("S-DOC-UNKNOWN"), "skipped": "skipped"}
 
 LevelOption = Annotated[
     str,

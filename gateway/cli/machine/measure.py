@@ -143,15 +143,15 @@ def _show_plan(tree: Any, *, as_json: bool) -> None:
         plan = [dict(zip(keys, row, strict=True)) for row in rows]
         show_json({"plan": plan, "remountings": remountings(found)})
         return
-    show_table("set-ups in their order", ("set-up", "component", "axis", "instrument", "source"), rows)
-    echo(f"set-ups: {len(found)}, changes of instrument, axis or artefact: {remountings(found)}")
+    show_table(Message.of("S-MEASURE-ORDER"), ("set-up", "component", "axis", "instrument", "source"), rows)
+    echo(Message.of("S-MEASURE-CHANGES", count=len(found), changes=remountings(found)))
 
 
 def _show_errors(outcome: Any) -> None:
     rows = [
         (row.name, f"{row.low:+.2f}", f"{row.high:+.2f}", f"{row.U:.2f}", row.unit, row.state) for row in outcome.rows
     ]
-    show_table("errors of the machine (U: k = 2)", ("error", "low", "high", "U", "unit", "state"), rows)
+    show_table(Message.of("S-MEASURE-ERRORS"), ("error", "low", "high", "U", "unit", "state"), rows)
     for line in outcome.model.said:
         echo(f"  note: {line}")
     echo(prose(outcome.advice))
@@ -251,8 +251,14 @@ def _require_free(path: Path) -> Path:
 def show_recording(data: dict[str, Any]) -> None:
     """A record's results in words."""
     unit = data["unit"]
-    head = f"{data['place']}: {data['samples']} samples at {data['rate_hz']:g} Hz, {data['duration_s']:.4g} s"
-    echo(f"{head}, gaps: {data['gaps']}, samples lost in them: {data['lost']}")
+    head = Message.of(
+        "S-MEASURE-STREAM",
+        place=data["place"],
+        samples=data["samples"],
+        rate=data["rate_hz"],
+        duration=data["duration_s"],
+    )
+    echo(Message.of("S-MEASURE-GAPS", head=head, gaps=data["gaps"], lost=data["lost"]))
     if "spectrum" in data:
         made = data["spectrum"]
         rows = [(f"{peak['frequency_hz']:.2f}", f"{peak['amplitude']:.4g}") for peak in made["peaks"]]
@@ -260,7 +266,7 @@ def show_recording(data: dict[str, Any]) -> None:
         show_table(title, ("frequency Hz", f"amplitude {unit}"), rows)
     found = data["settling"]
     if found is None:
-        echo(f"settling: not shown; {data['settling_missing']}")
+        echo(Message.of("S-MEASURE-SETTLING", missing=data["settling_missing"]))
     else:
         time = "never" if found["time_s"] is None else f"after {1000.0 * found['time_s']:.2f} ms"
         echo(f"settling: step {found['step']:.4g} {unit}, within {found['band']:g} {unit} {time}")

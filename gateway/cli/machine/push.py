@@ -37,7 +37,7 @@ from gateway.cli.options import (
     load_site,
     open_run,
 )
-from gateway.cli.output import echo, render_text, show_json
+from gateway.cli.output import echo, render_text, show_json, text_of
 from gateway.cli.progress import progress
 from gateway.cli.signals import run_to_end
 from gateway.errors import StillOn
@@ -64,7 +64,7 @@ def approve_command(
         outcome = run_to_end(_with_clock(lambda clock: show_plan(folder, table=axis, clock=clock, say=say)))
     if not as_json:
         show_outcome(outcome, as_json=False)
-    typed = typer.prompt("type the machine's name to approve", err=True, default="", show_default=False).strip()
+    typed = typer.prompt(text_of("P-APPROVE-NAME"), err=True, default="", show_default=False).strip()
     signer, kept_by = signer_at_keyboard(folder, datetime.now(UTC), _prompt_secret)
     asked: dict[str, Any] = {"table": axis, "typed_name": typed, "signer": signer, "kept_by": kept_by}
     made = run_to_end(_with_clock(lambda clock: approve_plan(folder, clock=clock, **asked)))
@@ -73,7 +73,7 @@ def approve_command(
         show_json({"approved": plans, **outcome.as_data()})
         return
     for one in made:
-        echo(f"approved by {one.actor} until {one.expires_utc}: plan {one.plan_hash[:12]}")
+        echo(Message.of("S-APPROVED-BY", actor=one.actor, expires_utc=one.expires_utc, plan_hash=one.plan_hash[:12]))
     options = push_options(site_of(folder)[0].controller.driver, typed)
     show_next(f"push {run_folder} --store {store} {options}")
 
@@ -273,7 +273,7 @@ def recover_command(
     if not apply and any(finding.still_on for finding in findings):
         raise typer.Exit(StillOn.exit_code)
     if not findings and not as_json:
-        echo(f"{tree.site.name}: no push was left unfinished, and nothing of ours is left in the control")
+        echo(Message.of("S-PUSH-NONE-LEFT", name=tree.site.name))
     if not as_json:
         show_next(after_recovery(findings, str(site), tree.site.name, apply=apply))
     if any(finding.stands for finding in findings):

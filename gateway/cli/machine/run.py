@@ -240,7 +240,7 @@ def _show_day(day: Any, command: str, *, apply: bool, as_json: bool) -> None:
         show_json(day.as_data())
         return
     terms = spoken()
-    headings = ("work", "of", "optics and place", terms.start, terms.restart, "min")
+    headings = ("work", "of", Message.of("S-OPTICS-PLACE"), terms.start, terms.restart, "min")
     show_table(
         words("S-DAY-TITLE", command=day.command, site=day.site), headings, [_day_row(day, one) for one in day.pieces]
     )

@@ -54,7 +54,7 @@ def correct_command(
     if gear:
         correct_gear(site, gear, part, heights, as_json=as_json)
     elif Path(run).is_file():
-        require_only("correct --run with a file of errors")
+        require_only("correct --run ERRORS")
         _correct_from_errors(site, Path(run), error_u, sense, as_json=as_json)
     else:
         require_only("correct --run")
@@ -104,24 +104,31 @@ def _correct_run(site: Path, run: str, *, as_json: bool) -> None:
 
 def _show_correction(found: Any) -> None:
     tooth, flank = found.tooth, found.tooth.prediction
-    show_table("tables", ("table", "what", "points and values"), found.tables)
+    show_table("tables", ("table", "what", Message.of("S-POINTS-VALUES")), found.tables)
     setup = tooth.setup
     values = f"x zero {setup.x_um:+.1f} um, C zero {setup.c_arcsec:+.1f} arcsec, dressing {setup.dressing_um:+.1f} um"
-    echo(f"set-up values: {values}; the trial part tells the final ones")
+    echo(Message.of("S-TOOTH-SETUP", values=values))
     echo(
-        f"flank RMS: {flank.before.rms_um:.2f} um before ({found.fair_before_um:.2f} um with its set-up values right), "
-        f"{flank.rms_um:.2f} +- {flank.rms_u_um:.2f} um after (calculated {flank.after.rms_um:.2f} um, "
-        f"floor {flank.floor_um:.2f} um; u {flank.u_um:.2f} um)"
+        Message.of(
+            "S-TOOTH-RMS",
+            before=flank.before.rms_um,
+            fair=found.fair_before_um,
+            after=flank.rms_um,
+            after_u=flank.rms_u_um,
+            calculated=flank.after.rms_um,
+            floor_um=flank.floor_um,
+            u_um=flank.u_um,
+        )
     )
     parts = ", ".join(f"{name} {value:.2f}" for name, value in flank.parts_um.items() if value >= 0.005)
-    echo(f"u is made of (um): {parts}")
+    echo(Message.of("S-TOOTH-U-PARTS", parts=parts))
     rank = {one.error: one for one in tooth.ranking}
     rows = [
         (one.error, *_rank_words(rank.get(one.error)), f"{one.rms_um:.3f}", one.by, f"{one.floor_um:.3f}")
         for one in tooth.cures
     ]
     headings = ("error", "rank", "mu* um", "alone um", "cured by", "left um")
-    show_table("errors on the tooth", headings, rows)
+    show_table(Message.of("S-TOOTH-ERRORS"), headings, rows)
     for line in tooth.said:
         echo(str(line))
     echo(f"run folder: {found.run_folder}")
@@ -197,7 +204,11 @@ def _grind_part(tree: Any, site: Path, part: str, setup: Any, machine: str, fold
     if as_json:
         show_json({**asdict(made), "run_folder": str(used.path)})
         return
-    echo(f"{made.part}: {made.spaces} spaces ground, {made.started_utc} to {made.ended_utc}")
+    echo(
+        Message.of(
+            "S-TOOTH-GROUND", part=made.part, spaces=made.spaces, started_utc=made.started_utc, ended_utc=made.ended_utc
+        )
+    )
     echo(f"run folder: {used.path}")
     show_next(f"inspect {site} --part {part} --run {used.path}")
 
@@ -224,12 +235,12 @@ def _show_grinding(tree: Any, site: Path, part: str, setup: Any, into: str, *, a
     echo(f"set-up values: x {setup.x_um:+.1f} um, C {setup.c_arcsec:+.1f} arcsec, dressing {setup.dressing_um:+.1f} um")
     echo(entry_instructions(tree.work, setup))
     if able:
-        echo("the NC program: trueflank check programs --what grind, or --json here")
-    echo(f"{plan.spaces} spaces, about {plan.seconds / 60.0:.0f} min; nothing was sent (--machine NAME grinds)")
+        echo(Message.of("S-TOOTH-PROGRAM"))
+    echo(Message.of("S-TOOTH-PLAN", spaces=plan.spaces, minutes=plan.seconds / 60.0))
     if able:
         show_next(f"grind {site} --part {part}{into} --machine {tree.site.name}")
     else:
-        echo(f"driver {tree.controller.driver} runs no programs: this part cannot be ground over it")
+        echo(Message.of("S-TOOTH-NO-PROGRAMS", driver=tree.controller.driver))
         show_next(f"inspect {site} --part {part}{into}")
 
 
@@ -394,7 +405,7 @@ def _show_inspection(found: Any, folder: str, picture: str) -> None:
     flank = {"rms": fixed(found.fitted.rms_um), "u": fixed(found.rms_u_um), "u_point": fixed(found.u_um)}
     more = {"largest": fixed(found.fitted.largest_um), "points": found.k.size}
     echo(Message.of("W-INSPECTED", part=found.part, **flank, **more))
-    show_table("largest of all flanks", ("value", "um"), [(name, f"{found.figures[name]:.2f}") for name in SHOWN])
+    show_table(Message.of("S-TOOTH-LARGEST"), ("value", "um"), [(name, f"{found.figures[name]:.2f}") for name in SHOWN])
     for line in found.said:
         echo(f"  note: {line}")
     echo(f"picture: {picture}")
@@ -411,7 +422,7 @@ def show_separation(found: Any, plot: Path | None = None, *, as_json: bool = Fal
     if as_json:
         show_json(found.as_data())
         return
-    total = f"{', '.join(found.found.parts)}: {found.found.total_um:.2f} um RMS in all"
+    total = Message.of("S-TOOTH-IN-ALL", parts=", ".join(found.found.parts), total_um=found.found.total_um)
     show_table(total, ("share", "um RMS", "u"), found.rows)
     for line in found.lines:
         echo(line)

@@ -289,7 +289,7 @@ def program_command(
     show_table("programs", ("what", "file"), rows)
     for line in told:
         echo(line)
-    echo(f"{len(written)} programs in {output}; nothing was sent")
+    echo(Message.of("S-CHECK-PROGRAMS", count=len(written), output=output))
     runs_programs = f"{tree.controller.driver}-paper" in registry.known("paper")
     if what != "dwell" and runs_programs and not known_control(tree, site):
         echo(Message.of("W-PROGRAM-UNKNOWN"))

@@ -18,6 +18,7 @@ import typer
 
 from drivers import registry
 from drivers.errors import ConfigError, TrueflankError, words
+from drivers.message import Message
 from gateway.cli.output import echo
 from gateway.cli.setup.check import check_site, show_check, show_next_check
 from gateway.cli.setup.questions import (
@@ -233,15 +234,15 @@ def new_instrument_command(
 
 def check_name(name: str) -> None:
     """Raises ConfigError (E-INIT-PACKAGE-NAME) for a name that no Python package and no driver can have."""
-    why = ""
+    why: str | Message = ""
     if NAME.fullmatch(name) is None:
-        why = "2 to 30 lower-case letters, digits and _, beginning with a letter"
+        why = Message.of("W-INIT-NAME")
     elif keyword.iskeyword(name):
-        why = "a word of Python"
+        why = Message.of("W-INIT-PYTHON")
     elif name in registry.known():
-        why = "trueflank has a driver of this name"
+        why = Message.of("W-INIT-DRIVER")
     elif find_spec(name) is not None:
-        why = "a Python package of this name is installed"
+        why = Message.of("W-INIT-PACKAGE")
     if why:
         raise ConfigError("E-INIT-PACKAGE-NAME", name, why=why)
 

@@ -98,7 +98,7 @@ def families(grinding: Grinding, grid: FlankGrid) -> dict[str, tuple[ErrorParame
     for over_axis in (z, c):
         found[f"{x}({over_axis}), {c}({over_axis})"] = (*found[f"{x}({over_axis})"], *found[f"{c}({over_axis})"])
     sums = (*found[f"{x}({z}), {c}({z})"], *found[f"{x}({c}), {c}({c})"])
-    found["tables and set-up values"] = (*setup, *sums)
+    found["tables + set-up values"] = (*setup, *sums)
     for out in (x, c):
         found[f"{out}({z})*({c})"] = tuple(_product(out, a, b) for a in over[z] for b in over[c])
     return found

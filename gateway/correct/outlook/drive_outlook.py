@@ -62,7 +62,7 @@ def drive_proposal(
     rows = [
         _row(name, drive, machine, grid, steps=steps)
         for name, machine in (
-            ("as it is", grinding),
+            ("present state", grinding),
             ("axis tables", found.machine_with_own),
             *((kind, one.machine) for kind, one in _others(grinding, grid, plan, goal, live=live, own=own)),
             (f"this goal: {goal.kind}", found.machine),

@@ -9,6 +9,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
+from drivers.message import Message
 from drivers.units import arcsec_to_rad
 from gateway.domain.figures import Evaluation
 from gateway.errors import ModelError
@@ -43,7 +44,7 @@ def component(axis: str, kind: Kind) -> str:
     """The ISO 230-1 name, e.g. pitch of X is EBX. Raises ModelError (E-EVAL-ANGULAR)."""
     name = COMPONENTS.get((axis, kind))
     if name is None:
-        known = ", ".join(word for at, word in COMPONENTS if at == axis) or "axes X, Y and Z only"
+        known = ", ".join(word for at, word in COMPONENTS if at == axis) or Message.of("W-EVAL-XYZ-ONLY")
         raise ModelError("E-EVAL-ANGULAR", "angular", axis=axis, kind=kind, known=known)
     return name
 

@@ -8,6 +8,7 @@ from typing import Literal
 
 import numpy as np
 
+from drivers.message import Message
 from drivers.units import rad_to_arcsec, um_to_mm
 from gateway.domain.figures import Component
 from gateway.domain.values import COVERAGE, FloatArray
@@ -32,7 +33,7 @@ class Location:
     axis: RotaryAxis
     values: Mapping[str, float]
     U: Mapping[str, float] = field(default_factory=dict)
-    flags: tuple[str, ...] = ()
+    flags: tuple[Message, ...] = ()
     artefact: Mapping[str, float] = field(default_factory=dict)
 
 
@@ -50,10 +51,10 @@ def from_ball(
     across = _across(axis)
     read = [letter for letter in across if rings and all(letter in ring for _, ring in rings)]
     if not read:
-        raise ModelError("E-EVAL-LOCATION", "location", axis=axis, why="no direction was read in every ring")
+        raise ModelError("E-EVAL-LOCATION", "location", axis=axis, why=Message.of("W-EVAL-NO-DIRECTION"))
     for one in (part for _, ring in rings for part in ring.values() if not is_periodic(part)):
         low, high = one.domain
-        why = f"{one.name} was read from {low:g} to {high:g} deg, not around the whole turn"
+        why = Message.of("W-EVAL-PART-TURN", name=one.name, low=low, high=high)
         raise ModelError("E-EVAL-LOCATION", "location", axis=axis, why=why)
     heights = np.array([height for height, _ in rings], dtype=np.float64) - height_mm
     values, U = {}, {}
@@ -71,15 +72,15 @@ def _arcsec(um_per_mm: float) -> float:
     return float(rad_to_arcsec(um_to_mm(um_per_mm)))
 
 
-def _limits_of_heights(heights: int) -> tuple[str, ...]:
+def _limits_of_heights(heights: int) -> tuple[Message, ...]:
     if heights == 1:
-        return ("one height: no orientation",)
-    return () if heights > 2 else ("two heights: straightness of the axis is not seen",)
+        return (Message.of("S-EVAL-ONE-HEIGHT"),)
+    return () if heights > 2 else (Message.of("S-EVAL-TWO-HEIGHTS"),)
 
 
 def _across(axis: str) -> tuple[str, str]:
     if axis not in FRAMES:
-        raise ModelError("E-EVAL-LOCATION", "location", axis=axis, why="the axis is none of A, B, C")
+        raise ModelError("E-EVAL-LOCATION", "location", axis=axis, why=Message.of("W-EVAL-NOT-ABC"))
     return FRAMES[axis][:2]
 
 
@@ -110,12 +111,12 @@ def from_bar(axis: RotaryAxis, runs: Mapping[str, tuple[StraightnessRun, Straigh
     values, U, artefact = {}, {}, {}
     for letter, (first, second) in runs.items():
         if letter not in _across(axis):
-            raise ModelError("E-EVAL-LOCATION", "location", axis=axis, why=f"{letter} is not across the axis")
+            raise ModelError(
+                "E-EVAL-LOCATION", "location", axis=axis, why=Message.of("W-EVAL-NOT-ACROSS", letter=letter)
+            )
         (one, u_one), (two, u_two) = first.direction(), second.direction()
         name, sign = _leans(axis, letter)
         values[name] = sign * float(rad_to_arcsec((one + two) / 2.0))
         U[name] = COVERAGE * float(rad_to_arcsec(np.hypot(u_one, u_two) / 2.0))
         artefact[letter] = float(rad_to_arcsec((one - two) / 2.0))
-    return Location(
-        axis=axis, values=values, U=U, flags=("orientation only, against the linear axis along it",), artefact=artefact
-    )
+    return Location(axis=axis, values=values, U=U, flags=(Message.of("S-EVAL-ORIENTATION-ONLY"),), artefact=artefact)

@@ -33,6 +33,7 @@ from typing import Any
 import numpy as np
 import scipy.optimize
 
+from drivers.message import words
 from drivers.units import rad_to_arcsec
 from gateway.domain.values import COVERAGE, FloatArray
 from gateway.errors import ModelError
@@ -148,7 +149,7 @@ def _terms(circle: Circle, width: float, senses: Sequence[int]) -> list[tuple[st
     both = len(senses) > 1
     found = [
         ("scale mismatch", "ppm", half * np.cos(2 * t)),
-        ("squareness" if both else "squareness and servo mismatch", "um/m", -half * np.sin(2 * t)),
+        ("squareness" if both else words("S-EVAL-SQUARE-SERVO"), "um/m", -half * np.sin(2 * t)),
         ("backlash first axis", "um", 0.5 * np.sign(-s * np.sin(t)) * np.cos(t)),
         ("backlash second axis", "um", 0.5 * np.sign(s * np.cos(t)) * np.sin(t)),
     ]
@@ -258,7 +259,7 @@ def _figures(paths: Mapping[int, tuple[FloatArray, FloatArray]], *, calibrated: 
     names = {1: "G ccw", -1: "G cw"}
     for sense, (angle, radial) in paths.items():
         found[names[sense]] = zone(angle, radial)
-        found[f"{names[sense]} about the least-squares centre"] = _about_lsq(angle, radial)
+        found[words("S-EVAL-LS-CENTRE", names=names[sense])] = _about_lsq(angle, radial)
     if len(paths) > 1:
         angle, radial = (np.concatenate([path[k] for path in paths.values()]) for k in (0, 1))
         found["G(b)"] = zone(angle, radial)

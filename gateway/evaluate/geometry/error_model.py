@@ -215,7 +215,7 @@ def _square(runs: Sequence[Means], said: list[Message]) -> LocationError | None:
         against = from_runs(*both, arcsec_to_rad(-own if turned else own))
         return _b0z(against.C0Y, against.u, Message.of("S-MODEL-SQUARE-KNOWN", own=fixed(own, signed=True)))
     if runs:
-        said.append(Message.of("S-MODEL-HALF", name="B0Z", need="X and Z, and both again with the square turned over"))
+        said.append(Message.of("S-MODEL-HALF", name="B0Z", need=Message.of("S-EVAL-NEEDS-SQUARE")))
     return None
 
 
@@ -242,7 +242,7 @@ def _bar(name: str, runs: Sequence[Means], tilt: Tilt, said: list[Message]) -> L
                 name=name, value=found.values[f"E{name}"], u=found.U[f"E{name}"] / COVERAGE, unit="arcsec", how=(how,)
             )
     if runs:
-        said.append(Message.of("S-MODEL-HALF", name=name, need="the table at 0 and at 180 deg"))
+        said.append(Message.of("S-MODEL-HALF", name=name, need=Message.of("S-EVAL-NEEDS-TABLE")))
     return None
 
 

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from drivers.errors import words
+from drivers.message import Message
 from drivers.units import ARCSEC_PER_RAD, deg_to_rad, um_to_mm
 from gateway.domain.values import FloatArray
 from gateway.errors import ModelError, NotIdentifiable
@@ -164,7 +165,7 @@ def _check_turns(angles_deg: ArrayLike, readings: ArrayLike) -> tuple[FloatArray
     if not fits or not np.isfinite(x).any(axis=0).all() or np.isinf(x).any():
         raise ModelError("E-EVAL-TURNS", "ISO 230-7", angles=angles.shape, readings=x.shape)
     if np.unique(np.round(angles % 360.0, 9) % 360.0).size != angles.size:
-        raise ModelError("E-EVAL-TURNS", "ISO 230-7", angles="one angle twice (0 and 360 deg?)", readings=x.shape)
+        raise ModelError("E-EVAL-TURNS", "ISO 230-7", angles=Message.of("W-EVAL-ANGLE-TWICE"), readings=x.shape)
     return angles, x
 
 

@@ -11,6 +11,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
+from drivers.message import words
 from drivers.units import rad_to_arcsec
 from gateway.domain.values import COVERAGE, FloatArray
 from gateway.errors import ModelError
@@ -203,11 +204,11 @@ def in_words(plane: str, above_90_arcsec: float) -> str:
     """The squareness of a plane as a sentence that no convention of signs can turn."""
     first, second = plane[0], plane[1]
     if above_90_arcsec == 0.0:
-        return f"+{first} and +{second} stand at 90 deg"
+        return words("S-EVAL-ANGLE-RIGHT", first=first, second=second)
     larger = above_90_arcsec > 0.0
     word, side = ("larger", "-") if larger else ("smaller", "+")
     size = f"{abs(above_90_arcsec):.2f} arcsec"
-    return f"the angle between +{first} and +{second} is {word} than 90 deg by {size}: {second} leans to {side}{first}"
+    return words("S-EVAL-ANGLE-BETWEEN", first=first, second=second, word=word, size=size, side=side)
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping
 from math import exp
 from typing import Any, Literal
 
+from drivers.message import words
 from drivers.types.sensing import Ambient
 from drivers.units import KELVIN_OFFSET, PA_PER_HPA
 from gateway.errors import AmbientOutOfRange, ModelError
@@ -69,7 +70,7 @@ def _in_range(t_degc: float, pressure_pa: float, humidity_pct: float, wavelength
     ):
         if not low <= value <= high:
             fields: dict[str, Any] = {"sensor": name, "value": f"{value:g}", "low": low, "high": high, "unit": unit}
-            raise AmbientOutOfRange("E-EVAL-AMBIENT", "index of air", **fields)
+            raise AmbientOutOfRange("E-EVAL-AMBIENT", words("W-EVAL-AIR-INDEX"), **fields)
 
 
 def edlen(t_degc: float, pressure_pa: float, humidity_pct: float, wavelength_nm: float = WAVELENGTH_NM) -> float:

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Literal, get_args
 
-from drivers.message import Message
+from drivers.message import Message, words
 from drivers.types.values import CompensatedFor
 from gateway.domain.captures import CorrectionRecord, Corrections
 from gateway.errors import ModelError
@@ -23,7 +23,7 @@ STEP_NAMES: Mapping[Step, str] = {
     "abbe": "S-STEP-ABBE",
     "closure": "S-STEP-CLOSURE",
 }
-_BY_INSTRUMENT_ONCE = Message.stored("by the instrument")
+_BY_INSTRUMENT_ONCE = Message.stored(words("S-CORR-INSTRUMENT"))
 """How records that were stored before there was a chain name the instrument's own step."""
 
 

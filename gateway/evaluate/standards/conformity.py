@@ -117,10 +117,14 @@ def flank_tolerances(diameter_mm: float, module_mm: float, width_mm: float, grad
     for key, value in (("diameter_mm", diameter_mm), ("module_mm", module_mm), ("width_mm", width_mm)):
         if not 0.0 < value < LARGEST_MM:
             raise ModelError(
-                "E-EVAL-NUMBER", STANDARD, key=key, value=value, must=f"above 0 and below {LARGEST_MM:g} mm"
+                "E-EVAL-NUMBER",
+                STANDARD,
+                key=key,
+                value=value,
+                must=Message.of("W-EVAL-ABOVE-0-MM", largest_mm=LARGEST_MM),
             )
     if grade not in GRADES:
-        raise ModelError("E-EVAL-NUMBER", STANDARD, key="grade", value=grade, must="a grade of 1 to 11")
+        raise ModelError("E-EVAL-NUMBER", STANDARD, key="grade", value=grade, must=Message.of("W-EVAL-GRADE"))
     q, d, m, b = sqrt(2.0) ** (grade - 5), diameter_mm, module_mm, width_mm
     profile_slope, profile_form = (0.4 * m + 0.001 * d + 4.0) * q, (0.55 * m + 5.0) * q
     lead_slope = (0.05 * sqrt(d) + 0.35 * sqrt(b) + 4.0) * q

@@ -76,7 +76,7 @@ def minimum_targets(kind: Literal["linear", "rotary"], travel: float) -> tuple[i
     Rotary: 3 to 90 deg, 5 to 180, 8 to 360, 5 runs; beyond that 8 per revolution, 1 run.
     Raises ModelError (E-EVAL-WORD, E-EVAL-NUMBER).
     """
-    _check_word("kind of axis", kind, ("linear", "rotary"))
+    _check_word(Message.of("W-EVAL-AXIS-KIND"), kind, ("linear", "rotary"))
     if not 0.0 < travel < inf:
         raise ModelError("E-EVAL-NUMBER", "ISO 230-2", key="travel", value=travel, must="above 0")
     if kind == "linear":
@@ -88,7 +88,7 @@ def minimum_targets(kind: Literal["linear", "rotary"], travel: float) -> tuple[i
     return next(count for limit, count in ((90, 3), (180, 5), (360, 8)) if travel <= limit), STANDARD_RUNS
 
 
-def _check_word(key: str, value: str, known: Collection[str]) -> None:
+def _check_word(key: str | Message, value: str, known: Collection[str]) -> None:
     if value not in known:
         raise ModelError("E-EVAL-WORD", "ISO 230-2", key=key, value=value, known=", ".join(known))
 

@@ -35,7 +35,7 @@ def numbers(key: str, values: ArrayLike) -> FloatArray:
     try:
         return np.asarray(values, dtype=np.float64)
     except (TypeError, ValueError) as error:
-        must = "a regular table of numbers"
+        must = Message.of("W-EVAL-REGULAR")
         raise ModelError("E-EVAL-NUMBER", "evaluate", key=key, value=type(values).__name__, must=must) from error
 
 

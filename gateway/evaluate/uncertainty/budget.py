@@ -10,6 +10,7 @@ from types import MappingProxyType
 import numpy as np
 import scipy
 
+from drivers.message import Message, words
 from drivers.types.doubts import Doubt
 from drivers.types.results import MeasuredSet
 from drivers.units import DeviationUnit, deg_to_rad, deviation_unit
@@ -17,7 +18,7 @@ from gateway.domain.captures import Capture
 from gateway.domain.values import COVERAGE, COVERED, FloatArray
 from gateway.errors import ModelError
 
-LABEL = "U (k = 2): GUM, own coefficients"
+LABEL = words("S-EVAL-U-LABEL")
 DEVICE_UM_PER_M, TEMPERATURE_RANGE_K = 0.5, 0.2
 """What is assumed of a laser system (U, k = 2) and of the range of temperatures where no certificate states more."""
 EXPANSION_RANGE_PPM_PER_K = 2.0
@@ -216,7 +217,7 @@ def coverage_factor(confidence: float, degrees_of_freedom: float) -> float:
     Raises ModelError (E-EVAL-NUMBER) for a confidence that is none, or no degrees of freedom.
     """
     if not 0.0 < confidence < 1.0:
-        must = "between 0 and 1 (0.95 for 95 %)"
+        must = Message.of("W-EVAL-COVERAGE")
         raise ModelError("E-EVAL-NUMBER", "coverage", key="confidence", value=confidence, must=must)
     if not degrees_of_freedom > 0.0:
         key, value = "degrees_of_freedom", degrees_of_freedom
@@ -230,7 +231,7 @@ def variance_limit(confidence: float, numerator: int, denominator: int) -> float
     Raises ModelError (E-EVAL-NUMBER) for a confidence that is none, or no degrees of freedom.
     """
     if not 0.0 < confidence < 1.0:
-        must = "between 0 and 1 (0.95 for 95 %)"
+        must = Message.of("W-EVAL-COVERAGE")
         raise ModelError("E-EVAL-NUMBER", "variance", key="confidence", value=confidence, must=must)
     for key, value in (("numerator", numerator), ("denominator", denominator)):
         if not 0 < value < inf:

@@ -8,6 +8,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Iterator
 
+from drivers.message import words
 from gateway.report.certificate.quantities import deviations, figure, influences
 from gateway.report.certificate.tree import Node, node, text_of
 from gateway.report.material import AxisMaterial, Judged, ReportMaterial
@@ -19,7 +20,7 @@ NO_COUNTRY = "ZZ"
 """The code of ISO 3166 that stands for none: nobody said a country."""
 DAY = re.compile(r"\d{4}-\d\d-\d\d")
 NOT_STATED = "not stated"
-SIMULATED = "SIMULATED: a simulated device took part; this is no calibration of a real machine"
+SIMULATED = words("S-DCC-SIMULATED")
 STATUS = {"pass": "pass", "fail": "fail", "not decidable": "noPass"}
 
 

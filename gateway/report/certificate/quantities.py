@@ -6,6 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from drivers.message import words
 from drivers.units import AxisUnit, DeviationUnit
 from gateway.domain.captures import Capture
 from gateway.domain.figures import Evaluation
@@ -45,7 +46,7 @@ def deviations(found: Evaluation, axis_unit: AxisUnit) -> Node:
     """Targets, and the mean deviation of either approach at each; targets that lack an approach are left out."""
     known = np.isfinite(found.mean_up) & np.isfinite(found.mean_down)
     if not known.any():
-        return node("dcc:text", node("dcc:content", "no target was reached from both sides"))
+        return node("dcc:text", node("dcc:content", words("S-DCC-ONE-SIDE")))
     return node(
         "dcc:list",
         (
@@ -64,7 +65,7 @@ def influences(capture: Capture, status: str) -> Node | None:
             (
                 node("dcc:name", node("dcc:content", name, lang="en")),
                 node("dcc:status", status),
-                node("dcc:data", _list("first and last reading", np.asarray(values), unit)),
+                node("dcc:data", _list(words("S-DCC-FIRST-LAST"), np.asarray(values), unit)),
             ),
         )
         for name, values, unit in _read(capture)

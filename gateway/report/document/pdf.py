@@ -14,6 +14,7 @@ from typing import Any, Final, Literal, cast
 import matplotlib as mpl
 import typst
 
+from drivers.message import words
 from gateway.errors import StoreError
 from gateway.report.document.content import Document
 from gateway.report.document.plain import as_plain
@@ -90,7 +91,7 @@ def _compiled(files: Mapping[str, bytes], written: datetime) -> bytes:
     except typst.TypstError as error:
         raise StoreError("E-REPORT-PDF", "report", why=error.message) from error
     if not isinstance(made, bytes):
-        raise StoreError("E-REPORT-PDF", "report", why="no document came out")
+        raise StoreError("E-REPORT-PDF", "report", why=words("S-REPORT-NO-DOC"))
     return made
 
 

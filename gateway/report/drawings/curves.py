@@ -13,6 +13,7 @@ from matplotlib.figure import FigureBase
 from matplotlib.projections.polar import PolarAxes
 from matplotlib.ticker import MaxNLocator
 
+from drivers.message import Message, render
 from gateway.domain.figures import Evaluation
 from gateway.domain.proposals import TableChange
 from gateway.domain.values import FloatArray
@@ -173,7 +174,9 @@ def acting(figure: FigureBase, axis: AxisMaterial, outlook: AxisOutlook, *, word
     if axis.change is not None and outlook.spoilt:
         own = np.argsort(axis.change.targets, kind="stable")
         alone = axis.change.predicted[own]
-        panel.plot(axis.change.targets[own], alone, ":", color=INK, lw=1.0, label="own table alone")
+        panel.plot(
+            axis.change.targets[own], alone, ":", color=INK, lw=1.0, label=render(Message.of("S-DRAW-OWN-ALONE"))
+        )
     if axis.acting is not None:
         panel.plot(axis.acting.targets, axis.acting.measured, "o", color=NEW, ms=2.8, mew=0, label="measured")
     if words:

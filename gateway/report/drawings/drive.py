@@ -10,6 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MultipleLocator
 
+from drivers.message import words
 from gateway.evaluate.behaviour.drive import DriveFigures
 from gateway.evaluate.behaviour.order_causes import in_words
 from gateway.report.drawings.curves import NEW, REVERSE, RULE, calm
@@ -74,11 +75,11 @@ def _bars(panel: Axes, found: DriveFigures) -> None:
         panel.bar(at, heights, width=0.9 * width, color=COLOURS[run.sense])
     for k, order in enumerate(chosen):
         tallest = max(run.amplitude(order) for run in found.running)
-        words = names.get(order, "")
-        panel.text(k, tallest + 0.03 * highest, words, fontsize=6, rotation=90, ha="center", va="bottom", color=QUIET)
+        named = names.get(order, "")
+        panel.text(k, tallest + 0.03 * highest, named, fontsize=6, rotation=90, ha="center", va="bottom", color=QUIET)
     panel.set_ylim(0.0, 2.3 * highest or 1.0)
     panel.set_xticks(np.arange(len(chosen)), [f"{order}" for order in chosen])
-    panel.set_xlabel("order per turn of the output")
+    panel.set_xlabel(words("S-DRAW-ORDER"))
     panel.set_ylabel("amplitude  arcsec")
 
 
@@ -92,5 +93,5 @@ def _twist(panel: Axes, found: DriveFigures) -> None:
     panel.plot(loop.torque_nm, loop.twist_arcsec, color=NEW, lw=1.0, marker="o", ms=1.8, mew=0)
     for sign in (-1.0, 1.0):
         panel.axvline(sign * 0.03 * (rated or 0.0), color=QUIET, lw=0.6, ls=":")
-    panel.set_xlabel("torque  Nm   (dotted: 3 % of the rated torque)")
+    panel.set_xlabel(words("S-DRAW-TORQUE"))
     panel.set_ylabel("twist  arcsec")

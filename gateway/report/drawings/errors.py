@@ -11,6 +11,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 from matplotlib.ticker import MaxNLocator
 
+from drivers.message import words
 from drivers.terms import shown
 from drivers.types.values import FloatArray
 from gateway.domain.figures import Component
@@ -119,7 +120,7 @@ def ranking(figure: Figure, rows: Sequence[CureRow]) -> None:
     for place, one in enumerate(rows):
         end = max(high[place], size[place]) + 0.012 * edge
         panel.text(end, place, f"{size[place]:.3f} µm, rank {one.rank_text}", va="center", fontsize=8, color=QUIET)
-    panel.set_xlabel("µ* of the flank's RMS  µm   (line: 95 % interval)", labelpad=2)
+    panel.set_xlabel(words("S-DRAW-MU"), labelpad=2)
     handles = [Patch(color=TAGS[one], label=meaning()[one]) for one in used]
     look = {"frameon": False, "fontsize": 8, "labelcolor": INK, "handlelength": 0.9, "columnspacing": 1.1}
     figure.legend(handles=handles, loc="upper right", ncols=LEGEND_COLUMNS, borderaxespad=0.0, **look)
@@ -192,7 +193,7 @@ def shares(figure: Figure, rows: Sequence[Bar]) -> None:
     panel.axvline(0.0, color=RULE, lw=0.8)
     panel.set_yticks(y, [plain_name(name) for name, *_ in rows])
     panel.invert_yaxis()
-    panel.set_xlabel("% of the flank's mean square before: blue what it takes, grey what it leaves", labelpad=2)
+    panel.set_xlabel(words("S-DRAW-SHARES"), labelpad=2)
 
 
 def _array(values: Sequence[float]) -> FloatArray:

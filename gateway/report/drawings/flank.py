@@ -15,6 +15,7 @@ from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
+from drivers.message import words
 from drivers.terms import shown
 from drivers.types.values import FloatArray
 from gateway.report.drawings.curves import NEW, OLD, RULE, calm, limits, plain_name
@@ -37,13 +38,13 @@ def flank_maps(figure: Figure, found: Sequence[FlankState]) -> None:
         unrolled(panel, one.map, top)
         panel.set_title(_caption(one, top), loc="left", color=INK, fontsize=8.5, pad=3)
         panel.set_ylabel("z  mm", fontsize=8, labelpad=2)
-    panels[-1].set_xlabel("space number; in each the right flank, the bottom, the left flank, in equal arc length")
+    panels[-1].set_xlabel(words("S-DRAW-SPACES"))
     _scale(figure, panels[-1].get_position().y0, panels[0].get_position().y1, top)
 
 
 def _caption(one: FlankState, top: float) -> str:
     largest = float(np.max(np.abs(one.map.deviation_um)))
-    beyond = ", beyond the scale" if largest > top else ""
+    beyond = words("S-DRAW-BEYOND") if largest > top else ""
     # What is to be expected of a predicted flank is more than its map's RMS: that figure stands with its U elsewhere.
     rms = "" if one.key == "predicted" else f"RMS {one.map.rms_um:.2f} um,  "
     text = plain_name(f"{one.text}:  {rms}largest {largest:.2f} um{beyond}")

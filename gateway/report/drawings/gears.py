@@ -11,6 +11,7 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle
 
+from drivers.message import words
 from drivers.types.values import FloatArray
 from gateway.gear.cycloid import CycloidGear
 from gateway.report.drawings.curves import NEW, RULE
@@ -40,7 +41,7 @@ def gears(figure: Figure, pair: Sequence[FlankState], gear: CycloidGear, *, said
         panel.text(0, 0.05 if said else 0.0, f"{one.rms:.2f} µm", ha="center", va="center", **BIG, color=NEW)
         if said:
             figure.text(centre, 0.925, name, ha="center", fontsize=19, weight="bold", color=INK)
-            panel.text(0, -0.14, "RMS of the flanks", ha="center", va="center", fontsize=9.5, color=QUIET)
+            panel.text(0, -0.14, words("S-DRAW-FLANKS-RMS"), ha="center", va="center", fontsize=9.5, color=QUIET)
     middle = 0.5 * sum(CENTRES)
     figure.text(middle, 0.45, "→", ha="center", va="center", fontsize=34, color=NEW)
     _colours(figure, top, said=said)

@@ -7,6 +7,7 @@ from pathlib import Path
 
 from matplotlib.figure import Figure
 
+from drivers.message import words
 from gateway.model.error_model import ErrorModel
 from gateway.report.drawings import errors as error_drawings
 from gateway.report.drawings import flank as flank_drawings
@@ -94,7 +95,7 @@ def cured(tooth: ToothMaterial) -> str:
 def before_after(tooth: ToothMaterial) -> str:
     """SVG: the gear before, set-up values corrected, and after, side by side; "" without both or without a gear."""
     found = _side_by_side(tooth, said=False)
-    return svg(found[0][1], found[0][2], "Gear before and after") if found else ""
+    return svg(found[0][1], found[0][2], words("S-DRAW-GEAR")) if found else ""
 
 
 def pictures(tooth: ToothMaterial, folder: Path, stamp: str = "") -> tuple[Path, ...]:

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from drivers.message import words
 from drivers.terms import spoken
 from drivers.types.values import FloatArray
 from gateway.tooth import FlankPrediction
@@ -50,7 +51,9 @@ def shares(prediction: FlankPrediction) -> tuple[Share, ...]:
         rest = _square(left), _square(after)
         own = Share(own_layer(), 100.0 * (whole - rest[0]) / whole)
         return own, Share(
-            f"{spoken().cross} and set-up values", 100.0 * (rest[0] - rest[1]) / whole, 100.0 * rest[1] / whole
+            words("S-CURED-CROSS-SETUP", cross=spoken().cross),
+            100.0 * (rest[0] - rest[1]) / whole,
+            100.0 * rest[1] / whole,
         )
     start, middle, end = (patterns(one) for one in (prediction.before.deviation_um, left, after))
     moved = sum(start[name] - middle[name] for name in start if name not in CONSTANT)
@@ -69,7 +72,7 @@ def _percent(part: float, whole: float) -> float | None:
 
 def own_layer() -> str:
     """Who takes the axes' own deviations, in words."""
-    return f"{spoken().own}: each axis by itself"
+    return words("S-CURED-OWN", own=spoken().own)
 
 
 def patterns(deviation_um: FloatArray) -> dict[str, float]:
@@ -83,7 +86,7 @@ def patterns(deviation_um: FloatArray) -> dict[str, float]:
         "table X(C)": found[EVEN]["k"],
         "table C(Z)": found[ODD]["z"],
         "table C(C)": found[ODD]["k"],
-        "no table over one axis": found[EVEN]["rest"] + found[ODD]["rest"],
+        words("S-CURED-NO-TABLE"): found[EVEN]["rest"] + found[ODD]["rest"],
     }
 
 

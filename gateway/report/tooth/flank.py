@@ -8,6 +8,7 @@ from typing import Literal
 
 import numpy as np
 
+from drivers.message import words
 from drivers.terms import spoken
 from drivers.types.values import FloatArray
 from gateway.domain.values import COVERAGE
@@ -16,7 +17,7 @@ from gateway.report.material import ToothMaterial
 from gateway.tooth import FlankMap, FlankPrediction, InspectedFlank
 
 ENDS = ("before", "after")
-FROM_GEAR = "with the tables and set-up values it asks for"
+FROM_GEAR = words("S-FLANK-FROM-GEAR")
 STEPS = (1.0, 1.2, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0)
 Source = Literal["inspected", "worked out", "by the model", "predicted"]
 
@@ -51,11 +52,11 @@ def states(tooth: ToothMaterial) -> tuple[FlankState, ...]:
     prediction = tooth.proposal.prediction if tooth.proposal is not None else None
     found: list[FlankState] = []
     if before is not None:
-        found.append(_inspected("before", "before, as ground", before))
+        found.append(_inspected("before", words("S-FLANK-AS-GROUND"), before))
         U = COVERAGE * before.rms_u_um
-        found += _right(tooth, "before-set-right", "before, set-up values corrected", before.fitted, U)
+        found += _right(tooth, "before-set-right", words("S-FLANK-SET-RIGHT"), before.fitted, U)
     elif prediction is not None:
-        found.append(_state("model-before", "as it is now", "by the model", prediction.before))
+        found.append(_state("model-before", words("S-FLANK-AS-IS"), "by the model", prediction.before))
         found += _right(tooth, "model-set-right", "present state, set-up values corrected", prediction.before, None)
         found.append(_state("model-own", f"with {spoken().own} alone", "by the model", prediction.with_own))
     found += _predicted(prediction) if prediction is not None else []

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 from markupsafe import Markup
 
+from drivers.message import words
 from drivers.terms import spoken
 from gateway.correct.outlook.flank_uncertainty import OpenDoubt
 from gateway.report.drawings import tooth as tooth_drawings
@@ -105,7 +106,7 @@ def said(tooth: ToothMaterial) -> tuple[tuple[str, tuple[str, ...]], ...]:
     """What errors, proposal and inspections say of themselves: (of what, sentences), each sentence of parts once."""
     found = {"Errors": tuple(map(str, tooth.errors.said)) if tooth.errors is not None else ()}
     found["Proposal"] = tuple(map(str, tooth.proposal.said)) if tooth.proposal is not None else ()
-    found["Proposal from the part"] = tuple(map(str, tooth.from_gear.said)) if tooth.from_gear is not None else ()
+    found[words("S-TOOTH-PROPOSAL")] = tuple(map(str, tooth.from_gear.said)) if tooth.from_gear is not None else ()
     parts = [(one.part, str(line)) for one in tooth.parts if one.flank is not None for line in one.flank.said]
     for line in dict.fromkeys(line for _, line in parts):
         names = "Inspection of " + ", ".join(f"“{name}”" for name, same in parts if same == line)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Literal
 
+from drivers.message import words
 from drivers.terms import spoken
 from gateway.tooth import CureRecord
 
@@ -16,36 +17,21 @@ def meaning() -> dict[Tag, str]:
         "axis": f"{spoken().own} table",
         "set-up": "set-up value",
         "cross": f"{spoken().cross} table",
-        "product": "product of tables",
-        "part": "in part only",
+        "product": words("S-WHY-PRODUCT"),
+        "part": words("S-WHY-IN-PART"),
         "mech": "mechanical only",
-        "none": "no effect on the tooth",
+        "none": words("S-WHY-NO-EFFECT"),
     }
 
 
 MECHANICAL, NONE_NEEDED, IN_PART = "mechanical only", "none needed", " in part"
 
-_ALONG = (
-    "It moves the wheel along its own axis (Y) while the flank is ground. No axis of the control moves in this "
-    "direction: the dressing offset corrects its constant part, C corrects another part, the rest changes the profile."
-)
-_LEAN = (
-    "It tilts wheel and work against each other about X, so the profile shifts along the wheel's axis with the height. "
-    "C(Z) corrects a part of this; the rest changes the profile along the face."
-)
-_SWIVEL = (
-    "It turns wheel and work against each other about Z, with the centre distance as lever. C corrects the turn; the "
-    "profile also shifts along the wheel's axis, which no axis corrects."
-)
-_WOBBLE = (
-    "The table's wobble shifts the profile with the height and with the turn at once. A table depends on one axis; "
-    "only a product of two tables varies with both, and even that does not correct a shift along the wheel's axis."
-)
-_ANY = "No axis of the control moves the wheel against the work in the way this error does."
-_PRODUCT = (
-    "It varies with the height and with the turn at once. A table depends on one axis; only a product of two tables "
-    "varies with both, and how tables multiply must be proved on this machine first."
-)
+_ALONG = words("S-WHY-Y")
+_LEAN = words("S-WHY-X")
+_SWIVEL = words("S-WHY-Z")
+_WOBBLE = words("S-WHY-WOBBLE")
+_ANY = words("S-WHY-NONE")
+_PRODUCT = words("S-WHY-BOTH")
 _BY_MOTION = {"Y": _ALONG, "A": _LEAN, "C": _SWIVEL}
 
 

@@ -15,6 +15,7 @@ from matplotlib.patches import Circle
 from matplotlib.ticker import MaxNLocator
 from mpl_toolkits.mplot3d.art3d import Line3DCollection, Poly3DCollection
 
+from drivers.message import Message
 from drivers.types.values import FloatArray
 from drivers.units import mm_to_um
 from gateway.gear.cycloid import CycloidGear
@@ -70,7 +71,7 @@ def profile_sheet(figure: FigureBase, gear: CycloidGear, space: int = 0) -> None
     bend.plot(gear.arc(theta), s.curvature, color=NEW, lw=1.2, label="curvature")
     bend.axhline(0.0, color=RULE, lw=0.8)
     bend.axhline(-1.0 / gear.pin, color=OLD, lw=0.8, ls="--", label=f"pin, 1/{gear.pin:g} mm, concave")
-    bend.set_xlabel("arc from the bottom of the space  mm")
+    bend.set_xlabel(Message.of("S-GEAR-ARC"))
     bend.set_ylabel("curvature, + convex  1/mm", labelpad=1)
     bend.legend(loc="upper center", frameon=False, fontsize=7)
     bend.set_title(f"undercut-free below pin radius {limits.rrp_max:.3f} mm", loc="left", fontsize=9, color=INK)

@@ -307,7 +307,7 @@ def read_answers(path: Path) -> Answers:
     said: dict[str, dict[str, Value]] = {}
     for kind, values in tree.items():
         if not isinstance(values, dict) or kind not in (ALL, "axes", "files"):
-            raise ConfigError("E-DAY-ANSWERS", where, why=f"{shown(kind)} is none of [all], [axes.NAME], [files.NAME]")
+            raise ConfigError("E-DAY-ANSWERS", where, why=Message.of("W-DAY-NO-PLACE", kind=shown(kind)))
         for name, own in {"": values}.items() if kind == ALL else values.items():
             place = f"{kind}.{name}" if name else kind
             said[place] = _check_values(own, place, where)
@@ -316,7 +316,7 @@ def read_answers(path: Path) -> Answers:
 
 def _check_values(own: Any, place: str, where: str) -> dict[str, Value]:
     if not isinstance(own, dict):
-        raise ConfigError("E-DAY-ANSWERS", where, why=f"{shown(place)} holds no keys")
+        raise ConfigError("E-DAY-ANSWERS", where, why=Message.of("W-DAY-NO-KEYS", place=shown(place)))
     for key, value in own.items():
         wanted = KEYS.get(key)
         if wanted is None:
@@ -324,17 +324,17 @@ def _check_values(own: Any, place: str, where: str) -> dict[str, Value]:
             raise ConfigError("E-DAY-KEY", where, place=shown(place), key=shown(key), known=known)
         right = isinstance(value, wanted) and (not isinstance(value, bool) or bool in wanted)
         if not right or not all(is_possible(one) for one in _numbers(value)):
-            needs = " or ".join(one.__name__ for one in wanted)
-            needs += f", from -{FARTHEST:g} to {FARTHEST:g}" if right else ""
+            needs: str | Message = " or ".join(one.__name__ for one in wanted)
+            needs = f"{needs}, from -{FARTHEST:g} to {FARTHEST:g}" if right else ""
             raise ConfigError("E-DAY-ANSWER", where, place=shown(place), key=key, value=shown(str(value)), known=needs)
         if key == "accept_doubts" and not all(isinstance(one, str) and one.strip() for one in value.values()):
-            needs = "a reason for each code"
+            needs = Message.of("W-DAY-REASON")
             raise ConfigError("E-DAY-ANSWER", where, place=shown(place), key=key, value=shown(str(value)), known=needs)
         if key == "material_degc" and value != UNKNOWN and (isinstance(value, str) or not COLDEST <= value <= HOTTEST):
             needs = f"degC from {COLDEST:g} to {HOTTEST:g}, {UNKNOWN}"
             raise ConfigError("E-DAY-ANSWER", where, place=shown(place), key=key, value=shown(str(value)), known=needs)
         if key == "own_angle" and value != UNKNOWN and (isinstance(value, str) or abs(value) > SQUAREST):
-            needs = f"arcsec from -{SQUAREST:g} to {SQUAREST:g}, {UNKNOWN}"
+            needs = Message.of("W-DAY-ARCSEC", squarest=SQUAREST, unknown=UNKNOWN)
             raise ConfigError("E-DAY-ANSWER", where, place=shown(place), key=key, value=shown(str(value)), known=needs)
     return dict(own)
 

@@ -14,6 +14,7 @@ from typing import Any
 from drivers import registry
 from drivers.clock import Clock
 from drivers.errors import ConfigError, TrueflankError
+from drivers.message import words
 from drivers.types.tables import CompensationTable
 from gateway.config import SiteFile, load_site, read_site, site_text
 from gateway.correct.flank.noise import noise_patterns
@@ -132,7 +133,7 @@ def _drive(
     wrong = error_doubts(grinding, grid, plan, model)
     costs = costliest(goal.drive, found.machine, grid, doubt=wrong, measured=model.measured)
     machines = (
-        ("as it is", grinding),
+        ("present state", grinding),
         ("axis tables", found.machine_with_own),
         (f"this goal: {goal.kind}", found.machine),
     )
@@ -151,7 +152,7 @@ def _table(one: CompensationTable) -> ForecastTable:
     )
 
 
-HEAD = "Made by `trueflank day` from {site} and the files of {folder}; the next `trueflank day` writes it anew."
+HEAD = words("S-DAY-MADE")
 MARK = "# Made by `trueflank day`"
 ERRORS_FILE = "errors-etalon.txt"
 

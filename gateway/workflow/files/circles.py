@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from drivers import registry
+from drivers.message import Message, words
 from drivers.types.circles import CircleRecord, MakersFigures
 from gateway.errors import ModelError
 from gateway.evaluate.geometry.ballbar import BallbarFigures, Cause, Circle, evaluate_ballbar, squareness_arcsec
@@ -22,8 +23,8 @@ PLANES: Mapping[str, Plane] = {"XY": "XY", "YZ": "YZ", "ZX": "XZ"}
 SENSES = {1: "ccw", -1: "cw"}
 TOLD = 5
 """Causes that the diagnosis names."""
-MAKERS = "the maker's own result figures: no evaluation of samples, which no public description tells how to read"
-ONE_SENSE = "one sense alone cannot tell squareness from servo mismatch: their sum is stated; run the other sense too"
+MAKERS = Message.of("S-CIRCLE-MAKER")
+ONE_SENSE = Message.of("S-CIRCLE-ONE-SENSE")
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,7 +81,7 @@ def evaluate_circles(files: Sequence[tuple[str, CircleRecord | MakersFigures]]) 
         curves=tuple(Drawn(SENSES[sense], *path) for sense, path in found.paths.items()),
         axes=("angle  deg", "radial deviation  µm"),
         polar=True,
-        notes=(*_notes(found, record), *map(str, record.warnings)),
+        notes=(*_notes(found, record), *record.warnings),
     )
     return CircleAnswer(answer, found)
 
@@ -92,11 +93,11 @@ def _join_senses(files: Sequence[tuple[str, CircleRecord]]) -> CircleRecord:
         return first
     senses = [set(one.sense.tolist()) for _, one in files]
     if len(files) > 2 or senses[0] & senses[1]:
-        raise ModelError("E-CIRCLE-FILES", files[1][0], why="two files hold one sense each, and opposite ones")
+        raise ModelError("E-CIRCLE-FILES", files[1][0], why=Message.of("W-CIRCLE-SENSES"))
     second = files[1][1]
     for key in ("radius_mm", "feed_mm_min", "plane", "calibrated"):
         if getattr(first, key) != getattr(second, key):
-            why = f"{key} is {getattr(first, key)} in one and {getattr(second, key)} in the other"
+            why = Message.of("S-CIRCLE-APART", key=key, first=getattr(first, key), second=getattr(second, key))
             raise ModelError("E-CIRCLE-FILES", files[1][0], why=why)
     return replace(
         first,
@@ -116,64 +117,70 @@ def _location_error(found: BallbarFigures, plane: str) -> list[Figure]:
     return [Figure(named.name, named.value_arcsec, "arcsec", squareness_arcsec(one.U))]
 
 
-def _notes(found: BallbarFigures, record: CircleRecord) -> tuple[str, ...]:
-    notes = [] if len(found.senses) > 1 else [ONE_SENSE]
+def _notes(found: BallbarFigures, record: CircleRecord) -> tuple[Message, ...]:
+    notes: list[Message] = [] if len(found.senses) > 1 else [ONE_SENSE]
     if not found.whole:
-        notes.append(
-            "the arc is no whole turn: no circular deviation; centre, mean radius and scale are correlated (U)"
-        )
+        notes.append(Message.of("S-CIRCLE-ARC"))
     if not record.calibrated:
-        notes.append("the bar's length is not stated as calibrated: no radial deviation F, no mean scale of both axes")
+        notes.append(Message.of("S-CIRCLE-LENGTH"))
     if record.feed_mm_min is None and len(found.senses) > 1:
-        notes.append("no feed is stated: servo mismatch is its radial deviation in um, not a lag in ms")
+        notes.append(Message.of("S-CIRCLE-FEED"))
     if not record.pitch_mm:
-        notes.append("no pitch of a screw is stated (pitch_first_mm): cyclic error is part of what is left")
+        notes.append(Message.of("S-CIRCLE-PITCH"))
     if not record.plane:
-        notes.append("no plane is stated (plane=XY): the squareness has no letter")
-    notes.append(f"what no cause explains: {found.residual_um:.2f} µm RMS, part of the causes' U")
-    notes.append("U of G and H holds the noise of the samples alone")
+        notes.append(Message.of("S-CIRCLE-PLANE"))
+    notes.append(Message.of("S-CIRCLE-UNEXPLAINED", residual_um=found.residual_um))
+    notes.append(Message.of("S-CIRCLE-U-NOISE"))
     notes += _diagnosis(found)
     return tuple(notes)
 
 
-def _diagnosis(found: BallbarFigures) -> list[str]:
+def _diagnosis(found: BallbarFigures) -> list[Message]:
     """The largest causes in words, by how much each bends the circle, and those that cannot be told."""
     order = sorted(found.causes, key=lambda one: -one.bends_um)
     sure = [one for one in order if abs(one.value) > one.U]
     unsure = [one.name for one in order if one not in sure]
     told = [
-        f"cause {place}: {_cause_sentence(one)}, bends the circle by ±{one.bends_um:.2f} µm"
+        Message.of("S-CIRCLE-CAUSE", place=place, cause=_cause_sentence(one), bends_um=one.bends_um)
         for place, one in enumerate(sure[:TOLD], 1)
     ]
-    return [*told, *([f"not told from zero: {', '.join(unsure)}"] if unsure else [])]
+    return [*told, *([Message.of("S-CIRCLE-NOT-ZERO", unsure=", ".join(unsure))] if unsure else [])]
 
 
-def _cause_sentence(one: Cause) -> str:
+def _cause_sentence(one: Cause) -> Message | str:
     """A cause as a sentence: what it means of the machine."""
     size = f"{one.name} {one.value:+.2f} {one.unit} (U {one.U:.2f})"
     if one.name == "squareness":
-        word = "larger" if one.value > 0 else "smaller"
-        return f"{size}: the angle between the positive axes is {word} than 90 deg"
+        word = Message.of("S-CIRCLE-LARGER" if one.value > 0 else "S-CIRCLE-SMALLER")
+        return Message.of("S-CIRCLE-ANGLE", size=size, word=word)
     if one.name == "scale mismatch":
-        return f"{size}: the {'first' if one.value > 0 else 'second'} axis goes too far against the other"
+        return Message.of("S-CIRCLE-TOO-FAR", size=size, which=_which(one.value > 0))
     if one.name.startswith("backlash"):
-        return f"{size}: {'lost motion' if one.value < 0 else 'over-compensated lost motion'} of that axis"
+        return Message.of(
+            "S-CIRCLE-OF-AXIS", size=size, effect=Message.of("S-CIRCLE-LOST" if one.value < 0 else "S-CIRCLE-OVER")
+        )
     if one.name == "servo mismatch":
-        lag = "first" if one.value > 0 else "second"
-        return f"{size}: the {lag} axis lags the other" if one.unit == "ms" else size
+        lag = _which(one.value > 0)
+        return Message.of("S-CIRCLE-LAG", size=size, lag=lag) if one.unit == "ms" else size
     return size
+
+
+def _which(first: bool) -> Message:
+    return Message.of("S-CIRCLE-FIRST" if first else "S-CIRCLE-SECOND")
 
 
 def _of_maker(found: MakersFigures) -> KindAnswer:
     figures = tuple(Figure(one.name, one.value, one.unit) for one in found.figures)
-    words = tuple(f"{key}: {value}" for key, value in found.header.items() if value)
-    plane = (f"plane {found.plane}",) if found.plane else ()
-    unknown = tuple(f"{one.name}: its type {one.kind} has no public unit" for one in found.figures if not one.unit)
+    header = tuple(Message.stored(f"{key}: {value}") for key, value in found.header.items() if value)
+    plane = (Message.of("S-CIRCLE-IN-PLANE", plane=found.plane),) if found.plane else ()
+    unknown = tuple(
+        Message.of("S-CIRCLE-NO-UNIT", name=one.name, kind=one.kind) for one in found.figures if not one.unit
+    )
     return KindAnswer(
         kind=KIND,
-        standard="the maker's program",
+        standard=words("S-MAKERS-PROGRAM"),
         figures=figures,
         curves=(),
         axes=("", ""),
-        notes=(MAKERS, "no public description tells the sign rules of these figures", *plane, *words, *unknown),
+        notes=(MAKERS, Message.of("S-CIRCLE-SIGNS"), *plane, *header, *unknown),
     )

@@ -11,7 +11,8 @@ from typing import Any
 import numpy as np
 
 from drivers import registry
-from drivers.errors import ConfigError, words
+from drivers.errors import ConfigError
+from drivers.message import Message
 from drivers.types.drives import STATEMENTS, DriveRecord
 from gateway.errors import ModelError
 from gateway.evaluate.behaviour.drive import (
@@ -25,7 +26,6 @@ from gateway.evaluate.behaviour.drive import (
 from gateway.evaluate.behaviour.order_causes import in_words
 from gateway.evaluate.standards.conformity import Decision
 from gateway.workflow.files.kind_records import Drawn, Figure, KindAnswer
-from gateway.workflow.run.stages import SAID
 
 KIND = "transmission"
 STANDARD = "makers' definitions"
@@ -102,8 +102,8 @@ def evaluate_drives(files: Sequence[tuple[str, DriveRecord]], asked: DriveQuesti
     running = tuple(_mean([run for run in runs if run.sense == sense]) for sense in (1, -1) if _any(runs, sense))
     loops = [one.loop for one in each if one.loop is not None]
     loop = _mean_loop(loops) if loops else None
-    notes = tuple(dict.fromkeys(words(code, **fields) for one in each for code, fields in one.notes))
-    notes += tuple(str(warning) for _, record in files for warning in record.warnings)
+    notes = tuple(dict.fromkeys(Message(code, fields) for one in each for code, fields in one.notes))
+    notes += tuple(warning for _, record in files for warning in record.warnings)
     simulated = any("simulated" in record.header.get("Instrument", "") for _, record in files)
     found = DriveFigures(drive, running, loop)
     answer = KindAnswer(
@@ -112,7 +112,7 @@ def evaluate_drives(files: Sequence[tuple[str, DriveRecord]], asked: DriveQuesti
         figures=_figures(found),
         curves=tuple(Drawn(SENSES[run.sense], *_in_ascending_order(run)) for run in running),
         axes=("output  deg", "transmission error  arcsec"),
-        notes=(*notes, *((SAID,) if simulated else ())),
+        notes=(*notes, *((Message.of("S-RUN-SIMULATED"),) if simulated else ())),
         simulated=simulated,
     )
     return DriveAnswer(answer, found)

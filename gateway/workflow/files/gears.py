@@ -9,6 +9,7 @@ import numpy as np
 
 from drivers import registry
 from drivers.errors import FileFormatError
+from drivers.message import Message, words
 from drivers.types.circles import MakersFigures
 from drivers.types.gearfiles import GearContour, GearCurve, GearCurves
 from drivers.types.values import FloatArray
@@ -25,7 +26,7 @@ SIDES = {1: "left", -1: "right"}
 LETTERS = {"profile": "alpha", "lead": "beta"}
 FEWEST, LEAST_SHARE = 20, 0.5  # points of a flank in a scan, and the share of its arc, that make a profile
 WORST = ("F_alpha", "f_Halpha", "f_falpha", "F_beta", "f_Hbeta", "f_fbeta")
-MAKERS = "the maker's own values, with the file's codes and labels; the file states no unit by value"
+MAKERS = Message.of("S-GEAR-MAKER")
 
 
 def evaluate_gear(files: Sequence[Path], gear: CycloidGear | None = None) -> KindAnswer:
@@ -45,7 +46,7 @@ def evaluate_gear(files: Sequence[Path], gear: CycloidGear | None = None) -> Kin
         return _of_curves(content)
     if isinstance(content, MakersFigures):
         figures = tuple(Figure(one.name, one.value, one.unit) for one in content.figures)
-        return _answer("the maker's program", figures, axes=("", ""), notes=(MAKERS,))
+        return _answer(words("S-MAKERS-PROGRAM"), figures, axes=("", ""), notes=(MAKERS,))
     if gear is None:
         raise ModelError("E-GEARFILE-SITE", str(path))
     return _of_contour(content, gear)
@@ -56,7 +57,7 @@ def _answer(
     figures: tuple[Figure, ...],
     *,
     axes: tuple[str, str],
-    notes: tuple[str, ...],
+    notes: tuple[Message, ...],
     drawn: tuple[Drawn, ...] = (),
 ) -> KindAnswer:
     return KindAnswer(kind=KIND, standard=standard, figures=figures, curves=drawn, axes=axes, notes=notes)
@@ -65,9 +66,9 @@ def _answer(
 def _of_curves(found: GearCurves) -> KindAnswer:
     """Total, slope and form deviation of each curve (ISO 1328-1), pitch from its table; um."""
     figures = [one for curve in found.curves for one in _curve_figures(curve, found.width_mm)]
-    notes = [*map(str, found.warnings), "a slope is positive where material grows with roll length or height"]
+    notes = [*found.warnings, Message.of("S-GEAR-SLOPE")]
     if not found.width_mm:
-        notes.append("slopes of leads are stated over the judged range, not over the face width")
+        notes.append(Message.of("S-GEAR-LEAD-RANGE"))
     for flank, rows in found.pitch_um.items():
         single, total, runout = rows.T
         side = SIDES[flank]
@@ -79,7 +80,7 @@ def _of_curves(found: GearCurves) -> KindAnswer:
     drawn = tuple(
         Drawn(f"{one.feature} {one.tooth} {SIDES[one.flank]}", one.along_mm, one.deviation_um) for one in found.curves
     )
-    axes = ("roll length or height  mm", "deviation  µm")
+    axes = (words("S-GEAR-ROLL"), "deviation  µm")
     return _answer("ISO 1328-1:2013", (*figures, *_largest(figures)), axes=axes, drawn=drawn, notes=tuple(notes))
 
 
@@ -137,10 +138,10 @@ def _of_contour(contour: GearContour, gear: CycloidGear) -> KindAnswer:
                 figures += _trace(name, "alpha", along, deviation, float(np.ptp(along)))
                 drawn.append(Drawn(name, along, deviation))
     notes = (
-        *map(str, contour.warnings),
-        "eccentricity and turn of the clamping are fitted and removed; spaces count from the one nearest +X",
-        *((f"too little of a flank for a profile: {', '.join(left_out)}",) if left_out else ()),
+        *contour.warnings,
+        Message.of("S-GEAR-FITTED"),
+        *((Message.of("S-GEAR-TOO-LITTLE", left_out=", ".join(left_out)),) if left_out else ()),
     )
-    axes = ("arc from the bottom of the space  mm", "deviation  µm")
-    standard = "normal deviations from the nominal cycloid"
+    axes = (words("S-GEAR-ARC"), "deviation  µm")
+    standard = words("S-GEAR-NOMINAL")
     return _answer(standard, (*figures, *_largest(figures)), axes=axes, drawn=tuple(drawn), notes=notes)

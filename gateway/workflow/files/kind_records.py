@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from drivers.message import Message
 from drivers.types.results import MeasuredSet
 from gateway.domain.values import FloatArray
 from gateway.errors import ModelError
@@ -77,7 +78,7 @@ class KindAnswer:
     curves: tuple[Drawn, ...]
     axes: tuple[str, str]
     polar: bool = False
-    notes: tuple[str, ...] = ()
+    notes: tuple[Message, ...] = ()
     simulated: bool = False
     fitted: bool = False
 
@@ -105,7 +106,7 @@ class KindAnswer:
                 {"name": one.name, "value": one.value, "U": _is_known(one.U), "unit": one.unit} for one in self.figures
             ],
             "curves": [{"label": one.label, "x": one.x.tolist(), "y": one.y.tolist()} for one in self.curves],
-            "notes": list(self.notes),
+            "notes": list(map(str, self.notes)),
             "simulated": self.simulated,
         }
 
@@ -114,7 +115,7 @@ def _is_known(U: float | None) -> float | None:
     return U if U is not None and np.isfinite(U) else None
 
 
-def count_of(kind: str, files: tuple[MeasuredFile, ...], wanted: str, counts: Container[int] = MANY) -> None:
+def count_of(kind: str, files: tuple[MeasuredFile, ...], wanted: str | Message, counts: Container[int] = MANY) -> None:
     """Raises ModelError (E-KIND-FILES) for another count of files than the kind needs."""
     if len(files) not in counts:
         raise ModelError("E-KIND-FILES", kind, found=len(files), wanted=wanted)

@@ -9,6 +9,7 @@ from typing import cast
 
 import numpy as np
 
+from drivers.message import Message, words
 from drivers.units import DeviationUnit, arcsec_to_rad, mm_to_um, rad_to_arcsec, um_to_mm
 from gateway.domain.values import COVERAGE, FloatArray
 from gateway.errors import ModelError
@@ -42,7 +43,7 @@ from gateway.workflow.files.kind_records import (
     means,
     unit_of,
 )
-from gateway.workflow.run.stages import SAID, simulated_set
+from gateway.workflow.run.stages import simulated_set
 
 # Evaluations of linear axes from files: straightness, angular motion, squareness, parallelism, reversal.
 #
@@ -52,19 +53,19 @@ LINES: tuple[Reference, ...] = ("minimum-zone", "lsq", "end-point")
 Files = tuple[MeasuredFile, ...]
 POSITION_UM = ("position  mm", "deviation  µm")
 SHOWN = {"um": "µm", "arcsec": "arcsec"}
-SCATTER_ONLY = ("U holds the scatter of the readings alone, not what is unknown of the instrument",)
+SCATTER_ONLY = (Message.of("S-KIND-U-SCATTER"),)
 
 
 def evaluate_positioning(files: Files, _asked: KindQuestion) -> KindAnswer:
     """Figures of ISO 230-2 with both directions of every file on one scale."""
-    count_of("positioning", files, "one or more")
+    count_of("positioning", files, Message.of("W-KIND-ONE-OR-MORE"))
     unit: DeviationUnit = "um" if files[0].measured.axis_unit == "mm" else "arcsec"
     unit_of("positioning", files, unit)
     figures, curves = [], []
-    notes: dict[str, None] = {}
+    notes: dict[Message, None] = {}
     for one in files:
         budget, supposed = measured_budget(one.measured)
-        notes |= dict.fromkeys(one.text for one in supposed)
+        notes |= dict.fromkeys(Message.stored(one.text) for one in supposed)
         found = iso230_2.evaluate_iso230_2(one.measured.targets, one.measured.deviations, unit, budget=budget)
         stated = {"A": found.A, "E": found.E, "M": found.M, "R": found.R, "B": found.B}
         figures += [
@@ -88,7 +89,7 @@ def evaluate_positioning(files: Files, _asked: KindQuestion) -> KindAnswer:
 
 def evaluate_straightness(files: Files, _asked: KindQuestion) -> KindAnswer:
     """Straightness of each file about three lines; the curves are about the least-squares line, on one scale."""
-    count_of("straightness", files, "one or more")
+    count_of("straightness", files, Message.of("W-KIND-ONE-OR-MORE"))
     unit_of("straightness", files, "um")
     figures, curves = [], []
     for one in files:
@@ -96,24 +97,24 @@ def evaluate_straightness(files: Files, _asked: KindQuestion) -> KindAnswer:
         found = {line: straightness(at, mean, line) for line in LINES}
         figures += [Figure(f"{one.label} {line}", found[line].value, "um") for line in LINES]
         slope = float(rad_to_arcsec(um_to_mm(found["lsq"].slope)))
-        figures.append(Figure(f"{one.label} slope taken off", slope, "arcsec"))
+        figures.append(Figure(words("S-KIND-SLOPE", label=one.label), slope, "arcsec"))
         curves.append(Drawn(one.label, at, found["lsq"].residual))
     return KindAnswer(
         kind="straightness",
         standard="ISO 230-1:2012",
         figures=tuple(figures),
         curves=tuple(curves),
-        axes=(POSITION_UM[0], "from the least-squares line  µm"),
+        axes=(POSITION_UM[0], words("S-KIND-FROM-LINE")),
     )
 
 
 def evaluate_angular(files: Files, asked: KindQuestion) -> KindAnswer:
     """Pitch, yaw or roll of a linear axis: figures of ISO 230-2 in arcsec, the range also in urad."""
-    count_of("angular", files, "one or more")
+    count_of("angular", files, Message.of("W-KIND-ONE-OR-MORE"))
     unit_of("angular", files, "arcsec")
     words = sorted({word for axis, word in COMPONENTS if axis == asked.axis})
     if asked.angle not in words:
-        known = ", ".join(words) or "give --axis X, Y or Z first"
+        known = ", ".join(words) or Message.of("W-KIND-GIVE-AXIS")
         raise ModelError("E-EVAL-ANGULAR", "angular", axis=asked.axis or "?", kind=asked.angle or "?", known=known)
     figures, curves, name = [], [], ""
     for one in files:
@@ -130,7 +131,7 @@ def evaluate_angular(files: Files, asked: KindQuestion) -> KindAnswer:
             figures.append(Figure(f"{one.label} E", found.E_urad, "urad"))
         at, mean, _ = means(one.measured)
         curves.append(Drawn(one.label, at, mean))
-    notes = (f"{asked.angle} of {asked.axis} is {name}; the targets are read as mm", *SCATTER_ONLY)
+    notes = (Message.of("S-KIND-TARGETS-MM", angle=asked.angle, axis=asked.axis, name=name), *SCATTER_ONLY)
     axes = ("position  mm", f"{name}  arcsec")
     words_of = "ISO 230-1:2012, statistics of ISO 230-2:2014"
     return KindAnswer(
@@ -145,9 +146,7 @@ def evaluate_angular(files: Files, asked: KindQuestion) -> KindAnswer:
 
 def evaluate_squareness(files: Files, asked: KindQuestion) -> KindAnswer:
     """Squareness from the straightness of two axes along one square; with four files the square is turned over."""
-    count_of(
-        "squareness", files, "two (along the first axis, along the second), or four with the square reversed", (2, 4)
-    )
+    count_of("squareness", files, Message.of("W-KIND-SQUARE"), (2, 4))
     unit_of("squareness", files, "um")
     artefact = float(arcsec_to_rad(asked.artefact_arcsec))
     signs = _countings(files, asked)
@@ -163,13 +162,16 @@ def evaluate_squareness(files: Files, asked: KindQuestion) -> KindAnswer:
         figures=(figure, *_by_other_lines(runs, asked, artefact), *_slopes(pairs)),
         curves=curves,
         axes=POSITION_UM,
-        notes=(in_words(asked.plane, float(rad_to_arcsec(above))), LSQ, *notes, *SCATTER_ONLY),
+        notes=(Message.stored(in_words(asked.plane, float(rad_to_arcsec(above)))), LSQ, *notes, *SCATTER_ONLY),
         fitted=True,
     )
 
 
-LSQ = "reference lines: least squares; the other figures are by the line that they name"
-OTHER_LINES: Mapping[Reference, str] = {"end-point": "by end points", "minimum-zone": "by minimum zone"}
+LSQ = Message.of("S-KIND-LINES")
+OTHER_LINES: Mapping[Reference, str] = {
+    "end-point": words("S-KIND-END-POINTS"),
+    "minimum-zone": words("S-KIND-MINIMUM-ZONE"),
+}
 
 
 def _countings(files: Files, asked: KindQuestion) -> list[int]:
@@ -184,27 +186,27 @@ def _countings(files: Files, asked: KindQuestion) -> list[int]:
 def _by_other_lines(runs: list[StraightnessRun], asked: KindQuestion, artefact: float) -> tuple[Figure, ...]:
     """The squareness by the other lines of ISO 230-1; of a reversed square the mean of both pairs."""
     found = []
-    for line, words in OTHER_LINES.items():
+    for line, by_line in OTHER_LINES.items():
         each = [above_90(one, other, line, artefact) for one, other in zip(runs[::2], runs[1::2], strict=True)]
         named = of_plane(cast(Plane, asked.plane), float(np.mean(each)))
-        found.append(Figure(f"{named.name} {words}", named.value_arcsec, "arcsec"))
+        found.append(Figure(f"{named.name} {by_line}", named.value_arcsec, "arcsec"))
     return tuple(found)
 
 
-def _squareness_of_pairs(pairs: list[SquarenessRuns]) -> tuple[float, float, tuple[str, ...]]:
+def _squareness_of_pairs(pairs: list[SquarenessRuns]) -> tuple[float, float, tuple[Message, ...]]:
     """Angle above 90 deg and its standard uncertainty, rad, and what must be known of the square."""
     if len(pairs) == 1:
-        return pairs[0].C0Y, pairs[0].u, ("the square's own angle is in the figure, less what --artefact says",)
+        return pairs[0].C0Y, pairs[0].u, (Message.of("S-KIND-SQUARE-ANGLE"),)
     both = reversed_square(pairs[0], pairs[1])
     own = float(rad_to_arcsec(both.own))
-    return both.C0Y, both.u, (f"the square itself: {own:+.3f} arcsec from 90 deg, taken out by its reversal",)
+    return both.C0Y, both.u, (Message.of("S-KIND-SQUARE-OWN", own=own),)
 
 
 def _slopes(pairs: list[SquarenessRuns]) -> tuple[Figure, ...]:
     found = []
     for place, pair in enumerate(pairs, 1):
-        found.append(Figure(f"slope along the first axis, pair {place}", float(rad_to_arcsec(pair.slope_x)), "arcsec"))
-        found.append(Figure(f"slope along the second axis, pair {place}", float(rad_to_arcsec(pair.slope_y)), "arcsec"))
+        found.append(Figure(words("S-KIND-SLOPE-FIRST", place=place), float(rad_to_arcsec(pair.slope_x)), "arcsec"))
+        found.append(Figure(words("S-KIND-SLOPE-SECOND", place=place), float(rad_to_arcsec(pair.slope_y)), "arcsec"))
     return tuple(found)
 
 
@@ -248,7 +250,7 @@ def evaluate_parallelism(files: Files, asked: KindQuestion) -> KindAnswer:
 
 def evaluate_six_motions(files: Files, asked: KindQuestion) -> KindAnswer:
     """Six motions of one axis with the covariance of their scatter, and the error of a point beside the beam."""
-    count_of("six-dof", files, "six motions of one axis: a table of them, or six files")
+    count_of("six-dof", files, Message.of("W-KIND-SIX"))
     sets = {one.label.split()[-1]: one.measured for one in files}
     axis = asked.axis or Counter(name[-1] for name in sets if name[-1] in "XYZ").most_common(1)[0][0]
     targets = [one.targets for name, one in sets.items() if name in motions_of_axis(axis)]
@@ -269,17 +271,17 @@ def evaluate_six_motions(files: Files, asked: KindQuestion) -> KindAnswer:
         U = None if at.U is None else float(np.sqrt(2.0) * at.U[:, place].max())
         figures.append(Figure(f"point along {letter} range", float(np.ptp(at.error[:, place])), "um", U))
     where = ", ".join(f"{one:g}" for one in asked.offset_mm)
-    notes = [f"the point stands at ({where}) mm from the measured point of the carriage"]
+    notes = [Message.of("S-KIND-POINT", at=where)]
     if shared is not None and at.U is not None and at.U_independent is not None:
         pairs = [(abs(shared[a, b]), a, b) for a in range(len(names)) for b in range(a)]
         _, a, b = max(pairs)
-        notes.append(f"largest correlation of scatter: {names[b]} and {names[a]} {shared[a, b]:+.2f}")
+        notes.append(Message.of("S-KIND-CORRELATION", first=names[b], second=names[a], shared=shared[a, b]))
         apart = ", ".join(
             f"{letter} {np.sqrt(2.0) * at.U_independent[:, k].max():.3f}" for k, letter in enumerate("XYZ")
         )
-        notes.append(f"U of the point's range with independent channels would be {apart} um")
+        notes.append(Message.of("S-KIND-INDEPENDENT", apart=apart))
     lost = sum(int((~np.isfinite(sets[name].deviations)).sum()) for name in names)
-    notes += [f"{lost} readings are missing; the channels read at the same stops count"] if lost else []
+    notes += [Message.of("S-KIND-MISSING", lost=lost)] if lost else []
     curves = tuple(Drawn(f"point {letter}", found.targets, at.error[:, k]) for k, letter in enumerate("XYZ"))
     return KindAnswer(
         kind="six-dof",
@@ -293,7 +295,7 @@ def evaluate_six_motions(files: Files, asked: KindQuestion) -> KindAnswer:
 
 def evaluate_reversal(files: Files, _asked: KindQuestion) -> KindAnswer:
     """Reversal B at each target: its largest amount, its mean, and whether it depends on the position."""
-    count_of("reversal", files, "one or more")
+    count_of("reversal", files, Message.of("W-KIND-ONE-OR-MORE"))
     figures, curves, notes = [], [], []
     unit: DeviationUnit = "um" if files[0].measured.axis_unit == "mm" else "arcsec"
     unit_of("reversal", files, unit)
@@ -307,11 +309,11 @@ def evaluate_reversal(files: Files, _asked: KindQuestion) -> KindAnswer:
         figures += [
             Figure(f"{one.label} B", found.B, unit, found.U.get("B")),
             Figure(f"{one.label} mean", mean, unit),
-            Figure(f"{one.label} range over the travel", varies, unit),
+            Figure(words("S-KIND-TRAVEL-RANGE", label=one.label), varies, unit),
         ]
         if found.U.get("B") is not None and varies > found.U["B"]:
-            left = f"one constant value leaves up to {varies / 2:.2f} {SHOWN[unit]}"
-            notes.append(f"{one.label}: the reversal depends on the position; {left}")
+            left = Message.of("S-KIND-CONSTANT", left=varies / 2, unit=SHOWN[unit])
+            notes.append(Message.of("S-KIND-REVERSAL", label=one.label, left=left))
         curves.append(Drawn(one.label, found.targets[there], found.B_i[there]))
     axes = ("position  mm" if unit == "um" else "position  deg", f"reversal B  {SHOWN[unit]}")
     return KindAnswer(
@@ -332,9 +334,7 @@ USUAL_ORDERS = 12
 
 def evaluate_axis_location(files: Files, asked: KindQuestion) -> KindAnswer:
     """Lean of a rotary axis from runs up a test bar: for each direction across it a run at 0 and one at 180 deg."""
-    count_of(
-        "axis-location", files, "two (one direction, at 0 and at 180 deg) or four (the second direction too)", (2, 4)
-    )
+    count_of("axis-location", files, Message.of("W-KIND-BAR"), (2, 4))
     unit_of("axis-location", files, "um")
     if asked.axis not in FRAMES:
         raise ModelError("E-EVAL-LOCATION", "location", axis=asked.axis or "?", why="--axis must be A, B or C")
@@ -346,7 +346,7 @@ def evaluate_axis_location(files: Files, asked: KindQuestion) -> KindAnswer:
     found = from_bar(cast(RotaryAxis, asked.axis), pairs)
     figures = [Figure(name, value, "arcsec", found.U.get(name)) for name, value in found.values.items()]
     figures += [
-        Figure(f"the bar's own lean along {letter}", value, "arcsec") for letter, value in found.artefact.items()
+        Figure(words("S-KIND-BAR-LEAN", letter=letter), value, "arcsec") for letter, value in found.artefact.items()
     ]
     curves = tuple(Drawn(one.label, *means(one.measured)[:2]) for one in files)
     axes = ("height  mm", "deviation  µm")
@@ -388,7 +388,7 @@ def evaluate_rotary_motion(files: Files, asked: KindQuestion) -> KindAnswer:
     figures = [
         Figure("total", found.total, found.unit),
         Figure("synchronous", found.synchronous, found.unit),
-        Figure("synchronous without once per turn", found.residual_synchronous, found.unit),
+        Figure(words("S-KIND-SYNC"), found.residual_synchronous, found.unit),
     ]
     if found.asynchronous is not None:
         figures.append(Figure("asynchronous", found.asynchronous, found.unit))
@@ -403,7 +403,7 @@ def evaluate_rotary_motion(files: Files, asked: KindQuestion) -> KindAnswer:
         curves=tuple(curves),
         axes=axes,
         polar=True,
-        notes=found.flags,
+        notes=tuple(map(Message.stored, found.flags)),
     )
 
 
@@ -427,9 +427,9 @@ def evaluate_harmonics(files: Files, asked: KindQuestion) -> KindAnswer:
     for order, one in found.harmonics.items():
         figures.append(Figure(f"order {order} amplitude", one.amplitude, "arcsec"))
         figures.append(Figure(f"order {order} phase", one.phase_deg, "deg"))
-    figures.append(Figure("range that is left", found.residual_range, "arcsec"))
-    curves = (Drawn(files[0].label, at, mean - found.mean), Drawn("what is left", at, found.residual))
-    notes = () if asked.orders else (f"{places} positions a turn tell orders up to {(places - 1) // 2}",)
+    figures.append(Figure(words("S-KIND-RANGE-LEFT"), found.residual_range, "arcsec"))
+    curves = (Drawn(files[0].label, at, mean - found.mean), Drawn(words("S-KIND-LEFT"), at, found.residual))
+    notes = () if asked.orders else (Message.of("S-KIND-ORDERS", places=places, highest=(places - 1) // 2),)
     axes = ("angle  deg", "deviation  arcsec")
     return KindAnswer(
         kind="harmonics",
@@ -467,5 +467,5 @@ def evaluate_kind(kind: str, files: tuple[MeasuredFile, ...], asked: KindQuestio
     known_kind(kind)
     answer = KINDS[kind](files, asked)
     if any(simulated_set(one.measured) for one in files):
-        return replace(answer, simulated=True, notes=(*answer.notes, SAID))
+        return replace(answer, simulated=True, notes=(*answer.notes, Message.of("S-RUN-SIMULATED")))
     return answer

@@ -9,6 +9,7 @@ from datetime import datetime
 from pathlib import Path
 
 from drivers.errors import ConfigError
+from drivers.message import words
 from drivers.types.doubts import Doubt
 from gateway.config import SiteFile
 from gateway.evaluate.behaviour.doubts import all_doubts, blocking_doubts
@@ -84,7 +85,7 @@ def write_document(material: ReportMaterial, folder: Path, written: datetime) ->
             "results.csv",
             results_csv(material).encode(),
             "text/csv",
-            "figures of every axis and of the flank",
+            words("S-ATTACHED-FIGURES"),
         ),
         Attached("report.json", json.dumps(as_json(material)).encode(), "application/json", "every value"),
     )
@@ -95,7 +96,7 @@ def write_document(material: ReportMaterial, folder: Path, written: datetime) ->
         )
     gear = gear_csv(material)
     if gear:
-        inside += (Attached("gear.csv", gear.encode(), "text/csv", "figures of each inspected part"),)
+        inside += (Attached("gear.csv", gear.encode(), "text/csv", words("S-ATTACHED-PARTS")),)
     paper = folder / f"{NAME}.pdf"
     screen = folder / f"{NAME}.html"
     try:

@@ -9,6 +9,7 @@ from html import escape
 from math import floor, isfinite, log10
 from typing import Any
 
+from drivers.message import words
 from drivers.terms import shown
 from gateway.report import parameter_rows
 from gateway.report.material import AxisMaterial, ReportMaterial, ToothMaterial
@@ -26,13 +27,13 @@ FIGURES = 4
 COLUMNS = ("axis", "parameter", "unit", "before", "before_u", "after", "after_u", "change_pct")
 DOUBLE = "SIMULATED"
 MEANS = {
-    "": "the run itself: report, figures, site file, proposal, verdict",
-    "captures": "what was measured of each axis, before and after, and what was made of it",
-    "setups": "every set-up of the measuring plan",
-    "tables": "live tables, back-ups, and what each push did",
-    "parts": "test parts: ground and inspected",
-    "protocol": "every program that was sent to the control, in order",
-    "raw": "readings as they came",
+    "": words("S-FOLDER-RUN"),
+    "captures": words("S-FOLDER-AXES"),
+    "setups": words("S-FOLDER-SETUPS"),
+    "tables": words("S-FOLDER-TABLES"),
+    "parts": words("S-FOLDER-PARTS"),
+    "protocol": words("S-FOLDER-PROGRAMS"),
+    "raw": words("S-FOLDER-READINGS"),
 }
 _HEAD = '<!doctype html><html lang="en"><meta charset="utf-8"><title>{title}</title><h1>{title}</h1>\n'
 

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TypeVar
 
 from drivers.errors import ConfigError
-from drivers.message import Message
+from drivers.message import Message, words
 from drivers.types.identity import MachineIdentity
 from drivers.types.orders import SignProof
 from gateway.capture.collection import RawCapture
@@ -149,7 +149,7 @@ def material_of(folder: RunFolder) -> ReportMaterial:
     opened = any(item.name == CONTROL for item in items)
     instruments = tuple(InstrumentNote(item.name, item.identity, item.notices) for item in items)
     files = tuple(
-        FileUsed(name, digest, "stored with the run")
+        FileUsed(name, digest, words("S-RUN-STORED"))
         for name, digest in facts["files"].items()
         if not name.startswith(WRITTEN)
     )

@@ -15,7 +15,7 @@ from pathlib import Path
 
 from drivers.clock import Clock
 from drivers.errors import TrueflankError
-from drivers.message import Message
+from drivers.message import Message, words
 from drivers.terms import spoken
 from drivers.types.uptime import Uptime
 from gateway import audit
@@ -155,7 +155,8 @@ def consume_approvals(at: RunContext, proposal: Proposal) -> dict[str, ConsumedA
         approvals = tuple(one for one in fresh if Approvals.digest(one) not in known.used)
         late = overtaken(known, {one: Approvals.digest(one) for one in approvals}, now)
         Approvals(at.folder.path).use(
-            approvals, f"push of {change.name} by {audit.acting_person()} at {now.isoformat()}"
+            approvals,
+            words("W-AUDIT-PUSH-BY", name=change.name, acting_person=audit.acting_person(), isoformat=now.isoformat()),
         )
         for approval in approvals:
             _record_use(at, change, approval)
@@ -232,7 +233,7 @@ def outcome_word(error: BaseException) -> str:
 
 def error_words(error: BaseException) -> str:
     """An error's words, those of a stop from outside as well."""
-    return str(error) if isinstance(error, TrueflankError) else "stopped on request"
+    return str(error) if isinstance(error, TrueflankError) else words("W-SHORT-STOPPED")
 
 
 def record_end(at: RunContext, change: TableChange, record: PushRecord) -> str:

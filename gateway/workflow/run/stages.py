@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Literal
 
+from drivers.message import words
 from drivers.types.results import MeasuredSet
 
 Phase = Literal["before", "after", "acting"]
@@ -104,7 +105,7 @@ def handed(part: str) -> str:
 # Whether a double stood in for the machine or an instrument, by the words of a result file.
 
 DOUBLE = "simulated"
-SAID = "SIMULATED: a simulated device took part; this is no measurement of a real machine"
+SAID = words("S-RUN-SIMULATED")
 
 
 def simulated_set(measured: MeasuredSet) -> bool:

@@ -212,7 +212,7 @@ def test_fault_29_a_frozen_reading_stops_the_run_after_two_targets() -> None:
 
 @pytest.mark.parametrize(
     ("factor", "named"),
-    [(1 / 25.4, "mm to inch"), (25.4, "inch to mm"), (1000.0, "mm to um"), (1e-3, "um to mm")],
+    [(1 / 25.4, "mm -> inch"), (25.4, "inch -> mm"), (1000.0, "mm -> um"), (1e-3, "um -> mm")],
 )
 @pytest.mark.parametrize("zero", [0.0, 41.5])
 def test_fault_30_a_unit_switched_in_the_middle_ends_the_capture(factor: float, named: str, zero: float) -> None:

@@ -51,7 +51,7 @@ def test_a_day_forecasts_the_drive_and_names_what_costs_it_most(
     found = forecast(_model(), _work(), GRIDS)
     assert found.drive is not None
     rows = {row.name: row.transmission_arcsec for row in found.drive.rows}
-    assert rows["this goal: transmission"] < rows["as it is"]
+    assert rows["this goal: transmission"] < rows["present state"]
     assert found.drive.doubts[0].error == "EXC"
     lines = list(map(str, drive_forecast_messages(found.drive)))
     assert "measure EXC next" in lines[-1]
