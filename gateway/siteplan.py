@@ -170,6 +170,11 @@ class SetupSection(Section):
     park: dict[Name, Number] = Field(
         default_factory=dict, description="positions of the other axes during the measurement"
     )
+    mount: MaybeName = Field(
+        default="",
+        description="one name for set-ups that one mounting reads at once: the channels of one instrument on one axis "
+        "(six degrees of freedom, three probes at a ball)",
+    )
     material_degc: Degc | None = Field(
         default=None, description="temperature of the material, where the file does not contain it, degC"
     )

@@ -58,7 +58,7 @@ from drivers.errors import TransportError
 from drivers.transport import ByteTransport
 from drivers.types.sensing import Ambient
 from simulators.instrument_server import InstrumentServer, WireWrapper
-from simulators.optics import CalibratorSamples, OpticsBench, RotaryReader, SensorReader, SensorReadings
+from simulators.optics import CalibratorSamples, HeadReader, OpticsBench, RotaryReader, SensorReader, SensorReadings
 
 Answer = Callable[[Mapping[str, Any]], Awaitable[Any]]
 CALIBRATOR_CHANNELS = ("device_deg", "laser_deg")
@@ -259,7 +259,7 @@ class BridgeServer(InstrumentServer):
         return (Event("beam_obstructed", lost_at),) if before else ()
 
 
-# A straightness or angle instrument has one channel.
+# A straightness or angle instrument has one channel, or one for each probe of its head.
 
 SENSOR_CHANNELS = {"straightness": "deviation_um", "angle": "angle_arcsec"}
 
@@ -268,11 +268,18 @@ class SensorServer(BridgeServer):
     """Serves one instrument to one client; it samples only while it streams."""
 
     def __init__(
-        self, sensor: SensorReader, bench: OpticsBench, clock: Clock, block_s: float, around: WireWrapper | None = None
+        self,
+        sensor: SensorReader | HeadReader,
+        bench: OpticsBench,
+        clock: Clock,
+        block_s: float,
+        around: WireWrapper | None = None,
     ) -> None:
         super().__init__(cast(Any, sensor), bench, clock, block_s, around)
         self.sensor = sensor
-        self._channel = SENSOR_CHANNELS[sensor.spec.kind]
+        spec = sensor.spec
+        unit = SENSOR_CHANNELS[spec.kind].rpartition("_")[2]
+        self._channels = tuple(f"{one.lower()}_{unit}" for one in spec.probes) or (SENSOR_CHANNELS[spec.kind],)
         self._wanted = asyncio.Event()
 
     def _answers(self) -> Mapping[str, Answer]:
@@ -288,7 +295,7 @@ class SensorServer(BridgeServer):
             model=spec.model,
             serial=self.serial,
             firmware="1.0",
-            channels=(self._channel,),
+            channels=self._channels,
             sample_rate_hz=spec.sample_hz,
             notices=notices,
             framings=(JSON, BINARY),
@@ -321,7 +328,7 @@ class SensorServer(BridgeServer):
     def _told(self, turns: Any, sequence: int) -> list[BridgeMessage]:
         """The samples as one line, or as a frame for each stretch with or without light."""
         readings = cast(SensorReadings, turns)
-        step, values = 1.0 / self.sensor.spec.sample_hz, np.round(readings.value, 6)
+        step, values = 1.0 / self.sensor.spec.sample_hz, self._columns(readings)
         if self._framing == JSON:
             return [self._line(readings, sequence, step)]
         events = self._events(turns)
@@ -329,11 +336,15 @@ class SensorServer(BridgeServer):
         edges = [0, *(np.flatnonzero(np.diff(readings.beam)) + 1).tolist(), len(values)]
         for start, end in pairwise(edges):
             at_s, valid = float(readings.time_s[start]), bool(readings.beam[start])
-            told.append(SampleFrame(sequence + start, at_s, step, values[start:end, None], valid=valid))
+            told.append(SampleFrame(sequence + start, at_s, step, values[start:end], valid=valid))
         return told
 
+    def _columns(self, readings: SensorReadings) -> np.ndarray[Any, np.dtype[np.float64]]:
+        """Values (n, channels) as they are sent."""
+        return np.round(readings.value, 6).reshape(len(readings.time_s), len(self._channels))
+
     def _line(self, readings: SensorReadings, sequence: int, step: float) -> Notification:
-        values = {self._channel: np.round(readings.value, 6)}
+        values = dict(zip(self._channels, self._columns(readings).T, strict=True))
         events = self._events(cast(Any, readings))
         samples = BridgeSamples(
             sequence=sequence,

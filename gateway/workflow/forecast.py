@@ -32,7 +32,7 @@ from gateway.workflow.axes.measure import plans_of_axis
 from gateway.workflow.axes.short_capture import short_check
 from gateway.workflow.control.signs import SWITCH_SETTLE_S
 from gateway.workflow.errors21.setup_capture import foreseen_plans, optics_of
-from gateway.workflow.errors21.setups import PlannedSetup, plan_setups, select_setups
+from gateway.workflow.errors21.setups import PlannedSetup, mounted_setups, plan_setups, select_setups
 from gateway.workflow.run.context import with_axes
 from gateway.workflow.tooth.inspection import inspector_name
 from gateway.workflow.tooth.part_plan import gear_of_site, grind_plan
@@ -306,7 +306,7 @@ class _Day:
         for name in dict.fromkeys(files):
             yield Piece("measure", f"tables of {name}", table_reading_actions(name))
         count = 0
-        for one in todo:
+        for one in mounted_setups(todo):
             if one.setup.source == "live":
                 plans = foreseen_plans(self.site, [one])
                 yield self._setup(one, plans, count)

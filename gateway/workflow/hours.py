@@ -23,7 +23,7 @@ from gateway.evaluate.geometry.error_model import error_model
 from gateway.model.error_model import ErrorModel
 from gateway.sensitivity.planning import WORTH, HourPlan, plan_hours
 from gateway.workflow.errors21.measurement import grids
-from gateway.workflow.errors21.setups import PlannedSetup, plan_setups, spans, with_way
+from gateway.workflow.errors21.setups import PlannedSetup, mounted_setups, plan_setups, spans, with_way
 from gateway.workflow.forecast import day_of_closing, setup_hours
 from gateway.workflow.tooth.proposal import work_of
 
@@ -151,13 +151,16 @@ class SiteHoursPlanner:
         # its design and not by the fit, which would take what the levers leave open for its own.
         tied = self.goal.kind == "axis"
         shown = self.able if tied else left
-        ways = {one.key: ways_of(self.site, one) for one in shown}
-        readings = [_readings(self.site, one, ways[one.key]) for one in shown]
+        mounted = mounted_setups(shown)
+        ways = {one.key: ways_of(self.site, one) for one in mounted}
+        lead = {one.key: one.key if one.key in ways else one.leader for one in shown}
+        readings = [_readings(self.site, one, ways[lead[one.key]], lead[one.key]) for one in shown]
         tolerance, hours = self.request.tolerance, self.request.hours
         known_errors = nothing_known(self.site) if model is None or tied else model
         task = planning_task(known_errors, readings, self.goal, grids(self.site), proof=tolerance is not None)
         known = task.known.after([one.choices[0] for one in task.candidates if one.key in measured])
         required = [one.key for one in left if one.positioning] if self.goal.kind != "axis" else []
+        required = list(dict.fromkeys(lead[key] for key in required))
         if hours is not None:
             # Once the run has begun, the axes' own positioning is measured even where the rest took longer.
             needed_h = sum(ways[key][0].hours for key in required) if measured else 0.0
@@ -171,15 +174,19 @@ class SiteHoursPlanner:
             tolerance=tolerance,
         )
         by = {one.key: one for one in left}
-        chosen = tuple(_chosen(by[key], ways[key][found.choice(key)]) for key in found.keys)
+        chosen = tuple(
+            _chosen(one, ways[key][found.choice(key)])
+            for key in found.keys
+            for one in (by[key], *(other for other in left if other.leader == key and other.key != key))
+        )
         self.newest = SiteHours(found, chosen, self.goal, tolerance)
         return self.newest
 
     def next(self, model: ErrorModel | None, measured: Collection[str], spent_h: float) -> tuple[PlannedSetup, ...]:
         """The set-ups of the next step; none where the plan ends."""
         found = self.plan(model, measured, spent_h)
-        by = {one.key: one for one in found.setups}
-        return tuple(by[key] for key in found.plan.steps[0].keys) if found.plan.steps else ()
+        keys = set(found.plan.steps[0].keys if found.plan.steps else ())
+        return tuple(one for one in found.setups if one.key in keys or one.leader in keys)
 
 
 def nothing_known(site: SiteFile) -> ErrorModel:
@@ -195,7 +202,7 @@ def ways_of(site: SiteFile, one: PlannedSetup) -> tuple[Way, ...]:
     """
     at, repetitions = _places(one), one.axis.measure.repetitions
     found = [(one, at, repetitions)]
-    if one.setup.source == "live" and not one.positioning and at.size:
+    if one.setup.source == "live" and not one.positioning and not one.setup.mount and at.size:
         fewer = min(repetitions, LEAST_REPETITIONS)
         half = _every_other(at, rotary=one.axis.kind == "rotary")
         if fewer < repetitions:
@@ -223,7 +230,7 @@ def _chosen(one: PlannedSetup, way: Way) -> PlannedSetup:
     return one if same else with_way(one, way.targets.tolist(), way.repetitions)
 
 
-def _readings(site: SiteFile, one: PlannedSetup, ways: Sequence[Way]) -> SetupReadings:
+def _readings(site: SiteFile, one: PlannedSetup, ways: Sequence[Way], mount: str) -> SetupReadings:
     letters: Mapping[str, str] = {axis.name: axis.letter for axis in site.axes}
     return SetupReadings(
         key=one.key,
@@ -235,6 +242,7 @@ def _readings(site: SiteFile, one: PlannedSetup, ways: Sequence[Way]) -> SetupRe
         systematic=one.systematic,
         stands={letters[name]: place for name, place in one.setup.park.items() if name in letters},
         own_angle=one.setup.own_angle_arcsec is not None,
+        mount=mount,
     )
 
 

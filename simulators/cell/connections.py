@@ -17,7 +17,7 @@ from simulators.modbus import PlcStation, make_station
 from simulators.nck import Nck
 from simulators.opcua import SinumerikServer
 from simulators.operator import OfflineOperator
-from simulators.optics import LaserCounter, OpticsBench, RotaryReader, SensorReader
+from simulators.optics import HeadReader, LaserCounter, OpticsBench, RotaryReader, SensorReader
 from simulators.umd import UmdServer
 
 Answerer = UmdServer | BridgeServer
@@ -62,9 +62,8 @@ class Instruments:
                     around=around,
                 )
             case _:
-                return SensorServer(
-                    sensor=SensorReader(spec, bench), bench=bench, clock=clock, block_s=block_s, around=around
-                )
+                reader = HeadReader(spec, bench) if spec.probes else SensorReader(spec, bench)
+                return SensorServer(sensor=reader, bench=bench, clock=clock, block_s=block_s, around=around)
 
 
 # OPC UA server, PLC mailbox, or files carried by a person.

@@ -228,9 +228,15 @@ class Sensor(CellSection):
 
     ``own_error`` is that of its optics over the position of the axis, in um or arcsec; ``zero`` its greatest
     reading at the datum of a mounting, drawn anew for each; ``range`` the largest reading with light.
+
+    ``probes`` are letters along or about which one head reads at once ("X", "Y", "Z" at a ball), each as a channel of
+    its own and for the component of that letter; none: one channel for the component that is mounted.
+    ``cross_talk`` adds to each probe so much of every other.
     """
 
     kind: Literal["straightness", "angle"]
+    probes: tuple[Literal["X", "Y", "Z", "A", "B", "C"], ...] = ()
+    cross_talk: float = 0.0
     name: Name
     serial: str = "ST-0001"
     model: str = "optics (simulated)"

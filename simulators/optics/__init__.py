@@ -4,6 +4,7 @@ from simulators.optics.calibrator import CalibratorSamples, RotaryReader
 from simulators.optics.interferometer import CounterSamples, LaserCounter, refractive_index
 from simulators.optics.mountings import AxisWatcher, MotionSource, Mounting, OpticsBench, StopNoise, linear_length_mm
 from simulators.optics.sensors import (
+    HeadReader,
     SensorReader,
     SensorReadings,
     component_of,
@@ -16,6 +17,7 @@ __all__ = [
     "AxisWatcher",
     "CalibratorSamples",
     "CounterSamples",
+    "HeadReader",
     "LaserCounter",
     "MotionSource",
     "Mounting",

@@ -143,7 +143,10 @@ REPORTED_OPTICS = {"angular": "angular", "level": "angular", "linear": "linear",
 
 @dataclass(frozen=True, slots=True)
 class SensorReadings:
-    """A stretch of samples, each (n,): clock time in s, value in um or arcsec, whether there is light."""
+    """A stretch of samples, each (n,): clock time in s, value in um or arcsec, whether there is light.
+
+    Of a head with several probes the value is (n, probes).
+    """
 
     time_s: FloatArray
     value: FloatArray
@@ -157,11 +160,14 @@ class SensorReader:
     mounting; the value then stays what it was.
     """
 
-    def __init__(self, spec: Sensor, bench: OpticsBench) -> None:
+    def __init__(self, spec: Sensor, bench: OpticsBench, probe: str = "") -> None:
+        """``probe``: the letter that one of several probes reads, whatever component its head is mounted for."""
         self.spec = spec
         self._bench = bench
+        self._probe = probe
+        self._name = f"{spec.name} {probe}".strip()
         seed = bench.truth.seed
-        self._rng = generator(seed, spec.name, "samples")
+        self._rng = generator(seed, self._name, "samples")
         self._watcher = AxisWatcher(bench)
         self._mounting: Mounting | None = None
         self._stops: StopNoise | None = None
@@ -200,14 +206,17 @@ class SensorReader:
             self._remount(mounting)
         if not len(times) or mounting is None or mounting.optics != mounting.setup.optics:
             return SensorReadings(times, np.full(len(times), self._shown), np.zeros(len(times), dtype=np.bool_))
-        return self._lit(times, self._value(mounting.setup, times))
+        return self._lit(times, self._value(self._seen(mounting.setup), times))
+
+    def _seen(self, setup: Setup) -> Setup:
+        return setup.model_copy(update={"component": f"E{self._probe}{setup.axis}"}) if self._probe else setup
 
     def _remount(self, mounting: Mounting | None) -> None:
         self._mounting = mounting
         self._stood = None
         self.beam_lost = mounting is None
         if mounting is not None:
-            seed, name = self._bench.truth.seed, f"{self.spec.name} {mounting.number}"
+            seed, name = self._bench.truth.seed, f"{self._name} {mounting.number}"
             self._stops = StopNoise(self.spec.noise, self._bench.stops_of_run(mounting.setup.axis), seed, name)
             absolute = component_of(mounting.setup)[1] == "0" and mounting.setup.optics == "ball"
             drawn = float(generator(seed, name, "zero").uniform(-1.0, 1.0))
@@ -233,7 +242,7 @@ class SensorReader:
     def _own_error(self, setup: Setup, place: FloatArray) -> FloatArray:
         axis = self._bench.cell.axis(setup.axis)
         if axis.letter not in self._own:
-            rotary, name = axis.kind == "rotary", f"{self.spec.name} own error"
+            rotary, name = axis.kind == "rotary", f"{self._name} own error"
             own = curve(
                 self.spec.own_error, axis.travel, rotary=rotary, seed=self._bench.truth.seed, name=name, redraw=False
             )
@@ -251,6 +260,43 @@ class SensorReader:
         shown = np.where(lost, self._shown, value)
         self._shown = float(shown[-1])
         return SensorReadings(times, shown, ~lost)
+
+
+class HeadReader:
+    """One head with several probes, all sampled at the same moments: value (n, probes), light where all have it."""
+
+    def __init__(self, spec: Sensor, bench: OpticsBench) -> None:
+        self.spec = spec
+        self._probes = [SensorReader(spec, bench, probe) for probe in spec.probes]
+        mixed = np.full((len(spec.probes), len(spec.probes)), spec.cross_talk)
+        np.fill_diagonal(mixed, 1.0)
+        self._mixed = mixed
+
+    @staticmethod
+    def reported_optics(mounting: Mounting | None) -> str:
+        """As of one probe."""
+        return SensorReader.reported_optics(mounting)
+
+    def skip_to(self, t: float) -> None:
+        """Sample from clock time t on."""
+        for one in self._probes:
+            one.skip_to(t)
+
+    def restore_beam(self) -> None:
+        """The readings are good again."""
+        for one in self._probes:
+            one.restore_beam()
+
+    @property
+    def beam_lost(self) -> bool:
+        """Whether any probe has lost its light."""
+        return any(one.beam_lost for one in self._probes)
+
+    def read(self, until: float) -> SensorReadings:
+        """All samples up to clock time ``until`` (s)."""
+        read = [one.read(until) for one in self._probes]
+        values = np.stack([one.value for one in read], axis=-1) @ self._mixed
+        return SensorReadings(read[0].time_s, values, np.all([one.beam for one in read], axis=0))
 
 
 def _same_motions(before: dict[str, AxisMotion], now: dict[str, AxisMotion]) -> bool:

@@ -12,6 +12,10 @@ TESTS = Path(__file__).parents[1]
 JUDGED = "test_what_tables_and_set_up_values_can_cure_leaves_nothing"
 WHOLLY_LONG = {
     (
+        "test_mounts.py",
+        "test_one_turn_reads_three_errors_by_their_truth",
+    ): "test_one_mounting_counts_once_in_plan_forecast_and_hours",
+    (
         "test_ground_by_copy.py",
         "test_the_flank_by_tables_is_the_flank_by_the_copy",
     ): "test_the_simulated_control_cuts_the_same_by_tables_and_by_the_copy",

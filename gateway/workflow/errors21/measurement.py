@@ -194,7 +194,8 @@ async def _walk(at: RunContext, left: Sequence[PlannedSetup], *, resumed: bool) 
     walk = _Walk(at, await _same_machine(at) if resumed else {})
     store_equipment(at)
     at.folder.set_state(MEASURING)
-    await at.foresee(foreseen_plans(at.site, left))
+    read = [one for one in left if not at.folder.has(stages.setup_raw(one.leader or one.key)) or not one.leader]
+    await at.foresee(foreseen_plans(at.site, read))
     for number, one in enumerate(left):
         await walk.measure(one, number + 1, len(left))
     await at.foresee(())

@@ -7,6 +7,8 @@ from collections.abc import Callable, Collection, Sequence
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
+
 from drivers.errors import ConfigError
 from drivers.terms import spoken
 from drivers.types.results import MeasuredSet
@@ -39,7 +41,7 @@ from gateway.workflow.axes.measure import (
     with_conditions,
 )
 from gateway.workflow.axes.structure import AdaptiveTargets, tooth_places
-from gateway.workflow.errors21.setups import PlannedSetup, plan_setups
+from gateway.workflow.errors21.setups import PlannedSetup, mounted_setups, plan_setups
 from gateway.workflow.files.reading import ReadOptions, driver_of, read_file, result_endings
 from gateway.workflow.run import stages
 from gateway.workflow.run.context import RunContext
@@ -70,6 +72,8 @@ async def measure_setup(at: RunContext, one: PlannedSetup, tables: dict[str, Liv
     if one.setup.source == "file":
         capture, parents = await _from_file(at, one, tables if tables is not None else {})
     else:
+        if one.leader and at.folder.has(stages.setup_raw(one.leader)):
+            return _from_the_same_stops(at, one)
         await _park(at, one)
         at.folder.write_text(start_positions_file(one.key), json.dumps(await axis_positions(at)))
         capture, parents = await (_measure_positioning(at, one) if one.positioning else _measure_error_motion(at, one))
@@ -79,11 +83,31 @@ async def measure_setup(at: RunContext, one: PlannedSetup, tables: dict[str, Liv
     return capture
 
 
+def _from_the_same_stops(at: RunContext, one: PlannedSetup) -> Capture:
+    """Another channel of what the leader's stops read: the same mounting, places, moments and tables.
+
+    Raises ConfigError (E-SETUP-CHANNEL), CaptureError (E-SETUP-DEAD) for a channel that never changed, Incomplete.
+    """
+    raw = at.folder.get(stages.setup_raw(one.leader), RawCapture)
+    rig = error_rig(at, one)
+    if float(np.ptp(raw.values[..., rig.column])) == 0.0:
+        raise CaptureError("E-SETUP-DEAD", f"{rig.instrument.name} {raw.channels[rig.column]}", count=raw.time_s.size)
+    # How steady a window was is known of the leader's quantity alone.
+    raw = replace(raw, window_sigma=np.zeros_like(raw.window_sigma))
+    capture = error_capture(rig, raw, one.setup.sense, absolute=one.setup.name in ("X0C", "Y0C"))
+    require_complete(capture)
+    where = start_positions_file(one.leader)
+    at.folder.write_text(start_positions_file(one.key), at.folder.read_text(where))
+    at.folder.write_text(f"setup-{one.key}.json", one.setup.model_dump_json())
+    at.folder.put(stages.setup(one.key), capture, (at.folder.digest(stages.setup_raw(one.leader)),))
+    return capture
+
+
 def foreseen_plans(site: SiteFile, left: Sequence[PlannedSetup]) -> tuple[StopPlan, ...]:
     """What the control will be sent for these set-ups, in order, as long as no reading asks for more."""
     axes = {axis.name: axis for axis in site.axes}
     out: list[StopPlan] = []
-    for one in left:
+    for one in mounted_setups(left):
         if one.setup.source == "live":
             out += [_parking_plan(axes[name], place) for name, place in sorted(one.setup.park.items())]
             out += plans_of_axis(one.axis, "before") if one.positioning else _error_plans(one)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from drivers.errors import ConfigError
@@ -24,20 +24,25 @@ JOG = {"linear": 10.0, "rotary": 5.0}
 
 @dataclass(frozen=True, slots=True)
 class PlannedSetup:
-    """One set-up made whole: ``axis`` carries its component, instrument, targets; ``unit`` is that of its readings."""
+    """One set-up made whole: ``axis`` carries its component, instrument, targets; ``unit`` is that of its readings.
+
+    ``leader`` is the key of the set-up whose mounting and stops it shares (`mount`); "" where it has its own.
+    """
 
     key: str
     setup: SetupSection
     axis: AxisSection
     unit: DeviationUnit
     positioning: bool
+    leader: str = ""
 
     def was_measured_as(self, kept: str, *, shortened: bool = False) -> bool:
         """Whether a set-up's stored form is what the site file has: its doubts may have been accepted since.
 
         ``shortened``: a plan for limited hours had chosen its targets and repetitions.
         """
-        now, then = json.loads(self.setup.model_dump_json()), json.loads(kept)
+        # A run of an older version knew no shared mountings.
+        now, then = json.loads(self.setup.model_dump_json()), {"mount": ""} | json.loads(kept)
         free = (*WORD_OF_A_PERSON, *(("targets", "repetitions") if shortened else ()))
         return all(now.get(key) == then.get(key) for key in (*now, *then) if key not in free)
 
@@ -93,9 +98,51 @@ def plan_setups(site: SiteFile) -> tuple[PlannedSetup, ...]:
     listed = {(setup.component, setup.axis) for setup in site.setups}
     own = [_own_positioning(axis) for axis in site.axes if (axis.measure.component, axis.name) not in listed]
     setups = [*(setup for setup in own if setup is not None), *site.setups]
-    return _order_setups(
-        [_complete_setup(setup, axes[setup.axis]) for setup in setups], [axis.name for axis in site.axes]
+    return _share_mountings(
+        _order_setups([_complete_setup(setup, axes[setup.axis]) for setup in setups], [axis.name for axis in site.axes])
     )
+
+
+SHARED = ("targets", "repetitions", "settle_s", "average_s", "cycle")
+
+
+def _share_mountings(plan: Sequence[PlannedSetup]) -> tuple[PlannedSetup, ...]:
+    """Set-ups of one mounting one after the other, behind the one that leads: its positioning, or the first.
+
+    They take its targets and repetitions, for they are read at its stops. Raises ConfigError (E-SETUP-MOUNT) where
+    they are not of one instrument, axis and place, or are read from files.
+    """
+    groups: dict[str, list[PlannedSetup]] = {}
+    for one in plan:
+        if one.setup.mount:
+            groups.setdefault(one.setup.mount, []).append(one)
+    leaders: dict[str, tuple[PlannedSetup, ...]] = {}
+    for name, members in groups.items():
+        places = {(one.axis.name, one.setup.instrument, tuple(sorted(one.setup.park.items()))) for one in members}
+        if len(places) > 1 or any(one.setup.source != "live" or one.setup.step for one in members):
+            raise ConfigError("E-SETUP-MOUNT", "setups", mount=name, setups=", ".join(one.key for one in members))
+        lead = next((one for one in members if one.positioning), members[0])
+        leaders[name] = (lead, *(_behind(one, lead) for one in members if one is not lead))
+    last = {name: max(n for n, one in enumerate(plan) if one.setup.mount == name) for name in groups}
+    found: list[PlannedSetup] = []
+    for n, one in enumerate(plan):
+        if not one.setup.mount:
+            found.append(one)
+        elif last[one.setup.mount] == n:
+            found += leaders[one.setup.mount]
+    return tuple(found)
+
+
+def _behind(one: PlannedSetup, lead: PlannedSetup) -> PlannedSetup:
+    shared = {name: getattr(lead.axis.measure, name) for name in SHARED}
+    axis = one.axis.model_copy(update={"measure": one.axis.measure.model_copy(update=shared)})
+    return replace(one, axis=axis, leader=lead.key)
+
+
+def mounted_setups(plan: Sequence[PlannedSetup]) -> tuple[PlannedSetup, ...]:
+    """Those of a plan that are mounted themselves: all but the ones whose leader is there."""
+    keys = {one.key for one in plan}
+    return tuple(one for one in plan if one.leader not in keys)
 
 
 def _own_positioning(axis: AxisSection) -> SetupSection | None:
@@ -181,7 +228,8 @@ def _tool(one: PlannedSetup) -> str:
 
 def remountings(plan: Sequence[PlannedSetup]) -> int:
     """How often another instrument, or the same one on another axis or artefact, must be mounted along a plan."""
-    kinds = [(_tool(p), p.axis.name, p.setup.name if p.setup.name[1] == "0" else "", p.setup.turned) for p in plan]
+    alone = mounted_setups(plan)
+    kinds = [(_tool(p), p.axis.name, p.setup.name if p.setup.name[1] == "0" else "", p.setup.turned) for p in alone]
     return sum(before != after for before, after in zip([None, *kinds], kinds, strict=False) if after[0])
 
 
