@@ -67,6 +67,14 @@ def test_the_live_deviation_is_the_corrected_one_with_its_uncertainty(browser: B
         stage.page.wait_for_function("() => Math.abs(document.querySelector('.live .chart').chart.data.at(-1)[1]) < 2")
         *_, points = plotted(stage)
         assert points == pytest.approx([0.0, 1.5, 0.0]), "by hand: 14 - 25 / 2"
+        stage.tell("taken", taken(150.0, 60.0))
+        seen = (
+            "() => { const { plot } = document.querySelector('.live .chart').chart; return plot.scales.x.max >= 150; }"
+        )
+        stage.page.wait_for_function("() => document.querySelector('.live .chart').chart.data[0].length === 4")
+        assert stage.page.evaluate(seen), "what comes is in view, unless somebody has zoomed"
+        stage.page.locator(".live select.fit").select_option("none")
+        stage.page.wait_for_function("() => document.querySelector('.live .chart').chart.plot.scales.y.max >= 60")
         assert stage.page.locator("#tolerance").count() == 0, "no band that nobody asked for"
         assert stage.errors == []
 
@@ -123,7 +131,7 @@ def test_no_alarm_is_red_while_optics_are_changed_and_none_after_a_wait(browser:
 def test_what_an_instrument_cannot_see_is_grey_and_says_so(browser: Browser, tmp_path: Path) -> None:
     with staged(browser, tmp_path, SITE) as stage:
         stage.tell("reading", reading())
-        expect(stage.page.locator(".beam")).to_have_text("○ This instrument cannot see a broken beam")
+        expect(stage.page.locator(".beam")).to_have_text("○ Beam cannot be observed")
         expect(stage.page.locator(".beam")).to_have_class(re.compile("unknown"))
         expect(stage.page.locator("meter")).to_be_hidden()
 
@@ -133,7 +141,7 @@ def test_the_remaining_time_is_the_services_and_runs_down(browser: Browser, tmp_
     with staged(browser, tmp_path, SITE, clocked=True) as stage:
         stage.change(run=run)
         stage.page.clock.run_for(1_000)
-        expect(stage.page.locator(".togo")).to_contain_text("Whole command: about 59:59")
+        expect(stage.page.locator(".togo")).to_contain_text("In all: about 59:59")
         stage.page.clock.run_for(59_000)
         expect(stage.page.locator(".togo")).to_contain_text("about 9:00")
 

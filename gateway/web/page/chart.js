@@ -187,7 +187,6 @@ function drawn(now, UPlot) {
   if (now.plot && now.form === form) {
     now.auto = !now.zoomed;
     now.plot.setData(now.data, !now.zoomed);
-    now.auto = false;
     return told(now);
   }
   now.form = form;
