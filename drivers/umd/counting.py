@@ -40,6 +40,8 @@ from drivers.umd.settings import UmdSettings
 
 LONGEST_GAP = 600_000
 NEIGHBOUR = 64
+# What comes twice comes in order: so many lines, each numbered below the one before, are no repeat.
+BACKWARDS = 8
 # uMD0 prints the low 16 bits as a signed number, older firmware 32 bits, uMD2 all 64.
 WRAPS = (1 << 16, 1 << 32)
 
@@ -74,7 +76,10 @@ class Ordered:
 
 
 class SequenceOrder:
-    """Follows the sequence field. Repeats are dropped and counted, a lone absurd number with its row too."""
+    """Follows the sequence field. Repeats are dropped and counted, a lone absurd number with its row too.
+
+    ``backwards`` is the longest run of rows so far that were numbered downwards.
+    """
 
     def __init__(self) -> None:
         self._last: int | None = None
@@ -82,6 +87,7 @@ class SequenceOrder:
         self._begun = False
         self.repeats = 0
         self.absurd = 0
+        self.backwards = 0
 
     @property
     def last(self) -> int | None:
@@ -102,6 +108,7 @@ class SequenceOrder:
         if least >= 1 and most <= LONGEST_GAP:
             ordered = Ordered(rows, steps, np.zeros(len(rows), np.bool_), most == 1)
         else:
+            self.backwards = max(self.backwards, _longest_fall(numbers))
             ordered = self._sort_slowly(rows, first)
         return self._confirmed(ordered, first)
 
@@ -141,6 +148,13 @@ class SequenceOrder:
             restarted.append(step < 1)
             last = number
         return Ordered(rows[kept], np.array(steps, np.int64), np.array(restarted, np.bool_))
+
+
+def _longest_fall(numbers: IntArray) -> int:
+    """How many neighbours in a row fall, at most."""
+    falls = np.concatenate(([False], np.diff(numbers) < 0, [False]))
+    edges = np.flatnonzero(falls[1:] != falls[:-1])
+    return int((edges[1::2] - edges[::2]).max()) if len(edges) else 0
 
 
 def ticks_forward(last: int, number: int) -> int:
@@ -329,11 +343,16 @@ class UmdCounting:
         return self._low.ambient(self._tick or 0, self.sample_rate_hz)
 
     def take(self, lines: UmdLines) -> list[SampleBlock]:
-        """The blocks of one message, cut at every gap; none while `missing`. Raises E-UMD-CHANGED, E-UMD-AXIS."""
+        """The blocks of one message, cut at every gap; none while `missing`.
+
+        Raises RemoteProtocolError (E-UMD-CHANGED, E-UMD-BACKWARDS), UnsupportedDevice (E-UMD-AXIS).
+        """
         before = self.damaged + self._order.absurd
         self.damaged += lines.damaged
         self.lines += len(lines.rows)
         ordered = self._without_splices(self._order.sort(lines.rows))
+        if self._order.backwards >= BACKWARDS:
+            raise RemoteProtocolError("E-UMD-BACKWARDS", self._where, lines=self._order.backwards)
         if not len(ordered.rows):
             return []
         self._check_axis(ordered.rows)

@@ -41,6 +41,7 @@ ROADS = {"OPC UA": 20.0, "mailbox": 8.0}
 """How many times faster than the wall the machine lives."""
 LAPSED_S = 6.0
 """The PLC ends a session of which it hears nothing for 5 s of the PC's clock."""
+STARTS = 4
 EACH = 5
 SHARDS = 20
 PAST = 1.1
@@ -91,8 +92,20 @@ async def place(road: str, keys: Path) -> AsyncIterator[Place]:
 
 
 async def pushed(where: Place, root: Path, road: str, kill_after_s: float | None) -> tuple[int, str, float]:
-    """A fresh process pushes; (its return code, its last line, seconds by the wall from its begin to its end)."""
+    """A fresh process pushes; (its return code, its last line, seconds by the wall from its begin to its end).
+
+    One that a crowded computer lets not even connect in time is started again: nothing was pushed yet.
+    """
     root.mkdir()  # noqa: ASYNC240 - nothing else runs
+    for _ in range(STARTS):
+        found = await _pushed(where, root, road, kill_after_s)
+        if found is not None:
+            return found
+    raise AssertionError(f"no push began in {STARTS} processes")
+
+
+async def _pushed(where: Place, root: Path, road: str, kill_after_s: float | None) -> tuple[int, str, float] | None:
+    """One process; None where it ended before its push began."""
     words = ["-m", "tests.push.uagateway", where.url, str(root), str(ROADS[road]), "-1"]
     process = await asyncio.create_subprocess_exec(sys.executable, *words, stdout=asyncio.subprocess.PIPE)
     begun, last, wall = 0.0, "", LoopClock()
@@ -118,7 +131,7 @@ async def pushed(where: Place, root: Path, road: str, kill_after_s: float | None
     if reaper is not None:
         reaper.cancel()
         await asyncio.gather(reaper, return_exceptions=True)
-    return code, last, took
+    return (code, last, took) if begun else None
 
 
 def outcome_of(journals: Path, serial: str) -> str:
@@ -135,12 +148,12 @@ def killed(root: Path, keys: Path, road: str, after_s: float) -> Played:
 
     async def main() -> Played:
         async with place(road, keys) as where:
-            code, last, _took = await pushed(where, root, road, after_s)
+            code, last, _took = await pushed(where, root, road, after_s)  # 1: it had ended with an error by itself
             oracle = where.at.oracle
             await where.after_the_kill()
             oracle.look("after the kill")
             found = Played(0, [f"killed after {after_s:.3f} s"])
-            found.wrong += [] if code in (0, -signal.SIGKILL) else [f"the process ended with {code}: {last}"]
+            found.wrong += [] if code in (0, 1, -signal.SIGKILL) else [f"the process ended with {code}: {last}"]
             serial = where.at.nck.spec.serial
             found.outcome = outcome_of(root / "journal", serial)
             if found.outcome == "committed" and not oracle.as_wanted:

@@ -155,7 +155,12 @@ class UaWorld:
 
 @contextlib.asynccontextmanager
 async def ua_world(
-    clock: Clock, keys: Path, old: LiveTable | None = None, new: CompensationTable = NEW, **switches: Any
+    clock: Clock,
+    keys: Path,
+    old: LiveTable | None = None,
+    new: CompensationTable = NEW,
+    security: tuple[str, ...] = ("None",),
+    **switches: Any,
 ) -> AsyncIterator[UaWorld]:
     """A machine that is switched on, referenced, in AUTO, with the old table live; ``keys`` keeps the server's."""
     old = LiveTable(OLD, True) if old is None else old
@@ -172,11 +177,12 @@ async def ua_world(
     for name, place in (("$SN_CEC_TABLE_ENABLE", (0,)), (CEC_ENABLE, (0,))) if cross else ((ENC_ENABLE, (0, 0)),):
         nck.core.data.store(name, place, old.enabled)
     nck.core.newconf()
-    server = SinumerikServer(nck, clock, {"folder": str(keys), "security": ("None",)})
+    server = SinumerikServer(nck, clock, {"folder": str(keys), "security": security})
     await server.start()
     try:
         async with UaWorld(nck, server, clock, old, new) as made:
             yield made
+            server = made.server
     finally:
         await server.stop()
         await nck.stop()

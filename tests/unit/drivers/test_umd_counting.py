@@ -305,3 +305,16 @@ def test_the_second_axis_is_read_from_its_own_columns() -> None:
     counter.take(UmdLines(wide[:64]))
     values = joined(counter.take(UmdLines(wide[64:])))[1]
     assert values == pytest.approx(np.array([256, 260]) * LAMBDA_NM / 8 * 1e-6)
+
+
+def test_lines_that_are_numbered_backwards_are_refused_and_a_block_that_comes_twice_is_not() -> None:
+    counter = ready()
+    block = rows_of(np.zeros(40, np.int64), 64)
+    counter.take(UmdLines(block))
+    counter.take(UmdLines(block))
+    assert counter.repeats == 40
+    back = rows_of(np.zeros(40, np.int64), 104)
+    back[:, SEQUENCE] = back[::-1, SEQUENCE]
+    with pytest.raises(RemoteProtocolError) as caught:
+        counter.take(UmdLines(back))
+    assert (caught.value.code, caught.value.fields["lines"]) == ("E-UMD-BACKWARDS", 39)

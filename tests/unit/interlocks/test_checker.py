@@ -153,3 +153,13 @@ def test_half_of_a_pair_and_a_constant_are_left_to_the_pair() -> None:
     assert codes(half, approved(half)) == []
     constant = replace(X, kind="reversal", step=0.0, maximum=0.0, deviations=(4.0,))
     assert codes(constant, approved(constant)) == []
+
+
+def test_a_table_of_tenths_of_a_micrometre_is_judged_by_its_shape_too() -> None:
+    """Its squares add up to 0.34 um2: less than one, and not nothing."""
+    small = replace(X, deviations=(0.0, 0.2, 0.3, 0.2, 0.0, -0.2, -0.3, -0.2, 0.0))
+    assert codes(changed(small, (2, 0.4)), approved(small)) == ["W-CHECK-POINT"]
+    (doubled,) = faults_of(replace(small, deviations=tuple(2.0 * one for one in small.deviations)), approved(small))
+    assert (doubled.code, doubled.fields["factor"]) == ("W-CHECK-SIZE", 2.0)
+    turned = replace(small, deviations=tuple(-one for one in small.deviations))
+    assert codes(turned, approved(small)) == ["W-CHECK-SIGN"]

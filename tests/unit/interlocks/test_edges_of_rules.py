@@ -7,11 +7,13 @@ from datetime import timedelta
 from typing import Any
 
 import numpy as np
+import pytest
 
 from drivers.types.abilities import TableLimits
 from drivers.types.tables import TemperatureShift, reversal_of
 from gateway.interlocks import MarkerCheck, PushFacts, largest_change, refusals, warnings
-from gateway.interlocks.measurement import _both_ways, _pooled_deviation, unmeasured_range
+from gateway.interlocks.facts import ROUNDING
+from gateway.interlocks.measurement import _both_ways, _pooled_deviation, allowed_drift_k, unmeasured_range
 from gateway.interlocks.table import _is_same_deviation
 from tests.unit.interlocks.asked import replace
 from tests.unit.interlocks.test_every_code import CROSS, LIVE, TWO
@@ -127,3 +129,18 @@ def test_scatter_is_pooled_by_squares() -> None:
 
 def test_a_marker_of_which_nothing_is_known_names_no_transaction() -> None:
     assert MarkerCheck() == MarkerCheck(ours=True, behind="", lost=0, stranger=0)
+
+
+def test_warmth_of_a_short_table_is_held_against_what_it_corrects() -> None:
+    """200 mm grow by 3.5 um/m/K times 0.2 m = 0.7 um a K; a quarter of 20 um is 5 um: 7.14 K."""
+    new = frozen(GOOD.change.new, minimum=0.0, maximum=200.0, step=25.0, deviations=(0.0, 20.0, *([0.0] * 7)))
+    change = frozen(GOOD.change, new=new, old_enabled=False)
+    assert allowed_drift_k(change) == pytest.approx(5.0 / 0.7)
+
+
+def test_the_value_at_the_reference_may_be_its_very_limit() -> None:
+    limit = GOOD.bounds.reference + ROUNDING
+    for value, wanted in ((limit, False), (float(np.nextafter(limit, np.inf)), True)):
+        flat = frozen(GOOD.change.new, deviations=(value,) * 9)
+        found = {one.code for one in refusals(replace(GOOD, change=frozen(GOOD.change, new=flat)))}
+        assert ("E-INT-REF-VALUE" in found) is wanted
