@@ -27,7 +27,7 @@ from gateway.push import journal
 from gateway.push.recovery import unfinished_tables
 from tests import attacks
 from tests.push.judging import Played, settle
-from tests.push.uagateway import BEGUN
+from tests.push.uagateway import BEGUN, ENDED
 from tests.push.uaworld import ua_context, ua_world
 from tests.push.world import OLD, Scene, context_for, world
 from tests.sizes import few
@@ -108,7 +108,7 @@ async def _pushed(where: Place, root: Path, road: str, kill_after_s: float | Non
     """One process; None where it ended before its push began."""
     words = ["-m", "tests.push.uagateway", where.url, str(root), str(ROADS[road]), "-1"]
     process = await asyncio.create_subprocess_exec(sys.executable, *words, stdout=asyncio.subprocess.PIPE)
-    begun, last, wall = 0.0, "", LoopClock()
+    begun, over, last, wall = 0.0, 0.0, "", LoopClock()
 
     async def reap() -> None:
         await wall.sleep(kill_after_s or 0.0)
@@ -121,13 +121,15 @@ async def _pushed(where: Place, root: Path, road: str, kill_after_s: float | Non
         if line == BEGUN:
             begun = time.perf_counter()
             reaper = asyncio.create_task(reap()) if kill_after_s is not None else None
+        elif line == ENDED:
+            over = time.perf_counter()
         elif line.startswith('{"say"'):
             told = json.loads(line)
             where.at.person.hear(told["say"], told["fields"])
         else:
             last = line
     code = await process.wait()
-    took = time.perf_counter() - begun
+    took = (over or time.perf_counter()) - begun
     if reaper is not None:
         reaper.cancel()
         await asyncio.gather(reaper, return_exceptions=True)

@@ -27,7 +27,7 @@ from tests.placed import placed
 from tests.push.uaworld import SETTINGS, ua_change, ua_context
 from tests.push.world import NEW, Scene, change_of, context_for, driver_settings
 
-BEGUN = "begun"
+BEGUN, ENDED = "begun", "ended"
 STEPS: list[str] = []
 AT = -1
 
@@ -100,7 +100,9 @@ async def over_opcua(url: str, folder: Path, clock: Clock) -> str:
         watch()
         context = ua_context(device, clock, folder, await device.identify(), start_timeout_s=900.0, say=say)
         print(BEGUN, flush=True)
-        return (await push_table(ua_change(base, NEW), context)).outcome
+        ended = await push_table(ua_change(base, NEW), context)
+        print(ENDED, flush=True)
+        return ended.outcome
     finally:
         await device.close()
 
@@ -116,7 +118,9 @@ async def over_modbus(url: str, folder: Path, clock: Clock) -> str:
         more = {"start_timeout_s": 900.0, "stop_timeout_s": 900.0, "say": say}
         context = context_for(Scene(), device, clock, folder, await device.identify(), **more)
         print(BEGUN, flush=True)
-        return (await push_table(change_of(Scene(), base), context)).outcome
+        ended = await push_table(change_of(Scene(), base), context)
+        print(ENDED, flush=True)
+        return ended.outcome
     finally:
         await device.close()
 

@@ -58,7 +58,7 @@ def show_hours(planner: Any, *, as_json: bool) -> None:
             size = f"{targets_of(by[key].axis).size} x {by[key].axis.measure.repetitions}"
             ends = (f"{60.0 * step.hours:.0f}", f"{step.u:.2f}") if last else ("", "")
             rows.append((key, by[key].setup.instrument or by[key].setup.source, size, *ends))
-    heads = ("set-up", "instrument", "targets x repetitions", "min", f"u of the goal, {unit}")
+    heads = ("set-up", "instrument", "targets x repetitions", "min", f"goal u, {unit}")
     show_table(words("S-HOURS-TITLE", site=planner.site.site.name), heads, rows)
     counts = [one for one in found.plan.left_out if f"{one.u_with:.3f}" != f"{found.plan.u:.3f}"]
     left = [
