@@ -31,7 +31,7 @@ from tests.unit.report import closing
 DAY = (
     Work("measure", "EXX-X1", 100.0), Work("measure", "EZZ-Z1", 100.0), Work("part", "before", 50.0),
     Work("sign proofs", "trial tables", 30.0), Work("sign proofs", "X1", 40.0),
-    Work("sign proofs", "tables of before", 30.0),
+    Work("sign proofs", "previous tables", 30.0),
     Work("push", "axis tables and reversals", 60.0), Work("measure again", "X1", 90.0), Work("part", "after", 50.0),
 )  # fmt: skip
 TOLD = (
@@ -70,7 +70,7 @@ def test_every_stage_begins_with_what_is_said_of_it() -> None:
         (3, "sign proofs: trial tables"),
         (3, "sign proofs: trial tables"),
         (3, "sign proofs: X1"),
-        (3, "sign proofs: tables of before"),
+        (3, "sign proofs: previous tables"),
         (4, "push: axis tables and reversals"),
     ]
     assert seen[-1] == (6, "part: after")

@@ -61,8 +61,8 @@ def test_one_typed_value_stands_for_a_stretch_of_samples() -> None:
         (kept,) = device.typed
         assert (kept.text, kept.value, kept.who) == ("12.345", 12.345, "ann")
         assert kept.utc
-        assert "'12.345'" in first.events[0]
-        assert "ann" in first.events[0]
+        assert "'12.345'" in str(first.events[0])
+        assert "ann" in str(first.events[0])
         (later, _rest) = await typed(device)
         assert later.time_s[0] > rest.time_s[-1]
         assert "typed" in device.notices[0]

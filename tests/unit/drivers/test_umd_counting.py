@@ -88,7 +88,7 @@ def test_a_path_that_no_angle_makes_is_no_reading() -> None:
     counter = ready(optics_spacing_mm=30.0, max_speed_mm_s=1e9)
     (block,) = counter.take(UmdLines(rows_of(np.array([0, 400_000]), 64, velocity=False)))
     assert block.valid.tolist() == [True, False]
-    assert "beyond the optics" in block.events[0]
+    assert "beyond the optics" in str(block.events[0])
 
 
 @pytest.mark.parametrize(
@@ -200,7 +200,7 @@ def test_fault_28_a_restart_marks_its_sample_and_time_goes_on() -> None:
     assert (np.diff(time_s) > 0).all()
     assert time_s[0] == pytest.approx(10.064)
     assert lost == 0
-    assert "counter restarted" in blocks[0].events[0]
+    assert "counter restarted" in str(blocks[0].events[0])
 
 
 def test_a_lone_absurd_sequence_number_goes_with_its_row() -> None:
@@ -211,7 +211,7 @@ def test_a_lone_absurd_sequence_number_goes_with_its_row() -> None:
     blocks = counter.take(UmdLines(rows))
     assert joined(blocks)[0].tolist() == [0.064, 0.065, 0.067, 0.068, 0.070, 0.071]
     assert joined(blocks)[3] == 2
-    assert "2 damaged lines" in blocks[0].events[0]
+    assert "2 damaged lines" in str(blocks[0].events[0])
 
 
 @given(st.integers(0, 40), st.integers(0, 40), st.lists(st.integers(1, 30), max_size=12))
@@ -235,7 +235,7 @@ def test_phase_errors_are_marked_and_negative_phases_are_not() -> None:
     rows[:, PHASE[0]] = [0, 100, -100, 0x200, 0x4000, 0x1FF]
     blocks = counter.take(UmdLines(rows))
     assert joined(blocks)[2].tolist() == [True, True, True, False, False, True]
-    assert blocks[0].events == ("phase error at 0.067000 s",)
+    assert [*map(str, blocks[0].events)] == ["phase error at 0.067000 s"]
 
 
 def test_a_step_that_no_axis_can_make_is_marked() -> None:
@@ -257,7 +257,7 @@ def test_fault_05_a_flipped_bit_in_a_count_is_found_by_the_velocity_beside_it(bi
     valid = joined(blocks)[2]
     assert not valid[-50]
     assert valid.sum() == len(valid) - 2
-    assert "disagree" in blocks[0].events[-1]
+    assert "disagree" in str(blocks[0].events[-1])
 
 
 @pytest.mark.parametrize("velocity", [0, 5])

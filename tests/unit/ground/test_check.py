@@ -182,7 +182,7 @@ MISTAKES = [
         'url = "COM5"\nbaudrate = 9600',
         18,
         1,
-        "settings of the instrument",
+        "[instrument.settings]",
     ),
     ('serial = "YK-0007"', 'serial = ""', 7, 10, "must not be empty"),
     ('password_file = "password.txt"\n', "", 9, 1, "password_env"),

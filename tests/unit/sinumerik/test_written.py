@@ -200,7 +200,7 @@ def test_a_range_beyond_the_memory_is_shortened_as_the_control_does() -> None:
 def test_a_file_of_ours_is_still_a_program_and_a_table_file_for_everybody() -> None:
     read_whole = read_tables_loosely(TEXT, "back")
     assert [table.kind for table in read_whole.tables] == ["axis", "cross"]
-    assert "$AN_CEC[0,..]: never loaded (STEP 0)" in read_whole.notes
+    assert "$AN_CEC[0,..]: never loaded (STEP 0)" in map(str, read_whole.notes)
     codes = {one.error.code for one in TableFiles().findings(TEXT, "back")}
     assert "W-TABLE-NEVER" in codes
     assert "E-TABLE-PARAMETER" not in codes
