@@ -49,6 +49,12 @@ class Quantity:
     decimals: int | None = None
     signed: bool = False
 
+    def __str__(self) -> str:
+        return _written(self, ENGLISH, plain=False)
+
+    def __float__(self) -> float:
+        return self.value
+
 
 @dataclass(frozen=True, slots=True)
 class Moment:

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from drivers.errors import ConfigError
-from drivers.message import Message
+from drivers.message import Message, digits, fixed
 from drivers.types.sensing import Ambient
 from drivers.units import (
     arcsec_of_path,
@@ -73,7 +73,7 @@ def check_feed(feed_mm_min: float, fringe_rate_hz: float, wavelength_nm: float =
     limit = greatest_feed_mm_min(fringe_rate_hz, wavelength_nm)
     feed = abs(float(_numbers("feed_mm_min", feed_mm_min)))
     if feed > limit:
-        raise ConfigError("E-LIBRARY-FEED", "check_feed", feed=f"{feed:g}", limit=f"{limit:.0f}")
+        raise ConfigError("E-LIBRARY-FEED", "check_feed", feed=digits(feed, 6), limit=fixed(limit, 0))
     return feed / limit
 
 

@@ -14,7 +14,7 @@ from drivers.attocube.settings import AttocubeSettings
 from drivers.clock import Clock
 from drivers.errors import DeviceRefused, RemoteProtocolError, TransportError, UnsupportedDevice, catalogue
 from drivers.link import Link, Trace
-from drivers.message import Message
+from drivers.message import Message, digits
 from drivers.transport import open_transport
 from drivers.types.identity import Identity
 from drivers.types.sensing import Ambient, Optics, SampleBlock
@@ -112,7 +112,7 @@ class AttocubeIds:
         except DeviceRefused as error:
             raise UnsupportedDevice("E-IDS-INDEX", self.name, said=error.fields.get("said")) from error
         if not 1.0 <= found[0] < LARGEST_INDEX:
-            raise UnsupportedDevice("E-IDS-INDEX", self.name, said=f"{found[0]:g}")
+            raise UnsupportedDevice("E-IDS-INDEX", self.name, said=digits(found[0], 6))
         self._index, self._index_at = found[0], self._clock.now()
 
     async def _call(self, method: str, *params: int) -> tuple[object, ...]:

@@ -30,6 +30,7 @@ from drivers.exchange.lines import (
     rising,
     shown_line,
 )
+from drivers.message import digits
 from drivers.types.exchange import ReadAs
 from drivers.types.tables import CompensationTable
 from drivers.units import MM_PER_INCH, deviation_scale
@@ -138,7 +139,7 @@ class AerotechCal:
         at, forward, reverse = curves_of(table)
         if table.reverse and form != "mean":
             largest = float(np.max(np.abs(forward - reverse)))
-            raise TableError("E-EXCHANGE-CURVES", "aerotech", table=table.name, largest=f"{largest:.3g}")
+            raise TableError("E-EXCHANGE-CURVES", "aerotech", table=table.name, largest=digits(largest, 3))
         steps = np.diff(at)
         if at.size < 2 or float(np.ptp(steps)) > EVEN:
             low, high = (f"{one:g}" for one in (steps.min(), steps.max())) if at.size > 1 else ("-", "-")

@@ -26,6 +26,7 @@ import numpy as np
 
 from drivers.errors import FileFormatError, TableError
 from drivers.exchange.lines import declared_number, directed, number, own_table, shown_line
+from drivers.message import digits
 from drivers.types.exchange import ReadAs
 from drivers.types.tables import CompensationTable
 from drivers.types.values import FloatArray
@@ -76,7 +77,7 @@ class FanucListing:
         positions = facts["zero"] + at * facts["interval"]
         turns = known.unit == "deg" and abs(float(np.ptp(positions)) - 360.0) < 1e-6
         if turns and abs(float(values[-1] - values[0])) > 0.0:
-            raise FileFormatError("E-EXCHANGE-TURN", where, sum=f"{values[-1] - values[0]:g}")
+            raise FileFormatError("E-EXCHANGE-TURN", where, sum=digits(values[-1] - values[0], 6))
         curve = directed(values * facts["magnification"] * facts["unit_um"], known.form, where, "FANUC")
         return (own_table(known, positions, curve, curve, modulo=turns),)
 

@@ -23,6 +23,7 @@ import numpy as np
 
 from drivers.errors import FileFormatError, TableError
 from drivers.exchange.lines import curves_of, directed, letter_of, number, one_axis, own_table, rising, shown_line
+from drivers.message import digits
 from drivers.types.exchange import ReadAs
 from drivers.types.tables import CompensationTable
 from drivers.types.values import FloatArray
@@ -135,9 +136,9 @@ def _check_places(at: FloatArray, head: _Head, where: str) -> None:
     """Raises FileFormatError (E-EXCHANGE-STEP) where distance or datum of the first line contradict the positions."""
     apart = next((b - a for a, b in pairwise(at) if head.step and abs(b - a - head.step) > EVEN), None)
     if apart is not None:
-        raise FileFormatError("E-EXCHANGE-STEP", where, stated=f"{head.step:g}", found=f"{apart:g}")
+        raise FileFormatError("E-EXCHANGE-STEP", where, stated=digits(head.step, 6), found=digits(apart, 6))
     if head.datum and abs(head.datum * head.scale - at[0]) > EVEN:
-        raise FileFormatError("E-EXCHANGE-STEP", where, stated=f"{head.datum:g}", found=f"{at[0]:g}")
+        raise FileFormatError("E-EXCHANGE-STEP", where, stated=digits(head.datum, 6), found=digits(at[0], 6))
 
 
 def _parsed(text: str, where: str) -> tuple[_Head, list[str], list[list[float]]]:

@@ -7,6 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 import numpy as np
 
 from drivers.errors import FileFormatError, TableError
+from drivers.message import digits
 from drivers.types.exchange import ErrorSet, ReadAs
 from drivers.types.tables import CompensationTable
 from drivers.types.values import FloatArray
@@ -48,7 +49,7 @@ def rising(positions: FloatArray, where: str) -> None:
     wrong = np.flatnonzero(np.diff(positions) <= 0.0)
     if wrong.size:
         at = int(wrong[0]) + 1
-        raise FileFormatError("E-EXCHANGE-RISING", where, row=at + 1, position=f"{positions[at]:g}")
+        raise FileFormatError("E-EXCHANGE-RISING", where, row=at + 1, position=digits(positions[at], 6))
 
 
 def one_axis(tables: Sequence[CompensationTable], what: str) -> CompensationTable:

@@ -25,7 +25,7 @@ from drivers.files.tables.headwords import head_cell
 from drivers.files.tables.sheet import MARKS, cells
 from drivers.files.text import end_doubts, other_texts, plain_minus, read_bytes
 from drivers.local.textfile import decode_text
-from drivers.message import Message
+from drivers.message import Message, digits
 from drivers.types.circles import CircleRecord, MakersFigure, MakersFigures
 from drivers.types.values import FloatArray
 from drivers.units import READING_UNITS, TARGET_UNITS, mm_to_um, unit_named
@@ -202,8 +202,8 @@ def parse_circle(text: str, said: CircleColumns, where: str) -> CircleRecord:
             "E-CIRCLE-SIZE",
             where,
             line=at,
-            found=f"{np.max(np.abs(radial)):.4g}",
-            limit=f"{MOST_DEVIATION_UM:g}",
+            found=digits(np.max(np.abs(radial)), 4),
+            limit=digits(MOST_DEVIATION_UM, 6),
         )
     told = senses if senses is not None else _ways(angle, said, where)
     return CircleRecord(

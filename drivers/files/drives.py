@@ -22,7 +22,7 @@ from drivers.files.numbers import decimal, missing, untaken
 from drivers.files.tables.sheet import cells
 from drivers.files.text import end_doubts, plain_minus, read_bytes
 from drivers.local.textfile import decode_text
-from drivers.message import Message
+from drivers.message import Message, digits
 from drivers.types.drives import STATEMENTS, DriveRecord
 from drivers.types.values import FloatArray
 from drivers.units import KELVIN_OFFSET, TARGET_UNITS, unit_named
@@ -257,7 +257,7 @@ def _check(values: Mapping[str, FloatArray], lines: Sequence[int], where: str) -
             at = int(back[0])
             first, second = values["time"][at], values["time"][at + 1]
             raise FileFormatError(
-                "E-DRIVE-TIME", where, line=lines[at + 1], before=f"{first:.6g}", after=f"{second:.6g}"
+                "E-DRIVE-TIME", where, line=lines[at + 1], before=digits(first, 6), after=digits(second, 6)
             )
 
 

@@ -22,7 +22,7 @@ from drivers.files.signature import signature_of
 from drivers.files.tables.sheet import cells
 from drivers.files.text import end_doubts, read_bytes
 from drivers.local.textfile import decode_text
-from drivers.message import Message
+from drivers.message import Message, digits
 from drivers.types.gears import GearInspection, GearTraces
 from drivers.units import MM_PER_INCH
 
@@ -228,7 +228,7 @@ def _check_size(places: np.ndarray, deviation: np.ndarray | None, where: str) ->
     far = float(np.abs(places).max())
     off = 0.0 if deviation is None else float(np.abs(deviation).max())
     if far > LARGEST_MM or off > LARGEST_DEVIATION_UM:
-        raise FileFormatError("E-FILE-GEAR-SIZE", where, place=f"{far:.4g}", deviation=f"{off:.4g}")
+        raise FileFormatError("E-FILE-GEAR-SIZE", where, place=digits(far, 4), deviation=digits(off, 4))
 
 
 def _doubts(places: np.ndarray, space: np.ndarray, flank: np.ndarray) -> list[Message]:

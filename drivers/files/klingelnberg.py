@@ -29,7 +29,7 @@ from drivers.files.gear import LARGEST_DEVIATION_UM, LARGEST_MM, wrong_line
 from drivers.files.numbers import decimal
 from drivers.files.text import read_bytes
 from drivers.local.textfile import decode_text
-from drivers.message import Message
+from drivers.message import Message, digits
 from drivers.types.circles import MakersFigure, MakersFigures
 from drivers.types.gearfiles import GearContour, GearCurve, GearCurves
 from drivers.types.values import FloatArray
@@ -193,7 +193,9 @@ def _check_settings(header: Mapping[int, str], where: str) -> None:
     for number, wanted in SETTINGS.items():
         stated = header.get(number)
         if stated is not None and decimal(stated.split(":")[0].strip()) != wanted:
-            raise FileFormatError("E-GEARFILE-SETTING", where, number=number, found=stated[:20], wanted=f"{wanted:g}")
+            raise FileFormatError(
+                "E-GEARFILE-SETTING", where, number=number, found=stated[:20], wanted=digits(wanted, 6)
+            )
 
 
 @dataclass(frozen=True, slots=True)
@@ -244,7 +246,7 @@ def _curve(
         facts.roll(key) if profile else facts.number(key) for key in ((41, 42, 43, 44) if profile else (61, 62, 63, 64))
     )
     if not first <= low < high <= last:
-        raise FileFormatError("E-GEARFILE-RANGE", where, feature=feature, low=f"{low:.4g}", high=f"{high:.4g}")
+        raise FileFormatError("E-GEARFILE-RANGE", where, feature=feature, low=digits(low, 4), high=digits(high, 4))
     return GearCurve(
         feature="profile" if profile else "lead",
         tooth=head["tooth"],
@@ -310,7 +312,7 @@ def read_contour(text: str, where: str) -> GearContour:
         number, x, y, z = (float(one) for one in numbers if one is not None)
         index += 1
         if number != index:
-            raise FileFormatError("E-GEARFILE-INDEX", where, line=line, found=f"{number:g}", wanted=index)
+            raise FileFormatError("E-GEARFILE-INDEX", where, line=line, found=digits(number, 6), wanted=index)
         rows.append((x, y, z))
         section.append(count)
         if len(rows) > MOST_ROWS:
@@ -330,8 +332,10 @@ def _lines(text: str) -> Iterator[tuple[int, str]]:
 
 def _check_sections(points: FloatArray, section: NDArray[np.int64], where: str) -> None:
     if float(np.abs(points).max()) > LARGEST_MM:
-        raise FileFormatError("E-FILE-GEAR-SIZE", where, place=f"{np.abs(points).max():.4g}", deviation="-")
+        raise FileFormatError("E-FILE-GEAR-SIZE", where, place=digits(np.abs(points).max(), 4), deviation="-")
     for one in range(int(section.max()) + 1):
         z = points[section == one, 2]
         if z.size and float(np.ptp(z)) > SAME_HEIGHT:
-            raise FileFormatError("E-GEARFILE-PLANE", where, section=one + 1, low=f"{z.min():g}", high=f"{z.max():g}")
+            raise FileFormatError(
+                "E-GEARFILE-PLANE", where, section=one + 1, low=digits(z.min(), 6), high=digits(z.max(), 6)
+            )

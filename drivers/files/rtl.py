@@ -80,7 +80,7 @@ class RtaFormat:
         content = parse(decode_text(read_bytes(path), self._codepage, where), where)
         if not self._unit:
             largest = max(abs(value) for _run, _target, value in content.rows)
-            raise ConfigError("E-FILE-RTA-UNIT", where, largest=f"{largest:g}")
+            raise ConfigError("E-FILE-RTA-UNIT", where, largest=digits(largest, 6))
         return doubted(measured_set(content, "deg", ANGLE[self._unit], where), where, confirmed=self._confirmed)
 
     def origin(self, path: Path) -> dict[str, str]:

@@ -22,7 +22,7 @@ from drivers.files.csvtext import plain, recording_lines
 from drivers.files.numbers import decimal
 from drivers.files.rtltext import keyed, lookup
 from drivers.local.textfile import decode_text
-from drivers.message import Message, Quantity
+from drivers.message import Message, Quantity, digits
 from drivers.recordings import Recording
 from drivers.units import ARCSEC_PER_DEG, ARCSEC_PER_RAD, UM_PER_MM, DeviationUnit, typed_unit
 
@@ -132,7 +132,7 @@ def read_head(data: bytes, size: int, codepage: str, where: str) -> RtxHead:
     keys = keyed(_BREAK.split(decode_text(data[:end], codepage, where)))
     stated, rate, start = _number(keys, "Sample no", where), _rate(keys, where), end + len(MARK)
     if stated != int(stated) or not 1 <= stated <= MOST_SAMPLES:
-        raise FileFormatError("E-FILE-RTX-VALUE", where, key="Sample no", value=f"{stated:g}")
+        raise FileFormatError("E-FILE-RTX-VALUE", where, key="Sample no", value=digits(stated, 6))
     there = min((size - start) // DOUBLE, int(stated))
     if there < 1:
         raise FileFormatError("E-FILE-ROWS", where)
@@ -151,7 +151,7 @@ def _rate(keys: Mapping[str, str], where: str) -> float:
     actual = lookup(dict(keys), "Actual sample rate")
     rate = _number(keys, "Actual sample rate" if actual is not None else "Sample rate", where)
     if not 0.0 < rate <= 1e9:
-        raise FileFormatError("E-FILE-RTX-VALUE", where, key="Actual sample rate", value=f"{rate:g}")
+        raise FileFormatError("E-FILE-RTX-VALUE", where, key="Actual sample rate", value=digits(rate, 6))
     return rate
 
 

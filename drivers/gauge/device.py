@@ -14,7 +14,7 @@ from drivers.errors import DeviceRefused, RemoteProtocolError, TransportError, U
 from drivers.gauge.codec import DamagedLine, GaugeAnswer, GaugeAsk, GaugeCodec, GaugeError, GaugeReading
 from drivers.gauge.settings import GaugeSettings
 from drivers.link import Link, Trace
-from drivers.message import Message, words
+from drivers.message import Message, digits, words
 from drivers.transport import hardware_of, open_transport
 from drivers.types.identity import Identity
 from drivers.types.sensing import Ambient, Optics, SampleBlock
@@ -153,7 +153,11 @@ class QueriedGauge:
             steps = um / told.resolution_um
             if abs(steps - round(steps)) > STEP_SLACK * max(1.0, abs(steps) * STEP_SLACK):
                 raise UnsupportedDevice(
-                    "E-GAUGE-RESOLUTION", self.name, value=f"{read.value:g}", unit=unit, step=f"{told.resolution_um:g}"
+                    "E-GAUGE-RESOLUTION",
+                    self.name,
+                    value=digits(read.value, 6),
+                    unit=unit,
+                    step=digits(told.resolution_um, 6),
                 )
         return um * told.scale / (1000.0 if told.channel.endswith("_mm") else 1.0)
 

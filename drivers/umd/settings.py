@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from drivers.errors import words
+from drivers.message import fixed
 from drivers.settings import WIRES, DriverSettings, Rule, usual_rate
 from drivers.units import arcsec_of_path, followed_feed_mm_min, path_of_fringes_mm, rad_to_deg
 
@@ -75,7 +76,7 @@ class UmdSettings(DriverSettings):
     def doubts(self) -> tuple[Rule, ...]:
         """Another laser than those whose quadrature outputs the counter reads; a rate that no line has."""
         usual = abs(self.wavelength_nm - VACUUM_WAVELENGTH_NM) < HELIUM_NEON_NM
-        why = words("W-UMD-WAVELENGTH", usual=f"{VACUUM_WAVELENGTH_NM:.2f}")
+        why = words("W-UMD-WAVELENGTH", usual=fixed(VACUUM_WAVELENGTH_NM, 2))
         return (usual_rate(self.baudrate), self.speed_doubt(), ("wavelength_nm", usual, why))
 
     counts_motion: ClassVar[bool] = True

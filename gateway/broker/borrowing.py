@@ -13,7 +13,7 @@ from pathlib import Path
 
 from drivers.clock import Clock
 from drivers.errors import DeadlineExceeded, TransportError
-from drivers.message import Message, fields_as_data
+from drivers.message import Message, digits, fields_as_data
 from gateway import audit, stopping
 from gateway.broker.lending import LONGEST, LOOPBACK, BrokerNotice, notice_of, object_line, read_object
 from gateway.broker.state_folder import hold_folder_lock, is_locked
@@ -90,7 +90,7 @@ async def _with_lease(
         asked = {"token": notice.token, "root": str(root), "run": run, "who": audit.acting_person()}
         answer = await _answer(talk, clock, asked, ANSWER_S)
         if answer is None:
-            raise TransportError("E-BROKER-SILENT", str(root), pid=notice.pid, seconds=f"{ANSWER_S:g}")
+            raise TransportError("E-BROKER-SILENT", str(root), pid=notice.pid, seconds=digits(ANSWER_S, 6))
         if not answer.get("granted"):
             raise BusyError("E-BROKER-BUSY", str(root), why=str(answer.get("what", Message.of("W-BROKER-NO-WHY"))))
         listening = asyncio.create_task(_obey_stops(reader), name="lease")

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from drivers.errors import BeamObstructed
+from drivers.message import digits, fixed
 from drivers.types.sensing import Ambient
 from drivers.types.tables import CompensationTable, LiveSet
 from drivers.types.values import CompensatedFor
@@ -67,7 +68,7 @@ def explain_value(doubt: UnexpectedValue, axis: str, target: float) -> CaptureEr
         return CaptureError("E-CAP-UNIT", axis, target=at, read=read, wanted=wanted, change=change)
     other = _other(doubt, target)
     if other is not None:
-        return BeamObstructed("E-CAP-TARGET", axis, target=at, read=read, wanted=wanted, other=f"{other:g}")
+        return BeamObstructed("E-CAP-TARGET", axis, target=at, read=read, wanted=wanted, other=digits(other, 6))
     return None
 
 
@@ -125,7 +126,7 @@ def check_ambient(axis: AxisSection, seen: Ambient, already: CompensatedFor, whe
     for value in seen.material_degc:
         require_reading("material_degc", value, where)
     if seen.age_s > STALE_S:
-        raise AmbientOutOfRange("E-CAP-STALE", where, age_s=f"{seen.age_s:.0f}", limit_s=f"{STALE_S:.0f}")
+        raise AmbientOutOfRange("E-CAP-STALE", where, age_s=fixed(seen.age_s, 0), limit_s=fixed(STALE_S, 0))
 
 
 def check_all_ambient(axis: AxisSection, seen: Iterable[Ambient], already: CompensatedFor, where: str) -> None:

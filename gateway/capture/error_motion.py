@@ -8,7 +8,7 @@ from typing import Any, Literal, Self
 import numpy as np
 
 from drivers.errors import BeamObstructed, ConfigError, UnsupportedDevice
-from drivers.message import Message, Quantity, fixed
+from drivers.message import Message, Quantity, digits, fixed
 from drivers.ports.instruments import Instrument
 from drivers.types.sensing import Ambient, SampleBlock
 from drivers.types.stops import Stop, StopReached
@@ -187,7 +187,7 @@ class ErrorCollection(Collection):
         if self._elsewhere < TOUCHED:
             return None
         shift = f"{read - wanted:+.6g}"
-        raise CaptureError("E-SETUP-TOUCHED", self._axis.name, shift=shift, largest=f"{self._largest:g}")
+        raise CaptureError("E-SETUP-TOUCHED", self._axis.name, shift=shift, largest=digits(self._largest, 6))
 
 
 async def capture_error(rig: ErrorRig, more: More | None = None) -> RawCapture:

@@ -12,7 +12,7 @@ from dataclasses import replace
 import numpy as np
 
 from drivers.errors import BeamObstructed, TrueflankError
-from drivers.message import Message
+from drivers.message import Message, digits
 from drivers.ports.instruments import Instrument, Recounting, RotaryCalibrator, TypedInstrument
 from drivers.types.machine import ChannelStatus
 from drivers.types.stops import Stop, StopPlan, StopReached
@@ -243,13 +243,13 @@ class Visits:
         self._still = self._still + 1 if isinstance(error, NotMoved) else 0
         if self._still >= FROZEN_TARGETS:
             self._still = 0
-            raise BeamObstructed("E-CAP-FROZEN", axis, target=f"{stop.target:g}", count=FROZEN_TARGETS) from error
+            raise BeamObstructed("E-CAP-FROZEN", axis, target=digits(stop.target, 6), count=FROZEN_TARGETS) from error
         read, wanted = error.fields.get("read"), error.fields.get("wanted")
         if not isinstance(read, float) or not isinstance(wanted, float):
             return
         if found.datum is None:
             at, seen = f"{stop.target:g}", f"{read:.6g}"
-            raise CaptureError("E-CAP-DATUM", axis, target=at, read=seen, wanted=f"{wanted:.6g}") from error
+            raise CaptureError("E-CAP-DATUM", axis, target=at, read=seen, wanted=digits(wanted, 6)) from error
         doubt = found.doubt(read, wanted)
         known = None if doubt is None else explain_value(doubt, axis, stop.target)
         if known is not None:

@@ -247,9 +247,9 @@ class Readings:
 
     def _check_beam(self) -> None:
         if self.broken_since is not None and self.restarted:
-            raise BeamObstructed("E-CAP-RESTART", self._instrument.name, at_s=f"{self.broken_since:.3f}")
+            raise BeamObstructed("E-CAP-RESTART", self._instrument.name, at_s=fixed(self.broken_since, 3))
         if self.broken_since is not None:
-            raise BeamObstructed("E-CAP-BEAM", self._instrument.name, at_s=f"{self.broken_since:.3f}")
+            raise BeamObstructed("E-CAP-BEAM", self._instrument.name, at_s=fixed(self.broken_since, 3))
 
     def datum(self) -> None:
         """Forget a break of the beam: the next reading starts a new count."""

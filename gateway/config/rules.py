@@ -9,7 +9,7 @@ from typing import Any
 from drivers import registry
 from drivers.errors import words
 from drivers.local.names import guess
-from drivers.message import Message
+from drivers.message import Message, fixed
 from drivers.settings import SPEED_KEYS, DriverSettings
 from gateway.config.faults import Fault, Path, value_at
 from gateway.config.model_faults import broken_rule
@@ -89,7 +89,7 @@ def feed_faults(
             continue
         limit = known.followed_feed_mm_min if linear else known.followed_feed_deg_min
         if limit is not None and measure.feed > limit:
-            told = words("W-CFG-FRINGES", limit=f"{limit:.0f}", unit=unit, feed=feed, **_who(one, known))
+            told = words("W-CFG-FRINGES", limit=fixed(limit, 0), unit=unit, feed=feed, **_who(one, known))
             yield broken_rule(tree, place, told)
 
 

@@ -12,7 +12,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from drivers.message import Message
+from drivers.message import Message, digits, fixed
 from drivers.types.gears import GearInspection
 from drivers.types.values import FloatArray
 from drivers.units import UM_PER_MM
@@ -130,14 +130,14 @@ def _check_heights(gear: CycloidGear, z: FloatArray, heights: Heights) -> None:
     reach = 0.5 * gear.b + BESIDE_MM
     if float(np.max(np.abs(z))) > reach:
         low, high = f"{np.min(z):.2f}", f"{np.max(z):.2f}"
-        raise ModelError("E-INSPECT-HEIGHT", "inspection", heights=heights, low=low, high=high, reach=f"{reach:.2f}")
+        raise ModelError("E-INSPECT-HEIGHT", "inspection", heights=heights, low=low, high=high, reach=fixed(reach, 2))
 
 
 def _moved_out(gear: CycloidGear, points: FlankPoints, deviation_um: FloatArray) -> FloatArray:
     """Where the machine's own deviations put its nominal points, (N, 3)."""
     far = float(np.max(np.abs(points.deviation)))
     if far > NOMINAL_MM or not np.all(np.isfinite(deviation_um)):
-        raise ModelError("E-INSPECT-NOMINAL", "inspection", far=f"{far:.3f}", limit=f"{NOMINAL_MM:g}")
+        raise ModelError("E-INSPECT-NOMINAL", "inspection", far=fixed(far, 3), limit=digits(NOMINAL_MM, 6))
     section = gear.space(points.theta, points.k)
     e = np.asarray(deviation_um, dtype=np.float64) / UM_PER_MM
     return np.column_stack([section.x + e * section.nx, section.y + e * section.ny, points.z])

@@ -19,6 +19,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from drivers.message import digits, fixed
 from drivers.types.gearfiles import GearContour
 from drivers.types.gears import GearInspection, GearTraces
 from drivers.types.values import FloatArray
@@ -63,7 +64,7 @@ def located_contour(gear: CycloidGear, contour: GearContour) -> LocatedContour:
         centre = centre + _rotation(turn) @ step[:2]
         turn += float(step[2])
         if float(np.hypot(*centre)) > FARTHEST_AXIS:
-            raise ModelError("E-GEAR-CONTOUR", contour.source, limit=f"{FARTHEST_AXIS:g}")
+            raise ModelError("E-GEAR-CONTOUR", contour.source, limit=digits(FARTHEST_AXIS, 6))
         if float(np.max(np.abs(step))) < CONVERGED:
             break
     xyz = _moved(points, centre, turn)
@@ -115,7 +116,7 @@ def theta_at_radius(gear: CycloidGear, radius: FloatArray) -> FloatArray:
     if not np.all(np.isfinite(r)) or np.any(r < ends[0] - EDGE) or np.any(r > ends[1] + EDGE):
         wrong = r[~((r >= ends[0] - EDGE) & (r <= ends[1] + EDGE))]
         raise ModelError(
-            "E-GEAR-RADIUS", "inspection", radius=f"{wrong[0]:.4f}", low=f"{ends[0]:.4f}", high=f"{ends[1]:.4f}"
+            "E-GEAR-RADIUS", "inspection", radius=fixed(wrong[0], 4), low=fixed(ends[0], 4), high=fixed(ends[1], 4)
         )
     for _ in range(60):
         middle = (low + high) / 2.0
@@ -154,7 +155,7 @@ def _step(gear: CycloidGear, found: FlankPoints) -> tuple[FloatArray, FloatArray
     design = np.column_stack([section.nx, section.ny, h / scale, np.ones_like(h)])
     normal = design.T @ design
     if np.linalg.cond(normal) > 1e12:
-        raise ModelError("E-GEAR-CONTOUR", "inspection", limit=f"{FARTHEST_AXIS:g}")
+        raise ModelError("E-GEAR-CONTOUR", "inspection", limit=digits(FARTHEST_AXIS, 6))
     step = np.linalg.solve(normal, design.T @ found.deviation)
     rest = found.deviation - design @ step
     # Form that the fit leaves goes on from point to point: so many points count as one.

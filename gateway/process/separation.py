@@ -45,7 +45,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from drivers.message import Message, fixed, words
+from drivers.message import Message, digits, fixed, words
 from drivers.types.values import FloatArray
 from drivers.units import rad_to_arcsec, um_to_mm
 from gateway.correct.part.inspected import setup_effects
@@ -99,7 +99,7 @@ def _check_parts(gear: CycloidGear, parts: Sequence[ProcessPart]) -> None:
     for part in parts:
         rms = float(np.sqrt(np.mean(np.square(part.deviation_um)))) if part.deviation_um.size else 0.0
         if rms < LEAST_UM:
-            raise ModelError("E-PROCESS-UNIT", part.name, rms=f"{rms:.4f}", limit=f"{LEAST_UM:g}")
+            raise ModelError("E-PROCESS-UNIT", part.name, rms=fixed(rms, 4), limit=digits(LEAST_UM, 6))
         if part.order is not None and sorted(part.order) != list(range(gear.zc)):
             raise ModelError("E-PROCESS-ORDER", part.name, spaces=gear.zc, given=len(part.order))
 

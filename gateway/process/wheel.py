@@ -28,6 +28,7 @@ from typing import Literal
 import numpy as np
 from scipy.interpolate import CubicSpline
 
+from drivers.message import digits, fixed
 from drivers.types.values import FloatArray
 from drivers.units import mm_to_um, um_to_mm
 from gateway.domain.grinding_process import Separation, WheelForm
@@ -127,7 +128,7 @@ def wheel_correction(
     worst = float(np.max(np.abs(form.deviation_um) - 2.0 * form.u_um))
     if worst <= 0.0:
         u = f"{float(np.max(form.u_um)):.3f}"
-        raise ModelError("E-WHEEL-NOTHING", "wheel", rms=f"{_rms(form.deviation_um):.3f}", u=u)
+        raise ModelError("E-WHEEL-NOTHING", "wheel", rms=fixed(_rms(form.deviation_um), 3), u=u)
     return corrected_points(gear, centre_mm, form, diamond_mm=diamond_mm, limit_um=limit_um)
 
 
@@ -165,9 +166,9 @@ def corrected_points(
         raise ModelError(
             "E-WHEEL-LIMIT",
             "wheel",
-            value=f"{c[at]:+.2f}",
-            at=f"{np.rad2deg(form.theta_rad[at]):+.3f}",
-            limit=f"{limit_um:g}",
+            value=fixed(c[at], 2, signed=True),
+            at=fixed(np.rad2deg(form.theta_rad[at]), 3, signed=True),
+            limit=digits(limit_um, 6),
         )
     _check_diamond(gear, centre_mm, form, diamond_mm)
     section = wheel_section(gear, centre_mm, form.theta_rad)
@@ -217,9 +218,9 @@ def _check_diamond(gear: CycloidGear, centre_mm: float, form: WheelForm, diamond
         raise ModelError(
             "E-WHEEL-UNDERCUT",
             "wheel",
-            radius=f"{diamond_mm:g}",
-            hollow=f"{1.0 / hollow[worst]:.3f}",
-            at=f"{np.rad2deg(theta[worst]):+.3f}",
+            radius=digits(diamond_mm, 6),
+            hollow=fixed(1.0 / hollow[worst], 3),
+            at=fixed(np.rad2deg(theta[worst]), 3, signed=True),
         )
     points, normal = _corrected_curve(gear, centre_mm, form, theta)
     centre = points + diamond_mm * normal
@@ -231,9 +232,9 @@ def _check_diamond(gear: CycloidGear, centre_mm: float, form: WheelForm, diamond
         raise ModelError(
             "E-WHEEL-OVERLAP",
             "wheel",
-            at=f"{np.rad2deg(theta[bad]):+.3f}",
-            other=f"{other:+.3f}",
-            deep=f"{mm_to_um(diamond_mm - float(nearest[bad])):.2f}",
+            at=fixed(np.rad2deg(theta[bad]), 3, signed=True),
+            other=fixed(other, 3, signed=True),
+            deep=fixed(mm_to_um(diamond_mm - float(nearest[bad])), 2),
         )
 
 

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 from scipy.special import chdtrc
 
+from drivers.message import digits, fixed
 from drivers.types.values import FloatArray
 from gateway.correct.part.inspected import USUAL_CLAMPING_UM
 from gateway.errors import ModelError
@@ -251,7 +252,9 @@ def demand_one_wheel(points: PlacedPoints, form: FittedForm, parts: Sequence[Pro
     chance = float(chdtrc(mean.size * (len(parts) - 1), test))
     if chance < MIXED_P and max(sizes) > MIXED_UM:
         worst = int(np.argmax(sizes))
-        raise ModelError("E-PROCESS-MIXED", parts[worst].name, differs=f"{sizes[worst]:.2f}", limit=f"{MIXED_UM:g}")
+        raise ModelError(
+            "E-PROCESS-MIXED", parts[worst].name, differs=fixed(sizes[worst], 2), limit=digits(MIXED_UM, 6)
+        )
 
 
 def _own_scatter(

@@ -25,6 +25,7 @@ from math import inf
 
 import numpy as np
 
+from drivers.message import fixed
 from drivers.types.values import FloatArray
 from drivers.units import arcsec_to_rad, mm_to_um, rad_to_arcsec
 from gateway.errors import ModelError
@@ -211,7 +212,7 @@ def transmission(
     squeezed = squeezed_um(free)
     if squeezed > drive.interference_um:
         limit = f"{drive.interference_um:g}"
-        raise ModelError("E-REDUCER-ASSEMBLY", drive.name, interference=f"{squeezed:.1f}", limit=limit)
+        raise ModelError("E-REDUCER-ASSEMBLY", drive.name, interference=fixed(squeezed, 1), limit=limit)
     wave = _first_stage(drive, alpha)
     curves = [_curve(pose, s * torque, wave) for pose, s in zip(loaded, (1.0, -1.0), strict=True)]
     rest = [_curve(pose, s * SETTLED * drive.rated_nm, wave) for pose, s in zip(free, (1.0, -1.0), strict=True)]

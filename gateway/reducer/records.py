@@ -19,7 +19,7 @@ from typing import Literal, get_args
 import numpy as np
 from numpy.typing import ArrayLike
 
-from drivers.message import words
+from drivers.message import digits, fixed, words
 from drivers.types.values import FloatArray
 from drivers.units import deg_to_rad, mm_to_um, um_to_mm
 from gateway.errors import ModelError
@@ -179,7 +179,7 @@ class Reducer:
             raise ModelError("E-REDUCER-DATUM", self.name, datum=self.datum, known=", ".join(DATUMS))
         clearance = float(np.min(self.clearance_um(np.linspace(0.0, pi, 181))))
         if clearance < -CLOSED_UM:
-            raise ModelError("E-REDUCER-CLEARANCE", self.name, clearance=f"{clearance:.2f}")
+            raise ModelError("E-REDUCER-CLEARANCE", self.name, clearance=fixed(clearance, 2))
 
     @property
     def lever_mm(self) -> float:
@@ -242,7 +242,7 @@ def place_at(mark_angle_deg: float, crank_phase_deg: float, zc: int) -> DiscPlac
     nearest = DiscPlace(crank_phase_deg, round(m) % zc)
     if abs(m - round(m)) * 360.0 / zc > MESH_DEG:
         near = (360.0 * round(m) - crank_phase_deg) / zc
-        raise ModelError("E-REDUCER-MARK", "disc", angle=f"{mark_angle_deg:g}", nearest=f"{near:.6g}")
+        raise ModelError("E-REDUCER-MARK", "disc", angle=digits(mark_angle_deg, 6), nearest=digits(near, 6))
     return nearest
 
 

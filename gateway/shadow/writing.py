@@ -18,6 +18,7 @@ from math import acos, ceil, hypot
 
 import numpy as np
 
+from drivers.message import digits, fixed
 from drivers.types.tables import CompensationTable
 from drivers.types.values import FloatArray
 from drivers.units import deviation_scale
@@ -241,7 +242,13 @@ class _Writer:
         for letter, value in found.items():
             most = self._settings.most_deg if self.axes[letter].rotary else self._settings.most_mm
             if not abs(value) <= most:
-                raise ModelError("E-SHADOW-LIMIT", _place(block), axis=letter, value=f"{value:+.6f}", limit=f"{most:g}")
+                raise ModelError(
+                    "E-SHADOW-LIMIT",
+                    _place(block),
+                    axis=letter,
+                    value=fixed(value, 6, signed=True),
+                    limit=digits(most, 6),
+                )
         return found
 
     def _shares(self, move: ProgramMove, block: ProgramBlock) -> list[float]:
@@ -308,9 +315,9 @@ class _Writer:
                     "E-SHADOW-TRAVEL",
                     _place(block),
                     axis=letter,
-                    value=f"{target:.6f}",
-                    low=f"{low:g}",
-                    high=f"{high:g}",
+                    value=fixed(target, 6),
+                    low=digits(low, 6),
+                    high=digits(high, 6),
                 )
             told = target - (0.0 if block.in_machine else block.shifts.get(letter, 0.0))
             words.append(self._word(axis, told, target, before))

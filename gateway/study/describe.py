@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from drivers.errors import words
+from drivers.message import fixed
 from drivers.types.tables import CompensationTable
 from drivers.units import DeviationUnit, mm_to_um, rad_to_arcsec
 from gateway.correct.flank.compensability import Cure
@@ -153,7 +154,7 @@ def next_line(study: Study) -> str:
     """The error to measure next."""
     best = study.next[0]
     return words(
-        "S-STUDY-NEXT", name=best.name, change=f"{mm_to_um(best.change):.3f}", share=f"{100.0 * best.share:.0f}"
+        "S-STUDY-NEXT", name=best.name, change=fixed(mm_to_um(best.change), 3), share=fixed(100.0 * best.share, 0)
     )
 
 

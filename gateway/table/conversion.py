@@ -14,6 +14,7 @@ import numpy as np
 
 from drivers.errors import ConfigError, Gap
 from drivers.limits import VALUE_RESOLUTION, Limits
+from drivers.message import digits
 from drivers.terms import TableKind
 from drivers.types.results import MeasuredSet
 from drivers.types.tables import CompensationTable
@@ -89,7 +90,7 @@ def datum_of(pairs: Sequence[tuple[float, float]]) -> FileDatum:
     (other_file, other_machine) = more[0]
     apart, on_machine = other_file - file, other_machine - machine
     if len(more) > 1 or apart == 0.0 or abs(abs(apart) - abs(on_machine)) > 1e-3:
-        raise ConfigError("E-COMP-DATUM", "--datum", file=f"{apart:g}", machine=f"{on_machine:g}")
+        raise ConfigError("E-COMP-DATUM", "--datum", file=digits(apart, 6), machine=digits(on_machine, 6))
     sense: Literal[1, -1] = 1 if apart * on_machine > 0 else -1
     return FileDatum(machine - sense * file, sense)
 
@@ -149,7 +150,7 @@ def _mean(measured: MeasuredSet, way: int) -> FloatArray:
     counts = there.sum(axis=1)
     if counts.any() and not counts.all():
         missing = measured.targets[int(np.argmin(counts))]
-        raise Gap("E-COMP-MISSING", "file", target=f"{missing:g}", unit=measured.axis_unit, way="+-"[way])
+        raise Gap("E-COMP-MISSING", "file", target=digits(missing, 6), unit=measured.axis_unit, way="+-"[way])
     if not counts.any():
         return np.full(counts.shape, np.nan)
     return np.asarray(np.where(there, readings, 0.0).sum(axis=1) / counts)
@@ -168,7 +169,7 @@ def _kinds(found: Curves, request: TableRequest) -> tuple[tuple[FloatArray, Lite
 
 def _grid(found: Curves, request: TableRequest) -> Grid:
     if request.modulo and (found.unit != "deg" or _widest_gap(found.positions) > WIDEST_GAP_DEG):
-        raise Gap("E-COMP-TURN", request.axis, low=f"{found.positions[0]:g}", high=f"{found.positions[-1]:g}")
+        raise Gap("E-COMP-TURN", request.axis, low=digits(found.positions[0], 6), high=digits(found.positions[-1], 6))
     even = _spacing(found.positions, modulo=request.modulo)
     step = request.step if request.step is not None else even
     if step is None:
@@ -231,7 +232,7 @@ def _coverage(found: Curves, grid: Grid, request: TableRequest) -> list[TableFin
     if request.modulo:
         gap = _widest_gap(found.positions)
         return (
-            [second_person_finding("W-COMP-BRIDGE", request.axis, gap=f"{gap:g}", unit="deg")]
+            [second_person_finding("W-COMP-BRIDGE", request.axis, gap=digits(gap, 6), unit="deg")]
             if gap > WIDEST_BRIDGE_DEG
             else []
         )
@@ -261,7 +262,7 @@ def _remarks(found: Curves, request: TableRequest) -> list[TableFinding]:
     return [
         *findings,
         second_person_finding(
-            "W-COMP-REVERSAL-LEFT", request.axis, reversal=there, reference=f"{request.reference:g}", unit=unit
+            "W-COMP-REVERSAL-LEFT", request.axis, reversal=there, reference=digits(request.reference, 6), unit=unit
         ),
         second_person_finding("W-COMP-CROSS-SIGN", request.axis),
     ]
@@ -279,7 +280,7 @@ def convert_as_measured(measured: MeasuredSet, axis: str, reference: float, datu
     minus = np.where(np.isnan(found.minus), found.plus, found.minus)
     low, high = float(found.positions[0]), float(found.positions[-1])
     if found.positions.size < 2 or not low <= reference <= high:
-        raise Gap("E-COMP-FREE", axis, reference=f"{reference:g}", low=f"{low:g}", high=f"{high:g}")
+        raise Gap("E-COMP-FREE", axis, reference=digits(reference, 6), low=digits(low, 6), high=digits(high, 6))
     zero = float(np.interp(reference, found.positions, (plus + minus) / 2.0))
     resolution = VALUE_RESOLUTION * deviation_scale(found.unit)
     forward, reverse = (round_to_resolution(one - zero, resolution) for one in (plus, minus))

@@ -133,15 +133,19 @@ def _doubts(table: CompensationTable) -> list[str]:
     told: dict[str, Any] = {"table": table.name, "axis_unit": table.input_unit, "unit": table.deviation_unit}
     seen: dict[str, Any] = {**told, "position": f"{at[worst]:g}", "value": f"{sizes[worst]:g}"}
     if sizes[worst] > IMPLAUSIBLE * limits.value:
-        raise TableError("E-EXCHANGE-LARGE", table.name, limit=f"{IMPLAUSIBLE * limits.value:g}", **seen)
+        raise TableError("E-EXCHANGE-LARGE", table.name, limit=digits(IMPLAUSIBLE * limits.value, 6), **seen)
     found = []
     if sizes[worst] > limits.value:
-        found.append(words("W-EXCHANGE-LARGE", limit=f"{limits.value:g}", **seen))
+        found.append(words("W-EXCHANGE-LARGE", limit=digits(limits.value, 6), **seen))
     if jumps.size and (beyond := jumps - limits.reversal - limits.slope * np.diff(at)).max() > 0.0:
         place = int(beyond.argmax())
         found.append(
             words(
-                "W-EXCHANGE-JUMP", low=f"{at[place]:g}", high=f"{at[place + 1]:g}", change=f"{jumps[place]:g}", **told
+                "W-EXCHANGE-JUMP",
+                low=digits(at[place], 6),
+                high=digits(at[place + 1], 6),
+                change=digits(jumps[place], 6),
+                **told,
             )
         )
     return found

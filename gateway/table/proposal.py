@@ -163,7 +163,7 @@ def _why_not(
     largest, bound = _significance(axis, component, instrument)
     hidden, taken = _unresolved_error(component, measured), _correction_rms(component, acts, new)
     if largest <= 1.0 and hidden <= max(instrument.constant, COVERAGE * float(np.nanmax(measured.u))):
-        return reason("S-COMP-WITHIN-U", axis.name, bound=f"{bound:.2g}", unit=unit)
+        return reason("S-COMP-WITHIN-U", axis.name, bound=digits(bound, 2), unit=unit)
     if largest <= 1.0 or may_harm(hidden, taken):
         chance = probability_for(measured.possible, instrument, acts, new)
         if chance is None or not chance.worth:
@@ -175,7 +175,7 @@ def _why_not(
         # What a grid does to short waves between the targets counts as well.
         before, left = left_over(component, acts, acts), left_over(component, new, acts)
     if left >= before:
-        return reason("S-COMP-NO-GAIN", axis.name, before=f"{before:.3g}", after=f"{left:.3g}", unit=unit)
+        return reason("S-COMP-NO-GAIN", axis.name, before=digits(before, 3), after=digits(left, 3), unit=unit)
     U = _predicted_U(axis, component, measured, instrument)
     return scatter_reason(axis.name, unit, means=measured.means, after=after, rest=measured.rest, U=U)
 
@@ -335,7 +335,7 @@ def hidden_structure_reason(
     axis: str, unit: DeviationUnit, hidden: float, taken: float, chance: Chance | None = None
 ) -> Message:
     """Why ``hidden`` structure (RMS) forbids a table that takes ``taken`` (RMS) away, and what its chances would be."""
-    why = reason("S-COMP-HIDDEN", axis, hidden=f"{hidden:.2g}", gain=f"{taken:.2g}", unit=unit)
+    why = reason("S-COMP-HIDDEN", axis, hidden=digits(hidden, 2), gain=digits(taken, 2), unit=unit)
     if chance is None:
         return why
     return reasons_of(why, reason("S-COMP-CHANCE", axis, unit=unit, **_figures(chance)))

@@ -11,6 +11,7 @@ from starlette.concurrency import run_in_threadpool
 from starlette.requests import HTTPConnection
 
 from drivers.local.names import person_key
+from drivers.message import fixed
 from gateway.audit import os_user
 from gateway.errors import NotFound, NotSignedIn, SignInRefused, StoreError, TooManyTries
 from gateway.users import ROLES, Person, Session, UserRole
@@ -124,7 +125,7 @@ async def proved(request: Request, name: str, *, password: str = "", pin: str = 
         keys = [f"browser {known}"]
     wait = max(doors.tries.wait_s(key) for key in keys)
     if wait > 0.0:
-        raise TooManyTries("E-USER-WAIT", "sign-in", seconds=f"{wait:.0f}")
+        raise TooManyTries("E-USER-WAIT", "sign-in", seconds=fixed(wait, 0))
     for key in keys:
         doors.tries.count(key)
     async with doors.secrets_at_once:

@@ -19,6 +19,7 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from drivers.clock import Clock
 from drivers.errors import DeadlineExceeded, TrueflankError
 from drivers.local.names import person_key
+from drivers.message import digits
 from gateway.users import Person, Tries
 
 HOST = re.compile(r"(127\.0\.0\.1|localhost|\[::1\])(:[0-9]{1,5})?", re.IGNORECASE)
@@ -113,7 +114,7 @@ class Gate:
             async with clock.deadline(BODY_S, "web"):
                 data = await _read(receive)
         except DeadlineExceeded:
-            return _answer("E-WEB-SLOW", 408, seconds=f"{BODY_S:g}")
+            return _answer("E-WEB-SLOW", 408, seconds=digits(BODY_S, 6))
         finally:
             self._unfinished.subtract(counted)
             if not self._unfinished[caller.key]:

@@ -9,6 +9,7 @@ from fastapi import APIRouter, Depends, Request
 from starlette.concurrency import run_in_threadpool
 from starlette.responses import JSONResponse, Response
 
+from drivers.message import fixed
 from gateway.errors import NotSignedIn, RecordNotFound, SignInRefused, TooManyTries
 from gateway.users import ROLES, Person, ProgramToken, Session, UserAccount, factor_uri, new_factor
 from gateway.web.bodies import FirstStart, OwnFactor, OwnSecret, Plain, SignIn, TokenBody, UserBody
@@ -48,7 +49,7 @@ async def first_start(request: Request, body: FirstStart) -> Response:
     service = service_of(request)
     doors = service.doors
     if (wait := doors.tries.wait_s("first start")) > 0.0:
-        raise TooManyTries("E-USER-WAIT", "first start", seconds=f"{wait:.0f}")
+        raise TooManyTries("E-USER-WAIT", "first start", seconds=fixed(wait, 0))
     doors.tries.count("first start")
     wanted = doors.accounts.first_token().encode("ascii")
     if not wanted or not secrets.compare_digest(body.token.strip().encode("utf-8", "replace"), wanted):

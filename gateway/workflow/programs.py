@@ -18,6 +18,7 @@ import numpy as np
 
 from drivers import registry
 from drivers.errors import ConfigError, words
+from drivers.message import digits, fixed
 from drivers.programs import DayNumbers, DwellPlan, Order, ProgramText, SelfTest, SelfTested, Visits, reading_plan
 from drivers.types.abilities import Capabilities
 from drivers.types.identity import MachineIdentity
@@ -386,7 +387,7 @@ def dwell_plans(site: SiteFile, wish: DwellOptions) -> tuple[tuple[AxisSection, 
     """
     if wish.dwell_s < wish.settling_s + MARGIN_S:
         least = wish.settling_s + MARGIN_S
-        raise ConfigError("E-DWELL-SHORT", "--dwell", dwell=f"{wish.dwell_s:g}", least=f"{least:g}")
+        raise ConfigError("E-DWELL-SHORT", "--dwell", dwell=digits(wish.dwell_s, 6), least=digits(least, 6))
     axes = [(axis, targets_of(axis)) for axis in site.axes]
     found = tuple((axis, _plan(axis, at, wish)) for axis, at in axes if at.size)
     if not found:
@@ -410,7 +411,7 @@ def describe_dwell(axis: AxisSection, plan: DwellPlan) -> str:
     """What a person should know of this program: stops, hours, and a feed that is not the site's."""
     count = len(plan.stops.stops)
     hours = plan_s(replace(plan.stops, dwell_s=plan.dwell_s), 0.0) / 3600.0
-    text = words("P-DWELL-PLAN", axis=axis.name, stops=count, dwell=f"{plan.dwell_s:g}", hours=f"{hours:.1f}")
+    text = words("P-DWELL-PLAN", axis=axis.name, stops=count, dwell=digits(plan.dwell_s, 6), hours=fixed(hours, 1))
     if plan.stops.feed < axis.measure.feed:
         feed, own = f"{plan.stops.feed:g}", f"{axis.measure.feed:g}"
         text += words("P-DWELL-FEED", feed=feed, own=own)

@@ -18,6 +18,7 @@ import numpy as np
 
 from drivers.errors import Gap, TableError, TooManyPoints, ValueOutOfRange
 from drivers.limits import Limits, largest_value
+from drivers.message import digits
 from drivers.sinumerik.tablefile import axis_settings
 from drivers.tablefile import Severity, TableFinding, TableMachine
 from drivers.types.tables import CompensationTable
@@ -199,7 +200,7 @@ def _velocity(table: CompensationTable, where: str, known: TableMachine) -> Iter
         table=table.name,
         velocity=f"{known.velocity:g} {table.input_unit}/min",
         added=f"{per_unit * known.velocity:.4g} {table.output_unit}/min",
-        share=f"{100.0 * per_unit:.3g}",
+        share=digits(100.0 * per_unit, 3),
     )
     yield make_finding("note", error)
 
@@ -247,12 +248,12 @@ def _doubt_values(table: CompensationTable, where: str) -> Iterator[TableFinding
     most = largest_value(unit)
     if most < largest <= most * factor:
         error = TableError(
-            "W-TABLE-LARGE-UNIT", where, table=table.name, value=f"{largest:.6g}", unit=unit, small=small
+            "W-TABLE-LARGE-UNIT", where, table=table.name, value=digits(largest, 6), unit=unit, small=small
         )
         yield make_finding("doubtful", error)
     elif 0.0 < largest < SMALLEST_DOUBTED[unit]:
         yield make_finding(
-            "doubtful", TableError("W-TABLE-TINY", where, table=table.name, value=f"{largest:.3g}", unit=unit)
+            "doubtful", TableError("W-TABLE-TINY", where, table=table.name, value=digits(largest, 3), unit=unit)
         )
 
 
@@ -357,8 +358,8 @@ def _reversal(
             where,
             table=plus.name,
             pair=f"{plus.index} and {minus.index}",
-            mean=f"{mean:.3g}",
-            amount=f"{amount:.3g}",
+            mean=digits(mean, 3),
+            amount=digits(amount, 3),
             unit=plus.deviation_unit,
         )
         yield make_finding("wrong", error)

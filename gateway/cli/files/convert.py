@@ -12,7 +12,7 @@ import typer
 
 from drivers import registry
 from drivers.errors import ConfigError, words
-from drivers.message import term
+from drivers.message import digits, term
 from drivers.tablefile import TableMachine
 from drivers.terms import TableKind, spoken
 from drivers.units import AxisUnit
@@ -292,8 +292,8 @@ def _complete(wish: ConversionOptions, measured: Any) -> float:
             "E-CLI-DATUM",
             str(wish.result),
             missing=" and ".join(missing),
-            low=f"{low:g}",
-            high=f"{high:g}",
+            low=digits(low, 6),
+            high=digits(high, 6),
             unit=measured.axis_unit,
         )
     return parse_number(str(wish.reference), "--reference")

@@ -7,7 +7,7 @@ from typing import Annotated, Any
 
 import typer
 
-from drivers.message import Message
+from drivers.message import Message, fixed
 from drivers.terms import spoken
 from gateway.cli.command_list import require_only
 from gateway.cli.machine.tooth import HEIGHTS
@@ -150,7 +150,12 @@ def _show_drive(drive: Any) -> None:
         state_rows(drive),
     )
     echo(
-        words("S-STUDY-DRIVE", name=drive.reducer.name, datum=drive.reducer.datum, missed=f"{drive.missed_arcsec:+.2f}")
+        words(
+            "S-STUDY-DRIVE",
+            name=drive.reducer.name,
+            datum=drive.reducer.datum,
+            missed=fixed(drive.missed_arcsec, 2, signed=True),
+        )
     )
     for line in measure_for_drive(drive.doubts):
         echo(str(line))

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from drivers.message import digits, fixed
 from drivers.types.values import FloatArray
 from drivers.units import UM_PER_MM, mm_to_um
 from gateway.correct.flank.flank_model import Places, places_of_points
@@ -113,7 +114,7 @@ def _demand_no_ball(found: FittedPlaces) -> None:
     size, left = np.linalg.lstsq(plain, e, rcond=None)[0][0], float(np.std(found.fit.residual))
     rest = e - plain @ np.linalg.lstsq(plain, e, rcond=None)[0]
     if abs(size) > BALL_MM and float(np.std(rest)) < BALL_SHARE * left:
-        raise ModelError("E-INSPECT-BALL", "inspection", size=f"{mm_to_um(float(size)):+.0f}")
+        raise ModelError("E-INSPECT-BALL", "inspection", size=fixed(mm_to_um(float(size)), 0, signed=True))
 
 
 def _by_place(places: Places, values: FloatArray) -> list[FloatArray]:
@@ -131,7 +132,7 @@ def _without_glitches(gear: CycloidGear, found: FittedPlaces, probe: float) -> F
         found = _drop_undetermined(gear, _select_points(gear, found, ~far, beside=False))
         if found.glitches > most:
             break
-    raise ModelError("E-INSPECT-GLITCHES", "inspection", count=found.glitches, limit=f"{GLITCH:g}", most=most)
+    raise ModelError("E-INSPECT-GLITCHES", "inspection", count=found.glitches, limit=digits(GLITCH, 6), most=most)
 
 
 def _drop_undetermined(gear: CycloidGear, found: FittedPlaces) -> FittedPlaces:

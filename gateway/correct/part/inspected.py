@@ -250,7 +250,7 @@ def setup_from_part(
     steps = np.rint(wanted / resolution_um)
     kept = (np.abs(wanted) > COVERAGE * u) & (steps != 0.0)
     said = [
-        words("S-SETUP-WITHIN-U", name=name, value=f"{value:+.2f}", U=f"{COVERAGE * one:.2f}")
+        words("S-SETUP-WITHIN-U", name=name, value=fixed(value, 2, signed=True), U=fixed(COVERAGE * one, 2))
         for name, value, one, keep in zip(("x zero", "dressing offset"), wanted, u, kept, strict=True)
         if not keep
     ]

@@ -27,6 +27,7 @@ from math import hypot, inf, sqrt
 import numpy as np
 import scipy
 
+from drivers.message import digits, fixed
 from drivers.types.drives import DriveRecord
 from drivers.units import deg_to_arcsec, deg_to_rad, rad_to_deg
 from gateway.domain.values import FloatArray
@@ -213,10 +214,10 @@ def _run(record: DriveRecord, drive: TestedDrive, part: slice, where: str) -> Ru
     slope = _slope(nominal, output)
     if abs(slope - 1.0) > RATIO_OFF:
         seen = f"{drive.ratio / slope:.6g}" if slope else "none"
-        raise ModelError("E-DRIVE-RATIO", where, line=line, stated=f"{drive.ratio:.6g}", found=seen)
+        raise ModelError("E-DRIVE-RATIO", where, line=line, stated=digits(drive.ratio, 6), found=seen)
     turns = int((turned + 1e-6) // TURN_DEG)
     if turns < 1:
-        raise ModelError("E-DRIVE-TURN", where, line=line, turned=f"{turned:.2f}")
+        raise ModelError("E-DRIVE-TURN", where, line=line, turned=fixed(turned, 2))
     _refuse_jump(error, record.lines[part], where)
     _refuse_alias(float(np.max(np.abs(step))), drive, where)
     angle = _grid(nominal, sense, turns)
@@ -265,7 +266,7 @@ def _refuse_jump(error: FloatArray, lines: FloatArray, where: str) -> None:
     off = np.abs(error - np.median(error))
     if off.max() > JUMP_ARCSEC:
         at = int(off.argmax())
-        raise ModelError("E-DRIVE-JUMP", where, line=int(lines[at]), off=f"{off[at] / 3600.0:.3g}")
+        raise ModelError("E-DRIVE-JUMP", where, line=int(lines[at]), off=digits(off[at] / 3600.0, 3))
 
 
 def _refuse_alias(step_deg: float, drive: TestedDrive, where: str) -> None:
@@ -274,7 +275,7 @@ def _refuse_alias(step_deg: float, drive: TestedDrive, where: str) -> None:
     steps = TURN_DEG / (step_deg * lobes)
     if steps < FEWEST_STEPS * (1.0 - 1e-3):
         needed = FEWEST_STEPS * lobes
-        raise ModelError("E-DRIVE-ALIAS", where, steps=f"{steps:.3g}", fewest=FEWEST_STEPS, needed=needed)
+        raise ModelError("E-DRIVE-ALIAS", where, steps=digits(steps, 3), fewest=FEWEST_STEPS, needed=needed)
 
 
 def _join_passes(runs: Sequence[RunningError]) -> RunningError:
@@ -385,7 +386,7 @@ def _loop(record: DriveRecord, drive: TestedDrive, part: slice, where: str) -> T
         widest = float(np.max(np.abs(np.diff(torque[one][inside])), initial=0.0)) if inside.sum() > 1 else inf
         if widest > small or inside.sum() < 4:
             share = "over 6" if not np.isfinite(widest) else f"{100.0 * widest / rated:.3g}"
-            raise ModelError("E-DRIVE-COARSE", where, step=share, limit=f"{100.0 * SMALL_SHARE:g}")
+            raise ModelError("E-DRIVE-COARSE", where, step=share, limit=digits(100.0 * SMALL_SHARE, 6))
     at = np.asarray([-small, 0.0, small])
     up = np.stack([_at(torque[one], twist[one], at) for one in rising])
     down = np.stack([_at(torque[one], twist[one], at) for one in falling])

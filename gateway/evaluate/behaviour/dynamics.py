@@ -136,7 +136,7 @@ def evaluate_settling(
         values[: begin + 1].mean() if begin < FEWEST_SAMPLES else values[begin - FEWEST_SAMPLES : begin].mean()
     )
     if not abs(step) > 2.0 * band:
-        raise NotIdentifiable("E-EVAL-DYNAMIC-MOVE", "settling", step=f"{step:.4g}", band=f"{band:.4g}")
+        raise NotIdentifiable("E-EVAL-DYNAMIC-MOVE", "settling", step=digits(step, 4), band=digits(band, 4))
     return _settling_time(recording, values, begin, step, final, band, tail)
 
 

@@ -33,7 +33,7 @@ from typing import Any
 import numpy as np
 import scipy.optimize
 
-from drivers.message import words
+from drivers.message import fixed, words
 from drivers.units import rad_to_arcsec
 from gateway.domain.values import COVERAGE, FloatArray
 from gateway.errors import ModelError
@@ -179,7 +179,7 @@ def _fit(circle: Circle, width: float, senses: Sequence[int]) -> _Fit:
     norms = np.linalg.norm(A, axis=0)
     scaled = A / norms
     if A.shape[0] <= A.shape[1] or np.linalg.cond(scaled) > LARGEST_CONDITION:
-        raise ModelError("E-CIRCLE-ARC", "ballbar", arc=f"{_arc(circle.angle_deg):.0f}", samples=t.size)
+        raise ModelError("E-CIRCLE-ARC", "ballbar", arc=fixed(_arc(circle.angle_deg), 0), samples=t.size)
     x, *_ = np.linalg.lstsq(scaled, circle.radial_um, rcond=None)
     left = circle.radial_um - scaled @ x
     free = t.size - A.shape[1]

@@ -26,6 +26,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from drivers.message import digits
 from drivers.units import arcsec_to_rad, mm_to_um
 from gateway.domain.values import COVERAGE, FloatArray
 from gateway.errors import ModelError
@@ -104,7 +105,7 @@ def six_motions(axis: str, targets: FloatArray, readings: Mapping[str, FloatArra
     lost = [(i, k) for i, k in zip(*np.nonzero(~np.isfinite(means)), strict=True)]
     if lost:
         i, k = lost[0]
-        raise ModelError("E-SIX-LOST", "six-dof", motion=names[k], target=f"{targets[i]:g}", count=len(lost))
+        raise ModelError("E-SIX-LOST", "six-dof", motion=names[k], target=digits(targets[i], 6), count=len(lost))
     whole = np.asarray(there.all(axis=-1))
     free = int(np.maximum(whole.sum(axis=1) - 1, 0).sum())
     covariance = None

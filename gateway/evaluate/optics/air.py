@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 from math import exp
 from typing import Any, Literal
 
-from drivers.message import words
+from drivers.message import digits, words
 from drivers.types.sensing import Ambient
 from drivers.units import KELVIN_OFFSET, PA_PER_HPA
 from gateway.errors import AmbientOutOfRange, ModelError
@@ -177,7 +177,7 @@ def require_reading(sensor: str, value: float | None, where: str) -> float:
         raise AmbientOutOfRange("E-EVAL-SENSOR", where, sensor=sensor)
     if not low <= value <= high:
         raise AmbientOutOfRange(
-            "E-EVAL-AMBIENT", where, sensor=sensor, value=f"{value:g}", low=low, high=high, unit=unit
+            "E-EVAL-AMBIENT", where, sensor=sensor, value=digits(value, 6), low=low, high=high, unit=unit
         )
     return value
 

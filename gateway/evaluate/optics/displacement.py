@@ -10,7 +10,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from drivers.message import Message, digits
+from drivers.message import Message, digits, fixed
 from drivers.types.results import MeasuredSet
 from drivers.types.sensing import Ambient
 from drivers.types.values import CompensatedFor
@@ -300,7 +300,7 @@ def compensation_of(measured: MeasuredSet, where: str = "file") -> Compensation:
     for stated, worked_out in zip(factor, found.half_wavelengths(where), strict=True):
         ppm = (stated / worked_out - 1.0) * 1e6
         if abs(ppm) > FACTOR_PPM:
-            raise ModelError("E-EVAL-ENV-FACTOR", where, stated=stated, found=f"{worked_out:.8f}", ppm=f"{ppm:.2f}")
+            raise ModelError("E-EVAL-ENV-FACTOR", where, stated=stated, found=fixed(worked_out, 8), ppm=fixed(ppm, 2))
     return Compensation(
         start=found.start, end=found.end, expansion_ppm_per_k=expansion, equation="edlen-1966", factor=factor
     )

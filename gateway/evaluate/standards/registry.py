@@ -11,7 +11,7 @@ from typing import Final, Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from drivers.message import Message
+from drivers.message import Message, digits
 from drivers.units import DeviationUnit
 from gateway.domain.values import FloatArray
 from gateway.errors import ModelError
@@ -336,7 +336,7 @@ def evaluate_by(
     at, x = statistics.check_readings(targets, deviations)
     if float(at.min()) == float(at.max()):
         least = iso230_2.minimum_targets("linear" if unit == "um" else "rotary", 1.0)[0]
-        raise ModelError("E-EVAL-ONE-TARGET", "evaluate", at=f"{at[0]:g}", least=least)
+        raise ModelError("E-EVAL-ONE-TARGET", "evaluate", at=digits(at[0], 6), least=least)
     costs = budget or Budget()
     values, by_law, flags = _figures(chosen, at, x, unit, costs)
     formulas, of_table = _formulas(chosen)

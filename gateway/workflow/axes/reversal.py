@@ -9,7 +9,7 @@ import numpy as np
 
 from drivers.errors import Gap
 from drivers.limits import ACCESS_LEVEL, Limits
-from drivers.message import Message
+from drivers.message import Message, digits
 from drivers.types.abilities import TableLimits
 from drivers.types.tables import CompensationTable, LiveSet, LiveTable
 from drivers.types.values import FloatArray
@@ -93,7 +93,7 @@ def reversal_change(
     skipped = None if pair else _why_not(axis.name, unit, advice, able=able)
     if not skipped and abs(wanted) > Limits.of(axis.unit).reversal:
         limit = f"{Limits.of(axis.unit).reversal:g}"
-        skipped = reason("S-REVERSAL-LARGE", axis.name, wanted=f"{wanted:+.3g}", limit=limit, unit=unit)
+        skipped = reason("S-REVERSAL-LARGE", axis.name, wanted=digits(wanted, 3, signed=True), limit=limit, unit=unit)
     if not skipped and pair and wanted == acts:
         skipped = reason("S-REVERSAL-PAIR", axis.name)
     skipped = skipped or against

@@ -14,7 +14,7 @@ import numpy as np
 from drivers import registry
 from drivers.errors import ConfigError
 from drivers.local.textfile import decode_text
-from drivers.message import Message, fixed
+from drivers.message import Message, digits, fixed
 from drivers.types.exchange import ErrorCurve, ErrorSet
 from gateway.config import SiteFile
 from gateway.domain.figures import Component
@@ -145,7 +145,7 @@ def _component(curve: ErrorCurve, reference: float | None) -> Component:
     turns = curve.axis_unit == "deg" and abs(float(at[-1] - at[0]) - FULL_TURN) < SAME
     if turns:
         if abs(float(values[-1] - values[0])) > SAME:
-            raise ModelError("E-ERRORS-TURN", "errors", name=curve.name, apart=f"{abs(values[-1] - values[0]):.3g}")
+            raise ModelError("E-ERRORS-TURN", "errors", name=curve.name, apart=digits(abs(values[-1] - values[0]), 3))
         at, values = at[:-1], values[:-1]
     found = Component(
         name=curve.name,

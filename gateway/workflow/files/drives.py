@@ -12,7 +12,7 @@ import numpy as np
 
 from drivers import registry
 from drivers.errors import ConfigError
-from drivers.message import Message
+from drivers.message import Message, digits
 from drivers.types.drives import STATEMENTS, DriveRecord
 from gateway.errors import ModelError
 from gateway.evaluate.behaviour.drive import (
@@ -128,7 +128,7 @@ def drive_of(files: Sequence[tuple[str, DriveRecord]], asked: DriveQuestion) -> 
         for label, value in stated[1:]:
             if abs(value - stated[0][1]) > AGREE * abs(stated[0][1]):
                 first = f"{stated[0][1]:g}"
-                raise ConfigError("E-DRIVE-DIFFERS", label, key=one.key, one=first, other=f"{value:g}")
+                raise ConfigError("E-DRIVE-DIFFERS", label, key=one.key, one=first, other=digits(value, 6))
         if stated:
             found[name] = stated[0][1]
     for name in ("pins", "ratio"):

@@ -150,7 +150,9 @@ def check_copy(reader: ProgramReader, copy: ProgramCopy, axes: Sequence[ProgramA
             off = there - place - point.added.get(letter, 0.0)
             off = (off + 180.0) % 360.0 - 180.0 if letter in rotary else off
             if abs(off) > 2e-6:
-                raise ConfigError("E-SHADOW-COPY", f"copy:{block.line}", line=block.line, axis=letter, off=f"{off:.7f}")
+                raise ConfigError(
+                    "E-SHADOW-COPY", f"copy:{block.line}", line=block.line, axis=letter, off=fixed(off, 7)
+                )
 
 
 def _axes(site: SiteFile, options: ShadowOptions) -> tuple[ProgramAxis, ...]:

@@ -134,7 +134,7 @@ def test_lobes_and_undercut_are_refused_with_the_gear() -> None:
 
 def test_a_drive_without_room_for_its_parts_is_refused() -> None:
     error = _refused("E-REDUCER-CLEARANCE", forty, drrp=-0.002)
-    assert error.fields["clearance"] == "-2.00"
+    assert str(error.fields["clearance"]) == "-2.00"
     _refused("E-REDUCER-CLEARANCE", forty, drp=0.003)
 
 
