@@ -219,6 +219,8 @@ class _ClosingRun:
         worse = "worse" in (judged.outcome, verdict.outcome)
         if worse and judged.outcome != "better":
             await self._roll_back_tables(judged)
+            if cycle and self.back:
+                at.say("P-HAND-STAYS", site=str(at.site_path))
         folder.set_state("worse" if worse else judged.outcome)
 
     @property

@@ -125,6 +125,8 @@ def close_command(
     With --hours the day is no longer than that: its other work counts, and the rest goes to the set-ups that gain most.
     """
     if plan:
+        if cycle:
+            raise typer.BadParameter("the forecast knows our own program alone", param_hint="--cycle, --plan")
         require_only("close --plan")
     limited = None
     if hours is not None or tolerance is not None or goal != USUAL_GOAL:
