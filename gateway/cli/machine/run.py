@@ -10,7 +10,7 @@ from typing import Annotated, Any
 import typer
 
 from drivers.clock import Clock, LoopClock
-from drivers.errors import words
+from drivers.errors import ConfigError, words
 from drivers.message import Message, fixed
 from drivers.terms import spoken
 from gateway.cli.command_list import require_only
@@ -126,7 +126,7 @@ def close_command(
     """
     if plan:
         if cycle:
-            raise typer.BadParameter("the forecast knows our own program alone", param_hint="--cycle, --plan")
+            raise ConfigError("E-CYCLE-PLAN", "--plan", program=cycle)
         require_only("close --plan")
     limited = None
     if hours is not None or tolerance is not None or goal != USUAL_GOAL:
