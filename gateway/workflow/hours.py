@@ -159,7 +159,7 @@ class SiteHoursPlanner:
         known_errors = nothing_known(self.site) if model is None or tied else model
         task = planning_task(known_errors, readings, self.goal, grids(self.site), proof=tolerance is not None)
         known = task.known.after([one.choices[0] for one in task.candidates if one.key in measured])
-        required = [one.key for one in left if one.positioning] if self.goal.kind != "axis" else []
+        required = [one.key for one in left if _needed(one)] if self.goal.kind != "axis" else []
         required = list(dict.fromkeys(lead[key] for key in required))
         if hours is not None:
             # Once the run has begun, the axes' own positioning is measured even where the rest took longer.
@@ -187,6 +187,15 @@ class SiteHoursPlanner:
         found = self.plan(model, measured, spent_h)
         keys = set(found.plan.steps[0].keys if found.plan.steps else ())
         return tuple(one for one in found.setups if one.key in keys or one.leader in keys)
+
+
+def _needed(one: PlannedSetup) -> bool:
+    """Whether tables for the tooth need a set-up whatever its own gain.
+
+    Axis tables need the positioning of their axis. A lean of C against Z that nobody measured looks like what X over Z
+    corrects: the proposal then leaves that table out, with all that is known of it.
+    """
+    return one.positioning or one.setup.name == "B0C"
 
 
 def nothing_known(site: SiteFile) -> ErrorModel:
