@@ -65,7 +65,7 @@ def show_hours(planner: Any, *, as_json: bool) -> None:
         (", ".join(one.keys), f"{60.0 * one.hours:.0f}", f"{one.u_with:.3f}", f"{found.plan.u:.3f}") for one in counts
     ]
     if left:
-        show_table(words("S-HOURS-LEFT"), ("set-ups", "min", "u with them", "u without"), left)
+        show_table(words("S-HOURS-LEFT"), ("set-ups", "min", "u with", "u without"), left)
     idle = [key for one in found.plan.left_out if one not in counts for key in one.keys]
     if idle:
         echo_folded(Message.of("S-HOURS-IDLE", count=len(idle), setups=", ".join(idle)), 2)

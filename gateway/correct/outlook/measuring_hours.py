@@ -328,7 +328,7 @@ def _location_rows(
         if one.letter == "Z":
             shows["B0Z"] = (1.0, None)
             if not one.own_angle:
-                beside.append((nuisances.place("angle of the square"), (-1.0 if turned else 1.0) * far * along))
+                beside.append((nuisances.place("square-angle"), (-1.0 if turned else 1.0) * far * along))
     elif one.name in ("A0C", "B0C"):
         place = float(deg_to_rad(one.stands.get("C", 0.0)))
         beside.append((nuisances.place(f"bar {one.name}"), float(np.cos(place)) * far * along))
