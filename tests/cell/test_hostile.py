@@ -187,7 +187,7 @@ def test_a_loose_gib_is_told_what_no_table_cures(tmp_path: Path) -> None:
     assert end.judged is not None or end.words.startswith("E-PUSH-NO-PROOF")
     (run_folder,) = (path.parent for path in tmp_path.rglob("run.json"))
     before = RunFolder(run_folder).get(stages.evaluation("X1", "before"), Evaluation)
-    assert any("are reversal and scatter, which the axis table leaves as they are" in line for line in said(before))
+    assert any("are reversal and scatter, which the axis table does not change" in line for line in said(before))
 
 
 LONG: dict[str, tuple[str, Callable[[], CellFile], dict[str, Any]]] = {

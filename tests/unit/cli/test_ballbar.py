@@ -139,7 +139,7 @@ def test_an_arc_has_no_circular_deviation_and_says_so() -> None:
     found = told("arc.csv")
     got = figures(found)
     assert not any(name.startswith(("G", "H")) for name in got)
-    assert any("no whole turn" in note for note in found["notes"])
+    assert any("less than a full turn" in note for note in found["notes"])
     assert abs(got["squareness"][0] + 25.0) <= (got["squareness"][1] or 0.0) * 1.5
     table("short.csv", (1,), {}, span=45.0)
     assert code("short.csv") == "E-CIRCLE-ARC"

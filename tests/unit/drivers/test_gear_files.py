@@ -99,7 +99,7 @@ def test_points_as_a_list_of_triples() -> None:
     names = GdeNames.read({"triples": "xyz", "space": "@no", "flank": "@side"}, "x")
     found = read_gde(text.encode(), names, "x")
     assert found.points_mm.tolist() == [[1, 2, 3], [4, 5, 6]]
-    with pytest.raises(FileFormatError, match="no triples"):
+    with pytest.raises(FileFormatError, match="do not make triples"):
         read_gde(text.replace(" 6", "").encode(), names, "x")
 
 

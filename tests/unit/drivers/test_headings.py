@@ -253,8 +253,8 @@ def test_an_empty_cell_of_a_pass_is_a_missing_reading(tmp_path: Path) -> None:
     [
         ("TGT_DATA[1]=0\nREF_DATA_FWD[2,1]=0\n", "target 2"),
         ("TGT_DATA[1]=0\nTGT_DATA[1]=1\n", "twice"),
-        ("TGT_DATA[1]=0\nREF_DATA_FWD[1,1]=x\n", "no number"),
-        ("UNIT=mm\nTGT_DATA[1]=0\nREF_DATA_FWD[1,1]=1e30\n", "no measurement"),
+        ("TGT_DATA[1]=0\nREF_DATA_FWD[1,1]=x\n", "not a number"),
+        ("UNIT=mm\nTGT_DATA[1]=0\nREF_DATA_FWD[1,1]=1e30\n", "not a measurement"),
         ("TGT_DATA[1]=0\nUNIT=furlong\n", "furlong"),
         ("UNIT=mm\nTGT_DATA[1]=0\n", "E-FILE-ROWS"),
         ("TGT_DATA[1]=0\nREF_DATA_FWD[1,1]=0\n", "E-FILE-CSV-UNIT"),

@@ -98,7 +98,7 @@ def test_what_lies_outside_the_limits_is_taken_only_when_it_is_typed_twice_runni
         await typed(device)
         assert device.typed[0].value == 103.0
         assert device.typed[0].insisted
-        assert "typed twice" in str(device.typed[0])
+        assert "typed twice" in str(device.typed[0].message)
         assert "99.5 .. 100.5 mm" in questions(desk)[1]
         await typed(device)
         assert not device.typed[1].insisted

@@ -199,7 +199,7 @@ def test_a_number_that_no_measurement_holds_is_refused_at_its_line(name: str) ->
     with pytest.raises(FileFormatError) as caught:
         read(huge)
     assert caught.value.code == "E-FILE-LINE"
-    assert (caught.value.fields["line"], "no measurement" in str(caught.value)) == (3, True)
+    assert (caught.value.fields["line"], "not a measurement" in str(caught.value)) == (3, True)
 
 
 def test_the_same_seed_gives_the_same_damage() -> None:

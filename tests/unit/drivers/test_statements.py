@@ -134,7 +134,7 @@ def test_a_gon_is_no_degree_and_a_german_degree_is_one() -> None:
 def test_a_number_that_no_axis_reaches_is_not_counted_round_the_turn() -> None:
     """1e30 arcsec less whole turns was 0 arcsec."""
     rows = "".join(f"{at};+;1;{'1e30' if at == 40 else at / 100}\n" for at in range(0, 80, 10))
-    with pytest.raises(FileFormatError, match="no measurement"):
+    with pytest.raises(FileFormatError, match="not a measurement"):
         read(f"Target [deg];Direction;Run;Error [arcsec]\n{rows}")
 
 
