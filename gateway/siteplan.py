@@ -289,6 +289,15 @@ class WorkSection(Section):
     x_entry: str = Field(
         default="", description=ENTRY_DESCRIPTION.format("the x zero", "the work offset of the infeed axis")
     )
+    c_entry: str = Field(
+        default="", description=ENTRY_DESCRIPTION.format("the C zero", "the work offset of the index axis")
+    )
+    dressing_entry: str = Field(
+        default="",
+        description=ENTRY_DESCRIPTION.format(
+            "the dressing offset", "the offset of the dresser in the dressing program"
+        ),
+    )
     dresser_file: str = Field(
         default="",
         max_length=400,

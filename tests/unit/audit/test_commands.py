@@ -34,7 +34,7 @@ def test_a_whole_log_is_verified_against_an_exported_head(store: Path) -> None:
     assert head == str(audit.check_log(store).head)
     result = run("verify", store, "--head", head)
     assert result.exit_code == 0
-    assert "3 records in 1 file are whole" in result.stdout
+    assert "3 records in 1 file are intact" in result.stdout
     assert "give --head" in run("verify", store).stdout
     assert json.loads(run("verify", store, "--json").stdout)["sound"] is True
 

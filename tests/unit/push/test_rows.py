@@ -195,7 +195,7 @@ def test_a_journal_damaged_in_its_first_line_holds(tmp_path: Path) -> None:
     data[20] ^= 1
     found.path.write_bytes(bytes(data))
     (damaged,) = unfinished_tables(tmp_path / "journal", MACHINE.serial)
-    assert (damaged.entries, damaged.broken) == ((), f"line 1 of {len(found.entries)} is damaged")
+    assert (damaged.entries, str(damaged.broken)) == ((), f"line 1 of {len(found.entries)} is damaged")
     finding = make_finding(damaged, None, 0.0)
     assert (finding.code, finding.action, finding.axis) == ("R-PUSH-DAMAGED", "none", "")
     again = bench(tmp_path, machine=at.machine)

@@ -107,7 +107,8 @@ def test_mistakes_in_register_and_tolerances_are_told_with_their_place(tmp_path:
     wrong = tolerance("A = 5.0, Q = 1.0").replace("X1", "X9") + tolerance("A = 1.0", "ISO 999")
     wrong += REGISTER.replace("due = 2026", "due = 2024") + "\n[gear_tolerance]\ngrade = 5\nlimits = { F_x = 1.0 }\n"
     faults = {
-        ".".join(map(str, one.path)): f"{one.code} {[*map(str, one.fields.values())]}" for one in read_site(site(tmp_path, wrong)).faults
+        ".".join(map(str, one.path)): f"{one.code} {[*map(str, one.fields.values())]}"
+        for one in read_site(site(tmp_path, wrong)).faults
     }
     assert "X1" in faults["tolerances.0.axis"]
     assert "no figure" in faults["tolerances.0.limits.Q"]
