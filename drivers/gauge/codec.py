@@ -16,7 +16,8 @@ from typing import Literal
 LONGEST = 256
 UNITS = {"mm": "mm", "in": "inch", "inch": "inch", '"': "inch", "um": "um", "\xb5m": "um"}
 _NUMBER = re.compile(
-    rb"(?:[A-Z]{0,2}\d?\s*:?\s+)?\s*([+-]?\s?\d{0,6}[.,]?\d{1,6})\s*(mm|MM|inch|INCH|in|IN|\"|um|UM|\xb5m)?\s*([<=>])?\s*\Z"
+    rb"(?:[A-Z]{0,2}\d?\s*:?\s+)?\s*([+-]? ?\d{0,6}[.,]?\d{1,6})\s*"
+    rb"(mm|MM|inch|INCH|in|IN|\"|um|UM|\xb5m)?\s*([<=>])?\s*\Z"
 )
 _ERROR = re.compile(rb"ERR\s*(\d{1,3})\s*\Z", re.IGNORECASE)
 

@@ -62,6 +62,13 @@ def test_any_bytes_give_readings_errors_or_damage(data: bytes) -> None:
             assert np.isfinite(message.value)
 
 
+@pytest.mark.parametrize("line", [b"+\t1.234 mm\r", b"-\x0b.5\r", b"+\x0c12\r"])
+def test_a_sign_apart_from_its_number_by_more_than_a_blank_is_damage(line: bytes) -> None:
+    """Found by the search of parsers: the number was then no number for Python."""
+    (found,) = GaugeCodec().receive(line)
+    assert isinstance(found, DamagedLine)
+
+
 def test_questions_end_with_a_carriage_return() -> None:
     assert GaugeCodec().send(GaugeAsk("M1?")) == b"M1?\r"
     assert GaugeCodec("server").questions(b"?\rPRI\r\nM") == [GaugeAsk("?"), GaugeAsk("PRI")]

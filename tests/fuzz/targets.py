@@ -175,7 +175,7 @@ def targets(*, recording: bool = True) -> Mapping[str, tuple[Read, list[bytes]]]
             _bridge_exchange(),
         ),
         "attocube": (_stream(AttocubeCodec), [b'{"jsonrpc":"2.0","id":1,"result":[0,12]}\r\n']),
-        "gauge": (_stream(GaugeCodec), [b"R1?+0001.5\r\n", b"+1.234 mm\r"]),
+        "gauge": (_stream(GaugeCodec), [b"+1.234 mm\r"]),
         "LinuxCNC agent": (_stream(lambda: AgentCodec("token")), [b'{"id":1,"result":{"state":"idle"}}\n']),
         "trace": (
             lambda data: read_trace([data], "x"),
