@@ -364,7 +364,7 @@ def _axis(measured: Any, asked: EvaluationOptions) -> str:
     return asked.axis or str(measured.header.get("Axis", "")).strip()
 
 
-def _site_limits_note(measured: Any, asked: EvaluationOptions) -> tuple[Message, ...]:
+def _site_limits_note(measured: Any, asked: EvaluationOptions) -> tuple[str, ...]:
     """Why a site that was named decides nothing of this file: silence would be taken for a pass."""
     if asked.site is None:
         return ()
@@ -375,7 +375,7 @@ def _site_limits_note(measured: Any, asked: EvaluationOptions) -> tuple[Message,
         return ()
     known = ", ".join(limited_axes(asked.site, asked.standard)) or "none"
     named = f"axis {axis}" if axis else Message.of("W-EVAL-NO-AXIS")
-    return (Message.of("S-EVAL-NO-TOLERANCE", named=named, known=known),)
+    return (words("S-EVAL-NO-TOLERANCE", named=named, known=known),)
 
 
 def _deviations(measured: Any, asked: EvaluationOptions, path: Path) -> tuple[Any, Any]:
