@@ -61,7 +61,7 @@ class BridgeStream:
         events = (*self._told(), *samples.events)
         valid = samples.valid & ~_broken(events, time_s)
         return SampleBlock(
-            channels=self._channels, time_s=time_s, values=values, valid=valid, lost=lost, events=self._texts(events)
+            channels=self._channels, time_s=time_s, values=values, valid=valid, lost=lost, events=self._messages(events)
         )
 
     def take_frame(self, frame: SampleFrame) -> SampleBlock | None:
@@ -79,19 +79,17 @@ class BridgeStream:
             valid &= ~_broken(events, time_s)
         values = frame.values if self._order is None else frame.values[:, list(self._order)]
         return SampleBlock(
-            channels=self._channels, time_s=time_s, values=values, valid=valid, lost=lost, events=self._texts(events)
+            channels=self._channels, time_s=time_s, values=values, valid=valid, lost=lost, events=self._messages(events)
         )
 
     def _told(self) -> tuple[Event, ...]:
         said, self._said = tuple(self._said), []
         return said
 
-    def _texts(self, events: tuple[Event, ...]) -> tuple[str, ...]:
-        texts = tuple(map(str, events))
-        if self._damaged:
-            texts = (f"{self._damaged} damaged bytes", *texts)
-            self._damaged = 0
-        return texts
+    def _messages(self, events: tuple[Event, ...]) -> tuple[Message, ...]:
+        said = tuple(Message.of("W-BRIDGE-EVENT", kind=event.kind, at_s=event.at_s) for event in events)
+        damaged, self._damaged = self._damaged, 0
+        return (Message.of("W-BRIDGE-DAMAGED", damaged=damaged), *said) if damaged else said
 
     def _lost(self, sequence: int, t0_s: float, count: int, lost: int) -> int | None:
         """Samples lost just before; None for what came already. A stream that begins anew starts at 0."""
@@ -287,10 +285,10 @@ class BridgeInstrument:
 
     async def _check_fit(self, block: SampleBlock) -> None:
         """A calibrator that lost its reference or runs empty ends the stream before its readings go wrong."""
-        if any(str(event).startswith("reference_lost") for event in block.events):
+        kinds = {event.fields.get("kind") for event in block.events}
+        if "reference_lost" in kinds:
             raise NotReferenced("E-BRIDGE-REFERENCE", self.name, said=Message.of("W-BRIDGE-REF-LOST"))
-        warned = any(str(event).startswith("battery_low") for event in block.events)
-        if warned or self._clock.now() >= self._checked_at + CHECK_S:
+        if "battery_low" in kinds or self._clock.now() >= self._checked_at + CHECK_S:
             await self._check_calibrator("E-BRIDGE-EMPTY", self._settings.battery_stop_pct)
 
     async def _check_calibrator(self, code: str, least_pct: float) -> None:

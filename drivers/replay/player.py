@@ -51,7 +51,7 @@ class ReplayResult:
     span_s: tuple[float, float]
     lowest: tuple[float, ...]
     highest: tuple[float, ...]
-    events: tuple[str | Message, ...]
+    events: tuple[Message, ...]
     event_count: int
     ambient: Ambient
     ended: TrueflankError | None
@@ -173,7 +173,7 @@ class _Tally:
         self.span_s = (float("nan"), float("nan"))
         self.lowest: FloatArray | None = None
         self.highest: FloatArray | None = None
-        self.events: list[str | Message] = []
+        self.events: list[Message] = []
 
     def take(self, block: SampleBlock) -> None:
         """The next block."""

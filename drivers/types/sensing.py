@@ -37,7 +37,7 @@ class SampleBlock:
     values: FloatArray
     valid: NDArray[np.bool_]
     lost: int = 0
-    events: tuple[str | Message, ...] = ()
+    events: tuple[Message, ...] = ()
 
     def __len__(self) -> int:
         return int(self.time_s.shape[0])

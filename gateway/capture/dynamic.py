@@ -184,11 +184,10 @@ class DynamicCapture:
         return int(hits[0]) if len(hits) else None
 
     def _external(self, block: SampleBlock, good: int) -> int | None:
-        """By the event's own time, "trigger at 12.500000 s", where it says one."""
+        """By the event's own instrument time where it says one, else from the block's first sample."""
         for event in block.events:
-            if isinstance(event, str) and event.startswith(EXTERNAL):
-                words = event.split()
-                said = float(words[2]) if len(words) > 2 and _is_number(words[2]) else float(block.time_s[0])
+            if str(event.fields.get("kind", "")).startswith(EXTERNAL):
+                said = float(event.fields.get("at_s", block.time_s[0]))
                 return min(int(np.searchsorted(block.time_s, said - 1e-9)), good - 1)
         return None
 
@@ -252,13 +251,6 @@ class DynamicCapture:
             )
         )
         self._seen, self._view_due = [], now + self._view_s
-
-
-def _is_number(word: str) -> bool:
-    try:
-        return bool(np.isfinite(float(word)))
-    except ValueError:
-        return False
 
 
 # What a dynamic capture is told and tells: its trigger, the signal, the live view, how it ended.

@@ -72,7 +72,7 @@ class Readings:
         self.broken_since: float | None = None
         self.restarted = False
         self.lost = 0
-        self.events: list[str | Message] = []
+        self.events: list[Message] = []
         self._shift_s = 0.0
         self._read: tuple[float, float] | None = None
 

@@ -23,7 +23,7 @@ NEXT_COMMANDS: Mapping[str, str] = {
     "outdated": "run {site}",
     "refused": "doctor {site}",
     "left": "recover {site} --apply --machine {machine}",
-    "choose": "recover {site} --finish --apply --machine {machine}",
+    "choose": "recover {site} (--finish | --undo) --apply --machine {machine}",
     "unread": "recover {site}",
     "recovered": "tables verify {site}",
     "in-part": "rollback {site}",

@@ -140,7 +140,7 @@ def _mountings(anna: Person) -> None:
     choose = anna.page.locator("#which-mounting")
     for key in [str(one.get_attribute("value")) for one in choose.locator("option").all()]:
         choose.select_option(key)
-        assert anna.page.locator(".drawing .moving").count() > 0, key
+        assert anna.page.locator(".mounting .drawing .moving").count() > 0, key
         anna.keep(f"journey-mounting-{key}")
     looked_at(anna, "journey-mounting")
     anna.page.locator("#yes").click()

@@ -78,7 +78,7 @@ def test_a_question_that_was_not_asked_makes_no_difference() -> None:
 @pytest.mark.parametrize(
     ("change", "why"),
     [
-        (lambda tree: tree.update(trueflank_session=2), "no recorded session of form 1"),
+        (lambda tree: tree.update(trueflank_session=2), "not a recorded session of form 1"),
         (lambda tree: tree["answers"].append({}), "an entry has"),
         (lambda tree: tree["answers"][0].update(allow="all"), "wrong type"),
         (lambda tree: tree["answers"][0].update(ask=[None]), "texts and numbers"),

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -22,7 +22,12 @@ from gateway.cli.signals import run_to_end
 from gateway.events import DevicesOpened, received
 
 NOT_OK_EXIT = 5
-OUTCOME_WORDS = {"ok": "ok", "wrong": "WRONG", "unknown": Message.of("S-DOC-UNKNOWN"), "skipped": "skipped"}
+OUTCOME_WORDS: Mapping[str, str | Message] = {
+    "ok": "ok",
+    "wrong": "WRONG",
+    "unknown": Message.of("S-DOC-UNKNOWN"),
+    "skipped": "skipped",
+}
 
 LevelOption = Annotated[
     str,
@@ -81,7 +86,7 @@ def examine(tree: Any, site: Path, level: Level, *, as_json: bool, above: bool =
     def show(result: Any) -> None:
         for line in () if as_json else gathered(result.lines):
             colour = {"ok": "green", "wrong": "red"}.get(line.outcome, "yellow")
-            head = f"{OUTCOME_WORDS[line.outcome]:<14} {line.check}: "
+            head = f"{render_text(OUTCOME_WORDS[line.outcome]):<14} {line.check}: "
             echo_folded(f"{head}{render_text(Message(line.code, line.fields))}", 15, colour=colour)
             if line.fix:
                 echo_folded(f"{'':<14} -> {advice(line.message, language())}", 18)

@@ -10,7 +10,7 @@ from typing import Annotated, Any
 import typer
 
 from drivers.clock import Clock, LoopClock
-from drivers.errors import ConfigError, words
+from drivers.errors import words
 from drivers.message import Message, fixed
 from drivers.terms import spoken
 from gateway.cli.command_list import require_only
@@ -125,8 +125,6 @@ def close_command(
     With --hours the day is no longer than that: its other work counts, and the rest goes to the set-ups that gain most.
     """
     if plan:
-        if cycle:
-            raise ConfigError("E-CYCLE-PLAN", "--plan", program=cycle)
         require_only("close --plan")
     limited = None
     if hours is not None or tolerance is not None or goal != USUAL_GOAL:

@@ -16,6 +16,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from drivers.errors import ConfigError, TransportError
+from drivers.message import Message
 from drivers.types.sensing import SampleBlock
 from gateway.capture.dynamic import CaptureEnd, DynamicCapture, LiveView, StreamShape, Trigger
 from gateway.errors import CaptureError
@@ -137,7 +138,7 @@ def test_a_trigger_keeps_what_was_before_it_however_the_stream_is_cut(edges: lis
 @pytest.mark.parametrize("at", [("external", 0.0), ("value", 250.0), ("level", 250.0)])
 def test_triggers_by_what_they_are_called(at: tuple[Any, float]) -> None:
     blocks = [block(start, 100) for start in range(0, 2000, 100)]
-    blocks[2] = replace(blocks[2], events=("trigger at 0.250000 s",))
+    blocks[2] = replace(blocks[2], events=(Message.of("W-BRIDGE-EVENT", kind="trigger", at_s=0.25),))
     kept, _ended = follow(blocks, 0.1, trigger=Trigger(at[0], at[1], 0.02))
     assert kept.values[0] == pytest.approx(0.230)
     assert len(kept.values) == 120

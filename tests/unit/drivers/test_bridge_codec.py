@@ -310,4 +310,4 @@ def test_fault_23_samples_after_a_break_are_invalid_until_the_datum() -> None:
     found = stream.take(block(0, 5, events=events))
     assert found is not None
     assert found.valid.tolist() == [True, True, False, False, True]
-    assert found.events == ("beam_obstructed at 0.150000 s", "datum at 0.350000 s")
+    assert [*map(str, found.events)] == ["beam_obstructed at 0.150000 s", "datum at 0.350000 s"]

@@ -214,7 +214,7 @@ def test_loss_is_the_larger_of_what_is_said_and_what_is_missing_and_damage_is_to
     assert broken is not None
     assert broken.lost == 4
     assert broken.valid.tolist() == [True, False, False]
-    assert broken.events == ("30 damaged bytes", "beam_obstructed at 1.050000 s")
+    assert [*map(str, broken.events)] == ["30 damaged bytes", "beam_obstructed at 1.050000 s"]
     dark = stream.take_frame(SampleFrame(13, 1.3, 0.1, np.zeros((1, 1)), valid=False))
     assert dark is not None
     assert not dark.valid.any()

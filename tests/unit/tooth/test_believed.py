@@ -64,10 +64,17 @@ def test_the_larger_of_the_site_file_and_what_was_seen_counts_and_is_said() -> N
     assert drift_warning(slow, WORK) == ()
 
 
+def _without_wheel(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A site with a place for the grinding program's values, where nothing is said of the wheel."""
+    monkeypatch.setattr(complete_run, "work_section", lambda _site: SimpleNamespace(wheel_place="R200"))
+    silent = dict.fromkeys(("propose_wheel", "tell_dressing", "judge_wheel", "tell_unexplained"), lambda *_given: None)
+    monkeypatch.setattr(complete_run, "_wheel_in_run", lambda: SimpleNamespace(**silent))
+
+
 class Loop(complete_run._ClosingRun):
     """A closing run whose stages are there already."""
 
-    async def _part(self, part: str, setup: SetupValues) -> Any:
+    async def _part(self, part: str, setup: SetupValues, _cycle: str = "", **_had: object) -> Any:
         self.at.say("part", name=part, x=setup.x_um)
         return SimpleNamespace(part=part)
 
@@ -88,9 +95,10 @@ def test_nothing_is_ground_again_where_nothing_was_pushed(tmp_path: Path, monkey
     lacks = SimpleNamespace(setup=SetupValues(x_um=1.5))
     monkeypatch.setattr(complete_run, "setup_from_part", lambda _part, _gear: lacks)
     monkeypatch.setattr(complete_run.self_test, "require_self_tests", lambda _at: None)
+    _without_wheel(monkeypatch)
     at: Any = SimpleNamespace(folder=folder, store=store, machine=None, site=SiteFile.model_validate(site_data()))
     at.say = lambda code, **fields: said.append(f"{code} {fields.get('name', fields.get('x', ''))}")
-    work: Any = SimpleNamespace(name="disc", gear=None)
+    work: Any = SimpleNamespace(name="disc", gear=None, goal="flank")
     asyncio.run(Loop(at, work, None, {}).close(apply=True))  # type: ignore[arg-type]
     assert said == ["P-CLOSE-BACK ", "part before", "P-CLOSE-NOTHING 1.5"]
     assert folder.state == "not-pushed"
@@ -109,7 +117,7 @@ class Pushed(Loop):
     def _expected_flank(self, before: Any, tooth: Any) -> SetupValues:
         return SetupValues()
 
-    async def _part(self, part: str, setup: SetupValues) -> Any:
+    async def _part(self, part: str, setup: SetupValues, _cycle: str = "", **_had: object) -> Any:
         self.at.folder.put(stages.inspected(part), SetupValues())
         return SimpleNamespace(part=part)
 
@@ -149,11 +157,11 @@ def test_a_flank_that_became_worse_takes_the_tables_back_unless_told_not_to(
     monkeypatch.setattr(complete_run, "judge_tooth", lambda *_parts, **_more: verdict)
     monkeypatch.setattr(complete_run, "roll_back_run", take_back)
     monkeypatch.setattr(complete_run, "entry_instructions", lambda *_given: "")
-    monkeypatch.setattr(complete_run, "work_section", lambda _site: None)
+    _without_wheel(monkeypatch)
     at: Any = SimpleNamespace(folder=folder, store=store, site=SiteFile.model_validate(site_data()))
     at.machine, at.clock = SimpleNamespace(serial="S1"), LoopClock()
     at.say = lambda code, **_fields: said.append(code)
-    work: Any = SimpleNamespace(name="disc", gear=None)
+    work: Any = SimpleNamespace(name="disc", gear=None, goal="flank")
 
     async def run() -> None:
         await Pushed(at, work, None, {}, back=back).close(apply=True)  # type: ignore[arg-type]

@@ -20,7 +20,18 @@ from tests.unit.web.test_daemon import SITE
 
 PAGE = {"/", "/static/{build}/{folder}/{name}"}
 OPEN = {*PAGE, "/healthz", "/static/{name}", "/api/v1/login", "/api/v1/first-start"}
-FILL = {"site": "hall-3", "run": "r", "stage": "s", "name": "n", "job": "1", "axis": "X1", "token": "t", "ended": "e"}
+FILL = {
+    "site": "hall-3",
+    "run": "r",
+    "stage": "s",
+    "name": "n",
+    "job": "1",
+    "axis": "X1",
+    "token": "t",
+    "ended": "e",
+    "part": "p",
+    "kind": "csv",
+}
 AT = "/api/v1/sites/hall-3"
 
 
