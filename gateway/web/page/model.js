@@ -191,7 +191,11 @@ const range = (row) => [
     row.state === "measured" && row.curve === null ? number(row.low) : `${number(row.low)} … ${number(row.high)}`,
   ),
   h("br"),
-  h("small", {}, `${row.state === "measured" ? `U ${number(row.U)}` : t("model.assumed")} ${unit(row.unit)}`),
+  h(
+    "small",
+    {},
+    row.state === "measured" ? `U ${number(row.U)} ${unit(row.unit)}` : `${unit(row.unit)} · ${t("model.assumed")}`,
+  ),
 ];
 
 function spark(row) {
