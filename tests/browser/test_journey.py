@@ -34,6 +34,8 @@ TOLD = """async ([code, fields, language]) => {
   return message({ code, fields });
 }"""
 
+PLANNED = "async (one) => { (await import(modulePath('state.js'))).state.plan.setups = [one]; }"
+
 
 def ground(text: str) -> str:
     """The cell's short site with its gear as the work."""
@@ -149,7 +151,8 @@ def _mountings(anna: Person) -> None:
 def _kept_though_worse(anna: Person) -> None:
     """The whole loop asks for the machine's name and whether tables that make the flank worse stay; both go along."""
     page = anna.page
-    page.evaluate("async () => { (await import(modulePath('state.js'))).state.plan.setups = [{}]; }")
+    planned = {"setup": "EXC-C1", "component": "EXC", "axis": "C1", "instrument": "calibrator"}
+    page.evaluate(PLANNED, planned)
     anna.go("push")
     anna.go("capture")
     page.route("**/commands/close", lambda route: route.fulfill(status=409, json=REFUSED))

@@ -19,7 +19,9 @@ pytestmark = [
     pytest.mark.timeout(3000),
     pytest.mark.skipif(not CHROMIUM.exists(), reason="NOT RUN: no Chromium here (Debian package chromium)"),
 ]
-FILLED = "() => [...document.querySelectorAll('main .panel:not(.choose)')].every((one) => one.childNodes.length)"
+# A panel that this width does not show stays empty.
+FILLED = """() => [...document.querySelectorAll('main .panel:not(.choose)')]
+  .filter((one) => one.offsetParent).every((one) => one.childNodes.length)"""
 LOOKS = list(itertools.product(LANGUAGES, (SMALL, LARGE)))
 
 
