@@ -160,14 +160,14 @@ def test_calls_over_opcua_fail_at_a_seeded_place_of_some_ways(tmp_path: Path, ke
 
 
 @pytest.mark.timeout(3600)
-@pytest.mark.parametrize("shard", few(range(SHARDS), 0, 4))
+@pytest.mark.parametrize("shard", few(range(SHARDS), 0, 2))
 def test_every_call_of_the_mailbox_fails_once_in_every_way(tmp_path: Path, on_modbus: Exchange, shard: int) -> None:
     exchanges = list(tries(on_modbus, shard, SHARDS))
     check("mailbox", [over_modbus(tmp_path / f"{n}", one) for n, one in enumerate(exchanges)], exchanges)
 
 
 @pytest.mark.timeout(3600)
-@pytest.mark.parametrize("shard", few(range(SHARDS), 0, 4))
+@pytest.mark.parametrize("shard", few(range(SHARDS), 0, 1))
 def test_every_call_over_opcua_fails_once_in_every_way(
     tmp_path: Path, keys: Path, on_opcua: Exchange, shard: int
 ) -> None:
