@@ -103,6 +103,7 @@ async def test_a_flank_that_became_worse_takes_all_tables_of_the_run_back(
         assert len(verdict.taken_back) >= 4
         assert [code for code in done.watched.said if code.startswith("P-CLOSE")] == [
             "P-CLOSE-BACK",
+            "P-CLOSE-UNEXPLAINED",
             "P-CLOSE-GOING-BACK",
         ]
         after = await BackDoor(cell).answer({"ask": "tables"})

@@ -42,6 +42,8 @@ ROADS = {"OPC UA": 20.0, "mailbox": 8.0}
 LAPSED_S = 6.0
 """The PLC ends a session of which it hears nothing for 5 s of the PC's clock."""
 STARTS = 4
+RECOVERIES = 3
+"""By the clock of the wall a crowded computer may be late; a recovery that is held is repeated, as its text says."""
 EACH = 5
 SHARDS = 20
 PAST = 1.1
@@ -74,7 +76,7 @@ class Place:
                 context = ua_context(device, self.clock, root, machine, **more)
             else:
                 context = context_for(Scene(), device, self.clock, root, machine, **more)
-            await settle(self.at.oracle, context, found, willing=True)
+            await settle(self.at.oracle, context, found, willing=False)
         finally:
             await device.close()
 
@@ -160,7 +162,10 @@ def killed(root: Path, keys: Path, road: str, after_s: float) -> Played:
             found.outcome = outcome_of(root / "journal", serial)
             if found.outcome == "committed" and not oracle.as_wanted:
                 found.wrong.append("committed, says the journal, but the new table is not on")
-            await where.recover(root, found)
+            for _ in range(RECOVERIES):
+                await where.recover(root, found)
+                if not unfinished_tables(root / "journal", serial):
+                    break
             oracle.look("after recovery")
             if not (oracle.as_before or oracle.as_wanted):
                 found.wrong.append("neither as before nor as wanted after the recovery")
