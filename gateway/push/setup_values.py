@@ -115,12 +115,20 @@ async def preflight_setup(
     held = await context.holder.held_values([one.place for one in values])
     own = [one for one in proofs if not one.machine.differences(context.machine)]
     found = planned_values(values, own, held, step=step)
-    reasons = [*await _reasons(context), *_unended(context)]
+    reasons = [*await _reasons(context), *_unended(context), *_shared_places(values)]
     for one in values:
         reasons += () if one.name == step else sense_refusals(one, own)
         if abs(one.added) > LIMITS[one.name]:
             reasons += refuse("E-HAND-LIMIT", name=one.name, value=round(one.added, 2), limit=LIMITS[one.name])
     return found, tuple(reasons)
+
+
+def _shared_places(values: Sequence[HeldValue]) -> Iterator[Refusal]:
+    """Two values in one number: the second would be written over the first."""
+    for place in dict.fromkeys(one.place for one in values):
+        names = [one.name for one in values if one.place == place]
+        if len(names) > 1:
+            yield from refuse("E-HAND-SHARED", place=place, names=", ".join(names))
 
 
 def sense_refusals(value: HeldValue, proofs: Sequence[SetupProof]) -> tuple[Refusal, ...]:

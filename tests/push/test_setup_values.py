@@ -93,6 +93,9 @@ def test_nothing_is_written_against_any_reason(tmp_path: Path, keys: Path) -> No
         elsewhere = replace(proofs[0], machine=replace(context.machine, serial="another"))
         assert await refused((X,), (elsewhere,), context) == "E-HAND-SENSE"
         assert await refused((replace(X, added=200.1),), proofs, context) == "E-HAND-LIMIT"
+        shared = replace(SIDE, place=X.place)
+        known = (proofs[0], replace(proofs[0], name=SIDE.name, unit=SIDE.unit))
+        assert await refused((X, shared), known, context) == "E-HAND-SHARED"
         assert await refused((X,), proofs, replace(context, typed_name="miller")) == "E-INT-NAME"
         assert await refused((X,), proofs, replace(context, risk_taken=False)) == "E-INT-RISK"
         assert await refused((X,), proofs, replace(context, approvals_needed=2)) == "E-HAND-PEOPLE"
