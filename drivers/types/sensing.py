@@ -30,8 +30,8 @@ class SampleBlock:
     ``values`` shape (n, len(channels)), in the unit that ends each channel's name.
     ``valid`` shape (n,): false while the beam is obstructed or the sample is marked bad.
     ``lost`` counts samples the instrument skipped just before this block.
-    ``events`` what the instrument told of it: one at a moment has ``kind`` and ``at_s`` (instrument time) as fields,
-    and a kind that begins with "trigger" starts a capture that waits for an external trigger.
+    ``events`` messages of the instrument about this block: an event at a moment has the fields ``kind`` and ``at_s``
+    (instrument time, s), and a kind that begins with "trigger" starts a capture that waits for an external trigger.
     """
 
     channels: tuple[str, ...]
